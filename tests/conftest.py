@@ -34,8 +34,8 @@ gc.disable()
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config: pytest.Config) -> None:
     """Workers of xdist take over what is left of each other's tests: some last a minute."""
-    if getattr(config.option, "dist", "") == "no":
-        config.option.dist = "worksteal" if config.option.numprocesses else "no"
+    if getattr(config.option, "dist", "") == "no" and config.option.numprocesses:
+        config.option.dist = "worksteal"
 
 
 def pytest_collection_finish() -> None:

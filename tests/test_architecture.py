@@ -64,7 +64,7 @@ ROOMS = (
     "__main__",
 )
 # What the whole may reach; the numbers go down with each room that is rebuilt.
-LINES, LINES_OF_DYNAMICS = 49_559, 7_154
+LINES, LINES_OF_DYNAMICS = 49_557, 7_154
 NUMBERS, NUMBERS_OF_DYNAMICS = 217, 44
 FLOORS, IN_CIRCLES = 24, 0
 LONGEST, TOO_LONG = 60, 0

@@ -65,7 +65,7 @@ def outputs_by_link(
     names : where links and joints of the document are in the graph
     known : the graph's outputs by name
     """
-    said = {str(name.link): link for link, name in names.links.items()}
+    said = {str(ref): link for ref, link in names.of_links.items()}
     said[str(structure.frame_link)] = "frame"
     for reading in readings(structure, names, known):
         parts = [(known[name], sign) for name, sign in reading.parts if name in known]
@@ -96,11 +96,8 @@ def readings(structure: Structure, names: Names, known: Mapping[str, Output]) ->
         for marker, ref in at.markers.items():
             for what in OF_POINTS:
                 yield Reading(f"link.{link}.{marker}.{what}", ((f"{ref}.{what}", 1),))
-    own = {at.link: link for link, at in names.links.items()}
     for pin, entries in groupby(names.joints.items(), lambda item: item[0].partition(".")[0]):
-        pairs_of_pin = dict(entries)
-        yield from _of_joints(pin, pairs_of_pin, structure, names, known)
-        yield from _transmission_angles(pin, pairs_of_pin, structure, own, known)
+        yield from _of_joints(pin, dict(entries), structure, names, known)
     yield from _of_loads(structure, names, known)
     for name in known:
         if name.startswith("mechanism."):
@@ -114,7 +111,7 @@ def _of_joints(
     names: Names,
     known: Mapping[str, Output],
 ) -> Iterator[Reading]:
-    """The place of a pin, which all its pairs share, and what each pair does."""
+    """The place of a pin, what each of its pairs does, and the angles of dyads with it inside."""
     place = next(iter(pairs.values())).joint
     for what in OF_POINTS if structure.joint(place).rotary else ():  # a guide is at no one place
         yield Reading(f"joint.{pin}.{what}", ((f"{place}.{what}", 1),))
@@ -123,21 +120,11 @@ def _of_joints(
             if f"{pair.joint}.{what}" in known:
                 own = _of_joint(what, pair, structure, names)
                 yield Reading(f"joint.{name}.{what}", own, between=pair.links)
-
-
-def _transmission_angles(
-    pin: str,
-    pairs: Mapping[str, JointName],
-    structure: Structure,
-    own: Mapping[LinkRef, str],
-    known: Mapping[str, Output],
-) -> Iterator[Reading]:
-    """Those of the dyads inside which a pin is; ``own`` says how the document calls a link."""
     each = {ref for pair in pairs.values() for ref, _ in ((pair.joint, False), *pair.others)}
     for ref in sorted(each):
         angle, joint = f"{ref.block}.transmission_angle", structure.joint(ref)
         if angle in known and not (joint.outer or joint.driven):
-            two = sorted(own[LinkRef(ref.block, link)] for link in joint.links)
+            two = sorted(names.of_links[LinkRef(ref.block, link)] for link in joint.links)
             name = pin if len(pairs) == 1 else ".".join([pin, *two])
             yield Reading(f"joint.{name}.transmission_angle", ((angle, 1),))
 

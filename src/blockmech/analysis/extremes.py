@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.ranges import cycle_of
-from blockmech.analysis.scan import TINY
+from blockmech.analysis.scan import shown_place
 from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
 from blockmech.errors import held, listed, refused, shown
 from blockmech.told import DEGREES, Told, with_unit
@@ -53,8 +53,8 @@ class Extreme:
 
     def place(self, degrees: bool = DEGREES) -> str:
         """Where it is, in words."""
-        near = {d: q if abs(q) > TINY else 0.0 for d, q in self.at.items()}
-        return ", ".join(f"{d} = {with_unit(q, self.units[d], degrees)}" for d, q in near.items())
+        found = ((d, shown_place(q), self.units[d]) for d, q in self.at.items())
+        return ", ".join(f"{d} = {with_unit(q, unit, degrees)}" for d, q, unit in found)
 
     def to_dict(self) -> dict[str, Any]:
         """The extreme as a JSON object; null stands for infinity."""

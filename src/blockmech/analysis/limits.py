@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 from blockmech.analysis.arcs import Bound, Known, Nearest, Piece, closed_pieces
 from blockmech.analysis.closure import Closure, one_turn, travel
-from blockmech.analysis.scan import TINY, TURN
+from blockmech.analysis.scan import TURN, shown_place
 from blockmech.arguments import declared
 from blockmech.errors import Problem, RequestError, among, listed, refused
 from blockmech.model.structure import Structure
@@ -252,7 +252,7 @@ def arcs_sentence(
 
 
 def _shown(q: float, digits: int = 15) -> str:
-    return f"{q if abs(q) > TINY else 0.0:.{digits}g}"
+    return f"{shown_place(q):.{digits}g}"
 
 
 def _together(points: Iterable[End]) -> list[list[End]]:

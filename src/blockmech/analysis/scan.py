@@ -118,13 +118,21 @@ def _shares(series: Series) -> tuple[Floats, NDArray[np.intp]]:
     return u, np.concatenate([[0, last], own, at]).astype(np.intp)
 
 
+def shown_place(q: float) -> float:
+    """A place [rad or m] as it is shown: rounding about zero is zero."""
+    return q if abs(q) > TINY else 0.0
+
+
 def bisect(holds: Callable[[float], bool], inside: float, outside: float) -> float:
     """The last place, going from ``inside`` to ``outside``, where a condition holds.
 
     ``inside`` is taken to hold and ``outside`` not to; they are not asked. No number lies
     between what is returned and one where the condition fails.
     """
-    while (middle := inside + (outside - inside) / 2) not in (inside, outside):
+    for _ in range(4 * np.finfo(float).nmant):  # digits of a double; to zero there are a thousand
+        middle = inside + (outside - inside) / 2
+        if middle in (inside, outside):
+            break
         if holds(middle):
             inside = middle
         else:

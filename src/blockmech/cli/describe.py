@@ -20,6 +20,7 @@ from blockmech.errors import RequestError
 from blockmech.export import result_schema
 from blockmech.export.tables import aligned
 from blockmech.loads.contract import Element, Following
+from blockmech.runnable import EVERYTHING
 
 
 class Document(StrEnum):
@@ -57,8 +58,7 @@ def schema(
 def outputs(
     file: GraphFile,
     names: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="NAME...", help="Only these, e.g. 'crank.*'."),
+        list[str] | None, typer.Argument(metavar="NAME...", help="Only these, e.g. 'crank.*'.")
     ] = None,
     json: AsJson = False,
 ) -> None:
@@ -68,7 +68,7 @@ def outputs(
     """
     with reading(file):
         known = compiled(file).outputs
-    found = [known[name] for name in known.match(names or ["*"])]
+    found = [known[name] for name in known.match(names or EVERYTHING)]
     rows = [(o.name, o.unit or "-", o.about) for o in found]
     data = [{"name": o.name, "unit": o.unit, "kind": o.kind, "about": o.about} for o in found]
     answer(file, json, {"outputs": data}, "\n".join(aligned(("output", "unit", "what"), rows)))

@@ -12,6 +12,7 @@ from blockmech.cli.numbers import coordinates
 from blockmech.cli.options import At, GraphFile, names_of, option, switch
 from blockmech.cli.terminal import progress_bar, reading, say
 from blockmech.files import refuse_spared
+from blockmech.runnable import EVERYTHING
 from blockmech.told import DEGREES
 
 Picture = Annotated[
@@ -22,11 +23,7 @@ Picture = Annotated[
 ]
 Kind = Annotated[
     str | None,
-    typer.Option(
-        metavar="KIND",
-        help="diagram, mechanism, animation or schedule; by default what PICTURE, --at and --trace "
-        "say.",
-    ),
+    option("diagram, mechanism, animation or schedule; by default what the others say.", "KIND"),
 ]
 
 
@@ -66,6 +63,7 @@ def draw(
     if kind in ("mechanism", "animation"):
         given = coordinates(subject, at or [])
     with progress_bar("drawing"):
-        names: dict[str, Any] = {"trace": names_of(trace) or None, "want": names_of(want) or ("*",)}
-        path = drawn(subject, picture, kind, given, **names, degrees=deg)  # type: ignore[arg-type]
+        asked: dict[str, Any] = {"kind": kind, "at": given, "degrees": deg}
+        asked |= {"trace": names_of(trace) or None, "want": names_of(want) or EVERYTHING}
+        path = drawn(subject, picture, **asked)
     say(f"wrote {path}")

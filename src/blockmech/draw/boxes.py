@@ -99,7 +99,7 @@ class Words:
         """The words of the document that a graph was made of."""
         if names is None:
             return cls({}, {})
-        called = {where.link: link for link, where in names.links.items()}
+        called = names.of_links
         links = {
             name: [called[ref] for x in b.link_names if (ref := LinkRef(name, x)) in called]
             for name, b in graph.blocks.items()

@@ -126,7 +126,7 @@ def sketch_of(motion: Motion) -> Sketch:
     for marker in shown_markers(motion.mechanism):
         points[marker.on].append(marker_place(s, marker))
     names = motion.mechanism.names
-    said = {} if names is None else {name.link: link for link, name in names.links.items()}
+    said = {} if names is None else names.of_links
     bodies = tuple(
         _body(s, link, places, said.get(link, ""), cylinders.get(link, ((), 1.0))[1])
         for link, places in points.items()

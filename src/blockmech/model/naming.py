@@ -69,6 +69,11 @@ class Names:
     loads: Mapping[str, tuple[str, ...]]
 
     @cached_property
+    def of_links(self) -> Mapping[LinkRef, str]:
+        """Link of the graph -> that of the document."""
+        return {where.link: name for name, where in self.links.items()}
+
+    @cached_property
     def of_blocks(self) -> Mapping[str, str]:
         """Block -> itself and the document's links in it, e.g. ``"g1 (rod, piston)"``."""
         found: dict[str, list[str]] = {}

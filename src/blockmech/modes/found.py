@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
 
-from blockmech.analysis.scan import TINY
+from blockmech.analysis.scan import shown_place
 from blockmech.errors import among
 from blockmech.told import DEGREES, Told, as_data, with_unit
 
@@ -226,4 +226,4 @@ def _arc_lines(group: GroupModes, unit: str, degrees: bool) -> Iterator[str]:
 
 
 def _coordinate(q: float, unit: str, degrees: bool) -> str:
-    return with_unit(q if abs(q) > TINY else 0.0, unit, degrees)
+    return with_unit(shown_place(q), unit, degrees)

@@ -92,7 +92,7 @@ class Standing:
             links = dict(mode.links) if name == group else links
             if all(cmath.isfinite(z) for place in links.values() for z in place):
                 poses |= {link: list(pose) for link, pose in self.told(name, links).items()}
-        called = {where.link: said for said, where in names.links.items()}
+        called = names.of_links
         for driver, ref in structure.driven.items():
             later = called.get(structure.later_link(ref))
             earlier = called.get(structure.earlier_link(ref))

@@ -30,7 +30,7 @@ from blockmech.studio.work import Told, Work
 from blockmech.typing import FrictionMethod
 from blockmech.wires import on_wires, wires_of
 
-PARTS = {"search_strategy": "includes", "case_sensitive": False, "min_characters": 1}
+FINDS = {"search_strategy": "includes", "case_sensitive": False, "min_characters": 1}
 ACCURACIES = ("1e-3", "1e-6", "1e-9", "1e-12")
 TOOLS = "pan,xwheel_zoom,box_zoom,reset,save"
 FORWARD = {"p": "m", "v": "m/s", "a": "m/s²", "om": "rad/s", "al": "rad/s²"}
@@ -109,7 +109,7 @@ class Answers:
         self.result: Result | None = None
         self.drawn: list[Plot] = []
         self.names = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
-        self.find = Find(label="Add an output", placeholder="part of its name", width=230, **PARTS)
+        self.find = Find(label="Add an output", placeholder="part of its name", width=230, **FINDS)
         self.find.param.watch(lambda event: self._add(event.new), "value")
         methods = list(get_args(FrictionMethod))
         self.friction = pn.widgets.Select(
