@@ -17,12 +17,26 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.test_architecture import is_number
-
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "src"
 HALF = "(x // 2 or 1) if isinstance(x, int) else x / 2"
 CHANGES = {"doubled": "x * 2", "halved": HALF}
+
+
+def is_number(value: ast.expr | None, known: set[str]) -> bool:
+    """Whether an expression is a number, a row of them, or made with ``known`` names."""
+    match value:
+        case ast.Constant(value=x):
+            return type(x) in (int, float)
+        case ast.Name(id=name):
+            return name in known
+        case ast.UnaryOp(operand=x):
+            return is_number(x, known)
+        case ast.BinOp(left=a, right=b):
+            return is_number(a, known) and is_number(b, known)
+        case ast.Tuple(elts=parts):
+            return bool(parts) and all(is_number(x, known) for x in parts)
+    return False
 
 
 def numbers(path: Path) -> list[tuple[str, int]]:
