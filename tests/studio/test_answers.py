@@ -131,6 +131,17 @@ def test_a_simulation_is_played_in_time():
     assert answers.view.motion.result.motion is None
 
 
+def test_a_mechanism_without_a_start_is_released_from_the_shown_pose():
+    answers = answers_of("scotch_yoke")
+    answers.until.value = "time=0.01"
+    answers.view.pose = 30
+    (q,) = answers.view.coordinates.values()
+    answers.simulate()
+    answers.work.thread.join(30)
+    motion = answers.view.motion.result.motion
+    assert (motion.at(0.0).q, motion.at(0.0).qd) == (q, 0.0)
+
+
 def test_a_simulation_can_be_stopped():
     answers = answers_of("engine")
     answers.until.value = "time=1e5"

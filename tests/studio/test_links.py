@@ -133,10 +133,72 @@ def test_every_document_of_the_gallery_is_shown_as_it_is(name):
 
 def test_a_place_is_typed_and_what_is_no_place_is_said():
     pane = sketch()
-    pane.place.value = "0.5, 1.5"
-    assert pane.drawn["A"].z == 0.5 + 1.5j
-    pane.place.value = "over there"
+    for text in ("0.5, 1.5", "over there"):
+        pane.place.value = text
+        pane.place.enter_pressed = True
+    assert {name: pin.z for name, pin in pane.drawn.items()} == {"A": 0.5 + 1.5j}
     assert "two numbers" in pane.said.object
+
+
+def test_a_link_gets_a_slider_at_its_free_end():
+    pane = sketch()
+    for z in (0j, 1 + 0j, 4 + 0j):
+        pane.add(z)
+    act(pane, "Link", "A", "B")
+    act(pane, "Link", "B", "C")
+    act(pane, "To the frame", "A")
+    act(pane, "Slider", "C")
+    act(pane, "Driver", "A")
+    assert "RRP" in pane.said.object
+    found = pane.sheet.mechanism.run(at=[1.0], rates=0.0, want=["link.slider.p"])["link.slider.p"]
+    exact = math.cos(1.0) + math.sqrt(9 - math.sin(1.0) ** 2)
+    assert found[0] == pytest.approx(exact, abs=1e-14)
+
+
+def test_a_block_slides_on_a_moving_link():
+    """The shaper's: a crank's pin on a block in the slot of a rocker."""
+    pane = sketch()
+    for z in (0j, 1j, -2j):
+        pane.add(z)
+    act(pane, "Link", "A", "B")
+    pane.add(0.5 + 0j)  # on the rocker, off the crank
+    act(pane, "Link", "C", "D")
+    act(pane, "To the frame", "A", "C")
+    pane.angle.value = 90.0
+    pane.slot.value = "link1"
+    act(pane, "Slider", "B")
+    act(pane, "Driver", "A")
+    assert pane.sheet.problems == ()
+    found = pane.sheet.mechanism.run(at=[0.7], rates=1.0, want=["link.link1.omega"])
+    b = 1j * complex(math.cos(0.7), math.sin(0.7))  # the rocker points from C to B
+    assert found["link.link1.omega"][0] == pytest.approx((1j * b / (b + 2j)).imag, abs=1e-14)
+
+
+def test_a_pin_and_the_guide_of_its_block_move_together():
+    pane = sketch()
+    for z in (0j, 1 + 0j):
+        pane.add(z)
+    act(pane, "Link", "A", "B")
+    act(pane, "Slider", "B")
+    for name, z in (("B", 2 + 1j), ("B_guide", 3 + 0j)):
+        pane.sheet.change(sketching.moved(pane.sheet.form, name, z), "moved")
+        assert [pane.drawn[n].z for n in ("B", "B_guide", "A")] == [z, z, 0]
+
+
+def test_what_a_button_cannot_do_is_said():
+    pane = fourbar()
+    pane.add(3 + 0j)
+    act(pane, "To the frame", "E")
+    act(pane, "Slider", "E")
+    assert "choose another link" in pane.said.object
+    act(pane, "Link")
+    assert "choose pins first" in pane.said.object
+
+
+def test_the_list_of_pins_keeps_its_order():
+    pane = fourbar()
+    pane.add(3 + 0j)
+    assert list(pane.pins.options) == list("ABCDE")
 
 
 def test_blocks_are_not_drawn_over():

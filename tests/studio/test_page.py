@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from blockmech.builders import Graph
+from blockmech.studio.edits import renamed
 from tests.studio.page import (
     accessible,
+    choose,
     drag_block,
     drop,
     fill,
@@ -67,9 +69,38 @@ def test_without_the_token_nothing_is_answered(studio):
         refused.value.close()
 
 
+def visitor(address):
+    """Who was let in at the printed address, and the root of the pages."""
+    opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    with opener.open(address) as answer:
+        return opener, answer.url.partition("?")[0]
+
+
 def test_a_mechanism_of_the_gallery_has_a_picture(studio):
-    with urllib.request.urlopen(f"{studio[0]}picture/elliptic_trammel.svg") as answer:
+    opener, root = visitor(studio[0])
+    with opener.open(f"{root}picture/elliptic_trammel.svg") as answer:
         assert answer.read().startswith(b"<?xml")
+
+
+def test_the_token_leaves_the_address_and_no_other_page_may_use_this_one(studio):
+    opener, root = visitor(studio[0])
+    token = studio[0].rstrip("/").rpartition("/")[2]
+    (processor,) = (h for h in opener.handlers if hasattr(h, "cookiejar"))
+    (cookie,) = processor.cookiejar
+    assert token not in root
+    assert cookie.value == token
+    assert cookie.has_nonstandard_attr("HttpOnly")
+    assert cookie.get_nonstandard_attr("SameSite") == "Strict"
+    for path in ("", "favicon.ico", "static/js/bokeh.min.js", "picture/pump.svg"):
+        with opener.open(root + path) as answer:
+            assert "frame-ancestors 'none'" in answer.headers["Content-Security-Policy"]
+            assert answer.headers["Referrer-Policy"] == "no-referrer"
+            assert answer.headers["Access-Control-Allow-Origin"] is None
+    other = urllib.request.Request(root, headers={"Host": "example.org"})
+    with pytest.raises(urllib.error.HTTPError) as refused:
+        opener.open(other)
+    assert refused.value.code == 403
+    refused.value.close()
 
 
 def test_the_fourbar_from_an_empty_sheet(page, studio, call):
@@ -161,3 +192,22 @@ def test_the_four_bar_stands_with_its_answers_in_the_chosen_units(page, studio, 
     fill(page, "New pin at x, y [m]", "0.5, 0.5")
     page.get_by_label("Pins").get_by_text("A", exact=True).wait_for(state="attached")
     accessible(page)
+
+
+def test_texts_of_a_hostile_document_run_nothing(page, studio):
+    """Opened, its costs told, a simulation and a wire refused: markup in names stays text."""
+    hurt = "<img src=x onerror='hurt=1'>"
+    data = json.loads((GRAPHS / "ruiz_fourbar.json").read_text("utf-8"))
+    data = renamed(renamed(data, "crank", hurt), "dyad", f"{hurt}2") | {"title": hurt * 100}
+    (studio[1] / "hostile.json").write_text(json.dumps(data), "utf-8")
+    show(page, studio, "?open=hostile.json")
+    press(page, "Cost")
+    page.get_by_text(f"  position             2  {hurt}, {hurt}2").wait_for()
+    fill(page, "Simulate until", hurt)
+    press(page, "Simulate")
+    page.get_by_text("until").and_(page.get_by_text(hurt)).first.wait_for()
+    choose(page, "Edit", hurt)
+    page.get_by_label("Name", exact=True).fill(f"{hurt}2")
+    page.get_by_label("Name", exact=True).press("Enter")
+    page.get_by_role("status").get_by_text("taken").wait_for()
+    assert page.evaluate("window.hurt") is None

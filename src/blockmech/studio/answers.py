@@ -23,7 +23,7 @@ from blockmech.errors import BlockmechError
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of
-from blockmech.studio.looks import LINES, beside
+from blockmech.studio.looks import LINES, Plain, beside
 from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.work import Told, Work
@@ -121,9 +121,9 @@ class Answers:
             width=100,
         )
         self.until = pn.widgets.TextInput(label="Simulate until", value="time=2", width=100)
-        self.said = pn.pane.Str("", sizing_mode="stretch_width", stylesheets=[LINES])
+        self.said = Plain("", sizing_mode="stretch_width", stylesheets=[LINES])
         self.values = Div(text="", sizing_mode="stretch_width")
-        self.costs = pn.pane.Str("", sizing_mode="stretch_width")
+        self.costs = Plain("", sizing_mode="stretch_width")
         self.plots = pn.pane.Bokeh(column(sizing_mode="stretch_width"), sizing_mode="stretch_width")
         self.csv = pn.widgets.FileDownload(
             callback=self._csv, filename="result.csv", label="CSV", width=100
@@ -146,7 +146,7 @@ class Answers:
         parts = (self.friction, self.accuracy, self.until, *self.buttons, self.work.stop, self.csv)
         asked = pn.Column(self.find, self.names, beside(*parts), width=250)
         told = pn.Column(
-            self.values, self.said, self.plots, self.costs, sizing_mode="stretch_width"
+            self.values, self.said, self.costs, self.plots, sizing_mode="stretch_width"
         )
         return pn.Row(asked, told, sizing_mode="stretch_width")
 
@@ -231,11 +231,19 @@ class Answers:
     # -- long work -------------------------------------------------------------------------
 
     def simulate(self) -> None:
-        """Move the mechanism under its loads, and play that in time."""
+        """Move the mechanism under its loads, and play that in time.
+
+        A driver for which the document has no start is released from the shown pose.
+        """
         mechanism, until, friction = self.sheet.mechanism, self.until.value, self.friction.value
+        shown = {} if self.view.motion is None else self.view.coordinates
+        free = () if mechanism is None else {*mechanism.drivers} - {*mechanism.scene.initial}
+        start = {driver: (q, 0.0) for driver, q in shown.items() if driver in free}
 
         def task(told: Told) -> Result:
-            found = simulate(mechanism, until, want=(), friction=friction, progress=told)
+            found = simulate(
+                mechanism, until, start=start, want=(), friction=friction, progress=told
+            )
             times = found.motion.times(DEFAULT_SAMPLES)
             return result_along(mechanism, found.motion, times, (), friction=friction)
 

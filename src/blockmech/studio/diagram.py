@@ -26,6 +26,7 @@ from blockmech.studio import edits
 from blockmech.studio.canvas import ENDS, PIXELS, Canvas
 from blockmech.studio.edits import Form
 from blockmech.studio.fields import starter
+from blockmech.studio.looks import Plain
 from blockmech.studio.session import follow, together
 from blockmech.studio.sheet import Sheet
 
@@ -261,7 +262,7 @@ class Diagram:
     def _hovered(self, event: dict[str, Any]) -> None:
         just_drawn = event["edge_id"] == self.sheet.undoable  # the pointer is there by itself
         if not just_drawn and (text := self.values(event["edge_id"])):
-            self.flow.show_popup(pn.pane.Str(text), event["position"])
+            self.flow.show_popup(Plain(text), event["position"])
 
 
 def _points(at: dict[str, float]) -> tuple[float, float]:

@@ -54,12 +54,13 @@ class LinksSheet:
         self.sheet, self.dark = sheet, dark
         self.pins = pn.widgets.MultiSelect(label="Pins", size=4, sizing_mode="stretch_width")
         self.angle = pn.widgets.FloatInput(label="Slides along [°]", value=0.0, width=110)
+        self.slot = pn.widgets.Select(label="Slides on", options=[FRAME], width=110)
         self.place = pn.widgets.TextInput(label="New pin at x, y [m]", value="", width=150)
         self.acts: dict[str, Callable[[Form], Form]] = {
             "Link": lambda form: sketching.linked(form, self.pins.value),
             "To the frame": lambda form: sketching.attached(form, self.pins.value),
             "Slider": lambda form: sketching.sliding(
-                form, self.pins.value, math.radians(self.angle.value or 0.0)
+                form, self.pins.value, math.radians(self.angle.value or 0.0), self.slot.value
             ),
             "Driver": lambda form: sketching.driven(form, self.pins.value),
             "Delete": lambda form: sketching.removed(form, self.pins.value),
@@ -69,7 +70,8 @@ class LinksSheet:
             button.on_click(lambda event: self.act(event.obj.label))
         self.begin = pn.widgets.Button(label="Begin a drawing of links and joints")
         self.begin.on_click(lambda _: self._change(Linkage(sheet.form["name"]).to_data(), "begun"))
-        self.place.param.watch(lambda event: self._typed(event.new), "value")
+        # Panel sends the value twice at Enter, as a change and with the key
+        self.place.param.watch(lambda _: self._typed(self.place.value), "enter_pressed")
         self.said = pn.pane.HTML("", sizing_mode="stretch_width")
         self._make_figure()
         follow(sheet, self.renew, "form")
@@ -77,7 +79,7 @@ class LinksSheet:
 
     def panel(self) -> Any:
         """The drawing, what is done with chosen pins, and the groups that were found."""
-        tools = beside(self.begin, self.place, self.angle, *self.buttons)
+        tools = beside(self.begin, self.place, self.angle, self.slot, *self.buttons)
         drawing = pn.pane.Bokeh(self.window.figure, sizing_mode="stretch_both")
         return pn.Column(tools, self.pins, drawing, self.said, sizing_mode="stretch_both")
 
@@ -122,9 +124,11 @@ class LinksSheet:
         """Show the sheet's links and joints, the groups in them, or why there are none."""
         pins = self.drawn
         chosen = [name for name in self.pins.value if name in pins]
-        self.pins.param.update(options=list(pins), value=chosen)
+        self.pins.param.update(options=sorted(pins), value=chosen)  # whatever joins them
+        links = [FRAME, *(link for link in outlines_of(pins) if self.ours)]
+        self.slot.param.update(options=links, value=FRAME)
         self.begin.visible = not self.ours
-        for widget in (self.place, self.angle, *self.buttons):
+        for widget in (self.place, self.angle, self.slot, *self.buttons):
             widget.disabled = not self.ours
         words = "This sheet holds blocks, not links and joints."
         if self.ours:
@@ -163,8 +167,15 @@ class LinksSheet:
 
     def act(self, name: str) -> None:
         """Do with the chosen pins what the button of a name does."""
-        if self.pins.value:
-            self._change(self.acts[name](self.sheet.form), f"{name}: {', '.join(self.pins.value)}")
+        if not self.pins.value:
+            self._say(f"{name}: choose pins first, in the drawing or in the list", "alert")
+            return
+        try:
+            form = self.acts[name](self.sheet.form)
+        except BlockmechError as error:
+            self._say(str(error), "alert")
+        else:
+            self._change(form, f"{name}: {', '.join(self.pins.value)}")
 
     def add(self, z: complex) -> None:
         """Draw a pin that no link carries yet."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Callable
 from typing import Any
 
@@ -134,6 +135,14 @@ class Look(Native):  # type: ignore[misc]  # panel's own types say nothing of it
         pn.viewable.Viewable: {"stylesheets": [Inherit, WIDGET]},
         ReactFlow: {"stylesheets": [Inherit, CANVAS]},
     }
+
+
+class Plain(pn.pane.Str):  # type: ignore[misc]  # as the sheet
+    """Text as it stands; Panel's own pane writes it into the page as markup, `<driver>` too."""
+
+    def _transform_object(self, obj: Any) -> dict[str, Any]:
+        transformed: dict[str, Any] = super()._transform_object(html.escape(str(obj or "")))
+        return transformed
 
 
 def begin(dark: bool) -> None:

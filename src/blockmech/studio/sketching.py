@@ -13,12 +13,14 @@ from collections.abc import Iterable, Mapping
 from string import ascii_uppercase
 from typing import Any, NamedTuple
 
+from blockmech.errors import refused
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio.fields import Path, item_at, with_item
 from blockmech.values import Place
 
 Form = dict[str, Any]
 LOOSE = ("view", "pins")  # where pins stand that no link carries yet
+SAME = 1e-9  # of the drawing's size, within which two pins stand on one place: it has 3 digits
 
 
 class Drawn(NamedTuple):
@@ -98,27 +100,65 @@ def attached(form: Form, names: Iterable[str], link: str = FRAME) -> Form:
 
 
 def moved(form: Form, name: str, z: complex) -> Form:
-    """With a pin at z on all its links."""
-    pin, marker = pins_of(form)[name], ("markers", name, "at")
-    found: dict[Path, Any] = {("links", link, *marker): _on(form, link, z) for link in pin.links}
+    """With a pin at z on all its links, and whatever pin or guide of theirs stands on it."""
+    pins = pins_of(form)
+    here = pins[name]
+    size = max(abs(pin.z - here.z) for pin in pins.values())
+    for other, pin in pins.items():
+        shared = not pin.links or {*pin.links} & {*here.links}
+        if other == name or (shared and pin.kind and abs(pin.z - here.z) <= SAME * size):
+            form = _put(form, other, pin, z)
+    return form
+
+
+def _put(form: Form, name: str, pin: Drawn, z: complex) -> Form:
+    """With one pin elsewhere."""
+    marker = ("markers", name, "at")
+    places: dict[Path, Any] = {("links", link, *marker): _on(form, link, z) for link in pin.links}
     if pin.kind:
-        found = {("joints", name, "at"): list(found.values())}
-    for path, at in (found or {(*LOOSE, name): [z.real, z.imag]}).items():
+        places = {("joints", name, "at"): list(places.values())}
+    for path, at in (places or {(*LOOSE, name): [z.real, z.imag]}).items():
         form = with_item(form, path, at)
     return form
 
 
-def sliding(form: Form, names: Iterable[str], angle: float) -> Form:
-    """With joints that slide along lines at an angle [rad]; those that slide turn again."""
+def sliding(form: Form, names: Iterable[str], angle: float, on: str = FRAME) -> Form:
+    """With joints that slide along lines at an angle [rad]; those that slide turn again.
+
+    A pin that joins nothing yet gets a block: the pin turns on it, and the block slides along
+    a guide of link ``on``. Raises `RequestError` for a guide on the pin's own link.
+    """
     for name in names:
         joint = form["joints"].get(name)
-        if joint is not None:
+        if joint is None:
+            form = _on_a_block(form, name, angle, on)
+        else:
             made = {"type": "R", "links": joint["links"], "at": joint["at"]}
             if joint["type"] == "R":
-                turns = (cmath.phase(pose_of(form, link)[1]) for link in joint["links"])
-                made |= {"type": "P", "angle": [angle - turn for turn in turns]}
+                made |= {"type": "P", "angle": _angles(form, joint["links"], angle)}
             form = with_item(form, ("joints", name), made)
     return form
+
+
+def _on_a_block(form: Form, name: str, angle: float, on: str) -> Form:
+    """With a pin on a block of its own that slides on a link."""
+    pins = pins_of(form)
+    if on in pins[name].links:
+        raise refused(name, f"is a pin of {on}", "choose another link that it slides on")
+    block = free([*form["links"], FRAME], ["slider"], "slider")
+    form = attached(form, [name], block)
+    if on not in form["links"]:
+        form = with_item(form, ("links", on), {})
+    links, z = [on, block], pins[name].z
+    guide = {"type": "P", "links": links, "at": [_on(form, link, z) for link in links]}
+    guide["angle"] = _angles(form, links, angle)
+    made: Form = with_item(form, ("joints", free(pins, [f"{name}_guide"], f"{name}_guide")), guide)
+    return made
+
+
+def _angles(form: Form, links: Iterable[str], angle: float) -> list[float]:
+    """A direction [rad] of the drawing in the frames of links."""
+    return [angle - cmath.phase(pose_of(form, link)[1]) for link in links]
 
 
 def driven(form: Form, names: Iterable[str]) -> Form:
