@@ -150,8 +150,12 @@ def _on_a_block(form: Form, name: str, angle: float, on: str) -> Form:
     if on not in form["links"]:
         form = with_item(form, ("links", on), {})
     links, z = [on, block], pins[name].z
-    guide = {"type": "P", "links": links, "at": [_on(form, link, z) for link in links]}
-    guide["angle"] = _angles(form, links, angle)
+    guide = {
+        "type": "P",
+        "links": links,
+        "at": [_on(form, link, z) for link in links],
+        "angle": _angles(form, links, angle),
+    }
     made: Form = with_item(form, ("joints", free(pins, [f"{name}_guide"], f"{name}_guide")), guide)
     return made
 
