@@ -33,7 +33,7 @@ CALLS = {
         ("second.json", "second.json"),
     ],
     "simulate WATT": [
-        ("--until sometime", "says nothing about when to stop"),
+        ("--until sometime", "is no stopping condition"),
         ("--method magic", 'no method "magic"'),
         ("--times 1:0", "is not a range"),
         ("--json --plot x.png", "only one of them"),

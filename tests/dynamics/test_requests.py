@@ -34,7 +34,7 @@ def test_an_end_that_cannot_be_is_refused_with_what_can(until):
 
 def test_an_end_made_in_python_is_checked_too():
     assert '"time=-1"' in said(rod(), Until("time", -1.0))
-    assert "3 says nothing" in said(rod(), 3)
+    assert "3 is no stopping condition" in said(rod(), 3)
 
 
 def test_an_angle_may_be_in_degrees():

@@ -24,7 +24,8 @@ TEXTS: Mapping[str, str] = {
     "hold their relative turning {times} too often{so}",
     "too-many-drivers": "mobility {mobility}, drivers {held} ({drivers}): {number} too many",
     "too-few-drivers": "mobility {mobility}, drivers {held}: {number} driver{s} too few",
-    "locked-driver": "{drivers} moves nothing: {pairs} cannot move, {links} lock it{state}",
+    "locked-driver": "{drivers} moves nothing: {pairs} cannot move, {links} form a rigid "
+    "structure{state}",
     "conflicting-drivers": "{drivers} prescribe the motion of {links} {times} too often{state}",
     "loose-links": "{links} can still move with every driver held: {number} freedom{s}{state}",
 }

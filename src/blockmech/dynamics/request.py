@@ -188,9 +188,7 @@ def goal_of(until: Any, times: Floats | None) -> Until:
         return until.checked()
     if isinstance(until, str):
         return Until.parse(until)
-    raise refused(
-        "until", f"{until!r} says nothing about when to stop", 'write for example "time=2"'
-    )
+    raise refused("until", f"{until!r} is no stopping condition", 'write for example "time=2"')
 
 
 def starts_of(scene: Scene, drivers: Sequence[str], start: Any) -> Pairs:
@@ -347,6 +345,6 @@ def progress_of(progress: Any) -> Progress | None:
 
 
 def _no_end(text: str, remedy: str) -> RequestError:
-    found = f'"{text}" says nothing about when to stop'
+    found = f'"{text}" is no stopping condition'
     valid = f"valid: {listed(g.spelled for g in GOALS.values())}"
     return refused("until", found, remedy, valid, "until")

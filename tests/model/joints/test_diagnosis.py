@@ -127,7 +127,7 @@ WRONG = {  # what it is: document, code, place, texts of the message
         lambda: parallelogram((1.0, 1.2, 1.0)),
         (
             *("locked-driver", "drivers.motor"),
-            "motor moves nothing: Fa cannot move, a, b, c, frame, rod lock it",
+            "motor moves nothing: Fa cannot move, a, b, c, frame, rod form a rigid structure",
         ),
     ),
     "a parallelogram with three equal cranks": (

@@ -23,14 +23,14 @@ from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Poses
 from blockmech.values import MILLI
 
-EACH = "each freedom has one driver"
+EACH = "the mechanism needs one driver per degree of freedom"
 FORMULA = "3n - 2p is {counted}, but the mobility is {mobility}"
 REMEDIES: Mapping[str, tuple[str, str]] = {
     "unconnected-links": ("", "add a joint, or remove them"),
     "over-constrained": (FORMULA, "remove a joint or a link of them"),
     "turning-held-twice": (FORMULA, "make one of the joints a pin on a slider"),
     "locked-driver": ("", "drive a joint that can move"),
-    "conflicting-drivers": (EACH, "remove one of {names}, or drive another freedom"),
+    "conflicting-drivers": (EACH, "remove one of {names}, or drive another degree of freedom"),
     "loose-links": ("", "add a joint to them, or a driver"),
     "too-many-drivers": (EACH, "remove {number} of them"),
 }
