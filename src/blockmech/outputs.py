@@ -24,7 +24,7 @@ from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.outputs_by_link import outputs_by_link
-from blockmech.passes import energy, forces, forward, friction, homotopy, loads, reduction
+from blockmech.passes import energy, forces, forward, friction, homotopy, loads, pairs, reduction
 from blockmech.plan import NOUGHT, STAGES, ZERO, Friction, Output, Plan, Reader, Schedule
 from blockmech.quality import at_most_one
 
@@ -145,10 +145,7 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
 
     def vector(s: Schedule) -> tuple[str]:
         found = s.ask(forces.reaction, ref)
-        if found is None or revolute:
-            return (found or ZERO,)
-        u = s.ask(forward.guide_direction, ref)
-        return (s.line(f"imul({u}, {found}.real)", f"{ref}_N_vector"),)
+        return (ZERO if found is None else pairs.statics(s, ref).force(s, ref, found),)
 
     def wrench(k: int) -> Callable[[Schedule], tuple[str]]:
         return lambda s: (s.ask(forces.wrench, ref)[k],)
@@ -160,9 +157,8 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
     if joint.outer:
         yield Output(f"{ref}.wrench_F", "N", "vector", wrench(0), _same, on, by)
         yield Output(f"{ref}.wrench_M", "N m", "real", wrench(1), _same, on, by)
-    resisting, rate = ("N m", "rad/s") if revolute else ("N", "m/s")
-    yield _real(f"{ref}.friction", resisting, forces.resisting, ref, by=by, on=on)
-    yield _real(f"{ref}.slip", rate, forward.slip, ref)
+    yield _real(f"{ref}.friction", joint.effort_unit, forces.resisting, ref, by=by, on=on)
+    yield _real(f"{ref}.slip", f"{joint.coordinate_unit}/s", forward.slip, ref)
     yield _real(f"{ref}.friction_power", "W", energy.friction_power, ref)
 
 

@@ -81,15 +81,14 @@ class MotionProgram:
         for ref in joints:
             pair = s.ask(forces.reaction, ref)
             assert pair is not None  # such a block is active
-            values.append(pairs.measure(s, ref, pair))
+            values.append(pairs.statics(s, ref).measure(s, ref, pair))
         values += [s.ask(forward.slip, ref) for ref in joints]
         values += margins(s)
         laws = [structure.blocks[ref.block].friction[ref.name] for ref in joints]
-        kinds = [structure.joint(ref).kind for ref in joints]
         return cls(
             tuple(map(str, joints)),
             np.array([law.factor for law in laws]),
-            tuple(kind == "P" for kind in kinds),
+            tuple(pairs.statics(s, ref).edges for ref in joints),
             s.program(values),
         )
 

@@ -15,21 +15,17 @@ from blockmech.friction import solvers
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import friction
 from blockmech.passes.forward import (
-    guide_direction,
     marker_arm,
-    marker_place,
     parameters,
     position,
     signed,
 )
 from blockmech.passes.loads import applied, elements_on, inertial
 from blockmech.passes.pairs import (
-    edge_norm,
     effort_influence,
     friction_on,
     influence,
-    measure,
-    slider_point,
+    statics,
     touches,
     transmitted,
 )
@@ -105,10 +101,11 @@ def solve(s: Schedule, block: str, reactions: str) -> str:
     """The solved friction of a block with these frictionless reactions: ``t``, and how it went."""
     joints = s.ask(friction.coupled_joints, block)
     k = tuple_of(s.ask(friction.resistance, j) for j in joints)
-    edges = tuple_of(s.ask(edge_norm, j) for j in joints)
-    base = tuple_of(measure(s, j, s.ask(transmitted, j, reactions)) for j in joints)
+    edges = tuple_of(str(statics(s, j).edges) for j in joints)
+    base = tuple_of(statics(s, j).measure(s, j, s.ask(transmitted, j, reactions)) for j in joints)
     rows = tuple_of(
-        tuple_of(measure(s, j, s.ask(influence, j, unit)) for unit in joints) for j in joints
+        tuple_of(statics(s, j).measure(s, j, s.ask(influence, j, unit)) for unit in joints)
+        for j in joints
     )
     solver, options = solvers.SOLVERS[s.friction.method]
     given = {"tolerance": s.friction.tolerance, "iterations": s.friction.iterations}
@@ -118,8 +115,8 @@ def solve(s: Schedule, block: str, reactions: str) -> str:
 
 def solve_driven(s: Schedule, ref: JointRef, pair: str) -> str:
     """The friction of a driven pair, which does not change what the pair transmits."""
-    k, edges = s.ask(friction.resistance, ref), s.ask(edge_norm, ref)
-    args = (f"({k},)", f"({edges},)", f"({measure(s, ref, pair)},)")
+    k, edges = s.ask(friction.resistance, ref), str(statics(s, ref).edges)
+    args = (f"({k},)", f"({edges},)", f"({statics(s, ref).measure(s, ref, pair)},)")
     return s.emit(solvers.direct, *args, name=f"{ref}_friction")
 
 
@@ -191,16 +188,7 @@ def wrench(s: Schedule, ref: JointRef) -> tuple[str, str]:
     joint = s.structure.joint(ref)
     effort = s.ask(effort_in, ref) if joint.driven else NOUGHT
     along = s.sum((s.ask(resisting, ref), effort), f"{ref}_along")
-    if joint.kind == "R":
-        moment = NOUGHT if along == NOUGHT else s.line(f"-{along}", f"{ref}_back_M")
-        return s.line(f"-{pair}", f"{ref}_back_F"), moment
-    u = s.ask(guide_direction, ref)
-    f = s.line(f"imul({u}, {pair}.real) + mul({u}, {along})", f"{ref}_f")
-    point, p = s.ask(slider_point, ref), s.ask(marker_place, s.structure.feeds[ref])
-    moment = f"-{pair}.imag"
-    if point != p:
-        moment += f" - cross({point} - {p}, {f})"
-    return s.line(f"-{f}", f"{ref}_back_F"), s.line(moment, f"{ref}_back_M")
+    return statics(s, ref).back(s, ref, pair, along)
 
 
 def frame_load(s: Schedule) -> Resultant:

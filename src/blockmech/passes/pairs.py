@@ -14,7 +14,9 @@ Sources: `blockmech.blocks.contract`, rules 6 and 10; [R10] Eqs. 11-13.
 
 from __future__ import annotations
 
-from typing import Any, cast
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, TypeAlias, cast
 
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forward import (
@@ -31,21 +33,144 @@ from blockmech.plan import NOUGHT, ZERO, Formula, Schedule
 from blockmech.plane import dot
 from blockmech.typing import Load
 
+Loads: TypeAlias = dict[str, Resultant]
+"""Link of a block -> a load on it."""
+
+
+class Statics(ABC):
+    """What a kind of pair does with forces; the reactions of its joints are rules of it.
+
+    What a pair transmits is one planar value; ``edges`` is whether the load that friction
+    is of is the larger component of `measure`, or the length of that vector.
+    """
+
+    edges: bool = False
+
+    @abstractmethod
+    def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
+        """What it transmits onto its later link; ``own`` is what the kernel says of it."""
+
+    @abstractmethod
+    def along(self, s: Schedule, ref: JointRef, link: LinkRef, t: str) -> Resultant:
+        """A load ``t`` [N m or N] along its coordinate on one of its block's links."""
+
+    @abstractmethod
+    def unit_loads(self, s: Schedule, ref: JointRef) -> tuple[Loads, Loads]:
+        """Unit friction loads: one set, or two whose responses are subtracted."""
+
+    @abstractmethod
+    def measure(self, s: Schedule, ref: JointRef, pair: str) -> str:
+        """The planar vector whose norm is the load that friction is of."""
+
+    @abstractmethod
+    def force(self, s: Schedule, ref: JointRef, pair: str) -> str:
+        """Force [N] on the later link, without what acts along the coordinate."""
+
+    @abstractmethod
+    def back(self, s: Schedule, ref: JointRef, pair: str, t: str) -> tuple[str, str]:
+        """Force and moment on the support, about the wire's forward point."""
+
+
+class Revolute(Statics):
+    """A force R through the pin, and couples along the coordinate."""
+
+    def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
+        """The force R."""
+        return own
+
+    def along(self, s: Schedule, ref: JointRef, link: LinkRef, t: str) -> Resultant:
+        """A couple."""
+        return Resultant((), (t,))
+
+    def unit_loads(self, s: Schedule, ref: JointRef) -> tuple[Loads, Loads]:
+        """Couples of unit size on either link, so that pairs of one link share their call."""
+        joint, couple = s.structure.joint(ref), Resultant((), ("1.0",))
+        return {joint.later: couple}, {} if joint.outer else {joint.links[0]: couple}
+
+    def measure(self, s: Schedule, ref: JointRef, pair: str) -> str:
+        """The force itself."""
+        return pair
+
+    def force(self, s: Schedule, ref: JointRef, pair: str) -> str:
+        """The force R."""
+        return pair
+
+    def back(self, s: Schedule, ref: JointRef, pair: str, t: str) -> tuple[str, str]:
+        """The opposites."""
+        moment = NOUGHT if t == NOUGHT else s.line(f"-{t}", f"{ref}_back_M")
+        return s.line(f"-{pair}", f"{ref}_back_F"), moment
+
+
+class Prismatic(Statics):
+    """A normal force and a couple, N + i C about the slider's point S; forces along the guide."""
+
+    edges = True
+
+    def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
+        """N + i C, its couple moved from the origins of the block's links to S."""
+        owner = _owner(s, ref)
+        couple = f"{own}.C" if owner == s.structure.later_link(ref) else f"{own}.C_i"
+        if owner.block != ref.block:
+            arm = s.ask(slider_arm, ref, s.structure.later_link(ref))
+            couple = f"{own}.C - {own}.N * dot({arm}, {s.ask(guide_direction, ref)})"
+        elif s.here(along := _along(ref, owner)):
+            slot = s.parameter(("along", ref), along, f"along_{ref}_S")
+            couple += f" - {own}.N * {slot}"
+        return s.line(f"planar({own}.N, {couple})", f"{ref}_slide")
+
+    def along(self, s: Schedule, ref: JointRef, link: LinkRef, t: str) -> Resultant:
+        """A force along the guide through S."""
+        force = s.line(f"mul({s.ask(guide_direction, ref)}, {t})", f"{ref}_T")
+        return at_arm(s, force, s.ask(slider_arm, ref, link), f"{ref}_T")
+
+    def unit_loads(self, s: Schedule, ref: JointRef) -> tuple[Loads, Loads]:
+        """Opposite forces through S; one call answers both."""
+        links = [LinkRef(ref.block, n) for n in s.structure.blocks[ref.block].link_names]
+        on = {k.link: friction_on(s, ref, k, "1.0") for k in links if touches(s, ref, k)}
+        return on, {}
+
+    def measure(self, s: Schedule, ref: JointRef, pair: str) -> str:
+        """N and 2 C / L; without a length of the guide N alone."""
+        length = s.structure.blocks[ref.block].friction[ref.name].guide_length
+        edges = NOUGHT
+        if length is not None:
+            slot = s.parameter(
+                ("guide", ref),
+                lambda st, _: 2 / cast(float, st.blocks[ref.block].friction[ref.name].guide_length),
+                f"two_over_L_{ref}",
+            )
+            edges = f"{slot} * {pair}.imag"
+        return s.line(f"planar({pair}.real, {edges})", f"{ref}_load")
+
+    def force(self, s: Schedule, ref: JointRef, pair: str) -> str:
+        """N across the guide."""
+        u = s.ask(guide_direction, ref)
+        return s.line(f"imul({u}, {pair}.real)", f"{ref}_N_vector")
+
+    def back(self, s: Schedule, ref: JointRef, pair: str, t: str) -> tuple[str, str]:
+        """The opposites, moved from S to the marker."""
+        u = s.ask(guide_direction, ref)
+        f = s.line(f"imul({u}, {pair}.real) + mul({u}, {t})", f"{ref}_f")
+        point, p = s.ask(slider_point, ref), s.ask(marker_place, s.structure.feeds[ref])
+        moment = f"-{pair}.imag"
+        if point != p:
+            moment += f" - cross({point} - {p}, {f})"
+        return s.line(f"-{f}", f"{ref}_back_F"), s.line(moment, f"{ref}_back_M")
+
+
+STATICS: Mapping[str, Statics] = {"R": Revolute(), "P": Prismatic()}
+"""The letter of a pair in files -> what it does with forces."""
+
+
+def statics(s: Schedule, ref: JointRef) -> Statics:
+    """What the pair at a joint does with forces."""
+    return STATICS[s.structure.joint(ref).kind]
+
 
 def transmitted(s: Schedule, ref: JointRef, reactions: str) -> str:
-    """What a pair transmits onto its later link, R or N + i C, by one set of reactions."""
+    """What a pair transmits onto its later link by one set of reactions."""
     own = f"{reactions}.{s.structure.blocks[ref.block].joint_field(ref.name)}"
-    if s.structure.joint(ref).kind == "R":
-        return own
-    owner = _owner(s, ref)
-    couple = f"{own}.C" if owner == s.structure.later_link(ref) else f"{own}.C_i"
-    if owner.block != ref.block:
-        arm = s.ask(slider_arm, ref, s.structure.later_link(ref))
-        couple = f"{own}.C - {own}.N * dot({arm}, {s.ask(guide_direction, ref)})"
-    elif s.here(along := _along(ref, owner)):
-        slot = s.parameter(("along", ref), along, f"along_{ref}_S")
-        couple += f" - {own}.N * {slot}"
-    return s.line(f"planar({own}.N, {couple})", f"{ref}_slide")
+    return statics(s, ref).transmitted(s, ref, own)
 
 
 def _along(ref: JointRef, owner: LinkRef) -> Formula:
@@ -93,13 +218,9 @@ def _owner(s: Schedule, ref: JointRef) -> LinkRef:
 
 def friction_on(s: Schedule, ref: JointRef, link: LinkRef, t: str) -> Resultant:
     """The load of friction ``t`` in a pair on one of its block's links; t is of the later one."""
-    joint = s.structure.joint(ref)
-    if link.link != joint.later:
+    if link.link != s.structure.joint(ref).later:
         t = f"(-{t})"
-    if joint.kind == "R":
-        return Resultant((), (t,))
-    force = s.line(f"mul({s.ask(guide_direction, ref)}, {t})", f"{ref}_T")
-    return at_arm(s, force, s.ask(slider_arm, ref, link), f"{ref}_T")
+    return statics(s, ref).along(s, ref, link, t)
 
 
 def touches(s: Schedule, ref: JointRef, link: LinkRef) -> bool:
@@ -108,47 +229,19 @@ def touches(s: Schedule, ref: JointRef, link: LinkRef) -> bool:
     return link.link in (joint.later, *joint.links)
 
 
-# -- loads on pairs, and what unit friction adds to them -----------------------------
-
-
-def measure(s: Schedule, ref: JointRef, pair: str) -> str:
-    """The planar vector whose norm is the load on a pair: R, or N and 2 C / L of a guide."""
-    if s.structure.joint(ref).kind == "R":
-        return pair
-    length = s.structure.blocks[ref.block].friction[ref.name].guide_length
-    edges = NOUGHT
-    if length is not None:
-        slot = s.parameter(
-            ("guide", ref),
-            lambda st, _: 2 / cast(float, st.blocks[ref.block].friction[ref.name].guide_length),
-            f"two_over_L_{ref}",
-        )
-        edges = f"{slot} * {pair}.imag"
-    return s.line(f"planar({pair}.real, {edges})", f"{ref}_load")
-
-
-def edge_norm(s: Schedule, ref: JointRef) -> str:
-    """Whether the load on a pair is the larger component, or the length of the vector."""
-    return str(s.structure.joint(ref).kind == "P")
+# -- what unit friction adds to them --------------------------------------------------
 
 
 def unit_reactions(s: Schedule, ref: JointRef) -> tuple[str, str]:
     """Reactions to a unit of friction in a pair: those to its later and earlier link.
 
     The second is empty where one call answers both, or the earlier link is not the group's.
-    Couples are of unit size on either link, so pairs of one link share their call.
     """
-    joint = s.structure.joint(ref)
-    if joint.kind == "R":
-        couple = Resultant((), ("1.0",))
-        later = _response(s, ref, {joint.later: couple})
-        return later, "" if joint.outer else _response(s, ref, {joint.links[0]: couple})
-    links = [LinkRef(ref.block, n) for n in s.structure.blocks[ref.block].link_names]
-    on = {k.link: friction_on(s, ref, k, "1.0") for k in links if touches(s, ref, k)}
-    return _response(s, ref, on), ""
+    later, earlier = statics(s, ref).unit_loads(s, ref)
+    return _response(s, ref, later), _response(s, ref, earlier) if earlier else ""
 
 
-def _response(s: Schedule, ref: JointRef, on: dict[str, Resultant]) -> str:
+def _response(s: Schedule, ref: JointRef, on: Loads) -> str:
     """Reactions of a block to loads on some of its links."""
     b = s.structure.blocks[ref.block]
     loads = (on.get(n, NOTHING) for n in b.link_names)
