@@ -137,7 +137,6 @@ def _marker_outputs(marker: MarkerRef) -> Iterator[Output]:
 
 def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterator[Output]:
     by, on = str(structure.earlier_link(ref)), str(structure.later_link(ref))
-    revolute = joint.kind == "R"
 
     def pair(s: Schedule, what: str) -> str:
         found = s.ask(forces.reaction, ref)
@@ -151,7 +150,7 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
         return lambda s: (s.ask(forces.wrench, ref)[k],)
 
     yield Output(f"{ref}.reaction", "N", "vector", vector, _same, by, on)
-    if not revolute:
+    if joint.pair.reads == "guide":
         yield Output(f"{ref}.N", "N", "real", lambda s: (pair(s, "real"),), _same, by, on)
         yield Output(f"{ref}.C", "N m", "real", lambda s: (pair(s, "imag"),), _same, by, on)
     if joint.outer:

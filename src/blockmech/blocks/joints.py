@@ -7,6 +7,41 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 PairKind = Literal["R", "P"]
+Reading = Literal["point", "guide"]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """What a kind of pair is, by its letter in files; `passes.pairs` has its forces.
+
+    Attributes
+    ----------
+    word : what it is called
+    freedoms : relative freedoms of its two links in the plane
+    reads : what an outer one gives to the kernels, unless the block declares otherwise
+    rotary : whether its coordinate is an angle
+    """
+
+    word: str
+    freedoms: int
+    reads: Reading
+    rotary: bool
+
+    @property
+    def coordinate_unit(self) -> str:
+        """Unit of its coordinate."""
+        return "rad" if self.rotary else "m"
+
+    @property
+    def effort_unit(self) -> str:
+        """Unit of what acts along its coordinate."""
+        return "N m" if self.rotary else "N"
+
+
+PAIRS: Mapping[str, Pair] = {
+    "R": Pair("revolute", 1, "point", rotary=True),
+    "P": Pair("prismatic", 1, "guide", rotary=False),
+}
 
 
 @dataclass(frozen=True)
@@ -41,25 +76,30 @@ class Joint:
     kind: PairKind
     link: str = ""
     links: tuple[str, str] = ("", "")
-    reads: Literal["point", "guide"] = "point"
+    reads: Reading = "point"
     lines: Mapping[str, Line] = field(default_factory=dict)
     name: str = ""
     driven: bool = False
 
     @property
+    def pair(self) -> Pair:
+        """What its kind of pair is."""
+        return PAIRS[self.kind]
+
+    @property
     def rotary(self) -> bool:
         """Whether its coordinate is an angle."""
-        return self.kind == "R"
+        return self.pair.rotary
 
     @property
     def coordinate_unit(self) -> str:
         """Unit of its coordinate."""
-        return "rad" if self.rotary else "m"
+        return self.pair.coordinate_unit
 
     @property
     def effort_unit(self) -> str:
         """Unit of what acts along its coordinate."""
-        return "N m" if self.rotary else "N"
+        return self.pair.effort_unit
 
     @property
     def outer(self) -> bool:
@@ -90,12 +130,12 @@ class Coordinate(NamedTuple):
 def outer_joint(
     kind: PairKind,
     link: str,
-    reads: Literal["point", "guide"] | None = None,
+    reads: Reading | None = None,
     line: Line | None = None,
     driven: bool = False,
 ) -> Joint:
     """Declare a joint fed by a marker of an earlier link; ``link`` is the own one."""
-    what = reads or ("guide" if kind == "P" else "point")
+    what = reads or PAIRS[kind].reads
     return Joint(kind, link=link, reads=what, lines={link: line} if line else {}, driven=driven)
 
 

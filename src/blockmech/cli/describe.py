@@ -84,7 +84,7 @@ def _described(name: str, block: type[Block]) -> Iterator[str]:
         yield f"  links       {', '.join(block.link_names)}"
     for joint in block.joints.values():
         between = f"on {joint.link}" if joint.outer else f"between {' and '.join(joint.links)}"
-        wired = ", wired to a guide" if joint.kind == "P" else ", wired to a marker"
+        wired = f", wired to a {'guide' if joint.pair.reads == 'guide' else 'marker'}"
         more = (wired if joint.outer else "") + (", driven" if joint.driven else "")
         yield f"  joint       {joint.name}: {joint.kind}, {between}{more}"
     if block.built_in:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+from blockmech.blocks.joints import PAIRS
 from blockmech.draw import palette as ink
 from blockmech.draw.boxes import Content, DrawnBlock, DrawnWire, Port, content_of
 from blockmech.draw.layout import arrange
@@ -232,6 +233,7 @@ def _symbol(pair: str, colour: str = ink.INK) -> dict[str, Any]:
 def _legend(content: Content, cycle: bool) -> dict[str, dict[str, Any]]:
     """Words and looks of the symbols that are there."""
     ports = [p for b in content.blocks for p in b.ports]
+    pairs = {p.pair for p in ports}
     forward, back, wrong = (
         {"color": ARROWS[kind], "marker": head, "ms": 4, "lw": 1.0}
         for kind, head in (("forward", ">"), ("back", "<"), ("cycle", ">"))
@@ -240,8 +242,7 @@ def _legend(content: Content, cycle: bool) -> dict[str, dict[str, Any]]:
     entries = (
         ("motion forward: p, v, a", forward, True),
         ("force and moment back: F, M", back, True),
-        ("revolute joint", _symbol("R"), any(p.pair == "R" for p in ports)),
-        ("prismatic joint", _symbol("P"), any(p.pair == "P" for p in ports)),
+        *((f"{pair.word} joint", _symbol(k), k in pairs) for k, pair in PAIRS.items()),
         ("load", _symbol(""), any(b.kind == "element" for b in content.blocks)),
         ("marker", _symbol("marker"), bool(content.wires)),
         ("not wired", cross, not all(p.wired for p in ports)),

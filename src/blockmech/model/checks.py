@@ -152,7 +152,7 @@ def _target_problems(
         valid = "a joint is fed by an earlier block"
         yield Problem("self-wire", wire.target, found, valid, "wire it to another block")
     pointlike = isinstance(marker, Marker) and marker.angle is None and marker.dir is None
-    if pointlike and isinstance(block, Moving) and block.joints[name].kind == "P":
+    if pointlike and isinstance(block, Moving) and block.joints[name].pair.reads == "guide":
         found = f"a prismatic joint needs a guide, {wire.source} is a point"
         valid = "a guide is a marker with a direction"
         remedy = f'give {wire.source} an "angle" [rad] or a "dir" [dx, dy]'

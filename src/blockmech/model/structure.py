@@ -1,7 +1,7 @@
 """Structure: the formation sequence of a checked graph, frozen.
 
 Sources: [R10] Eq. 17 and [D14] Eq. 7 (structural formula); Chebyshev-Gruebler
-mobility 3n - 2p.
+mobility 3n - 2p, or 3n - sum (3 - f) with f freedoms of each pair.
 """
 
 from __future__ import annotations
@@ -172,8 +172,9 @@ class Structure:
 
     @property
     def mobility(self) -> int:
-        """Chebyshev-Gruebler mobility 3n - 2p of the moving links."""
-        return 3 * (len(self.links) - 1) - 2 * self.pairs
+        """Chebyshev-Gruebler mobility 3n - sum (3 - f) of the moving links."""
+        joints = (joint for block in self.blocks.values() for joint in block.joints.values())
+        return 3 * (len(self.links) - 1) - sum(3 - joint.pair.freedoms for joint in joints)
 
     def supports(self, block: str) -> tuple[str, ...]:
         """Blocks that feed a block, in the order of its joints."""
