@@ -19,7 +19,7 @@ from blockmech.dynamics.request import Start, Until
 from blockmech.errors import FormatError, GraphError, RequestError
 from tests.doors import graph_of as loads
 from tests.dynamics.linkages import FourBar, guided, reduced
-from tests.dynamics.scenes import rod
+from tests.dynamics.scenes import of_rate, rod
 from tests.dynamics.synthetic import move
 
 GRAPHS = Path(__file__).resolve().parents[2] / "graphs"
@@ -263,3 +263,17 @@ def test_several_drivers_leave_a_stop_and_come_back_to_it_within_a_step(method, 
     )
     assert found.end == "end stop of a"
     assert abs(found.t_end - 0.1288572182) <= found.time_error + 1e-10
+
+
+@pytest.mark.parametrize("error", [ValueError, ZeroDivisionError, np.linalg.LinAlgError])
+@pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
+def test_what_a_kernel_raises_is_no_solver_that_gave_up(monkeypatch, method, error):
+    """A mistake of our own, say of the compiler, comes out under its own name."""
+
+    def mistaken(self, t, y):
+        raise error("of our own")
+
+    mech = rod(of_rate(0.0, -0.3))
+    monkeypatch.setattr("blockmech.dynamics.equation.Equation._single", mistaken)
+    with pytest.raises(error, match="of our own"):
+        mech.simulate("time=1", method=method, start={"crank": (0.3, 0.0)})

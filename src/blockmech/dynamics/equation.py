@@ -43,6 +43,7 @@ class Equation:
     most: float = math.inf  # states
     spent: int = 0
     sides: tuple[int, ...] = ()
+    error: Exception | None = None  # what the mechanism's own kernels raised
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
     _own: tuple[Any, Any] = (None, None)  # directions of slip, machine code with them
@@ -53,9 +54,14 @@ class Equation:
         return len(self.system.drivers)
 
     def __call__(self, t: float, y: Any) -> Any:
-        """y' at a state; NaN where there is no pose."""
-        if self.drivers > 1:
-            return self._several(t, y)
+        """y' at a state; NaN where there is no pose. What is raised on the way is kept."""
+        try:
+            return self._several(t, y) if self.drivers > 1 else self._single(t, y)
+        except Exception as error:
+            self.error = error
+            raise
+
+    def _single(self, t: float, y: Any) -> Any:
         row = self.row(t, y)
         if row is not None:
             n = len(y)

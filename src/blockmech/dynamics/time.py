@@ -235,19 +235,21 @@ class Run:
 
     def _stepped(self, solver: Any, road: tuple[float, float] = ANYWHERE) -> Taken | None:
         """One more step, or some of them at once by machine code; None where there is none."""
-        try:
-            with np.errstate(all="ignore"):
-                if self.method == "dop853" and (found := solver.steps(road)):
-                    return cast(Taken, found)
-                y = solver.y
+        with np.errstate(all="ignore"):
+            if self.method == "dop853" and (found := solver.steps(road)):
+                return cast(Taken, found)
+            y = solver.y
+            try:
                 solver.step()
-                self.equation.closeness(solver.y)
-                if solver.status == "failed" or not np.isfinite(solver.y).all():
-                    return None
-                t = np.array([solver.t_old, solver.t])
-                return Taken(t, np.array([y, solver.y]), solver.dense_output())
-        except (ValueError, ArithmeticError, np.linalg.LinAlgError):
-            return None
+            except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+                if error is self.equation.error:  # the mechanism's own, not the solver's
+                    raise
+                return None
+            self.equation.closeness(solver.y)
+            if solver.status == "failed" or not np.isfinite(solver.y).all():
+                return None
+            t = np.array([solver.t_old, solver.t])
+            return Taken(t, np.array([y, solver.y]), solver.dense_output())
 
     def _integrated(self, bound: float, lookout: Lookout, own: Lookout) -> Hit | Verdict | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""

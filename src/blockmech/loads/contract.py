@@ -49,17 +49,28 @@ else:
 
 POSITION_READS = ("p", "e")
 VELOCITY_READS = ("v", "om")
+VALID = "p_, v_, e_ or om_ before a terminal's name; then the law's value, if any, and the numbers"
 
 
 @functools.cache
 def read_by(kernel: Callable[..., Any]) -> Reads:
-    """What a kernel of an element reads, by the names of its parameters; see rule 2."""
-    found: dict[str, tuple[str, ...]] = {}
+    """What a kernel of an element reads, by the names of its parameters; see rule 2.
+
+    Raises `TypeError` for a name that says nothing which can be read.
+    """
+    reads: dict[str, tuple[str, ...]] = {}
     for name in inspect.signature(kernel).parameters:
-        what, _, terminal = name.partition("_")
+        quantity, _, terminal = name.partition("_")
+        if terminal and quantity not in (*POSITION_READS, *VELOCITY_READS):
+            raise _unreadable(kernel, name)
         if terminal:
-            found[terminal] = (*found.get(terminal, ()), what)
-    return found
+            reads[terminal] = (*reads.get(terminal, ()), quantity)
+    return reads
+
+
+def _unreadable(kernel: Callable[..., Any], name: str) -> TypeError:
+    where = f"{kernel.__module__}.{kernel.__qualname__}"
+    return TypeError(f"{where}: its parameter {name!r} names nothing that can be read. {VALID}")
 
 
 @dataclass(frozen=True)
@@ -81,6 +92,32 @@ class Element(Block):
     terminals: ClassVar[Mapping[str, Terminal]] = {}
 
     useful: StrictBool = False
+
+    def __init_subclass__(cls, **settings: Any) -> None:
+        """Hold the kernels that the class names against rule 2."""
+        super().__init_subclass__(**settings)
+        for method in ("kernel", "own_measure", "energy"):
+            if not inspect.isfunction(vars(cls).get(method)):
+                continue
+            named = inspect.getclosurevars(vars(cls)[method])
+            for function in filter(
+                inspect.isfunction, (*named.globals.values(), *named.nonlocals.values())
+            ):
+                parameters = inspect.signature(function).parameters
+                if any(name.partition("_")[2] in cls.terminals for name in parameters):
+                    cls._check_terminals(function, read_by(function))
+
+    @classmethod
+    def _check_terminals(cls, kernel: Callable[..., Any], reads: Reads) -> None:
+        """Raise `TypeError` where something is read at a terminal that there is not."""
+        for terminal, quantities in reads.items():
+            if terminal not in (*cls.terminals, "driver", "time"):
+                raise _unreadable(kernel, f"{quantities[0]}_{terminal}")
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Hold the kernels in use against rule 2, wherever the class took them from."""
+        super().model_post_init(context)
+        self._check_terminals(self.kernel(), self.reads())
 
     def reads(self) -> Reads:
         """What it depends on, at each terminal."""

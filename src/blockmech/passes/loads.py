@@ -148,7 +148,7 @@ def terminal_reading(s: Schedule, terminal: JointRef, what: str) -> str:
         return s.ask(marker_place, marker)
     if what == "v":
         return s.ask(marker_velocity, marker, ACTUAL)
-    rule = link_position if what == "e" else link_velocity
+    rule = {"e": link_position, "om": link_velocity}[what]
     return s.ask(rule, marker.on).scalar
 
 
