@@ -199,3 +199,69 @@ def test_a_script_without_a_guard_is_told_so(tmp_path):
     assert said.returncode == 1
     assert "[workers-died] workers: the processes ended before" in said.stderr
     assert 'ask below "if __name__ == ...", and see' in said.stderr
+
+
+# ---- what stands in a part's place ---------------------------------------------------------
+
+
+def copied(path, other):
+    path.write_bytes(other.read_bytes())
+
+
+def foreign(path, other):
+    import pandas
+
+    pandas.DataFrame({"x": [1.0]}).to_parquet(path)
+
+
+def flipped(path, other):
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3] ^= 1  # among the pages, not in the footer
+    path.write_bytes(data)
+
+
+def linked(path, other):
+    path.unlink()
+    path.symlink_to(other)
+
+
+HARM = {
+    "copied": copied,
+    "foreign": foreign,
+    "flipped": flipped,
+    "linked": linked,
+    "truncated": lambda path, other: path.write_bytes(path.read_bytes()[:-40]),
+    "empty": lambda path, other: path.write_bytes(b""),
+    "text": lambda path, other: path.write_text("a,b\n", encoding="utf-8"),
+}
+
+
+@pytest.mark.parametrize("harm", HARM.values(), ids=HARM)
+def test_a_part_that_is_none_is_done_again(fourbar, whole, tmp_path, harm):
+    fourbar.study(VARY, **REQUEST, out=tmp_path)
+    before = files(tmp_path)
+    other, path = (tmp_path / name for name in list(before)[1:3])
+    harm(path, other)
+    done = []
+    again = fourbar.study(VARY, **REQUEST, out=tmp_path, progress=lambda *x: done.append(x[1]))
+    assert done == [REQUEST["count"]]
+    assert_same(whole, again)
+    assert files(tmp_path) == before
+    assert f"1 damaged part done again: {path.name}" in repr(again)
+
+
+def test_a_folder_in_a_parts_place_is_refused_by_name(fourbar, tmp_path):
+    fourbar.study(VARY, **REQUEST, out=tmp_path)
+    before = files(tmp_path)
+    path = tmp_path / next(iter(before))
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(bm.RequestError, match=rf"{path.name}: it is a directory"):
+        fourbar.study(VARY, **REQUEST, out=tmp_path)
+
+
+def test_parts_that_go_before_they_are_read_are_named(fourbar, tmp_path):
+    study = fourbar.study(VARY, **REQUEST, out=tmp_path)
+    next(iter(tmp_path.glob("*.parquet"))).unlink()
+    with pytest.raises(bm.RequestError, match="cannot be read any more"):
+        study["max_abs(crank.drive)"]

@@ -1,7 +1,8 @@
 """What a study keeps of its designs, in memory or in a folder of parts.
 
-Parts are Parquet files that are written whole or not at all: one that exists is complete, so a
-study that was interrupted does the missing ones only. Their names begin with a fingerprint of
+Parts are Parquet files that are written whole or not at all, so a study that was interrupted does
+the missing ones only. Missing is also a part that does not hold what its name says: its pages
+carry checksums, and the numbers of its designs are compared. Names begin with a fingerprint of
 the question: parts of another one are refused.
 """
 
@@ -16,15 +17,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import needed
+from blockmech.errors import needed, refused
 from blockmech.files import AnyPath, cannot_write, folder, writing
 from blockmech.quality import WORDS
 from blockmech.studies.reductions import POSES, Wanted, components
+from blockmech.studies.sampling import Designs
 
 Array = NDArray[Any]
 Span = tuple[int, int]  # the first design of some, and the first one behind them
 SUFFIX = ".parquet"
 WITHOUT = "to_csv needs nothing"
+WHY = ("status", "block", "pose", "poses")  # columns of why designs have no answer
 
 
 class Block(NamedTuple):
@@ -62,22 +65,25 @@ class Parts:
     question : fingerprint of what is asked
     want : what is kept
     spans : the designs of the parts
+    damaged : names of the files that stood for parts and were none, and are done again
     """
 
     place: Path
     question: str
     want: tuple[Wanted, ...]
     spans: tuple[Span, ...]
+    damaged: tuple[str, ...] = ()
 
     def path(self, span: Span) -> Path:
         """Where a part is: in the order of names the order of designs."""
         start, stop = span
         return self.place / f"{self.question}-{start:012d}-{stop:012d}{SUFFIX}"
 
-    def missing(self) -> list[Span]:
-        """The parts that are not there; the folder is made where it is not.
+    def missing(self, chosen: Designs) -> tuple[list[Span], tuple[str, ...]]:
+        """The parts that are not there, and files that stand in their places.
 
-        Raises `RequestError` where it cannot be, or where it holds parts of another question.
+        The folder is made where it is not. Raises `RequestError` where it cannot be, or where it
+        holds parts of another question.
         """
         with folder(self.place):
             pass
@@ -85,7 +91,24 @@ class Parts:
         if others := sorted(name for name in here if not name.startswith(f"{self.question}-")):
             found = f"it holds parts of another question, or of another version: {others[0]}"
             raise cannot_write(str(self.place), found, "choose another folder, or empty this one")
-        return [span for span in self.spans if self.path(span).name not in here]
+        left = [
+            span
+            for span in self.spans
+            if self.path(span).name not in here or not self._holds(span, chosen.columns(*span))
+        ]
+        return left, tuple(name for span in left if (name := self.path(span).name) in here)
+
+    def _holds(self, span: Span, vary: Mapping[str, Array]) -> bool:
+        """Whether a file is the part of these designs, whole and unharmed."""
+        arrow = needed("pyarrow", "out", "study", WITHOUT)
+        parquet = needed("pyarrow.parquet", "out", "study", WITHOUT)
+        try:
+            with self.path(span).open("rb") as stream:
+                table = parquet.read_table(stream, page_checksum_verification=True)
+        except (OSError, arrow.ArrowException):
+            return False
+        complete = set(self._names()) <= set(table.column_names)
+        return complete and all(np.array_equal(table[a].to_numpy(), x) for a, x in vary.items())
 
     def write(self, span: Span, vary: Mapping[str, Array], found: Block) -> None:
         """Write a part: its numbers and results, then why designs have no answer.
@@ -93,6 +116,8 @@ class Parts:
         Raises `RequestError` where the place cannot be written.
         """
         arrow = needed("pyarrow", "out", "study", WITHOUT)
+        if self.path(span).is_symlink():  # what it leads to is somebody else's
+            self.path(span).unlink(missing_ok=True)
         columns: list[tuple[str, Any, str | None]] = [(a, x, None) for a, x in vary.items()]
         for w in self.want:
             parts = components(w.label, found.values[w.label])
@@ -107,13 +132,16 @@ class Parts:
     def found(self) -> Block:
         """What was kept of the designs."""
         values = {w.label: self._column(w) for w in self.want}
-        table = self._read("status", "block", "pose", "poses")
+        table = self._read(*WHY)
         word = np.array([WORDS.index(x) for x in table["status"].to_pylist()], np.int8)
         return Block(values, word, *(table[name].to_numpy() for name in ("block", "pose", "poses")))
 
+    def _names(self) -> tuple[str, ...]:
+        """Names of all columns but those of the designs' own numbers."""
+        return (*(name for w in self.want for name in _names_of(w)), *WHY)
+
     def _column(self, w: Wanted) -> Array:
-        kind = complex if w.kind == "vector" else float
-        names = [name for name, _ in components(w.label, np.empty(0, kind))]
+        names = _names_of(w)
         table = self._read(*names)
         rows = [table[name].to_numpy() for name in names]
         if w.how == POSES:
@@ -121,10 +149,27 @@ class Parts:
         return np.asarray(rows[0] if len(rows) == 1 else rows[0] + 1j * rows[1])
 
     def _read(self, *names: str) -> Any:
-        """Some columns of all parts, one part after the other."""
+        """Some columns of all parts, one part after the other.
+
+        Raises `RequestError` where a part was removed or harmed since the study was made.
+        """
+        arrow = needed("pyarrow", "out", "study", WITHOUT)
         dataset = needed("pyarrow.dataset", "out", "study", WITHOUT)
+        checked = dataset.ParquetFragmentScanOptions(page_checksum_verification=True)
+        form = dataset.ParquetFileFormat(default_fragment_scan_options=checked)
         paths = [str(self.path(span)) for span in self.spans]
-        return dataset.dataset(paths, format="parquet").to_table(columns=list(names))
+        try:
+            return dataset.dataset(paths, format=form).to_table(columns=list(names))
+        except (OSError, arrow.ArrowException) as error:
+            found = f"a part cannot be read any more: {str(error).splitlines()[0]}"
+            remedy = "ask the study again: it does the parts that are missing"
+            raise refused(str(self.place), found, remedy, code="cannot-read") from error
+
+
+def _names_of(w: Wanted) -> list[str]:
+    """Names of the columns of what is kept: two of a vector."""
+    kind = complex if w.kind == "vector" else float
+    return [name for name, _ in components(w.label, np.empty(0, kind))]
 
 
 def write_parquet(
@@ -144,7 +189,7 @@ def write_parquet(
     ]
     table = arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
     with writing(path) as stream:
-        parquet.write_table(table, stream)
+        parquet.write_table(table, stream, write_page_checksum=True)
 
 
 def _array(arrow: Any, x: Any) -> Any:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.arguments import declared
-from blockmech.errors import held, needed
+from blockmech.errors import held, listed, needed
 from blockmech.export import Column, aligned, counted, csv_of
 from blockmech.export.data import dataframe
 from blockmech.files import AnyPath
@@ -202,6 +202,9 @@ class Study(Mapping[str, Array]):
             for word, k in Counter(self.status).items()
             if word != "ok"
         ]
+        if isinstance(self.rows, Parts) and self.rows.damaged:
+            damaged = counted(len(self.rows.damaged), "damaged part")
+            lines.append(f"{damaged} done again: {listed(self.rows.damaged, 3)}")
         if self.alone:
             lines.append(f"each design compiled by itself: {self.alone}")
         return "\n".join(lines)
