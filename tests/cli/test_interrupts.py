@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 
 import pytest
@@ -129,3 +130,22 @@ def test_a_trade_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
     said = call("trade", SIXBAR, "--out", tmp_path / "out")
     assert said.code == 130
     assert {p.name for p in (tmp_path / "out").iterdir()} == {"trade.csv", "trade.json"}
+
+
+@pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGKILL], ids=["term", "kill"])
+def test_workers_end_with_the_command(tmp_path, sent):
+    """Whoever reads the output sees its end: no worker holds the pipe any more."""
+    words = ["sweep", str(GRAPHS / "ruiz_fourbar.json"), "--vary", "dyad.l_i=normal(6,0.05)"]
+    words += ["--want", "max_abs(crank.drive)", "--sampling", "random", "--count", "100000000"]
+    words += ["--out", str(tmp_path / "parts"), "--workers", "2"]
+    run = subprocess.Popen(
+        [sys.executable, "-m", "blockmech", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    deadline = time.monotonic() + 120
+    while not list((tmp_path).glob("parts/*.parquet")):
+        assert run.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    run.send_signal(sent)
+    run.communicate(timeout=60)
+    assert run.returncode == (130 if sent is signal.SIGTERM else -sent)

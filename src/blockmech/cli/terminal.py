@@ -101,16 +101,24 @@ class Interrupts:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Ctrl-C does what `Interrupts` says, unless this program or its parent has other plans."""
+    """Ctrl-C does what `Interrupts` says, unless this program or its parent has other plans.
+
+    So does the signal to terminate, which a batch system sends before it kills.
+    """
     ours = (signal.default_int_handler, leave)
     main = threading.current_thread() is threading.main_thread()
     if not main or (before := signal.getsignal(signal.SIGINT)) not in ours:
         yield
         return
-    signal.signal(signal.SIGINT, Interrupts())
+    handler = Interrupts()
+    signal.signal(signal.SIGINT, handler)
+    ended = signal.getsignal(signal.SIGTERM)
+    if ended is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, handler)
     try:
         yield
     finally:
+        signal.signal(signal.SIGTERM, ended)
         # Nothing that can be lost comes after the command itself.
         signal.signal(signal.SIGINT, signal.SIG_IGN if before is leave else before)
 

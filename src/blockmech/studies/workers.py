@@ -10,15 +10,17 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import pickle
 import signal
+import threading
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from typing import Any
 
 import numpy as np
@@ -76,7 +78,7 @@ class Work:
         while left:
             given: dict[Future[Any], Span] = {}
             done = False
-            pool = ProcessPoolExecutor(workers, get_context("spawn"), _deaf)
+            pool = ProcessPoolExecutor(workers, get_context("spawn"), _serve)
             try:
                 while left or given:
                     while left and len(given) <= workers:  # one waits for who is first done
@@ -147,9 +149,15 @@ def hands(work: Work, workers: int | None, client: Any) -> Callable[[Sequence[Sp
     return lambda spans: work.by_processes(spans, workers)
 
 
-def _deaf() -> None:
-    """Ctrl-C is for the process that asks: it ends its workers."""
+def _serve() -> None:
+    """Ctrl-C is for the process that asks: it ends its workers. One that dies takes them along."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(parent_process(),), daemon=True).start()
+
+
+def _end_with(parent: Any) -> None:
+    parent.join()
+    os._exit(1)  # nobody waits for an answer
 
 
 def fingerprint(runner: Runner, chosen: Designs) -> str:
