@@ -172,3 +172,16 @@ def test_rk4_gives_up_a_goal_that_is_never_met(monkeypatch):
     assert motion.end == "more evaluations than allowed"
     assert any("perhaps never is" in note for note in motion.notes)
     assert motion.error == math.inf
+
+
+@pytest.mark.parametrize("want", ["*.q", "first.acceleration"])
+def test_a_second_driver_without_inertia_is_refused_by_name(want):
+    g = bm.Graph("two", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "E": (2.0, 0.0)}))
+    arm = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
+    for name, marker, links in (("first", "A", {"crank": arm}), ("second", "E", {})):
+        g.add(name, bm.Crank(length=1.0, links=links))
+        g.connect(f"frame.{marker}", f"{name}.A")
+        g.start(name, q=0.3, rate=0.0)
+    with pytest.raises(bm.RequestError, match="no link that second moves has mass or inertia"):
+        g.compile().simulate("time=0.1", want=want)

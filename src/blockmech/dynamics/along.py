@@ -11,7 +11,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.motion import Floats, Motion
-from blockmech.dynamics.system import System
+from blockmech.dynamics.system import System, solved
 from blockmech.plan import Friction
 from blockmech.result import Result
 from blockmech.samples import Samples
@@ -71,10 +71,7 @@ class Along(Mapping[str, Any]):
         if k == 1:
             return np.asarray(-found[idle[0]] / found[mass])
         right, M = -np.stack([found[name] for name in idle], axis=-1), found[mass]
-        good = np.isfinite(M).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
-        qdd = np.full(right.shape, np.nan)
-        qdd[good] = np.linalg.solve(M[good], right[good][:, :, None])[:, :, 0]
-        return qdd
+        return np.array([solved(*row) for row in zip(M, right, strict=True)])
 
 
 def _by_driver(name: str, values: Floats, k: int) -> dict[str, Floats]:

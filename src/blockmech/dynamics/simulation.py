@@ -155,12 +155,17 @@ def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
 
 
 def refuse_no_inertia(mechanism: Compiled) -> None:
-    """Refuse a mechanism that cannot be accelerated because nothing has mass."""
+    """Refuse a mechanism with a driver that accelerates nothing that has mass."""
     structure = mechanism.structure
-    if not any(structure.properties(link).massive for link in structure.links):
-        found = "no link has mass or inertia, so loads set no motion"
+    massive = {link.block for link in structure.links if structure.properties(link).massive}
+    moved = frozenset().union(*(structure.upstream[name] for name in massive))
+    without = [driver for driver in structure.drivers if driver not in moved]
+    if without:
+        found = f"no link that {listed(without)} moves has mass or inertia"
+        if not moved:
+            found = "no link has mass or inertia"
         remedy = 'give links "mass" and "inertia"'
-        raise refused(mechanism.name, found, remedy, code="no-inertia")
+        raise refused(mechanism.name, f"{found}, so loads set no motion", remedy, code="no-inertia")
 
 
 def evaluation_cost(
