@@ -190,6 +190,15 @@ def test_importing_blockmech_loads_no_heavy_package(module, needed):
     assert (LATE | {"networkx"}) & set(done.stdout.split()) == needed
 
 
+def test_a_motion_along_the_path_loads_no_scipy():
+    code = (
+        "import sys, blockmech as bm; bm.Graph.load('graphs/watt_sixbar.json').compile()"
+        ".simulate('standstill'); print('scipy' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False"]
+
+
 def test_private_names_stay_in_their_room():
     taken = [
         f"{name} takes {alias.name} from {node.module}"

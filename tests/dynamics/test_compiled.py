@@ -98,6 +98,15 @@ def test_a_motion_hangs_on_its_request_alone(monkeypatch):
     np.testing.assert_array_equal(first.at(t), second.at(t))
 
 
+def test_motions_that_are_asked_for_again_are_compiled(monkeypatch):
+    request = {"until": "time=0.5", "method": "dop853", "want": []}
+    monkeypatch.setattr(systems, "WORTH", 2000)  # states: some motions of both runs
+    mech = changed(document("watt_sixbar"))
+    engines = [mech.simulate(**request).motion.engine for _ in range(9)]
+    assert engines == sorted(engines, reverse=True)
+    assert (engines[0], engines[-1]) == ("scalar", "llvm")
+
+
 def test_engines_of_motions_are_told_by_name():
     with pytest.raises(bm.RequestError, match='no engine "numpy" of motions'):
         mechanism("watt_sixbar").simulate("time=1", engine="numpy")

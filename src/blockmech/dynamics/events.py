@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.equation import LEAST_INERTIA
@@ -264,6 +263,8 @@ def turned(low: Any, high: Any, direction: Any) -> Any:
 
 def _root(value: Callable[[float], float], low: float, high: float) -> float:
     """Where a value leaves its side, by zero or as no number; rounding may put that at an end."""
+    from scipy.optimize import brentq
+
     first, last = value(low), value(high)
     if first * last > 0:
         return high
@@ -284,6 +285,8 @@ def _dip(t: Floats, values: Sequence[float], value: Callable[[float], float]) ->
     first, last = max(i - 1, 0), min(i + 1, t.size - 1)
     if max(values[first], values[last]) < 2 * values[i]:
         return []
+    from scipy.optimize import minimize_scalar
+
     low, high = float(t[first]), float(t[last])
     lowest = minimize_scalar(value, bounds=(low, high), method="bounded")
     return [_root(value, low, float(lowest.x))] if lowest.fun < 0 else []

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from blockmech.engines.scalar import BySize
 from blockmech.loads.actuators import Motor
@@ -208,6 +207,8 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
     """Driver coordinates at which a measure passes one of its kinks, between samples."""
     if program.inputs != ("q_0",):
         return []
+    from scipy.optimize import brentq
+
     measure, found = BySize(program), []
     values = np.asarray(measure.run({"q_0": q}, q.size)[0])
     for level in kinks:

@@ -18,14 +18,11 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import watched
 from blockmech.dynamics.loads import SAME
-from blockmech.dynamics.motion import Event, Motion, Status
+from blockmech.dynamics.motion import INTEGRATORS, Event, Motion, Status
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import WATCH, SimulationRequest
 from blockmech.dynamics.rest import balanced, failed_start
-from blockmech.dynamics.steady import steady_motion
 from blockmech.dynamics.system import System, solved
-from blockmech.dynamics.textbook import in_fixed_steps
-from blockmech.dynamics.time import SOLVERS, in_time
 from blockmech.errors import RequestError, close_match, listed, refused
 
 WITHOUT = 'leave it out with friction="none" (--friction none)'
@@ -49,11 +46,25 @@ class Method(NamedTuple):
     finds_steady: bool = True
 
 
+def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
+    """By an integrator in time; it alone needs SciPy, which takes half a second to load."""
+    from blockmech.dynamics import time
+
+    return time.in_time(system, request, method)
+
+
+def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> Motion:
+    """By a scheme of the textbooks."""
+    from blockmech.dynamics import textbook
+
+    return textbook.in_fixed_steps(system, request, method)
+
+
 Q, Q_RATE, ALL = frozenset({"q"}), frozenset({"q", "rate"}), frozenset({"q", "rate", "time"})
 METHODS = {
     "energy": Method(along_path, Q),
     "spectral": Method(along_path, Q_RATE, True),
-    **{name: Method(partial(in_time, method=name), ALL, True, True, True) for name in SOLVERS},
+    **{name: Method(partial(in_time, method=name), ALL, True, True, True) for name in INTEGRATORS},
     "rk4": Method(partial(in_fixed_steps, method="rk4"), ALL, True, True, True, False),
     "euler_q": Method(partial(in_fixed_steps, method="euler_q"), ALL, False, True, False, False),
 }
@@ -68,6 +79,7 @@ def move(system: System, request: SimulationRequest) -> Motion:
     motion = unmoved(system, request)
     if motion is None:
         motion = _moved(system, request)
+    system.remember()
     status: Status = "failed" if motion.end == ends.TOO_MANY else motion.status
     return replace(motion, cost=system.cost, status=status)
 
@@ -181,6 +193,8 @@ def _moved(system: System, request: SimulationRequest) -> Motion:
     if named:
         request = replace(request, why="asked for")
     if request.until.goal == "steady":
+        from blockmech.dynamics.steady import steady_motion
+
         return steady_motion(system, request)
     if not named:
         return _automatic(system, request)

@@ -9,7 +9,6 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from blockmech.series import SCANNED
 from blockmech.told import DEGREES, Told
@@ -17,6 +16,7 @@ from blockmech.told import DEGREES, Told
 Floats: TypeAlias = NDArray[np.float64]
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
 
+INTEGRATORS = ("dop853", "lsoda", "radau")  # SciPy's, in time
 EVALUATIONS = 500_000  # states, or steps, at most in a run of an integrator; some seconds
 FACT_UNITS: Mapping[str, str] = {
     "swing_time": "s",
@@ -192,6 +192,8 @@ class Motion(Told):
 
     def _highest(self, t: Floats, qd: Floats, sign: int) -> float:
         """The largest ``sign * qd``: the largest sample, or what lies beside it."""
+        from scipy.optimize import minimize_scalar
+
         found = float((sign * qd).max())
         for i in np.argsort(sign * qd)[-2:].tolist():  # both ends of a period may be the largest
             near = float(t[max(i - 1, 0)]), float(t[min(i + 1, t.size - 1)])

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.estimate import COMPARED
@@ -86,6 +85,8 @@ def released(
     periods = loads.time_periods(structure)
     if "time" not in system.depends_on:
         return None, holding(t)
+    from scipy.optimize import brentq
+
     latest = t_last if math.isfinite(t_last) else t + max(periods, default=1.0)
     part = min(periods, default=latest - t) / COMPARED
     a, kink = t, loads.next_time_kink(structure, t)

@@ -87,8 +87,8 @@ def simulate(
     want : outputs at the output times
     friction : of the joints: "none", "single", "successive" or "newton" (default)
     tolerance, iterations : of ``successive``, as in a run
-    engine : of the integrators: "scalar", "llvm" (machine code), or "auto": machine code from
-        where this request alone was worth compiling. Path methods work on NumPy's arrays
+    engine : of the integrators: "scalar", "llvm" (machine code), or "auto": machine code once
+        the mechanism's motions are worth compiling. Path methods work on NumPy's arrays
     progress : told now and then (what is at work, how far it is, the whole or None)
 
     Returns

@@ -123,7 +123,7 @@ class System:
     stops : (low, high) end stops of each driver, infinite where there is none
     method : how joint friction is solved; None where it is left out or there is none
     engine : of single states: "scalar", "llvm" (machine code), or "auto": machine code once
-        this system was asked for so many that compiling pays
+        the mechanism was asked for so many, in all its runs, that compiling pays
     """
 
     compiled: Source
@@ -317,8 +317,12 @@ class System:
     @property
     def compiled_states(self) -> bool:
         """Whether machine code is asked for single states, where there can be some."""
-        worth = self.engine == "auto" and self.singles + self.states > WORTH
-        return worth or self.engine == "llvm"
+        asked = self.kept.get("states", 0) + self.singles + self.states
+        return self.engine == "llvm" or (self.engine == "auto" and asked > WORTH)
+
+    def remember(self) -> None:
+        """Count the states of this run among the mechanism's."""
+        self.kept["states"] = self.kept.get("states", 0) + self.singles + self.states
 
     def _count(self, samples: int, batch: bool) -> None:
         before = self.samples + self.singles

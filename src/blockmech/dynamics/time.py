@@ -29,7 +29,16 @@ from blockmech.dynamics.events import (
     until_terminal,
 )
 from blockmech.dynamics.fixed_steps import EulerQ, RungeKutta4
-from blockmech.dynamics.motion import EVALUATIONS, Event, Floats, Motion, State, Status, Still
+from blockmech.dynamics.motion import (
+    EVALUATIONS,
+    INTEGRATORS,
+    Event,
+    Floats,
+    Motion,
+    State,
+    Status,
+    Still,
+)
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import released
 from blockmech.dynamics.singular import AHEAD, PAST, End, time_left, what_is_ahead
@@ -38,7 +47,7 @@ from blockmech.plane import EPS
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-SOLVERS = {"dop853": Dop853, "lsoda": LSODA, "radau": Radau}
+SOLVERS = dict(zip(INTEGRATORS, (Dop853, LSODA, Radau), strict=True))
 STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
 FINER = 20.0  # a second run is so much finer (numerics 14)

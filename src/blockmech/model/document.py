@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import inspect
 import os
 from abc import abstractmethod
@@ -148,10 +149,8 @@ class Document:
     # -- attributes -------------------------------------------------------
 
     def __setattr__(self, name: str, value: Any) -> None:
-        cls = type(self)
-        known = [n for c in cls.__mro__ for n in vars(c).get("__annotations__", ())]
-        known = [n for n in known if not n.startswith("_") and n != "form"]
-        known += [n for n, p in inspect.getmembers(cls) if isinstance(p, property) and p.fset]
+        cls: Any = type(self)
+        known = _attributes(cls)
         if name not in known:
             raise GraphError(_unknown_attribute(cls, name, known))
         super().__setattr__(name, value)
@@ -169,7 +168,15 @@ def read(text: str, file: str, kind: Callable[[dict[str, Any]], type[D]]) -> D:
         raise type(error)(in_file(error.problems, file)) from error.__cause__
 
 
-def _unknown_attribute(cls: type, name: str, known: list[str]) -> Problem:
+@functools.cache
+def _attributes(cls: type) -> tuple[str, ...]:
+    """Names that can be set on documents of a kind."""
+    declared = [n for c in cls.__mro__ for n in vars(c).get("__annotations__", ())]
+    properties = [n for n, p in inspect.getmembers(cls) if isinstance(p, property) and p.fset]
+    return *(n for n in declared if not n.startswith("_") and n != "form"), *properties
+
+
+def _unknown_attribute(cls: type, name: str, known: tuple[str, ...]) -> Problem:
     """The problem of an attribute that cannot be set."""
     methods = [n for n, m in inspect.getmembers(cls, callable) if not n.startswith("_")]
     found = f'there is no attribute "{name}" to set'
