@@ -22,7 +22,7 @@ class Mutation(NamedTuple):
     """A mistake, and a graph of the gallery on which it shows."""
 
     what: str
-    function: str  # module.function, below blockmech
+    function: str  # module.function or module.Class.method, below blockmech
     right: str
     wrong: str
     graph: str
@@ -32,8 +32,9 @@ class Mutation(NamedTuple):
 def made(mutation: Mutation) -> Iterator[None]:
     """The package with the mistake in it."""
     name, _, function = mutation.function.rpartition(".")
+    name, _, owner = name.rpartition(".") if name.rpartition(".")[2].istitle() else (name, "", "")
     module = import_module(f"blockmech.{name}")
-    target = getattr(module, function)
+    target = getattr(getattr(module, owner) if owner else module, function)
     text = textwrap.dedent(inspect.getsource(target))
     assert text.count(mutation.right) == 1, f"{mutation.what}: the text has changed, write it anew"
     flags = __future__.annotations.compiler_flag
