@@ -48,6 +48,10 @@ class Graph(graph.Graph, Uncompiled):
     'fourbar'
     """
 
+    def check(self) -> list[Problem]:
+        """All problems, as data; an empty list is a mechanism that compiles."""
+        return _problems_of(self)
+
     def compile(self) -> Mechanism:
         """Check the graph and freeze it into a mechanism that computes.
 
@@ -106,11 +110,8 @@ class Linkage(linkage.Linkage, Uncompiled):
     """
 
     def check(self) -> list[Problem]:
-        """Everything that is wrong, as data; an empty list is a mechanism that works."""
-        try:
-            return self.decompose().graph.check()
-        except GraphError as error:
-            return list(error.problems)
+        """All problems, as data; an empty list is a mechanism that compiles."""
+        return _problems_of(self)
 
     def decompose(self, general: General = "") -> Decomposition:
         """Drivers and Assur groups in formation order, as blocks.
@@ -146,6 +147,15 @@ class Linkage(linkage.Linkage, Uncompiled):
         except GraphError:
             formula = "not complete: see check()"
         return f"<Linkage {self.name}: {counts}; {shorten(formula, 300, placeholder=' ...')}>"
+
+
+def _problems_of(document: Opened) -> list[Problem]:
+    """Why a document does not compile: what compiling says is the only list there is."""
+    try:
+        document.compile()
+    except GraphError as error:
+        return list(error.problems)
+    return []
 
 
 # -- files ---------------------------------------------------------------------------------

@@ -77,8 +77,7 @@ def judged(text: str) -> Iterator[tuple[str, str, str]]:
         yield "read", "written otherwise when it is read again", written
     mechanism = _answer(found.compile)
     if mechanism is None:
-        found.check()
-        yield "not compiled", "", ""
+        yield "not compiled", "" if found.check() else "check finds nothing wrong", ""
         return
     yield "compiled", "", ""
     result = _answer(lambda: mechanism.run(samples=SAMPLES, on_gap="mark"))

@@ -1,6 +1,7 @@
 """Wiring: what is locally wrong is refused at once, `check` finds all the rest together."""
 
 import math
+from pathlib import Path
 
 import networkx as nx
 import pytest
@@ -9,6 +10,8 @@ import blockmech as bm
 from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.values import Marker
 from tests.wiring import ruiz, toggle, watt, wire
+
+GRAPHS = Path(__file__).parents[2] / "graphs"
 
 
 def fourbar():
@@ -329,3 +332,14 @@ def test_marker_feeds_any_number_of_joints():
     assert g.structure().pairs == 4 + 3
     r = g.run(at=1.0)
     assert r["third.B.p"][0] == r["dyad.C.p"][0]
+
+
+def test_check_and_compile_find_the_same_in_a_home_that_does_not_close():
+    graph = bm.Graph.load(GRAPHS / "stephenson_3_triad.json")
+    data = graph.to_data()
+    data["blocks"]["triad"]["home"]["poses"]["coupler"] = [5.0, 0.0, 0.0]
+    graph = bm.Graph.from_data(data)
+    assert [p.code for p in graph.check()] == ["bad-home"]
+    with pytest.raises(bm.GraphError) as refused:
+        graph.compile()
+    assert list(refused.value.problems) == graph.check()

@@ -90,7 +90,7 @@ class Graph(Document):
             else:
                 self.wires.append(wire)
                 fed.setdefault(wire.target, wire)
-        for problem in self.check() if wrong or refused else ():
+        for problem in Graph.check(self) if wrong or refused else ():
             follows = {
                 "unknown-block": problem.where in unread,
                 "unwired-joint": problem.where in refused,
@@ -197,7 +197,7 @@ class Graph(Document):
         """The checked formation sequence. Raises `GraphError` with all problems."""
         import networkx as nx
 
-        problems = self.check()
+        problems = Graph.check(self)
         if problems:
             raise GraphError(problems)
         known = {n: b for n, b in self.blocks.items() if isinstance(b, Block)}
