@@ -9,6 +9,7 @@ WORDS = """
     unknown-block no-frame two-frames bad-address no-such-block not-a-marker
     unknown-marker unknown-joint double-wire self-wire pair-mismatch many-drivers
     wrong-home unwired-joint cycle unknown-driver
+    bad-teeth coupling-mismatch coupled-twice coupled-driver coupling-loop
 """
 FILE_CODES = frozenset(WORDS.split())
 

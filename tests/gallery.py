@@ -135,6 +135,16 @@ TWINS: dict[str, Twins] = {
         "cylinder=press.cylinder",
         "ram.P=press.P",
     ),
+    "geared_fivebar": _twins(
+        "left_crank=first.crank right_crank=second.crank left_rod=dyad.i right_rod=dyad.j",
+        "A=first.A E=second.A B=dyad.B C=dyad.C D=dyad.D",
+        "first=first second=second",
+    ),
+    "planetary_hoist": _twins(
+        "carrier=carrier.crank planet=planet.crank sun=sun.crank",
+        "O=carrier.A S=sun.A P=planet.A",
+        "carrier=carrier planet=planet sun=sun",
+    ),
     "n_four_bar": _row("loop", 1, 40, "motor=crank", crank=(0.3, 2.8)),
     "oldham_coupling": _twins(
         "input=input.crank output=disc.i disc=disc.j",

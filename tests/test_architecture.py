@@ -33,6 +33,7 @@ ROOMS = (
     "friction",
     "blocks",
     "loads",
+    "couplings",
     "model",
     "quantities",
     "plan",

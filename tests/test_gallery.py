@@ -62,13 +62,19 @@ def request(name):
     """Samples for the graph: coordinates, rates and accelerations of its drivers."""
     scene = data_of(name, GRAPHS)["scene"]
     ask = {"at": {}, "rates": {}, "accelerations": {}}
-    for driver in TWINS[name].drivers.values():
+    for driver in free_drivers(name).values():
         low, high, rate = FREE.get(name, {}).get(driver) or _by_law(scene["drive"], driver)
         low, high = TWINS[name].reach.get(driver, (low, high))
         ask["at"][driver] = np.linspace(low, high, SAMPLES + 2)[1:-1]
         ask["rates"][driver] = rate
         ask["accelerations"][driver] = rate / 2  # [1/s] of the rate, in half a second
     return ask
+
+
+def free_drivers(name):
+    """Driver of the joint-based form -> that of the graph, without those that are coupled."""
+    led = {said["driven"] for said in data_of(name, JOINTS).get("couplings", {}).values()}
+    return {mine: graph for mine, graph in TWINS[name].drivers.items() if mine not in led}
 
 
 def _by_law(drive, driver):
@@ -78,7 +84,7 @@ def _by_law(drive, driver):
 
 def renamed(name, ask):
     """The same request for the joint-based form."""
-    drivers = TWINS[name].drivers
+    drivers = free_drivers(name)
     return {
         key: {mine: said[graph] for mine, graph in drivers.items()} for key, said in ask.items()
     }
@@ -87,7 +93,8 @@ def renamed(name, ask):
 def conditions(name, ask):
     """Condition of the judge's Jacobian at each sample, and the mechanism's size [m]."""
     document = data_of(name, JOINTS)
-    system = judged(document | {"loads": {}})
+    moving = {name: said for name, said in document["links"].items() if name != "frame"}
+    system = judged(document | {"links": moving, "loads": {}})
     run = joined(name).run(**renamed(name, ask), want=["link.*.p", "link.*.angle"])
     found = []
     for k in range(SAMPLES):
@@ -122,7 +129,11 @@ def pairs_of(name, form, graph, size):
             if f"{there}.{part}" in form:
                 ours, other = form[f"{there}.{part}"], graph[f"{address}.{part}"]
                 yield kind, f"{joint}.{part}", ours * scale, sign * other * scale
-    for driver, theirs in twins.drivers.items():
+    for coupling in data_of(name, JOINTS).get("couplings", ()):
+        for part in ("force", "effort"):
+            ours, other = form[f"coupling.{coupling}.{part}"], graph[f"{coupling}.{part}"]
+            yield part, f"{coupling}.{part}", ours, other
+    for driver, theirs in free_drivers(name).items():
         for part in ("q", "drive", "J_red", "tau_red", "drive_by_reduction"):
             ours, other = form[f"driver.{driver}.{part}"], graph[f"{theirs}.{part}"]
             yield part.replace("drive_by_reduction", "drive"), f"{driver}.{part}", ours, other
@@ -181,7 +192,7 @@ def test_every_link_joint_and_driver_of_the_document_is_compared(name):
         for joint, said in document["joints"].items()
         for link in said["links"][1:]
     }
-    assert set(twins.links) == set(document["links"])
+    assert set(twins.links) == set(document["links"]) - {"frame"}
     assert set(twins.joints) == joints
     assert set(twins.drivers) == set(document["drivers"])
     structure = wired(name).structure

@@ -21,6 +21,7 @@ from blockmech.blocks import (
     SlideDrive,
 )
 from blockmech.builders import Graph, Linkage
+from blockmech.couplings import Gear
 from blockmech.errors import (
     AssemblyError,
     BlockmechError,
@@ -68,6 +69,7 @@ __all__ = [
     "FormatError",
     "Frame",
     "FrictionError",
+    "Gear",
     "GeneralGroup",
     "Graph",
     "GraphError",

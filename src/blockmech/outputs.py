@@ -24,7 +24,16 @@ from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.outputs_by_link import outputs_by_link
-from blockmech.passes import energy, forces, forward, friction, homotopy, loads, pairs, reduction
+from blockmech.passes import (
+    energy,
+    forces,
+    forward,
+    friction,
+    homotopy,
+    loads,
+    pairs,
+    reduction,
+)
 from blockmech.plan import NOUGHT, STAGES, ZERO, Friction, Output, Plan, Reader, Schedule
 from blockmech.quality import at_most_one
 
@@ -76,7 +85,39 @@ def outputs_of(structure: Structure) -> Iterator[Output]:
         yield from _marker_outputs(marker)
     for name in structure.elements:
         yield from _element_outputs(structure, name)
+    for driver in structure.followers:
+        yield from _coupling_outputs(structure, driver)
     yield from _mechanism_outputs(structure)
+
+
+def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
+    """What a coupling does to the driven link, and how fast that follows."""
+    ref, name = structure.driven[driver], structure.followers[driver].coupling
+    joint, leader = structure.joint(ref), structure.followers[driver].leader
+    leading = structure.joint(leader).coordinate_unit if leader is not None else "rad"
+    unit = f"{joint.coordinate_unit}/{leading}" if joint.coordinate_unit != leading else ""
+    by = str(structure.later_link(leader) if leader else structure.followers[driver].centre.on)
+    ends = {"by": by, "on": str(structure.later_link(ref))}
+
+    def slope(s: Schedule) -> tuple[str]:
+        return (f"{s.ask(forward.transmission, driver)}.slope",)
+
+    yield Output(f"{name}.slope", unit, "real", slope, _same)
+    yield _real(f"{name}.effort", joint.effort_unit, forces.effort_in, ref, **ends)
+    if structure.couplings[name].contact is not None:
+
+        def part(field: str, zero: str) -> Callable[[Schedule], tuple[str]]:
+            def ask(s: Schedule) -> tuple[str]:
+                return (f"{s.ask(forces.meshing, driver)}.{field}",) if _acts(s, ref) else (zero,)
+
+            return ask
+
+        yield Output(f"{name}.force", "N", "vector", part("F", ZERO), _same, by, ends["on"])
+        yield Output(f"{name}.moment", "N m", "real", part("M", NOUGHT), _same, by, ends["on"])
+
+
+def _acts(s: Schedule, ref: JointRef) -> bool:
+    return s.ask(forces.smooth, ref.block) is not None
 
 
 def _element_outputs(structure: Structure, name: str) -> Iterator[Output]:
@@ -96,9 +137,11 @@ def _driver_outputs(structure: Structure, name: str) -> Iterator[Output]:
     q, effort = joint.coordinate_unit, joint.effort_unit
     inertia = "kg m2" if joint.rotary else "kg"
     ends = {"by": str(structure.earlier_link(ref)), "on": str(structure.later_link(ref))}
-    yield _real(f"{name}.q", q, Schedule.input, "q", name)
-    yield _real(f"{name}.rate", f"{q}/s", Schedule.input, "qd", name)
-    yield _real(f"{name}.acceleration", f"{q}/s2", Schedule.input, "qdd", name)
+    yield _real(f"{name}.q", q, forward.coordinate_of, name)
+    yield _real(f"{name}.rate", f"{q}/s", forward.rate_of, name)
+    yield _real(f"{name}.acceleration", f"{q}/s2", forward.acceleration_of, name)
+    if name in structure.followers:
+        return
     yield _real(f"{name}.drive", effort, forces.drive, name, **ends)
     yield _real(f"{name}.drive_by_reduction", effort, reduction.drive_by_reduction, name)
     yield Output(

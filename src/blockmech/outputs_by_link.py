@@ -39,6 +39,9 @@ OF_DRIVERS = (
 )
 
 
+OF_COUPLINGS = ("slope", "effort", "force", "moment")
+
+
 class Reading(NamedTuple):
     """How an output of the document is read.
 
@@ -98,6 +101,9 @@ def readings(structure: Structure, names: Names, known: Mapping[str, Output]) ->
                 yield Reading(f"link.{link}.{marker}.{what}", ((f"{ref}.{what}", 1),))
     for pin, entries in groupby(names.joints.items(), lambda item: item[0].partition(".")[0]):
         yield from _of_joints(pin, dict(entries), structure, names, known)
+    for coupling, block in names.couplings.items():
+        for what in OF_COUPLINGS:
+            yield Reading(f"coupling.{coupling}.{what}", ((f"{block}.{what}", 1),))
     yield from _of_loads(structure, names, known)
     for name in known:
         if name.startswith("mechanism."):

@@ -40,6 +40,10 @@ QUANTITIES: Mapping[str, str] = {
     "force": "force of {by} on {on}",
     "couple": "couple of {by} on {on}",
     "power": "power given to the links",
+    # couplings
+    "slope": "rate of the driven coordinate by the one that leads",
+    "effort": "moment or force of {by} on {on} along its coordinate, friction included",
+    "moment": "moment of {by} on {on}, about the marker of the driven pair",
     # the mechanism
     "kinetic_energy": "kinetic energy of all links",
     "potential_energy": "energy of weights, from the frame's origin, and of springs",

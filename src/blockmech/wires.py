@@ -60,7 +60,7 @@ def _outputs(structure: Structure, marker: MarkerRef, joint: JointRef) -> dict[s
     found |= {"F": [f"{joint}.wrench_F"], "M": [f"{joint}.wrench_M"]}
     if len(structure.drivers) != 1:
         return found
-    (driver,) = structure.driven
+    (driver,) = structure.drivers
     head = structure.driven[driver].block
     others = [block for block in structure.blocks if block != head]
     for what in ("J_red", "tau_red"):  # under the driver's name stand all blocks

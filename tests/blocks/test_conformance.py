@@ -87,6 +87,14 @@ EXAMPLES = {
         {"law": TURNS, "driver": "any"},
     ],
 }
+ENDS = {"driver": "first", "driven": "second"}
+EXAMPLES |= {
+    "coupling.gear": [
+        {**ENDS, "teeth": (20, 30), "phase": 0.4},
+        {**ENDS, "teeth": (60, 18), "internal": True, "pressure_angle": 0.35},
+        {**ENDS, "teeth": (18, 60), "internal": True, "pressure_angle": 0.35},
+    ],
+}
 CASES = [
     pytest.param(name, example, id=f"{name} {example}")
     for name, examples in EXAMPLES.items()

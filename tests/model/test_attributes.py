@@ -72,7 +72,8 @@ REFUSED = {
 }
 KNOWN = {
     bm.Graph: "blocks, extras, file, gravity, name, scene, title, wires",
-    bm.Linkage: "drivers, extras, file, gravity, initial, joints, links, loads, name, stops, title",
+    bm.Linkage: "couplings, drivers, extras, file, gravity, initial, joints, links, loads, "
+    "name, stops, title",
 }
 
 

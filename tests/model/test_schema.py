@@ -34,6 +34,7 @@ BEYOND_A_SCHEMA = {  # what a schema cannot say: how parts of a file fit each ot
     *("pair_mismatch", "self_wire", "taken_name", "two_frames", "unknown_block"),
     *("unknown_driver", "unknown_joint", "unknown_marker", "unwired_joint"),
     *("many_drivers", "wrong_home"),
+    *("bad_teeth", "coupling_mismatch", "coupled_twice", "coupled_driver", "coupling_loop"),
 }
 
 

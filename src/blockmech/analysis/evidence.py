@@ -8,13 +8,13 @@ conditioning that it knows is that of the group's own equations, 1 / sqrt(margin
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.free_bodies import Array, FreeBodies
+from blockmech.analysis.free_bodies import Array, Body, FreeBodies
 from blockmech.model.structure import JointRef, LinkRef
 
 if TYPE_CHECKING:
@@ -153,12 +153,32 @@ class Evidence:
             found.append(plain(-r[f"{block}.{name}.friction_power"]))
         for ref in self.outer(block):
             found += self._wire(ref, -1.0)
-        found += [plain(r[f"{d}.power"]) for d in self.structure.drivers_of(block)]
+        for d in self.structure.drivers_of(block):
+            found += self._drive(d)
         for name in self.structure.blocks[block].link_names:
             link = LinkRef(block, name)
             for child in self.structure.carried[link]:
                 found += self._wire(child, 1.0)
             found += self.power_of_loads(link)
+            found += self._power(self.bodies.link(link), self.bodies.couplings(link))
+        return found
+
+    def _drive(self, driver: str) -> Iterator[Term]:
+        """Power that drives a pair from its support: of its driver, or of a black box."""
+        r, follower = self.run, self.structure.followers.get(driver)
+        if follower is None:
+            yield plain(r[f"{driver}.power"])
+        elif f"{follower.coupling}.force" not in r:
+            sense = self.structure.coordinate(driver).sign
+            yield plain(sense * r[f"{follower.coupling}.effort"] * r[f"{driver}.rate"])
+
+    def through_coupling(self, driver: str) -> list[Term]:
+        """Powers that a coupling gives to the links that it acts on; their sum is nothing."""
+        s, found = self.structure, list(self._drive(driver))
+        links = {s.later_link(s.driven[driver]): None}
+        links |= {link: None for link in s.links if driver in s.coupled_on[link]}
+        for link in links:
+            found += self._power(self.bodies.link(link), self.bodies.couplings(link, driver))
         return found
 
     def _wire(self, ref: JointRef, sign: float) -> list[Term]:
@@ -171,7 +191,13 @@ class Evidence:
         """Power of weight, inertia and elements on a link."""
         body, found = self.bodies.link(link), []
         for source in (self.bodies.inertia_and_weight(link), self.bodies.elements(link)):
-            for force, place, couple in source:
-                found.append(power(force, body.v + 1j * body.om * (place - body.p)))
-                found.append(plain(couple * body.om))
+            found += self._power(body, source)
+        return found
+
+    def _power(self, body: Body, loads: Iterable[tuple[Array, Array, Array]]) -> list[Term]:
+        """Powers of forces and couples on a link."""
+        found = []
+        for force, place, couple in loads:
+            found.append(power(force, body.v + 1j * body.om * (place - body.p)))
+            found.append(plain(couple * body.om))
         return found

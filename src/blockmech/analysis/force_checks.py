@@ -43,6 +43,14 @@ def blocks(e: Evidence) -> Iterator[Residual]:
         yield Residual("power through", name, total(e.powers(name)).value, scale)
 
 
+def couplings(e: Evidence) -> Iterator[Residual]:
+    """Power through every coupling: what it takes from one link it gives to another."""
+    for driver, follower in e.structure.followers.items():
+        through = total(e.through_coupling(driver))
+        scale = through.size + e.sizes(e.structure.driven[driver].block).power
+        yield Residual("power through", follower.coupling, through.value, scale)
+
+
 def whole(e: Evidence) -> Iterator[Residual]:
     """Drive power + load power - friction power = rate of kinetic energy."""
     r = e.run

@@ -118,6 +118,7 @@ class FreeBodies:
         """Everything that acts on a link: force [N], where it acts [m], couple [N m]."""
         yield from self.inertia_and_weight(link)
         yield from self.elements(link)
+        yield from self.couplings(link)
         for joint in self.joints_on(link):
             yield from self._pair(joint, link)
 
@@ -143,6 +144,28 @@ class FreeBodies:
                 yield r[f"{terminal}.force"], place, zero
             else:
                 yield zero + 0j, place, r[f"{terminal}.couple"]
+
+    def couplings(self, link: LinkRef, only: str = "") -> Iterator[tuple[Array, Array, Array]]:
+        """What couplings do to a link: contacts, and what black boxes take from the leader.
+
+        ``only`` is a coupled driver whose coupling alone is wanted.
+        """
+        r, s, zero = self.run, self.structure, np.zeros(self.run.n)
+        for driver, (name, terms, _, leader, centre) in s.followers.items():
+            if only not in ("", driver):
+                continue
+            ref, later = s.driven[driver], None if leader is None else s.later_link(leader)
+            if f"{name}.force" in r:
+                ends = {s.later_link(ref): 1.0, later or centre.on: -1.0}
+                if (sign := ends.get(link)) is not None:
+                    place = self.ends(ref)[0].p
+                    yield sign * r[f"{name}.force"], place, sign * r[f"{name}.moment"]
+            elif leader is not None and link in (later, s.earlier_link(leader)):
+                senses = s.coordinate(driver).sign * s.coordinate(terms[0][0]).sign
+                meshes = s.couplings[name].meshes
+                felt = (1 if meshes else senses) * r[f"{name}.slope"] * r[f"{name}.effort"]
+                t, end = (-felt if link == later else felt), self.ends(leader)[0]
+                yield (zero + 0j, end.p, t) if s.joint(leader).rotary else (t * end.e, end.p, zero)
 
     def held(self, terminal: JointRef) -> Body:
         """Where an element takes hold of a link."""
@@ -172,9 +195,17 @@ class FreeBodies:
         along = [sign * r[f"{ref}.friction"]]
         if joint.driven:
             driver = self.structure.blocks[ref.block].driver_name(*ref)
-            along.append(sign * self.structure.coordinate(driver).sign * r[f"{driver}.drive"])
+            along += [sign * x for x in self._drive(driver)]
         for t in along:
             yield (zero + 0j, place, t) if revolute else (t * earlier.e, place, zero)
+
+    def _drive(self, driver: str) -> Iterator[Array]:
+        """What drives the later link of a driven pair from its support, if anything does."""
+        follower = self.structure.followers.get(driver)
+        if follower is None:
+            yield self.structure.coordinate(driver).sign * self.run[f"{driver}.drive"]
+        elif f"{follower.coupling}.force" not in self.run:
+            yield self.run[f"{follower.coupling}.effort"]
 
     def _slider(self, ref: JointRef) -> Array:
         """The slider's point of a prismatic pair."""

@@ -15,7 +15,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Part, Residual
-from blockmech.analysis.force_checks import blocks, frame, friction, links, reduction, whole
+from blockmech.analysis.force_checks import (
+    blocks,
+    couplings,
+    frame,
+    friction,
+    links,
+    reduction,
+    whole,
+)
 from blockmech.analysis.load_checks import energies, loads
 from blockmech.analysis.motion_checks import closures, drivers, markers, modes
 from blockmech.arguments import declared
@@ -41,6 +49,7 @@ CHECKS: tuple[Callable[[Evidence], Iterator[Residual]], ...] = (
     frame,
     friction,
     blocks,
+    couplings,
     energies,
     whole,
     reduction,

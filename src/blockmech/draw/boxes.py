@@ -7,17 +7,20 @@ wires name.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from blockmech.blocks.contract import Moving
 from blockmech.blocks.frame import Frame
+from blockmech.blocks.joints import PAIRS
 from blockmech.compiled import Compiled
+from blockmech.couplings.contract import Coupling
 from blockmech.draw.layout import Box, Ends
 from blockmech.draw.palette import MOST, SIZES, SMALL, TEXT
 from blockmech.draw.paper import shown_name, text_width
 from blockmech.errors import Problem, listed
 from blockmech.loads.contract import Element, Following
+from blockmech.model.couplings import couplings_of, driven_joints
 from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
@@ -38,7 +41,7 @@ class Port:
 class DrawnBlock:
     """A block as the diagram shows it.
 
-    ``kind`` is frame, driver, group, element, unknown or missing.
+    ``kind`` is frame, driver, group, element, coupling, unknown or missing.
     """
 
     name: str
@@ -130,7 +133,8 @@ def graph_of(mechanism: Compiled) -> Graph:
     """The graph of a compiled mechanism."""
     structure = mechanism.structure
     graph = Graph(mechanism.name)
-    graph.blocks = {structure.frame: structure.fixed, **structure.blocks, **structure.elements}
+    own = {**structure.blocks, **structure.elements, **structure.couplings}
+    graph.blocks = {structure.frame: structure.fixed, **own}
     ends = {**structure.feeds, **structure.holds}
     graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]
     return graph
@@ -142,6 +146,7 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
     # An address that is none at all leaves a part empty.
     parts = (wire.source.partition(".") + wire.target.partition(".") for wire in graph.wires)
     wires = [Ends(*ends) for p in parts if all(ends := (p[0], p[2], p[3], p[5]))]
+    wires += _drive_wires(graph)
     shown = list(dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))]))
     problems = graph.check()
     if problems:
@@ -151,7 +156,7 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
         subtitle = words.formula(s).replace("->", "→")
     if len(shown) > most:  # of a valid graph in the order of formation
         subtitle = f"first {most} of {len(shown)} blocks – {subtitle}"
-        shown = (shown if problems else [s.frame, *s.blocks, *s.elements])[:most]
+        shown = (shown if problems else [s.frame, *s.blocks, *s.elements, *s.couplings])[:most]
     drawn = [w for w in wires if w.source in shown and w.target in shown]
     fed = {(w.target, w.port) for w in wires}
     return Content(
@@ -161,6 +166,22 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
         blocks=tuple(_block(graph, name, drawn, fed, words) for name in shown),
         wires=tuple(DrawnWire(w, _flows(graph, w), words.beside(w)) for w in drawn),
     )
+
+
+COUPLED = "q"  # the port at which a driver's coordinate enters
+
+
+def _drive_wires(graph: Graph) -> Iterator[Ends]:
+    """What runs from drivers to couplings, and from those to the drivers that follow."""
+    drivers = driven_joints(graph.blocks)
+    for name, coupling in couplings_of(graph.blocks).items():
+        if coupling.driver in drivers:
+            yield Ends(drivers[coupling.driver][0], "q", name, COUPLED)
+        else:
+            block, _, marker = coupling.driver.partition(".")
+            yield Ends(block, marker, name, COUPLED)
+        if coupling.driven in drivers:
+            yield Ends(name, "", drivers[coupling.driven][0], COUPLED)
 
 
 def _complaint(problems: Sequence[Problem]) -> str:
@@ -189,23 +210,30 @@ def _block(
             kind = "group" if block.closes else "driver"
             under = f"{block.group_class} {block.kind}".strip()
             declared = {j.name: j.kind for j in block.joints.values() if j.outer}
-            drive = _drive(block)
+            led = {c.driven for c in couplings_of(graph.blocks).values()}
+            if not led & {block.driver_name(name, j.name) for j in block.driven}:
+                drive = _drive(block)
         case Element():
             kind, under = "element", block.type_name.rsplit(".", 1)[-1].replace("_", " ")
             declared = dict.fromkeys(block.terminals, "")
             if isinstance(block, Following):
                 under = f"{under} {block.function()}".strip()
+        case Coupling():
+            kind, under = "coupling", block.type_name.rsplit(".", 1)[-1]
         case UnknownBlock():
             kind, under = "unknown", f"{block.type}?"
         case _:
             kind, under = "missing", "no such block"
     if words.links.get(name):
         under = f"{under}: {', '.join(words.links[name])}"
+    coupled = {(w.target, w.port) for w in _drive_wires(graph)}
     ports = []
     for port in dict.fromkeys([*declared, *(w.port for w in wires if w.target == name)]):
-        pair = declared.get(port, "")
+        pair = declared.get(port, COUPLED if (name, port) in coupled else "")
         word = shown_name(words.wires.get(f"{name}.{port}", port), 16)
-        ports.append(Port(port, pair, (name, port) in fed, f"{word} ({pair})" if pair else word))
+        ports.append(
+            Port(port, pair, (name, port) in fed, f"{word} ({pair})" if pair in PAIRS else word)
+        )
     markers = tuple(words.beside(w) for w in wires if w.source == name)
     return DrawnBlock(name, kind, under, tuple(ports), markers, drive)
 

@@ -30,6 +30,7 @@ SYMBOLS = {  # of joints, terminals (loads) and markers: shape, size [pt], fill
     "R": ("o", 2 * SIZES.port, ink.PAPER),
     "P": ("s", 2 * SIZES.port, ink.PAPER),
     "": ("D", 1.6 * SIZES.port, ink.PAPER),
+    "q": ("D", 1.6 * SIZES.port, ink.FORWARD),
     "marker": ("o", 2 * SIZES.port - 2, ink.INK),
 }
 FILLS = {
@@ -37,6 +38,7 @@ FILLS = {
     "driver": ink.DRIVER_FILL,
     "group": ink.GROUP_FILL,
     "element": ink.ELEMENT_FILL,
+    "coupling": ink.DRIVER_FILL,
     "unknown": "none",
     "missing": ink.PAPER,
 }
@@ -244,6 +246,7 @@ def _legend(content: Content, cycle: bool) -> dict[str, dict[str, Any]]:
         ("force and moment back: F, M", back, True),
         *((f"{pair.word} joint", _symbol(k), k in pairs) for k, pair in PAIRS.items()),
         ("load", _symbol(""), any(b.kind == "element" for b in content.blocks)),
+        ("coupling", _symbol("q"), "q" in pairs),
         ("marker", _symbol("marker"), bool(content.wires)),
         ("not wired", cross, not all(p.wired for p in ports)),
         ("waits for a later block", wrong, cycle),

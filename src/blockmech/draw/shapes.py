@@ -55,6 +55,10 @@ def shapes_of(stage: Stage) -> list[Shape]:
         z = stage.motion.at(*pin.spot)[None]
         name = f"pin:{pin.names[0]}"
         found.append(Shape(name, "disc", z, 6, fill=ink.PAPER, radius=SIZES.pin))
+    for wheel in stage.sketch.wheels:
+        points, dash = stage.motion.at(wheel.link, np.array(wheel.points)), (9.0, 2.0, 2.0, 2.0)
+        look: Any = {"width": 0.9, "dash": dash if wheel.chain else ()}
+        found.append(Shape(f"wheel:{wheel.name}", "line", points, 4.7, ink.GREY, **look))
     for load in stage.sketch.loads:
         found += _load(stage, load)
     for name, way in drive_ways(stage).items():
@@ -248,7 +252,8 @@ def drive_ways(stage: Stage) -> dict[str, Complex]:
     """The senses in which the drivers move: an arc (p, n), or a line beside the slider."""
     found = {}
     motion, s = stage.motion, stage.motion.structure
-    for name, ref in s.driven.items():
+    for name in s.drivers:
+        ref = s.driven[name]
         link, spot = s.later_link(ref), pin_spot(s, ref)
         e = motion.axis[link] * stage.unit
         sense = np.where(motion.q_rate[name] * s.coordinate(name).sign < 0, -1, 1)

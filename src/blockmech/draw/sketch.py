@@ -6,7 +6,7 @@ derived from declarations: joints, guide lines, markers, mass properties, termin
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -78,6 +78,16 @@ class LoadMark:
 
 
 @dataclass(frozen=True)
+class Wheel:
+    """A line that a coupling draws on a link: a pitch circle, a profile, a belt."""
+
+    name: str
+    link: LinkRef
+    points: Outline
+    chain: bool
+
+
+@dataclass(frozen=True)
 class Sketch:
     """All that is drawn of a mechanism."""
 
@@ -85,6 +95,7 @@ class Sketch:
     pins: tuple[Pin, ...]
     sliders: tuple[Slider, ...]
     loads: tuple[LoadMark, ...]
+    wheels: tuple[Wheel, ...] = ()
 
     @property
     def words(self) -> int:
@@ -98,6 +109,7 @@ class Sketch:
         found += [Spot(body.link, body.cm) for body in self.bodies if body.cm is not None]
         found += [pin.spot for pin in self.pins]
         found += [Spot(s.guide.link, s.end(k)) for s in self.sliders for k in (0, 1)]
+        found += [Spot(wheel.link, z) for wheel in self.wheels for z in wheel.points]
         return found + [spot for load in self.loads for spot in load.spots]
 
 
@@ -133,7 +145,28 @@ def sketch_of(motion: Motion) -> Sketch:
         if link != s.frame_link
     )
     loads = (_load(s, name) for name in s.elements)
-    return Sketch(bodies, _merged(motion, pins), tuple(sliders), tuple(loads))
+    wheels = (wheel for driver in s.followers for wheel in _wheels(motion, driver))
+    return Sketch(bodies, _merged(motion, pins), tuple(sliders), tuple(loads), tuple(wheels))
+
+
+def _wheels(motion: Motion, driver: str) -> Iterator[Wheel]:
+    """The lines of a coupling, on its links."""
+    s, follower, ref = motion.structure, motion.structure.followers[driver], None
+    ref, leader = s.driven[driver], follower.leader
+    if ref not in s.feeds:
+        return
+    markers = follower.centre, s.feeds[ref]
+    one, other = (motion.at(m.on, marker_place(s, m)) for m in markers)
+    guide = motion.axis[markers[1].on] * getattr(s.marker(markers[1]), "direction", 1 + 0j)
+    links = {"driver": follower.centre.on if leader is None else s.later_link(leader)}
+    links |= {"driven": s.later_link(ref), "carrier": markers[1].on}
+    ends = complex(one[0]), complex(other[0])
+    for curve in s.couplings[follower.coupling].curves(ends, complex(guide[0])):
+        link = links[curve.link]
+        centre = Spot(*((m := markers[curve.link == "driven"]).on, marker_place(s, m)))
+        at = complex(motion.seen(link, centre)[0])
+        points = tuple(at + z for z in curve.points)
+        yield Wheel(f"{follower.coupling}:{curve.link}", link, points, curve.chain)
 
 
 # -- joints ------------------------------------------------------------------------------

@@ -32,6 +32,7 @@ from blockmech.dynamics.place import NOTHING
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.llvm import OneByOne
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
+from blockmech.errors import refused
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.friction.equations import loads as pair_loads
@@ -45,6 +46,7 @@ Vectors: TypeAlias = NDArray[np.complex128]
 Sides: TypeAlias = tuple[int, ...]
 Row: TypeAlias = list[Any]  # the program's values at a state, or at n of them
 GIVEN = Friction(friction.GIVEN)
+SIDED = "{} pushes its wheels apart whatever the sense of the effort, which is not linear in it"
 
 
 def bearing(load: Any) -> tuple[Any, Any]:
@@ -76,6 +78,9 @@ class MotionProgram:
         joints = s.ask(friction.given_joints)
         if not joints:
             return None
+        for name, coupling in structure.couplings.items():
+            if coupling.sided:
+                raise refused("friction", SIDED.format(name), 'friction="none", or no angle')
         (driver,) = structure.drivers
         values = [s.ask(forces.drive, driver)]
         for ref in joints:

@@ -21,7 +21,7 @@ from blockmech.loads.functions import Function
 from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Table
 from blockmech.loads.springs import Spring, TorsionSpring, twist
 from blockmech.model.structure import JointRef, Structure
-from blockmech.passes.forward import link_velocity, marker_velocity
+from blockmech.passes.forward import coordinate_of, link_velocity, marker_velocity
 from blockmech.passes.homotopy import followed, path_of, schedule
 from blockmech.passes.loads import cm_velocity, kernel_on, terminal_term, weight_on
 from blockmech.passes.resultants import NOTHING
@@ -94,14 +94,17 @@ def _law(element: Element) -> Any:
 
 def period_of(structure: Structure, driver: str) -> float | None:
     """Period [rad] of everything that depends on the coordinate; None if there is none."""
-    rotary = structure.driver_joint(driver).rotary
-    if not rotary or not all(path_of(structure, n).repeats for n in followed(structure)):
+    rotary, turns = structure.driver_joint(driver).rotary, structure.turns(driver)
+    if not (rotary and turns):
         return None
-    turns = 1
+    if not all(path_of(structure, n).repeats for n in followed(structure)):
+        return None
     for element in structure.elements.values():
         law = _law(element)
         if law is None or "coordinate" not in law.variables():
             continue
+        if isinstance(element, Following) and element.driver in structure.followers:
+            return None
         if not isinstance(element, Following) or element.driver != driver:
             continue
         if isinstance(law, Fourier) and law.period is None:
@@ -145,7 +148,9 @@ def knots(compiled: Any) -> tuple[float, ...]:
         if law is not None and "coordinate" not in law.variables():
             continue
         if isinstance(element, Following) and element.driver is not None:
-            if isinstance(law, Table):
+            if isinstance(law, Table) and element.driver in structure.followers:
+                found += _rows_of_follower(compiled, element.driver, law, (low, high), span)
+            elif isinstance(law, Table):
                 found += _rows(law, low, high)
         elif kinks := _kinks(element):
             turning = isinstance(element, Motor | TorsionSpring)
@@ -153,6 +158,20 @@ def knots(compiled: Any) -> tuple[float, ...]:
             samples = SCANNED * max(1, round((high - low) / span)) + 1
             found += _passings(measure, kinks, turning, np.linspace(low, high, samples))
     return tuple(sorted({x % period for x in found} if period else set(found)))
+
+
+def _rows_of_follower(
+    compiled: Any, driver: str, law: Table, within: tuple[float, float], span: float
+) -> list[float]:
+    """Where a coupled driver passes the rows of a table of its coordinate."""
+    s = schedule(compiled.structure, compiled.scene, FREE)
+    program = s.program([s.ask(coordinate_of, driver)])
+    q = np.linspace(*within, SCANNED * max(1, round((within[1] - within[0]) / span)) + 1)
+    if program.inputs != ("q_0",):
+        return []
+    there = np.asarray(BySize(program).run({"q_0": q}, q.size)[0])
+    rows = _rows(law, float(np.nanmin(there)), float(np.nanmax(there)))
+    return _passings(program, rows, False, q)
 
 
 def next_time_kink(structure: Structure, t: float) -> float:

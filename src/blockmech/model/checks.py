@@ -15,8 +15,10 @@ from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.general.block import SUPPORTS
 from blockmech.blocks.modes import TwoModes
 from blockmech.blocks.registry import REGISTRY
+from blockmech.couplings.contract import Coupling
 from blockmech.errors import Problem, close_match, listed
 from blockmech.loads.contract import Element, Following
+from blockmech.model.couplings import add_couplings, coupling_problems, loop_problems
 from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
 from blockmech.model.scene import Scene
 from blockmech.values import NAME_RULE, Marker, is_name
@@ -37,10 +39,12 @@ def all_problems(blocks: Blocks, wires: Iterable[Wire], scene: Scene) -> list[Pr
         fed.setdefault(wire.target, wire)
     problems += _unwired(blocks, fed)
     problems += _driver_problems(blocks, scene)
+    problems += coupling_problems(blocks, scene)
     problems += _group_problems(blocks)
     problems += _branch_problems(blocks, wires)
     if not any(p.code == "unknown-block" for p in problems):
-        problems += _cycles(blocks, wires)
+        cycles = list(_cycles(blocks, wires))
+        problems += cycles or loop_problems(motion_dag(blocks, wires), blocks)
     return problems
 
 
@@ -113,6 +117,10 @@ def _local_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterator[Pr
 
 def _source_problems(blocks: Blocks, wire: Wire) -> Any:
     block, name = yield from _end(blocks, wire, wire.source)
+    if isinstance(block, Coupling):
+        valid, remedy = "a coupling names its drivers, and takes no wires", "remove the wire"
+        yield Problem("not-a-marker", wire.source, "a coupling has no markers", valid, remedy)
+        return None
     if isinstance(block, Element):
         found = f"{block.type_name} has no markers"
         valid = "a wire starts at a marker of a link and ends at the element"
@@ -267,12 +275,19 @@ def _cycles(blocks: Blocks, wires: Iterable[Wire]) -> Iterator[Problem]:
             yield cycles.cycle_problem(blocks, wires, names, told=links <= cycles.MOST_LINKS)
 
 
+def motion_dag(blocks: Blocks, wires: Iterable[Wire]) -> nx.DiGraph:
+    """The same with an edge from each block to those that are coupled to it."""
+    dag = block_dag(blocks, wires)
+    add_couplings(dag, blocks)
+    return dag
+
+
 def block_dag(blocks: Blocks, wires: Iterable[Wire]) -> nx.DiGraph:
     """Blocks with links, and an edge from each block to those that it feeds."""
     import networkx as nx
 
     dag = nx.DiGraph()
-    dag.add_nodes_from(n for n, b in blocks.items() if not isinstance(b, Element))
+    dag.add_nodes_from(n for n, b in blocks.items() if not isinstance(b, Element | Coupling))
     for wire in wires:
         source, target = wire.source.split(".")[0], wire.target.split(".")[0]
         fixed = isinstance(blocks.get(target), Frame)  # nothing can feed it

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from blockmech.arguments import declared
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
+from blockmech.couplings.contract import Coupling
 from blockmech.errors import MOST, GraphError, Problem
 from blockmech.loads.contract import Element
 from blockmech.model import checks
@@ -187,7 +188,13 @@ class Graph(Document):
 
     def check(self) -> list[Problem]:
         """All problems of the wiring, as data; an empty list is a valid mechanism."""
-        return checks.all_problems(self.blocks, self.wires, self.scene)
+        problems = checks.all_problems(self.blocks, self.wires, self.scene)
+        if not problems and any(isinstance(b, Coupling) for b in self.blocks.values()):
+            try:
+                self._formed().check_couplings()
+            except GraphError as error:
+                problems = list(error.problems)
+        return problems
 
     def remarks(self) -> list[Problem]:
         """Unused and unreachable things: not wrong, but perhaps forgotten."""
@@ -195,14 +202,17 @@ class Graph(Document):
 
     def structure(self) -> Structure:
         """The checked formation sequence. Raises `GraphError` with all problems."""
-        import networkx as nx
-
         problems = Graph.check(self)
         if problems:
             raise GraphError(problems)
+        return self._formed()
+
+    def _formed(self) -> Structure:
+        import networkx as nx
+
         known = {n: b for n, b in self.blocks.items() if isinstance(b, Block)}
         frame = next(n for n, b in known.items() if isinstance(b, Frame))
-        dag = checks.block_dag(self.blocks, self.wires)
+        dag = checks.motion_dag(self.blocks, self.wires)
         order = nx.lexicographical_topological_sort(dag, key=str)  # ties by name
         feeds: dict[JointRef, MarkerRef] = {}
         holds: dict[JointRef, MarkerRef] = {}
@@ -214,7 +224,8 @@ class Graph(Document):
             wires[JointRef(block, joint)] = ref
         moving = {n: b for n in order if isinstance(b := known[n], Moving)}
         elements = {n: b for n in sorted(known) if isinstance(b := known[n], Element)}
-        return Structure(frame, moving, elements, known[frame], feeds, holds)
+        couplings = {n: b for n in sorted(known) if isinstance(b := known[n], Coupling)}
+        return Structure(frame, moving, elements, known[frame], feeds, holds, couplings=couplings)
 
     def to_networkx(self) -> nx.DiGraph:
         """A copy of the block diagram: nodes are blocks, edges carry their ``wires``."""

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from pydantic.fields import FieldInfo
 
+from blockmech.blocks.contract import Moving
 from blockmech.errors import Problem, RequestError, close_match, listed, path_text, refused
 from blockmech.model.scene import Scene
 from blockmech.plane import apply
@@ -21,6 +22,7 @@ from blockmech.values import Axis, Marker, Pair, Strictly
 
 Path = tuple[str | int, ...]
 BLOCKS = "blocks"  # the section whose items an address names without it
+FIXED_LINK = ("links", "frame")
 PARTS = ("x", "y")  # of a place or vector
 T = TypeVar("T")
 
@@ -57,14 +59,15 @@ def parameters_of(sections: Mapping[str, Any]) -> dict[str, Parameter]:
             unit = _unit(Scene.model_fields.get(section))
             axis = known.get(key, Axis())._replace(known=known)
             for parameter in _numbers(item, path, head, head, unit, axis):
-                found.setdefault(parameter.address, parameter)
+                if path != FIXED_LINK or parameter.path[2] == "markers":  # it has no mass
+                    found.setdefault(parameter.address, parameter)
     return found
 
 
 def _axes(sections: Mapping[str, Any]) -> Iterator[tuple[str, Axis]]:
     """Drivers by name, and joints of a document, each with the units along its coordinate."""
     for name, block in sections.get(BLOCKS, {}).items():
-        for joint in getattr(block, "driven", ()):
+        for joint in block.driven if isinstance(block, Moving) else ():
             yield block.driver_name(name, joint.name), Axis.of(joint.kind)
     joints = {name: Axis.of(joint.type) for name, joint in sections.get("joints", {}).items()}
     for name, driver in sections.get("drivers", {}).items():

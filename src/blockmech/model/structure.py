@@ -6,14 +6,20 @@ mobility 3n - 2p, or 3n - sum (3 - f) with f freedoms of each pair.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from blockmech.blocks.contract import Block, BuiltIn, Coordinate, Joint, Moving
+from blockmech.couplings.contract import Coupling
+from blockmech.errors import GraphError, Problem
 from blockmech.loads.contract import Element
 from blockmech.values import Link, Marker
+
+SAME_CARRIER = "give both pairs markers of one link"
 
 
 class LinkRef(NamedTuple):
@@ -67,6 +73,26 @@ class FollowedBranch(NamedTuple):
     scale: float = 1.0
 
 
+class Follower(NamedTuple):
+    """Where the coordinate of a coupled driver comes from.
+
+    coupling : name of the coupling
+    terms : (driver, +1 or -1): the coupling's argument is the sum of these coordinates; of a
+        coupling that meshes, of those of their pairs without offsets: the angle of the leading
+        link against the carrier
+    added : the same for what is added to the coupling's answer: the angle of the carrier
+        against the link that the driven one hangs on
+    leader : the pair of the driver that leads; None where the wheel is fixed to a link
+    centre : the marker that is the centre of what is on the leading link
+    """
+
+    coupling: str
+    terms: tuple[tuple[str, int], ...]
+    added: tuple[tuple[str, int], ...]
+    leader: JointRef | None
+    centre: MarkerRef
+
+
 @dataclass(frozen=True)
 class Structure:
     """A valid mechanism: who moves whom, in formation order, ties by name.
@@ -79,6 +105,7 @@ class Structure:
     feeds : joint of a moving block -> the marker wired to it
     holds : terminal of an element -> the marker wired to it
     followed : dyad whose branch follows the motion -> where it changes
+    couplings : the relations between drivers in name order
     """
 
     frame: str
@@ -88,6 +115,7 @@ class Structure:
     feeds: Mapping[JointRef, MarkerRef]
     holds: Mapping[JointRef, MarkerRef]
     followed: Mapping[str, FollowedBranch] = field(default_factory=dict)
+    couplings: Mapping[str, Coupling] = field(default_factory=dict)
 
     @cached_property
     def driven(self) -> Mapping[str, JointRef]:
@@ -103,8 +131,114 @@ class Structure:
 
     @cached_property
     def drivers(self) -> tuple[str, ...]:
-        """Names of the drivers in formation order."""
-        return tuple(self.driven)
+        """Names of the drivers in formation order, without those that are coupled."""
+        return tuple(d for d in self.driven if d not in self.followers)
+
+    @cached_property
+    def followers(self) -> Mapping[str, Follower]:
+        """Coupled driver -> where its coordinate comes from, in name order of the couplings.
+
+        Raises `GraphError` where a coupling's wheels do not turn about places of one link.
+        """
+        return {c.driven: self._follower(name) for name, c in self.couplings.items()}
+
+    def check_couplings(self) -> None:
+        """Raise `GraphError` with all couplings whose parts do not fit where they are."""
+        problems: list[Problem] = []
+        for name in self.couplings:
+            try:
+                self._follower(name)
+            except GraphError as error:
+                problems += error.problems
+        if problems:
+            raise GraphError(problems)
+
+    def _follower(self, name: str) -> Follower:
+        coupling = self.couplings[name]
+        leader, ref = self.driven.get(coupling.driver), self.driven[coupling.driven]
+        if leader is None:
+            block, _, marker = coupling.driver.partition(".")
+            centre = MarkerRef(block, self.block(block).all_markers[marker][0], marker)
+            link, support = centre.on, centre.on
+        else:
+            centre, link = self.feeds[leader], self.later_link(leader)
+            support = self.earlier_link(leader)
+        follower = Follower(name, ((coupling.driver, 1),), (), leader, centre)
+        if not coupling.meshes:
+            return follower
+        own = self.feeds[ref].on
+        carriers = [k for k in (support, own) if {support, own} <= set(self._turning(k))]
+        if not carriers:
+            found = f"the centres of {coupling.driver} and {coupling.driven} are on {support} "
+            found += f"and {own}, and neither hangs on the other by driven pairs"
+            raise GraphError(Problem("coupling-mismatch", name, found, "", SAME_CARRIER))
+        if leader is not None and not self.joint(leader).rotary:
+            if support != own:
+                found = f"{coupling.driver} slides on {support}, {coupling.driven} turns on {own}"
+                raise GraphError(Problem("coupling-mismatch", name, found, "", SAME_CARRIER))
+            return follower
+        terms = self._between(name, link, carriers[0])
+        return follower._replace(terms=terms, added=self._between(name, carriers[0], own))
+
+    def _between(self, name: str, link: LinkRef, base: LinkRef) -> tuple[tuple[str, int], ...]:
+        """Drivers whose coordinates add up to the angle of a link against another one."""
+        over, under = self._turning(link), self._turning(base)
+        if next(reversed(over)) != next(reversed(under)):
+            found = f"no driver turns {next(reversed(over))} by itself, so its turns do not count"
+            valid = "wheels and their carrier hang on the frame by driven pairs alone"
+            raise GraphError(Problem("coupling-mismatch", name, found, valid))
+        mine, others = (set(filter(None, x.values())) for x in (over, under))
+        terms = [(d, 1) for d in over.values() if d and d not in others]
+        return (*terms, *((d, -1) for d in under.values() if d and d not in mine))
+
+    def _turning(self, link: LinkRef) -> dict[LinkRef, str]:
+        """A link and those that it hangs on by driven pairs, each with the driver that turns it."""
+        found: dict[LinkRef, str] = {}
+        while link != self.frame_link and not self.blocks[link.block].closes:
+            (driver,) = self.drivers_of(link.block)
+            found[link] = driver if self.driver_joint(driver).rotary else ""
+            link = self.earlier_link(self.driven[driver])
+        return found | {link: ""}
+
+    def contact_at(self, ref: JointRef) -> str | None:
+        """The driver of a pair whose coupling acts by a contact on its later link; else None."""
+        if not self.joint(ref).driven:
+            return None
+        driver = self.blocks[ref.block].driver_name(*ref)
+        follower = self.followers.get(driver)
+        known = follower is not None and self.couplings[follower.coupling].contact is not None
+        return driver if known else None
+
+    @cached_property
+    def coupled_on(self) -> Mapping[LinkRef, tuple[str, ...]]:
+        """Drivers that follow something on a link or, of a black box, stand on its support."""
+        found: dict[LinkRef, dict[str, None]] = {link: {} for link in self.links}
+        for driven, follower in self.followers.items():
+            contact = self.couplings[follower.coupling].contact is not None
+            if follower.leader is None:
+                found[follower.centre.on][driven] = None
+            else:
+                found[self.later_link(follower.leader)][driven] = None
+                if not contact:
+                    found[self.earlier_link(follower.leader)][driven] = None
+        return {link: tuple(names) for link, names in found.items()}
+
+    def turns(self, driver: str) -> int | None:
+        """Turns of a driver after which all coupled links stand as before; None if never."""
+        advance = {d: Fraction(d == driver) for d in self.drivers}
+        whole = 1
+        for name in self.driven:
+            if name in advance:
+                continue
+            follower = self.followers[name]
+            by = sum((sign * advance[d] for d, sign in follower.terms), Fraction(0))
+            on = self.couplings[follower.coupling].advance(by)
+            if on is None or (on and not self.driver_joint(name).rotary):
+                return None
+            on += sum((sign * advance[d] for d, sign in follower.added), Fraction(0))
+            advance[name] = on
+            whole = math.lcm(whole, by.denominator, on.denominator)
+        return whole
 
     def drivers_of(self, block: str) -> tuple[str, ...]:
         """Drivers inside a block, in the order of its joints."""
@@ -143,7 +277,7 @@ class Structure:
     def upstream(self) -> Mapping[str, frozenset[str]]:
         """Drivers on which each block's motion depends."""
         return {
-            name: frozenset(d for d, joint in self.driven.items() if joint.block in above)
+            name: frozenset(d for d in self.drivers if self.driven[d].block in above)
             for name, above in self._ancestors.items()
         }
 
@@ -172,9 +306,13 @@ class Structure:
 
     @property
     def mobility(self) -> int:
-        """Chebyshev-Gruebler mobility 3n - sum (3 - f) of the moving links."""
+        """Chebyshev-Gruebler mobility 3n - sum (3 - f) of the moving links.
+
+        What two coupled links have with each other is a pair of two freedoms.
+        """
         joints = (joint for block in self.blocks.values() for joint in block.joints.values())
-        return 3 * (len(self.links) - 1) - sum(3 - joint.pair.freedoms for joint in joints)
+        held = sum(3 - joint.pair.freedoms for joint in joints) + len(self.couplings)
+        return 3 * (len(self.links) - 1) - held
 
     def supports(self, block: str) -> tuple[str, ...]:
         """Blocks that feed a block, in the order of its joints."""
@@ -184,6 +322,16 @@ class Structure:
             if j.outer
         )
 
+    def sources(self, block: str) -> tuple[str, ...]:
+        """Blocks from which a block's motion comes: its supports, and those it is coupled to."""
+        found = dict.fromkeys(self.supports(block))
+        for driver in self.drivers_of(block):
+            if driver in self.followers:
+                follower = self.followers[driver]
+                found |= {self.driven[d].block: None for d, _ in follower.terms + follower.added}
+                found[follower.centre.block] = None
+        return tuple(found)
+
     def ancestors(self, block: str) -> frozenset[str]:
         """All moving blocks on which a block depends, itself included."""
         return self._ancestors[block]
@@ -192,7 +340,7 @@ class Structure:
     def _ancestors(self) -> Mapping[str, frozenset[str]]:
         found: dict[str, frozenset[str]] = {self.frame: frozenset()}
         for name in self.blocks:
-            found[name] = frozenset([name]).union(*(found[s] for s in self.supports(name)))
+            found[name] = frozenset([name]).union(*(found[s] for s in self.sources(name)))
         return found
 
     def joint(self, ref: JointRef) -> Joint:

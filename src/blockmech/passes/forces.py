@@ -15,16 +15,20 @@ from blockmech.friction import solvers
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import friction
 from blockmech.passes.forward import (
+    link_position,
     marker_arm,
+    marker_place,
     parameters,
     position,
     signed,
 )
 from blockmech.passes.loads import applied, elements_on, inertial
 from blockmech.passes.pairs import (
+    contact,
     effort_influence,
     friction_on,
     influence,
+    slope_effort,
     statics,
     touches,
     transmitted,
@@ -63,7 +67,7 @@ def link_load(s: Schedule, link: LinkRef) -> str:
         loads = s.ask(shared, link) + s.ask(given_on, link)
     else:
         loads = s.ask(applied, link)
-    total = s.ask(inertial, link) + loads + s.ask(carried, link)
+    total = s.ask(inertial, link) + loads + s.ask(carried, link) + s.ask(coupled, link)
     force, moment = s.sum(total.forces, f"{link}_F", ZERO), s.sum(total.moments, f"{link}_M")
     return s.emit(Load, force, moment, name=f"{link}_load")
 
@@ -102,9 +106,13 @@ def solve(s: Schedule, block: str, reactions: str) -> str:
     joints = s.ask(friction.coupled_joints, block)
     k = tuple_of(s.ask(friction.resistance, j) for j in joints)
     edges = tuple_of(str(statics(s, j).edges) for j in joints)
-    base = tuple_of(statics(s, j).measure(s, j, s.ask(transmitted, j, reactions)) for j in joints)
+    base = tuple_of(
+        statics(s, j).measure(s, j, s.ask(transmitted, j, reactions, reactions)) for j in joints
+    )
     rows = tuple_of(
-        tuple_of(statics(s, j).measure(s, j, s.ask(influence, j, unit)) for unit in joints)
+        tuple_of(
+            statics(s, j).measure(s, j, s.ask(influence, j, unit, reactions)) for unit in joints
+        )
         for j in joints
     )
     solver, options = solvers.SOLVERS[s.friction.method]
@@ -138,7 +146,7 @@ def friction_at(s: Schedule, ref: JointRef) -> tuple[str, int] | None:
     """Solved friction that a pair is part of, and its place there; None without friction."""
     if ref not in s.ask(friction.friction_joints, ref.block):
         return None
-    if not s.structure.joint(ref).driven:
+    if ref in s.ask(friction.coupled_joints, ref.block):
         solved, joints = s.ask(solution, ref.block), s.ask(friction.coupled_joints, ref.block)
         return None if solved is None else (solved, joints.index(ref))
     pair = s.ask(reaction, ref)
@@ -150,12 +158,12 @@ def reaction(s: Schedule, ref: JointRef) -> str | None:
     reactions = s.ask(smooth, ref.block)
     if reactions is None:
         return None
-    total = s.ask(transmitted, ref, reactions)
+    total = s.ask(transmitted, ref, reactions, reactions)
     solved = s.ask(solution, ref.block)
     if solved is None:
         return total
     for k, unit in enumerate(s.ask(friction.coupled_joints, ref.block)):
-        total += f" + mul({s.ask(influence, ref, unit)}, {solved}.t[{k}])"
+        total += f" + mul({s.ask(influence, ref, unit, reactions)}, {solved}.t[{k}])"
     return s.line(total, f"{ref}_R")
 
 
@@ -174,7 +182,7 @@ def effort_in(s: Schedule, joint: JointRef) -> str:
     units = s.ask(friction.coupled_joints, joint.block) if solved is not None else ()
     for k, unit in enumerate(units):
         effort += f" + {s.ask(effort_influence, joint, unit)} * {solved}.t[{k}]"
-    t = s.ask(resisting, joint)
+    t = NOUGHT if joint in s.ask(friction.coupled_joints, joint.block) else s.ask(resisting, joint)
     if t != NOUGHT:
         effort += f" - {t}"
     return s.line(effort, f"{joint}_drive") if " " in effort else effort
@@ -186,12 +194,49 @@ def wrench(s: Schedule, ref: JointRef) -> tuple[str, str]:
     if pair is None:
         return ZERO, NOUGHT
     joint = s.structure.joint(ref)
-    effort = s.ask(effort_in, ref) if joint.driven else NOUGHT
+    held = (
+        joint.driven and s.structure.contact_at(ref) is None
+    )  # by the support, not by another link
+    effort = s.ask(effort_in, ref) if held else NOUGHT
     along = s.sum((s.ask(resisting, ref), effort), f"{ref}_along")
     return statics(s, ref).back(s, ref, pair, along)
+
+
+def meshing(s: Schedule, driver: str) -> str:
+    """What the link that leads does to a coupled one, about the marker of the driven pair."""
+    ref = s.structure.driven[driver]
+    reactions = s.ask(smooth, ref.block)
+    assert reactions is not None  # such a block is active
+    return s.ask(contact, driver, s.ask(effort_in, ref), reactions)
+
+
+def coupled(s: Schedule, link: LinkRef) -> Resultant:
+    """What couplings do to a link that leads, or on whose support a black box stands."""
+    total, structure = NOTHING, s.structure
+    for driver in structure.coupled_on[link]:
+        ref, leader = structure.driven[driver], structure.followers[driver].leader
+        if not s.ask(active, ref.block):
+            continue
+        if s.structure.contact_at(ref) is not None:
+            load, o = s.ask(meshing, driver), s.ask(link_position, link).vector
+            p = s.ask(marker_place, structure.feeds[ref])
+            arm = p if o == ZERO else s.line(f"{p} - {o}", f"{driver}_mesh_arm")
+            total += at_arm(s, s.line(f"-{load}.F", f"{driver}_mesh_F"), arm, f"{driver}_mesh")
+            total += Resultant((), (s.line(f"-{load}.M", f"{driver}_mesh_M"),))
+            continue
+        assert leader is not None
+        felt = s.ask(slope_effort, driver, s.ask(effort_in, ref))
+        minus = s.line(f"-{felt}", f"{driver}_minus_felt")
+        if link == structure.later_link(leader):
+            total += statics(s, leader).along(s, leader, link, minus)
+            continue
+        force, moment = statics(s, leader).back(s, leader, ZERO, minus)
+        hold = s.ask(marker_arm, structure.feeds[leader])
+        total += at_arm(s, force, hold, f"{driver}_housing") + Resultant((), (moment,))
+    return total
 
 
 def frame_load(s: Schedule) -> Resultant:
     """What the mechanism exerts on the frame, about the frame's origin."""
     link = s.structure.frame_link
-    return s.ask(carried, link) + s.ask(elements_on, link)
+    return s.ask(carried, link) + s.ask(elements_on, link) + s.ask(coupled, link)

@@ -11,7 +11,7 @@ Sources: [R10] Fig. 3, [D14] Fig. 2 and section 2 (i).
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 from blockmech.blocks.contract import BuiltIn
 from blockmech.model.structure import FollowedBranch, JointRef, LinkRef, MarkerRef, Structure
@@ -22,6 +22,7 @@ from blockmech.values import Marker
 
 ACTUAL = ""
 BIAS = "bias"
+Terms: TypeAlias = tuple[tuple[str, int], ...]
 
 
 class Moved(NamedTuple):
@@ -29,6 +30,125 @@ class Moved(NamedTuple):
 
     vector: str
     scalar: str
+
+
+# -- coordinates of drivers ------------------------------------------------------
+#
+# They are inputs of the program, or functions of others by a coupling. Its argument x is a sum
+# of coordinates, so with F the transmission
+#
+#     q = F(x),    q' = F' x',    q'' = F' x'' + F'' x'^2
+#
+# in every mode of motion: unit rates give what a coupled link adds to the reduced inertia, and
+# unit rates without driver accelerations what F'' adds to its slope.
+
+
+def signed(s: Schedule, driver: str, value: str) -> str:
+    """A rate, acceleration or effort of a driven joint from its driver's, or the other way."""
+    if s.structure.coordinate(driver).sign > 0 or value == NOUGHT:
+        return value
+    if value in ("1.0", "-1.0"):
+        return "-1.0" if value == "1.0" else "1.0"
+    return s.line(f"-{value}", f"minus_{value}")
+
+
+def joint_coordinate(s: Schedule, driver: str) -> str:
+    """Coordinate of a driven joint, from its driver's: sign q + offset."""
+    q = signed(s, driver, s.ask(coordinate_of, driver))
+    if s.structure.coordinate(driver).offset == 0:
+        return q
+    slot = s.parameter(
+        ("offset", driver), lambda st, _: st.coordinate(driver).offset, f"{driver}_offset"
+    )
+    return s.line(f"{q} + {slot}", f"{driver}_joint")
+
+
+def coordinate_of(s: Schedule, driver: str) -> str:
+    """Coordinate of a driver."""
+    if driver not in s.structure.followers:
+        return s.input("q", driver)
+    q = f"{s.ask(transmission, driver)}.q"
+    return _counted(s, driver, q, _carried(s, driver, coordinate_of))
+
+
+def rate_of(s: Schedule, driver: str, mode: str = ACTUAL) -> str:
+    """Rate of a driver in a mode."""
+    if driver not in s.structure.followers:
+        if mode in (ACTUAL, BIAS):
+            return s.input("qd", driver)
+        return "1.0" if mode == driver else NOUGHT
+    x, rate = s.ask(argument_rate, driver, mode), NOUGHT
+    if x != NOUGHT:
+        rate = s.line(f"{s.ask(transmission, driver)}.slope * {x}", f"{driver}_rate")
+    return _counted(s, driver, rate, _carried(s, driver, rate_of, mode))
+
+
+def acceleration_of(s: Schedule, driver: str, mode: str = ACTUAL) -> str:
+    """Acceleration of a driver in a mode; unit and bias modes without driver acceleration."""
+    if driver not in s.structure.followers:
+        return NOUGHT if mode else s.input("qdd", driver)
+    x, rate = s.ask(argument_acceleration, driver, mode), s.ask(argument_rate, driver, mode)
+    F = s.ask(transmission, driver)
+    parts = [f"{F}.slope * {x}"] if x != NOUGHT else []
+    parts += [f"{F}.curve * {rate} * {rate}"] if rate != NOUGHT else []
+    value = s.line(" + ".join(parts), f"{driver}_acceleration") if parts else NOUGHT
+    return _counted(s, driver, value, _carried(s, driver, acceleration_of, mode))
+
+
+# -- by a coupling -------------------------------------------------------------------
+
+
+def transmission(s: Schedule, driver: str) -> str:
+    """The coupling's kernel at its argument: coordinate, slope and curve."""
+    name = s.structure.followers[driver].coupling
+    kernel, x = s.structure.couplings[name].transmission(), _argument(s, driver, coordinate_of)
+    return s.emit(kernel, x, s.ask(numbers, name), name=f"{name}_F")
+
+
+def numbers(s: Schedule, coupling: str) -> str:
+    """Slot of a coupling's own numbers."""
+    return s.parameter(
+        ("numbers", coupling), lambda st, _: st.couplings[coupling].parameters(), f"P_{coupling}"
+    )
+
+
+def argument_rate(s: Schedule, driver: str, mode: str) -> str:
+    """Rate of the argument of a driver's coupling in a mode."""
+    return _argument(s, driver, rate_of, mode)
+
+
+def argument_acceleration(s: Schedule, driver: str, mode: str) -> str:
+    """Acceleration of the same."""
+    return _argument(s, driver, acceleration_of, mode)
+
+
+def _argument(s: Schedule, driver: str, rule: Callable[..., str], *mode: str) -> str:
+    return _sum(s, driver, s.structure.followers[driver].terms, rule, *mode)
+
+
+def _carried(s: Schedule, driver: str, rule: Callable[..., str], *mode: str) -> str:
+    """What the carrier's motion adds to a coupled one."""
+    return _sum(s, driver, s.structure.followers[driver].added, rule, *mode)
+
+
+def _sum(s: Schedule, driver: str, terms: Terms, rule: Callable[..., str], *mode: str) -> str:
+    """The sum of terms with their signs, and with the senses in which drivers count."""
+    structure, text = s.structure, ""
+    meshes = structure.couplings[structure.followers[driver].coupling].meshes
+    for term, sense in terms:
+        value = s.ask(rule, term, *mode)
+        if value != NOUGHT:
+            counted = sense * (structure.coordinate(term).sign if meshes else 1)
+            text += f" {'+' if counted > 0 else '-'} {value}"
+    text = text.removeprefix(" + ").lstrip()
+    return NOUGHT if not text else s.line(text, f"{driver}_x") if " " in text else text
+
+
+def _counted(s: Schedule, driver: str, value: str, carried: str) -> str:
+    """A value of the driven pair, the carrier's share added, as its driver counts it."""
+    meshes = s.structure.couplings[s.structure.followers[driver].coupling].meshes
+    whole = s.sum((value, carried), f"{driver}_whole")
+    return signed(s, driver, whole) if meshes else whole
 
 
 # -- positions -----------------------------------------------------------------
@@ -41,7 +161,7 @@ def parameters(s: Schedule, block: str) -> str:
 
 def position(s: Schedule, block: str) -> str:
     """Pose of a block, from the places of its supports."""
-    s.ask_first(position, block, s.structure.supports)
+    s.ask_first(position, block, s.structure.sources)
     b = s.structure.blocks[block]
     args = _read(s, block, joint_position)
     args += [s.ask(joint_coordinate, driver) for driver in s.structure.drivers_of(block)]
@@ -56,24 +176,6 @@ def _read(s: Schedule, block: str, reading: Callable[..., str], *mode: str) -> l
     """What the outer joints of a block read at a stage."""
     joints = s.structure.blocks[block].joints.values()
     return [s.ask(reading, JointRef(block, j.name), *mode) for j in joints if j.outer]
-
-
-def joint_coordinate(s: Schedule, driver: str) -> str:
-    """Coordinate of a driven joint, from its driver's: sign q + offset."""
-    q = signed(s, driver, s.input("q", driver))
-    if s.structure.coordinate(driver).offset == 0:
-        return q
-    slot = s.parameter(
-        ("offset", driver), lambda st, _: st.coordinate(driver).offset, f"{driver}_offset"
-    )
-    return s.line(f"{q} + {slot}", f"{driver}_joint")
-
-
-def signed(s: Schedule, driver: str, value: str) -> str:
-    """A rate, acceleration or effort of a driven joint from its driver's, or the other way."""
-    if s.structure.coordinate(driver).sign > 0 or value == NOUGHT:
-        return value
-    return s.line(f"-{value}", f"minus_{value}")
 
 
 def margin(s: Schedule, block: str) -> str:
@@ -187,9 +289,11 @@ def velocity(s: Schedule, block: str, mode: str = ACTUAL) -> str | None:
         return None
     if mode == BIAS:
         return s.ask(velocity, block, ACTUAL)
-    s.ask_first(velocity, block, s.structure.supports, mode)
+    s.ask_first(velocity, block, s.structure.sources, mode)
     args = [s.ask(position, block), *_read(s, block, joint_velocity, mode)]
-    args += [s.ask(joint_rate, driver, mode) for driver in s.structure.drivers_of(block)]
+    args += [
+        signed(s, driver, s.ask(rate_of, driver, mode)) for driver in s.structure.drivers_of(block)
+    ]
     return _motion(s, block, mode, "velocity", args)
 
 
@@ -197,12 +301,12 @@ def acceleration(s: Schedule, block: str, mode: str = ACTUAL) -> str | None:
     """Acceleration of a block in a mode; unit and bias modes without driver acceleration."""
     if not moves(s, block, mode):
         return None
-    s.ask_first(acceleration, block, s.structure.supports, mode)
+    s.ask_first(acceleration, block, s.structure.sources, mode)
     vel = s.ask(velocity, block, mode)
     assert vel is not None  # the block moves in this mode
+    drivers = s.structure.drivers_of(block)
     args = [s.ask(position, block), vel, *_read(s, block, joint_acceleration, mode)]
-    for driver in s.structure.drivers_of(block):
-        args.append(NOUGHT if mode else signed(s, driver, s.input("qdd", driver)))
+    args += [signed(s, driver, s.ask(acceleration_of, driver, mode)) for driver in drivers]
     return _motion(s, block, mode, "acceleration", args)
 
 
@@ -212,13 +316,6 @@ def _motion(s: Schedule, block: str, mode: str, stage: str, args: list[str]) -> 
     kernel = getattr(s.structure.blocks[block].kernels, stage)
     name = f"{block}_{stage[:3]}{_suffix(mode)}"
     return s.kernel(entry, kernel, *args, s.ask(parameters, block), name=name)
-
-
-def joint_rate(s: Schedule, driver: str, mode: str) -> str:
-    """Rate of a driven joint in a mode."""
-    if mode in (ACTUAL, BIAS):
-        return signed(s, driver, s.input("qd", driver))
-    return f"{s.structure.coordinate(driver).sign:.1f}" if mode == driver else NOUGHT
 
 
 def joint_velocity(s: Schedule, ref: JointRef, mode: str) -> str:
@@ -300,7 +397,8 @@ def slip(s: Schedule, ref: JointRef, mode: str = ACTUAL) -> str:
     """Relative rate of a pair: [rad/s] for R, sliding rate [m/s] for P; later on earlier."""
     block, joint = s.structure.blocks[ref.block], s.structure.joint(ref)
     if joint.driven:
-        return s.ask(joint_rate, block.driver_name(*ref), mode)
+        driver = block.driver_name(*ref)
+        return signed(s, driver, s.ask(rate_of, driver, mode))
     if joint.kind == "P":
         vel = s.ask(velocity, ref.block, mode)
         return NOUGHT if vel is None else f"{vel}.{block.joint_field(ref.name)}"

@@ -37,10 +37,14 @@ def friction_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
 def coupled_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
     """Those of them whose friction loads each other.
 
-    Friction in a driven pair only changes what the drive has to give.
+    Friction in a driven pair only changes what the drive has to give, unless that is the
+    contact with another link, which loads the pair.
     """
     joints = s.ask(friction_joints, block)
-    return tuple(ref for ref in joints if not s.structure.joint(ref).driven)
+    structure = s.structure
+    return tuple(
+        ref for ref in joints if not structure.joint(ref).driven or structure.contact_at(ref)
+    )
 
 
 def given_joints(s: Schedule) -> tuple[JointRef, ...]:

@@ -17,12 +17,14 @@ from blockmech.passes.forward import (
     ACTUAL,
     acceleration_at,
     arm_of,
+    coordinate_of,
     link_acceleration,
     link_position,
     link_velocity,
     marker_arm,
     marker_place,
     marker_velocity,
+    rate_of,
     velocity_at,
 )
 from blockmech.passes.resultants import NOTHING, Resultant, at_arm
@@ -142,7 +144,7 @@ def terminal_reading(s: Schedule, terminal: JointRef, what: str) -> str:
     element = s.structure.elements[terminal.block]
     if isinstance(element, Following) and what in ("q", "qd"):
         assert element.driver is not None
-        return s.input(what, element.driver)
+        return s.ask(coordinate_of if what == "q" else rate_of, element.driver)
     marker = s.structure.holds[terminal]
     if what == "p":
         return s.ask(marker_place, marker)

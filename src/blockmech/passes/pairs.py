@@ -18,20 +18,23 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, TypeAlias, cast
 
-from blockmech.model.structure import JointRef, LinkRef, Structure
+from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.passes.forward import (
     arm_of,
     guide_direction,
     link_position,
+    marker_direction,
     marker_place,
+    numbers,
     parameters,
     place,
     position,
+    transmission,
 )
 from blockmech.passes.resultants import NOTHING, Resultant, at_arm
 from blockmech.plan import NOUGHT, ZERO, Formula, Schedule
 from blockmech.plane import dot
-from blockmech.typing import Load
+from blockmech.typing import Guide, Load
 
 Loads: TypeAlias = dict[str, Resultant]
 """Link of a block -> a load on it."""
@@ -70,6 +73,10 @@ class Statics(ABC):
     def back(self, s: Schedule, ref: JointRef, pair: str, t: str) -> tuple[str, str]:
         """Force and moment on the support, about the wire's forward point."""
 
+    @abstractmethod
+    def relieved(self, s: Schedule, ref: JointRef, pair: str, load: str) -> str:
+        """What it transmits where a load about the wire's forward point acts on the later link."""
+
 
 class Revolute(Statics):
     """A force R through the pin, and couples along the coordinate."""
@@ -99,6 +106,10 @@ class Revolute(Statics):
         """The opposites."""
         moment = NOUGHT if t == NOUGHT else s.line(f"-{t}", f"{ref}_back_M")
         return s.line(f"-{pair}", f"{ref}_back_F"), moment
+
+    def relieved(self, s: Schedule, ref: JointRef, pair: str, load: str) -> str:
+        """The force less the load's; its moment takes the place of the driving one."""
+        return s.line(f"{pair} - {load}.F", f"{ref}_relieved")
 
 
 class Prismatic(Statics):
@@ -157,6 +168,14 @@ class Prismatic(Statics):
             moment += f" - cross({point} - {p}, {f})"
         return s.line(f"-{f}", f"{ref}_back_F"), s.line(moment, f"{ref}_back_M")
 
+    def relieved(self, s: Schedule, ref: JointRef, pair: str, load: str) -> str:
+        """Less the load across the guide and its moment about S; along it no drive acts."""
+        u, point = s.ask(guide_direction, ref), s.ask(slider_point, ref)
+        p, moment = s.ask(marker_place, s.structure.feeds[ref]), f"{load}.M"
+        if point != p:
+            moment += f" - cross({point} - {p}, {load}.F)"
+        return s.line(f"{pair} - planar(cross({u}, {load}.F), {moment})", f"{ref}_relieved")
+
 
 STATICS: Mapping[str, Statics] = {"R": Revolute(), "P": Prismatic()}
 """The letter of a pair in files -> what it does with forces."""
@@ -167,10 +186,18 @@ def statics(s: Schedule, ref: JointRef) -> Statics:
     return STATICS[s.structure.joint(ref).kind]
 
 
-def transmitted(s: Schedule, ref: JointRef, reactions: str) -> str:
-    """What a pair transmits onto its later link by one set of reactions."""
-    own = f"{reactions}.{s.structure.blocks[ref.block].joint_field(ref.name)}"
-    return statics(s, ref).transmitted(s, ref, own)
+def transmitted(s: Schedule, ref: JointRef, reactions: str, base: str) -> str:
+    """What a pair transmits onto its later link by one set of reactions.
+
+    ``base`` are those to the loads alone, see `contacts.contact`.
+    """
+    block = s.structure.blocks[ref.block]
+    pair = statics(s, ref).transmitted(s, ref, f"{reactions}.{block.joint_field(ref.name)}")
+    driver = s.structure.contact_at(ref)
+    if driver is None:
+        return pair
+    load = s.ask(contact, driver, f"{reactions}.{block.effort_field(ref.name)}", base)
+    return statics(s, ref).relieved(s, ref, pair, load)
 
 
 def _along(ref: JointRef, owner: LinkRef) -> Formula:
@@ -213,6 +240,47 @@ def _owner(s: Schedule, ref: JointRef) -> LinkRef:
     return s.structure.later_link(ref) if later else s.structure.earlier_link(ref)
 
 
+# -- what couplings transmit -----------------------------------------------------------
+#
+# The effort on a coupled pair is what no motor gives there. A contact turns it into a wrench of
+# the leading link on the driven one, about the driven pair's marker; the opposite acts on the
+# leading link. A black box takes slope times effort from the leading pair, and its housing
+# stands on both supports.
+
+
+def contact(s: Schedule, driver: str, effort: str, base: str) -> str:
+    """Load on the driven link about the marker of its pair, by an effort along its coordinate.
+
+    ``base`` are the reactions to the loads alone; the sense of the effort in them is that of
+    the contact, so that what friction adds to it is linear.
+    """
+    follower, ref = s.structure.followers[driver], s.structure.driven[driver]
+    coupling = s.structure.couplings[follower.coupling]
+    assert coupling.contact is not None
+    field = s.structure.blocks[ref.block].effort_field(ref.name)
+    sense = "1.0"
+    if coupling.sided:
+        sense = s.line(f"sign({base}.{field})", f"{follower.coupling}_sense")
+    ends = [s.ask(guide, follower.centre), s.ask(guide, s.structure.feeds[ref])]
+    F, p = s.ask(transmission, driver), s.ask(numbers, follower.coupling)
+    return s.emit(coupling.contact, *ends, F, effort, sense, p, name=f"{follower.coupling}_contact")
+
+
+def guide(s: Schedule, marker: MarkerRef) -> str:
+    """Place and direction of a marker."""
+    args = s.ask(marker_place, marker), s.ask(marker_direction, marker)
+    return s.emit(Guide, *args, name=f"{marker.block}_{marker.name}_guide")
+
+
+def slope_effort(s: Schedule, driver: str, effort: str) -> str:
+    """Effort that a black box takes from its leading pair; ``effort`` is on the driven pair."""
+    follower, coordinate = s.structure.followers[driver], s.structure.coordinate
+    meshes = s.structure.couplings[follower.coupling].meshes
+    senses = coordinate(driver).sign * coordinate(follower.terms[0][0]).sign
+    minus = "-" if senses < 0 and not meshes else ""
+    return s.line(f"{minus}{s.ask(transmission, driver)}.slope * {effort}", f"{driver}_felt")
+
+
 # -- friction in a pair, as a load -----------------------------------------------------
 
 
@@ -251,13 +319,13 @@ def _response(s: Schedule, ref: JointRef, on: Loads) -> str:
     return s.emit(b.kernels.reactions, *args, name=f"{ref.block}_response")
 
 
-def influence(s: Schedule, ref: JointRef, unit: JointRef) -> str:
+def influence(s: Schedule, ref: JointRef, unit: JointRef, base: str) -> str:
     """What a unit of friction in one pair adds to what another transmits."""
     later, earlier = s.ask(unit_reactions, unit)
-    plus = s.ask(transmitted, ref, later)
+    plus = s.ask(transmitted, ref, later, base)
     if not earlier:
         return plus
-    return s.line(f"{plus} - {s.ask(transmitted, ref, earlier)}", f"{ref}_by_{unit}")
+    return s.line(f"{plus} - {s.ask(transmitted, ref, earlier, base)}", f"{ref}_by_{unit}")
 
 
 def effort_influence(s: Schedule, driven: JointRef, unit: JointRef) -> str:

@@ -48,6 +48,8 @@ def active(s: Schedule, block: str) -> bool:
 
 
 def later_blocks(s: Schedule, block: str) -> list[str]:
-    """Blocks that a block's links carry, in name order of their joints."""
-    links = (LinkRef(block, n) for n in s.structure.blocks[block].link_names)
-    return [joint.block for link in links for joint in s.structure.carried[link]]
+    """Blocks that a block's links carry or lead, in name order of their joints."""
+    structure = s.structure
+    links = [LinkRef(block, n) for n in structure.blocks[block].link_names]
+    found = [joint.block for link in links for joint in structure.carried[link]]
+    return found + [structure.driven[d].block for x in links for d in structure.coupled_on[x]]

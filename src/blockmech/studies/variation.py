@@ -34,7 +34,8 @@ BATCHED = ("gravity",)  # of the scene: the rest is laws of motion, starts and s
 def graph_sections(mechanism: Compiled) -> dict[str, Any]:
     """The models of a mechanism's graph, as its file has them."""
     s = mechanism.structure
-    return {BLOCKS: {s.frame: s.fixed, **s.blocks, **s.elements}, "scene": mechanism.scene}
+    blocks = {s.frame: s.fixed, **s.blocks, **s.elements, **s.couplings}
+    return {BLOCKS: blocks, "scene": mechanism.scene}
 
 
 def of_links(mechanism: Compiled) -> bool:
@@ -58,6 +59,7 @@ def designed(mechanism: Compiled, numbers: Mapping[Path, Any]) -> tuple[Structur
         fixed=blocks[s.frame],
         blocks={name: blocks[name] for name in s.blocks},
         elements={name: blocks[name] for name in s.elements},
+        couplings={name: blocks[name] for name in s.couplings},
     )
     return structure, found["scene"]
 

@@ -94,8 +94,9 @@ def starter(root: Schema, node: Schema) -> Any:
         known = node.get("properties", {})
         return {key: starter(root, known[key]) for key in node.get("required", ()) if key != "type"}
     if node.get("type") == "array":
-        return [starter(root, node.get("items", {})) for _ in range(node.get("minItems", 0))]
-    return {"string": "", "boolean": False}.get(str(node.get("type")), 1.0)
+        items = node.get("prefixItems") or [node.get("items", {})] * node.get("minItems", 0)
+        return [starter(root, item) for item in items]
+    return {"string": "", "boolean": False, "integer": 1}.get(str(node.get("type")), 1.0)
 
 
 def fields_of(root: Schema, node: Schema, raw: Any, path: Path = ()) -> Iterator[Field]:

@@ -4,7 +4,7 @@
     conformance("geneva.rod", example={"length": 0.2})
 
 makes random motions and a test rig for the block and tests every numbered rule at
-the head of `blockmech.blocks.contract` (of loads: of `blockmech.loads.contract`).
+the head of `blockmech.blocks.contract` (of loads and couplings: of their contracts).
 What fails is named by its rule.
 """
 
@@ -16,9 +16,11 @@ from typing import Any
 from blockmech.arguments import declared
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.registry import REGISTRY
+from blockmech.couplings.contract import Coupling
 from blockmech.errors import RequestError
 from blockmech.loads.contract import Element
 from blockmech.testing.block_rules import BlockRules
+from blockmech.testing.coupling_rules import CouplingRules
 from blockmech.testing.element_rules import ElementRules
 from blockmech.testing.rules import ConformanceError, Report
 
@@ -58,6 +60,8 @@ def conformance(
     name = block.type_name or type(block).__name__
     if isinstance(block, Element):
         return ElementRules(block).report(name)
+    if isinstance(block, Coupling):
+        return CouplingRules(block).report(name)
     if isinstance(block, Moving):
         return BlockRules(block, seed).report(name)
     return Report(name)  # a frame has no kernels

@@ -14,6 +14,7 @@ from pydantic_core import PydanticCustomError
 
 from blockmech.blocks.block import refuse
 from blockmech.blocks.registry import REGISTRY
+from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws import Coulomb
 from blockmech.loads.contract import Element
 from blockmech.model.expect import Expectation
@@ -40,7 +41,7 @@ FRAME = "frame"
 """Name of the fixed link."""
 
 LAWS: tuple[Any, ...] = get_args(get_args(AnyLaw)[0])
-LOADS = "load."  # what the types of their blocks begin with
+LOADS, COUPLINGS = "load.", "coupling."  # what the types of their blocks begin with
 
 
 class LinkGiven(Link):
@@ -213,7 +214,12 @@ HOLDS = ("link", "links", "at", "joint")
 
 
 def sections() -> dict[str, Section]:
-    """The sections of named items, with all laws and loads that are registered."""
+    """The sections of named items, with all laws, couplings and loads that are registered."""
+    couplings = {
+        name.removeprefix(COUPLINGS): REGISTRY[name]
+        for name in REGISTRY
+        if name.startswith(COUPLINGS) and issubclass(REGISTRY[name], Coupling)
+    }
     laws = {get_args(law.model_fields["law"].annotation)[0]: law for law in LAWS}
     blocks = {name: REGISTRY[name] for name in REGISTRY if name.startswith(LOADS)}
     loads = {
@@ -233,6 +239,7 @@ def sections() -> dict[str, Section]:
         "drivers": Section(
             "driver", driven, "law", "the law {}", DriverGiven, alone, ("joint", "law")
         ),
+        "couplings": Section("coupling", couplings, "type", "a {}", prefix=COUPLINGS),
         "loads": Section("load", loads, "type", "a {}", first=holds, prefix=LOADS),
     }
 
@@ -248,6 +255,7 @@ class JointsDocument(Strictly):
     links: dict[str, Any]
     joints: dict[str, Any]
     drivers: dict[str, Any] = {}
+    couplings: dict[str, Any] = {}
     loads: dict[str, Any] = {}
     initial: dict[str, Initial] = {}
     stops: dict[str, Stops] = {}

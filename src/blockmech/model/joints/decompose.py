@@ -122,6 +122,7 @@ def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Parts:
     if problems:
         raise GraphError(problems)
     diagram.add_loads()
+    diagram.add_couplings()
     shown = Formation(tuple(units), (), ())
     names = diagram.names()  # it puts markers on links that have none
     return diagram.data(), names, shown, None if general else linkage

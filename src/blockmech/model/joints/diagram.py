@@ -63,6 +63,7 @@ class Diagram:
         self._seats: dict[str, Seat] = {}
         self._ends: dict[str, tuple[str, End]] = {}  # pair -> block and joint
         self._loads: dict[str, list[str]] = {}  # load -> its elements
+        self._couplings: dict[str, str] = {}  # coupling -> its block
         self._upstream: dict[str, dict[str, None]] = {}  # block -> drivers it depends on
         # place on a link -> the markers there: direction, and whether it stands for a line
         self._marked = defaultdict[tuple[str, complex], list[_Marked]](list)
@@ -101,12 +102,23 @@ class Diagram:
         upstream: dict[str, None] = {}
         for support in sorted(self._wire(name, made, pairs[p.name]) for p in unit.outer):
             upstream |= self._upstream[support]
-        upstream |= {self.drivers[pair]: None for pair in sorted(made.drivers)}
+        for pair in sorted(made.drivers):
+            upstream |= self._leading(self.drivers[pair])
         self._upstream[name] = upstream
         if general:
             for pair in made.drivers:
                 data["pairs"][made.ends[pair].joint]["driver"] = self.drivers[pair]
             data["home"] = self._home(unit, upstream)
+
+    def _leading(self, driver: str) -> dict[str, None]:
+        """The drivers that move a driver: itself, or those that it follows."""
+        leads = {c.driven: c.driver for c in self.linkage.couplings.values()}
+        passed = set[str]()
+        while driver in leads and driver not in passed:
+            passed.add(driver)
+            driver = leads[driver]
+        link, dot, _ = driver.partition(".")
+        return self._upstream[self._seats[link].block] if dot else {driver: None}
 
     def _name_of(self, unit: Unit, kind: str) -> str:
         if unit.kind in ("driver", "cylinder") and kind != GENERAL:
@@ -198,6 +210,18 @@ class Diagram:
                         source = self.marker(link, at, None, wish)
                     self._wires.append((source, JointRef(block, terminal)))
 
+    def add_couplings(self) -> None:
+        """Add the couplings; a wheel that is fixed to a link gets a marker at its centre."""
+        for name, coupling in self.linkage.couplings.items():
+            data = {"type": coupling.type_name, **plain(coupling)}
+            link, _, marker = coupling.driver.partition(".")
+            if marker:
+                at = self.linkage.links[link].markers[marker]
+                data["driver"] = str(self.marker(link, at.at.z, None, marker))
+            block = free_name(name, {*self._blocks, *self.linkage.drivers})
+            self._blocks[block] = data
+            self._couplings[name] = block
+
     def _scene(self) -> dict[str, Any]:
         drive = {
             name: {key: value for key, value in plain(law).items() if key != "joint"}
@@ -237,7 +261,7 @@ class Diagram:
             links[link] = LinkName(LinkRef(seat.block, seat.link), origin, turn, markers)
         joints = {name: self._joint(c) for name, c in self.found.layout.pairs.items()}
         loads = {name: tuple(blocks) for name, blocks in self._loads.items()}
-        return Names(links, joints, loads)
+        return Names(links, joints, loads, dict(self._couplings))
 
     def _joint(self, c: Connection) -> JointName:
         parts, turned = [], False

@@ -8,11 +8,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from blockmech.arguments import declared
+from blockmech.couplings.contract import Coupling
 from blockmech.errors import GraphError, Problem, as_names, close_match, listed, path_text
 from blockmech.loads.contract import Element
 from blockmech.model.document import Document
 from blockmech.model.form import Draft, bad_name
 from blockmech.model.joints.contents import (
+    COUPLINGS,
     FRAME,
     LINKAGE_FILE,
     LOADS,
@@ -52,6 +54,7 @@ class Linkage(Document):
     links: dict[str, LinkGiven]
     joints: dict[str, JointGiven]
     drivers: dict[str, Any]
+    couplings: dict[str, Coupling]
     loads: dict[str, Any]
     initial: dict[str, Initial]
     stops: dict[str, Stops]
@@ -65,6 +68,7 @@ class Linkage(Document):
         self.links = {}
         self.joints = {}
         self.drivers = {}
+        self.couplings = {}
         self.loads = {}
         self.initial = {}
         self.stops = {}
@@ -81,7 +85,7 @@ class Linkage(Document):
             draft.note(reference_problems(self, vars(said)))
 
     def sections(self) -> dict[str, Any]:
-        """Links, joints, drivers and loads, gravity, starts and stops."""
+        """Links, joints, drivers, couplings and loads, gravity, starts and stops."""
         named = (*self.form.items(), "initial", "stops")
         return {"gravity": self.gravity, **{name: getattr(self, name) for name in named}}
 
@@ -227,6 +231,18 @@ class Linkage(Document):
             keys |= {key: getattr(load, key) for key in load.model_fields_set}
             load = load.type_name.removeprefix(LOADS)
         self._add("load", name, keys, load)
+
+    @declared
+    def add_coupling(self, name: str, coupling: Coupling) -> None:
+        """Let one driver follow another: ``add_coupling("mesh", Gear(driver="a", ...))``.
+
+        A driver that follows has no law of motion. A wheel or cam that is fixed to a link
+        leads by the address ``"link.marker"`` of its centre.
+
+        Raises `GraphError` for a taken name or what is no coupling.
+        """
+        keys = {key: getattr(coupling, key) for key in coupling.model_fields_set}
+        self._add("coupling", name, keys, coupling.type_name.removeprefix(COUPLINGS))
 
     @declared
     def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:

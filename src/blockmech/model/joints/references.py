@@ -36,6 +36,13 @@ def _references(linkage: Any) -> Iterator[Reference]:
         for what in ("link", "joint", "driver"):
             if (said := getattr(load, what, None)) is not None:
                 yield Reference(what, said, ("loads", name, what), "acts between")
+    for name, coupling in linkage.couplings.items():
+        link, _, marker = coupling.driver.partition(".")
+        if marker:
+            yield Reference("link", link, ("couplings", name, "driver"))
+        else:
+            yield Reference("driver", link, ("couplings", name, "driver"))
+        yield Reference("driver", coupling.driven, ("couplings", name, "driven"))
     for section in ("initial", "stops"):
         for name in getattr(linkage, section):
             yield Reference("driver", name, (section, name))

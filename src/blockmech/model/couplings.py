@@ -1,0 +1,103 @@
+"""The checks of couplings: who leads, who follows, and that nobody leads himself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, TypeAlias
+
+from blockmech.blocks.contract import DrivingLink, Joint, Moving
+from blockmech.couplings.contract import Coupling
+from blockmech.errors import Problem, close_match, listed
+from blockmech.model.diagram import AnyBlock
+from blockmech.model.scene import Scene
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+Blocks: TypeAlias = Mapping[str, AnyBlock]
+
+
+def couplings_of(blocks: Blocks) -> dict[str, Coupling]:
+    """The couplings of a graph."""
+    return {name: b for name, b in blocks.items() if isinstance(b, Coupling)}
+
+
+def driven_joints(blocks: Blocks) -> dict[str, tuple[str, Joint]]:
+    """Driver -> its block and the pair that it drives."""
+    moving = ((n, b) for n, b in blocks.items() if isinstance(b, Moving))
+    return {b.driver_name(n, j.name): (n, j) for n, b in moving for j in b.driven}
+
+
+def coupling_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
+    """What is wrong with the names, pairs and laws of coupled drivers."""
+    drivers, led = driven_joints(blocks), dict[str, str]()
+    valid = f"drivers: {listed(drivers) or 'none'}"
+    for name, coupling in couplings_of(blocks).items():
+        ends = {"driver": coupling.driver, "driven": coupling.driven}
+        for key, driver in ends.items():
+            if driver not in drivers:
+                if key == "driver" and coupling.contact and _is_marker(blocks, driver):
+                    continue
+                found, remedy = f'no driver "{driver}"', close_match(driver, drivers)
+                yield Problem("unknown-driver", f"{name}.{key}", found, valid, remedy)
+                continue
+            kinds, joint = coupling.leads if key == "driver" else coupling.follows, drivers[driver]
+            if joint[1].kind not in kinds:
+                found = f"{driver} is {joint[1].pair.word}: {coupling.type_name} does not couple it"
+                pairs = f"it couples {' or '.join(coupling.leads)} with "
+                pairs += " or ".join(coupling.follows)
+                yield Problem("coupling-mismatch", f"{name}.{key}", found, pairs)
+            elif coupling.meshes and not isinstance(blocks[joint[0]], DrivingLink):
+                found = f"{driver} is a driven pair inside the group {joint[0]}"
+                valid = "cranks and slide drives mesh; coupling.ratio couples any drivers"
+                yield Problem("coupling-mismatch", f"{name}.{key}", found, valid)
+        if coupling.driven in led:
+            found = f"{coupling.driven} follows already by {led[coupling.driven]}"
+            remedy = "let one of them drive the other's driver"
+            yield Problem(
+                "coupled-twice", f"{name}.driven", found, "a driver follows one coupling", remedy
+            )
+        led.setdefault(coupling.driven, name)
+    for section in ("drive", "initial", "stops"):
+        for driver in getattr(scene, section):
+            if driver in led:
+                found = f"{driver} follows by {led[driver]}, and has no motion of its own"
+                remedy = f"give it to the driver that leads: {blocks[led[driver]].driver}"  # type: ignore[union-attr]
+                yield Problem("coupled-driver", scene.address(section, driver), found, "", remedy)
+
+
+def _is_marker(blocks: Blocks, address: str) -> bool:
+    block, _, marker = address.partition(".")
+    return marker in getattr(blocks.get(block), "all_markers", ())
+
+
+def add_couplings(dag: nx.DiGraph, blocks: Blocks) -> None:
+    """Edges from the blocks that lead to those that follow."""
+    drivers = driven_joints(blocks)
+    for coupling in couplings_of(blocks).values():
+        if coupling.driven in drivers:
+            known = drivers.get(coupling.driver)
+            source = known[0] if known else coupling.driver.partition(".")[0]
+            target = drivers[coupling.driven][0]
+            if source in dag and source != target:
+                dag.add_edge(source, target)
+
+
+def loop_problems(dag: nx.DiGraph, blocks: Blocks) -> Iterator[Problem]:
+    """Couplings by which a driver would follow itself."""
+    import networkx as nx
+
+    drivers = driven_joints(blocks)
+    for name, coupling in couplings_of(blocks).items():
+        if coupling.driven not in drivers:
+            continue
+        known = drivers.get(coupling.driver)
+        source = known[0] if known else coupling.driver.partition(".")[0]
+        target = drivers[coupling.driven][0]
+        if source not in dag or not (source == target or nx.has_path(dag, target, source)):
+            continue
+        way = [target] if source == target else nx.shortest_path(dag, target, source)
+        found = f"{coupling.driven} leads back to itself: {' -> '.join([*way, way[0]])}"
+        remedy = "take a coupling out, or turn one round"
+        yield Problem("coupling-loop", f"{name}.driven", found, "couplings lead one way", remedy)
+        return  # the others of the loop say the same

@@ -1,0 +1,85 @@
+"""The numbered rules of a coupling, tested between two drivers of a rig.
+
+The rules stand at the head of `blockmech.couplings.contract`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from blockmech.blocks.crank import Crank
+from blockmech.blocks.frame import Frame
+from blockmech.blocks.slide_drive import SlideDrive
+from blockmech.couplings.contract import Coupling
+from blockmech.friction.laws import Coulomb
+from blockmech.mechanism import Mechanism
+from blockmech.model.graph import Graph
+from blockmech.model.laws_of_motion import Harmonic
+from blockmech.testing.rules import DERIVATIVE, Array, Checks, derivative, same_bits
+from blockmech.values import Link, Marker, Place, Vector
+
+TIMES = np.linspace(0.3, 2.3, 9)  # [s]
+COORDINATE = ("second.q", "second.rate", "second.acceleration")
+
+
+class CouplingRules(Checks):
+    """Rules 1 to 3 of a coupling, for the kinds of pairs that it takes."""
+
+    def __init__(self, coupling: Coupling) -> None:
+        super().__init__()
+        kinds = zip(coupling.leads, coupling.follows, strict=False)
+        self.rigs = [_rig(coupling, *pair) for pair in kinds]
+
+    def transmission(self) -> Iterator[str]:
+        """Slope and curve are the derivatives of the coordinate."""
+        for rig in self.rigs:
+
+            def run(t: float, rig: Mechanism = rig) -> dict[str, Array]:
+                found = rig.run(times=TIMES + t, want=COORDINATE)
+                return {name: found[name] for name in COORDINATE}
+
+            here, slopes = run(0.0), derivative(run)
+            for value, rate in pairwise(COORDINATE):
+                scale = float(np.max(abs(here[rate]))) or 1.0
+                yield from self.same(rate, slopes[value], here[rate], scale, DERIVATIVE)
+
+    def contact(self) -> Iterator[str]:
+        """Links balance, and what is taken from one link is given to the other."""
+        for rig in self.rigs:
+            for friction in ("none", "newton"):
+                how = f" with friction {friction!r}"
+                yield from self.verified(rig.verify(times=TIMES, friction=friction), how)
+
+    def kernels(self) -> Iterator[str]:
+        """Engines agree, and a sample does not depend on its neighbours."""
+        for rig in self.rigs:
+            batch, scalar = (rig.run(times=TIMES, engine=e) for e in ("numpy", "scalar"))
+            alone = rig.run(times=TIMES[4:5], engine="numpy")
+            for name in ("first.drive", *COORDINATE):
+                scale = float(np.max(abs(batch[name]))) or 1.0
+                yield from self.same(f"scalar {name}", scalar[name], batch[name], scale)
+                if not same_bits(alone[name], batch[name][4:5]):
+                    yield f"{name} of a sample alone is not the same as in a batch"
+
+    rules = (transmission, contact, kernels)
+
+
+def _rig(coupling: Coupling, lead: str, follow: str) -> Mechanism:
+    """Two heavy drivers on the frame, with friction, the first one swinging."""
+    graph = Graph("rig", gravity=Vector(-9.81j).z)
+    places = {"a": Marker(at=Place(0j), angle=0.3), "b": Marker(at=Place(1.3 + 0.4j), angle=1.1)}
+    graph.add("frame", Frame(markers=places))
+    for name, kind, at in (("first", lead, "a"), ("second", follow, "b")):
+        cls, joint = (Crank, "A") if kind == "R" else (SlideDrive, "S")
+        (link,) = cls.link_names
+        heavy = Link(mass=1.2, inertia=0.3, cm=Place(0.2 + 0.1j))
+        rub = Coulomb(coefficient=0.05, radius=0.02 if kind == "R" else None)
+        graph.add(name, cls(links={link: heavy}, friction={joint: rub}))
+        graph.connect(f"frame.{at}", f"{name}.{joint}")
+    size = 0.5 if lead == "R" else 0.05
+    graph.drive("first", Harmonic(mean=size, amplitude=size, frequency=0.3, phase=0.4))
+    graph.add("coupling", coupling.model_copy(update={"driver": "first", "driven": "second"}))
+    return Mechanism.of(graph)
