@@ -39,7 +39,9 @@ class Synthetic(System):
         names = tuple("q" if k == 1 else f"q{i}" for i in range(k))
         vars(self)["drivers"], vars(self)["rotary"] = names, (True,) * k
         no_turns = SimpleNamespace(rotary=False)
-        structure = SimpleNamespace(elements={}, driver_joint=lambda driver: no_turns)
+        structure = SimpleNamespace(
+            elements={}, driver_joint=lambda driver: no_turns, turns=lambda driver: 1
+        )
         self.compiled = SimpleNamespace(
             structure=structure, drivers=names, frictional_joints=(), once=lambda make: make(self)
         )

@@ -91,10 +91,10 @@ def kinds() -> list[tuple[str, str, str, str]]:
             why = f"{kind} has no simplest values: draw links and joints, or open a file with one"
             found.append((kind, "group", word, why))
             continue
-        (drawn,) = content_of(alone).blocks
+        drawn, *_ = content_of(alone).blocks  # a coupling also names drivers, which are not here
         word = {"group": drawn.words}.get(drawn.kind, word)
         found.append((kind, drawn.kind, word.replace("_", " "), ""))
-    order = ("frame", "driver", "group", "element")
+    order = ("frame", "driver", "group", "element", "coupling")
     return sorted(found, key=lambda item: order.index(item[1]))
 
 

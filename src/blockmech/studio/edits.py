@@ -21,6 +21,7 @@ from blockmech.studio.fields import starter, with_item
 Form = dict[str, Any]
 Places = Mapping[str, tuple[float, float]]  # [pt] of blocks on the canvas
 OF_DRIVERS = ("drive", "initial", "stops")  # sections of the scene, by driver
+NAMES_DRIVERS = ("driver", "driven")  # fields of blocks that name one
 
 
 def markers_of(block: Any) -> dict[str, Any]:
@@ -80,8 +81,11 @@ def renamed(form: Form, old: str, new: str) -> Form:
 
     blocks = {}
     for name, raw in form["blocks"].items():
-        follows = {"driver": end(raw["driver"])} if "driver" in raw else {}
-        blocks[end(name)] = {**raw, **follows}
+        named: dict[str, Any] = {key: end(raw[key]) for key in NAMES_DRIVERS if key in raw}
+        if "drivers" in raw.get("home", {}):
+            drivers = {end(driver): q for driver, q in raw["home"]["drivers"].items()}
+            named["home"] = {**raw["home"], "drivers": drivers}
+        blocks[end(name)] = {**raw, **named}
     wires = [{"from": end(wire["from"]), "to": end(wire["to"])} for wire in form["wires"]]
     return _by_block({**form, "blocks": blocks, "wires": wires}, end)
 
