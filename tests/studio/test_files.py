@@ -10,6 +10,7 @@ import blockmech as bm
 from blockmech.blocks.registry import REGISTRY
 from blockmech.model.schema import graph_schema
 from blockmech.studio import edits
+from blockmech.studio.diagram import kinds
 from blockmech.studio.fields import Shown, fields_of, item_at
 from blockmech.studio.files import Desk, Filed
 from blockmech.studio.form import Form
@@ -104,6 +105,18 @@ def test_a_driver_called_by_a_joint_goes_with_its_block():
     assert made.check() == []
     assert list(made.scene.drive) == ["arms.cylinder"]
     assert "drive" not in edits.without(form, ["scissors"])["scene"]
+
+
+def test_the_palette_offers_every_kind_of_block():
+    assert {kind for kind, *_ in kinds()} == {*REGISTRY}
+    assert [kind for kind, _, _, why in kinds() if why] == ["group.general"]
+
+
+def test_a_coupling_follows_the_new_name_of_its_driver():
+    form = bm.Graph.load(GRAPHS / "geared_fivebar.json").to_data()
+    made = bm.Graph.from_data(edits.renamed(form, "second", "wheel"))
+    assert made.check() == []
+    assert made.blocks["mesh"].driven == "wheel"
 
 
 @pytest.mark.parametrize("kind", [k for k in REGISTRY if k != "group.general"])

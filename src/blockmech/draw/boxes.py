@@ -177,9 +177,8 @@ def _drive_wires(graph: Graph) -> Iterator[Ends]:
     for name, coupling in couplings_of(graph.blocks).items():
         if coupling.driver in drivers:
             yield Ends(drivers[coupling.driver][0], "q", name, COUPLED)
-        else:
-            block, _, marker = coupling.driver.partition(".")
-            yield Ends(block, marker, name, COUPLED)
+        elif all(address := coupling.driver.partition(".")):
+            yield Ends(address[0], address[2], name, COUPLED)
         if coupling.driven in drivers:
             yield Ends(name, "", drivers[coupling.driven][0], COUPLED)
 

@@ -94,8 +94,8 @@ def kinds() -> list[tuple[str, str, str, str]]:
         drawn, *_ = content_of(alone).blocks  # a coupling also names drivers, which are not here
         word = {"group": drawn.words}.get(drawn.kind, word)
         found.append((kind, drawn.kind, word.replace("_", " "), ""))
-    order = ("frame", "driver", "group", "element", "coupling")
-    return sorted(found, key=lambda item: order.index(item[1]))
+    order = {kind: k for k, kind in enumerate(("frame", "driver", "group", "coupling"))}
+    return sorted(found, key=lambda item: order.get(item[1], len(order)))
 
 
 class Diagram:
