@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
 import pytest
 
+import blockmech as bm
 from blockmech.dynamics.request import Start
 from tests.dynamics.linkages import motored
 from tests.dynamics.synthetic import Synthetic, move
+from tests.gallery import GRAPHS
 
 TURN = 2 * math.pi
 
@@ -57,3 +60,81 @@ def test_a_driver_that_swings_to_rest_is_followed_through_its_standstills():
     other = move(system, Start(1.0), "time=6", "dop853", 1e-9)
     assert sum(e.kind == "standstill" for e in motion.events) >= 2
     assert abs(motion.q_end - other.q_end) <= motion.error + other.error
+
+
+# -- loads that are straight lines in the rate ---------------------------------------------------
+
+
+def _pump(blocks=None, wires=()):
+    document = json.loads((GRAPHS / "pump.json").read_text("utf-8"))
+    document["blocks"] |= blocks or {}
+    document["wires"] += wires
+    return bm.Graph.from_json(json.dumps(document)).compile()
+
+
+def test_motor_and_dampers_ask_for_no_kernel_once_place_data_are_there():
+    """Samples are those of a period's place data, at rest and at a rate, however long the run."""
+    mech = _pump()
+    mech.simulate("time=0.1", want=[])
+    costs = [mech.simulate(f"time={span}", want=[]).motion.cost for span in (0.5, 2.0)]
+    assert costs[0] == costs[1]
+    assert costs[0].calls <= 4
+
+
+def test_a_law_that_is_bent_in_the_rate_still_asks_the_kernels():
+    law = {"kind": "polynomial", "of": "rate", "coefficients": [12.0, -0.12, 1e-4]}
+    mech = _pump(blocks={"motor": {"type": "load.motor", "law": law}})
+    along = mech.simulate("time=0.5", want=[]).motion
+    other = mech.simulate("time=0.5", method="dop853", accuracy=1e-11, want=[]).motion
+    assert along.cost.calls > 20
+    assert abs(along.q_end - other.q_end) <= along.error + other.error
+
+
+def test_a_damper_that_moves_nothing_but_by_rounding_does_not_act():
+    """Between a link and itself: what the rates leave of zero is no series to be resolved."""
+    damper = {"type": "load.torsion_spring", "stiffness": 0.0, "damping": 0.7}
+    wires = [{"from": "crank.crank", "to": f"idle.{end}"} for end in "ab"]
+    plain, idle = _pump(), _pump(blocks={"idle": damper}, wires=wires)
+    found = [mech.simulate("time=0.3", want=[]).motion for mech in (plain, idle)]
+    assert abs(found[0].q_end - found[1].q_end) <= found[0].error
+
+
+def test_dampers_up_to_a_dead_centre():
+    """There the effort per rate grows like the inertia, without bound."""
+    mech = _rocker()
+    along = mech.simulate(want=[]).motion
+    other = mech.simulate(method="dop853", accuracy=1e-11, want=[]).motion
+    assert along.method == "spectral"
+    assert along.end == other.end == "dead centre"
+    assert abs(along.q_end - other.q_end) <= 1e-5  # the integrator ends at a margin before it
+    t = np.linspace(0, other.t_end, 9)
+    apart = np.abs(along.at(t).q - other.at(t).q).max()
+    assert apart <= along.error + other.error
+    assert along.error <= 1e-9
+
+
+def _rocker():
+    """A four-bar whose driver cannot turn, with a damper at the coupler's pin and on the rocker."""
+    link = {"mass": 1.0, "inertia": 0.02, "cm": [0.1, 0.0]}
+    damper = {"type": "load.torsion_spring", "stiffness": 0.0, "damping": 0.05}
+    markers = {
+        "A": {"at": [0.0, 0.0]},
+        "D": {"at": [0.5, 0.0]},
+        "G": {"at": [0.0, 0.0], "angle": 0.0},
+    }
+    blocks = {
+        "frame": {"type": "frame", "markers": markers},
+        "crank": {"type": "driver.crank", "length": 0.3, "links": {"crank": link}},
+        "dyad": {"type": "dyad.rrr", "l_i": 0.2, "l_j": 0.35, "branch": 1,
+                 "links": {"i": link, "j": link}},
+        "pin": damper,
+        "base": damper,
+    }  # fmt: skip
+    wires = {"crank.A": "frame.A", "dyad.B": "crank.B", "dyad.D": "frame.D", "pin.a": "dyad.i",
+             "pin.b": "dyad.j", "base.a": "frame.G", "base.b": "dyad.j"}  # fmt: skip
+    document = {
+        "format": "blockmech/graph", "version": 1, "name": "rocker", "blocks": blocks,
+        "wires": [{"from": source, "to": to} for to, source in wires.items()],
+        "scene": {"initial": {"crank": {"q": 0.9, "rate": 6.0}}},
+    }  # fmt: skip
+    return bm.Graph.from_json(json.dumps(document)).compile()

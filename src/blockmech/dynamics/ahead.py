@@ -130,7 +130,7 @@ class Ahead:
         if self.place_only:
             return of_place(rows), inertia
         if friction is None:
-            return of_rate(self.system, q, rows[J], sign), inertia
+            return of_rate(self.system, q, rows, sign), inertia
         slips = rows[SLIPS : SLIPS + len(friction.names), self.n // 2]
         sides = tuple(int(x) for x in sign * np.sign(slips))
         return of_friction(friction, q, rows, sign, sides), inertia

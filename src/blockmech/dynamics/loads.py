@@ -94,8 +94,8 @@ def _law(element: Element) -> Any:
 
 def period_of(structure: Structure, driver: str) -> float | None:
     """Period [rad] of everything that depends on the coordinate; None if there is none."""
-    rotary, turns = structure.driver_joint(driver).rotary, structure.turns(driver)
-    if not (rotary and turns):
+    turns = structure.turns(driver) if structure.driver_joint(driver).rotary else 0
+    if not turns:
         return None
     if not all(path_of(structure, n).repeats for n in followed(structure)):
         return None
@@ -250,8 +250,8 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
 # -- size ----------------------------------------------------------------------------------
 
 
-def load_size(compiled: Any) -> Callable[[Any], Any]:
-    """q (n,) -> sums (n,) of the magnitudes of the contributions to tau, at rest and time 0."""
+def load_size(compiled: Any) -> Callable[..., Any]:
+    """q (n,), rate -> sums (n,) of the magnitudes of the contributions to tau, at time 0."""
     structure, driver = compiled.structure, compiled.structure.drivers[0]
     s = schedule(structure, compiled.scene, FREE)
     terms = []
@@ -276,8 +276,8 @@ def load_size(compiled: Any) -> Callable[[Any], Any]:
     program = s.program([s.sum(terms, "size")])
     engine = BySize(program)
 
-    def size(q: Any) -> Any:
-        given = {name: q if name == "q_0" else 0.0 * q for name in program.inputs}
-        return engine.run(given, q.size)[0]
+    def size(q: Any, rate: float = 0.0) -> Any:
+        known = {"q_0": q, "qd_0": rate + 0.0 * q}
+        return engine.run({name: known.get(name, 0.0 * q) for name in program.inputs}, q.size)[0]
 
     return size

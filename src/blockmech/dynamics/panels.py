@@ -217,9 +217,10 @@ class Panels:
 
     @property
     def work(self) -> Floats:
-        """Chebyshev coefficients (m, n) of dK/dq."""
-        found: Floats = self.w @ rule(self.w.shape[1]).to_series.T
-        return found
+        """Chebyshev coefficients (m, n) of dK/dq, of v dK/dq towards a dead centre."""
+        r = rule(self.w.shape[1])
+        bounded = np.where(self.spans.kind[:, None] == TO_LIMIT, r.v, 1.0)
+        return np.asarray((self.w * bounded) @ r.to_series.T)
 
     @cached_property
     def times(self) -> Floats:

@@ -27,7 +27,10 @@ SHORT = 8  # a piece is made anew if what happens in it needs no more than this 
 # A series of n terms that touches zero is, by Bernstein's inequality, below (pi / 2 f)^2 / 2 of
 # its largest value at one of f n nodes.
 FINER = 16
-J, TAU, MARGIN, SLIPS = range(4)  # rows of place data; slips and what follows with friction
+# Rows of place data. With friction slips and what follows; else, where loads are straight lines in
+# the rate, what the effort grows by with it.
+J, TAU, MARGIN, SLIPS = range(4)
+DAMPING = SLIPS
 
 
 def place(low: Any, high: Any, limit: int, v: Floats) -> Floats:
@@ -60,8 +63,8 @@ class PlaceData:
     """Series over a piece of the path from low to high [rad or m].
 
     limit : -1 or +1 where the low or the high end is a dead centre, else 0. The series are
-        then in v, (way to the limit) = (high - low) v^2, and J v^2 and tau v stand for J and
-        tau, which grow without bound
+        then in v, (way to the limit) = (high - low) v^2, and J v^2, tau v and damping v^2 stand
+        for what grows without bound
     rows : (r, n) values at the nodes: J, tau, margin, and what else depends on the place
     """
 
@@ -110,7 +113,7 @@ class PlaceData:
         found: Floats = self.series @ basis(v, self.series.shape[1]).T
         if self.limit:
             v = np.maximum(v, EPS)
-            found[J] /= v * v
+            found[[J, *range(DAMPING, len(found))]] /= v * v
             found[TAU] /= v
         return found
 

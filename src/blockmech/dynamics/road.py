@@ -18,6 +18,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.panels import HALVINGS, Floats, rule
 from blockmech.dynamics.place import (
+    DAMPING,
     MARGIN,
     NOTHING,
     SLIPS,
@@ -229,7 +230,7 @@ class Road:
         v = rule(self.n).v
         rows = self._values(place(low, high, limit, v))
         if limit:  # J and tau grow without bound there
-            rows[J] *= v * v
+            rows[[J, *range(DAMPING, len(rows))]] *= v * v
             rows[TAU] *= v
         return rows
 
@@ -240,7 +241,7 @@ class Road:
             return rows
         rows = np.array(self.system.sample(q))
         rows[TAU, np.abs(rows[TAU]) <= self.system.rounding(q)] = 0.0
-        return rows
+        return np.vstack([rows, self.system.damping(q)]) if self.system.damped else rows
 
     def _last_possible(self, q: float, far: float) -> tuple[float, str]:
         """The last place from q on at which there is a pose and a load, and what ends there."""

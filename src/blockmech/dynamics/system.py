@@ -43,6 +43,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 FREE = Friction("none")
+FAST = 1 / math.sqrt(EPS)  # [rad/s or m/s] at which what follows the rate hides the rest
 REPORTED = 256  # evaluations between two words of progress: some milliseconds of work
 
 
@@ -176,6 +177,18 @@ class System:
         return math.tau if self.rotary[0] else loads.largest_length(self.compiled.structure)
 
     @cached_property
+    def damped(self) -> bool:
+        """Whether loads follow the rate, each as a straight line."""
+        structure = self.compiled.structure
+        return "rate" in loads.depends_on(structure) and loads.straight_in_rate(structure)
+
+    def damping(self, q: Floats) -> Floats:
+        """Slopes (n,) of efforts that are straight lines in the rate; what is rounding is none."""
+        slope = (self.sample(q, FAST).tau - self.sample(q).tau) / FAST
+        known = 8 * EPS / FAST * self.load_size(q, FAST)
+        return np.where(np.abs(slope) <= known, 0.0, slope)
+
+    @cached_property
     def table(self) -> PlaceTable | None:
         """Polynomials of the place, where all repeats and loads are straight lines in the rate."""
         structure = self.compiled.structure
@@ -204,9 +217,9 @@ class System:
         """What methods keep of the mechanism from one run to the next."""
         return self.compiled.once(kept)
 
-    def load_size(self, q: Floats) -> Any:
-        """Sums (n,) of the magnitudes of the contributions to tau at rest [N m or N]."""
-        return self.compiled.once(loads.load_size)(q)
+    def load_size(self, q: Floats, rate: float = 0.0) -> Any:
+        """Sums (n,) of the magnitudes of the contributions to tau [N m or N] at a rate."""
+        return self.compiled.once(loads.load_size)(q, rate)
 
     def rounding(self, q: Any) -> Any:
         """What rounding leaves unknown of tau at rest [N m or N]: a sum of some ten efforts.

@@ -19,11 +19,9 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from blockmech.dynamics.place import MARGIN, RESOLVED, SLIPS, TAU, J, PlaceData, mesh
-from blockmech.plane import EPS
 from blockmech.series import Floats
 
 CELLS, NODES = 64, 12  # of a period to begin with, of a cell: a hundred operations a state
-FAST = 1 / math.sqrt(EPS)  # [rad/s] at which what follows the rate hides the rest
 
 
 @cache
@@ -58,7 +56,7 @@ class PlaceTable:
         J, tau, dJ, margin = self._system.with_slopes(q)
         rows = [J, tau, margin, dJ]
         if self._rates:
-            rows.append((self._system.sample(q, FAST).tau - tau) / FAST)
+            rows.append(self._system.damping(q))
         return np.array(rows)
 
     def one(self, q: float, qd: float, t: float) -> tuple[float, float, float, float]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from blockmech.dynamics.friction import JointFriction, Sides
 from blockmech.dynamics.panels import SMALLEST, Floats, Spans
-from blockmech.dynamics.place import TAU
+from blockmech.dynamics.place import DAMPING, TAU, J
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:
@@ -40,12 +40,17 @@ class Acting(NamedTuple):
 Work: TypeAlias = Callable[[Floats], Acting]  # from the kinetic energy (n,) at the nodes
 
 
-def of_rate(system: System, q: Floats, J: Floats, sign: int) -> Work:
-    """Loads that follow the rate as well: the effort at the rates that K means."""
+def of_rate(system: System, q: Floats, rows: Floats, sign: int) -> Work:
+    """Loads that follow the rate as well: the effort at the rates that K means.
+
+    Of a straight line in the rate the rows of place data tell it, else the kernels do.
+    """
+    line = rows[TAU], sign * rows[DAMPING] if len(rows) > DAMPING else None
 
     def work(K: Floats) -> Acting:
-        rate = np.maximum(np.sqrt(2 * np.maximum(K, 0.0) / J), SLOWEST)
-        return Acting(system.sample(q, sign * rate).tau)
+        rate = np.maximum(np.sqrt(2 * np.maximum(K, 0.0) / rows[J]), SLOWEST)
+        tau, slope = line
+        return Acting(system.sample(q, sign * rate).tau if slope is None else tau + slope * rate)
 
     return work
 
@@ -53,10 +58,9 @@ def of_rate(system: System, q: Floats, J: Floats, sign: int) -> Work:
 def of_friction(friction: JointFriction, q: Floats, rows: Floats, sign: int, sides: Sides) -> Work:
     """Joint friction, with loads of the place and perhaps of the rate."""
     rest, square, *responses = friction.responses(rows)
-    J = rows[0]
 
     def work(K: Floats) -> Acting:
-        qd2 = 2 * K / J  # beyond a standstill it goes on smoothly, with a negative square
+        qd2 = 2 * K / rows[J]  # beyond a standstill it goes on smoothly, with a negative square
         if friction.rate_loads:
             rate = np.maximum(np.sqrt(np.maximum(qd2, 0.0)), SLOWEST)
             acting = friction.acting(q, sign * rate)
