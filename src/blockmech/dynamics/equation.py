@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.rates import rates_of
 from blockmech.dynamics.system import System, solved
@@ -49,6 +50,11 @@ class Equation:
     _own: tuple[Any, Any] = (None, None)  # directions of slip, machine code with them
 
     @cached_property
+    def layout(self) -> StateLayout:
+        """Where what stands in a state."""
+        return StateLayout(len(self.system.drivers), self.system.friction is not None)
+
+    @cached_property
     def drivers(self) -> int:
         """Number k of drivers."""
         return len(self.system.drivers)
@@ -64,16 +70,16 @@ class Equation:
     def _single(self, t: float, y: Any) -> Any:
         row = self.row(t, y)
         if row is not None:
-            n = len(y)
+            n = self.layout.size
             self.took(1)
             self._last = float(y[0]), row[n], row[n + 1]
             return row[:n]
         self.spend(1)
-        q, qd = float(y[0]), float(y[1])
+        q, qd = self.layout.motion(y)
         J, tau, dJ, margin = self.one(q, qd, t)
         self._last = q, margin, J
         if not margin > 0:
-            return (math.nan,) * len(y)
+            return (math.nan,) * self.layout.size
         if self.sides:
             found = self.resisted(q, qd, t)
             return qd, found.qdd, tau * qd, found.power
@@ -136,12 +142,11 @@ class Equation:
 
     def _several(self, t: float, y: Floats) -> Floats:
         self.spend(1)
-        k = self.drivers
-        qd = y[k : 2 * k]
-        M, c, Q, margin = self.system.terms(y[:k], qd, t)
-        self._last = tuple(y[:k]), margin, math.nan
+        q, qd = self.layout.motion(y)
+        M, c, Q, margin = self.system.terms(q, qd, t)
+        self._last = tuple(q), margin, math.nan
         if not margin > 0:
-            return np.full(2 * k + 1, math.nan)
+            return np.full(self.layout.size, math.nan)
         return np.concatenate([qd, solved(M, Q - c), [Q @ qd]])
 
     def resisted(self, q: float, qd: float, t: float) -> Resisted:
@@ -153,16 +158,18 @@ class Equation:
         """Loads on the pairs with friction."""
         row = self.row(t, y)
         if row is not None:
-            parts = row[6 : 6 + 2 * len(self.sides)]
+            first = self.layout.size + 2  # behind the rates, margin and J
+            parts = row[first : first + 2 * len(self.sides)]
             return [complex(*z) for z in zip(parts[::2], parts[1::2], strict=True)]
-        return self.resisted(float(y[0]), float(y[1]), t).loads
+        return self.resisted(*self.layout.motion(y), t).loads
 
     def slips(self, q: Any) -> Any:
         """Relative rates of the pairs with friction per unit driver rate."""
         assert self.system.friction is not None
         if self._slips[0] != q:
-            row, m = self.row(0.0, (q, 1.0, 0.0, 0.0)), len(self.sides)
-            known = None if row is None else row[9 + 2 * m : 9 + 3 * m]
+            row, m = self.row(0.0, self.layout.start(q, 1.0)), len(self.sides)
+            first = self.layout.size + 5 + 2 * m  # behind margin, J, loads and what is watched
+            known = None if row is None else row[first : first + m]
             self._slips = q, known or self.system.friction.slips(np.array([q]))[0]
         return self._slips[1]
 
@@ -172,17 +179,18 @@ class Equation:
 
     def closeness(self, y: Floats) -> tuple[Any, Any]:
         """Margin, and inertia relative to a typical one, of one driver, at a state."""
-        k = self.drivers
-        here = float(y[0]) if k == 1 else tuple(y[:k])
+        k, (q, _) = self.drivers, self.layout.motion(y)
+        here = q if k == 1 else tuple(q)
         if self._last[0] != here:
-            row = None if k > 1 else self.row(0.0, (float(y[0]), *[0.0] * (y.size - 1)))
+            row = None if k > 1 else self.row(0.0, self.layout.start(q, 0.0))
             if row is not None:
-                self._last = here, row[y.size], row[y.size + 1]
+                n = self.layout.size
+                self._last = here, row[n], row[n + 1]
             elif k == 1:
-                J, _, _, margin = self.one(float(y[0]), 0.0, 0.0)
+                J, _, _, margin = self.one(q, 0.0, 0.0)
                 self._last = here, margin, J
             else:
-                self._last = here, self.system.terms(y[:k], 0 * y[:k]).margin, math.nan
+                self._last = here, self.system.terms(q, 0 * q).margin, math.nan
         _, margin, J = self._last
         return margin, J / self.typical if k == 1 else 1.0
 
@@ -193,23 +201,23 @@ class Equation:
 
     def inertia(self, y: Floats) -> Floats:
         """Inertia (k, k) on the drivers."""
-        k = self.drivers
-        if k == 1:
-            return np.array([[self.system.one(float(y[0])).J]])
-        return self.system.terms(y[:k], y[k : 2 * k]).M
+        q, qd = self.layout.motion(y)
+        if self.drivers == 1:
+            return np.array([[self.system.one(q).J]])
+        return self.system.terms(q, qd).M
 
     def kinetic(self, y: Floats) -> float:
         """Kinetic energy [J]."""
-        qd = y[self.drivers : 2 * self.drivers]
+        qd = y[self.layout.rate]
         return 0.5 * float(qd @ self.inertia(y) @ qd)
 
 
 def scales(equation: Equation, t: float, y: Floats) -> tuple[float, float]:
     """A typical speed [rad/s or m/s] and a typical work [J], for the tolerances."""
-    k = equation.drivers
-    slope = np.asarray(equation(t, y), dtype=np.float64)[k : 2 * k]
+    rate = equation.layout.rate
+    slope = np.asarray(equation(t, y), dtype=np.float64)[rate]
     push = float(np.nanmax(np.abs(slope), initial=0.0))
     fallen = math.sqrt(2 * push * min(equation.system.span, 1.0))
-    speed = float(np.abs(y[k : 2 * k]).max()) + fallen or 1.0
+    speed = float(np.abs(y[rate]).max()) + fallen or 1.0
     work = 0.5 * float(equation.inertia(y).trace()) * speed**2
     return speed, work if 0 < work < math.inf else 1.0

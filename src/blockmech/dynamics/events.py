@@ -17,6 +17,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.equation import LEAST_INERTIA
 from blockmech.dynamics.friction import bearing
+from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.request import SimulationRequest, Watch
@@ -77,7 +78,7 @@ def general_rules(
 ) -> list[EventRule]:
     """The rules that hold all along a run; ``closeness``: y -> (margin, relative inertia)."""
     k = len(system.drivers)
-    found = [user_rule(w, k) for w in request.watch]
+    found = [user_rule(w, StateLayout(k)) for w in request.watch]
     limits = ((ends.DEAD_CENTRE, LEAST_MARGIN), (ends.NO_INERTIA, LEAST_INERTIA))
     for i, (kind, least) in enumerate(limits[:1] if k > 1 else limits):
 
@@ -129,13 +130,11 @@ def friction_rules(
     return found
 
 
-def user_rule(watch: Watch, k: int) -> EventRule:
-    """A user's event, of k drivers."""
+def user_rule(watch: Watch, layout: StateLayout) -> EventRule:
+    """A user's event, of states of a layout."""
 
     def value(t: float, y: Any) -> float:
-        if k == 1:
-            return watch.surface(t, float(y[0]), float(y[1]))
-        return watch.surface(t, y[:k], y[k : 2 * k])
+        return watch.surface(t, *layout.motion(y))
 
     return EventRule(watch.name, value, watch.direction, watch.terminal, own=True)
 
@@ -309,7 +308,7 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
         return found
 
     hits = []
-    for rule in (user_rule(w, 1) for w in watches):
+    for rule in (user_rule(w, StateLayout(1)) for w in watches):
         values = [rule.value(s, y) for s, y in zip(t.tolist(), states, strict=True)]
 
         def value(s: float, rule: EventRule = rule) -> float:

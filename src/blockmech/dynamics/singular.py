@@ -46,13 +46,12 @@ def time_left(system: System, kind: str, q: float, qd: float) -> float:
 
 def what_is_ahead(equation: Equation, t: float, y: Floats) -> End:
     """What is ahead of a state from which a solver found no step."""
-    k = equation.drivers
+    rates = y[equation.layout.rate]
     margin = equation.closeness(y)[0]
     if not margin > NEAR_DEAD_CENTRE:
         known = margin > 0
-        left = (
-            time_left(equation.system, ends.DEAD_CENTRE, float(y[0]), float(y[k])) if known else 0.0
-        )
+        q, qd = float(y[0]), float(rates[0])
+        left = time_left(equation.system, ends.DEAD_CENTRE, q, qd) if known else 0.0
         return End(ends.DEAD_CENTRE, left)
     way = np.sign(np.asarray(equation(t, y), dtype=float))
     ahead = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(np.isfinite(way), way, 0.0)
@@ -61,6 +60,6 @@ def what_is_ahead(equation: Equation, t: float, y: Floats) -> End:
         return End(ends.SELF_LOCKED)
     if np.isfinite(np.asarray(equation(later, ahead), dtype=float)).all():
         return End("the solver's step became too small")
-    rate, places = float(np.abs(y[k])), PAST * max(1.0, float(np.abs(y[0])))
+    rate, places = float(np.abs(rates[0])), PAST * max(1.0, float(np.abs(y[0])))
     left = PAST * max(abs(t), EPS)  # it comes so near, and steps so short
     return End(ends.IMPOSSIBLE, left + (places / rate if rate else 0.0))

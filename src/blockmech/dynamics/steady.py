@@ -154,24 +154,28 @@ class Flow:
     def __post_init__(self) -> None:
         start, span = self.request.start, self.system.span
         self.k = len(self.system.drivers)
-        self.x = np.concatenate([np.atleast_1d(start.q), np.atleast_1d(start.rate)]).astype(float)
         self.equation = Equation(self.system, start.q)
+        self.layout = self.equation.layout
+        self.x = self.layout.start(start.q, start.rate)[: self.layout.moving]
         if self.system.friction is not None:
             self.equation.sides = self.system.friction.sides(float(self.x[0]), 1)
-        self.speed = scales(self.equation, start.t, np.append(self.x, 0.0))[0]
+        self.speed = scales(self.equation, start.t, self._whole(self.x))[0]
         self.size = np.repeat([min(span, 1.0), self.speed], self.k)  # of the parts of a state
         if not np.isfinite(self.acceleration(self.x)).all():
             raise no_steady(f"{ends.IMPOSSIBLE} at the start", "start elsewhere")
 
     def acceleration(self, x: Floats, later: float = 0.0) -> Floats:
         """q'' (k,) at a state, some time [s] after the start."""
-        slope = self.equation(self.request.start.t + later, np.append(x, 0.0))
-        return np.asarray(slope, dtype=np.float64)[self.k : 2 * self.k]
+        slope = self.equation(self.request.start.t + later, self._whole(x))
+        return np.asarray(slope, dtype=np.float64)[self.layout.rate]
+
+    def _whole(self, x: Floats) -> Floats:
+        """A state (2k,) of the maps as one of the integration."""
+        return self.layout.start(*self.layout.motion(x))
 
     def asked(self, x: Floats, until: Until, watch: Sequence[Watch] = ()) -> SimulationRequest:
         """A request for a motion from a state."""
-        q, rate = (float(x[0]), float(x[1])) if self.k == 1 else (x[: self.k], x[self.k :])
-        start = Start(q, rate, self.request.start.t)
+        start = Start(*self.layout.motion(x), self.request.start.t)
         return replace(self.request, start=start, until=until, watch=tuple(watch), times=())
 
     def run(self, asked: SimulationRequest, tolerance: float) -> Motion:

@@ -29,6 +29,7 @@ from blockmech.dynamics.events import (
     until_terminal,
 )
 from blockmech.dynamics.fixed_steps import EulerQ, RungeKutta4
+from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.motion import (
     EVALUATIONS,
     INTEGRATORS,
@@ -66,13 +67,13 @@ class Verdict(NamedTuple):
 class Steps:
     """Dense output of a run: that of its steps, one after the other."""
 
-    drivers: int
+    layout: StateLayout
     solution: OdeSolution
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]."""
-        y, k = np.asarray(self.solution(t)), self.drivers
-        return State(y[0], y[1]) if k == 1 else State(y[:k].T, y[k : 2 * k].T)
+        y, at = np.asarray(self.solution(t)), self.layout
+        return State(y[0], y[1]) if at.drivers == 1 else State(y[at.q].T, y[at.rate].T)
 
 
 @dataclass
@@ -102,11 +103,10 @@ class Run:
 
     def __post_init__(self) -> None:
         q, rate, self.t = self.request.start
-        rubs = self.system.friction is not None
-        works = [0.0, 0.0] if rubs else [0.0]
-        self.y = np.concatenate([np.atleast_1d(q), np.atleast_1d(rate), works]).astype(float)
         self.times.append(self.t)
         self.equation = Equation(self.system, q, EVALUATIONS)
+        self.layout = self.equation.layout
+        self.y = self.layout.start(q, rate)
         if self.method == "rk4" and self.request.until.goal == "time":
             self.equation.most = math.inf  # its steps are counted beforehand
         self.t_max = self.request.start.t + min(self.request.span, 1 / EPS)  # goals without a time
@@ -130,8 +130,7 @@ class Run:
         return self._told(start, verdict)
 
     def _told(self, start: Floats, verdict: Verdict) -> Motion:
-        k, y = self.equation.drivers, self.y
-        q, qd = (float(y[0]), float(y[1])) if k == 1 else (y[:k], y[k : 2 * k])
+        q, qd = self.layout.motion(self.y)
         self._balance(start)
         if verdict.end in (ends.SELF_LOCKED, ends.AMBIGUOUS):
             self.notes.append(f"{verdict.end}: t = {self.t:.9g} s, q = {q:.9g}, rate = {qd:.9g}")
@@ -148,7 +147,7 @@ class Run:
             t_end=self.t,
             q_end=q,
             qd_end=qd,
-            track=Still(q, qd) if solution is None else Steps(k, solution),
+            track=Still(q, qd) if solution is None else Steps(self.layout, solution),
             events=tuple(self.events),
             error=math.inf,
             time_error=2 * self.left,
@@ -160,8 +159,7 @@ class Run:
 
     def _balance(self, start: Floats) -> None:
         """What the work of loads and friction leaves unexplained of the kinetic energy."""
-        k = self.equation.drivers
-        worked, *rubbed = self.y[2 * k :].tolist()
+        worked, *rubbed = self.y[self.layout.works].tolist()
         if rubbed:
             self.facts["friction_work"] = rubbed[0]
         if self.pieces:
@@ -227,12 +225,13 @@ class Run:
     def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
         if self.method in STEPPERS:
             return STEPPERS[self.method](self.equation, t, y, bound, self.step)
-        k, (speed, work) = self.equation.drivers, self.scales
-        tol = self.tolerance
+        at, (speed, work), tol = self.layout, self.scales, self.tolerance
         rtol: Any = max(tol, FLOOR)
         if self.method != "radau":  # SciPy's takes one number only
-            rtol = np.array([FLOOR] * k + [rtol] * (y.size - k))
-        atol = np.array([tol] * k + [tol * speed] * k + [tol * work] * (y.size - 2 * k))
+            rtol = np.full(at.size, rtol)
+            rtol[at.q] = FLOOR
+        atol = np.full(at.size, tol)
+        atol[at.rate], atol[at.works] = tol * speed, tol * work
         solver = SOLVERS[self.method](
             self.equation, t, y, bound, rtol=rtol, atol=atol, max_step=longest
         )
@@ -325,7 +324,7 @@ class Run:
             self.times.append(self.t)
             self.pieces.append(steps.dense)
         self.longest = max(self.longest, float(np.diff(steps.t).max()))
-        self.turned = max(self.turned, float(np.abs(steps.y[1:, 2 * self.equation.drivers]).max()))
+        self.turned = max(self.turned, float(np.abs(steps.y[1:, self.layout.work]).max()))
         if self.system.progress is not None:
             self.system.progress(self.name, *self._far())
 
@@ -340,14 +339,13 @@ class Run:
         return self.t - self.request.start.t, value if goal == "time" else None
 
     def _note(self, hits: list[Hit], dense: Any) -> None:
-        k = self.equation.drivers
         for hit in hits:
             if hit.rule.kind in (ends.KINK, ends.GOAL, ends.GUIDE_SIDE):
                 continue
             y = np.array(dense(hit.t))
             if hit.rule.kind == ends.STANDSTILL:
                 y[1] = 0.0
-            q, qd = (float(y[0]), float(y[1])) if k == 1 else (y[:k], y[k : 2 * k])
+            q, qd = self.layout.motion(y)
             self.events.append(Event(hit.rule.kind, float(hit.t), q, qd))
 
     # -- what was met ----------------------------------------------------------------------

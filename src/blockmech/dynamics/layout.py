@@ -1,0 +1,79 @@
+"""Where what stands in the state y of an integration in time: one place that knows the order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from blockmech.dynamics.motion import Floats
+
+
+@dataclass(frozen=True)
+class StateLayout:
+    """The parts of a state y = (q, q', W[, F]) as named slices.
+
+    Coordinates and rates of the drivers come first, so that a state begins with those of the
+    mechanism whatever else is integrated beside them.
+
+    Attributes
+    ----------
+    drivers : number k of drivers
+    rubs : whether the work F that joint friction takes stands there
+
+    >>> layout = StateLayout(drivers=2, rubs=False)
+    >>> layout.rate, layout.work, layout.size
+    (slice(2, 4, None), 4, 5)
+    """
+
+    drivers: int
+    rubs: bool = False
+
+    @cached_property
+    def q(self) -> slice:
+        """Coordinates [rad or m]."""
+        return slice(0, self.drivers)
+
+    @cached_property
+    def rate(self) -> slice:
+        """Their rates [rad/s or m/s]."""
+        return slice(self.drivers, 2 * self.drivers)
+
+    @property
+    def moving(self) -> int:
+        """Number 2k of coordinates and rates."""
+        return 2 * self.drivers
+
+    @property
+    def work(self) -> int:
+        """Work W of the loads [J]."""
+        return 2 * self.drivers
+
+    @property
+    def friction_work(self) -> int | None:
+        """What friction took of it [J]; None without friction."""
+        return self.work + 1 if self.rubs else None
+
+    @cached_property
+    def works(self) -> slice:
+        """Both works."""
+        return slice(self.work, self.size)
+
+    @property
+    def size(self) -> int:
+        """Number of components."""
+        return self.work + 1 + self.rubs
+
+    def start(self, q: Any, rate: Any) -> Floats:
+        """The state (size,) from which a motion begins: no work is done yet."""
+        works = np.zeros(1 + self.rubs)
+        parts = np.atleast_1d(q), np.atleast_1d(rate), works
+        return np.concatenate(parts, dtype=np.float64)
+
+    def motion(self, y: Any) -> tuple[Any, Any]:
+        """Coordinates and rates of a state: numbers of one driver, else arrays (k,)."""
+        if self.drivers == 1:
+            return float(y[0]), float(y[1])
+        return y[self.q], y[self.rate]
