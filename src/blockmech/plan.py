@@ -311,6 +311,17 @@ class Schedule:
 Reader = Callable[..., Any]
 
 
+class Undefined(float):
+    """NaN for a number that a run does not define, with the reason in words."""
+
+    why: str
+
+    def __new__(cls, why: str) -> Undefined:
+        made = super().__new__(cls, "nan")
+        made.why = why
+        return made
+
+
 class Output(NamedTuple):
     """One thing that can be wanted.
 

@@ -123,6 +123,15 @@ def test_the_front_holds_what_nothing_beats_in_both_and_no_error_as_large_as_the
     assert front((c, a, d, b), "seconds") == (a, b)
 
 
+def test_a_place_on_the_front_needs_a_difference_beyond_the_noise() -> None:
+    noisy = {"seconds": 1.1, "fastest": 0.9, "slowest": 1.3, "repeats": 5}
+    exact = Point("m", evaluations=100, error=1e-9, **noisy)
+    a, b = point("a", 1.0, 1e-9), point("b", 1.0, 1e-6)
+    assert front((a, exact), "seconds") == (a, exact)  # equal as far as can be seen
+    assert front((b, exact), "seconds") == (exact,)  # not surely faster, and less exact
+    assert front((point("c", 0.5, 1e-6), exact), "seconds")[0].method == "c"
+
+
 @pytest.mark.parametrize("target", [1e-4, 1e-6, 1e-8])
 def test_the_recommended_setting_is_the_fastest_of_the_front_within_the_target(target) -> None:
     best = friction().best(target)
@@ -163,7 +172,8 @@ def test_what_friction_alone_makes_is_judged_where_it_is_asked_for() -> None:
     assert none.error < 0.05
     assert any("as friction alone makes them" in note for note in friction().notes)
     asked = trade(ruiz().compile(), want="mechanism.friction_power", budget=PLENTY, samples=51)
-    (none, _) = of(asked, "friction none")
+    (none,) = of(asked, "friction none")  # no friction power in either precision: one row
+    assert none.same == ("complex64",)
     assert (none.error, none.worst) == (pytest.approx(1.0), "mechanism.friction_power")
 
 

@@ -64,12 +64,51 @@ class Slow(Question):
         return 0.0, ""
 
 
-def test_a_budget_that_ends_during_the_repeats_claims_no_time() -> None:
+class Both(Slow):
+    """Two settings, the first of which takes all that a budget leaves for repeats."""
+
+    def settings(self):
+        return [Setting("a"), Setting("b")]
+
+
+def test_a_budget_that_ends_during_the_repeats_leaves_the_one_run() -> None:
     question = Slow()
-    points, skipped = measured(question, Clock(0.03), lambda *_: None)
-    assert points == ()
-    assert [s.label for s in skipped] == ["a"]
+    (point,), skipped = measured(question, Clock(0.03), lambda *_: None)
+    assert skipped == ()
+    assert point.repeats == 1
+    assert point.fastest == point.seconds == point.slowest
     assert 1 <= question.runs <= 5
+
+
+def test_every_setting_is_run_once_before_any_is_repeated() -> None:
+    points, skipped = measured(Both(), Clock(0.03), lambda *_: None)
+    assert {p.method for p in points} | {s.label for s in skipped} == {"a", "b"}
+    assert {p.repeats for p in points} == {1}
+
+
+def test_settings_that_give_the_same_at_the_same_cost_are_one_row() -> None:
+    class Same(Slow):
+        def settings(self):
+            return [Setting("a", f"accuracy {x}") for x in ("0.001", "1e-06", "1e-09")]
+
+    (point,), _ = measured(Same(), Clock(PLENTY), lambda *_: None)
+    assert (point.setting, point.same) == ("accuracy 0.001", ("accuracy 1e-06", "accuracy 1e-09"))
+    assert point.span == "accuracy 0.001 to 1e-09"
+
+
+def test_a_motion_that_does_not_end_in_time_is_compared_over_what_it_reaches() -> None:
+    found = trade(mechanism("fivebar_falling"), "simulate", budget=6.0, until="time=1e6")
+    assert found.points
+    assert "until time=0." in found.question
+    assert "the motion did not end within 1.8 s of computing" in found.notes[0]
+
+
+def test_evaluations_count_the_states_that_kept_series_answer() -> None:
+    mech = mechanism("watt_sixbar")
+    question = FreeMotion(mech, None, {"until": "time=1"}, Clock(PLENTY))
+    runs = [question.run({"method": "lsoda", "accuracy": a}, PLENTY) for a in (1e-3, 1e-6, 1e-9)]
+    counts = [question.evaluations(run) for run in runs]
+    assert counts == sorted(set(counts))
 
 
 @pytest.mark.parametrize("graph", ["floating_drive_press", "fivebar_falling"])

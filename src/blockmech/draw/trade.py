@@ -60,7 +60,7 @@ def _caption(trade: Trade) -> str:
     return (
         f"{head} Error: {trade.measure}, against "
         f"{r.method}, checked by {r.check}, which leaves {r.floor:.0e} open (hatched).{unseen} "
-        "Time: median, bars from the fastest to the slowest of at least 5 warm runs. "
+        "Time: median, bars from the fastest to the slowest of at least 5 warm runs, or of one. "
         f"Evaluations: {trade.counted}. Broad grey line: Pareto front. Labels: the setting "
         "(c64: complex64; n: iterations; a number: accuracy asked for, or step)."
     )

@@ -45,6 +45,7 @@ class Cost(NamedTuple):
     samples: int = 0  # samples in batches
     calls: int = 0  # batch calls
     singles: int = 0  # single states
+    states: int = 0  # that integrators asked for, whether kernels or kept series answered
 
     @property
     def evaluations(self) -> int:

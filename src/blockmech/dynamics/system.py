@@ -246,7 +246,7 @@ class System:
     @property
     def cost(self) -> Cost:
         """Evaluations so far."""
-        return Cost(self.samples, self.calls, self.singles)
+        return Cost(self.samples, self.calls, self.singles, self.states)
 
     # -- states ------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.export.columns import Column, Labelled, driver_columns, output_columns
-from blockmech.plan import Output
+from blockmech.plan import Output, Undefined
 from blockmech.quality import OK
 from blockmech.told import DEGREES
 
@@ -220,11 +220,11 @@ def _title(result: Labelled, outputs: int) -> str:
 
 def _footer(result: Labelled, shown: Selection, degrees: bool) -> Iterator[str]:
     for name in shown.numbers:
-        x, unit = float(result[name]), result.output(name).unit
-        known = np.isfinite(x)
-        yield (
-            f"{name} = {_cell(x)} {unit}".rstrip() if known else f"{name}: not defined for this run"
-        )
+        x, unit = result[name], result.output(name).unit
+        if isinstance(x, Undefined):
+            yield f"{name}: not defined for this run: {x.why}"
+        else:
+            yield f"{name} = {_cell(float(x))} {unit}".rstrip()
     if len(shown.rows) < result.n:
         yield f"{len(shown.rows)} of {result.n} samples shown"
     yield from gap_lines(result, degrees)

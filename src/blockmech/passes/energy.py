@@ -12,7 +12,7 @@ import numpy as np
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import forces, forward, friction, loads
 from blockmech.passes.forward import ACTUAL
-from blockmech.plan import NOUGHT, ZERO, Schedule
+from blockmech.plan import NOUGHT, ZERO, Schedule, Undefined
 
 ROUNDINGS = 8  # of the sum of absolute powers; one at most in whole turns of rough four-bars
 
@@ -143,7 +143,7 @@ def efficiency(s: Schedule) -> tuple[str, str]:
 
 
 def read_efficiency(useful: Any, drive: Any, weights: Any) -> float:
-    """Work of the useful loads over the drive's work, between 0 and 1, else NaN.
+    """Work of the useful loads over the drive's work, between 0 and 1, else `Undefined`.
 
     It is that of a machine whose drive gives all the work. There is none where the drive is
     idle (a free motion: its work is rounding of the useful loads' work), where the useful
@@ -151,8 +151,13 @@ def read_efficiency(useful: Any, drive: Any, weights: Any) -> float:
     """
     taken, given = np.sum(useful * weights), np.sum(drive * weights)
     rounding = _rounding(useful, drive, weights)
-    if not (given > rounding and -rounding <= taken <= given + rounding):
-        return float("nan")
+    if not given > rounding:
+        return _without_work(given, -rounding, weights)
+    if taken < -rounding:
+        return Undefined(f"the useful loads do {-taken:.6g} J of work in place of taking it")
+    if taken > given + rounding:
+        more = f"take {taken:.6g} J, more than the drive's {given:.6g} J"
+        return Undefined(f"the useful loads {more}: other loads do work too")
     return float(np.clip(taken / given, 0.0, 1.0))
 
 
@@ -162,16 +167,27 @@ def friction_efficiency(s: Schedule) -> tuple[str, str]:
 
 
 def read_friction_efficiency(friction: Any, drive: Any, weights: Any) -> float:
-    """1 - friction work / drive work; NaN without positive drive work.
+    """1 - friction work / drive work; `Undefined` without positive drive work.
 
     Zero where rounding is all that is left: over a whole turn without useful loads, friction
     takes all that the drive gives, and the powers may be much larger than what is left of them.
     """
     taken, given = np.sum(friction * weights), np.sum(drive * weights)
+    rounding = _rounding(friction, drive, weights)
     if not given > 0:
-        return float("nan")
-    left = abs(given - taken) > _rounding(friction, drive, weights)
+        return _without_work(given, -rounding, weights)
+    left = abs(given - taken) > rounding
     return float(1.0 - taken / given) if left else 0.0
+
+
+def _without_work(given: float, least: float, weights: Any) -> Undefined:
+    """Why there is no efficiency where the drive gives no work; ``least`` is none yet."""
+    if np.isnan(weights).any():
+        return Undefined("no time passes between the samples: give times, or rates other than 0")
+    if np.isnan(given):
+        return Undefined("some samples have no answer")
+    taken = f"the drive takes {-given:.6g} J of work from the mechanism"
+    return Undefined(taken if given < least else "the drive does no work")
 
 
 def _rounding(part: Any, whole: Any, weights: Any) -> float:

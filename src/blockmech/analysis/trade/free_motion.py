@@ -30,6 +30,7 @@ FINEST = (  # references and checks, best first; coarser ones where those do not
     ("lsoda", 1e-8),
 )
 SHARE = 0.3  # of what is left, for each of them: two, and as much again for the settings
+FIRST = 0.02  # of a motion without end, what is compared: methods differ a hundredfold in cost
 TIMES = 21  # at which runs are compared, where none are named
 DOUBTFUL = 10.0  # times their own estimates by which reference and check may differ
 MOTION = ("*.q", "*.rate")
@@ -56,8 +57,8 @@ class FreeMotion(Question):
         "magnitude (angles in rad)"
     )
     COUNTED = (
-        "samples of the reduced inertia and load, in batches or single; the arithmetic of an "
-        "integrator's steps is not counted"
+        "states at which the equation of motion was evaluated, by kernels or by series kept of "
+        "them; the arithmetic of an integrator's steps is not counted"
     )
 
     errors: ReferenceErrors
@@ -75,10 +76,20 @@ class FreeMotion(Question):
         self.request = {**request, "want": want or MOTION}
         until = request.get("until")
         self.asked = f"simulate until {until or 'its end'}"
-        first = self.run({}, clock.left)
-        if first is None:
-            return
+        first, in_time = self._run({}, SHARE * clock.left)
         motion: Motion = first.motion
+        if not in_time:
+            reached = motion.t_end - motion.t_start
+            if not reached > 0:
+                return
+            until = f"time={FIRST * reached:.2g}"
+            self.request |= {"until": until}
+            computed = f"the motion did not end within {SHARE * clock.budget:.2g} s of computing"
+            come = f"by which it had come to t = {motion.t_end:.3g} s"
+            self.notes += (f"{computed}, {come}: compared until {until} s",)
+            if (shorter := self.run({}, SHARE * clock.left)) is None:
+                return
+            motion = shorter.motion
         if motion.status == "failed":
             remedy = 'say until when, e.g. until="time=2"'
             why = "; ".join(motion.notes)
@@ -153,6 +164,11 @@ class FreeMotion(Question):
 
         Raises `KeyboardInterrupt` if the user stopped it: half a run cannot be compared.
         """
+        result, in_time = self._run(options, seconds)
+        return result if in_time else None
+
+    def _run(self, options: Mapping[str, Any], seconds: float) -> tuple[Result, bool]:
+        """The simulation as far as it comes, and whether that is its end."""
         end = time.perf_counter() + seconds
 
         def stop_late(what: str, done: float, whole: float | None) -> None:
@@ -162,15 +178,15 @@ class FreeMotion(Question):
         given = {**self.request, **options, "progress": stop_late}
         result: Result = self.mechanism.simulate(**given)
         if result.motion.end != INTERRUPTED:
-            return result
+            return result, True
         if time.perf_counter() <= end:
             raise KeyboardInterrupt
-        return None
+        return result, False
 
     def evaluations(self, result: Result) -> int:
-        """Kernel evaluations of the motion."""
-        found: int = result.motion.cost.evaluations
-        return found
+        """States at which the equation of motion was evaluated."""
+        cost = result.motion.cost
+        return int(cost.samples + max(cost.singles, cost.states))
 
     def error(self, result: Result) -> tuple[float, str]:
         """Error of a run: of its outputs at the common times, and of its end.

@@ -6,9 +6,12 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from statistics import median
 from typing import Any, ClassVar
+
+import numpy as np
 
 from blockmech.errors import RequestError
 from blockmech.result import Result
@@ -41,11 +44,13 @@ class Point(Setting):
 
     Attributes
     ----------
-    seconds, fastest, slowest, repeats : median of the warm repeats [s], extremes, how many
+    seconds, fastest, slowest, repeats : median of the warm repeats [s], extremes, how many;
+        one repeat is the first run, which also plans and compiles
     evaluations : kernel evaluations of one run, see `Trade.counted`
     error : measured error [-] or [rad], never below the floor
     worst : the output that has it
     at_floor : whether the measured difference lay below the floor
+    same : finer settings of the method that give the same answer at the same cost
     """
 
     seconds: float
@@ -56,6 +61,13 @@ class Point(Setting):
     error: float
     worst: str = ""
     at_floor: bool = False
+    same: tuple[str, ...] = ()
+
+    @property
+    def span(self) -> str:
+        """The setting, to the finest one that gives the same."""
+        finest = [last.split()[-1] for last in self.same[-1:]]
+        return " to ".join(filter(None, (self.setting, *finest)))
 
 
 @dataclass(frozen=True)
@@ -138,57 +150,85 @@ class Question(ABC):
 def measured(
     question: Question, clock: Clock, say: Say
 ) -> tuple[tuple[Point, ...], tuple[Skipped, ...]]:
-    """Points of the settings that apply and fit the budget; Ctrl-C keeps what is done."""
+    """Points of the settings that apply and fit the budget; Ctrl-C keeps what is done.
+
+    Every setting is run once, then those that cost least are repeated while the budget lasts.
+    """
     settings = tuple(question.settings())
-    points: list[Point] = []
+    points: dict[tuple[Any, ...], Point] = {}  # by method, cost and answer
     skipped: list[Skipped] = []
     refused: set[str] = set()  # methods of which no finer setting is tried
-    for i, setting in enumerate(settings):
-        if setting.method in refused:
-            continue
-        try:
-            say(setting.label, i, len(settings))
-            found = _point(question, setting, clock)
-        except RequestError as refusal:
-            refused.add(setting.method)
-            why = f"does not apply: {refusal.problems[0].found}"
-            skipped.append(Skipped(setting.method, why))
-        except KeyboardInterrupt:
-            skipped += [Skipped(rest.label, "interrupted") for rest in settings[i:]]
-            break
-        else:
-            if found is None:
-                skipped.append(Skipped(setting.label, SPENT))
+    try:
+        for i, setting in enumerate(settings):
+            if setting.method in refused:
+                continue
+            rest = settings[i:]
+            try:
+                say(setting.label, i, len(settings))
+                answer, seconds = _timed(question, setting, clock)
+            except RequestError as refusal:
+                refused.add(setting.method)
+                why = f"does not apply: {refusal.problems[0].found}"
+                skipped.append(Skipped(setting.method, why))
             else:
-                points.append(found)
-    return tuple(points), tuple(skipped)
+                if answer is None:
+                    skipped.append(Skipped(setting.label, SPENT))
+                    continue
+                point = _point(question, setting, answer, seconds)
+                key = point.method, point.evaluations, _digest(answer)
+                if key in points:
+                    coarser = points[key]
+                    points[key] = replace(coarser, same=(*coarser.same, setting.setting))
+                else:
+                    points[key] = point
+    except KeyboardInterrupt:
+        skipped += [Skipped(each.label, "interrupted") for each in rest]
+        return tuple(points.values()), tuple(skipped)
+    return tuple(_repeated(question, list(points.values()), clock)), tuple(skipped)
 
 
-def _point(question: Question, setting: Setting, clock: Clock) -> Point | None:
-    """A setting measured: a cold run, then warm ones; None where the budget ends before five."""
-    answer, _ = _timed(question, setting, clock)
-    if answer is None:
-        return None
-    times: list[float] = []
-    while len(times) < FEWEST or (sum(times) < LONG_ENOUGH and clock.left > 0):
-        again, seconds = _timed(question, setting, clock)
-        if again is None:
-            return None
-        times.append(seconds)
+def _point(question: Question, setting: Setting, answer: Result, seconds: float) -> Point:
+    """A setting that was run once."""
     (error, worst), floor = question.error(answer), question.reference.floor
     return Point(
         setting.method,
         setting.setting,
         setting.options,
-        seconds=median(times),
-        fastest=min(times),
-        slowest=max(times),
-        repeats=len(times),
+        seconds=seconds,
+        fastest=seconds,
+        slowest=seconds,
+        repeats=1,
         evaluations=question.evaluations(answer),
         error=max(error, floor),
         worst=worst,
         at_floor=error < floor,
     )
+
+
+def _digest(answer: Result) -> int:
+    """A hash of all numbers of an answer."""
+    return hash(b"".join(np.asarray(answer[name]).tobytes() for name in answer))
+
+
+def _repeated(question: Question, points: list[Point], clock: Clock) -> list[Point]:
+    """Points with the times of warm runs, as far as the budget lasts."""
+    found = dict(enumerate(points))
+    with suppress(KeyboardInterrupt):  # what is measured so far stays
+        for i in sorted(found, key=lambda i: points[i].seconds):
+            times: list[float] = []
+            while len(times) < FEWEST or (sum(times) < LONG_ENOUGH and clock.left > 0):
+                again, seconds = _timed(question, points[i], clock)
+                if again is None:
+                    return list(found.values())
+                times.append(seconds)
+            found[i] = replace(
+                points[i],
+                seconds=median(times),
+                fastest=min(times),
+                slowest=max(times),
+                repeats=len(times),
+            )
+    return list(found.values())
 
 
 def _timed(question: Question, setting: Setting, clock: Clock) -> tuple[Result | None, float]:
@@ -199,9 +239,20 @@ def _timed(question: Question, setting: Setting, clock: Clock) -> tuple[Result |
 
 
 def front(points: Sequence[Point], cost: str) -> tuple[Point, ...]:
-    """Points that no other beats in both cost and error, and whose error leaves an answer."""
-    found: list[Point] = []
-    for point in sorted(points, key=lambda p: (getattr(p, cost), p.error)):
-        if point.error < (found[-1].error if found else USELESS):
-            found.append(point)
-    return tuple(found)
+    """Points that no other beats in both cost and error, and whose error leaves an answer.
+
+    A time counts as shorter only beyond the noise: typically shorter than the other at its best.
+    """
+    best = "fastest" if cost == "seconds" else cost
+
+    def cheaper(a: Point, b: Point) -> bool:
+        return bool(getattr(a, cost) < getattr(b, best))
+
+    def beaten(p: Point) -> bool:
+        return any(
+            (q.error <= p.error and cheaper(q, p)) or (q.error < p.error and not cheaper(p, q))
+            for q in points
+        )
+
+    kept = (p for p in points if p.error < USELESS and not beaten(p))
+    return tuple(sorted(kept, key=lambda p: (getattr(p, cost), p.error)))

@@ -115,8 +115,8 @@ class Trade(Told):
             "",
             *aligned(HEAD, rows),
             "",
-            "* no other setting is both faster and more exact",
-            f"time: median of at least 5 warm repeats; evaluations: {self.counted}",
+            "* no other setting is both faster, beyond the noise, and at least as exact",
+            f"time: median of at least 5 warm repeats, or of one run; evaluations: {self.counted}",
             f"error: {self.measure}",
         ]
         if math.isfinite(reference.floor):
@@ -220,6 +220,6 @@ def _nothing(trade: Trade) -> str:
 
 def _row(p: Point, best: bool) -> tuple[str, ...]:
     error = f"<= {p.error:.1e}" if p.at_floor else f"{p.error:.1e}"
-    spread = f"{duration(p.fastest)} .. {duration(p.slowest)}"
+    spread = f"{duration(p.fastest)} .. {duration(p.slowest)}" if p.repeats > 1 else "one run"
     cells = (duration(p.seconds), spread, f"{p.evaluations}", error)
-    return ("*" if best else "", p.method, p.setting, *cells, "" if p.at_floor else p.worst)
+    return ("*" if best else "", p.method, p.span, *cells, "" if p.at_floor else p.worst)
