@@ -4,6 +4,7 @@
         for each design, with its slots of the numbers:
             what hangs on parameters alone
             for each block of its n samples:
+                sines and cosines of inputs alone, of the first design: they are kept for the others
                 flat arithmetic on LANES samples side by side
                 a loop for each `blockmech.plane.repeat`, until every lane has stopped
                 rows of out, a design's samples behind those of the one before
@@ -72,10 +73,17 @@ class Text:
             PIECE,
         ]
 
-    def fill(self, inputs: int, rows: Sequence[Node], given: Sequence[Node] = ()) -> str:
+    def fill(
+        self,
+        inputs: int,
+        rows: Sequence[Node],
+        given: Sequence[Node] = (),
+        kept: Sequence[Node] = (),
+    ) -> str:
         """The text of the module; ``rows`` are what is stored, in the order of ``out``.
 
-        ``given`` are inputs that are summed with them.
+        ``given`` are inputs that are summed with them; ``kept`` what hangs on inputs alone and is
+        worked out once for all designs. Of several, x holds a place for it behind the inputs.
         """
         nodes = needed([*rows, *given])
         lines = [
@@ -87,6 +95,15 @@ class Text:
         for node in systems:  # not in a loop, where they would be made again and again
             count = len(node.args) - 2
             lines += [f"{self._name(node)} = alloca [{count} x {self.reals}], align 64"]
+        if kept:
+            lines += [
+                f"%own = alloca [{len(kept)} x {self.reals}], align 64",
+                "%many = icmp sgt i64 %designs, 1",
+                f"%given.at = getelementptr ptr, ptr %x, i64 {inputs}",
+                "%given.safe = select i1 %many, ptr %given.at, ptr %own",
+                "%given = load ptr, ptr %given.safe",
+                "%kept = select i1 %many, ptr %given, ptr %own",
+            ]
         for k in range(inputs):
             lines += [
                 f"%x{k}.at = getelementptr ptr, ptr %x, i64 {k}",
@@ -107,7 +124,7 @@ class Text:
         for node in nodes:
             if node.scope == PARAMETER:
                 lines += self._statement(node)
-        body, last = self._sample(nodes)
+        body, last = self._sample(nodes, kept)
         lines += [
             "br label %sampled",
             "sampled:",
@@ -160,10 +177,15 @@ class Text:
             f"store {self.reals} {name}, ptr %o{row}, align 8",
         ]
 
-    def _sample(self, nodes: Sequence[Node]) -> tuple[list[str], str]:
+    def _sample(self, nodes: Sequence[Node], kept: Sequence[Node]) -> tuple[list[str], str]:
         """What is worked out for a block of samples, and the name of the text's last part."""
         lines: list[str] = []
         part, done = "sample", set[int]()
+        if kept:
+            first = needed(kept)
+            lines, part = self._of_first(first, kept), "ready"
+            there = set(first)
+            nodes = [node for node in nodes if node not in there]
         for node in nodes:
             if node.op == "after":
                 loop = node.args[0]
@@ -175,6 +197,35 @@ class Text:
             elif node.scope == SAMPLE:
                 lines += self._statement(node)
         return lines, part
+
+    def _of_first(self, nodes: Sequence[Node], kept: Sequence[Node]) -> list[str]:
+        """Nodes that hang on inputs alone: kept from the first design to the others."""
+        later = set(kept)  # a list would compare nodes, which are numbers
+        lines = [line for x in nodes if x not in later for line in self._statement(x)]
+        lines += [
+            "%block = select i1 %many, i64 %i, i64 0",
+            f"%block.first = mul i64 %block, {len(kept)}",
+            "%again = icmp sgt i64 %d, 0",
+        ]
+        for k, node in enumerate(kept):
+            place = f"{self._name(node)}.place"
+            lines.append(f"{place}.number = add i64 %block.first, {k * self.lanes}")
+            lines.append(f"{place} = getelementptr double, ptr %kept, i64 {place}.number")
+        lines += ["br i1 %again, label %known, label %new", "new:"]
+        for node in kept:
+            name = self._name(node)
+            (call,) = self._statement(node)
+            lines.append(call.replace(name, f"{name}.new", 1))
+            lines.append(f"store {self.reals} {name}.new, ptr {name}.place, align 64")
+        lines += ["br label %ready", "known:"]
+        for node in kept:
+            name = self._name(node)
+            lines.append(f"{name}.known = load {self.reals}, ptr {name}.place, align 64")
+        lines += ["br label %ready", "ready:"]
+        for node in kept:
+            name = self._name(node)
+            lines.append(f"{name} = phi {self.reals} [ {name}.new, %new ], [ {name}.known, %known ]")
+        return lines
 
     def _loop(self, loop: Loop, inside: Iterable[Node], before: str) -> list[str]:
         """A loop in which each lane keeps its state from when it has stopped."""

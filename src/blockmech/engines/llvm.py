@@ -26,11 +26,12 @@ from numpy.typing import NDArray
 
 from blockmech.engines import assembly, lapack
 from blockmech.engines.assembly import LANES
-from blockmech.engines.nodes import Node, Untraceable
+from blockmech.engines.nodes import Node, Untraceable, needed, of_inputs
 from blockmech.engines.numpy import CHUNK, Planar, Whole, each_part, leaves
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.engines.trace import Trace, filled
-from blockmech.errors import MissingEngineError, needed
+from blockmech.errors import MissingEngineError
+from blockmech.errors import needed as package
 from blockmech.plan import Program
 
 Array = NDArray[np.float64]
@@ -61,7 +62,9 @@ class LlvmEngine:
         self._fixed = sum(x for x in wanted if not isinstance(x, Node))
         self._row = {node: row for row, node in enumerate(rows)}
         self._asked, self._inputs = trace.asked, len(program.inputs) + trace.answers
-        text = assembly.Text().fill(self._inputs, rows, given)
+        kept = of_inputs(needed([*rows, *given]))
+        self._kept = len(kept)
+        text = assembly.Text().fill(self._inputs, rows, given, kept)
         (self._fill,) = machine_code(text, ("fill", FILL))
         self._numbers = row_of(program)
         self._parameters = self._numbers.ctypes.data
@@ -179,13 +182,19 @@ class LlvmEngine:
         return [part(0, count)] if count else []
 
     def _call(self, columns: list[Array], out: Array, n: int, slots: Array) -> float:
-        places = self._places(*(c.ctypes.data for c in columns))
         stride = out.strides[0] // out.itemsize
         designs, count = slots.shape
+        kept = np.empty(self._kept * n + LANES if designs > 1 else 0)
+        places = self._places(*(c.ctypes.data for c in columns), _aligned(kept))
         total: float = self._fill(
             places, slots.ctypes.data, out.ctypes.data, stride, n, count, designs
         )
         return total
+
+
+def _aligned(room: Array) -> int:
+    """The first place in a room of numbers at which a block may begin."""
+    return -(-int(room.ctypes.data) // LINE) * LINE
 
 
 def _whole_blocks(column: Array) -> Array:
@@ -252,7 +261,7 @@ def machine_code(text: str, *kinds: tuple[str, Any]) -> tuple[Any, ...]:
 @functools.cache
 def _package() -> Any:
     """llvmlite's binding, ready for this processor."""
-    llvm = needed("llvmlite.binding", 'engine="llvm"', "fast")
+    llvm = package("llvmlite.binding", 'engine="llvm"', "fast")
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     library = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)  # the one of Python's math

@@ -12,8 +12,10 @@ from typing import Any, NoReturn
 
 PARAMETER, SAMPLE = 0, 1  # scopes: known before the samples, once a sample; loops count on
 
-
 TRUTHS = ("<", "<=", ">", ">=", "==", "is nan", "&", "|")  # operations that give truth values
+
+
+ELEMENTARY = ("+", "-", "*", "/", "neg", "sin", "cos")
 
 
 class Untraceable(Exception):
@@ -76,6 +78,16 @@ class Loop:
         self.cap, self.first = cap, first
         self.state = [Node(trace, "state", (self, i), self.scope) for i in range(len(first))]
         self.ahead: list[Any] = []
+
+
+def of_inputs(nodes: Iterable[Node]) -> list[Node]:
+    """Sines and cosines of inputs alone, of nodes in their order: the same for all designs."""
+    alone = set[Node]()
+    for node in nodes:
+        given = node.op == "input" or (node.scope == SAMPLE and node.op in ELEMENTARY)
+        if given and all(x in alone for x in node.args if isinstance(x, Node)):
+            alone.add(node)
+    return [node for node in nodes if node in alone and node.op in ("sin", "cos")]
 
 
 def needed(wanted: Iterable[Any]) -> list[Node]:
