@@ -224,7 +224,9 @@ class Text:
         lines += ["br label %ready", "ready:"]
         for node in kept:
             name = self._name(node)
-            lines.append(f"{name} = phi {self.reals} [ {name}.new, %new ], [ {name}.known, %known ]")
+            lines.append(
+                f"{name} = phi {self.reals} [ {name}.new, %new ], [ {name}.known, %known ]"
+            )
         return lines
 
     def _loop(self, loop: Loop, inside: Iterable[Node], before: str) -> list[str]:

@@ -16,6 +16,7 @@ import ctypes
 import functools
 import math
 import os
+import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
@@ -24,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.engines import assembly, lapack
+from blockmech.engines import assembly, code_cache, lapack
 from blockmech.engines.assembly import LANES
 from blockmech.engines.nodes import Node, Untraceable, needed, of_inputs
 from blockmech.engines.numpy import CHUNK, Planar, Whole, each_part, leaves
@@ -233,24 +234,32 @@ class OneByOne:
 
 @functools.lru_cache
 def machine_code(text: str, *kinds: tuple[str, Any]) -> tuple[Any, ...]:
-    """Functions of a module, by name; compiled once for all mechanisms of one structure."""
+    """Functions of a module, by name; compiled once for all mechanisms of one structure.
+
+    Once on a machine, as long as `code_cache` keeps what was compiled.
+    """
     if text.count("\n") > LONGEST:
         raise Untraceable(f"it has more than {LONGEST} operations")
     llvm = _package()
     if "@dgesv" in text:
         lapack.link(llvm)
-    target = llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
-        opt=3,
-        codemodel="jitdefault",
-        jit=True,
+    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    made = llvm.Target.from_default_triple()
+    target = made.create_target_machine(
+        cpu=cpu, features=features, opt=3, codemodel="jitdefault", jit=True
     )
-    module = llvm.parse_assembly(text)
-    how = llvm.create_pipeline_tuning_options(speed_level=2)
-    passes = llvm.create_pass_builder(target, how)
-    passes.getModulePassManager().run(module, passes)
-    engine = llvm.create_mcjit_compiler(module, target)
+    version = (sys.modules["llvmlite"].__version__, *llvm.llvm_version_info)
+    whole = f"{version} {made.triple} {cpu} {features}\n{text}"
+    code = code_cache.load(whole)
+    if code is None:
+        module = llvm.parse_assembly(text)
+        how = llvm.create_pipeline_tuning_options(speed_level=2)
+        passes = llvm.create_pass_builder(target, how)
+        passes.getModulePassManager().run(module, passes)
+        code = target.emit_object(module)
+        code_cache.keep(whole, code)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     functions = tuple(kind(engine.get_function_address(name)) for name, kind in kinds)
     for f in functions:

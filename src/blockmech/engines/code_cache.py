@@ -1,0 +1,123 @@
+"""Machine code kept on disk, from one process to the next.
+
+Compiling takes a quarter of a second, loading what was compiled a millisecond. A file is named
+after all that decides on its code, and signed with a key of this user that lies in another folder:
+what others wrote, moved or damaged, or what came with a copied folder, is never loaded. Whatever
+goes wrong here means that nothing is kept; then it is compiled as ever.
+
+    folder of caches / blockmech / machine_code / <sha256>.o
+    folder of settings / blockmech / machine_code.key
+
+The environment variable BLOCKMECH_CACHE names another folder for the files, or, empty, none.
+"""
+
+from __future__ import annotations
+
+import hmac
+import os
+import secrets
+import stat
+import sys
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+
+from blockmech.errors import RequestError
+from blockmech.files import writing
+
+FOLDER = "BLOCKMECH_CACHE"
+SIZE = sha256().digest_size  # bytes of a signature, and of the key
+MOST = 500  # files, of some ten to a hundred kB each; the oldest go
+LARGEST = 2**26  # bytes that are read
+# Where others may not write, and, of what is secret, not read; Windows keeps users' folders apart.
+OTHERS_WRITE, OTHERS = stat.S_IWGRP | stat.S_IWOTH, stat.S_IRWXG | stat.S_IRWXO
+NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
+
+
+def load(text: str) -> bytes | None:
+    """The code that was kept for a text; None where there is none to be trusted.
+
+    text : all that decides on the code: its source, the processor, the compiler's version
+    """
+    folder, key = _folder(), _key()
+    if folder is None or key is None:
+        return None
+    name = sha256(text.encode()).hexdigest()
+    found = _read(folder / f"{name}.o", OTHERS_WRITE)
+    if found is None or not hmac.compare_digest(found[:SIZE], _signed(key, name, found[SIZE:])):
+        return None
+    return found[SIZE:]
+
+
+def keep(text: str, code: bytes) -> None:
+    """Keep the code of a text, where there is a place for it."""
+    folder, key = _folder(), _key(make=True)
+    if folder is None or key is None:
+        return
+    name = sha256(text.encode()).hexdigest()
+    with suppress(OSError, RequestError):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with writing(folder / f"{name}.o") as stream:
+            if os.name == "posix":
+                os.fchmod(stream.fileno(), 0o600)
+            stream.write(_signed(key, name, code) + code)
+        by_age = sorted(folder.glob("*.o"), key=lambda path: path.stat().st_mtime)
+        for path in by_age[:-MOST]:
+            path.unlink(missing_ok=True)
+
+
+def _signed(key: bytes, name: str, code: bytes) -> bytes:
+    """The signature of code under its name: moved to another name it does not fit."""
+    return hmac.digest(key, name.encode() + code, "sha256")
+
+
+def _read(path: Path, forbidden: int) -> bytes | None:
+    """A file of this user that nobody else may write to (or read); None if it is not that."""
+    with suppress(OSError):
+        stream = os.fdopen(os.open(path, os.O_RDONLY | NO_LINK), "rb")
+        with stream:
+            found = os.fstat(stream.fileno())
+            own = os.name != "posix" or (
+                found.st_uid == os.geteuid() and not found.st_mode & forbidden
+            )
+            if own and stat.S_ISREG(found.st_mode):
+                return stream.read(LARGEST)
+    return None
+
+
+def _key(make: bool = False) -> bytes | None:
+    """The user's key, made where there is none yet; None where there can be none."""
+    folder = _user_folder("APPDATA", "Library/Application Support", "XDG_CONFIG_HOME", ".config")
+    if folder is None:
+        return None
+    path = folder / "blockmech" / "machine_code.key"
+    if make and not path.exists():
+        with suppress(OSError):
+            path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | NO_LINK
+            with os.fdopen(os.open(path, flags, 0o600), "wb") as stream:
+                stream.write(secrets.token_bytes(SIZE))
+    found = _read(path, OTHERS)
+    return found if found is not None and len(found) == SIZE else None
+
+
+def _folder() -> Path | None:
+    """Where the files are; None where none are kept."""
+    named = os.environ.get(FOLDER)
+    if named is not None:
+        return Path(named) / "machine_code" if named else None
+    folder = _user_folder("LOCALAPPDATA", "Library/Caches", "XDG_CACHE_HOME", ".cache")
+    return None if folder is None else folder / "blockmech" / "machine_code"
+
+
+def _user_folder(windows: str, mac: str, variable: str, unix: str) -> Path | None:
+    """A folder of the user's by the custom of the system; None where the user has no home."""
+    if sys.platform == "win32":
+        named = os.environ.get(windows)
+        return Path(named) if named else None
+    if sys.platform != "darwin" and os.path.isabs(named := os.environ.get(variable, "")):
+        return Path(named)
+    try:
+        return Path.home() / (mac if sys.platform == "darwin" else unix)
+    except RuntimeError:
+        return None
