@@ -10,6 +10,7 @@ import math
 import numpy as np
 import pytest
 
+from blockmech.plane import EPS
 from tests.doors import linkage_of as loads
 from tests.model.joints import machines
 from tests.model.joints.chance import shuffled
@@ -314,3 +315,35 @@ def test_a_pose_a_millionth_off_a_dead_centre_tells_its_mode(mode):
     run = mechanism.run(at=aside, rates=1.0, want=["link.rod.angle"])
     # half the digits are left of what the margin, 1e-12, is made of
     assert run["link.rod.angle"][0] == pytest.approx(turned, abs=1e-9)
+
+
+def nearly_parallel(turn):
+    """A crank, a guide on its pin and one on the frame, ``turn`` [rad] apart: they meet at -2."""
+    height = 1.0 - 2.0 * math.sin(turn)
+    poses = {"crank": (0.0, 0.0, math.pi / 2), "i": (0.0, 1.0, turn)}
+    poses["j"] = (-2.0 * math.cos(turn), height, 0.0)
+    joints = {
+        "A": pin("frame", "crank", (0, 0), (0, 0)),
+        "B": pin("crank", "i", (1, 0), (0, 0)),
+        "S1": guide("i", "j", (0, 0), (0, 0), (0.0, turn)),
+        "S": guide("frame", "j", (0.0, height), (0, 0), (0.0, 0.0)),
+    }
+    return joints_file(poses, joints, {"motor": "A"}), height
+
+
+@pytest.mark.parametrize("turn", [1e-3, 1e-6, 1e-8, 1e-9])
+def test_nearly_parallel_guides_are_placed_as_well_as_their_angle_is_known(turn):
+    """The guides' angle does not change with the pose, so it can be told down to rounding."""
+    data, height = nearly_parallel(turn)
+    linkage = read(data)
+    assert linkage.check() == []
+    found = linkage.run(at=math.pi / 2, want="link.j.p")
+    assert found["link.j.p"][0].real == pytest.approx(-2.0 * math.cos(turn), abs=16 * EPS / turn)
+    assert found["link.j.p"][0].imag == pytest.approx(height, rel=4 * EPS)
+    (margin,) = found.quality.margin.values()
+    assert margin[0] == pytest.approx(math.sin(turn) ** 2, rel=1e-6)
+
+
+def test_parallel_guides_are_refused():
+    data, _ = nearly_parallel(0.0)
+    assert [p.code for p in read(data).check()] == ["coincident-joints"]

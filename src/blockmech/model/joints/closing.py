@@ -174,9 +174,29 @@ class Closing:
 
     def freedom(self, poses: Poses) -> tuple[int, Floats]:
         """Freedoms that the conditions leave, and a motion (3n,) that the joints allow."""
-        free = _kernel(self.conditions(poses)[1])
+        held, directions = _near_kernel(self.conditions(poses)[1])
+        free = np.array([
+            direction
+            for ratio, direction in zip(held, directions, strict=True)
+            if ratio <= SINGULAR * max(math.sqrt(self._bend(poses, direction)), SINGULAR)
+        ]).reshape(-1, 3 * len(self.links))  # fmt: skip
         mix = np.cos(1.0 + np.arange(len(free)))  # no direction is left out
         return len(free), mix @ free
+
+    def _bend(self, poses: Poses, direction: Floats) -> float:
+        """How fast conditions that hold a motion weakly change along it, at most 1.
+
+        A pose is known to rounding over the singular value along the motion, so the singular
+        value itself to this times as much: where it bends, as in a dyad near its dead centre,
+        values below the root of rounding tell nothing. Guides that are nearly parallel hold
+        equally weakly wherever the links stand, and that can be told down to rounding.
+        """
+        step = math.sqrt(SINGULAR)
+        ahead, behind = (
+            self.conditions(self.moved(poses, way * direction))[1] @ direction
+            for way in (step, -step)
+        )
+        return min(float(np.linalg.norm(ahead - behind)) / (2 * step), 1.0)
 
     def stressed(self, poses: Poses) -> tuple[str, ...]:
         """Joints that can press against each other."""
@@ -188,9 +208,17 @@ class Closing:
 
 def _kernel(matrix: Floats) -> Floats:
     """Directions (k, n) that a matrix (m, n) takes to nothing."""
+    return _near_kernel(matrix)[1]
+
+
+def _near_kernel(matrix: Floats) -> tuple[Floats, Floats]:
+    """The same, and their singular values (k,) over the largest."""
     _, s, v = np.linalg.svd(matrix)
-    found: Floats = v[int((s > SINGULAR * s.max(initial=0.0)).sum()) :]
-    return found
+    largest = s.max(initial=0.0)
+    rank = int((s > SINGULAR * largest).sum())
+    ratios = np.zeros(len(v))
+    ratios[: len(s)] = s / (largest or 1.0)
+    return ratios[rank:], v[rank:]
 
 
 # Special lengths.

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, get_origin
 
 from blockmech.assur.groups import DYADS, Unit
 from blockmech.blocks.contract import AssurGroup, Joint
-from blockmech.blocks.modes import dyad_modes
+from blockmech.blocks.modes import branches, dyad_modes
 from blockmech.blocks.registry import REGISTRY
 from blockmech.model.joints.closing import CLOSED
 from blockmech.model.joints.layout import Connection, Connections, Poses
@@ -233,7 +233,8 @@ def _mode(
         supports.append(abs(r - b))
     stands = {seat.link: poses[link].direction(seat.e) for link, seat in seats.items()}
     modes = dyad_modes(made, supports)
-    if max((mode.margin for mode in modes), default=0.0) <= DEAD:
+    least = 0.0 if branches(made) == (None,) else DEAD  # one mode needs no pose that tells it
+    if max((mode.margin for mode in modes), default=0.0) <= least:
         return {}, DOUBTS[made.kind].format(*(c.name for c in at.values()))
     nearest = min(modes, key=lambda m: sum(abs(m.links[link].e - e) for link, e in stands.items()))
     return ({} if nearest.branch is None else {"branch": nearest.branch}), ""
