@@ -57,6 +57,7 @@ ROOMS = (
     "studies",
     "draw",
     "mechanism",
+    "exchange",
     "builders",
     "__init__",
     "testing",

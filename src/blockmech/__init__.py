@@ -48,6 +48,7 @@ from blockmech.values import Link, Marker
 if TYPE_CHECKING:
     from blockmech import draw, studio
     from blockmech.dynamics.request import Until, Watch
+    from blockmech.exchange.writing import write
     from blockmech.mechanism import Mechanism
     from blockmech.result import Result
 
@@ -98,6 +99,7 @@ __all__ = [
     "normal",
     "studio",
     "uniform",
+    "write",
 ]
 
 __version__ = "0.1.0"
@@ -107,6 +109,7 @@ _LATER = {  # loaded when they are first asked for
     "Result": "blockmech.result",
     "Until": "blockmech.dynamics.request",
     "Watch": "blockmech.dynamics.request",
+    "write": "blockmech.exchange.writing",
 }
 
 

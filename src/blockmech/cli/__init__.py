@@ -20,6 +20,7 @@ from blockmech.cli.analyses import check, extremes, limits, modes, verify
 from blockmech.cli.decompose import decompose
 from blockmech.cli.describe import blocks, outputs, schema
 from blockmech.cli.draw import draw
+from blockmech.cli.export import export
 from blockmech.cli.new import new
 from blockmech.cli.run import run
 from blockmech.cli.sensitivity import sensitivity
@@ -44,7 +45,7 @@ from blockmech.files import sparing
 
 COMMANDS = (
     *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade, sweep),
-    *(sensitivity, test, new, blocks, outputs, schema, studio),
+    *(sensitivity, test, new, export, blocks, outputs, schema, studio),
 )
 
 FAULTY = "This is a fault of blockmech: please report it with these lines."

@@ -45,8 +45,18 @@ class Node:
         self.number = len(trace.nodes)
         trace.nodes.append(self)
 
+    imag = 0.0  # as of any real number
+
+    @property
+    def real(self) -> Node:
+        """Itself."""
+        return self
+
     def __bool__(self) -> NoReturn:
         raise Untraceable("it branches on a number of the sample")
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *args: Any, **how: Any) -> Any:
+        return self.trace.ufunc(ufunc.__name__, *args)
 
     __add__, __radd__ = _both("+")
     __sub__, __rsub__ = _both("-")

@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 from blockmech.engines.binding import bind
@@ -23,7 +23,7 @@ from blockmech.engines.numpy import each as each_of
 from blockmech.plan import Program
 from blockmech.plane import EPS, REST_SHARE, SCALAR_PRIMITIVES, cross, dot
 
-CONSTANTS = {"ZERO": Planar(0.0, 0.0), "ONE": Planar(1.0, 0.0), "REST": REST_SHARE}
+CONSTANTS = {"ZERO": Planar(0.0, 0.0), "ONE": Planar(1.0, 0.0)}
 Body = Callable[..., tuple[Any, ...]]
 FOLLOWED = "it follows a group without closed form from its home"
 
@@ -45,10 +45,13 @@ class Trace:
     values : what the program returns, nodes in the place of batches
     """
 
-    def __init__(self, program: Program, body: Body | None = None, inputs: int = 0) -> None:
+    def __init__(
+        self, program: Program, body: Body | None = None, inputs: int = 0, eps: float = EPS
+    ) -> None:
         """Of the program alone, or of a ``body`` of so many inputs that asks it.
 
-        Raises `Untraceable` where the program is more than flat arithmetic.
+        ``eps`` is the rounding [-] of the numbers that it will run on. Raises `Untraceable`
+        where the program is more than flat arithmetic.
         """
         self.asked: list[Asked] = []
         self.nodes: list[Node] = []
@@ -64,7 +67,8 @@ class Trace:
 
         slots = tuple(filled(value, slot) for value in program.parameters.values())
         self._inputs = self._given = len(leafs)
-        bound = bind(program, PRIMITIVES, CONSTANTS, self._foreign)
+        constants = {**CONSTANTS, "REST": max(REST_SHARE, eps**0.75)}
+        bound = bind(program, _primitives(eps), constants, self._foreign)
 
         def run(*x: Any) -> tuple[Any, ...]:
             return bound(*x, slots)
@@ -86,6 +90,10 @@ class Trace:
     def answers(self) -> int:
         """Number of inputs that are answers."""
         return self._inputs - self._given
+
+    def ufunc(self, name: str, *args: Any) -> Any:
+        """A function of NumPy that is asked of nodes: no kernel does, readings of outputs may."""
+        raise Untraceable(f"a kernel asks NumPy's {name}")
 
     def _foreign(self, function: Any) -> Any:
         """What stands for a function that is no kernel while a program is traced."""
@@ -267,3 +275,9 @@ PRIMITIVES: dict[str, Any] = {
     "EPS": EPS,
 }
 """The primitives on symbolic numbers; see `blockmech.plane`."""
+
+
+@cache
+def _primitives(eps: float) -> dict[str, Any]:
+    """The primitives for numbers of a rounding: kernels are bound once to each."""
+    return {**PRIMITIVES, "EPS": eps}

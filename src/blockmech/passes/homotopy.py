@@ -335,6 +335,15 @@ class Knots:
             return q
         return np.where(far, self.home + np.mod(q - self.home, self.turns * math.tau), q)
 
+    def laid(self, way: int, reach: float) -> tuple[Array, Array, Array]:
+        """Driver values (k,) of the knots to one side of home (way +1 or -1), as far as the
+        driver's reach or the path's end, places (k, m, 4) there and rates (k, m, 3)."""
+        with LAYING:
+            side = self.sides[way]
+            side._grow(reach)
+            q, stands = side._arrays()
+        return q, stands.place, stands.rate
+
     @cached_property
     def turns(self) -> int:
         """Turns of the driver after which the pose at home is back; 0 if the path ends."""

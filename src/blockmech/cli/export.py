@@ -1,0 +1,88 @@
+"""``blockmech export``: a mechanism, or what it computes, as a file of another program."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from blockmech.builders import compiled_of, opened
+from blockmech.cli.numbers import coordinates, times
+from blockmech.cli.options import (
+    At,
+    Friction,
+    GraphFile,
+    Samples,
+    Static,
+    Times,
+    Want,
+    names_of,
+    option,
+)
+from blockmech.cli.terminal import progress_bar, reading, say
+from blockmech.errors import refused
+from blockmech.runnable import EVERYTHING
+
+
+def export(
+    file: GraphFile,
+    output: Annotated[
+        str | None,
+        typer.Option("--output", "-o", metavar="FILE", help="The file to write."),
+    ] = None,
+    to: Annotated[
+        str | None, option("The format; by default the suffix says it. list names all.", "FORMAT")
+    ] = None,
+    want: Want = None,
+    at: At = None,
+    samples: Samples = None,
+    at_times: Times = None,
+    friction: Friction = None,
+    static: Static = False,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=VALUE", help="An option of the format."),
+    ] = None,
+) -> None:
+    """Write a mechanism, or what it computes, for another program: C, FMU, MJCF, DXF, XLSX ..."""
+    from blockmech.exchange.formats import WRITERS
+    from blockmech.exchange.writing import write
+
+    if to == "list":
+        raise refused("--to list", "it takes no file", "write blockmech export list")
+    if file == "list":
+        say("\n".join(_formats(WRITERS)))
+        return
+    with reading(file):
+        document = opened(file)
+        mechanism = compiled_of(document, file)
+    if output is None:
+        if to is None or to not in WRITERS:
+            raise refused("export", "no file to write is named", "add -o FILE, or --to FORMAT")
+        output = f"{mechanism.name}{WRITERS[to].suffixes[0]}"
+    asked: dict[str, Any] = {"at": coordinates(mechanism, at or []), "samples": samples}
+    asked |= {"times": times(at_times), "friction": friction, "static": static or None}
+    with progress_bar("writing"):
+        files = write(
+            document, output, to, want=names_of(want) or EVERYTHING, **asked, **_options(set_)
+        )
+    say("\n".join(f"wrote {path}" for path in files))
+
+
+def _formats(writers: Any) -> list[str]:
+    lines = []
+    for name in writers:
+        writer = writers[name]
+        lines.append(f"{name:<10}{', '.join(writer.suffixes):<16}{writer.about}")
+        lines += [f"{'':<26}--set {k}=...  {v}" for k, v in writer.options.items()]
+    return lines
+
+
+def _options(given: list[str] | None) -> dict[str, str]:
+    found = {}
+    for text in given or ():
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise refused(f"--set {text}", "it has no value", "write NAME=VALUE")
+        found[name] = value
+    return found

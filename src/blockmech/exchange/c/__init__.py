@@ -1,0 +1,1 @@
+"""A plan as C99: pure functions of parameters and inputs, for controllers and for other tools."""

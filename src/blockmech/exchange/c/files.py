@@ -1,0 +1,43 @@
+"""The format ``c``: three files that a controller's project takes as they are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from blockmech.errors import refused
+from blockmech.exchange.c.program import CProgram, identifier, poses
+from blockmech.exchange.c.statements import DOUBLE
+from blockmech.exchange.formats import Order, Writer
+from blockmech.files import refuse_spared, writing
+
+
+def write_c(order: Order, path: Path) -> list[Path]:
+    """``NAME.c``, ``NAME.h`` and ``NAME_test.c``, named after the file that is asked for."""
+    made = CProgram(
+        order.mechanism, order.want, order.options.get("real", DOUBLE), **order.settings
+    )
+    if path.suffix and path.suffix.lower() != ".c":
+        raise refused(str(path), "C text is written to a file .c", "name it so")
+    made.name = identifier(path.stem)
+    if order.at:
+        samples = order.mechanism.samples(
+            *(order.at.get(k) for k in ("at", "samples", "times")), None, None
+        )
+    else:
+        samples = poses(order.mechanism)
+    texts = {"h": made.header, "c": made.source}
+    files = {path.with_name(f"{made.name}.{end}"): text for end, text in texts.items()}
+    files[path.with_name(f"{made.name}_test.c")] = made.test(samples)
+    refuse_spared(*files)
+    for file, text in files.items():
+        with writing(file) as stream:
+            stream.write(text.encode("ascii", "replace"))
+    return list(files)
+
+
+WRITER = Writer(
+    "C99 text: a function without heap or state, its header and a test program",
+    (".c",),
+    write_c,
+    {"real": "double (default) or float, for small processors"},
+)

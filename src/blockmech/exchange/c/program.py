@@ -1,0 +1,437 @@
+"""A plan as three C files: header, source, and a program that tests them with known answers.
+
+    NAME.h         parameters, inputs and outputs as structs with names; how to compile
+    NAME.c         the function, and the parameters of the mechanism that was planned
+    NAME_test.c    poses of the mechanism's range with the numbers that blockmech has for them
+
+No heap, no state: ``NAME(&parameters, &inputs, &outputs)`` depends on its arguments alone and may
+run on any number of threads. It returns 0, or the number of the reason why there is no answer.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+import blockmech
+from blockmech.compiled import Compiled
+from blockmech.engines.nodes import Untraceable
+from blockmech.engines.numpy import Planar, leaves
+from blockmech.errors import BlockmechError, listed, printable, refused
+from blockmech.exchange.c.statements import DOUBLE, FLOAT, Statements, literal
+from blockmech.exchange.c.tracing import ClosedTrace, status
+from blockmech.plan import Plan
+from blockmech.plane import EPS
+from blockmech.quality import WORDS
+from blockmech.runnable import EVERYTHING
+from blockmech.samples import Samples
+
+VECTORS = 24  # poses of the test program
+INPUTS = {"q": ("q", ""), "qd": ("rate", "/s"), "qdd": ("acceleration", "/s2")}
+FLAGS = "-std=c99 -O2 -Wall -Wextra -ffp-contract=off"
+RESERVED = {
+    *("auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else"),
+    *("enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "main", "piece"),
+    *("real", "register", "restrict", "return", "short", "signed", "sizeof", "solve", "spread"),
+    *("static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while"),
+}
+TOLERANCES = {DOUBLE: 1e-12, FLOAT: 1e-3}  # of the largest number of a unit, in the test
+
+
+@dataclass(frozen=True)
+class Member:
+    """A member of a struct: name, what the comment beside it says, and its numbers."""
+
+    name: str
+    comment: str
+    numbers: tuple[float, ...] = ()
+    is_array: bool = False
+
+    @property
+    def declared(self) -> str:
+        """As a line of a struct."""
+        size = f"[{len(self.numbers)}]" if self.is_array else ""
+        return f"    real {self.name}{size};{f' /* {self.comment} */' if self.comment else ''}"
+
+
+class CProgram:
+    """The C text of some outputs of a mechanism.
+
+    Attributes
+    ----------
+    name : of the function, a C identifier
+    parameters, inputs, outputs : members of the three structs
+    left_out : outputs that were asked for and are numbers of a whole run
+    """
+
+    def __init__(
+        self,
+        mechanism: Compiled,
+        want: Iterable[str] | str = EVERYTHING,
+        real: str = DOUBLE,
+        **settings: Any,
+    ) -> None:
+        """``settings`` are those of `Compiled.plan`: friction, tolerance, iterations, static.
+
+        Raises `RequestError` for what C cannot say, e.g. a law that is a Python function.
+        """
+        if real not in TOLERANCES:
+            raise refused("real", f"got {real!r}", valid=f"valid: {listed(TOLERANCES)}")
+        names = mechanism.outputs.match(want)
+        of_runs = [n for n in names if mechanism.outputs[n].kind == "number"]
+        self.left_out = tuple(of_runs)
+        names = tuple(n for n in names if n not in of_runs)
+        if not names:
+            what = f"{listed(of_runs)}: a figure of a whole run, not of a pose"
+            raise refused("want", what, "want an output that every pose has")
+        self.mechanism, self.real = mechanism, real
+        self.name = identifier(mechanism.name.lower())
+        self.plan: Plan = mechanism.plan(names, **settings)
+        self._settings = settings
+        eps = EPS if real == DOUBLE else float(np.finfo(np.float32).eps)
+        try:
+            self._trace = ClosedTrace(self.plan.program, eps)
+            self._values = self._trace.values
+            named = list(self._named(names))
+            self._results = {f"{n}.{part}" if part else n: x for n, part, x in named}
+            self._parts = dict(zip(self._results, ((n, p) for n, p, _ in named), strict=True))
+            self._status = status(self.plan, self._values, self._judged(names), self._blocks)
+        except Untraceable as why:
+            found = f"{mechanism.name} is no C text: {why}"
+            raise refused("--to c", found, "leave the outputs that need it out") from None
+        self.parameters = tuple(_members(self.plan.program.parameters))
+        self.inputs = tuple(map(self._input, self.plan.program.inputs))
+        texts = {n: _comment(f"{n} [{self._unit(n) or '-'}]") for n in self._results}
+        taken = Names()
+        self.outputs = {n: Member(taken.fresh(n), texts[n]) for n in self._results}
+
+    @property
+    def _blocks(self) -> Mapping[str, frozenset[str]]:
+        structure = self.mechanism.structure
+        prismatic = frozenset(
+            name
+            for name, b in structure.blocks.items()
+            if any(b.joints[j].kind == "P" for j in b.friction)
+        )
+        return {"prismatic": prismatic, "following": frozenset(structure.followed)}
+
+    def _unit(self, column: str) -> str:
+        return self.mechanism.outputs[self._parts[column][0]].unit
+
+    def _named(self, names: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
+        """Each real number that is wanted: its output, part of it, and what it is in the trace."""
+        drivers = self.mechanism.drivers
+        for name in names:
+            output = self.mechanism.outputs[name]
+            columns = [self._values[i] for i in self.plan.layout[name]]
+            if output.kind == "matrix":
+                square = len(columns) == len(drivers) ** 2
+                rows = [f"{a}.{b}" for a in drivers for b in drivers] if square else drivers
+                yield from ((name, row, x) for row, x in zip(rows, columns, strict=True))
+                continue
+            with np.errstate(all="ignore"):
+                made = output.read(*columns)
+            if isinstance(made, complex | Planar):
+                yield from ((name, "x", made.real), (name, "y", made.imag))
+            else:
+                yield name, "", made
+
+    def _judged(self, names: tuple[str, ...]) -> list[Any]:
+        """The numbers that must be finite, as `Result` has it."""
+        known = [n for n in names if not n.endswith("mechanical_advantage")]
+        places = dict.fromkeys(i for n in known for i in self.plan.layout[n])
+        return [x for i in places for x in leaves(self._values[i])]
+
+    def _input(self, name: str) -> Member:
+        if name == "t":
+            return Member("time", "[s]")
+        quantity, _, i = name.rpartition("_")
+        driver = self.mechanism.drivers[int(i)]
+        word, per = INPUTS[quantity]
+        unit = f"{self.mechanism.driver_joint(driver).coordinate_unit}{per}"
+        return Member(identifier(f"{driver}_{word}"), f"[{unit}]")
+
+    # -- text ---------------------------------------------------------------------------
+
+    @cached_property
+    def _statements(self) -> tuple[Statements, str]:
+        expressions: list[str] = []
+        tables: dict[int, str] = {}
+        for member in self.parameters:
+            if member.is_array:
+                tables[len(expressions)] = f"p->{member.name}"
+                expressions += [f"p->{member.name}[{i}]" for i in range(len(member.numbers))]
+            else:
+                expressions.append(f"p->{member.name}")
+        for k, table in enumerate(self._trace.tables):
+            tables[len(expressions)] = f"table{k}"
+            expressions += [f"table{k}[{i}]" for i in range(len(table))]
+        inputs = [f"in->{member.name}" for member in self.inputs]
+        made = Statements(inputs, expressions, tables, self.real)
+        text = made.text([*self._results.values(), self._status])
+        return made, text
+
+    @property
+    def header(self) -> str:
+        """Text of ``NAME.h``."""
+        me, guard = self.name, f"{self.name.upper()}_H"
+        title = getattr(self.mechanism.document, "title", "") or self.mechanism.name
+        how = ", ".join(f"{k} {v}" for k, v in self._settings.items() if v) or "friction newton"
+        left = [f"   Left out, as figures of a whole run: {_comment(listed(self.left_out))}."]
+        reasons = ", ".join(f"{i} {word}" for i, word in enumerate(WORDS))
+        about = [
+            f"/* {_comment(title)}",
+            f"   Written by blockmech {blockmech.__version__} ({_comment(how)}). SI, radians.",
+            "",
+            f"   cc {FLAGS} -c {me}.c     (link with -lm)",
+            f"   cc {FLAGS} {me}.c {me}_test.c -lm -o {me}_test && ./{me}_test",
+            "",
+            "   With -ffp-contract=off the numbers are those of blockmech to the last bit where",
+            "   sin, cos and atan2 are the same. No heap, no static data that change.",
+            f"   {me}() returns {reasons};",
+            "   where it is not 0, outputs that have no value are not finite.",
+            *(left if self.left_out else []),
+            "*/",
+        ]
+        lines = [
+            *about,
+            f"#ifndef {guard}",
+            f"#define {guard}",
+            "",
+            "#ifdef __cplusplus",
+            'extern "C" {',
+            "#endif",
+            "",
+            f"typedef {self.real} {me}_real;",
+            "#define real " + f"{me}_real",
+            *_struct(f"{me}_parameters", self.parameters),
+            *_struct(f"{me}_inputs", self.inputs),
+            *_struct(f"{me}_outputs", self.outputs.values()),
+            "#undef real",
+            "",
+            f"extern const {me}_parameters {me}_defaults;",
+            "",
+            f"int {me}(const {me}_parameters *p, const {me}_inputs *in, {me}_outputs *out);",
+            "",
+            "#ifdef __cplusplus",
+            "}",
+            "#endif",
+            "#endif",
+        ]
+        return "\n".join(lines) + "\n"
+
+    @property
+    def source(self) -> str:
+        """Text of ``NAME.c``."""
+        me = self.name
+        made, body = self._statements
+        suffix = "f" if self.real == FLOAT else ""
+        calls = {"FABS": "fabs"} | {x.upper(): x for x in ("sqrt", "sin", "cos", "atan2", "fmod")}
+        calls |= {x.upper(): x for x in ("hypot", "rint")}
+        text = made.helpers() + body
+        defines = [f"#define {a} {b}{suffix}" for a, b in calls.items() if f"{a}(" in text]
+        if "ROUNDING" in text:
+            defines.append(f"#define ROUNDING {'FLT' if suffix else 'DBL'}_EPSILON")
+        unused = [x for x in ("p", "in") if f"{x}->" not in body]
+        lines = [
+            f"/* {me}.c: see {me}.h */",
+            f'#include "{me}.h"',
+            "#include <float.h>",
+            "#include <math.h>",
+            "",
+            "#ifdef __clang__",
+            "#pragma STDC FP_CONTRACT OFF",
+            "#endif",
+            "",
+            f"typedef {me}_real real;",
+            *defines,
+            "",
+            f"const {me}_parameters {me}_defaults = {{",
+            *(self._default(member) for member in self.parameters),
+            *(["    0,"] if not self.parameters else []),
+            "};",
+            *self._tables(text),
+            made.helpers(),
+            f"int {me}(const {me}_parameters *p, const {me}_inputs *in, {me}_outputs *out)",
+            "{",
+            body.rstrip("\n"),
+            *(f"    (void){x};" for x in unused),
+            *(
+                f"    out->{member.name} = {made.name(self._results[name])};"
+                for name, member in self.outputs.items()
+            ),
+            f"    return (int)({made.name(self._status)});",
+            "}",
+        ]
+        return "\n".join(lines) + "\n"
+
+    def _default(self, member: Member) -> str:
+        numbers = ", ".join(literal(x, self.real) for x in member.numbers)
+        return f"    {{{numbers}}}," if member.is_array else f"    {numbers},"
+
+    def _tables(self, text: str) -> Iterator[str]:
+        for k, table in enumerate(self._trace.tables):
+            if re.search(rf"\btable{k}\b", text):
+                numbers = ", ".join(literal(x, self.real) for x in table)
+                yield f"static const real table{k}[] = {{{numbers}}};"
+
+    def test(self, samples: Samples) -> str:
+        """Text of ``NAME_test.c``: what blockmech has for some samples."""
+        me = self.name
+        given = samples.given(self.plan.program.inputs)
+        values, _ = self.mechanism.evaluate(self.plan, samples)
+        from blockmech.result import Result
+
+        result = Result(self.mechanism, self.plan, samples, values, "", {"friction": "newton"})
+        rows = [
+            tuple(float(np.ravel(given[name])[i]) for name in self.plan.program.inputs)
+            for i in range(samples.n)
+        ]
+        wanted = np.stack([self.column(result, name) for name in self.outputs], axis=1)
+        allowed = TOLERANCES[self.real] * self._scales(wanted)
+        words = [WORDS.index(word) for word in result.quality.status]
+        m, k = len(self.outputs), len(self.inputs)
+
+        def table(rows: Iterable[Iterable[float]]) -> list[str]:
+            return [f"    {{{', '.join(literal(x, self.real) for x in row)}}}," for row in rows]
+
+        members = ", ".join(f"out.{x.name}" for x in self.outputs.values())
+        taken = ", ".join(f"given[i][{j}]" for j in range(k)) or "0"
+        lines = [
+            f"/* {me}_test.c: the answers of blockmech for poses of the mechanism's range */",
+            f'#include "{me}.h"',
+            "#include <math.h>",
+            "#include <stdio.h>",
+            "",
+            f"typedef {me}_real real;",
+            f"static const real given[{samples.n}][{max(k, 1)}] = {{",
+            *(table(rows) if k else ["    {0},"]),
+            "};",
+            f"static const real expected[{samples.n}][{m}] = {{",
+            *table(wanted.tolist()),
+            "};",
+            f"static const real allowed[{m}] = {{",
+            *(f"    {literal(x, self.real)}," for x in allowed.tolist()),
+            "};",
+            f"static const int words[{samples.n}] = {{{', '.join(map(str, words))}}};",
+            "",
+            "int main(void)",
+            "{",
+            "    int wrong = 0;",
+            f"    for (int i = 0; i < {samples.n}; ++i) {{",
+            f"        const {me}_inputs in = {{{taken}}};",
+            f"        {me}_outputs out;",
+            f"        const int word = {me}(&{me}_defaults, &in, &out);",
+            f"        const real found[{m}] = {{{members}}};",
+            "        if (word != words[i]) {",
+            '            printf("pose %d: returns %d, expected %d\\n", i, word, words[i]);',
+            "            ++wrong;",
+            "            continue;",
+            "        }",
+            f"        for (int j = 0; word == 0 && j < {m}; ++j)",
+            "            if (isfinite(expected[i][j]) &&",
+            "                !(fabs((double)found[j] - (double)expected[i][j]) <= "
+            "(double)allowed[j])) {",
+            '                printf("pose %d, output %d: %.17g, expected %.17g\\n", i, j,',
+            "                       (double)found[j], (double)expected[i][j]);",
+            "                ++wrong;",
+            "            }",
+            "    }",
+            f'    printf("{me}: %d of {samples.n} poses x {m} outputs differ\\n", wrong);',
+            "    return wrong != 0;",
+            "}",
+        ]
+        return "\n".join(lines) + "\n"
+
+    def _scales(self, wanted: Any) -> Any:
+        """The largest number among all outputs of the same unit: others may be rounding alone."""
+        most = np.abs(np.where(np.isfinite(wanted), wanted, 0.0)).max(axis=0)
+        units = [self._unit(name) for name in self.outputs]
+        largest: dict[str, float] = {}
+        for unit, x in zip(units, most.tolist(), strict=True):
+            largest[unit] = max(largest.get(unit, 0.0), x)
+        return np.array([largest[unit] or 1.0 for unit in units])
+
+    def column(self, result: Any, name: str) -> Any:
+        """A result's numbers (n,) for one member of the outputs."""
+        output, part = self._parts[name]
+        whole = result[output]
+        if part in ("x", "y"):
+            return whole.real if part == "x" else whole.imag
+        return whole[:, *map(self.mechanism.drivers.index, part.split("."))] if part else whole
+
+
+def poses(mechanism: Compiled, count: int = VECTORS) -> Samples:
+    """Some samples of a mechanism: of its range, or where the file gives none, of a turn."""
+    try:
+        return mechanism.samples(None, count, None, None, None)
+    except BlockmechError:
+        at = {
+            d: np.linspace(0.0, 6.0 if mechanism.driver_joint(d).rotary else 1.0, count)
+            for d in mechanism.drivers
+        }
+        return mechanism.samples(at, None, None, dict.fromkeys(at, 1.0), dict.fromkeys(at, 0.0))
+
+
+class Names:
+    """C names, each given once."""
+
+    def __init__(self) -> None:
+        self._taken: set[str] = set()
+
+    def fresh(self, text: str) -> str:
+        """A C name like a text, of its own."""
+        base = name = identifier(text)
+        count = 1
+        while name in self._taken:
+            count += 1
+            name = f"{base}_{count}"
+        self._taken.add(name)
+        return name
+
+
+def identifier(text: str) -> str:
+    """A C name like a text."""
+    word = re.sub(r"\W", "_", text, flags=re.ASCII)
+    return f"m_{word}" if not word or word[0] in "_0123456789" or word in RESERVED else word
+
+
+def _comment(text: str) -> str:
+    """A text that ends no comment and begins no line."""
+    return printable(text).replace("*/", "* /").replace("??", "? ?").rstrip("\\")
+
+
+def _members(parameters: Mapping[str, Any]) -> Iterator[Member]:
+    """The parameters of a program as members, in the order of the trace's."""
+    taken = Names()
+    for name, value in parameters.items():
+        yield from _of_value(name, value, taken)
+
+
+def _of_value(name: str, value: Any, taken: Names) -> Iterator[Member]:
+    if isinstance(value, tuple):
+        fields = getattr(value, "_fields", None) or [str(i) for i in range(len(value))]
+        plain = not any(isinstance(x, tuple | complex | Planar) for x in value)
+        if plain and value and not hasattr(value, "_fields"):
+            yield Member(taken.fresh(name), "", tuple(map(float, value)), is_array=True)
+            return
+        for field, x in zip(fields, value, strict=True):
+            yield from _of_value(f"{name}_{field}", x, taken)
+    elif isinstance(value, complex | Planar):
+        for part, x in (("x", value.real), ("y", value.imag)):
+            yield Member(taken.fresh(f"{name}_{part}"), "", (float(x),))
+    else:
+        yield Member(taken.fresh(name), "", (float(value),))
+
+
+def _struct(name: str, members: Iterable[Member]) -> Iterator[str]:
+    lines = [member.declared for member in members]
+    yield ""
+    yield "typedef struct {"
+    yield from lines or ["    real unused; /* C has no empty struct */"]
+    yield f"}} {name};"

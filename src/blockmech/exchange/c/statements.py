@@ -1,0 +1,251 @@
+"""A traced program as C statements: each operation one constant, each loop of a solver one loop.
+
+Operations keep the order of the trace and none is fused, so a compiler that does not contract
+(``-ffp-contract=off``) gives the numbers of the other engines to the last bit. The state of a
+loop is the only thing that changes; there is no memory but the stack's.
+
+Source: ISO/IEC 9899:1999, 6.8.5 (loops), 7.12 (mathematics).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from math import isinf, isnan
+from typing import Any
+
+import numpy as np
+
+from blockmech.engines.nodes import Loop, Node, is_truth
+
+INFIX = {"+": "+", "-": "-", "*": "*", "/": "/", "&": "&", "|": "|"} | {
+    x: x for x in ("<", "<=", ">", ">=", "==")
+}
+CALLS = {"sqrt", "sin", "cos", "atan2", "fmod", "hypot", "rint"} | {"abs"}
+DOUBLE, FLOAT = "double", "float"
+
+PIECE = """
+static int piece(const real *knots, int n, real x)
+{
+    int low = 0, high = n - 1;
+    while (high - low > 1) {
+        const int middle = (low + high) / 2;
+        if (knots[middle] <= x) low = middle; else high = middle;
+    }
+    return low;
+}
+"""
+SOLVE = """
+/* The n columns of a matrix, then a right side, which becomes the solution: elimination with
+   partial pivoting. A singular matrix gives what is not finite. */
+static void solve(real *a, int n)
+{
+    real *b = a + n * n;
+    for (int k = 0; k < n; ++k) {
+        int pivot = k;
+        for (int i = k + 1; i < n; ++i)
+            if (FABS(a[k * n + i]) > FABS(a[k * n + pivot])) pivot = i;
+        if (pivot != k)
+            for (int j = k; j <= n; ++j) {
+                const real held = a[j * n + k];
+                a[j * n + k] = a[j * n + pivot];
+                a[j * n + pivot] = held;
+            }
+        for (int i = k + 1; i < n; ++i) {
+            const real factor = a[k * n + i] / a[k * n + k];
+            for (int j = k + 1; j <= n; ++j) a[j * n + i] -= factor * a[j * n + k];
+        }
+    }
+    for (int k = n - 1; k >= 0; --k) {
+        b[k] /= a[k * n + k];
+        for (int i = 0; i < k; ++i) b[i] -= a[k * n + i] * b[k];
+    }
+}
+"""
+SPREAD = """
+/* The n columns of a matrix; its smallest singular value over its largest takes the first place:
+   Jacobi's rotations of the columns. */
+static void spread(real *a, int n)
+{
+    real least = 0, largest = 0, nought = 0;
+    int turned = 1;
+    for (int i = 0; i < n * n; ++i) nought += a[i] * 0;
+    for (int sweep = 0; sweep < 60 && turned; ++sweep) {
+        turned = 0;
+        for (int p = 0; p < n - 1; ++p)
+            for (int q = p + 1; q < n; ++q) {
+                real *u = a + p * n, *v = a + q * n;
+                real uu = 0, vv = 0, uv = 0;
+                for (int i = 0; i < n; ++i) {
+                    uu += u[i] * u[i];
+                    vv += v[i] * v[i];
+                    uv += u[i] * v[i];
+                }
+                if (FABS(uv) > ROUNDING * SQRT(uu * vv)) {
+                    const real z = (vv - uu) / (2 * uv);
+                    const real t = (z < 0 ? -1 : 1) / (FABS(z) + SQRT(1 + z * z));
+                    const real c = 1 / SQRT(1 + t * t), s = c * t;
+                    turned = 1;
+                    for (int i = 0; i < n; ++i) {
+                        const real held = u[i];
+                        u[i] = c * held - s * v[i];
+                        v[i] = s * held + c * v[i];
+                    }
+                }
+            }
+    }
+    for (int p = 0; p < n; ++p) {
+        real square = 0;
+        for (int i = 0; i < n; ++i) square += a[p * n + i] * a[p * n + i];
+        if (p == 0 || square < least) least = square;
+        if (p == 0 || square > largest) largest = square;
+    }
+    a[0] = SQRT(least) / SQRT(largest) + nought;
+}
+"""
+
+
+def literal(x: float, real: str = DOUBLE) -> str:
+    """A number as C text that reads back to the same bits."""
+    x = float(x) if real == DOUBLE else float(np.float32(x))
+    if isnan(x):
+        return "NAN"
+    if isinf(x):
+        return "-INFINITY" if x < 0 else "INFINITY"
+    return repr(x) if real == DOUBLE else f"{x!r}f"
+
+
+class Statements:
+    """The statements for some nodes.
+
+    ``inputs`` and ``parameters`` are C expressions in the order of the trace's; ``tables`` gives
+    the array that begins at a parameter.
+    """
+
+    def __init__(
+        self,
+        inputs: Sequence[str],
+        parameters: Sequence[str],
+        tables: Mapping[int, str],
+        real: str = DOUBLE,
+    ) -> None:
+        self.inputs, self.parameters, self.tables = inputs, parameters, tables
+        self.real = real
+        self._needed: list[Node] = []
+        self._kept: dict[Loop, list[int]] = {}
+
+    def text(self, wanted: Iterable[Any]) -> str:
+        """What works the nodes out; `name` reads them afterwards."""
+        self._needed, self._kept = _needed(wanted)
+        lines: list[str] = []
+        done: set[Loop] = set()
+        for node in self._needed:
+            if node.op == "after" and node.args[0] not in done:
+                done.add(node.args[0])
+                lines += self._loop(node.args[0])
+            elif not _inside_a_loop(node):
+                lines += self._statement(node, "    ")
+        return "".join(f"{line}\n" for line in lines)
+
+    def helpers(self) -> str:
+        """The functions that the statements call."""
+        systems = {node.args[0] for node in self._needed if node.op == "system"}
+        texts = {"solve": SOLVE, "spread": SPREAD}
+        found = PIECE if any(node.op == "piece" for node in self._needed) else ""
+        return found + "".join(text for name, text in texts.items() if name in systems)
+
+    def name(self, x: Any) -> str:
+        """A node or a number as an expression without side effects."""
+        if not isinstance(x, Node):
+            return str(int(x)) if isinstance(x, bool) else literal(x, self.real)
+        if x.op == "input":
+            return str(self.inputs[x.args[0]])
+        if x.op == "parameter":
+            return str(self.parameters[x.args[0]])
+        if x.op in ("state", "after"):
+            return _state(*x.args)
+        if x.op == "part":
+            return f"{self.name(x.args[0])}[{x.args[1]}]"
+        return f"x{x.number}"
+
+    def _statement(self, node: Node, margin: str) -> Iterator[str]:
+        if node.op in ("input", "parameter", "state", "after", "part"):
+            return
+        me = self.name(node)
+        if node.op == "system":
+            name, n, *entries = node.args
+            yield f"{margin}real {me}[] = {{{', '.join(map(self.name, entries))}}};"
+            yield f"{margin}{name}({me}, {n});"
+            return
+        kind = "int" if is_truth(node) or node.op == "piece" else "real"
+        yield f"{margin}const {kind} {me} = {self._expression(node)};"
+
+    def _expression(self, node: Node) -> str:
+        op = node.op
+        if op == "piece":
+            _, first, last = (x.args[0] for x in node.args)
+            x = self.name(node.args[0])
+            return f"piece({self.tables[first]}, {last - first + 1}, {x})"
+        if op == "entry":
+            return f"{self.tables[node.args[1].args[0]]}[{self.name(node.args[0])}]"
+        args = [self.name(x) for x in node.args]
+        if op in INFIX:
+            return f" {INFIX[op]} ".join(args)
+        if op in CALLS:
+            return f"{'FABS' if op == 'abs' else op.upper()}({', '.join(args)})"
+        if op == "neg":
+            return f"-({args[0]})"
+        if op == "is nan":
+            return f"{args[0]} != {args[0]}"
+        assert op == "where", op
+        return "{} ? {} : {}".format(*args)
+
+    def _loop(self, loop: Loop) -> Iterator[str]:
+        kept = self._kept[loop]
+        for i in kept:
+            kind = "int" if is_truth(loop.state[i]) else "real"
+            yield f"    {kind} {_state(loop, i)} = {self.name(loop.first[i])};"
+        going, n = self.name(loop.state[-1]), f"n{loop.scope}"
+        yield f"    for (int {n} = 0; {n} < {loop.cap} && {going}; ++{n}) {{"
+        for node in self._needed:
+            if node.scope == loop.scope:
+                yield from self._statement(node, "        ")
+        held = {i for i in kept if _is_state(loop.ahead[i])}  # all states change at once
+        for i in held:
+            kind = "int" if is_truth(loop.state[i]) else "real"
+            yield f"        const {kind} {_state(loop, i)}_ = {self.name(loop.ahead[i])};"
+        for i in kept:
+            ahead = f"{_state(loop, i)}_" if i in held else self.name(loop.ahead[i])
+            yield f"        {_state(loop, i)} = {ahead};"
+        yield "    }"
+
+
+def _state(loop: Loop, i: int) -> str:
+    return f"s{loop.scope}_{i}"
+
+
+def _is_state(x: Any) -> bool:
+    return isinstance(x, Node) and x.op == "state"
+
+
+def _inside_a_loop(node: Node) -> bool:
+    return node.scope > 1
+
+
+def _needed(wanted: Iterable[Any]) -> tuple[list[Node], dict[Loop, list[int]]]:
+    """The nodes that some are made of, in order, and the states of loops among them: of a
+    state only its own value before and after a step, so nothing is named that nobody reads."""
+    waiting = [x for x in wanted if isinstance(x, Node)]
+    found, kept = set[Node](), dict[Loop, set[int]]()
+    while waiting:
+        node = waiting.pop()
+        if node in found:
+            continue
+        found.add(node)
+        more = list(node.args)
+        if node.op in ("after", "state"):
+            loop, i = node.args
+            kept.setdefault(loop, {len(loop.first) - 1}).add(i)
+            more = [x[k] for k in (i, -1) for x in (loop.first, loop.ahead)]
+        waiting += [x for x in more if isinstance(x, Node)]
+    order = sorted(found, key=lambda n: n.number)
+    return order, {loop: sorted(states) for loop, states in kept.items()}

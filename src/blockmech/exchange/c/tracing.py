@@ -1,0 +1,199 @@
+"""The trace of a plan for C: what an engine asks Python for is in it, as arithmetic and tables.
+
+A group without closed form starts Newton's method from a guess: its pose as the core follows it
+from home (`blockmech.passes.homotopy`). Of a group that one driver moves, that is a table: between
+two knots of the path a cubic of places and rates, so close that Newton comes to the same pose.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.engines import trace
+from blockmech.engines.nodes import PARAMETER, Node, Untraceable
+from blockmech.engines.numpy import leaves
+from blockmech.engines.trace import Trace, maximum, minimum, where
+from blockmech.friction.continuation import Outcome
+from blockmech.passes.homotopy import BEFORE, MODES, Path
+from blockmech.plan import Plan, Program
+from blockmech.plane import EPS
+from blockmech.quality import (
+    JAMMED,
+    NEAR_CHANGE,
+    NO_ASSEMBLY,
+    NOT_CONVERGED,
+    SELF_LOCKED,
+    WORDS,
+)
+
+Array = NDArray[np.float64]
+READINGS: dict[str, Callable[..., Any]] = {
+    "arctan2": lambda y, x: _node_of(y, x).trace.node("atan2", y, x),
+    "hypot": lambda x, y: _node_of(x, y).trace.node("hypot", x, y),
+    "rint": lambda x: x.trace.node("rint", x),
+    "absolute": abs,
+    "minimum": minimum,
+    "add": lambda a, b: a + b,
+    "subtract": lambda a, b: a - b,
+    "multiply": lambda a, b: a * b,
+    "divide": lambda a, b: a / b,
+    "negative": lambda a: -a,
+}
+"""NumPy's functions that outputs are read with, on nodes."""
+
+
+def _node_of(*x: Any) -> Node:
+    return next(value for value in x if isinstance(value, Node))
+
+
+class ClosedTrace(Trace):
+    """A trace that asks Python for nothing. Raises `Untraceable` where that is not to be had.
+
+    ``tables`` are arrays of numbers that it needs beside the program's parameters; their
+    places count on behind those.
+    """
+
+    def __init__(self, program: Program, eps: float = EPS) -> None:
+        self.tables: list[Array] = []
+        self._places = len(leaves(tuple(program.parameters.values())))
+        super().__init__(program, eps=eps)
+
+    def _foreign(self, function: Any) -> Any:
+        if not isinstance(function, Path):
+            raise Untraceable("a load or law is a function of Python")
+        return lambda q: self._guess(function, q)
+
+    def answer(self, function: Any, given: tuple[Any, ...], like: Any) -> Any:
+        """A function of Python that is asked of inputs."""
+        raise Untraceable("a load or law is a function of Python")
+
+    def ufunc(self, name: str, *args: Any) -> Any:
+        """A function of NumPy, of nodes and numbers."""
+        if name not in READINGS:
+            raise Untraceable(f"an output is read with NumPy's {name}")
+        return READINGS[name](*args)
+
+    def _table(self, column: Array) -> tuple[Node, ...]:
+        """The numbers of a table as parameters."""
+        first = self._places
+        self.tables.append(column)
+        self._places += len(column)
+        return tuple(self._leaf("parameter", first + i, PARAMETER) for i in range(len(column)))
+
+    def _guess(self, path: Path, q: tuple[Any, ...]) -> Any:
+        """Places of a group's links, and the share of the path: of one driver by a table."""
+        if len(q) > 1:
+            found = f"{path.block} is a general group that several drivers move"
+            raise Untraceable(found)
+        if not q:
+            return tuple(map(tuple, path.at_home.place[0, -path.own :].tolist())), 1.0
+        home = path.knots.home
+        knots, places, rates = _knots(path)
+        table = self._table(knots)
+        turns, x = path.knots.turns, q[0]
+        if turns:
+            where_on = home + trace.modulo(x - home, turns * math.tau)
+            reached: Any = 1.0
+        else:
+            low, high = float(knots[0]), float(knots[-1])
+            where_on, reached = _on_the_arc(x, home, low, high, path.knots.rotary)
+        rows = _cubics(knots, places, rates)
+        links = []
+        for k in range(path.own):
+            link = []
+            for j in range(4):
+                powers = tuple(self._table(rows[d, :, k, j]) for d in range(4))
+                link.append(trace.piecewise(where_on, table, powers))
+            links.append(tuple(link))
+        return tuple(links), reached
+
+
+def _on_the_arc(x: Any, home: float, low: float, high: float, rotary: bool) -> tuple[Any, Any]:
+    """Where on an arc a driver stands, and the share of the path: as `Knots.follow` decides."""
+
+    def share(at: Any) -> Any:
+        away = at - home
+        end = where(away > 0.0, high, low)
+        return where((low <= at) & (at <= high), 1.0, minimum((end - home) / away, BEFORE))
+
+    found, reached = x, share(x)
+    if rotary:
+        behind = home + trace.modulo(x - home, math.tau)
+        for same in (behind, behind - math.tau):
+            there = share(same)
+            found, reached = where(there > reached, same, found), maximum(there, reached)
+    return found, reached
+
+
+def _knots(path: Path) -> tuple[Array, Array, Array]:
+    """Driver values (k,) in order, places (k, m, 4) of the group's own links, and their slopes."""
+    turns = path.knots.turns
+    if turns:
+        q, places, rates = path.knots.laid(1, turns * math.tau)
+    else:
+        reach = MODES * math.tau if path.knots.rotary else math.inf
+        up, down = (path.knots.laid(way, reach) for way in (1, -1))
+        q, places, rates = (np.concatenate([b[:0:-1], a]) for a, b in zip(up, down, strict=True))
+    own = slice(-path.own, None)
+    return q, places[:, own], _slopes(places[:, own], rates[:, own])
+
+
+def _slopes(places: Array, rates: Array) -> Array:
+    """Rates (k, m, 4) of places and directions, from those of places and angles."""
+    found = np.empty_like(places)
+    found[..., :2] = rates[..., :2]
+    found[..., 2] = -places[..., 3] * rates[..., 2]
+    found[..., 3] = places[..., 2] * rates[..., 2]
+    return found
+
+
+def _cubics(knots: Array, y: Array, slope: Array) -> Array:
+    """Coefficients (4, k - 1, ...) of Hermite's cubics, the highest power first."""
+    h = np.diff(knots)[:, None, None]
+    a, b = y[:-1], y[1:]
+    s, t = slope[:-1], slope[1:]
+    rise = (b - a) / h
+    return np.stack([(s + t - 2 * rise) / h**2, (3 * rise - 2 * s - t) / h, s, a])
+
+
+def status(
+    plan: Plan, values: tuple[Any, ...], judged: Iterable[Any], of: Mapping[str, Any]
+) -> Any:
+    """The number of `WORDS` that says whether a sample has an answer, as a node.
+
+    As `blockmech.quality.failures` decides: the first block that fails is blamed. ``judged``
+    are the wanted numbers; ``of`` has the blocks ``prismatic`` and ``following``.
+    """
+    bad: Any = False
+    for x in judged:
+        bad = bad | _is_not_finite(x)
+    word: Any = where(bad, WORDS.index(NO_ASSEMBLY), 0)
+    outcomes, margins = [], []
+    for name, places in plan.layout.items():
+        kind, _, block = name.partition("/")
+        if kind == "friction":
+            outcomes.append((block, values[places[3]]))
+        elif kind == "margin":
+            margins.append((block, values[places[0]]))
+    for block, ended in reversed(outcomes):
+        locked = JAMMED if block in of["prismatic"] else SELF_LOCKED
+        for how in Outcome:
+            if not how.solved:
+                said = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
+                word = where(ended == float(how), WORDS.index(said), word)
+    for block, m in reversed(margins):
+        failing = where(m > 0.0, False, where(m == 0.0, bad, True))
+        if block in of["following"]:
+            failing = failing | ((m > 0.0) & (m < NEAR_CHANGE) & bad)
+        word = where(failing, WORDS.index(NO_ASSEMBLY), word)
+    return word
+
+
+def _is_not_finite(x: Any) -> Any:
+    rest = x - x
+    return rest != rest if not isinstance(rest, Node) else rest.trace.node("is nan", rest)

@@ -1,0 +1,128 @@
+"""Formats by name: blockmech's own, and those of installed packages.
+
+An outside package names an object in the entry-point group ``blockmech.readers`` or
+``blockmech.writers``, under the format's name: a `Writer`, or a `Reader`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from blockmech.compiled import Compiled
+from blockmech.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.result import Result
+from blockmech.runnable import EVERYTHING
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is to be written: a mechanism, and what of it.
+
+    Attributes
+    ----------
+    want : outputs, names or patterns
+    at : poses to be written or computed, as ``at``, ``samples`` or ``times`` of a run
+    settings : friction, tolerance, iterations, static of a run
+    options : what one format alone asks for, e.g. ``real="float"``
+    """
+
+    mechanism: Compiled
+    want: tuple[str, ...] = EVERYTHING
+    at: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def result(self) -> Result:
+        """The wanted outputs, samples without an answer marked."""
+        return self.mechanism.run(**self.at, want=self.want, **self.settings, on_gap="mark")
+
+
+class Writer(NamedTuple):
+    """A format that is written.
+
+    about : what it is, in a few words
+    suffixes : ends of file names, the usual one first
+    write : (order, path) -> the files that were written
+    options : what it takes beside outputs and poses: name -> what that is
+    """
+
+    about: str
+    suffixes: tuple[str, ...]
+    write: Callable[[Order, Path], list[Path]]
+    options: Mapping[str, str] = {}
+
+
+T = TypeVar("T")
+
+
+class Formats(Generic[T], Mapping[str, T]):
+    """Formats of one direction, each loaded when it is first asked for."""
+
+    def __init__(self, group: str, own: Mapping[str, str]) -> None:
+        """``own`` has the format's name and the place of its object, ``"module:name"``."""
+        self.group, self._own = group, own
+        self._made: dict[str, T] = {}
+
+    @cached_property
+    def _outside(self) -> dict[str, Any]:
+        from importlib.metadata import entry_points
+
+        return {point.name: point for point in entry_points(group=self.group)}
+
+    def __getitem__(self, name: str) -> T:
+        if name not in self._made:
+            self._made[name] = self._load(name)
+        return self._made[name]
+
+    def _load(self, name: str) -> T:
+        if name in self._own:
+            module, _, attribute = self._own[name].partition(":")
+            own: T = getattr(import_module(module), attribute)
+            return own
+        point = self._outside[name]
+        try:
+            found: T = point.load()
+        except Exception as error:
+            what = f"the package {point.value} failed to load: {error}"
+            wrong = Problem("broken-plugin", name, what, "", "repair or uninstall it")
+            raise RequestError(wrong) from error
+        return found
+
+    def __iter__(self) -> Iterator[str]:
+        return iter({**self._own, **self._outside})
+
+    def __len__(self) -> int:
+        return len({**self._own, **self._outside})
+
+
+WRITERS: Formats[Writer] = Formats(
+    "blockmech.writers",
+    {
+        "c": "blockmech.exchange.c.files:WRITER",
+    },
+)
+"""Formats that are written."""
+
+
+def writer_for(path: Path, to: str | None) -> Writer:
+    """The writer that a format's name asks for, or else the suffix of the file.
+
+    Raises `RequestError` for what nobody writes.
+    """
+    if to is not None:
+        if to in WRITERS:
+            return WRITERS[to]
+        remedy = close_match(to, WRITERS)
+        raise refused("--to", f'no format "{to}"', remedy, f"formats: {listed(WRITERS, 30)}")
+    suffix = path.suffix.lower()
+    for name in WRITERS:
+        if suffix in WRITERS[name].suffixes:
+            return WRITERS[name]
+    known = ", ".join(f"{WRITERS[n].suffixes[0]} ({n})" for n in WRITERS)
+    found = f'no format has the suffix "{suffix}"' if suffix else "the name has no suffix"
+    raise refused(str(path), found, "name the format with --to", f"suffixes: {known}")

@@ -1,0 +1,69 @@
+"""Write a mechanism, or what it computes, as a file of another program."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from blockmech.errors import as_names, close_match, listed, refused
+from blockmech.exchange.formats import Order, writer_for
+from blockmech.files import AnyPath, refuse_spared
+from blockmech.runnable import EVERYTHING, Runnable
+
+POSES = ("at", "samples", "times")
+SETTINGS = ("friction", "tolerance", "iterations", "static")
+
+
+def write(
+    subject: Runnable,
+    path: AnyPath,
+    to: str | None = None,
+    *,
+    want: Iterable[str] | str = EVERYTHING,
+    **more: Any,
+) -> list[Path]:
+    """Write a mechanism as a file of another program, e.g. C text.
+
+    Parameters
+    ----------
+    subject : a graph, a linkage or a compiled mechanism
+    path : the file, or for some formats the folder; whole or not at all
+    to : the format's name; by default the suffix says it
+    want : outputs, for formats that have numbers in them
+    more : ``at``, ``samples``, ``times``, ``friction``, ``tolerance``, ``iterations``, ``static``
+        as `Mechanism.run` takes them, and the format's own options, e.g. ``real="float"``
+
+    Returns
+    -------
+    The files that were written.
+
+    Raises
+    ------
+    RequestError for a format that nobody writes, options that it does not have, and for what
+    it cannot say of this mechanism
+
+    >>> import blockmech as bm
+    >>> fourbar = bm.Graph.load("graphs/ruiz_fourbar.json")  # doctest: +SKIP
+    >>> bm.write(fourbar, "fourbar.c", want="crank.drive")  # doctest: +SKIP
+    """
+    path = Path(path)
+    writer = writer_for(path, to)
+    if not isinstance(subject, Runnable):
+        found = f"got {type(subject).__name__}"
+        raise refused("write", found, "load its file first", "a graph, a linkage or a mechanism")
+    mechanism = subject.compile()
+    own = {k: v for k, v in more.items() if k not in (*POSES, *SETTINGS)}
+    if unknown := [name for name in own if name not in writer.options]:
+        valid = f"options of this format: {listed(writer.options) or 'none'}"
+        remedy = close_match(unknown[0], writer.options)
+        raise refused(listed(unknown), "the format has no such option", remedy, valid)
+    order = Order(
+        mechanism,
+        as_names("want", want),
+        {k: more[k] for k in POSES if more.get(k) is not None},
+        {k: more[k] for k in SETTINGS if more.get(k) is not None},
+        {k: v for k, v in own.items() if v is not None},
+    )
+    refuse_spared(path)
+    return writer.write(order, path)

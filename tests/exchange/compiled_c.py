@@ -1,0 +1,81 @@
+"""C text compiled by the machine's compiler and called from Python."""
+
+from __future__ import annotations
+
+import ctypes
+import dataclasses
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from blockmech.exchange.c.program import poses
+from blockmech.result import Result
+
+COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
+FLAGS = ["-Wall", "-Wextra", "-Werror", "-std=c99", "-O1", "-ffp-contract=off"]
+NEEDS_C = pytest.mark.skipif(
+    not COMPILERS or sys.platform == "win32", reason="needs gcc or clang of POSIX"
+)
+
+
+def compiled(folder, name, *sources, compiler=None, shared=False):
+    """Compile files of a folder; the program or library made."""
+    made = folder / f"{name}_{'library.so' if shared else 'program'}"
+    how = ["-shared", "-fPIC"] if shared else []
+    files = [str(folder / source) for source in sources]
+    command = [compiler or COMPILERS[0], *FLAGS, *how, *files, "-lm", "-o", str(made)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr[:3000]
+    return made
+
+
+class Called:
+    """A `CProgram` as machine code: answers (n, outputs) and words (n,) at samples."""
+
+    def __init__(self, program, folder, compiler=None):
+        self.program = program
+        (folder / f"{program.name}.h").write_text(program.header, "ascii")
+        (folder / f"{program.name}.c").write_text(program.source, "ascii")
+        name = f"{program.name}.c"
+        library = compiled(folder, program.name, name, compiler=compiler, shared=True)
+        self.library = ctypes.CDLL(str(library))
+        self.function = getattr(self.library, program.name)
+        self.defaults = ctypes.c_char.in_dll(self.library, f"{program.name}_defaults")
+
+    def __call__(self, samples):
+        wanted = self.program.plan.program.inputs
+        given = samples.given(wanted)
+        n, k = samples.n, len(wanted)
+        inputs = np.zeros((n, max(k, 1)))
+        for j, name in enumerate(wanted):
+            inputs[:, j] = np.asarray(given[name], float)
+        found, words = np.empty((n, len(self.program.outputs))), np.empty(n, int)
+        at = ctypes.c_void_p(ctypes.addressof(self.defaults))
+        for i in range(n):
+            x, y = (ctypes.c_void_p(row.ctypes.data) for row in (inputs[i], found[i]))
+            words[i] = self.function(at, x, y)
+        return found, words
+
+
+def states(mechanism, n, seed):
+    """n random states: a tenth beyond the mechanism's range, rates of both signs, any time."""
+    rng = np.random.default_rng(seed)
+    ranges = poses(mechanism, 361)
+    at, rates, accelerations = {}, {}, {}
+    for i, driver in enumerate(mechanism.drivers):
+        q = ranges.coordinate(i)
+        more = 0.1 * (q.max() - q.min())
+        at[driver] = rng.uniform(q.min() - more, q.max() + more, n)
+        rates[driver], accelerations[driver] = 3 * rng.normal(size=n), 5 * rng.normal(size=n)
+    taken = mechanism.samples(at, None, None, rates, accelerations)
+    return dataclasses.replace(taken, times=rng.uniform(0.0, 2.0, n))
+
+
+def scalar(program, samples):
+    """What Python's numbers say of the same samples."""
+    mechanism = program.mechanism
+    values, _ = mechanism.evaluate(program.plan, samples, "scalar")
+    return Result(mechanism, program.plan, samples, values, "scalar", {"friction": "newton"})

@@ -1,0 +1,119 @@
+"""C text of a plan: the numbers of the scalar engine, bit by bit, as a compiler makes them."""
+
+import math
+import subprocess
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.errors import RequestError
+from blockmech.exchange.c.program import CProgram, identifier
+from blockmech.passes.homotopy import followed
+from blockmech.quality import WORDS
+from tests.exchange.compiled_c import COMPILERS, NEEDS_C, Called, compiled, scalar, states
+from tests.gallery import SHORT, mechanism
+
+GENERAL = 1e-12  # of the largest number of a unit, over the smallest margin's root
+ANGLES = ("angle", "transmission_angle")  # NumPy's own atan2 is not the mathematical library's
+
+
+@NEEDS_C
+@pytest.mark.parametrize("name", SHORT)
+def test_every_graph_of_the_gallery_has_the_bits_of_the_scalar_engine(name, tmp_path):
+    mech = mechanism(name)
+    program = CProgram(mech)
+    taken = states(mech, 300, seed=7)
+    found, words = Called(program, tmp_path)(taken)
+    expected = scalar(program, taken)
+    assert [WORDS[i] for i in words] == list(expected.quality.status)
+    good = words == 0
+    assert good.sum() > 200
+    columns = np.stack([np.where(good, program.column(expected, n), 0) for n in program.outputs], 1)
+    scales = program._scales(columns)
+    general = bool(followed(mech.structure))
+    for j, column in enumerate(program.outputs):
+        at = good & np.isfinite(columns[:, j])
+        off = np.abs(found[at, j] - columns[at, j])
+        if general:
+            margins = [np.asarray(m)[at] for m in expected.quality.margin.values()]
+            near = np.minimum.reduce(margins)
+            assert (off <= GENERAL * scales[j] / np.minimum(near, 1.0)).all(), column
+        elif column.endswith(ANGLES):
+            assert (off <= np.spacing(math.pi)).all(), column
+        else:
+            assert (found[at, j] == columns[at, j]).all(), column
+
+
+@NEEDS_C
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize("name", ["ruiz_fourbar", "engine", "stephenson_3_triad", "geared_fivebar"])
+def test_the_test_program_passes(name, real, compiler, tmp_path):
+    files = bm.write(mechanism(name), tmp_path / "machine.c", real=real)
+    assert [path.name for path in files] == ["machine.h", "machine.c", "machine_test.c"]
+    program = compiled(tmp_path, "test", "machine.c", "machine_test.c", compiler=compiler)
+    done = subprocess.run([str(program)], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stdout[:2000]
+    assert done.stdout.startswith("machine: 0 of 24 poses")
+
+
+@NEEDS_C
+def test_the_test_program_can_fail(tmp_path):
+    bm.write(mechanism("watt_sixbar"), tmp_path / "m.c", want=["crank.drive", "*.p"])
+    text = (tmp_path / "m.c").read_text("ascii")
+    assert "const real x" in text
+    changed = text.replace("SIN(in->", "COS(in->", 1)
+    assert changed != text
+    (tmp_path / "m.c").write_text(changed, "ascii")
+    program = compiled(tmp_path, "test", "m.c", "m_test.c")
+    assert subprocess.run([str(program)], capture_output=True, timeout=60).returncode == 1
+
+
+def test_parameters_inputs_and_outputs_have_names():
+    program = CProgram(mechanism("ruiz_fourbar"), ["crank.drive", "dyad.C.reaction"])
+    assert [m.name for m in program.inputs] == ["crank_q", "crank_rate", "crank_acceleration"]
+    assert [m.name for m in program.outputs.values()] == [
+        "crank_drive",
+        "dyad_C_reaction_x",
+        "dyad_C_reaction_y",
+    ]
+    assert "[N m]" in program.header
+    numbers = {m.name: m.numbers for m in program.parameters}
+    assert (2.0,) in numbers.values()  # the crank's length
+    assert "malloc" not in program.source
+    assert "static real" not in program.source
+
+
+def test_figures_of_a_run_are_left_out_by_name_and_refused_alone():
+    program = CProgram(mechanism("ruiz_fourbar"))
+    assert program.left_out == ("mechanism.friction_efficiency",)
+    assert "mechanism.friction_efficiency" in program.header
+    with pytest.raises(RequestError, match=r"a figure of a whole run"):
+        CProgram(mechanism("ruiz_fourbar"), "mechanism.friction_efficiency")
+
+
+def test_what_no_c_text_can_say_is_refused_by_name():
+    with pytest.raises(RequestError, match=r'no format "cc".*did you mean "c"'):
+        bm.write(mechanism("ruiz_fourbar"), "x.c", to="cc")
+    with pytest.raises(RequestError, match=r"no such option.*real"):
+        bm.write(mechanism("ruiz_fourbar"), "x.c", reel="float")
+    with pytest.raises(RequestError, match=r"got 'half'.*double, float"):
+        bm.write(mechanism("ruiz_fourbar"), "x.c", real="half")
+    with pytest.raises(RequestError, match=r'no format has the suffix ".nono"'):
+        bm.write(mechanism("ruiz_fourbar"), "x.nono")
+
+
+def test_names_and_titles_cannot_leave_their_comment():
+    data = {"format": "blockmech/graph", "version": 1, "name": "a*/b\\", "title": "*/ #error ??/"}
+    data["blocks"] = {
+        "frame": {"type": "frame", "markers": {"A": {"at": [0, 0]}}},
+        "int*": {"type": "driver.crank", "length": 1.0},
+    }
+    data["wires"] = [{"from": "frame.A", "to": "int*.A"}]
+    program = CProgram(bm.Graph.from_data(data).compile())
+    inside = program.header.split("*/")
+    assert program.header.count("/*") == len(inside) - 1
+    assert program.header.isascii()
+    assert identifier("for") == "m_for"
+    assert identifier("3 bars") == "m_3_bars"
