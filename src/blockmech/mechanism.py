@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import blockmech.analysis.stroke as stroking
     import blockmech.analysis.verify as verifying
     import blockmech.draw.arcs as closing
+    import blockmech.draw.equilibria as balancing
     import blockmech.draw.sensitivity as sensing
     import blockmech.draw.study as studying
     import blockmech.draw.tolerance as tolerating
@@ -40,6 +41,7 @@ class Mechanism(Compiled):
     """
 
     if TYPE_CHECKING:
+        equilibria = balancing.equilibria
         explain = explaining.explain
         extremes = extremal.extremes
         limits = closing.limits
@@ -54,6 +56,7 @@ class Mechanism(Compiled):
         trade = trading.trade
         verify = verifying.verify
     else:
+        equilibria = Later("blockmech.draw.equilibria")
         explain = Later("blockmech.analysis.explain")
         extremes = Later("blockmech.analysis.extremes")
         limits = Later("blockmech.draw.arcs")

@@ -14,6 +14,10 @@ TEXTS = {
     "limits SHORT": lambda m: str(m.limits()),
     "limits SHORT --deg": lambda m: m.limits().text(degrees=True),
     "modes SHORT": lambda m: str(m.modes()),
+    "equilibria RUIZ": lambda m: str(m.equilibria()),
+    "equilibria RUIZ --friction none --deg": lambda m: m.equilibria(friction="none").text(
+        degrees=True
+    ),
     "extremes RUIZ crank.q --deg": lambda m: m.extremes("crank.q").text(degrees=True),
     "extremes RUIZ dyad.j.angle --stroke": lambda m: str(m.stroke("dyad.j.angle")),
 }
@@ -38,6 +42,10 @@ def patterned(ask, outputs):
 DATA = {
     "verify RUIZ --at 1,2": ("rows", lambda m: rows(m.verify(at=[1.0, 2.0]))),
     "modes TRIAD --at 2.8,5": ("groups", lambda m: m.modes([2.8, 5.0]).to_dict()["groups"]),
+    "equilibria RUIZ": (
+        "equilibria",
+        lambda m: json.loads(json.dumps(m.equilibria().to_dict()["equilibria"])),
+    ),
     "extremes RUIZ crank.[qr]*": (
         "extremes",
         lambda m: patterned(m.extremes, ["crank.q", "crank.rate"]),

@@ -29,6 +29,7 @@ DONE = {
     "arcs": ["limits", "FILE"],
     "assembly modes": ["modes", "FILE"],
     "extremes": ["extremes", "FILE", "dyad.transmission_angle"],
+    "equilibria": ["equilibria", "FILE"],
     "checks": ["verify", "FILE"],
     "a trade": ["trade", "FILE", "--budget", "1s"],
     "designs": ["sweep", "FILE", "--vary", "dyad.l_i=5.5:6:3", "--want", "max_abs(crank.drive)"],

@@ -26,6 +26,7 @@ COMMANDS = {
     "limits": [],
     "modes": ["--no-arcs"],
     "extremes": ["*.q"],
+    "equilibria": [],
     "outputs": [],
     "test": [],
     "draw": ["-o", "x.nono"],

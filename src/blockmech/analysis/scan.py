@@ -53,8 +53,14 @@ class Span:
         return np.asarray(w if math.isinf(self.size) else self.size * np.sinh(w))
 
     def slope(self, u: Floats) -> Floats:
-        """Derivative of `place` of a range that ends."""
-        return np.asarray((self.high - self.low) * (math.pi / 2) * np.sin(u * math.pi))
+        """Derivative of `place`."""
+        low, high = self._stretched(self.low), self._stretched(self.high)
+        if self.turn:
+            return np.full(np.shape(u), high - low)
+        crowding = (high - low) * (math.pi / 2) * np.sin(u * math.pi)
+        if math.isinf(self.size):
+            return np.asarray(crowding)
+        return np.asarray(np.hypot(self.size, self.place(u)) * crowding)
 
     def _stretched(self, q: float) -> float:
         return q if math.isinf(self.size) else math.asinh(q / self.size)

@@ -19,6 +19,7 @@ import blockmech
 from blockmech.cli.analyses import check, extremes, limits, modes, verify
 from blockmech.cli.decompose import decompose
 from blockmech.cli.describe import blocks, outputs, schema
+from blockmech.cli.design import equilibria
 from blockmech.cli.draw import draw
 from blockmech.cli.export import export
 from blockmech.cli.new import new
@@ -44,8 +45,8 @@ from blockmech.errors import BlockmechError, SampleError
 from blockmech.files import sparing
 
 COMMANDS = (
-    *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, trade, sweep),
-    *(sensitivity, test, new, export, blocks, outputs, schema, studio),
+    *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, equilibria),
+    *(trade, sweep, sensitivity, test, new, export, blocks, outputs, schema, studio),
 )
 
 FAULTY = "This is a fault of blockmech: please report it with these lines."

@@ -359,6 +359,25 @@ class JointFriction:
         pair = f"friction_{state.pair}"
         return [given.get(x, float(x == pair)) for x in inputs]
 
+    def holding(self, q: Floats, t: float = 0.0) -> tuple[Floats, Floats]:
+        """Lowest and highest driving efforts (n,) [N m or N] that hold the driver at places.
+
+        Infinite where nothing starts it. A pair whose slip is zero at a place does not help there.
+        """
+        states = [State(share=1.0, t=t), *(State(pair=k) for k in range(len(self.names)))]
+        acting, *pairs = self._columns(q, states)
+        still = [np.ones(q.size), *[Planar(0.0 * q, 0.0 * q) for _ in pairs]]
+        slips = np.sign(np.nan_to_num(self.slips(q))).T
+        solve, resist = self._bound["solve"], self._bound["resistance"]
+        found = []
+        with np.errstate(all="ignore"):
+            for side in (-1, 1):
+                k = tuple(-side * s * c for s, c in zip(slips, self.program.factors, strict=True))
+                row = resist([acting, still, *pairs], k, self.guides, solve, self.options)
+                start = -np.asarray(row.effort, float) + np.zeros(q.size)
+                found.append(np.where(np.isfinite(start), start, side * math.inf))
+        return found[0], found[1]
+
     def rest(self, q: float, t: float = 0.0) -> Rest:
         """What a standstill at q leads to."""
         place, least = np.array([q]), self._rounding(q)

@@ -1,0 +1,43 @@
+"""Commands from analysis to design: where it rests, how it vibrates."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from blockmech.builders import compiled
+from blockmech.cli.options import (
+    AsJson,
+    DegreesOfText,
+    Friction,
+    GraphFile,
+    one_of,
+    option,
+    si_only,
+)
+from blockmech.cli.output import check_places, write_found
+from blockmech.cli.terminal import answer, progress_bar, reading
+from blockmech.told import DEGREES
+
+Plot = Annotated[str | None, option("Draw the answer (png, svg, pdf).", "FILE")]
+
+
+def equilibria(
+    file: GraphFile,
+    friction: Friction = None,
+    time: Annotated[
+        float | None, option("Time at which loads that follow it are held [s].", "X")
+    ] = None,
+    plot: Plot = None,
+    deg: DegreesOfText = DEGREES,
+    json: AsJson = False,
+) -> None:
+    """Find where the mechanism comes to rest, stable or not, and what friction holds."""
+    si_only(json, deg)
+    one_of(json=json, plot=plot is not None)
+    check_places(None, plot)
+    with reading(file):
+        mechanism = compiled(file)
+    with progress_bar("searching"):
+        found = mechanism.equilibria(friction=friction, time=time)  # type: ignore[arg-type]
+    answer(file, json, found.to_dict(), found.text(degrees=deg))
+    write_found(found, None, plot)

@@ -1,0 +1,77 @@
+"""The picture of equilibria: potential and effort over the coordinate, and where it rests."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from blockmech.analysis.equilibria import Equilibria
+from blockmech.analysis.equilibria import equilibria as found_of
+from blockmech.draw import palette as ink
+from blockmech.draw.paper import captioned, scaled_unit, shown_name
+from blockmech.draw.pictured import Pictured
+from blockmech.errors import refused
+from blockmech.runnable import giving
+from blockmech.told import DEGREES
+
+PANEL = 13.0 * ink.TEXT  # [pt] height of a panel
+MARKS = {"stable": "o", "unstable": "^", "indifferent": "s"}
+CLEAR = 0.02  # of the effort's quantiles: what goes to infinity at a dead centre is cut off
+
+
+class PlottedEquilibria(Pictured, Equilibria):
+    """Equilibria with their picture."""
+
+    def figure(self, degrees: bool = DEGREES) -> Any:
+        """Potential and effort of the loads over the only driver's coordinate.
+
+        Raises `RequestError` of several drivers.
+        """
+        if not self.curves:
+            found = "there is no picture of the equilibria of several drivers"
+            raise refused("plot", found, "their text lists them", code="nothing-to-draw")
+        factor, unit = (180.0 / np.pi, "°") if degrees and self.unit == "rad" else (1.0, self.unit)
+        drawn = ["potential"] * (self.curves[0].potential is not None) + ["effort of the loads"]
+        words = [f"{sum(e.kind == k for e in self)} {k} ({m})" for k, m in _MARKED.items()]
+        said = f"Equilibria of {shown_name(self.coordinate)}: {', '.join(words)}"
+        said += "; shaded: where friction holds it." if self.rests else "."
+        with captioned(said, len(drawn) * PANEL + 2 * ink.ROW) as figure:
+            panels = figure.subplots(len(drawn), sharex=True, squeeze=False)[:, 0]
+            for axes, what in zip(panels, drawn, strict=True):
+                _panel(axes, self, what, factor)
+            panels[-1].set_xlabel(f"{shown_name(self.coordinate)} [{unit}]", labelpad=1)
+        return figure
+
+
+_MARKED = {"stable": "dot", "unstable": "triangle", "indifferent": "square"}
+
+equilibria = giving(PlottedEquilibria, found_of)
+"""`blockmech.analysis.equilibria.equilibria`, which can be drawn."""
+
+
+def _panel(axes: Any, found: Equilibria, what: str, factor: float) -> None:
+    """One curve an arc, with marks at the equilibria and bands where friction holds."""
+    lowest = "potential" in what
+    rows = [np.asarray(c.potential if lowest else c.effort) for c in found.curves]
+    known = np.concatenate([row[np.isfinite(row)] for row in rows])
+    low, high = np.quantile(known, [CLEAR, 1 - CLEAR]) if len(known) else (-1.0, 1.0)
+    unit = "J" if lowest else f"N{' m' if found.unit == 'rad' else ''}"
+    scale, unit = scaled_unit(unit, max(abs(low), abs(high)))
+    for curve, row in zip(found.curves, rows, strict=True):
+        y = row - (np.nanmin(row) if lowest else 0.0)
+        axes.plot(factor * curve.q, scale * y, color=ink.FORWARD)
+        for e in found:
+            q = float(e.q[0])
+            if curve.q[0] <= q <= curve.q[-1]:
+                at = float(np.interp(q, curve.q, y))
+                colour = ink.ALARM if e.kind == "unstable" else ink.INK
+                axes.plot(factor * q, scale * at, MARKS[e.kind], ms=4, color=colour)
+    for start, end in found.rests:
+        axes.axvspan(factor * start, factor * end, color=ink.LINK_FILLS[1], lw=0)
+    if not lowest:
+        axes.axhline(0.0, color=ink.INK, lw=0.5)
+        room = 0.1 * (high - low) or 1.0
+        axes.set_ylim(scale * (min(low, 0.0) - room), scale * (max(high, 0.0) + room))
+    axes.set_ylabel(f"{what} [{unit}]", labelpad=2)
+    axes.grid(True)

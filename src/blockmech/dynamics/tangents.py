@@ -1,0 +1,97 @@
+r"""The driving effort and its derivatives: what equilibria and linear models are made of.
+
+The effort that the drivers need for a motion,
+
+    u(q, q', q'', t) = M q'' + c - Q,
+
+is one program, from the reduction pass or, with joint friction, from the force pass. Run on dual
+numbers it gives at once
+
+    M = du/dq''      C = du/dq'      K = du/dq
+
+exact to rounding, whatever loads act: an equilibrium is u = 0 at rest, and a small disturbance
+of it obeys M x'' + C x' + K x = 0. Laws that are a user's function of Python have their
+derivatives by differences.
+
+Sources: Shabana, Dynamics of Multibody Systems, 4th ed., ch. 3 (linearised equations);
+`blockmech.engines.dual`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from blockmech.dynamics.friction import margins
+from blockmech.dynamics.motion import Floats
+from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
+from blockmech.engines.dual import Dual, value
+from blockmech.passes import forces, reduction
+from blockmech.passes.homotopy import schedule
+from blockmech.plan import Friction, Schedule
+
+INPUTS = ("q", "qd", "qdd")
+
+
+class Tangents(NamedTuple):
+    """The driving effort at n states of k drivers, with its derivatives.
+
+    effort : (n, k) [N m or N] that the drivers need; the loads alone give its negative
+    M, C, K : (n, k, k) by accelerations, rates and coordinates
+    margin : (n,) [-] of the pose, NaN or not positive where it cannot be
+    """
+
+    effort: Floats
+    M: Floats
+    C: Floats
+    K: Floats
+    margin: Floats
+
+
+def tangents(
+    compiled: Any,
+    q: Any,
+    qd: Any = 0.0,
+    qdd: Any = 0.0,
+    t: Any = 0.0,
+    *,
+    friction: bool = False,
+) -> Tangents:
+    """The driving effort and its derivatives at states (n, k).
+
+    ``friction`` puts the friction of joints that slip into it; at rest it has no derivative.
+    """
+    engine = compiled.once(_with_friction if friction else _without)
+    k = len(compiled.structure.drivers)
+    q = np.asarray(q, float).reshape(-1, k)
+    given: dict[str, Any] = {"t": np.broadcast_to(np.asarray(t, float), len(q))}
+    for which, (name, x) in enumerate(zip(INPUTS, (q, qd, qdd), strict=True)):
+        columns = np.broadcast_to(np.asarray(x, float), q.shape)
+        for i in range(k):
+            seed = np.zeros((3 * k, len(q)))
+            seed[which * k + i] = 1.0
+            given[f"{name}_{i}"] = Dual(columns[:, i], seed)
+    program = engine.program
+    inputs = {name: given[name] for name in program.inputs}
+    found = engine.run(inputs, tuple(program.parameters.values()), len(q), 3 * k)
+    u, rest = found[:k], found[k:]
+    slopes = np.array([x.d for x in u]).transpose(2, 0, 1)  # (n, k, 3k)
+    margin = np.minimum.reduce([np.ones(len(q)), *(value(x) for x in rest)])
+    K, C, M = (slopes[..., j * k : (j + 1) * k] for j in range(3))
+    return Tangents(np.stack([x.x for x in u], axis=-1), M, C, K, np.asarray(margin))
+
+
+def _without(compiled: Any) -> DualEngine:
+    return _engine(compiled, "none", reduction.drive_by_reduction)
+
+
+def _with_friction(compiled: Any) -> DualEngine:
+    return _engine(compiled, "newton", forces.drive)
+
+
+def _engine(compiled: Any, method: Any, rule: Callable[[Schedule, str], str]) -> DualEngine:
+    s = schedule(compiled.structure, compiled.scene, Friction(method))
+    values = [s.ask(rule, k) for k in compiled.structure.drivers]
+    return DualEngine(s.program([*values, *margins(s)]), WITH_DIFFERENCES)

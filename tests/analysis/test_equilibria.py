@@ -1,0 +1,224 @@
+"""Equilibria against mechanics that know nothing of Assur groups, and against root searches.
+
+Independent numbers: `tests.independent.multibody` (absolute coordinates) gives the effort that a
+driver needs at rest; its root and, by central differences of the same in extended precision, its
+slope are the equilibrium and K. Watt's first loop is from V'' in mpmath with 40 digits.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import blockmech as bm
+from blockmech.dynamics.friction import JointFriction
+from blockmech.dynamics.system import System
+from blockmech.plan import Friction
+from tests.gallery import GRAPHS, document
+from tests.independent import multibody as mb
+
+DIGITS = 1e-9
+MACHINES = (
+    "watt_sixbar", "stephenson_3", "toggle_press", "andrews_squeezer", "ruiz_fourbar",
+    "stephenson_2_class_4", "stephenson_3_triad",
+)  # fmt: skip
+
+
+def loop(stiffness=0.0):
+    rods = {
+        n: {"mass": m, "inertia": m * x * x / 12, "cm": [x / 2, 0.0]}
+        for n, m, x in (("crank", 1.0, 1.0), ("i", 1.5, 1.5), ("j", 1.5, 1.5))
+    }
+    blocks = {
+        "frame": {
+            "type": "frame",
+            "markers": {"O2": {"at": [0, 0]}, "O4": {"at": [1.6, 0]}, "S": {"at": [1.0, 0]}},
+        },
+        "crank": {"type": "driver.crank", "length": 1.0, "links": {"crank": rods["crank"]}},
+        "dyad": {
+            "type": "dyad.rrr", "l_i": 1.5, "l_j": 1.5, "branch": 1,
+            "links": {"i": rods["i"], "j": rods["j"]},
+        },
+    }  # fmt: skip
+    wires = [
+        {"from": "frame.O2", "to": "crank.A"},
+        {"from": "crank.B", "to": "dyad.B"},
+        {"from": "frame.O4", "to": "dyad.D"},
+    ]
+    if stiffness:
+        blocks["spring"] = {"type": "load.spring", "stiffness": stiffness, "free_length": 0.0}
+        wires += [{"from": "frame.S", "to": "spring.a"}, {"from": "dyad.C", "to": "spring.b"}]
+    data = {
+        "format": "blockmech/graph", "version": 1, "name": "loop", "blocks": blocks,
+        "wires": wires, "scene": {"gravity": [0.0, -9.81]},
+    }  # fmt: skip
+    return bm.Graph.from_data(data).compile()
+
+
+def test_watts_first_loop_is_that_of_mpmath():
+    found = {e.kind: e for e in loop().equilibria()}
+    low, high = found["stable"], found["unstable"]
+    q = math.remainder(low.q[0], math.tau)
+    assert q == pytest.approx(-1.67045867527852, abs=1e-13)
+    assert low.K[0, 0] == pytest.approx(17.1229950360555, rel=1e-13)
+    assert low.M[0, 0] == pytest.approx(0.850763692295131, rel=1e-13)
+    assert low.frequencies[0] ** 2 == pytest.approx(20.1266170513957, rel=1e-12)
+    assert high.q[0] == pytest.approx(1.49069100724188, abs=1e-13)
+    assert high.K[0, 0] == pytest.approx(-21.2894556012746, rel=1e-13)
+
+
+def in_pairs(data):
+    """A document whose joints join two links each: a pin of n links is n - 1 of them."""
+    joints = {}
+    for name, joint in data["joints"].items():
+        first, *others = zip(joint["links"], joint["at"], strict=True)
+        for i, other in enumerate(others):
+            (a, b), at = (first[0], other[0]), [first[1], other[1]]
+            joints[f"{name}{i or ''}"] = {**joint, "links": [a, b], "at": at}
+    return {**data, "joints": joints}
+
+
+def effort(system, q):
+    """Effort of a driver at rest by absolute coordinates, in extended precision."""
+    poses = mb.assemble(system, system.home, [q], follow=True, refine=True)
+    rates = mb.rates(system, poses, [0.0])
+    accelerations = mb.accelerations(system, poses, rates, [0.0])
+    found = mb.reactions(system, poses, rates, accelerations, friction=False)
+    return found.drivers[next(iter(system.drivers))], poses
+
+
+def inertia(system, q):
+    """Effort per unit of acceleration at rest."""
+    poses = mb.assemble(system, system.home, [q], follow=True, refine=True)
+    rates = mb.rates(system, poses, [0.0])
+    one, none = (
+        mb.reactions(
+            system, poses, rates, mb.accelerations(system, poses, rates, [a]), friction=False
+        )
+        for a in (1.0, 0.0)
+    )
+    name = next(iter(system.drivers))
+    return float(one.drivers[name] - none.drivers[name])
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_equilibria_and_frequencies_are_those_of_absolute_coordinates(name):
+    mech = bm.Linkage.load(GRAPHS / "joints" / f"{name}.json").compile()
+    system = mb.read(in_pairs(document(f"joints/{name}")))
+    found = mech.equilibria(friction="none")
+    assert len(found) >= 2
+    h = 1e-4
+    for e in found:
+        q = float(e.q[0])
+        rows = [float(effort(system, q + k * h)[0]) for k in (-2, -1, 0, 1, 2)]
+        K = (rows[0] - 8 * rows[1] + 8 * rows[3] - rows[4]) / (12 * h)
+        size = max(map(abs, (rows[0], rows[4]))) / h
+        assert abs(rows[2] / K) < DIGITS
+        assert e.K[0, 0] == pytest.approx(K, abs=10 * DIGITS * size)
+        J = inertia(system, q)
+        assert e.M[0, 0] == pytest.approx(J, rel=DIGITS)
+        if e.kind == "stable":
+            assert e.frequencies[0] == pytest.approx(math.sqrt(K / J), rel=10 * DIGITS)
+        assert (e.kind == "stable") == (K > 0)
+
+
+def test_nothing_is_missed_over_the_turn():
+    """As many as changes of sign of the effort at 20,000 places; stable ones alternate."""
+    for name in MACHINES[:4]:
+        mech = bm.Graph.load(GRAPHS / f"{name}.json").compile()
+        q = np.linspace(0.1, 0.1 + math.tau, 20001)
+        arcs = mech.limits()
+        if not arcs.whole_turn:
+            continue
+        tau = mech.run(at=q, want="crank.tau_red", static=True)["crank.tau_red"]
+        count = int((tau[:-1] * tau[1:] < 0).sum())
+        found = mech.equilibria(friction="none")
+        assert len(found) == count
+        kinds = [e.kind for e in found]
+        assert all(a != b for a, b in itertools.pairwise(kinds))
+
+
+def test_the_potential_is_that_of_weights():
+    mech = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
+    found = mech.equilibria()
+    q = [e.q[0] for e in found]
+    energy = mech.run(at=q, want="mechanism.potential_energy")["mechanism.potential_energy"]
+    assert np.ptp(energy) == pytest.approx(max(e.potential for e in found), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["ruiz_fourbar", "stephenson_3_triad", "stephenson_2_class_4"])
+def test_ends_of_friction_are_two_root_searches(name):
+    """The ends of the interval: the two efforts that start it are zero there."""
+    mech = bm.Graph.load(GRAPHS / f"{name}.json").compile()
+    friction = System(mech, method=Friction("newton")).friction
+    assert isinstance(friction, JointFriction)
+    found = mech.equilibria()
+    assert found.rests
+    for low, high in found.rests:
+        ends = []
+        for side in (0, 1):
+
+            def start(q, side=side):
+                return friction.rest(q).holding[side]
+
+            a, b = low - 0.01, high + 0.01
+            ends.append(brentq(start, a, b, xtol=1e-15, rtol=1e-14))
+        assert sorted(ends) == pytest.approx([low, high], abs=1e-12)
+        assert friction.rest((low + high) / 2).rests
+        assert not friction.rest(low - 1e-6).rests
+        assert not friction.rest(high + 1e-6).rests
+    inside = [e for e in found if e.interval is not None]
+    assert len(inside) == len(found)
+
+
+def test_several_drivers_are_solved_by_all_of_them():
+    mech = bm.Graph.load(GRAPHS / "fivebar_falling.json").compile()
+    found = mech.equilibria()
+    assert len(found) >= 3
+    for e in found:
+        at = {d: [e.at[f"{d}.q"]] for d in mech.drivers}
+        run = mech.run(at=at, want=["*.tau_red"], static=True)
+        for d in mech.drivers:
+            assert abs(run[f"{d}.tau_red"][0]) < 1e-10
+        again = mech.equilibria(starts=64)
+        assert all(any(np.allclose(x.q, y.q, atol=1e-9) for y in found) for x in again)
+
+
+def test_a_stop_that_the_loads_push_against_holds():
+    graph = bm.Graph.load(GRAPHS / "watt_sixbar.json")
+    graph.stop("crank", 1.6, 3.0)
+    found = graph.compile().equilibria()
+    assert [e.stop for e in found] == [True]
+    assert found[0].q[0] == 3.0
+    assert "end stop" in str(found)
+
+
+def test_loads_of_the_time_need_a_time():
+    mech = bm.Graph.load(GRAPHS / "motions" / "shaken_slider.json").compile()
+    with pytest.raises(bm.RequestError, match=r"time: loads follow the time"):
+        mech.equilibria()
+
+
+def test_a_balanced_mechanism_rests_everywhere():
+    graph = bm.Graph.load(GRAPHS / "watt_sixbar.json").replace({"scene.gravity.y": 0.0})
+    found = graph.compile().equilibria()
+    assert len(found) == 0
+    assert len(found.balanced) == 1
+    assert "balanced everywhere" in str(found)
+
+
+def test_the_picture_marks_them(tmp_path):
+    found = loop().equilibria()
+    assert found.plot(tmp_path / "e.png").stat().st_size > 10_000
+    figure = found.figure()
+    assert [a.get_ylabel().split(" [")[0] for a in figure.axes] == [
+        "potential",
+        "effort of the loads",
+    ]
+    several = bm.Graph.load(GRAPHS / "fivebar_falling.json").compile().equilibria(starts=16)
+    with pytest.raises(bm.RequestError, match="no picture"):
+        several.plot(tmp_path / "x.png")
