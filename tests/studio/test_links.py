@@ -1,7 +1,8 @@
 """Links and joints drawn as a sketch: a document that says the same, and the groups in it."""
 
+import cmath
+import json
 import math
-import re
 from pathlib import Path
 
 import pytest
@@ -9,9 +10,10 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.studio import sketching
-from blockmech.studio.links import LinksSheet, columns_of, outlines_of
+from blockmech.studio.fields import Shown
+from blockmech.studio.links import LinksSheet, drawing_of, outlines_of
 from blockmech.studio.sheet import Sheet
-from tests.studio.page import press, save, show
+from tests.studio.page import middle, press, save
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 JOINTS = sorted(path.stem for path in (GRAPHS / "joints").glob("*.json"))
@@ -94,18 +96,11 @@ def test_a_slider_crank_is_drawn():
 
 def test_a_pin_is_moved_and_deleted_in_the_browsers_way():
     pane = fourbar()
-    data = {name: list(column) for name, column in pane._pins.data.items()}
-    first = data["name"].index("A")
-    data["x"][first] += 0.25
-    pane.take(data)
+    pane.meant({"act": "move", "pins": {"A": [0.25, 0.0]}})
     assert pane.drawn["A"].z == 0.25
-    data = {name: [*column, ""] for name, column in pane._pins.data.items()}
-    data["x"][-1], data["y"][-1] = 1.23456, 2.0
-    pane.take(data)
+    pane.meant({"act": "pin", "at": [1.23, 2.0]})
     assert pane.drawn["E"] == sketching.Drawn(1.23 + 2j)
-    first = pane._pins.data["name"].index("A")
-    data = {n: [*c[:first], *c[first + 1 :]] for n, c in pane._pins.data.items()}
-    pane.take(data)
+    pane.meant({"act": "Delete", "pins": ["A"]})
     assert "A" not in pane.drawn
     assert "drivers" not in pane.sheet.form
 
@@ -125,8 +120,9 @@ def test_pins_that_no_link_carries_are_kept_in_the_file_and_not_computed_with():
 def test_every_document_of_the_gallery_is_shown_as_it_is(name):
     sheet = Sheet(opened(GRAPHS / "joints" / f"{name}.json"))
     pins = sketching.pins_of(sheet.form)
-    columns = columns_of(pins)
-    assert len({len(column) for column in columns.values()}) == 1
+    drawing = drawing_of(sheet.form, pins, False, Shown("mm", "deg"))
+    assert [pin["name"] for pin in drawing["pins"]] == list(pins)
+    json.dumps(drawing, allow_nan=False)
     assert set(sheet.form["joints"]) <= set(pins)
     assert set(outlines_of(pins)) <= set(sheet.form["links"])
 
@@ -181,7 +177,7 @@ def test_a_pin_and_the_guide_of_its_block_move_together():
     act(pane, "Link", "A", "B")
     act(pane, "Slider", "B")
     for name, z in (("B", 2 + 1j), ("B_guide", 3 + 0j)):
-        pane.sheet.change(sketching.moved(pane.sheet.form, name, z), "moved")
+        pane.sheet.change(sketching.moved(pane.sheet.form, {name: z}), "moved")
         assert [pane.drawn[n].z for n in ("B", "B_guide", "A")] == [z, z, 0]
 
 
@@ -207,24 +203,235 @@ def test_blocks_are_not_drawn_over():
     assert all(button.disabled for button in pane.buttons)
 
 
+def test_a_distance_is_typed_and_the_loose_end_moves():
+    pane = fourbar()
+    pane.meant({"act": "dimension", "ends": ["A", "B"], "value": 2.5})
+    assert pane.drawn["B"].z == pytest.approx(2.5)
+    pane.meant({"act": "dimension", "ends": ["C", "D"], "value": 2.0})
+    assert pane.drawn["D"].z == 5.5
+    assert abs(pane.drawn["C"].z - 5.5) == pytest.approx(2.0)
+
+
+def test_pins_that_move_together_keep_their_distances():
+    """Each goes where it is sent, also where another one stood before."""
+    pane = fourbar()
+    pane.meant({"act": "move", "pins": {"A": [2.0, 0.0], "B": [4.0, 0.0]}})
+    assert [pane.drawn[name].z for name in "AB"] == [2.0, 4.0]
+
+
+def test_a_gesture_that_begins_and_ends_at_pins_joins_them():
+    pane = sketch()
+    pane.meant({"act": "draw", "tool": "", "from": {"at": [0, 0]}, "to": {"at": [1, 0]}})
+    pane.meant({"act": "draw", "tool": "", "from": {"pin": "B"}, "to": {"at": [2, 1]}})
+    on_link = {"at": [0.5, 0], "on": "link"}
+    pane.meant({"act": "draw", "tool": "Link", "from": {"at": [0.5, 2]}, "to": on_link})
+    assert pane.drawn["B"].links == ("link", "link1")
+    assert pane.drawn["E"].links == ("link", "link2")
+    assert [pin.kind for pin in pane.drawn.values()].count("R") == 2
+
+
+def test_a_cylinder_lifts_an_arm():
+    """The law of cosines tells the arm's angle from the cylinder's length."""
+    pane = sketch()
+    for z in (0j, 2 + 0j, 1 - 1j):
+        pane.add(z)
+    act(pane, "Link", "A", "B")
+    act(pane, "To the frame", "A")
+    act(pane, "Cylinder", "C", "B")
+    act(pane, "To the frame", "C")
+    assert pane.sheet.problems == ()
+    (driver,) = pane.sheet.mechanism.drivers
+    q = 1.5
+    found = pane.sheet.mechanism.run(at={driver: [q]}, rates=0.0, want=["joint.B.p"])
+    b = found["joint.B.p"][0]
+    assert abs(b) == pytest.approx(2, abs=1e-13)
+    assert abs(b - (1 - 1j)) == pytest.approx(q, abs=1e-13)
+
+
+def test_gears_let_one_driver_follow_another():
+    pane = sketch()
+    for z in (0j, 1 + 0j, 3 + 0j, 4 + 1j):
+        pane.add(z)
+    act(pane, "Link", "A", "B")
+    act(pane, "Link", "C", "D")
+    act(pane, "To the frame", "A", "C")
+    act(pane, "Gears", "A", "C")
+    (gear,) = pane.sheet.form["couplings"].values()
+    assert [pane.sheet.form["drivers"][gear[key]]["joint"] for key in ("driver", "driven")] == [
+        "A",
+        "C",
+    ]
+    assert pane.sheet.problems == ()
+    assert [wheel["radius"] for wheel in pane.canvas.drawing["wheels"]] == [1.5, 1.5]
+    act(pane, "Gears", "A", "B")
+    assert "joint that turns" in pane.said.object
+    act(pane, "Delete", "C")
+    assert "couplings" not in pane.sheet.form
+
+
+def test_a_spring_is_at_rest_as_drawn_and_a_force_goes_with_its_link():
+    pane = fourbar()
+    act(pane, "Spring", "A", "C")
+    act(pane, "Force", "B")
+    spring, force = pane.sheet.form["loads"].values()
+    assert spring["free_length"] == pytest.approx(abs(7.607142857142857 + 2.135403697j))
+    assert force["link"] in pane.drawn["B"].links
+    assert pane.sheet.problems == ()
+    act(pane, "Delete", "C", "B")
+    assert "loads" not in pane.sheet.form or list(pane.sheet.form["loads"]) == ["spring"]
+
+
+def test_a_copy_is_moved_as_what_it_was_made_of():
+    pane = sketch()
+    for z in (0j, 1 + 0j):
+        pane.add(z)
+    act(pane, "Link", "A", "B")
+    form = pane.sheet.form
+    form = {**form, "links": {"link": {**form["links"]["link"], "mass": 2.0}}}
+    pane.sheet.change(form, "mass")
+    act(pane, "Copy", "A", "B")
+    assert pane.drawn["D"].z - pane.drawn["C"].z == 1
+    assert pane.sheet.form["links"]["link1"]["mass"] == 2.0
+    act(pane, "Delete", *"ABCD")
+    assert pane.sheet.form["links"] == {} == pane.drawn
+
+
+@pytest.mark.parametrize(
+    ("button", "pins", "why"),
+    [
+        ("Link", "AB", "on link already"),
+        ("Link", "A", "needs two pins"),
+        ("Slider", "A", "driver away first"),
+        ("Driver", "D", "conflicting-drivers"),
+        ("Driver", "E", "joins no two links"),
+        ("Spring", "ABC", "choose two pins"),
+        ("Force", "E", "no link is there"),
+    ],
+)
+def test_a_wrong_gesture_says_why_and_changes_nothing(button, pins, why):
+    pane = fourbar()
+    pane.add(9 + 9j)
+    form = pane.sheet.form
+    act(pane, button, *pins)
+    assert why in pane.said.object
+    assert why in pane.canvas.told["text"]
+    assert pane.sheet.form == form
+
+
+# -- by hand in the browser ------------------------------------------------------------------
+
+
+class Hand:
+    """A pointer over the drawing, which counts what it does."""
+
+    def __init__(self, page):
+        self.page, self.acts = page, 0
+        self.area = page.locator("svg[role=application]").bounding_box()
+
+    def at(self, x, y):
+        """A place of the drawing, both from 0 to 1, in pixels."""
+        return (
+            self.area["x"] + x * self.area["width"],
+            self.area["y"] + y * self.area["height"],
+        )
+
+    def pin(self, name):
+        return middle(self.page.locator(f'[data-pin="{name}"] .ring'))
+
+    def drag(self, start, end, typed=""):
+        self.acts += 1
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        self.page.mouse.move(*end, steps=4)
+        if typed:
+            self.page.keyboard.type(typed)
+        self.page.mouse.up()
+
+    def link(self, start, end, new, typed=""):
+        """Draw a link that ends at a new pin."""
+        self.drag(start, end, typed)
+        self.page.locator(f'[data-pin="{new}"]').wait_for()
+
+    def click(self, name, **how):
+        self.acts += 1
+        self.page.locator(f'[data-pin="{name}"] .ring').click(**how)
+
+    def press(self, name, said):
+        self.acts += 1
+        press(self.page, name)
+        self.page.get_by_role("status").get_by_text(said).wait_for()
+
+
+def drawing(page, studio):
+    """An empty drawing of links and joints."""
+    page.goto(f"{studio[0]}?draw")
+    page.get_by_text("Drag: a link is drawn").wait_for()
+    page.wait_for_function("Bokeh.documents[0].is_idle")
+    return Hand(page)
+
+
 def test_a_four_bar_is_drawn_in_the_browser(page, studio):
-    show(page, studio, "?new")
-    page.get_by_text("Links and joints", exact=True).click()
-    press(page, "Begin a drawing of links and joints")
-    area = page.locator(".bk-Figure:visible").first.bounding_box()
-    pins = page.get_by_label("Pins")
-    for name, (x, y) in zip("ABCD", [(0.3, 0.6), (0.35, 0.4), (0.6, 0.3), (0.7, 0.6)], strict=True):
-        page.mouse.click(area["x"] + x * area["width"], area["y"] + y * area["height"])
-        pins.get_by_text(name, exact=True).wait_for(state="attached")
-        page.wait_for_timeout(300)  # two taps at once would be a double one
-    steps = [*(("Link", ends) for ends in ("AB", "BC", "CD")), ("To the frame", "AD")]
-    for button, ends in (*steps, ("Driver", "A")):
-        pins.select_option(list(ends))
-        press(page, button)
-        done = re.compile(rf"{button}: [{ends}, ]+\.")
-        page.get_by_role("status").get_by_text(done).wait_for()
-    page.get_by_role("status").get_by_text("RRR").wait_for()
+    hand = drawing(page, studio)
+    hand.link(hand.at(0.3, 0.6), hand.at(0.35, 0.4), "B")
+    hand.link(hand.pin("B"), hand.at(0.6, 0.3), "C", typed="0.75@0.25")
+    x, y = hand.pin("C")
+    hand.link(hand.pin("C"), (x + 40, y + 130), "D")
+    hand.click("A")
+    hand.click("D", modifiers=["Control"])
+    hand.press("To the frame", "To the frame: A, D.")
+    hand.click("A")
+    hand.press("Driver", "RRR")
+    assert hand.acts <= 12
+    page.get_by_label("distance B to C").click()
+    page.keyboard.type("0.8")
+    page.keyboard.press("Enter")
+    page.get_by_role("status").get_by_text("B to C").wait_for()
     save(page, "drawn.json")
     made = bm.Linkage.load(studio[1] / "drawn.json")
     assert made.check() == []
-    assert sorted(made.to_data()["joints"]) == list("ABCD")
+    pins = sketching.pins_of(made.to_data())
+    assert [(pins[name].kind, len(pins[name].links)) for name in "ABCD"] == [("R", 2)] * 4
+    assert abs(pins["C"].z - pins["B"].z) == pytest.approx(0.8, rel=1e-12)
+    assert cmath.phase(pins["C"].z - pins["B"].z) == pytest.approx(0.25, abs=1e-9)
+
+
+def test_a_slider_crank_is_drawn_and_simulated_in_the_browser(page, studio):
+    hand = drawing(page, studio)
+    hand.link(hand.at(0.3, 0.6), hand.at(0.35, 0.4), "B")
+    hand.link(hand.pin("B"), hand.at(0.65, 0.6), "C")
+    hand.click("C")
+    hand.press("Slider", "Slider: C.")
+    hand.click("A")
+    hand.press("To the frame", "To the frame: A.")
+    hand.press("Driver", "RRP")
+    assert hand.acts <= 12
+    save(page, "slider.json")
+    made = bm.Linkage.load(studio[1] / "slider.json")
+    assert made.check() == []
+    kinds = sorted(joint["type"] for joint in made.to_data()["joints"].values())
+    assert kinds == ["P", "R", "R", "R"]
+
+
+def test_keys_and_a_wrong_gesture_in_the_browser(page, studio):
+    """A box chooses, arrows move, Delete deletes; what cannot be is said at the pointer."""
+    hand = drawing(page, studio)
+    hand.link(hand.at(0.3, 0.6), hand.at(0.5, 0.4), "B")
+    before = hand.pin("A"), hand.pin("B")
+    hand.drag(before[0], before[1])
+    bubble = page.locator(".bubble")
+    bubble.get_by_text("they are on link already").wait_for()
+    box = bubble.bounding_box()
+    assert math.dist((box["x"], box["y"]), before[1]) < 40
+    hand.drag(hand.at(0.2, 0.2), hand.at(0.6, 0.8))
+    page.keyboard.press("ArrowRight")
+    page.get_by_role("status").get_by_text("move A, B").wait_for()
+    assert [hand.pin(name)[0] > x for name, (x, _) in zip("AB", before, strict=True)] == [True] * 2
+    page.keyboard.press("Control+d")
+    page.locator('[data-pin="D"]').wait_for()
+    page.locator("svg[role=application]").press("Escape")
+    hand.click("D", button="right")
+    page.get_by_role("menuitem", name="Delete").click()
+    page.locator('[data-pin="D"]').wait_for(state="detached")
+    page.locator("svg[role=application]").press("Control+a")
+    page.keyboard.press("Delete")
+    page.get_by_text("Drag: a link is drawn").wait_for()

@@ -89,9 +89,11 @@ class Page:
             *(self.download, picture, *self.units, pn.pane.Bokeh(self.kept, visible=False)),
         )
         flow = (self.diagram.palette, self.formula, self.diagram.flow)
-        ways = {"Blocks": lambda: pn.Column(*flow, sizing_mode="stretch_both")}
-        ways["Links and joints"] = lambda: LinksSheet(self.sheet, self.dark).panel()
-        drawn = either(ways, list(ways)[isinstance(self.sheet.document, Linkage)])
+        ways = {
+            "Links and joints": lambda: LinksSheet(self.sheet, self.dark, self.view).panel(),
+            "Blocks": lambda: pn.Column(*flow, sizing_mode="stretch_both"),
+        }
+        drawn = either(ways, list(ways)[not isinstance(self.sheet.document, Linkage)])
         below = {"sizing_mode": "stretch_width", "height": BELOW, "scroll": "y-auto"}
         left = drawn, self.status, pn.Column(self.form.column, **below)
         right = self.view.panel(), pn.Column(self.answers.panel(), **below)
@@ -172,8 +174,8 @@ def window(desk: Desk) -> Any:
             name = desk.open(args["open"])
         elif "example" in args and args["example"] in gallery():
             name = desk.put(opened(gallery()[args["example"]]))
-        elif "new" in args:
-            name = desk.put()
+        elif "new" in args or "draw" in args:
+            name = desk.put(Linkage() if "draw" in args else None)
     except BlockmechError as error:
         said = str(error)
     if name not in desk.sheets:

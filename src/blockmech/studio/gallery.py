@@ -26,13 +26,20 @@ def picture_of(name: str) -> bytes:
     return rendered(draw_mechanism(mechanism).figure, ".svg")
 
 
+@cache
+def words_of(name: str) -> str:
+    """What a mechanism of the gallery is, in a line."""
+    return opened(gallery()[name]).title
+
+
 def gallery_page(names: Sequence[str], put: Callable[[Opened], str], said: str, dark: bool) -> Any:
     """The page; ``names`` are files of the folder, ``put`` makes a sheet and gives its name."""
     begin(dark)
     theme = "&amp;theme=dark" if dark else ""
     cards = "".join(
         f'<a class=card href="?example={quote(name)}{theme}">'
-        f'<img loading=lazy alt="" src="picture/{quote(name)}.svg"><b>{html.escape(name)}</b></a>'
+        f'<img loading=lazy alt="" src="picture/{quote(name)}.svg"><b>{html.escape(name)}</b>'
+        f"{html.escape(words_of(name))}</a>"
         for name in gallery()
         if "/" not in name
     )
@@ -51,7 +58,8 @@ def gallery_page(names: Sequence[str], put: Callable[[Opened], str], said: str, 
         line.object = f'<p>read: <a href="?sheet={name}{theme}">open the sheet</a></p>'
 
     upload.param.watch(take, "value")
-    head = f'<h1>blockmech studio</h1><p><a href="?new{theme}">Empty sheet</a></p>'
+    head = f'<h1>blockmech studio</h1><p><a href="?draw{theme}">Draw links and joints</a> '
+    head += f'or <a href="?new{theme}">wire blocks</a> on an empty sheet</p>'
     here = f"<h2>In this folder</h2><ul class=files>{files}</ul>" if files else ""
     shown = f"{CARDS}<h2>Gallery</h2><div class=cards>{cards}</div>"
     parts = (head, line, upload, here, shown)

@@ -1,69 +1,237 @@
-"""Links and joints as in a sketch: the second way to a mechanism, and the groups in it."""
+"""Links and joints drawn by hand: the first way to a mechanism, and the groups in it.
+
+The drawing itself is `sketch.js`: it draws what the hand does, and sends what is meant.
+"""
 
 from __future__ import annotations
 
 import html
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
-import numpy as np
 import panel as pn
-from bokeh.models import ColumnDataSource, PointDrawTool
+import param
 
 from blockmech.builders import Linkage
 from blockmech.draw import palette as ink
-from blockmech.draw.sketch import hull
-from blockmech.errors import BlockmechError
+from blockmech.errors import BlockmechError, GraphError
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio import sketching
+from blockmech.studio.fields import Shown
 from blockmech.studio.looks import beside
-from blockmech.studio.plots import FONT, PIXELS, coloured
-from blockmech.studio.session import follow
+from blockmech.studio.plots import coloured
+from blockmech.studio.session import follow, heard
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.sketching import Drawn, Form
-from blockmech.studio.window import Window
+from blockmech.values import Place
 
-MARKS = {"R": "circle", "P": "square", "": "x"}
+PAIRS = ["Link", "Cylinder", "Gears", "Spring"]
+"""What is drawn from one pin to another."""
+MENU = ["To the frame", "Slider", "Driver", "Force", "Copy", "Delete"]
+"""What is offered at a pin."""
+GUIDE = [
+    "Drag: a link is drawn. Type a length while you drag (0.3, or 0.3 @ 45), Enter takes it.",
+    "Drag from one of its pins: the next link is joined to it.",
+    "Click a pin and press To the frame, or Slider: what carries the mechanism.",
+    "Click a pin on the frame and press Driver: what moves it.",
+    "Press Play beside the drawing. A number of the drawing is changed by a click on it.",
+]
+STEP = 0.05  # of the drawing, by which a copy stands beside what it is of
+
+STYLE = """
+:host { display: block; min-height: 260px }
+.sketch { position: relative; width: 100%; height: 100%; overflow: hidden }
+svg { width: 100%; height: 100%; display: block; touch-action: none; user-select: none;
+  font: 12px system-ui, "DejaVu Sans", sans-serif; background: var(--bm-paper) }
+svg:focus-visible { outline: 2px solid var(--bm-blue); outline-offset: -2px }
+svg[data-tool]:not([data-tool=""]) { cursor: crosshair }
+text { fill: var(--bm-ink); paint-order: stroke; stroke: var(--bm-paper); stroke-width: 3px }
+.grid line { stroke: var(--bm-pale) } .grid text { fill: var(--bm-grey); font-size: 11px }
+.edge { stroke: var(--bm-ink); stroke-width: 13; stroke-linejoin: round; fill: var(--bm-ink) }
+.link { stroke: var(--fill); stroke-width: 10; stroke-linejoin: round; fill: var(--fill) }
+.new { stroke: var(--bm-blue); stroke-width: 8; stroke-linecap: round; opacity: 0.6 }
+.ring { fill: transparent } .dot { fill: var(--bm-paper); stroke: var(--bm-ink); stroke-width: 2 }
+.pin { pointer-events: none } .pin .ring { pointer-events: all; cursor: grab }
+.ring:hover, .chosen .ring { stroke: var(--bm-blue); stroke-width: 3 }
+.chosen .ring { fill: color-mix(in srgb, var(--bm-blue) 30%, transparent) }
+.cross, .hatch, .rail { stroke: var(--bm-ink); stroke-width: 1.6; fill: none }
+.ground, .block { fill: var(--bm-frame); stroke: var(--bm-ink); stroke-width: 1.6 }
+.arrow { stroke: var(--bm-blue); stroke-width: 2.2; fill: none }
+.wheel { fill: none; stroke: var(--bm-ink); stroke-dasharray: 9 4 2 4 }
+.spring { fill: none; stroke: var(--bm-ink); stroke-width: 1.6; stroke-linejoin: round }
+.force { stroke: var(--bm-alarm); fill: var(--bm-alarm); stroke-width: 2 }
+.force text { fill: var(--bm-alarm) }
+.dimension { fill: var(--bm-blue); cursor: text }
+.dimension:hover { text-decoration: underline }
+.dimension:focus-visible { outline: 2px solid var(--bm-blue) }
+.box { fill: color-mix(in srgb, var(--bm-blue) 15%, transparent); stroke: var(--bm-blue) }
+.typed, .bubble, .menu, .guide, .edit { position: absolute; font: 13px system-ui, sans-serif;
+  color: var(--bm-ink); background: var(--bm-group); border: 1px solid var(--bm-line);
+  border-radius: 4px; padding: 3px 7px; top: 0; left: 0 }
+[hidden] { display: none !important }
+.typed { pointer-events: none } .bubble { max-width: 280px; color: var(--bm-alarm) }
+.menu { padding: 3px; display: grid } .menu button { font: inherit; text-align: left; border: 0;
+  color: inherit; background: none; padding: 3px 12px; border-radius: 3px }
+.menu button:focus, .menu button:hover { background: var(--bm-driver) }
+.guide { position: absolute; inset: auto 12px 12px; padding: 8px 8px 8px 26px; top: auto;
+  pointer-events: none; margin: 0 }
+.edit { width: 90px; padding: 2px 4px; box-sizing: border-box; background: var(--bm-paper) }
+"""
 
 
-def columns_of(pins: dict[str, Drawn], dark: bool = False) -> dict[str, list[Any]]:
-    """Pins as columns: circles turn, squares slide, crosses join nothing yet."""
-    shown = [(pin, FRAME in pin.links) for pin in pins.values()]
+class Canvas(pn.custom.JSComponent):  # type: ignore[misc]  # as the sheet
+    """The drawing in the browser.
+
+    ``chosen`` are pins, ``tool`` is what a gesture draws, "" for choosing; ``told`` is said
+    where the pointer is.
+    """
+
+    drawing = param.Dict(default={})
+    chosen = param.List(default=[])
+    tool = param.String(default="")
+    told = param.Dict(default={"text": "", "count": 0})
+    menu = param.List(default=MENU)
+    pairs = param.List(default=PAIRS)
+    guide = param.List(default=GUIDE)
+
+    _esm = Path(__file__).with_name("sketch.js")
+    _stylesheets = [STYLE]
+
+    def __init__(self, meant: Callable[[dict[str, Any]], None], **given: Any) -> None:
+        super().__init__(**given)
+        self._meant = meant
+
+    def _handle_msg(self, msg: Any) -> None:
+        self._meant(msg)
+
+
+def drawing_of(form: Form, pins: dict[str, Drawn], dark: bool, units: Shown) -> dict[str, Any]:
+    """Pins, links, distances and loads as the browser draws them; places in metres."""
+    outlines = outlines_of(pins)
+    fills = [coloured(fill, dark) for fill in ink.LINK_FILLS]
+    wheels = [wheel for gear in form.get("couplings", {}).values() for wheel in _wheels(form, gear)]
     return {
-        "x": [pin.z.real for pin in pins.values()],
-        "y": [pin.z.imag for pin in pins.values()],
-        "name": list(pins),
-        "mark": [MARKS[pin.kind] for pin in pins.values()],
-        "color": [coloured(ink.DRIVE if pin.driven else ink.INK, dark) for pin, _ in shown],
-        "fill": [coloured(ink.FRAME_FILL if fixed else ink.PAPER, dark) for _, fixed in shown],
-        "text": [f"{name} (driven)" if p.driven else name for name, p in pins.items()],
+        "ours": True,
+        "pins": [
+            {
+                "name": name,
+                "at": _pair(pin.z),
+                "ground": FRAME in pin.links,
+                "guide": _guide(form, name) if pin.kind == "P" else None,
+                "driven": pin.driven,
+                "loose": not pin.links,
+            }
+            for name, pin in pins.items()
+        ],
+        "links": [
+            {"name": link, "pins": ends, "fill": fills[i % len(fills)]}
+            for i, (link, ends) in enumerate(outlines.items())
+        ],
+        "dimensions": [
+            {"a": a, "b": b, "value": abs(pins[a].z - pins[b].z)}
+            for a, b in dict.fromkeys(pair for ends in outlines.values() for pair in _sides(ends))
+        ],
+        "loads": list(_loads(form)),
+        "wheels": wheels,
+        **_scales(units),
     }
 
 
-def outlines_of(pins: dict[str, Drawn]) -> dict[str, list[complex]]:
-    """Links as outlines through their pins."""
-    links = dict.fromkeys(link for pin in pins.values() for link in pin.links if link != FRAME)
-    return {link: list(hull(p.z for p in pins.values() if link in p.links)) for link in links}
+def _scales(units: Shown) -> dict[str, Any]:
+    """How many of the units shown make one of SI, and what they are called."""
+    angle = "°" if units.angle == "deg" else f" {units.angle}"
+    scales = {"unit": units.factor("m"), "degree": units.factor("rad")}
+    return {**scales, "length": units.length, "angle": angle}
+
+
+def outlines_of(pins: dict[str, Drawn]) -> dict[str, list[str]]:
+    """The pins of each link in the order in which they are joined by its outline."""
+    found = {}
+    for link in dict.fromkeys(x for pin in pins.values() for x in pin.links if x != FRAME):
+        ends = {name: pin.z for name, pin in pins.items() if link in pin.links}
+        middle = sum(ends.values()) / len(ends)
+        around = sorted(ends, key=lambda name: _turn(ends[name] - middle))
+        found[link] = around if len(ends) > 2 else list(ends)
+    return found
+
+
+def _turn(z: complex) -> float:
+    return math.atan2(z.imag, z.real)
+
+
+def _sides(ends: list[str]) -> Iterator[tuple[str, str]]:
+    """Neighbours on an outline."""
+    around = [*ends, *ends[:1]] if len(ends) > 2 else ends
+    yield from ((min(a, b), max(a, b)) for a, b in pairwise(around))
+
+
+def _pair(z: complex) -> list[float]:
+    return [z.real, z.imag]
+
+
+def _guide(form: Form, name: str) -> float:
+    """The direction [rad] of a guide in the drawing."""
+    joint = form["joints"][name]
+    own = (joint.get("angle") or [_turn(complex(*d)) for d in joint.get("dir") or [(1, 0)]])[0]
+    return float(own) + _turn(sketching.pose_of(form, joint["links"][0])[1])
+
+
+def _loads(form: Form) -> Iterator[dict[str, Any]]:
+    """Forces with their places, springs with their ends."""
+    for name, load in form.get("loads", {}).items():
+        links = load.get("links") or [load.get("link")]
+        given = load.get("at")
+        if given is None or None in links:
+            continue
+        places = []
+        for link, at in zip(links, given if load.get("links") else [given], strict=False):
+            o, e = sketching.pose_of(form, link)
+            places.append(_pair(o + e * Place.parse(at).z))
+        force = load.get("force") if load["type"] == "force" else None
+        if load["type"] != "force" or isinstance(force, list):
+            yield {"name": name, "at": places, "force": force}
+
+
+def _wheels(form: Form, gear: Form) -> Iterator[dict[str, Any]]:
+    """The pitch circles of two wheels whose centres keep their distance."""
+    pins, of = sketching.pins_of(form), form.get("drivers", {})
+    ends = [of.get(gear["driver"], {}).get("joint"), of.get(gear["driven"], {}).get("joint")]
+    if gear.get("type") == "gear" and all(end in pins for end in ends):
+        a, b = (pins[end].z for end in ends)
+        teeth = [abs(z) for z in gear["teeth"]]
+        for z, own in ((a, teeth[0]), (b, teeth[1])):
+            yield {"at": _pair(z), "radius": abs(b - a) * own / sum(teeth)}
 
 
 class LinksSheet:
-    """A sheet of links and joints: tap for a pin, choose pins, and join them by a link."""
+    """A sheet of links and joints: links are drawn from pin to pin, pins are made what they are."""
 
-    def __init__(self, sheet: Sheet, dark: bool = False) -> None:
-        self.sheet, self.dark = sheet, dark
-        self.pins = pn.widgets.MultiSelect(label="Pins", size=4, sizing_mode="stretch_width")
-        self.angle = pn.widgets.FloatInput(label="Slides along [°]", value=0.0, width=110)
+    def __init__(self, sheet: Sheet, dark: bool = False, view: Any = None) -> None:
+        self.sheet, self.dark, self.view = sheet, dark, view
+        self.canvas = Canvas(self.meant, sizing_mode="stretch_both")
+        self.pins = pn.widgets.MultiSelect(label="Pins", size=3, width=110)
+        self.angle = pn.widgets.FloatInput(label="Slides along [°]", value=None, width=110)
         self.slot = pn.widgets.Select(label="Slides on", options=[FRAME], width=110)
-        self.place = pn.widgets.TextInput(label="New pin at x, y [m]", value="", width=150)
-        self.acts: dict[str, Callable[[Form], Form]] = {
-            "Link": lambda form: sketching.linked(form, self.pins.value),
-            "To the frame": lambda form: sketching.attached(form, self.pins.value),
-            "Slider": lambda form: sketching.sliding(
-                form, self.pins.value, math.radians(self.angle.value or 0.0), self.slot.value
+        self.place = pn.widgets.TextInput(label="New pin at x, y [m]", value="", width=130)
+        self.acts: dict[str, Callable[[Form, list[str]], Form]] = {
+            "Link": sketching.linked,
+            "To the frame": sketching.attached,
+            "Slider": lambda form, pins: sketching.sliding(
+                form,
+                pins,
+                None if self.angle.value is None else math.radians(self.angle.value),
+                self.slot.value,
             ),
-            "Driver": lambda form: sketching.driven(form, self.pins.value),
-            "Delete": lambda form: sketching.removed(form, self.pins.value),
+            "Driver": self._driven,
+            "Cylinder": sketching.cylinder,
+            "Gears": sketching.geared,
+            "Spring": lambda form, pins: sketching.loaded(form, pins, "spring"),
+            "Force": lambda form, pins: sketching.loaded(form, pins, "force"),
+            "Copy": lambda form, pins: sketching.copied(form, pins, self._step),
+            "Delete": sketching.removed,
         }
         self.buttons = [pn.widgets.Button(label=name) for name in self.acts]
         for button in self.buttons:
@@ -73,40 +241,18 @@ class LinksSheet:
         # Panel sends the value twice at Enter, as a change and with the key
         self.place.param.watch(lambda _: self._typed(self.place.value), "enter_pressed")
         self.said = pn.pane.HTML("", sizing_mode="stretch_width")
-        self._make_figure()
+        self.pins.param.watch(lambda event: self.canvas.param.update(chosen=event.new), "value")
+        self.canvas.param.watch(self._chosen_in_browser, "chosen")
+        if view is not None:
+            view.param.watch(heard(self.renew), "shown")
         follow(sheet, self.renew, "form")
         self.renew()
 
     def panel(self) -> Any:
         """The drawing, what is done with chosen pins, and the groups that were found."""
-        tools = beside(self.begin, self.place, self.angle, self.slot, *self.buttons)
-        drawing = pn.pane.Bokeh(self.window.figure, sizing_mode="stretch_both")
-        return pn.Column(tools, self.pins, drawing, self.said, sizing_mode="stretch_both")
-
-    def _make_figure(self) -> None:
-        self.window = Window(self.dark, self._fit)
-        figure = self.window.figure
-        pen, line = coloured(ink.INK, self.dark), ink.SIZES.link * PIXELS
-        self._links = ColumnDataSource({"xs": [], "ys": [], "fill": []})
-        for color, width in ((pen, line + 2), ("fill", line)):
-            figure.patches(
-                source=self._links, fill_color="fill", line_color=color, line_width=width,
-                line_join="round",
-            )  # fmt: skip
-        self._pins = ColumnDataSource(columns_of({}))
-        dots = figure.scatter(
-            source=self._pins, size=2 * line, marker="mark", line_color="color",
-            fill_color="fill", line_width=2,
-        )  # fmt: skip
-        figure.text(
-            source=self._pins, text_color=pen, text_font={"value": FONT}, text_font_size="12px",
-            x_offset=12, y_offset=-8,
-        )  # fmt: skip
-        pencil = PointDrawTool(renderers=[dots], empty_value="", description="Draw pins")
-        figure.add_tools(pencil)
-        figure.toolbar.active_drag = figure.toolbar.active_tap = pencil
-        self._pins.on_change("data", lambda attr, old, new: self.take(new))
-        self._pins.selected.on_change("indices", self._chosen_in_browser)
+        fields = beside(self.begin, self.pins, self.place, self.slot, self.angle)
+        tools = beside(*self.buttons)
+        return pn.Column(tools, self.canvas, fields, self.said, sizing_mode="stretch_both")
 
     # -- what is shown ---------------------------------------------------------------------
 
@@ -116,18 +262,32 @@ class LinksSheet:
         return isinstance(self.sheet.document, Linkage)
 
     @property
+    def units(self) -> Shown:
+        """Units in which lengths and angles are shown and typed."""
+        return Shown() if self.view is None else self.view.shown
+
+    @property
     def drawn(self) -> dict[str, Drawn]:
         """All pins."""
         return sketching.pins_of(self.sheet.form) if self.ours else {}
 
+    @property
+    def _step(self) -> complex:
+        z = [pin.z for pin in self.drawn.values()]
+        size = max((abs(a - z[0]) for a in z), default=1.0) or 1.0
+        return complex(STEP, -STEP) * size
+
     def renew(self) -> None:
         """Show the sheet's links and joints, the groups in them, or why there are none."""
-        pins = self.drawn
+        pins, form = self.drawn, self.sheet.form
         chosen = [name for name in self.pins.value if name in pins]
         self.pins.param.update(options=sorted(pins), value=chosen)  # whatever joins them
-        links = [FRAME, *(link for link in outlines_of(pins) if self.ours)]
-        self.slot.param.update(options=links, value=FRAME)
+        links = [FRAME, *outlines_of(pins)]
+        self.slot.param.update(
+            options=links, value=self.slot.value if self.slot.value in links else FRAME
+        )
         self.begin.visible = not self.ours
+        self.place.label = f"New pin at x, y [{self.units.length}]"
         for widget in (self.place, self.angle, self.slot, *self.buttons):
             widget.disabled = not self.ours
         words = "This sheet holds blocks, not links and joints."
@@ -136,46 +296,53 @@ class LinksSheet:
             words = problems or str(self.sheet.document.decompose().formation)
         done = f"{self.sheet.undoable}. " if self.sheet.undoable else ""
         self._say(done + words)
-        outlines = list(outlines_of(pins).values())
-        fills = [ink.LINK_FILLS[i % len(ink.LINK_FILLS)] for i in range(len(outlines))]
-        self._links.data = {
-            "xs": [[z.real for z in row] for row in outlines],
-            "ys": [[z.imag for z in row] for row in outlines],
-            "fill": [coloured(fill, self.dark) for fill in fills],
-        }
-        self._pins.data = columns_of(pins, self.dark)
-        if not all(self.window.shows(pin.z) for pin in pins.values()):
-            self._fit()
-
-    def _fit(self) -> None:
-        """Show the whole drawing; a metre to draw on where there is none."""
-        z = np.array([0, 1 + 1j, *(pin.z for pin in self.drawn.values())])
-        self.window.fit(complex(z.real.min(), z.imag.min()), complex(z.real.max(), z.imag.max()))
+        drawing = drawing_of(form if self.ours else {}, pins, self.dark, self.units)
+        self.canvas.param.update(drawing={**drawing, "ours": self.ours}, chosen=chosen)
 
     def _say(self, text: str, role: str = "status") -> None:
+        """Say something below the drawing, and what is wrong where the pointer is, too."""
         self.said.object = f'<p role="{role}">{html.escape(text)}</p>'
+        count = self.canvas.told["count"] + 1
+        self.canvas.told = {"text": text if role == "alert" else "", "count": count}
 
     # -- what is done ----------------------------------------------------------------------
 
     def _change(self, form: Form, said: str) -> None:
-        """Change the sheet; what cannot be is said."""
+        """Change the sheet; what cannot be is said, and drawn no more."""
         try:
             self.sheet.change(form, said)
         except BlockmechError as error:
-            self._say(str(error), "alert")
-            self._pins.data = columns_of(self.drawn, self.dark)
+            self._refuse(error)
 
-    def act(self, name: str) -> None:
-        """Do with the chosen pins what the button of a name does."""
-        if not self.pins.value:
-            self._say(f"{name}: choose pins first, in the drawing or in the list", "alert")
+    def _refuse(self, error: BlockmechError) -> None:
+        self.canvas.param.trigger("drawing")
+        self._say(str(error), "alert")
+
+    def _driven(self, form: Form, pins: list[str]) -> Form:
+        """Raises the problem of a driver for what another one moves already."""
+        made = sketching.driven(form, pins)
+        for problem in Linkage.from_data(made).check():
+            if problem.code == "conflicting-drivers":
+                raise GraphError(problem)
+        return made
+
+    def act(self, name: str, pins: list[str] | None = None) -> None:
+        """Do with some pins, or the chosen ones, what the button of a name does.
+
+        Where none are chosen the pointer does it from now on, until the button is pressed again.
+        """
+        pins = self.pins.value if pins is None else [pin for pin in pins if pin in self.drawn]
+        if not pins:
+            self.canvas.tool = "" if self.canvas.tool == name else name
+            how = "drag from pin to pin" if name in PAIRS else "click on a pin"
+            self._say(f"{name}: {how}, or choose pins first; Esc ends it", "status")
             return
         try:
-            form = self.acts[name](self.sheet.form)
+            form = self.acts[name](self.sheet.form, list(pins))
         except BlockmechError as error:
-            self._say(str(error), "alert")
+            self._refuse(error)
         else:
-            self._change(form, f"{name}: {', '.join(self.pins.value)}")
+            self._change(form, f"{name}: {', '.join(pins)}")
 
     def add(self, z: complex) -> None:
         """Draw a pin that no link carries yet."""
@@ -184,7 +351,7 @@ class LinksSheet:
     def _typed(self, text: str) -> None:
         """A pin at places typed in: the way of the keyboard."""
         try:
-            x, y = map(float, text.replace(",", " ").split())
+            x, y = (float(part) / self.units.factor("m") for part in text.replace(",", " ").split())
         except ValueError:
             if text:
                 self._say("A place is two numbers, e.g. 0.5, 1.2", "alert")
@@ -195,29 +362,35 @@ class LinksSheet:
 
     # -- what the browser says -------------------------------------------------------------
 
-    def take(self, data: Any) -> None:
-        """Pins were drawn, dragged or deleted with the tool: one step of the sheet."""
-        form, pins = self.sheet.form, self.drawn
-        places = [complex(x, y) for x, y in zip(data["x"], data["y"], strict=True)]
-        known = {pin.z: name for name, pin in pins.items()}  # a tap may overtake our answer
-        rows = zip(data["name"], places, strict=True)
-        names = [name or known.get(self._rounded(z), "") for name, z in rows]
+    def meant(self, msg: dict[str, Any]) -> None:
+        """Do what a gesture means: one step of the sheet."""
+        act, form = msg["act"], self.sheet.form
         if not self.ours:
             return
-        form = sketching.removed(form, [name for name in pins if name not in names])
-        for name, z in zip(names, places, strict=True):
-            if name not in pins:
-                form = sketching.drawn(form, self._rounded(z))
-            elif z != pins[name].z:
-                form = sketching.moved(form, name, z)
-        self._change(form, "pins")
+        try:
+            if act in self.acts:
+                self.act(act, msg["pins"])
+            elif act == "pin":
+                self.add(complex(*msg["at"]))
+            elif act == "draw":
+                form, a = sketching.pin_at(form, msg["from"])
+                form, b = sketching.pin_at(form, msg["to"])
+                tool = msg["tool"] or "Link"
+                self._change(self.acts[tool](form, [a, b]), f"{tool}: {a}, {b}")
+            elif act == "move":
+                places = {
+                    name: complex(*z) for name, z in msg["pins"].items() if name in self.drawn
+                }
+                self._change(sketching.moved(form, places), f"move {', '.join(places)}")
+            elif act == "dimension":
+                a, b = msg["ends"]
+                self._change(sketching.dimensioned(form, a, b, msg["value"]), f"{a} to {b}")
+            elif act in ("undo", "redo"):
+                getattr(self.sheet, act)()
+            else:
+                self._say(msg["said"], "alert")
+        except BlockmechError as error:
+            self._refuse(error)
 
-    def _rounded(self, z: complex) -> complex:
-        """A place to a thousandth of the drawing."""
-        size = max([abs(pin.z) for pin in self.drawn.values()] + [abs(z)]) or 1.0
-        digits = 3 - math.ceil(math.log10(size))
-        return complex(round(z.real, digits), round(z.imag, digits))
-
-    def _chosen_in_browser(self, attr: str, old: Any, new: list[int]) -> None:
-        names = list(self._pins.data["name"])
-        self.pins.value = [names[i] for i in np.atleast_1d(new).astype(int) if i < len(names)]
+    def _chosen_in_browser(self, event: Any) -> None:
+        self.pins.value = [name for name in event.new if name in self.pins.options]

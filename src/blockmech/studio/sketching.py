@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from string import ascii_uppercase
 from typing import Any, NamedTuple
 
-from blockmech.errors import refused
+from blockmech.errors import listed, refused
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio.fields import Path, item_at, with_item
 from blockmech.values import Place
@@ -68,8 +68,20 @@ def drawn(form: Form, z: complex) -> Form:
 
 
 def linked(form: Form, names: Iterable[str]) -> Form:
-    """With a new link through pins."""
-    return attached(form, names, free([*form["links"], FRAME], ["link"], "link"))
+    """With a new link through pins. Raises `RequestError` for pins that one link holds already."""
+    pins, names = pins_of(form), list(names)
+    known = set.intersection(*({*pins[name].links} for name in names)) - {FRAME}
+    if len({*names}) < 2:
+        raise refused(listed(names), "a link needs two pins", "end it at another pin")
+    if known:
+        remedy = "choose pins of different links"
+        raise refused(listed(names), f"they are on {listed(known)} already", remedy)
+    return attached(form, names, _link(form, "link"))
+
+
+def _link(form: Form, word: str) -> str:
+    """A name for a new link."""
+    return free([*form["links"], FRAME], [word], word)
 
 
 def attached(form: Form, names: Iterable[str], link: str = FRAME) -> Form:
@@ -99,16 +111,38 @@ def attached(form: Form, names: Iterable[str], link: str = FRAME) -> Form:
     return made
 
 
-def moved(form: Form, name: str, z: complex) -> Form:
-    """With a pin at z on all its links, and whatever pin or guide of theirs stands on it."""
+def moved(form: Form, places: Mapping[str, complex]) -> Form:
+    """With pins elsewhere on all their links, and whatever pin or guide of theirs stands there."""
     pins = pins_of(form)
-    here = pins[name]
-    size = max(abs(pin.z - here.z) for pin in pins.values())
-    for other, pin in pins.items():
-        shared = not pin.links or {*pin.links} & {*here.links}
-        if other == name or (shared and pin.kind and abs(pin.z - here.z) <= SAME * size):
-            form = _put(form, other, pin, z)
+    whole = dict(places)
+    for name, z in places.items():
+        here = pins[name]
+        size = max(abs(pin.z - here.z) for pin in pins.values())
+        for other, pin in pins.items():
+            shared = not pin.links or {*pin.links} & {*here.links}
+            if shared and pin.kind and abs(pin.z - here.z) <= SAME * size:
+                whole.setdefault(other, z)
+    for name, z in whole.items():
+        form = _put(form, name, pins[name], z)
     return form
+
+
+def dimensioned(form: Form, a: str, b: str, value: float) -> Form:
+    """With two pins at a distance [m]: the second moves, or the first where that one is fixed."""
+    pins = pins_of(form)
+    if FRAME in pins[b].links and FRAME not in pins[a].links:
+        a, b = b, a
+    off = pins[b].z - pins[a].z
+    return moved(form, {b: pins[a].z + value * (off / abs(off) if off else 1.0)})
+
+
+def pin_at(form: Form, end: Mapping[str, Any]) -> tuple[Form, str]:
+    """The pin that an end of a gesture names, or a new one at its place ``at``, ``on`` a link."""
+    if end.get("pin") in pins_of(form):
+        return form, end["pin"]
+    made = drawn(form, complex(*end["at"]))
+    (name,) = {*pins_of(made)} - {*pins_of(form)}
+    return (attached(made, [name], end["on"]) if end.get("on") in form["links"] else made), name
 
 
 def _put(form: Form, name: str, pin: Drawn, z: complex) -> Form:
@@ -122,14 +156,21 @@ def _put(form: Form, name: str, pin: Drawn, z: complex) -> Form:
     return form
 
 
-def sliding(form: Form, names: Iterable[str], angle: float, on: str = FRAME) -> Form:
+def sliding(form: Form, names: Iterable[str], angle: float | None = None, on: str = FRAME) -> Form:
     """With joints that slide along lines at an angle [rad]; those that slide turn again.
 
     A pin that joins nothing yet gets a block: the pin turns on it, and the block slides along
-    a guide of link ``on``. Raises `RequestError` for a guide on the pin's own link.
+    a guide of link ``on``; without an angle along that link, on the ground along x. Raises
+    `RequestError` for a guide on the pin's own link, and for a joint that is driven.
     """
+    if angle is None:
+        ends = [pin.z for pin in pins_of(form).values() if on in pin.links and on != FRAME]
+        angle = cmath.phase(ends[-1] - ends[0]) if len(ends) > 1 else 0.0
     for name in names:
         joint = form["joints"].get(name)
+        if pins_of(form)[name].driven:
+            remedy = "take its driver away first"
+            raise refused(name, "it is driven, and its law is one of the kind it has", remedy)
         if joint is None:
             form = _on_a_block(form, name, angle, on)
         else:
@@ -165,13 +206,101 @@ def _angles(form: Form, links: Iterable[str], angle: float) -> list[float]:
     return [angle - cmath.phase(pose_of(form, link)[1]) for link in links]
 
 
+def cylinder(form: Form, names: Iterable[str]) -> Form:
+    """With a cylinder between two pins, whose rod is driven out of its barrel."""
+    (a, b), pins = two(names), pins_of(form)
+    barrel = _link(form, "barrel")
+    form = attached(form, [a], barrel)
+    rod = _link(form, "rod")
+    form = attached(form, [b], rod)
+    guide = free(pins, ["cylinder"], "cylinder")
+    ends = zip((barrel, rod), (pins[a].z, pins[b].z), strict=True)
+    at = [_on(form, link, z) for link, z in ends]
+    angle = _angles(form, (barrel, rod), cmath.phase(pins[b].z - pins[a].z))
+    made = {"type": "P", "links": [barrel, rod], "at": at, "angle": angle}
+    return driven(with_item(form, ("joints", guide), made), [guide])
+
+
+def geared(form: Form, names: Iterable[str]) -> Form:
+    """With gear wheels on two joints: the first one's driver turns the second, 1 : 1."""
+    ends = two(names)
+    for name in ends:
+        joint = form["joints"].get(name)
+        if joint is None or joint["type"] != "R":
+            raise refused(name, "a wheel needs a joint that turns", "choose two such joints")
+        if not pins_of(form)[name].driven:
+            form = driven(form, [name])
+    of = {given["joint"]: driver for driver, given in form["drivers"].items()}
+    known = form.get("couplings", {})
+    for driver in (of[end] for end in ends):
+        if driver in {gear["driven"] for gear in known.values()}:
+            raise refused(driver, "it follows another wheel already", "choose another joint")
+    form = with_item(form, ("drivers", of[ends[1]]), {"joint": ends[1]})  # it has no own law
+    gear = {"type": "gear", "driver": of[ends[0]], "driven": of[ends[1]], "teeth": [20, 20]}
+    made: Form = with_item(form, ("couplings", free(known, ["gears"], "gears")), gear)
+    return made
+
+
+def loaded(form: Form, names: Iterable[str], kind: str) -> Form:
+    """With a force at each of some pins, or a spring between two; both at rest as drawn."""
+    pins, known = pins_of(form), form.get("loads", {})
+    held = two(names) if kind == "spring" else list(names)
+    for name in held:
+        if not pins[name].links:
+            raise refused(name, "no link is there to hold it", "draw a link to the pin first")
+    on = [next((x for x in reversed(pins[n].links) if x != FRAME), FRAME) for n in held]
+    at = [_on(form, link, pins[name].z) for link, name in zip(on, held, strict=True)]
+    if kind == "spring":
+        free_length = abs(pins[held[0]].z - pins[held[1]].z)
+        spring = {"type": kind, "links": on, "at": at, "stiffness": 1000.0}
+        made = [spring | {"free_length": free_length}]
+    else:
+        force = {"type": kind, "force": [0.0, -10.0]}
+        made = [{**force, "link": x, "at": z} for x, z in zip(on, at, strict=True)]
+    for load in made:
+        name = free(form.get("loads") or known, [kind], kind)
+        form = with_item(form, ("loads", name), load)
+    return form
+
+
+def copied(form: Form, names: Iterable[str], by: complex) -> Form:
+    """With copies of pins, shifted, and of the links of which two of them are pins."""
+    chosen, pins = list(names), pins_of(form)
+    links = dict.fromkeys(x for name in chosen for x in pins[name].links if x != FRAME)
+    made, called = form, dict[str, str]()
+    for name in chosen:
+        z = pins[name].z + by
+        called[name] = free(pins_of(made), ascii_uppercase, "P")
+        made = with_item(made, (*LOOSE, called[name]), [z.real, z.imag])
+    for link in links:
+        own = [called[name] for name in chosen if link in pins[name].links]
+        if len(own) > 1:
+            copy_ = _link(made, link)
+            x, y, angle = form["links"][link].get("pose") or (0.0, 0.0, 0.0)
+            body = {k: v for k, v in form["links"][link].items() if k != "markers"}
+            body["pose"] = [x + by.real, y + by.imag, angle]
+            made = attached(with_item(made, ("links", copy_), body), own, copy_)
+    return made
+
+
+def two(names: Iterable[str]) -> tuple[str, str]:
+    """The two pins that something is between. Raises `RequestError` for any other number."""
+    ends = list(dict.fromkeys(names))
+    if len(ends) != 2:
+        found = f"it is between two pins, and {len(ends)} are chosen"
+        raise refused(listed(ends) or "pins", found, "choose two pins")
+    return ends[0], ends[1]
+
+
 def driven(form: Form, names: Iterable[str]) -> Form:
     """With joints that are driven, or no longer; one that turns goes round."""
     for name in names:
         drivers = form.get("drivers", {})
         mine = [driver for driver, given in drivers.items() if given["joint"] == name]
-        if mine or name not in form["joints"]:
-            form = {**form, "drivers": {n: d for n, d in drivers.items() if n not in mine}}
+        if mine:
+            form = _without_drivers(form, mine)
+        elif name not in form["joints"]:
+            raise refused(name, "it joins no two links", "put it on the frame or on another link")
         else:
             turns = form["joints"][name]["type"] == "R"
             law = {"law": "constant_rate", "rate": 1.0} if turns else {}
@@ -180,8 +309,31 @@ def driven(form: Form, names: Iterable[str]) -> Form:
     return form
 
 
+def _without_drivers(form: Form, gone: Iterable[str]) -> Form:
+    """Without drivers, and without what couples them or says where they begin and end."""
+    made, names = dict(form), {*gone}
+    for section in ("drivers", "initial", "stops"):
+        made[section] = {n: x for n, x in form.get(section, {}).items() if n not in names}
+    made["couplings"] = {
+        n: x for n, x in form.get("couplings", {}).items() if not names & {x["driver"], x["driven"]}
+    }
+    return made
+
+
 def removed(form: Form, names: Iterable[str]) -> Form:
-    """Without pins."""
+    """Without pins, without links of which they were the last ones, and what acts on these."""
+    held = {link for name in names for link in pins_of(form)[name].links}
+    form = _without_pins(form, names)
+    gone = held - {link for pin in pins_of(form).values() for link in pin.links} - {FRAME}
+    loads = form.get("loads", {})
+    for load, given in loads.items():
+        if gone & {given.get("link"), *(given.get("links") or ())}:
+            form = with_item(form, ("loads", load), None)
+    links = {link: given for link, given in form["links"].items() if link not in gone}
+    return {**form, "links": links, "joints": form.get("joints", {})}
+
+
+def _without_pins(form: Form, names: Iterable[str]) -> Form:
     for name in names:
         pin = pins_of(form)[name]
         form = driven(form, [name]) if pin.driven else form

@@ -1,0 +1,491 @@
+// The drawing of links and joints: what the hand does is drawn here, what it means the server knows.
+//
+// Places are metres, y upwards; `view` maps them to the pixels of the drawing. Every gesture ends
+// in one message {act, ...}, and the drawing that comes back is the truth.
+
+const NEAR = 13; // px within which a pointer takes hold of a pin
+const TURN = Math.PI / 12; // directions that a dragged link snaps to
+const LEAN = 0.05; // rad from such a direction
+const SVG = "http://www.w3.org/2000/svg";
+const STEPS = [1, 2, 5, 10];
+
+function nice(least) {
+  const ten = 10 ** Math.floor(Math.log10(least));
+  return STEPS.map((k) => k * ten).find((step) => step >= least * 0.999);
+}
+
+function put(parent, tag, given = {}, text = null) {
+  const made = document.createElementNS(SVG, tag);
+  for (const [name, value] of Object.entries(given)) made.setAttribute(name, value);
+  if (text !== null) made.textContent = text;
+  parent.append(made);
+  return made;
+}
+
+function element(parent, tag, name, text = "") {
+  const made = document.createElement(tag);
+  made.className = name;
+  made.textContent = text;
+  parent.append(made);
+  return made;
+}
+
+function rounded(x, digits = 4) {
+  return String(Number(x.toPrecision(digits)));
+}
+
+// A typed length and direction: "0.3", "0.3 @ 30", "@ 30"; null for what is none yet.
+export function typedVector(text, unit, degree) {
+  const number = "[-+]?(?:\\d+\\.?\\d*|\\.\\d+)";
+  const found = text.match(new RegExp(`^\\s*(${number})?\\s*(?:@\\s*(${number}))?\\s*$`));
+  if (!found || (found[1] === undefined && found[2] === undefined)) return null;
+  return {
+    length: found[1] === undefined ? null : Number(found[1]) / unit,
+    angle: found[2] === undefined ? null : Number(found[2]) / degree,
+  };
+}
+
+export function render({ model, el }) {
+  const box = element(el, "div", "sketch");
+  const svg = put(box, "svg", { tabindex: 0, role: "application" });
+  svg.setAttribute("aria-label", "drawing of links and joints");
+  const typed = element(box, "div", "typed");
+  const bubble = element(box, "div", "bubble");
+  const menu = element(box, "div", "menu");
+  menu.setAttribute("role", "menu");
+  const guide = element(box, "ol", "guide");
+  bubble.setAttribute("aria-hidden", "true"); // the line below says it to screen readers
+  for (const part of [typed, bubble, menu]) part.hidden = true;
+
+  const view = { scale: 0, x: 0, y: 0 };
+  let pointer = { x: 60, y: 60 }; // px, where something is said
+  let drag = null; // what the hand does now
+  let said = 0;
+
+  const across = (x) => view.x + x * view.scale;
+  const down = (y) => view.y - y * view.scale;
+  const metres = ({ x, y }) => [(x - view.x) / view.scale, (view.y - y) / view.scale];
+  const pins = () => model.drawing.pins;
+  const pin = (name) => pins().find((one) => one.name === name);
+  const at = (one) => drag?.moved?.[one.name] ?? one.at;
+  const chosen = () => model.chosen.filter(pin);
+  const tell = (act, more = {}) => model.send_msg({ act, ...more });
+  const grid = () => nice(12 / view.scale);
+  const place = (event) => {
+    const area = svg.getBoundingClientRect();
+    return { x: event.clientX - area.x, y: event.clientY - area.y };
+  };
+
+  function fit() {
+    const { width, height } = svg.getBoundingClientRect();
+    if (!width) return;
+    const places = pins().map((one) => one.at);
+    const span = (k) => (places.length ? places.map((z) => z[k]) : [0, 1]);
+    const [xs, ys] = [span(0), span(1)];
+    const [low, high] = [Math.min, Math.max].map((of) => [of(...xs), of(...ys)]);
+    const size = [0, 1].map((k) => high[k] - low[k]);
+    const most = Math.max(...size) || Math.max(...low.map(Math.abs)) || 1;
+    const room = [width - 120, height - 110];
+    view.scale = Math.min(...size.map((own, k) => Math.max(room[k], 50) / (own || most / 3)));
+    view.x = width / 2 - ((low[0] + high[0]) / 2) * view.scale;
+    view.y = height / 2 + ((low[1] + high[1]) / 2) * view.scale;
+  }
+
+  const inside = (one) => {
+    const { width, height } = svg.getBoundingClientRect();
+    const [x, y] = [across(one.at[0]), down(one.at[1])];
+    return x >= 0 && y >= 0 && x <= width && y <= height;
+  };
+
+  const nearest = (p, but = null) => {
+    let best = null;
+    let least = NEAR;
+    for (const one of pins()) {
+      const off = Math.hypot(across(at(one)[0]) - p.x, down(at(one)[1]) - p.y);
+      if (one.name !== but && off < least) [best, least] = [one, off];
+    }
+    return best;
+  };
+
+  // Where a dragged end goes: a pin, what was typed, a direction, the grid.
+  function aimed(p, event, from) {
+    const step = grid();
+    const onto = nearest(p, from?.name);
+    const start = from && (from.at ?? from);
+    const words = drag && typedVector(drag.text, model.drawing.unit, model.drawing.degree);
+    if (words && start) {
+      const z = metres(p);
+      const length = words.length ?? Math.hypot(z[0] - start[0], z[1] - start[1]);
+      const angle = words.angle ?? Math.atan2(z[1] - start[1], z[0] - start[0]);
+      return { at: [start[0] + length * Math.cos(angle), start[1] + length * Math.sin(angle)] };
+    }
+    if (onto) return { pin: onto.name, at: at(onto) };
+    const z = metres(p);
+    if (event.altKey) return { at: z };
+    if (start) {
+      const [dx, dy] = [z[0] - start[0], z[1] - start[1]];
+      const angle = Math.atan2(dy, dx);
+      const near = Math.round(angle / TURN) * TURN;
+      if (Math.abs(angle - near) < LEAN) {
+        const length = Math.max(Math.round(Math.hypot(dx, dy) / step), 1) * step;
+        const end = [Math.cos(near), Math.sin(near)].map((k, i) => start[i] + k * length);
+        return { at: end.map((x) => Number(x.toPrecision(9))) };
+      }
+    }
+    return { at: z.map((x) => Number((Math.round(x / step) * step).toPrecision(9))) };
+  }
+
+  // -- the picture -------------------------------------------------------------------------
+
+  function draw() {
+    svg.replaceChildren();
+    const { width, height } = svg.getBoundingClientRect();
+    if (!view.scale || !width) return;
+    drawGrid(width, height);
+    const shapes = put(svg, "g");
+    for (const link of model.drawing.links) {
+      const ends = link.pins.map(pin).filter(Boolean);
+      const points = ends.map((one) => `${across(at(one)[0])},${down(at(one)[1])}`).join(" ");
+      for (const layer of ["edge", "link"])
+        put(shapes, "polygon", { points, class: layer, "data-link": link.name, style: `--fill: ${link.fill}` });
+    }
+    for (const gear of model.drawing.wheels) {
+      const r = gear.radius * view.scale;
+      put(svg, "circle", { cx: across(gear.at[0]), cy: down(gear.at[1]), r, class: "wheel" });
+    }
+    for (const load of model.drawing.loads) drawLoad(load);
+    if (drag?.kind === "link" && drag.to) {
+      const [a, b] = [drag.from.at, drag.to.at];
+      put(svg, "line", { x1: across(a[0]), y1: down(a[1]), x2: across(b[0]), y2: down(b[1]), class: "new" });
+    }
+    for (const one of [...pins()].reverse()) drawPin(one); // a block below its pin
+    if (!drag) for (const dim of model.drawing.dimensions) drawDimension(dim);
+    if (drag?.kind === "box" && drag.now) {
+      const [a, b] = [drag.begun, drag.now];
+      put(svg, "rect", {
+        x: Math.min(a.x, b.x), y: Math.min(a.y, b.y), class: "box",
+        width: Math.abs(a.x - b.x), height: Math.abs(a.y - b.y),
+      });
+    }
+    svg.dataset.tool = model.tool;
+    guide.hidden = pins().length > 0 || !model.drawing.ours;
+  }
+
+  function drawGrid(width, height) {
+    const step = nice(60 / view.scale);
+    const lines = put(svg, "g", { class: "grid", "aria-hidden": "true" });
+    const [left, top] = metres({ x: 0, y: 0 });
+    const [right, bottom] = metres({ x: width, y: height });
+    const text = (x) => rounded(x * model.drawing.unit, 6).replace("-", "\u2212");
+    for (let k = Math.ceil(left / step); k * step < right; k++) {
+      put(lines, "line", { x1: across(k * step), x2: across(k * step), y1: 0, y2: height });
+      put(lines, "text", { x: across(k * step) + 3, y: height - 4 }, text(k * step));
+    }
+    for (let k = Math.ceil(bottom / step); k * step < top; k++) {
+      put(lines, "line", { x1: 0, x2: width, y1: down(k * step), y2: down(k * step) });
+      put(lines, "text", { x: 3, y: down(k * step) - 3 }, text(k * step));
+    }
+    put(lines, "text", { x: width - 6, y: 14, "text-anchor": "end" }, `[${model.drawing.length}]`);
+  }
+
+  function drawPin(one) {
+    const [x, y] = [across(at(one)[0]), down(at(one)[1])];
+    const own = put(svg, "g", { class: "pin", transform: `translate(${x} ${y})`, "data-pin": one.name });
+    own.classList.toggle("chosen", model.chosen.includes(one.name));
+    own.classList.toggle("driven", one.driven);
+    if (one.guide !== null) {
+      const turn = `rotate(${(-one.guide * 180) / Math.PI})`;
+      put(own, "line", { x1: -34, x2: 34, y1: 12, y2: 12, transform: turn, class: "rail" });
+      put(own, "rect", { x: -13, y: -9, width: 26, height: 18, transform: turn, class: "block" });
+    }
+    if (one.ground && one.guide === null) {
+      put(own, "path", { d: "M0 0L-11 17H11Z", class: "ground" });
+      put(own, "path", { d: "M-14 17H14M-11 22l5-5M-4 22l5-5M3 22l5-5", class: "hatch" });
+    }
+    put(own, "circle", { r: 8, class: "ring" });
+    if (one.loose) put(own, "path", { d: "M-5-5L5 5M-5 5L5-5", class: "cross" });
+    else put(own, "circle", { r: 5, class: "dot" });
+    if (one.driven) put(own, "path", { d: "M-13-9A16 16 0 0 1 13-9m1-7l-1 7l-7-1", class: "arrow" });
+    put(own, "text", { x: 10, y: -10, class: "name" }, one.name);
+  }
+
+  function drawLoad(load) {
+    const [x, y] = [across(load.at[0][0]), down(load.at[0][1])];
+    if (load.force) {
+      const size = Math.hypot(...load.force) || 1;
+      const [dx, dy] = [(44 * load.force[0]) / size, (-44 * load.force[1]) / size];
+      const turn = (Math.atan2(dy, dx) * 180) / Math.PI;
+      const own = put(svg, "g", { class: "force" });
+      put(own, "line", { x1: x, y1: y, x2: x + dx, y2: y + dy });
+      put(own, "path", { d: "M0 0L-9-4V4Z", transform: `translate(${x + dx} ${y + dy}) rotate(${turn})` });
+      put(own, "text", { x: x + dx + 6, y: y + dy + 4 }, load.name);
+    } else if (load.at[1]) {
+      const [x2, y2] = [across(load.at[1][0]), down(load.at[1][1])];
+      const [n, ex, ey] = [14, (x2 - x) / 14, (y2 - y) / 14];
+      const size = Math.hypot(x2 - x, y2 - y) || 1;
+      const off = (k) => (k < 2 || k > n - 2 ? 0 : (k % 2 ? 7 : -7) / size);
+      const points = Array.from({ length: n + 1 }, (_, k) =>
+        `${x + ex * k - (y2 - y) * off(k)},${y + ey * k + (x2 - x) * off(k)}`);
+      put(svg, "polyline", { points: points.join(" "), class: "spring" });
+    }
+  }
+
+  function drawDimension(dim) {
+    const [a, b] = [pin(dim.a).at, pin(dim.b).at].map((z) => [across(z[0]), down(z[1])]);
+    const size = Math.hypot(b[0] - a[0], b[1] - a[1]);
+    if (size < 44) return; // no room for a number
+    const text = rounded(dim.value * model.drawing.unit);
+    const away = 13 + 4 * text.length * Math.abs(b[1] - a[1]) / size; // a number is wide
+    const off = [(-(b[1] - a[1]) / size) * away, ((b[0] - a[0]) / size) * away];
+    const up = off[1] > 0 ? -1 : 1;
+    const [x, y] = [(a[0] + b[0]) / 2 + up * off[0], (a[1] + b[1]) / 2 + up * off[1]];
+    const label = put(svg, "text", {
+      x, y: y + 4, class: "dimension", tabindex: 0, role: "button", "text-anchor": "middle",
+      "aria-label": `distance ${dim.a} to ${dim.b} ${text} ${model.drawing.length}`,
+    }, text);
+    label.addEventListener("pointerdown", (event) => event.stopPropagation());
+    label.addEventListener("click", () => edit(dim, x, y));
+    label.addEventListener("keydown", (event) => {
+      if (event.key === "Enter") edit(dim, x, y);
+      event.stopPropagation();
+    });
+  }
+
+  // A number of the picture, edited where it stands.
+  function edit(dim, x, y) {
+    const field = element(box, "input", "edit");
+    field.style.left = `${x - 45}px`;
+    field.style.top = `${y - 13}px`;
+    field.value = rounded(dim.value * model.drawing.unit, 12);
+    field.setAttribute("aria-label", `new distance ${dim.a} to ${dim.b} in ${model.drawing.length}`);
+    field.select();
+    field.focus();
+    const end = (take) => {
+      const value = Number(field.value.replace(",", ".")) / model.drawing.unit;
+      const typed = field.value;
+      field.onblur = null;
+      field.remove();
+      svg.focus();
+      if (!take || value === dim.value) return;
+      if (value > 0 && Number.isFinite(value)) tell("dimension", { ends: [dim.a, dim.b], value });
+      else tell("wrong", { said: `${typed || "nothing"} is no length; a length is a number above 0` });
+    };
+    field.onblur = () => end(true);
+    field.addEventListener("keydown", (event) => {
+      if (event.key === "Enter") end(true);
+      if (event.key === "Escape") end(false);
+      event.stopPropagation();
+    });
+  }
+
+  // -- gestures ----------------------------------------------------------------------------
+
+  const choose = (names) => { model.chosen = names; draw(); };
+
+  svg.addEventListener("pointerdown", (event) => {
+    bubble.hidden = menu.hidden = true;
+    pointer = place(event);
+    if (!model.drawing.ours || event.button === 2) return;
+    svg.focus();
+    svg.setPointerCapture(event.pointerId);
+    const one = nearest(pointer);
+    const link = event.target.dataset?.link;
+    const begun = { begun: pointer, text: "", pin: one, link };
+    if (event.button === 1) drag = { kind: "pan", last: pointer, ...begun };
+    else if (one && chosen().includes(one.name) && !model.tool) drag = { kind: "move", moved: {}, ...begun };
+    else if (one) drag = { kind: "link", from: { pin: one.name, at: one.at }, ...begun };
+    else if (link && !model.tool) drag = { kind: "body", moved: {}, ...begun };
+    else if (model.pairs.includes(model.tool) || !pins().length)
+      drag = { kind: "link", from: { at: aimed(pointer, event).at }, ...begun };
+    else drag = { kind: "box", ...begun };
+    event.preventDefault();
+  });
+
+  svg.addEventListener("pointermove", (event) => {
+    pointer = place(event);
+    if (!drag) return;
+    const far = Math.hypot(pointer.x - drag.begun.x, pointer.y - drag.begun.y) > 4;
+    if (!far && !drag.far) return;
+    drag.far = true;
+    drag.event = { altKey: event.altKey };
+    follow();
+  });
+
+  function follow() {
+    const [p, event] = [pointer, drag.event ?? {}];
+    if (drag.kind === "link") {
+      drag.to = aimed(p, event, drag.from.pin ? pin(drag.from.pin) : drag.from.at);
+      const [dx, dy] = [0, 1].map((k) => drag.to.at[k] - drag.from.at[k]);
+      const angle = Math.atan2(dy, dx) * model.drawing.degree;
+      const now = `${rounded(Math.hypot(dx, dy) * model.drawing.unit)} ${model.drawing.length} @ ${rounded(angle)}${model.drawing.angle}`;
+      typed.textContent = drag.text ? `${drag.text}\u2502  ${now}` : `${now}  \u2013 or type a length`;
+      typed.style.transform = `translate(${p.x + 16}px, ${p.y + 14}px)`;
+      typed.hidden = false;
+    } else if (drag.kind === "move" || drag.kind === "body") {
+      const names = drag.kind === "move" ? chosen() : model.drawing.links.find((l) => l.name === drag.link)?.pins ?? [];
+      const [a, b] = [metres(drag.begun), metres(p)];
+      let by = [b[0] - a[0], b[1] - a[1]];
+      if (drag.kind === "move") {
+        const to = aimed({ x: across(drag.pin.at[0] + by[0]), y: down(drag.pin.at[1] + by[1]) },
+          event, null);
+        const onto = to.pin && !names.includes(to.pin) ? to.at : null;
+        const step = grid();
+        const end = onto ?? (event.altKey ? drag.pin.at.map((x, k) => x + by[k])
+          : drag.pin.at.map((x, k) => Math.round((x + by[k]) / step) * step));
+        by = [end[0] - drag.pin.at[0], end[1] - drag.pin.at[1]];
+      }
+      drag.moved = Object.fromEntries(names.map((n) => [n, pin(n).at.map((x, k) => Number((x + by[k]).toPrecision(12)))]));
+    } else if (drag.kind === "box") drag.now = p;
+    else if (drag.kind === "pan") {
+      view.x += p.x - drag.last.x;
+      view.y += p.y - drag.last.y;
+      drag.last = p;
+    }
+    draw();
+  }
+
+  function finish(event) {
+    const done = drag;
+    if (!done) return;
+    [drag, typed.hidden] = [null, true];
+    const more = event.ctrlKey || event.shiftKey || event.metaKey;
+    if (!done.far && !done.text) tap(done, more, event);
+    else if (done.kind === "link") {
+      const target = document.elementsFromPoint ? under(event) : null;
+      const on = done.to.pin || done.text ? null : target;
+      tell("draw", { tool: model.tool, from: done.from, to: { ...done.to, on } });
+    } else if (done.kind === "move" || done.kind === "body") tell("move", { pins: done.moved });
+    else if (done.kind === "box" && done.now) {
+      const [a, b] = [done.begun, done.now];
+      const within = (x, p, q) => x >= Math.min(p, q) && x <= Math.max(p, q);
+      const names = pins().filter((one) => within(across(one.at[0]), a.x, b.x) && within(down(one.at[1]), a.y, b.y));
+      choose([...new Set([...(more ? chosen() : []), ...names.map((one) => one.name)])]);
+    }
+    draw();
+  }
+
+  const under = (event) =>
+    svg.getRootNode().elementsFromPoint?.(event.clientX, event.clientY)
+      .map((part) => part.dataset?.link).find(Boolean) ?? null;
+
+  function tap(done, more, event) {
+    const known = chosen();
+    if (done.pin && model.tool && !model.pairs.includes(model.tool)) tell(model.tool, { pins: [done.pin.name] });
+    else if (done.pin && more)
+      choose(known.includes(done.pin.name) ? known.filter((n) => n !== done.pin.name) : [...known, done.pin.name]);
+    else if (done.pin) choose([done.pin.name]);
+    else if (done.link && !model.tool)
+      choose(model.drawing.links.find((link) => link.name === done.link)?.pins ?? []);
+    else if (known.length) choose([]);
+    else if (done.kind !== "pan") tell("pin", { at: aimed(done.begun, event).at, on: done.link ?? null });
+  }
+
+  svg.addEventListener("pointerup", finish);
+  svg.addEventListener("pointercancel", () => { [drag, typed.hidden] = [null, true]; draw(); });
+  svg.addEventListener("wheel", (event) => {
+    const p = place(event);
+    const [x, y] = metres(p);
+    view.scale *= Math.exp(-event.deltaY / 500);
+    [view.x, view.y] = [p.x - x * view.scale, p.y + y * view.scale];
+    draw();
+    event.preventDefault();
+  }, { passive: false });
+
+  svg.addEventListener("contextmenu", (event) => {
+    event.preventDefault();
+    pointer = place(event);
+    const one = nearest(pointer);
+    if (!model.drawing.ours) return;
+    if (one && !chosen().includes(one.name)) choose([one.name]);
+    open(one ? model.menu : ["Show all"]);
+  });
+
+  function open(words) {
+    menu.replaceChildren();
+    for (const word of words) {
+      const item = element(menu, "button", "", word);
+      item.setAttribute("role", "menuitem");
+      item.onclick = () => {
+        menu.hidden = true;
+        svg.focus();
+        if (word === "Show all") { fit(); draw(); } else tell(word, { pins: chosen() });
+      };
+    }
+    menu.style.transform = `translate(${pointer.x}px, ${pointer.y}px)`;
+    menu.hidden = false;
+    menu.firstChild?.focus();
+  }
+
+  menu.addEventListener("keydown", (event) => {
+    const way = { ArrowDown: "nextSibling", ArrowUp: "previousSibling" }[event.key];
+    if (way) svg.getRootNode().activeElement?.[way]?.focus();
+    if (event.key === "Escape") { menu.hidden = true; svg.focus(); }
+    if (way) event.preventDefault();
+  });
+
+  // -- keys ----------------------------------------------------------------------------------
+
+  const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+
+  svg.addEventListener("keydown", (event) => {
+    const names = chosen();
+    if (drag?.kind === "link" && /^[-+.,@\d ]$/.test(event.key)) drag.text += event.key.replace(",", ".");
+    else if (drag?.kind === "link" && event.key === "Backspace") drag.text = drag.text.slice(0, -1);
+    else if (drag?.kind === "link" && event.key === "Enter") {
+      const { from, to } = drag;
+      [drag, typed.hidden] = [null, true];
+      if (to) tell("draw", { tool: model.tool, from, to: { ...to, on: null } });
+    } else if (event.key === "Escape") {
+      if (drag) [drag, typed.hidden] = [null, true];
+      else if (model.tool) model.tool = "";
+      else choose([]);
+      bubble.hidden = true;
+    } else if (ARROWS[event.key] && names.length) {
+      const step = grid() * (event.shiftKey ? 10 : 1);
+      const to = (one) => one.at.map((x, k) => Number((x + step * ARROWS[event.key][k]).toPrecision(12)));
+      tell("move", { pins: Object.fromEntries(names.map((n) => [n, to(pin(n))])) });
+    } else if ((event.key === "Delete" || event.key === "Backspace") && names.length)
+      tell("Delete", { pins: names });
+    else if ((event.ctrlKey || event.metaKey) && event.key === "a") choose(pins().map((one) => one.name));
+    else if ((event.ctrlKey || event.metaKey) && event.key === "d" && names.length) tell("Copy", { pins: names });
+    else if ((event.ctrlKey || event.metaKey) && event.key === "z") tell(event.shiftKey ? "redo" : "undo");
+    else if (event.key === "ContextMenu" || (event.shiftKey && event.key === "F10")) {
+      const one = names.length ? pin(names[0]) : null;
+      if (one) pointer = { x: across(one.at[0]), y: down(one.at[1]) };
+      open(one ? model.menu : ["Show all"]);
+    } else if (event.key === "f") fit();
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
+    if (drag?.kind === "link" && drag.far) follow();
+    else draw();
+  });
+
+  // -- what the server says ------------------------------------------------------------------
+
+  function renew() {
+    if (!view.scale || !pins().every(inside)) fit();
+    draw();
+  }
+
+  function say() {
+    const { text, count } = model.told;
+    if (!count || count === said) return;
+    said = count;
+    bubble.textContent = text;
+    bubble.hidden = !text;
+    const { width } = svg.getBoundingClientRect();
+    bubble.style.transform = `translate(${Math.min(pointer.x + 12, Math.max(width - 300, 0))}px, ${pointer.y + 12}px)`;
+  }
+
+  for (const step of model.guide) element(guide, "li", "", step);
+  for (const name of ["drawing", "chosen", "tool"]) model.on(name, renew);
+  model.on("told", say);
+  const watcher = new ResizeObserver(() => {
+    if (!pins().length || !view.scale || !pins().every(inside)) fit();
+    draw();
+  });
+  watcher.observe(svg);
+  model.on("remove", () => watcher.disconnect());
+  return box;
+}
