@@ -119,7 +119,8 @@ def ruiz_mechanism():
 
 def test_every_output_has_a_unit_or_is_a_ratio():
     bare = {name.rsplit(".", 1)[-1] for name, o in ruiz_mechanism().outputs.items() if not o.unit}
-    assert bare <= {"margin", "friction_efficiency", "efficiency", "mechanical_advantage"}
+    ratios = {"margin", "existence", "friction_efficiency", "efficiency", "mechanical_advantage"}
+    assert bare <= ratios
 
 
 def test_every_block_and_load_names_its_source():

@@ -214,6 +214,10 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
             lambda s: energy.transmission(s, name),
             _ratio_angle,
         )
+    joints = [JointRef(name, joint) for joint in structure.blocks[name].joints]
+    rubbing = tuple(ref for ref in joints if friction.rubs(structure, ref))
+    if friction.knows_existence(structure, name, rubbing):
+        yield _real(f"{name}.existence", "", _existence, name)
     if len(structure.drivers) != 1 or name in structure.drivers:
         return  # under a driver's name stands its sum over all blocks
     driver = structure.drivers[0]
@@ -221,6 +225,10 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
     inertia = "kg m2" if head.rotary else "kg"
     yield _real(f"{name}.J_red", inertia, reduction.share_of_inertia, name, driver, driver)
     yield _real(f"{name}.tau_red", head.effort_unit, reduction.share_of_load, name, driver)
+
+
+def _existence(s: Schedule, block: str) -> str:
+    return s.ask(forces.existence, block) or NOUGHT
 
 
 def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
@@ -396,6 +404,8 @@ def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str,
     solved = s.ask(forces.solution, block) or found[0][1]
     what = ("iterations", "residual", "contraction", "outcome", "limit")
     yield f"friction/{block}", tuple(f"{solved}.{x}" for x in what)
+    if (c := s.ask(forces.existence, block)) is not None:
+        yield f"existence/{block}", (c,)
     for ref, by, i in found:
         rest = (s.ask(friction.rest, ref), f"{by}.g[{i}]", s.ask(friction.factor_slot, ref))
         yield f"rest/{ref}", rest

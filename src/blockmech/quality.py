@@ -24,6 +24,7 @@ OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
 )
 WORDS = (OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED)
 DEAD_CENTRE, CHANGE_POINT, DIGITS_LOST = "dead-centre", "change-point", "digits-lost"
+OTHER_SOLUTIONS = "other-solutions"  # of the friction equations, beside the one that is given
 TOUCH = 1e-12  # margin below zero that is rounding where a margin touches zero
 NEAR = 1e-6  # margin below which a surviving doubt is flagged
 NEAR_CHANGE = 1e-4  # the same near a change point, where reactions lose eps/margin^1.5
@@ -64,6 +65,8 @@ class Quality:
     status : n words: "ok", "no-assembly", "not-converged", "self-locked", "jammed"
     blame : sample without an answer -> the block that has none
     margin, iterations, residual, contraction : block -> (n,) [-]
+    existence : block -> (n,) [-], below 1 where its friction has a solution for every load; of
+        the blocks of which it is known (`blockmech.friction.existence`)
     flags : remarks, by sample
     """
 
@@ -74,6 +77,7 @@ class Quality:
     residual: Mapping[str, NDArray[Any]]
     contraction: Mapping[str, NDArray[Any]]
     flags: tuple[Flag, ...] = field(default=())
+    existence: Mapping[str, NDArray[Any]] = field(default_factory=dict)
 
     @property
     def gaps(self) -> tuple[int, ...]:
@@ -88,6 +92,7 @@ class Quality:
             "iterations": {k: [int(x) for x in v] for k, v in self.iterations.items()},
             "residual": _columns(self.residual),
             "contraction": _columns(self.contraction),
+            "existence": _columns(self.existence),
             "flags": [f.to_dict() for f in self.flags],
         }
 
@@ -152,8 +157,8 @@ def assess(
     Parameters
     ----------
     n : number of samples
-    values : report name (``margin/block``, ``path/block``, ``friction/block``, ``rest/joint``)
-        -> its arrays
+    values : report name (``margin/block``, ``path/block``, ``friction/block``,
+        ``existence/block``, ``rest/joint``) -> its arrays
     wanted_bad : (n,) whether a wanted value is not finite
     prismatic : blocks with friction in a prismatic pair
     following : dyads whose branch follows the motion: it runs on where their margin is zero
@@ -162,6 +167,7 @@ def assess(
     friction = {k[9:]: v for k, v in values.items() if k.startswith("friction/")}
     paths = {k[5:]: v[0] for k, v in values.items() if k.startswith("path/")}
     rest = {k[5:]: v for k, v in values.items() if k.startswith("rest/")}
+    existence = {k[10:]: v[0] for k, v in values.items() if k.startswith("existence/")}
     outcomes = {k: v[3] for k, v in friction.items()}
     found = failures(margin, outcomes, wanted_bad, prismatic, following)
     gaps = np.flatnonzero(found.word).tolist()
@@ -187,6 +193,9 @@ def assess(
         for i in np.flatnonzero(outcome > 0):
             how = Outcome(int(outcome[i]))
             flags.append(Flag(int(i), DETAIL[how], block, value=_finite(limit[i])))
+    for block, c in existence.items():
+        for i in np.flatnonzero((c > 1) & (found.word == 0)):
+            flags.append(Flag(int(i), OTHER_SOLUTIONS, block, value=float(c[i])))
     for joint, (resting, load, factor) in rest.items():
         for i in np.flatnonzero(resting > 0):
             reach = float(factor[i] * load[i])
@@ -202,6 +211,7 @@ def assess(
         {k: v[1] for k, v in friction.items()},
         {k: v[2] for k, v in friction.items()},
         tuple(flags),
+        existence,
     )
 
 

@@ -36,6 +36,7 @@ QUANTITIES: Mapping[str, str] = {
     # groups
     "margin": "how far from a dead centre: 1 at the best, 0 there",
     "transmission_angle": "transmission angle of the dyad, between 0 and pi/2",
+    "existence": "below 1 the friction of the group has a solution for every load",
     # loads
     "force": "force of {by} on {on}",
     "couple": "couple of {by} on {on}",

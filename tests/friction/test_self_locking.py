@@ -106,7 +106,10 @@ def test_just_below_a_limit_the_answer_lies_on_the_branch_from_zero_friction(q, 
     for below in (1e-2, 4e-4, 1e-5, 1e-8):
         mech = rough(limit * (1 - below))
         found = mech.run(at=q)
-        assert [f.code for f in found.quality.flags] == ["by-continuation"]
+        above = bool(found.quality.existence["dyad"][0] > 1)
+        assert above == (kind == "fold") or (kind == "fold" and below > 1e-4)
+        other = ["other-solutions"] * above  # the one that it meets in the fold
+        assert [f.code for f in found.quality.flags] == ["by-continuation", *other]
         wanted = Twin(mech).judge([q], [10.0], [0.0]).forces.drivers["crank"]
         # the factor's rounding, over its distance from the limit
         assert abs(found["crank.drive"][0] - wanted) <= abs(wanted) * 10 * EPS / below

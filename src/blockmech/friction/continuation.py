@@ -5,7 +5,9 @@ scale lambda of all friction factors, from 0 to 1, in the unknowns v = (n, eta, 
 friction n / eta, so reactions that go to infinity are an ordinary point
 (`blockmech.friction.equations.homogeneous`). It ends at lambda = 1 (solved), at eta = 0
 (asymptote: reactions grow without bound whatever the loads) or where lambda turns back (fold:
-no solution beyond). The last two are self-locking, and lambda there is the limit.
+no solution beyond). The last two are self-locking, and lambda there is the limit. Where a
+solution exists for every load (`blockmech.friction.existence`) a fold is no end: the path turns
+once more, and arrives.
 
 A step goes along the tangent, and Newton comes back in the plane across it (pseudo-arclength);
 it was too long if that fails or the tangent turns much. The direction of travel is told by
@@ -102,6 +104,8 @@ class Course(NamedTuple):
     corrections: Real  # of this step
     count: Real  # of corrections on the whole path
     outcome: Real
+    solvable: Real  # whether a solution exists for every load: then a fold is no end
+    beyond: Real  # whether a fold was passed
     going: Real
 
 
@@ -127,8 +131,13 @@ class Path(NamedTuple):
     corrections: Real
 
 
-def course_from_zero(asked: Real, k: Any, edges: Any, base: Any, rows: Any) -> Course:
+def course_from_zero(
+    asked: Real, k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False
+) -> Course:
     """The path of the frictionless solution to full friction, of the samples asked for.
+
+    Where the equations are ``solvable`` for every load (`blockmech.friction.existence`) it is
+    followed through folds: there it arrives.
 
     Parameters
     ----------
@@ -142,7 +151,9 @@ def course_from_zero(asked: Real, k: Any, edges: Any, base: Any, rows: Any) -> C
     row = (*(zero for _ in k), zero, zero + 1.0)
     contacts = tuple((zero + 1.0, zero) if edge else () for edge in edges)
     aim = zero + Aim.FRESH
-    start = Course(v, v, contacts, zero, zero, zero, aim, v, row, *(zero,) * 4, asked)
+    solvable = (zero == 0.0) & solvable
+    more = (*(zero,) * 4, solvable, zero > 0.0, asked)
+    start = Course(v, v, contacts, zero, zero, zero, aim, v, row, *more)
     if any(edges):
         start = repeat(pressed, start, 1, k, edges, base, rows)
     found: Course = repeat(follow, start, MOST, k, edges, base, rows)
@@ -191,17 +202,23 @@ def follow(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Course:
     bend = where(folds, bent, where(good & fresh, 0.0, at.bend))
     rate = where(bend < 0.0, -bend, 1.0)
     top = folds & (up * up <= 8.0 * EPS * rate)  # what lambda grows by yet is up^2 / (2 rate)
-    v, tangent = chosen(reached | top, new.x, at.v), chosen(reached, new.tangent, at.tangent)
+    turned = top | (reached & fresh & (up <= 0.0))
+    passing = turned & at.solvable
+    onward = reached | passing
+    v, tangent = chosen(onward | top, new.x, at.v), chosen(onward, new.tangent, at.tangent)
     longer = where(folds, tangent[-1] / rate, where(fresh, STEP, 1.5 * at.step))
+    longer, bend = where(passing, STEP, longer), where(passing, 0.0, bend)
     step = where(reached | folds, minimum(longer, LARGEST), 0.5 * at.step)
     step = where(kinked, 0.0, where(correcting | landing, at.step, step))
 
     count = at.count + 1.0
     ended = where(good | correcting, count >= MOST, step < ROUNDING * EPS)
     outcome = where(ended, float(Outcome.NOT_CONVERGED), at.outcome)
-    outcome = where(reached & (at.aim == Aim.POLE), float(Outcome.ASYMPTOTE), outcome)
+    pole = 0.0 * count + float(Outcome.ASYMPTOTE)
+    pole = where(at.solvable, float(Outcome.NOT_CONVERGED), pole)
+    outcome = where(reached & (at.aim == Aim.POLE), pole, outcome)
     outcome = where(reached & (at.aim == Aim.FULL), float(Outcome.BY_CONTINUATION), outcome)
-    outcome = where(top | (reached & fresh & (up <= 0.0)), float(Outcome.FOLD), outcome)
+    outcome = where(turned & where(at.solvable, False, True), float(Outcome.FOLD), outcome)
     ahead = tuple(a + step * b for a, b in zip(v, tangent, strict=True))
     there = tuple(a + share * (b - a) for a, b in zip(at.v, new.x, strict=True))
     aim = where(kinked, Aim.FRESH, where(correcting, at.aim, Aim.AHEAD))
@@ -219,6 +236,8 @@ def follow(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Course:
         where(correcting, new.corrections, 0.0),
         count,
         outcome,
+        at.solvable,
+        at.beyond | passing,
         outcome == float(Outcome.CERTIFIED),
     )
 
@@ -246,7 +265,7 @@ def passed(at: Course, new: Corrected, limits: Any) -> tuple[Real, Real, Any, Re
     nothing = [0.0] * (len(at.v) - 2)
     full, pole = [*nothing, 0.0, 1.0], [*nothing, 1.0, 0.0]
     ends = [
-        (Aim.FOLD, full, 0.0, at.tangent[-1], new.tangent[-1], 0.0),
+        (Aim.FOLD, full, 0.0, at.tangent[-1], where(at.beyond, 1.0, new.tangent[-1]), 0.0),
         (Aim.FULL, full, 1.0, 1.0 - at.v[-1], 1.0 - new.x[-1], 0.0),
         (Aim.POLE, pole, 0.0, at.v[-2], new.x[-2], 0.0),
     ]

@@ -63,13 +63,19 @@ def direct(k: Any, edges: Any, base: Any) -> Solution:
     return Solution(t, g, zero, zero, zero, zero, zero + 1.0)
 
 
-def single(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
+def single(k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False) -> Solution:
     """One correction: friction from the frictionless loads ([R10], rough calculation)."""
     return successive(k, edges, base, rows, None, 1)
 
 
 def successive(
-    k: Any, edges: Any, base: Any, rows: Any, tolerance: float | None, iterations: int | None
+    k: Any,
+    edges: Any,
+    base: Any,
+    rows: Any,
+    tolerance: float | None,
+    iterations: int | None,
+    solvable: Real = False,
 ) -> Solution:
     """Successive approximations ([R10] steps 1-5), stopped by change or by count.
 
@@ -94,7 +100,7 @@ def successive(
     if iterations is not None:
         return solution
     unproved = (P >= 1.0) & _known(g)
-    course = course_from_zero(unproved, k, edges, base, rows)
+    course = course_from_zero(unproved, k, edges, base, rows, solvable)
     data = course, k, edges, base, rows, enough(last.g, asked)
     found, _ = repeat(confirmed, (solution, unproved), 1, *data)
     return differentiable(found, k, edges, base, rows)
@@ -154,8 +160,11 @@ def confirmed(
     return given._replace(t=t, outcome=outcome, limit=found.limit), False
 
 
-def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
-    """Newton from the second successive iterate, certified sample by sample."""
+def newton(k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False) -> Solution:
+    """Newton from the second successive iterate, certified sample by sample.
+
+    ``solvable`` is where a solution is known to exist for every load.
+    """
     at_first = norms(base, edges)
     t = coulomb(k, norms(loads(coulomb(k, at_first), base, rows), edges))
     P = contraction_bound(k, edges, rows)
@@ -165,7 +174,7 @@ def newton(k: Any, edges: Any, base: Any, rows: Any) -> Solution:
     residual = misfit(t, k, g)
     solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
     unproved = ((P >= 1.0) & _known(at_first)) | (residual > SETTLED * EPS)
-    course = course_from_zero(unproved, k, edges, base, rows)
+    course = course_from_zero(unproved, k, edges, base, rows, solvable)
     settled, _ = repeat(replaced, (solution, unproved), 1, course, k, edges, base, rows)
     return differentiable(settled, k, edges, base, rows)
 

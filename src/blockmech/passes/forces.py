@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from blockmech.friction import solvers
+from blockmech.friction.existence import existence as existence_of
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import friction
 from blockmech.passes.forward import (
@@ -104,21 +105,45 @@ def solution(s: Schedule, block: str) -> str | None:
 def solve(s: Schedule, block: str, reactions: str) -> str:
     """The solved friction of a block with these frictionless reactions: ``t``, and how it went."""
     joints = s.ask(friction.coupled_joints, block)
-    k = tuple_of(s.ask(friction.resistance, j) for j in joints)
+    k = factors(s, joints)
     edges = tuple_of(str(statics(s, j).edges) for j in joints)
     base = tuple_of(
         statics(s, j).measure(s, j, s.ask(transmitted, j, reactions, reactions)) for j in joints
     )
-    rows = tuple_of(
-        tuple_of(
-            statics(s, j).measure(s, j, s.ask(influence, j, unit, reactions)) for unit in joints
-        )
-        for j in joints
-    )
+    rows = influences(s, joints, reactions)
     solver, options = solvers.SOLVERS[s.friction.method]
     given = {"tolerance": s.friction.tolerance, "iterations": s.friction.iterations}
     more = [repr(given[o]) for o in options]
+    c = s.ask(existence, block)
+    more += [] if c is None else [f"{c} < 1.0"]
     return s.emit(solver, k, edges, base, rows, *more, name=f"{block}_friction")
+
+
+def factors(s: Schedule, joints: Iterable[JointRef]) -> str:
+    """Signed factors of several pairs."""
+    return tuple_of(s.ask(friction.resistance, j) for j in joints)
+
+
+def influences(s: Schedule, joints: tuple[JointRef, ...], base: str) -> str:
+    """What a unit of friction in each pair of a block adds to the loads on all of them."""
+    return tuple_of(
+        tuple_of(statics(s, j).measure(s, j, s.ask(influence, j, unit, base)) for unit in joints)
+        for j in joints
+    )
+
+
+def existence(s: Schedule, block: str) -> str | None:
+    """The number that is below 1 where a block's friction has a solution for every load.
+
+    None without friction, and for a group of which it is not known.
+    """
+    joints = s.ask(friction.coupled_joints, block)
+    reactions = s.ask(smooth, block) if joints else None
+    if reactions is None or not friction.knows_existence(s.structure, block, joints):
+        return None
+    contacts = str(tuple(friction.contacts(s.structure, ref) for ref in joints))
+    args = (factors(s, joints), contacts, influences(s, joints, reactions))
+    return s.emit(existence_of, *args, name=f"{block}_existence")
 
 
 def solve_driven(s: Schedule, ref: JointRef, pair: str) -> str:

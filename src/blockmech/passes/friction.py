@@ -5,7 +5,7 @@ Sources: [R10] Eqs. 8-10; prismatic pairs by analogy.
 
 from __future__ import annotations
 
-from blockmech.model.structure import JointRef, LinkRef
+from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forward import (
     ACTUAL,
     link_velocity,
@@ -40,11 +40,14 @@ def coupled_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
     Friction in a driven pair only changes what the drive has to give, unless that is the
     contact with another link, which loads the pair.
     """
-    joints = s.ask(friction_joints, block)
-    structure = s.structure
-    return tuple(
-        ref for ref in joints if not structure.joint(ref).driven or structure.contact_at(ref)
-    )
+    return tuple(ref for ref in s.ask(friction_joints, block) if rubs(s.structure, ref))
+
+
+def rubs(structure: Structure, ref: JointRef) -> bool:
+    """Whether a pair has friction that loads others: see `coupled_joints`."""
+    law = structure.blocks[ref.block].friction.get(ref.name)
+    free = not structure.joint(ref).driven or structure.contact_at(ref) is not None
+    return law is not None and bool(law.factor) and free
 
 
 def given_joints(s: Schedule) -> tuple[JointRef, ...]:
@@ -55,6 +58,27 @@ def given_joints(s: Schedule) -> tuple[JointRef, ...]:
 def given(s: Schedule, ref: JointRef) -> str:
     """Input with the friction of a pair on its later link: couple [N m] or force [N]."""
     return s.unknown(f"friction_{s.ask(given_joints).index(ref)}")
+
+
+def contacts(structure: Structure, ref: JointRef) -> int:
+    """Ways in which a pair is pressed: 0 of a pin, 2 of a guide, 4 of one with a length."""
+    if structure.joint(ref).kind == "R":
+        return 0
+    return 2 if structure.blocks[ref.block].friction[ref.name].guide_length is None else 4
+
+
+def knows_existence(structure: Structure, block: str, joints: tuple[JointRef, ...]) -> bool:
+    """Whether `blockmech.friction.existence` knows its number with friction in these pairs.
+
+    It does of one pair, and of a dyad but for two guides of which one has a length.
+    """
+    if len(joints) < 2:
+        return len(joints) == 1
+    driven = {name for name, joint in structure.blocks[block].joints.items() if joint.driven}
+    bodies = len(structure.blocks[block].link_names) - len(driven)
+    guides = [n for n in (contacts(structure, ref) for ref in joints) if n]
+    plain = len(guides) < 2 or 4 not in guides
+    return bodies == 2 and plain and driven.isdisjoint(ref.name for ref in joints)
 
 
 # -- Coulomb's factor: its sense from the slip -------------------------------------
