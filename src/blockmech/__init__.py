@@ -20,7 +20,7 @@ from blockmech.blocks import (
     GeneralGroup,
     SlideDrive,
 )
-from blockmech.builders import Graph, Linkage
+from blockmech.builders import Graph, Linkage, read
 from blockmech.couplings import Gear
 from blockmech.errors import (
     AssemblyError,
@@ -97,6 +97,7 @@ __all__ = [
     "draw",
     "laws",
     "normal",
+    "read",
     "studio",
     "uniform",
     "write",

@@ -13,8 +13,7 @@ from textwrap import shorten
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from blockmech.errors import FormatError, GraphError, Problem, in_file
-from blockmech.model import graph
-from blockmech.model.document import read
+from blockmech.model import document, graph
 from blockmech.model.joints import linkage
 from blockmech.model.naming import Names
 from blockmech.model.reading import decoded, text_of
@@ -178,7 +177,50 @@ def opened(path: str | os.PathLike[str]) -> Opened:
 def read_text(text: bytes | str, name: str) -> Opened:
     """The mechanism in a file's bytes or text, by its name in messages. Raises like `opened`."""
     kind: Callable[[dict[str, Any]], type[Opened]] = _kind
-    return read(decoded(text, name) if isinstance(text, bytes) else text, name, kind)
+    return document.read(decoded(text, name) if isinstance(text, bytes) else text, name, kind)
+
+
+def read(source: Any, *, unit: str | None = None, format: str | None = None) -> Opened:
+    """A mechanism from a file of blockmech, or from another tool.
+
+    Parameters
+    ----------
+    source : a file's name, an address of PMKS+, a Pyslvs expression, or a live linkage of
+        pylinkage
+    unit : "m", "cm", "mm", "in" or "ft", of the lengths of a file that names none; default m
+    format : the format's name; by default the text says it
+
+    Returns
+    -------
+    A graph or linkage. ``extras["notes"]`` has what could not be taken, and how units and rates
+    were read.
+
+    Raises
+    ------
+    FormatError with all problems of the file
+    RequestError for a unit or format that does not exist
+
+    >>> import blockmech as bm
+    >>> fourbar = bm.read("M[J[R, P[0, 0], L[ground, a]], J[R, P[0, 1], L[a, b]], "
+    ...     "J[R, P[3, 2], L[b, c]], J[R, P[3, 0], L[ground, c]]]", unit="cm")
+    >>> fourbar.run(at=[0.0], want="joint.C.p")["joint.C.p"]
+    array([0.03+0.02j])
+    """
+    from blockmech.exchange.reading import imported
+
+    own = isinstance(source, str | os.PathLike) and os.path.isfile(source)
+    if own and format is None and b'"blockmech/' in _head(source):
+        return opened(source)
+    return Linkage.from_data(imported(source, unit, format))
+
+
+def _head(path: str | os.PathLike[str]) -> bytes:
+    """The first bytes of a file; none of one that cannot be read."""
+    try:
+        with open(path, "rb") as stream:
+            return stream.read(4096)
+    except OSError:
+        return b""
 
 
 def from_data(data: dict[str, Any]) -> Opened:

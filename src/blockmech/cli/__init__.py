@@ -22,6 +22,7 @@ from blockmech.cli.describe import blocks, outputs, schema
 from blockmech.cli.design import equilibria
 from blockmech.cli.draw import draw
 from blockmech.cli.export import export
+from blockmech.cli.import_ import import_
 from blockmech.cli.new import new
 from blockmech.cli.run import run
 from blockmech.cli.sensitivity import sensitivity
@@ -46,7 +47,7 @@ from blockmech.files import sparing
 
 COMMANDS = (
     *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, equilibria),
-    *(trade, sweep, sensitivity, test, new, export, blocks, outputs, schema, studio),
+    *(trade, sweep, sensitivity, test, new, import_, export, blocks, outputs, schema, studio),
 )
 
 FAULTY = "This is a fault of blockmech: please report it with these lines."

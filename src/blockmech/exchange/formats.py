@@ -15,6 +15,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.exchange.drawing import Drawing
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 
@@ -55,6 +56,21 @@ class Writer(NamedTuple):
     suffixes: tuple[str, ...]
     write: Callable[[Order, Path], list[Path]]
     options: Mapping[str, str] = {}
+
+
+class Reader(NamedTuple):
+    """A format that is read.
+
+    about : what it is, in a few words
+    suffixes : ends of file names
+    recognises : whether a text looks like it
+    read : (text, name for messages) -> the drawing; raises `FormatError`
+    """
+
+    about: str
+    suffixes: tuple[str, ...]
+    recognises: Callable[[str], bool]
+    read: Callable[[str, str], Drawing]
 
 
 T = TypeVar("T")
@@ -107,6 +123,19 @@ WRITERS: Formats[Writer] = Formats(
     },
 )
 """Formats that are written."""
+
+READERS: Formats[Reader] = Formats(
+    "blockmech.readers",
+    {
+        "pmks+": "blockmech.exchange.pmks_plus:READER",
+        "pmks": "blockmech.exchange.pmks:TEXT",
+        "pmks-json": "blockmech.exchange.pmks:JSON",
+        "pyslvs": "blockmech.exchange.pmks:EXPRESSION",
+        "linkage": "blockmech.exchange.linkage2:READER",
+        "pylinkage": "blockmech.exchange.pylinkage:READER",
+    },
+)
+"""Formats that are read, in the order in which they are tried."""
 
 
 def writer_for(path: Path, to: str | None) -> Writer:

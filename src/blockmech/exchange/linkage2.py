@@ -1,0 +1,144 @@
+"""Linkage: files ``.linkage2``, XML of connectors and links.
+
+Lengths are those of the drawing times its scale, y points up, ``rpm`` counts clockwise. A
+connector that slides has two limits, between which its line lies: a slot in the link of both, or
+in the frame. An actuator is a link that changes its length.
+
+Source: rectorsquid/Linkage, ``LinkageDoc.cpp`` (reading and writing) and its examples.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+import re
+from xml.etree.ElementTree import Element
+
+from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Slot, direction
+from blockmech.exchange.formats import Reader
+from blockmech.exchange.parsing import number, wrong, xml_of
+
+RPM = math.tau / 60
+UNITS = {"millimeters": "mm", "inches": "in"}
+
+
+def read(text: str, where: str) -> Drawing:
+    """The drawing of a file."""
+    spaced = re.sub(r'(="[^"<>]*")(?=[A-Za-z_])', r"\1 ", text)  # old files leave spaces out
+    root = xml_of(spaced, where)
+    if root.tag != "linkage2":
+        raise wrong(where, f"the root is <{root.tag}>", "<linkage2>")
+    found = Drawing("linkage", source="Linkage file")
+    scale = 1.0
+    program = root.find("program")
+    if program is not None:
+        scale = number(program.get("scalefactor"), f"{where}, program", 1.0)
+        found.unit = UNITS.get((program.get("units") or "Millimeters").lower(), "mm")
+    slides: list[tuple[str, list[str]]] = []
+    for raw in root.findall("connector"):
+        _connector(raw, where, scale, found, slides)
+    for raw in root.findall("Link"):
+        _link(raw, where, scale, found)
+    for key, limits in slides:
+        _slot(key, limits, found, where)
+    for name, points in list(found.links.items()):
+        if len(points) > 1 or name.endswith(("_barrel", "_rod")):
+            continue
+        if points[0] in found.slots:
+            found.sliders.add(name)
+        else:
+            del found.links[name]
+            found.note(f"{name} has one connector, {points[0]}: left out")
+    for raw in root.findall("ratios/ratio"):
+        found.note(f"{raw.get('type', 'gears')} between links: left out")
+    return found
+
+
+def _is(raw: Element, word: str) -> bool:
+    return raw.get(word) == "true"
+
+
+def _connector(
+    raw: Element, where: str, scale: float, found: Drawing, slides: list[tuple[str, list[str]]]
+) -> None:
+    key = str(raw.get("id"))
+    at = f"{where}, connector {key}"
+    if key in found.points:
+        raise wrong(at, "there are two of this number")
+    if raw.get("layer") == "16":
+        found.note(f"connector {key} is on the drawing layer: left out")
+        return
+    x, y = number(raw.get("x"), at), number(raw.get("y"), at)
+    found.points[key] = complex(x, y) * scale
+    if _is(raw, "anchor"):
+        found.fixed.add(key)
+    if _is(raw, "input"):
+        found.drives[key] = Drive(-number(raw.get("rpm"), at, 15.0) * RPM)
+    if _is(raw, "slider"):
+        limits = [str(x.get("id")) for x in raw.findall("slidelimit")]
+        if number(raw.get("slideradius"), at, 0.0):
+            found.note(f"connector {key} slides on an arc: left out as a slide")
+        else:
+            slides.append((key, limits))
+    if raw.get("fasten") or raw.find("fastened") is not None:
+        found.note(f"connector {key} is fastened to another: left out")
+
+
+def _link(raw: Element, where: str, scale: float, found: Drawing) -> None:
+    points = [str(x.get("id")) for x in raw.findall("connector")]
+    points = [p for p in dict.fromkeys(points) if p in found.points]
+    base = name = f"link_{raw.get('id')}"
+    count = 1
+    while name in found.links:
+        count += 1
+        name = f"{base}_{count}"
+    if _is(raw, "gear"):
+        found.note(f"{name} is a gear: its teeth were left out")
+    if raw.find("fastenconnector") is not None or raw.find("fastenlink") is not None:
+        found.note(f"{name} is fastened to another part: that was left out")
+    if _is(raw, "actuator") and len(points) == 2:
+        _actuator(raw, name, points, scale, f"{where}, {name}", found)
+    elif points:
+        found.links[name] = points
+
+
+def _actuator(
+    raw: Element, name: str, points: list[str], scale: float, where: str, found: Drawing
+) -> None:
+    """Barrel and rod, each with one of the points; their slide is driven."""
+    a, b = (found.points[p] for p in points)
+    angle, length = direction(a, b, where), abs(b - a)
+    throw = number(raw.get("throw"), where, length / 2) * scale
+    rate = 2 * throw * number(raw.get("cpm"), where, 1.0) / 60
+    barrel, rod = f"{name}_barrel", f"{name}_rod"
+    found.links[barrel], found.links[rod] = [points[0]], [points[1]]
+    drive = Drive(rate or throw, length, length + throw)
+    found.guides.append(Guide(barrel, rod, a, angle, drive, b))
+    found.note(f"{name} is an actuator: its stroke is driven once, at a constant rate")
+
+
+def _slot(key: str, limits: list[str], found: Drawing, where: str) -> None:
+    at = f"{where}, connector {key}"
+    if len(limits) != 2 or any(p not in found.points for p in limits):
+        raise wrong(at, "its slide has no two limits", "two slidelimit elements")
+    angle = direction(found.points[limits[0]], found.points[limits[1]], at)
+    on = found.link_of(limits)
+    if on is None:
+        found.note(f"connector {key} slides between points of two links: left out as a slide")
+        return
+    members = [name for name, own in found.links.items() if key in own]
+    if on != FRAME and members == [on]:
+        found.note(f"connector {key} slides in its own link: left out as a slide")
+        return
+    line, unit = found.points[limits[0]], cmath.rect(1.0, angle)
+    off = ((found.points[key] - line) * unit.conjugate()).imag
+    found.points[key] -= 1j * unit * off  # drawn on the line to a pixel
+    found.slots[key] = [Slot(angle, on)]
+
+
+READER = Reader(
+    "Linkage: connectors and links as XML",
+    (".linkage2",),
+    lambda text: "<linkage2" in text[:2000],
+    read,
+)

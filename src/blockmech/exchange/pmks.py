@@ -1,0 +1,168 @@
+"""PMKS: text and JSON of the program, and the expressions of Pyslvs, which say the same.
+
+A joint is a line: names of its links, its type, a place, an angle in degrees, flags. ``ground`` is
+the frame. R is a pin, P slides without turning, RP is a pin in a slot of the first link.
+
+Sources: DesignEngrLab/PMKS, ``Simulator.Main.cs`` and its examples; KmolYuan/Pyslvs-UI,
+``docs/introduction.md``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any, NamedTuple
+
+from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Slot
+from blockmech.exchange.formats import Reader
+from blockmech.exchange.parsing import fields, items, json_of, number, wrong
+
+TYPES = ("R", "P", "RP", "G")
+GROUND = "ground"
+LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+WORD = r"[\w \-]+"
+JOINT = re.compile(
+    r"J\[\s*(?P<type>\w+)\s*,(?:\s*A\[(?P<angle>[^\]]*)\]\s*,)?\s*(?:color\[[^\]]*\]\s*,)?"
+    r"\s*P\[(?P<x>[^,\]]*),(?P<y>[^\]]*)\]\s*,\s*L\[(?P<links>[^\]]*)\]\s*\]"
+)
+
+
+class Row(NamedTuple):
+    """A joint as all three have it."""
+
+    links: list[str]
+    kind: str
+    at: complex
+    angle: float  # [rad]
+    driven: bool
+    name: str
+
+
+def drawing_of(rows: list[Row], where: str, rate: float = 1.0) -> Drawing:
+    """The drawing of joints; the driver is the flagged one, else the link called input."""
+    found = Drawing(where, source="")
+    for row in rows:
+        for link in row.links:
+            if link != GROUND:
+                found.links.setdefault(link, [])
+    for row in rows:
+        _take(row, found)
+    if not any(row.driven for row in rows):
+        pins = [r for r in rows if GROUND in r.links and r.kind == "R" and len(r.links) > 1]
+        pins.sort(key=lambda r: "input" not in r.links)
+        if pins:
+            found.drives[pins[0].name] = Drive(rate)
+            found.note(f"no joint is marked as the input: {pins[0].name} was taken")
+    for row in rows:
+        if row.driven:
+            slides = row.kind != "R"
+            found.drives[row.name] = Drive(rate, 0.0, None) if slides else Drive(rate)
+    return found
+
+
+def _take(row: Row, found: Drawing) -> None:
+    moving = [link for link in row.links if link != GROUND]
+    first, *others = [FRAME if link == GROUND else link for link in row.links]
+    if row.kind == "G":
+        found.note(f"gear joint {row.name} between {' and '.join(row.links)}: left out")
+        return
+    if row.kind == "P" and others:
+        for other in others:
+            pair = (first, other) if other != FRAME else (other, first)
+            drive = Drive(1.0, 0.0, None) if row.driven else None
+            found.guides.append(Guide(*pair, row.at, row.angle, drive))
+        if row.driven:
+            found.note(f"the drive of {row.name} has no stroke in the file")
+        return
+    found.points[row.name] = row.at
+    if row.kind == "RP" and others:
+        found.slots[row.name] = [Slot(row.angle, first)]
+        moving = [link for link in moving if link != first]
+    elif GROUND in row.links:
+        found.fixed.add(row.name)
+    for link in moving:
+        found.links[link].append(row.name)
+
+
+def _name(i: int) -> str:
+    return LETTERS[i] if i < len(LETTERS) else f"J{i}"
+
+
+def _kind(raw: Any, where: str) -> str:
+    kind = str(raw).upper()
+    if kind not in TYPES:
+        raise wrong(where, f'no joint type "{raw}"', f"types: {', '.join(TYPES)}")
+    return kind
+
+
+def read_text(text: str, where: str) -> Drawing:
+    """A line for each joint."""
+    rows: list[Row] = []
+    body = text.partition("mech=")[2] if "mech=" in text else text
+    for line in body.splitlines():
+        words = [w for w in re.split(r"[,\s]+", line.strip()) if w]
+        if not words or line.lstrip().startswith("#"):
+            continue
+        at = f"{where}, joint {len(rows) + 1}"
+        places = [i for i, w in enumerate(words) if i and w.upper() in TYPES and len(words) > i + 2]
+        if not places:
+            raise wrong(at, f'"{line.strip()[:60]}" has no type', "links, type, x, y")
+        i = places[-1]
+        values = [w for w in words[i + 1 :] if not re.fullmatch(r"[tf+\-]{1,4}", w)]
+        flags = [w for w in words[i + 1 :] if re.fullmatch(r"[tf+\-]{4}", w)]
+        x, y, *rest = [number(w, at) for w in values[:3]]
+        angle = math.radians(rest[0]) if rest else 0.0
+        driven = bool(flags) and flags[0][3] in "t+"
+        kind = _kind(words[i], at)
+        rows.append(Row(words[:i], kind, complex(x, y), angle, driven, _name(len(rows))))
+    return drawing_of(rows, where)
+
+
+def read_json(text: str, where: str) -> Drawing:
+    """``Joints`` with their links, ``DrivingIndex`` and ``InputSpeed``."""
+    data = fields(json_of(text, where), where)
+    driving = data.get("DrivingIndex")
+    rows: list[Row] = []
+    for i, raw in enumerate(items(data.get("Joints"), f"{where}, Joints")):
+        at = f"{where}, Joints[{i}]"
+        own = fields(raw, at)
+        links = [str(link) for link in items(own.get("Links"), f"{at}.Links")]
+        place = complex(number(own.get("X"), at), number(own.get("Y"), at))
+        angle = math.radians(number(own.get("Angle"), at, 0.0))
+        kind = _kind(own.get("TypeOfJoint", "R"), at)
+        rows.append(Row(links, kind, place, angle, i == driving, _name(i)))
+    rate = number(data.get("InputSpeed"), where, 1.0)
+    return drawing_of(rows, str(data.get("Name") or where), rate)
+
+
+def read_expression(text: str, where: str) -> Drawing:
+    """``M[J[R, color[Green], P[0.0, 0.0], L[ground, link_0]], ...]``."""
+    rows: list[Row] = []
+    end = 0
+    for match in JOINT.finditer(text):
+        end = match.end()
+        at = f"{where}, joint {len(rows)}"
+        links = [w.strip() for w in match["links"].split(",") if w.strip()]
+        place = complex(number(match["x"].strip(), at), number(match["y"].strip(), at))
+        angle = math.radians(number((match["angle"] or "").strip(), at, 0.0))
+        kind = _kind(match["type"], at)
+        rows.append(Row(links, kind, place, angle, False, _name(len(rows))))
+    if text.count("J[") != len(rows) or text[end:].strip() != "]":
+        raise wrong(where, f"joint {len(rows)} cannot be read", "J[type, P[x, y], L[links]]")
+    return drawing_of(rows, where)
+
+
+def _is_text(text: str) -> bool:
+    lines = [line for line in text.splitlines() if line.strip()][:3]
+    row = re.compile(r"^\s*(mech=.*|[\w \-,]+[,\s](R|P|RP|G)[,\s]+-?[\d.].*)$", re.IGNORECASE)
+    return bool(lines) and all(row.match(line) for line in lines)
+
+
+TEXT = Reader("PMKS: a line for each joint", (".txt",), _is_text, read_text)
+JSON = Reader("PMKS: joints as JSON", (".pmks",), lambda text: '"TypeOfJoint"' in text, read_json)
+EXPRESSION = Reader(
+    "Pyslvs: an expression M[J[...], ...]",
+    (".pyslvs",),
+    lambda text: bool(re.match(r"\s*M\[\s*J\[", text)),
+    read_expression,
+)

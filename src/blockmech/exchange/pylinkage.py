@@ -1,0 +1,226 @@
+"""pylinkage: its JSON of joints and links, and its live objects.
+
+Rates of cranks are radians a step there; here a step is a second. Files of the topology alone
+(``hypergraph``, ``assur``) have no lengths.
+
+Source: pylinkage 1.3, ``mechanism/serialization.py``, ``simulation``, ``dyads``, ``actuators``.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from blockmech.errors import listed
+from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Slot, direction
+from blockmech.exchange.formats import Reader
+from blockmech.exchange.parsing import fields, items, json_of, number, wrong
+
+STEP = "rates of pylinkage are radians a step: a step was taken as a second"
+LEGACY = {"Static", "Crank", "Revolute", "Fixed", "Prismatic"}
+
+
+def read(text: str, where: str) -> Drawing:
+    """The drawing of a file."""
+    return of_data(fields(json_of(text, where), where), where)
+
+
+def of_data(data: Mapping[str, Any], where: str) -> Drawing:
+    """The drawing of joints and links, as ``mechanism_to_dict`` gives them."""
+    if "nodes" in data or "instances" in data:
+        what = "a hypergraph says who joins whom, but no lengths"
+        raise wrong(where, what, "a file of mechanism_to_json", "save the mechanism itself")
+    found = Drawing(str(data.get("name") or "linkage"), source="pylinkage file")
+    trackers: list[Mapping[str, Any]] = []
+    for i, raw in enumerate(items(data.get("joints"), f"{where}, joints")):
+        at = f"{where}, joints[{i}]"
+        own = fields(raw, at)
+        key, kind = str(own.get("id")), own.get("type", "revolute")
+        if kind in LEGACY:
+            raise wrong(at, f'"{kind}" is of the old format', "a file of mechanism_to_json")
+        if key in found.points:
+            raise wrong(at, f'there are two joints "{key}"')
+        found.points[key] = _place(own.get("position"), at)
+        if kind == "ground":
+            found.fixed.add(key)
+        elif kind == "prismatic":
+            axis = _place(own.get("axis", [1.0, 0.0]), at)
+            found.slots[key] = [Slot(direction(0j, axis, at))]
+        elif kind == "tracker":
+            trackers.append(own)
+    for i, raw in enumerate(items(data.get("links"), f"{where}, links")):
+        _link(fields(raw, f"{where}, links[{i}]"), f"{where}, links[{i}]", found)
+    for own in trackers:
+        _rigid(found, str(own["id"]), [str(own.get(f"ref_joint{k}_id")) for k in (1, 2)], where)
+    return found
+
+
+def _place(raw: Any, where: str) -> complex:
+    pair = items(raw, where)
+    if len(pair) != 2:
+        raise wrong(where, f"a place has {len(pair)} numbers", "[x, y]")
+    return complex(number(pair[0], where), number(pair[1], where))
+
+
+def _link(own: Mapping[str, Any], where: str, found: Drawing) -> None:
+    points = [str(p) for p in items(own.get("joints", []), f"{where}.joints")]
+    if unknown := [p for p in points if p not in found.points]:
+        raise wrong(where, f"no joint {listed(unknown)}", f"joints: {listed(found.points)}")
+    kind, name = own.get("type", "link"), str(own.get("id"))
+    if name in found.links:
+        raise wrong(where, f'there are two links "{name}"')
+    if kind == "ground":
+        found.fixed.update(points)
+        return
+    if kind in ("driver", "arc_driver"):
+        motor = own.get("motor_joint") or next((p for p in points if p in found.fixed), None)
+        if motor not in found.points:
+            raise wrong(where, "the driver has no motor joint on the ground")
+        found.fixed.add(str(motor))
+        rate = number(own.get("angular_velocity"), where, math.tau / 360)
+        start, stop = 0.0, math.tau
+        if kind == "arc_driver":
+            at = number(own.get("initial_angle"), where, 0.0)
+            start, stop = (number(own.get(k), where, 0.0) - at for k in ("arc_start", "arc_end"))
+            start, stop = (-start, -stop) if rate < 0 else (start, stop)
+        found.drives[str(motor)] = Drive(rate, start, stop, name)
+        found.note(STEP)
+    found.links[name] = points
+
+
+def _rigid(found: Drawing, point: str, anchors: list[str], where: str) -> None:
+    """A point at a fixed distance and angle of two others: on their link, if they have one."""
+    on = found.link_of(anchors)
+    if on is None:
+        what = f"{point} is fixed to {listed(anchors)}, which move against each other"
+        raise wrong(where, what, "two points of one link", "leave it out")
+    if on == FRAME:
+        found.fixed.add(point)
+    else:
+        found.links[on].append(point)
+
+
+# -- live objects -------------------------------------------------------------------
+
+
+def is_live(subject: Any) -> bool:
+    """Whether it is a linkage or mechanism of pylinkage."""
+    return type(subject).__module__.partition(".")[0] == "pylinkage"
+
+
+def of_object(subject: Any) -> Drawing:
+    """The drawing of a live linkage or mechanism, in the position in which it stands."""
+    where = f"pylinkage {type(subject).__name__}"
+    if hasattr(subject, "components"):
+        return _Components(subject, where).found
+    if hasattr(subject, "joints") and hasattr(subject, "links"):
+        from pylinkage.mechanism.serialization import mechanism_to_dict
+
+        return of_data(mechanism_to_dict(subject), where)
+    raise wrong(where, "it has no positions", "a Linkage of components, or a Mechanism")
+
+
+class _Components:
+    """The drawing of ``simulation.Linkage``: grounds, actuators and dyads."""
+
+    def __init__(self, linkage: Any, where: str) -> None:
+        self.where = where
+        self.found = Drawing(str(linkage.name), source="pylinkage object")
+        self.names: dict[int, str] = {}
+        kinds: dict[str, Callable[[Any, str], None]] = {
+            "Ground": self._ground,
+            "Crank": self._crank,
+            "ArcCrank": self._crank,
+            "LinearActuator": self._actuator,
+            "RRRDyad": self._rrr,
+            "RRPDyad": self._rrp,
+            "PPDyad": self._pp,
+            "FixedDyad": self._fixed,
+            "PointTracker": self._fixed,
+        }
+        for i, part in enumerate(linkage.components):
+            kind = type(part).__name__
+            name = str(part.name) if not str(part.name).isdigit() else f"{kind}_{i}"
+            while name in self.found.points:
+                name += "_"
+            self.names[id(part)] = name
+            if kind not in kinds:
+                self.found.note(f"{name} is a {kind}: left out")
+                continue
+            if part.x is None or part.y is None:
+                raise wrong(where, f"{name} has no position yet", "", "run one step of it first")
+            here = (number(v, f"{where}, {name}") for v in (part.x, part.y))
+            self.found.points[name] = complex(*here)
+            kinds[kind](part, name)
+
+    def _of(self, anchor: Any) -> str:
+        part = getattr(anchor, "_parent", anchor)
+        if id(part) not in self.names:
+            raise wrong(self.where, "a part hangs on one that stands behind it, or in a circle")
+        return self.names[id(part)]
+
+    def _bar(self, *points: str) -> None:
+        if self.found.link_of(points) in (None, FRAME):
+            self.found.links["_".join(points)] = list(points)
+
+    def _ground(self, part: Any, name: str) -> None:
+        self.found.fixed.add(name)
+
+    def _crank(self, part: Any, name: str) -> None:
+        anchor = self._of(part.anchor)
+        self._bar(anchor, name)
+        rate = number(part.angular_velocity, name)
+        start, stop = 0.0, math.tau
+        if hasattr(part, "arc_start"):
+            at = cmath.phase(self.found.points[name] - self.found.points[anchor])
+            start, stop = part.arc_start - at, part.arc_end - at
+            start, stop = (-start, -stop) if rate < 0 else (start, stop)
+        self.found.drives[anchor] = Drive(rate, start, stop, f"{anchor}_{name}")
+        self.found.note(STEP)
+
+    def _actuator(self, part: Any, name: str) -> None:
+        anchor = self._of(part.anchor)
+        if anchor not in self.found.fixed:
+            raise wrong(self.where, f"{name} is an actuator on a moving point", "one on the ground")
+        at = self.found.points[anchor]
+        slider = f"{name}_slider"
+        self.found.links[slider] = [name]
+        drive = Drive(number(part.speed, name), 0.0, number(part.stroke, name))
+        angle = number(part.angle, name)
+        here = self.found.points[name]
+        self.found.guides.append(Guide(FRAME, slider, at, angle, drive, here))
+
+    def _rrr(self, part: Any, name: str) -> None:
+        for anchor in (part.anchor1, part.anchor2):
+            self._bar(self._of(anchor), name)
+
+    def _line(self, anchors: tuple[Any, Any], name: str) -> None:
+        ends = [self._of(anchor) for anchor in anchors]
+        on = self.found.link_of(ends)
+        if on is None:
+            on = "_".join(ends)
+            raise wrong(self.where, f"{name} slides between {on}, points of two links")
+        angle = direction(self.found.points[ends[0]], self.found.points[ends[1]], self.where)
+        self.found.slots.setdefault(name, []).append(Slot(angle, on))
+
+    def _rrp(self, part: Any, name: str) -> None:
+        self._bar(self._of(part.revolute_anchor), name)
+        self._line((part.line_anchor1, part.line_anchor2), name)
+
+    def _pp(self, part: Any, name: str) -> None:
+        self._line((part.line1_anchor1, part.line1_anchor2), name)
+        self._line((part.line2_anchor1, part.line2_anchor2), name)
+
+    def _fixed(self, part: Any, name: str) -> None:
+        _rigid(self.found, name, [self._of(part.anchor1), self._of(part.anchor2)], self.where)
+
+
+def recognises(text: str) -> bool:
+    """JSON with joints that have positions, or nodes of a hypergraph."""
+    head = text.lstrip()[:1] == "{"
+    return head and (('"joints"' in text and '"position"' in text) or '"joint_type"' in text)
+
+
+READER = Reader("pylinkage: joints and links as JSON", (".json",), recognises, read)

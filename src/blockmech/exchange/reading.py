@@ -1,0 +1,90 @@
+"""Read a linkage from a file, an address or an object of another tool."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+from typing import Any
+
+from blockmech.errors import FormatError, Problem, close_match, in_file, listed, refused, shown
+from blockmech.exchange import pylinkage
+from blockmech.exchange.drawing import UNITS, document
+from blockmech.exchange.formats import READERS, Reader
+from blockmech.exchange.parsing import wrong
+
+LARGEST = 10_000_000  # bytes of a drawing
+ADDRESS = ("http://", "https://")
+
+
+def imported(source: Any, unit: str | None = None, format: str | None = None) -> dict[str, Any]:
+    """The joint-based document of what another tool wrote, its notes among it.
+
+    ``source`` is a file's name, an address, a text, or a live object of pylinkage. Raises
+    `FormatError` for what cannot be read, `RequestError` for units and formats that are none.
+    """
+    if unit is not None and unit not in UNITS:
+        raise refused("unit", f"got {shown(unit)}", close_match(str(unit), UNITS), listed(UNITS))
+    if pylinkage.is_live(source):
+        return document(pylinkage.of_object(source), unit)
+    text, name = _text(source)
+    try:
+        return document(_reader(text, name, format).read(text, _short(name)), unit)
+    except FormatError as error:
+        raise FormatError(in_file(error.problems, name)) from None
+    except RecursionError:
+        raise wrong(name, "parts of it hang on each other in a circle") from None
+
+
+def _short(name: str) -> str:
+    return os.path.splitext(os.path.basename(name))[0] if len(name) < 200 else "address"
+
+
+def _text(source: Any) -> tuple[str, str]:
+    """The text, and what it is called in messages."""
+    if not isinstance(source, str | os.PathLike):
+        found = f"got {type(source).__name__}"
+        raise refused("read", found, valid="a file's name, an address, or an object of pylinkage")
+    name = os.fspath(source)
+    if name.lower().startswith(ADDRESS):
+        return name, "address"
+    with suppress(OSError, ValueError):
+        if os.path.isfile(name):
+            return _of_file(name), name
+    for key in READERS:
+        if len(name) > 20 and READERS[key].recognises(name):
+            return name, "text"
+    raise FormatError(Problem("no-file", "", "no such file", "", "check the name", file=name[:200]))
+
+
+def _of_file(name: str) -> str:
+    try:
+        with open(name, "rb") as stream:
+            raw = stream.read(LARGEST + 1)
+    except OSError as error:
+        what = f"it cannot be read: {(error.strerror or '').lower()}"
+        raise FormatError(Problem("unreadable", "", what, file=name)) from error
+    if len(raw) > LARGEST:
+        raise wrong(name, f"too large: more than {LARGEST / 1e6:.0f} MB", "a drawing is shorter")
+    marks = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
+    encoding = next((e for mark, e in marks.items() if raw.startswith(mark)), "utf-8")
+    try:
+        text = raw.decode(encoding)
+    except UnicodeDecodeError as error:
+        what = f"byte 0x{raw[error.start]:02x} is not {encoding.upper()} text"
+        raise wrong(name, what, "UTF-8", "save it as UTF-8") from None
+    if not text.strip() or "\0" in text:
+        raise wrong(name, "it is empty" if not text.strip() else "it is no text", "a drawing")
+    return text
+
+
+def _reader(text: str, name: str, format: str | None) -> Reader:
+    if format is not None:
+        if format not in READERS:
+            remedy = close_match(format, READERS)
+            raise refused("format", f'no format "{format}"', remedy, f"formats: {listed(READERS)}")
+        return READERS[format]
+    for key in READERS:
+        if READERS[key].recognises(text):
+            return READERS[key]
+    known = ", ".join(READERS)
+    raise wrong("", "no format that is read looks like this", f"formats: {known}")

@@ -1,0 +1,343 @@
+"""Drawings of other tools: the positions that their own distances give, over 24 poses."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.errors import FormatError, RequestError
+from blockmech.exchange.pmks_plus import DIGITS, code_of
+from tests.exchange import drawings
+from tests.exchange.distances import Distances, turn
+
+EXACT = 1e-9  # of the drawing's size
+
+
+def places(linkage, angles):
+    """Every named place of a linkage at driver angles from the drawn pose: joints and markers."""
+    result = linkage.run(at=angles, want=["joint.*.p", "link.*.p"])
+    found = {}
+    for name in result:
+        parts = name.split(".")
+        if parts[0] == "joint" or len(parts) == 4:
+            found.setdefault(parts[-2], result[name])
+    return found
+
+
+def compared(linkage, solver, scale, sense=1.0, rename=lambda p: p):
+    """The largest difference of the two, over the size; every moving point is compared."""
+    angles = turn()
+    expected = solver.follow([sense * q for q in angles])
+    found = places(linkage, [sense * q for q in angles])
+    compared = 0
+    for point in solver.moving:
+        name = rename(point)
+        assert name in found, (point, sorted(found))
+        off = np.abs(found[name] / scale - expected[point]).max() / solver.size
+        assert off < EXACT, (point, off)
+        compared += 1
+    assert compared == len(solver.moving) > 0
+
+
+def plus(code):
+    """A PMKS+ code as points, links and so on, read by splitting alone: the test's own reader."""
+
+    def whole(text):
+        sign, digits = (-1, text[1:]) if len(text) > 1 and text[0] == "0" else (1, text)
+        value = 0
+        for c in digits:
+            value = value * 64 + DIGITS.index(c)
+        return sign * value / 1000
+
+    parts = code.split(".")[4:]
+    end = parts.index("")
+    joints, links = parts[:end], parts[end + 1 : parts.index("", end + 1)]
+    points, fixed, slots, crank = {}, [], {}, None
+    for raw in joints:
+        key, _, x, y, angle = raw.split(",")
+        flags, key = DIGITS.index(key[0]), key[1:]
+        points[key] = complex(whole(x), whole(y))
+        if flags & 1:
+            slots[key] = (key, whole(angle))
+        elif flags & 4:
+            fixed.append(key)
+        if flags & 2:
+            crank = key
+    bodies = []
+    for raw in links:
+        words = raw.split(",")
+        own = [w for w in words[7:] if w in points]
+        if words[0][1] == "P":  # the piston's points are one
+            slots[own[0]] = (own[0], slots.pop(own[1])[1])
+            points.pop(own[1])
+        else:
+            bodies.append(own)
+    other = next(p for body in bodies if crank in body for p in body if p != crank)
+    return Distances(points, bodies, fixed, slots, (crank, other))
+
+
+@pytest.mark.parametrize("name", sorted(drawings.PMKS_PLUS))
+@pytest.mark.parametrize("form", ["code", "address"])
+def test_addresses_of_pmks_plus(name, form):
+    code = drawings.PMKS_PLUS[name]
+    linkage = bm.read(code if form == "code" else f"https://app.pmksplus.com/?{code}")
+    assert not linkage.check()
+    compared(linkage, plus(code), 0.01)
+    assert "unit" not in " ".join(linkage.extras.get("notes", []))  # the address says cm
+
+
+def test_a_text_of_pmks(tmp_path):
+    path = tmp_path / "fourbar.txt"
+    path.write_text(drawings.PMKS_TEXT, "utf-8")
+    linkage = bm.read(path, unit="mm")
+    points = {"A": 100 + 100j, "B": 350 + 100j, "C": 400 + 480j, "D": 600 + 100j, "E": 500 + 125j}
+    bodies = [["A", "B"], ["B", "C", "E"], ["C", "D"]]
+    # 250, 383, 429 and 500 long: the crank does not turn fully, so small angles of both senses
+    solver = Distances(points, bodies, ["A", "D"], {}, ("A", "B"))
+    angles = [0.05 * k for k in range(1, 25)]
+    expected, found = solver.follow(angles), places(linkage, angles)
+    for point in solver.moving:
+        assert np.abs(found[point] * 1000 - expected[point]).max() < EXACT * solver.size
+    assert linkage.extras["notes"] == ["the file names no unit: lengths were taken as mm"]
+
+
+def linkage_xml(anchors, inputs, points, links, slides):
+    """The text of Linkage for a drawing."""
+    rows = ['<linkage2><program zoom="1"xoffset="81" units="Millimeters" scalefactor="1"/>']
+    for key, (x, y) in points.items():
+        more = ' anchor="true"' * (key in anchors)
+        if key in inputs:
+            more += f' input="true" rpm="{inputs[key]}"'
+        if key in slides:
+            a, b = slides[key]
+            rows.append(f'<connector id="{key}" x="{x}" y="{y}" slider="true"{more}>')
+            rows.append(f'<slidelimit id="{a}"/><slidelimit id="{b}"/></connector>')
+        else:
+            rows.append(f'<connector id="{key}" x="{x}" y="{y}"{more}/>')
+    for i, own in enumerate(links):
+        rows.append(f'<Link id="{i}">' + "".join(f'<connector id="{p}"/>' for p in own) + "</Link>")
+    return "".join([*rows, "</linkage2>"])
+
+
+@pytest.mark.parametrize("name", sorted(drawings.LINKAGE))
+def test_files_of_linkage(name, tmp_path):
+    anchors, inputs, points, links, slides = drawings.LINKAGE[name]
+    path = tmp_path / f"{name}.linkage2"
+    path.write_text(linkage_xml(anchors, inputs, points, links, slides), "utf-8")
+    linkage = bm.read(path)
+    at = {str(p): complex(x, y) for p, (x, y) in points.items()}
+    lines = {}
+    for point, (a, b) in slides.items():
+        lines[str(point)] = (str(a), str(b))
+        line = at[str(b)] - at[str(a)]  # the drawing has the point on its line to a pixel
+        off = ((at[str(point)] - at[str(a)]) / line).imag
+        at[str(point)] -= 1j * off * line
+    crank = str(next(iter(inputs)))
+    bodies = [[str(p) for p in own] for own in links]
+    other = next(p for body in bodies if crank in body for p in body if p != crank)
+    solver = Distances(at, bodies, map(str, anchors), lines, (crank, other))
+    full = name in ("klann", "hoeken", "slider1")
+    sense = -math.copysign(1.0, inputs[int(crank)])
+    if full:
+        compared(linkage, solver, 1e-3, sense)
+    else:
+        angles = [sense * 0.02 * k for k in range(1, 25)]
+        expected, found = solver.follow(angles), places(linkage, angles)
+        for point in solver.moving:
+            assert np.abs(found[point] * 1000 - expected[point]).max() < EXACT * solver.size
+
+
+def test_documents_come_back_unchanged(tmp_path):
+    for code in drawings.PMKS_PLUS.values():
+        linkage = bm.read(code)
+        linkage.save(tmp_path / "x.json")
+        again = bm.read(tmp_path / "x.json")
+        assert again.to_json() == linkage.to_json()
+        assert isinstance(again, bm.Linkage)
+
+
+def test_the_last_character_of_an_address_counts_the_rest():
+    code = drawings.PMKS_PLUS["4bar"]
+    assert code_of(f"https://app.pmksplus.com/?{code}") == code
+    with pytest.raises(FormatError, match=r"not whole"):
+        bm.read(code[:40] + code[41:])
+
+
+def test_pyslvs_and_pmks_json_say_the_same_as_the_text(tmp_path):
+    rows = [("ground,a", 0, 0), ("a,b", 12.92, 32.53), ("b,c", 73.28, 67.97), ("b", 33.3, 66.95)]
+    rows.append(("ground,c", 90, 0))
+    text = "".join(
+        f"{links},R,{x},{y},0,tff{'t' if i == 0 else 'f'}\n" for i, (links, x, y) in enumerate(rows)
+    )
+    joints = [
+        {"X": x, "Y": y, "Angle": 0, "TypeOfJoint": "R", "Links": links.split(",")}
+        for links, x, y in rows
+    ]
+    expression = ", ".join(f"J[R, color[Green], P[{x}, {y}], L[{links}]]" for links, x, y in rows)
+    (tmp_path / "a.txt").write_text(text, "utf-8")
+    (tmp_path / "a.pmks").write_text(json.dumps({"Joints": joints, "DrivingIndex": 0}), "utf-8")
+    angles = [0.1, 0.2]
+    first = places(bm.read(tmp_path / "a.txt", unit="mm"), angles)
+    for source in (tmp_path / "a.pmks", f"M[{expression}]"):
+        other = places(bm.read(source, unit="mm"), angles)
+        for point in "BCD":
+            assert np.abs(first[point] - other[point]).max() == 0.0
+
+
+def test_what_cannot_be_taken_is_a_note_with_its_name():
+    gear = "M[J[R, P[0, 0], L[ground, a]], J[R, P[0, 1], L[a, b]], J[R, P[3, 2], L[b, c]], "
+    gear += "J[R, P[3, 0], L[ground, c]], J[G, P[1, 1], L[a, c]]]"
+    assert "gear joint E between a and c: left out" in bm.read(gear).extras["notes"]
+    jansen = linkage_xml(
+        [0, 3, 4],
+        {0: 10},
+        {0: (0, 0), 1: (10, 0), 2: (40, 30), 3: (50, 0), 4: (60, 0)},
+        [[0, 1], [1, 2], [2, 3], [3, 4]],
+        {},
+    )
+    jansen = jansen.replace("</linkage2>", '<ratios><ratio type="gears"/></ratios></linkage2>')
+    notes = bm.read(jansen).extras["notes"]
+    assert "link link_3 joins fixed points: it is part of the frame" in notes
+    assert "gears between links: left out" in notes
+
+
+def test_a_slide_becomes_a_pin_in_a_slot_and_an_actuator_a_driven_length():
+    anchors, inputs, points, links, slides = drawings.LINKAGE["slider1"]
+    data = bm.read(linkage_xml(anchors, inputs, points, links, slides)).to_data()
+    assert data["joints"]["1_slide"]["links"] == ["link_1", "slider_1"]
+    lift = linkage_xml([0, 1], {}, {0: (0, 0), 1: (50, 0), 2: (40, 60)}, [[1, 2], [0, 2]], {})
+    lift = lift.replace('<Link id="1">', '<Link id="1" actuator="true" throw="20" cpm="6">')
+    linkage = bm.read(lift)
+    assert not linkage.check()
+    driver = linkage.to_data()["drivers"]["motor"]
+    assert driver["to"] - driver["from"] == pytest.approx(0.02)
+    length = abs(complex(40, 60)) / 1000
+    found = linkage.run(at=[length, length + 0.01], want="joint.2.p")["joint.2.p"]
+    assert np.abs(found) == pytest.approx([length, length + 0.01], abs=1e-12)
+
+
+BOMB = '<!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><linkage2>&b;</linkage2>'
+OUTSIDE = '<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]><linkage2>&a;</linkage2>'
+HOSTILE = {
+    "bomb": (BOMB.encode(), "entities"),
+    "outside": (OUTSIDE.encode(), "entities"),
+    "deep": (b"<linkage2>" + b"<a>" * 5000, "too deep"),
+    "large": (b"<linkage2>" + b" " * 20_000_000, "too large"),
+    "not utf-8": (b'<linkage2 name="\xff\xfe\xe4"/>', "not UTF-8"),
+    "null": (b"<linkage2\0/>", "no text"),
+    "empty": (b"  \n", "empty"),
+    "cut": (b"<linkage2><connector", "line 1"),
+    "nan": (linkage_xml([0], {0: 1}, {0: ("nan", 0), 1: (1, 0)}, [[0, 1]], {}).encode(), "number"),
+    "infinite": (b"ground,a,R,1e999,0,0,tfft\na,b,R,1,1,0,tfff\n", "number"),
+    "twice": (
+        linkage_xml([0], {}, {0: (0, 0)}, [], {})
+        .replace("</l", '<connector id="0" x="1" y="1"/></l')
+        .encode(),
+        "two of this number",
+    ),
+    "nothing": (b"hello, who is there?", "no format that is read"),
+    "json nan": (b'{"joints": [{"id": "a", "position": [NaN, 0]}]}', "not a number"),
+    "json type": (b'{"joints": {"position": 3}}', "a list"),
+    "topology": (b'{"nodes": [{"joint_type": "R"}]}', "no lengths"),
+    "no links": (b"<linkage2></linkage2>", "no links"),
+    "self": (
+        b'{"joints": [{"id": "a", "type": "tracker", "position": [0, 0], "ref_joint1_id": "a", '
+        b'"ref_joint2_id": "a"}], "links": []}',
+        "move against",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_files_are_one_message(name, tmp_path, capsys):
+    from blockmech.cli import main
+
+    raw, said = HOSTILE[name]
+    path = tmp_path / "evil.xml"
+    path.write_bytes(raw)
+    with pytest.raises(FormatError, match=said) as error:
+        bm.read(path)
+    assert len(error.value.problems) == 1
+    assert main(["import", str(path)]) == 2
+    err = capsys.readouterr().err
+    assert "Traceback" not in err
+    assert "evil.xml" in err
+
+
+def test_wrong_calls_say_what_is_valid(tmp_path):
+    with pytest.raises(RequestError, match=r'unit: got "parsec".*mm'):
+        bm.read(drawings.PMKS_PLUS["4bar"], unit="parsec")
+    with pytest.raises(RequestError, match=r'no format "lnk".*linkage'):
+        bm.read(drawings.PMKS_PLUS["4bar"], format="lnk")
+    with pytest.raises(FormatError, match=r"no such file"):
+        bm.read(tmp_path / "none.linkage2")
+    with pytest.raises(RequestError, match=r"got int"):
+        bm.read(3)
+
+
+def test_the_command_writes_the_document_and_notes(tmp_path, capsys):
+    from blockmech.cli import main
+
+    source = tmp_path / "f.txt"
+    source.write_text(drawings.PMKS_TEXT, "utf-8")
+    assert main(["import", str(source), "-o", str(tmp_path / "f.json"), "--unit", "mm"]) == 0
+    said = capsys.readouterr()
+    assert "note: the file names no unit: lengths were taken as mm" in said.err
+    assert main(["check", str(tmp_path / "f.json")]) == 0
+    assert main(["import", str(source), "-o", str(source)]) == 2  # never over the input
+    assert source.read_text("utf-8") == drawings.PMKS_TEXT
+
+
+# -- pylinkage run beside -----------------------------------------------------------------------
+
+
+def test_live_linkages_of_pylinkage_move_as_pylinkage_moves_them():
+    pytest.importorskip("pylinkage", reason="the other tool itself")
+    from pylinkage.actuators import Crank
+    from pylinkage.components import Ground
+    from pylinkage.dyads import FixedDyad, RRPDyad, RRRDyad
+    from pylinkage.simulation import Linkage
+
+    a, d = Ground(0.0, 0.0, name="A"), Ground(3.0, 0.0, name="D")
+    far = Ground(9.0, 0.5, name="E")
+    step = math.tau / 24
+    crank = Crank(anchor=a, radius=1.0, angular_velocity=step, name="B")
+    rocker = RRRDyad(crank.output, d, distance1=3.0, distance2=2.0, name="C")
+    eye = FixedDyad(crank.output, rocker, distance=1.5, angle=0.4, name="P")
+    slide = RRPDyad(eye, d, far, distance=6.0, name="S")
+    linkage = Linkage([a, d, far, crank, rocker, eye, slide], name="six")
+    ours = None
+    theirs = []
+    for k, positions in enumerate(linkage.step(iterations=25)):
+        theirs.append([complex(*p) for p in positions])
+        if k == 0:
+            ours = bm.read(linkage)
+    expected = dict(zip("ADEBCPS", np.array(theirs).T, strict=True))
+    found = places(ours, [step * k for k in range(25)])
+    for point in "BCPS":
+        assert np.abs(found[point] - expected[point]).max() < EXACT * 9, point
+
+
+def test_json_of_pylinkage(tmp_path):
+    pytest.importorskip("pylinkage", reason="the other tool itself")
+    from pylinkage.mechanism import fourbar
+    from pylinkage.mechanism.serialization import mechanism_to_json
+
+    mechanism = fourbar(crank=1.0, coupler=3.0, rocker=2.5, ground=3.0)
+    mechanism_to_json(mechanism, tmp_path / "m.json")
+    for source in (tmp_path / "m.json", mechanism):
+        linkage = bm.read(source)
+        data = linkage.to_data()
+        assert not linkage.check()
+        lengths = {
+            name: [
+                j["at"][j["links"].index(name)]
+                for j in data["joints"].values()
+                if name in j["links"]
+            ]
+            for name in data["links"]
+        }
+        spans = sorted(abs(complex(*b) - complex(*a)) for a, b in lengths.values())
+        assert spans == pytest.approx([1.0, 2.5, 3.0], abs=1e-9)
