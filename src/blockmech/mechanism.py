@@ -23,12 +23,14 @@ if TYPE_CHECKING:
     import blockmech.analysis.verify as verifying
     import blockmech.draw.arcs as closing
     import blockmech.draw.equilibria as balancing
+    import blockmech.draw.linearize as linearising
     import blockmech.draw.sensitivity as sensing
     import blockmech.draw.study as studying
     import blockmech.draw.tolerance as tolerating
     import blockmech.draw.trade as trading
     import blockmech.dynamics.simulation as simulating
     import blockmech.studies.family as designing
+    import blockmech.studies.linearize as vibrating
     import blockmech.studies.objective as optimising
 
 
@@ -44,7 +46,9 @@ class Mechanism(Compiled):
         equilibria = balancing.equilibria
         explain = explaining.explain
         extremes = extremal.extremes
+        floquet = vibrating.floquet
         limits = closing.limits
+        linearize = linearising.linearize
         modes = closing.modes
         objective = optimising.objective
         parameters = designing.parameters
@@ -59,7 +63,9 @@ class Mechanism(Compiled):
         equilibria = Later("blockmech.draw.equilibria")
         explain = Later("blockmech.analysis.explain")
         extremes = Later("blockmech.analysis.extremes")
+        floquet = Later("blockmech.studies.linearize")
         limits = Later("blockmech.draw.arcs")
+        linearize = Later("blockmech.draw.linearize")
         modes = Later("blockmech.draw.arcs")
         objective = Later("blockmech.studies.objective")
         parameters = Later("blockmech.studies.family")

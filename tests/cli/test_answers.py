@@ -18,6 +18,7 @@ TEXTS = {
     "equilibria RUIZ --friction none --deg": lambda m: m.equilibria(friction="none").text(
         degrees=True
     ),
+    "linearize RUIZ --at 1 --rates 10": lambda m: str(m.linearize(1.0, rates=10.0)),
     "extremes RUIZ crank.q --deg": lambda m: m.extremes("crank.q").text(degrees=True),
     "extremes RUIZ dyad.j.angle --stroke": lambda m: str(m.stroke("dyad.j.angle")),
 }

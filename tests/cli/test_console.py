@@ -30,6 +30,7 @@ DONE = {
     "assembly modes": ["modes", "FILE"],
     "extremes": ["extremes", "FILE", "dyad.transmission_angle"],
     "equilibria": ["equilibria", "FILE"],
+    "modes of vibration": ["linearize", "FILE", "--at", "60deg"],
     "checks": ["verify", "FILE"],
     "a trade": ["trade", "FILE", "--budget", "1s"],
     "designs": ["sweep", "FILE", "--vary", "dyad.l_i=5.5:6:3", "--want", "max_abs(crank.drive)"],

@@ -25,6 +25,7 @@ ANSWERS: dict[str, tuple[Callable[[bm.Mechanism], Any], str]] = {
     "verify": (lambda m: m.verify(samples=3), "allowed"),
     "extremes": (lambda m: m.extremes("dyad.margin"), "minimum"),
     "equilibria": (lambda m: m.equilibria(), "stable"),
+    "linearize": (lambda m: m.linearize(1.0), "keeps it up"),
     "stroke": (lambda m: m.stroke("dyad.j.angle"), "stroke 1.62"),
     "motion": (
         lambda m: m.simulate("time=0.1", start={"crank": (0.0, 5.0)}, friction="none").motion,

@@ -27,6 +27,7 @@ COMMANDS = {
     "modes": ["--no-arcs"],
     "extremes": ["*.q"],
     "equilibria": [],
+    "linearize": [],
     "outputs": [],
     "test": [],
     "draw": ["-o", "x.nono"],

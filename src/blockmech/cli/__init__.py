@@ -19,7 +19,7 @@ import blockmech
 from blockmech.cli.analyses import check, extremes, limits, modes, verify
 from blockmech.cli.decompose import decompose
 from blockmech.cli.describe import blocks, outputs, schema
-from blockmech.cli.design import equilibria
+from blockmech.cli.design import equilibria, linearize
 from blockmech.cli.draw import draw
 from blockmech.cli.export import export
 from blockmech.cli.import_ import import_
@@ -46,7 +46,8 @@ from blockmech.errors import BlockmechError, SampleError
 from blockmech.files import sparing
 
 COMMANDS = (
-    *(run, simulate, check, decompose, draw, verify, limits, modes, extremes, equilibria),
+    *(run, simulate, check, decompose, draw, verify, limits, modes, extremes),
+    *(equilibria, linearize),
     *(trade, sweep, sensitivity, test, new, import_, export, blocks, outputs, schema, studio),
 )
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from blockmech.builders import compiled
+from blockmech.cli.numbers import coordinates, rates_of
 from blockmech.cli.options import (
     AsJson,
+    At,
     DegreesOfText,
     Friction,
     GraphFile,
+    names_of,
     one_of,
     option,
     si_only,
@@ -39,5 +42,37 @@ def equilibria(
         mechanism = compiled(file)
     with progress_bar("searching"):
         found = mechanism.equilibria(friction=friction, time=time)  # type: ignore[arg-type]
+    answer(file, json, found.to_dict(), found.text(degrees=deg))
+    write_found(found, None, plot)
+
+
+def linearize(
+    file: GraphFile,
+    at: At = None,
+    rates: Annotated[
+        list[str] | None,
+        option("Rates of a steady motion; by default rest.", "[DRIVER=]NUMBER"),
+    ] = None,
+    inputs: Annotated[
+        list[str] | None, option("Numbers that are inputs, besides the drivers' efforts.", "A,B")
+    ] = None,
+    outputs: Annotated[
+        list[str] | None, option("Outputs of the system; by default the coordinates.", "A,B")
+    ] = None,
+    friction: Friction = None,
+    plot: Plot = None,
+    deg: DegreesOfText = DEGREES,
+    json: AsJson = False,
+) -> None:
+    """Find how the mechanism vibrates about a pose: frequencies, damping, mode shapes."""
+    si_only(json, deg)
+    one_of(json=json, plot=plot is not None)
+    check_places(None, plot)
+    with reading(file):
+        mechanism = compiled(file)
+    asked: dict[str, Any] = {"rates": rates_of(mechanism, rates or []), "friction": friction}
+    asked |= {"inputs": names_of(inputs), "outputs": names_of(outputs)}
+    with progress_bar("differentiating"):
+        found = mechanism.linearize(coordinates(mechanism, at or []), **asked)
     answer(file, json, found.to_dict(), found.text(degrees=deg))
     write_found(found, None, plot)

@@ -29,6 +29,11 @@ def coordinates(mechanism: Compiled, given: list[str]) -> dict[str, list[float]]
     return _by_driver(mechanism, given, "--at", "0,1", lambda at, x, of: row(at, x, UNITS[of]))
 
 
+def rates_of(mechanism: Compiled, given: list[str]) -> dict[str, list[float]] | None:
+    """Driver rates from the ``--rates`` options, as `coordinates` reads them."""
+    return _by_driver(mechanism, given, "--rates", "2", lambda at, x, of: row(at, x, RATES[of]))
+
+
 def starts(mechanism: Compiled, given: list[str]) -> dict[str, tuple[float, float]] | None:
     """Driver -> (q [rad or m], rate) from the ``--start`` options; None without any.
 

@@ -67,8 +67,6 @@ def _caption(trade: Trade) -> str:
 
 
 def _panel(axes: Any, trade: Trade, cost: str) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
-
     floor = trade.reference.floor
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -92,13 +90,20 @@ def _panel(axes: Any, trade: Trade, cost: str) -> None:
     axes.set_ylim(floor / 5, max([*errors, floor]) * 5)
     axes.margins(x=0.12)
     for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
-        decades = math.log10(high / low)
-        few = LogLocator(subs=(1.0, 3.0) if decades < 2 else (1.0,), numticks=7)
-        axis.set_major_locator(few if decades > 1 else MaxNLocator(4))
-        axis.set_major_formatter(FuncFormatter(lambda x, _: power_of_ten(x)))
-        axis.set_minor_locator(NullLocator())
+        log_ticks(axis, low, high)
     axes.grid(True, color=ink.PALE, lw=0.3)
     axes.set_axisbelow(True)
+
+
+def log_ticks(axis: Any, low: float, high: float) -> None:
+    """Few marks on a logarithmic axis between two ends, as powers of ten."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+
+    decades = math.log10(high / low)
+    few = LogLocator(subs=(1.0, 3.0) if decades < 2 else (1.0,), numticks=7)
+    axis.set_major_locator(few if decades > 1 else MaxNLocator(4))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: power_of_ten(x)))
+    axis.set_minor_locator(NullLocator())
 
 
 def power_of_ten(x: float) -> str:

@@ -1,0 +1,98 @@
+"""Pictures of linear systems: the Bode diagram, and modes in motion."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from blockmech.draw import animate
+from blockmech.draw import palette as ink
+from blockmech.draw.animation import Animation
+from blockmech.draw.paper import captioned, legend_above, shown_name
+from blockmech.draw.pictured import Pictured
+from blockmech.draw.trade import log_ticks
+from blockmech.errors import refused
+from blockmech.files import AnyPath
+from blockmech.runnable import giving
+from blockmech.studies.linearize import Linearization
+from blockmech.studies.linearize import linearize as found_of
+
+PANEL = 13.0 * ink.TEXT  # [pt] height of a panel
+CURVES = 8  # that one diagram can hold
+FRAMES = 48  # of a period of a mode
+SWING = 0.2  # [rad] or share of a metre: amplitude of a mode that is shown
+
+
+class PlottedLinearization(Pictured, Linearization):
+    """A linear system with its pictures."""
+
+    def figure(self) -> Any:
+        """Bode diagram: magnitude and phase of each output by each input.
+
+        Raises `RequestError` where there are more curves than a picture can hold.
+        """
+        pairs = [(i, j) for i in range(len(self.outputs)) for j in range(len(self.inputs))]
+        if len(pairs) > CURVES:
+            found = f"{len(pairs)} pairs of inputs and outputs"
+            raise refused("plot", found, "name fewer outputs", code="too-many-curves")
+        w = self.around()
+        whole = self.response(w)
+        said = (
+            f"{shown_name(self.mechanism.name, 40)}: response of outputs to inputs, linear about "
+        )
+        said += ", ".join(
+            f"{self.mechanism.of_driver(d, 'q')} = {q:.6g}" for d, q in self.at.items()
+        )
+        with captioned(f"{said}.", 2 * PANEL + 3 * ink.ROW) as figure:
+            size, phase = figure.subplots(2, sharex=True)
+            for n, (i, j) in enumerate(pairs):
+                name = f"{shown_name(self.outputs[i])} by {shown_name(self.inputs[j])}"
+                row, style = whole[:, i, j], ink.curve_style(n)
+                size.plot(w, np.abs(row), label=name, **style)
+                phase.plot(w, np.degrees(np.unwrap(np.angle(row))), **style)
+            size.set(xscale="log", yscale="log")
+            units = {
+                f"{self.units[self.outputs[i]]}/({self.units[self.inputs[j]]})" for i, j in pairs
+            }
+            size.set_ylabel(f"magnitude [{units.pop() if len(units) == 1 else 'SI'}]", labelpad=2)
+            phase.set_ylabel("phase [°]", labelpad=2)
+            phase.set_xlabel("frequency [rad/s]", labelpad=1)
+            for axes in (size, phase):
+                axes.grid(True)
+            log_ticks(size.xaxis, *size.get_xlim())
+            log_ticks(size.yaxis, *size.get_ylim())
+            phase.set_yticks(np.arange(-360, 361, 90))
+            low, high = phase.dataLim.intervaly
+            phase.set_ylim(90 * math.floor(low / 90 - 0.1), 90 * math.ceil(high / 90 + 0.1))
+            legend_above(size, ink.COLUMN)
+        return figure
+
+    def animate(
+        self, mode: int = 0, path: AnyPath | None = None, *, amplitude: float = SWING
+    ) -> Animation:
+        """One mode in motion: its shape, swinging about the pose.
+
+        Parameters
+        ----------
+        mode : which of `modes`
+        path : a .gif or .html file
+        amplitude : [rad or m] of the driver that swings most
+
+        Raises `RequestError` for a mode that there is not, and the errors of a run where the
+        amplitude leaves the range in which the mechanism closes.
+        """
+        modes = self.modes
+        if not 0 <= mode < len(modes):
+            raise refused("mode", f"got {mode}", f"there are {len(modes)}, from 0 on")
+        turn = np.exp(1j * np.linspace(0.0, math.tau, FRAMES, endpoint=False))
+        at = {
+            driver: q + amplitude * (z * turn).real
+            for (driver, q), z in zip(self.at.items(), modes[mode].shape, strict=True)
+        }
+        return animate(self.mechanism, path, at=at)
+
+
+linearize = giving(PlottedLinearization, found_of)
+"""`blockmech.studies.linearize.linearize`, which can be drawn."""

@@ -1,0 +1,195 @@
+"""Linear models against absolute coordinates, closed forms, and the motion itself."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import blockmech as bm
+from tests.analysis.test_equilibria import in_pairs
+from tests.gallery import GRAPHS, document
+from tests.independent import multibody as mb
+
+DIGITS = 1e-9
+H = 2e-4  # [rad or m] of fourth-order differences of extended numbers: h^4 = 1.6e-15
+
+
+def efforts(system, q, qd, qdd):
+    """Efforts of all drivers by absolute coordinates, in extended precision."""
+    poses = mb.assemble(system, system.home, list(q), follow=True, refine=True)
+    rates = mb.rates(system, poses, list(qd))
+    found = mb.reactions(
+        system, poses, rates, mb.accelerations(system, poses, rates, list(qdd)), friction=False
+    )
+    return np.array([found.drivers[d] for d in system.drivers], np.longdouble)
+
+
+def slopes(system, q, qd, which):
+    """Derivatives of the efforts by coordinates, rates or accelerations (k, k)."""
+    k, columns = len(q), []
+    state = [np.array(q, np.longdouble), np.array(qd, np.longdouble), np.zeros(k, np.longdouble)]
+
+    def at(i, h):
+        moved = [x.copy() for x in state]
+        moved[which][i] += h
+        return efforts(system, *moved)
+
+    for i in range(k):
+        rise = at(i, -2 * H) - at(i, 2 * H) + 8 * (at(i, H) - at(i, -H))
+        columns.append(np.asarray(rise / (12 * H), float))
+    return np.column_stack(columns)
+
+
+CASES = {
+    "watt_sixbar": ([1.0], [2.0]),
+    "fivebar_falling": ([1.0, 2.0], [0.7, -1.1]),
+    "excavator": None,
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_matrices_and_modes_are_those_of_absolute_coordinates(name):
+    """Also of a two- and a three-driver machine, about a motion."""
+    linkage = bm.Linkage.load(GRAPHS / "joints" / f"{name}.json")
+    mech, system = linkage.compile(), mb.read(in_pairs(document(f"joints/{name}")))
+    if CASES[name] is None:
+        q = [mech.scene.begin(d) for d in mech.drivers]
+        q = [0.5 if x is None else x for x in q]
+        qd = [0.1] * len(q)
+    else:
+        q, qd = CASES[name]
+    at, rates = (dict(zip(mech.drivers, x, strict=True)) for x in (q, qd))
+    found = mech.linearize(at, rates=rates, friction="none")
+    order = [list(system.drivers).index(d) for d in mech.drivers]
+    for ours, which in ((found.K, 0), (found.damping, 1), (found.M, 2)):
+        theirs = slopes(system, q, qd, which)[np.ix_(order, order)]
+        assert np.abs(ours - theirs).max() <= DIGITS * max(np.abs(theirs).max(), 1.0)
+    K, C, M = (slopes(system, q, qd, w)[np.ix_(order, order)] for w in (0, 1, 2))
+    k = len(M)
+    A = np.vstack([np.eye(k, 2 * k, k), -np.hstack([np.linalg.solve(M, K), np.linalg.solve(M, C)])])
+    theirs = np.sort_complex(np.linalg.eigvals(A))
+    ours = np.sort_complex(found.eigenvalues)
+    assert np.abs(ours - theirs).max() <= 1e-8 * np.abs(theirs).max()
+
+
+def pendulum(damping=0.0, stiffness=0.0):
+    g = bm.Graph("pendulum", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    rod = bm.Link(mass=2.0, inertia=0.1, cm=(0.5, 0.0))
+    g.add("crank", bm.Crank(length=1.0, links={"crank": rod}))
+    g.add("twist", bm.TorsionSpring(stiffness=stiffness, damping=damping))
+    g.add("push", bm.Force(force=(0.0, 0.0)))
+    for a, b in (("frame.A", "crank.A"), ("frame.frame", "twist.a"), ("crank.crank", "twist.b")):
+        g.connect(a, b)
+    g.connect("crank.B", "push.at")
+    return g.compile()
+
+
+def test_a_pendulum_has_the_frequency_and_damping_of_the_textbook():
+    J, k, c = 0.6, 9.81, 0.8  # about the pin; m g l; damping
+    found = pendulum(c).linearize()
+    (mode,) = found.modes
+    assert mode.frequency == pytest.approx(math.sqrt(k / J), rel=1e-13)
+    assert mode.damping == pytest.approx(c / (2 * math.sqrt(k * J)), rel=1e-13)
+    assert found.stable
+    w = np.array([0.1, 3.0, 40.0])
+    assert found.response(w)[:, 0, 0] == pytest.approx(1 / (k - J * w**2 + 1j * c * w), rel=1e-12)
+
+
+def test_inputs_and_outputs_have_names():
+    """A force at the end works with the length of the rod; acceleration follows it at once."""
+    found = pendulum(0.8).linearize(
+        inputs=["push.force.x"], outputs=["crank.B.p.x", "crank.acceleration"]
+    )
+    assert found.inputs == ("crank.drive", "push.force.x")
+    w = np.array([2.0])
+    H_ = 1 / (9.81 - 0.6 * w**2 + 1j * 0.8 * w)
+    whole = found.response(w)[0]
+    assert whole[0] == pytest.approx(np.array([H_[0], H_[0]]), rel=1e-12)  # hangs: x = l phi
+    assert whole[1] == pytest.approx(-(w[0] ** 2) * np.array([H_[0], H_[0]]), rel=1e-12)
+    assert found.units["push.force.x"] == "N"
+
+
+def test_scipy_takes_the_system():
+    from scipy import signal
+
+    found = pendulum(0.8).linearize()
+    space = found.to_statespace()
+    t = np.linspace(0.0, 2.0, 21)
+    _, y, _ = signal.lsim(space, 0.0 * t, t, X0=[0.1, 0.0])
+    assert y == pytest.approx([(expm(found.A * s) @ [0.1, 0.0])[0] for s in t], abs=1e-12)
+
+
+def test_control_takes_the_system_with_its_names():
+    found = pendulum(0.8).linearize(inputs=["push.force.x"])
+    space = found.to_control()
+    assert space.input_labels == ["crank_drive", "push_force_x"]
+    assert space.output_labels == ["crank_q"]
+    assert space(2j) == pytest.approx(found.response(2.0)[0], rel=1e-12)
+
+
+def test_small_motions_are_the_linear_ones():
+    mech = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
+    place = mech.equilibria().stable[0]
+    found, q0, d = mech.linearize(place), float(place.q[0]), 1e-5
+    t = np.linspace(0.1, 1.5, 8)
+    run = mech.simulate(times=t.tolist(), start={"crank": (q0 + d, 0.0)})
+    x = np.array([(expm(found.A * s) @ [d, 0.0])[0] for s in t])
+    assert np.abs(run["crank.q"] - q0 - x).max() < 20 * d**2
+
+
+def test_friction_that_slips_is_in_it():
+    """About a motion: differences of the driving moment with friction."""
+    mech = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").compile()
+    found, h = mech.linearize(1.0, rates=10.0), 1e-4
+
+    def drive(q, rate):
+        return mech.run(q, rates=rate, accelerations=0.0, want="crank.drive")["crank.drive"][0]
+
+    assert found.effort[0] == pytest.approx(drive(1.0, 10.0), rel=1e-13)
+    K = (
+        drive(1 - 2 * h, 10) - 8 * drive(1 - h, 10) + 8 * drive(1 + h, 10) - drive(1 + 2 * h, 10)
+    ) / (12 * h)
+    assert found.K[0, 0] == pytest.approx(K, rel=DIGITS)
+
+
+def test_floquet_is_what_the_return_map_tells():
+    mech = bm.Graph.load(GRAPHS / "pump.json").compile()
+    motion = mech.simulate("steady", friction="none")
+    found = mech.floquet(motion)
+    assert abs(found.multipliers[0] - 1) < 1e-9  # a motion that starts later is the same
+    assert found.multipliers[1].real == pytest.approx(motion.motion.facts["multiplier"], rel=1e-8)
+    assert "multiplier" in str(found)
+    with pytest.raises(bm.RequestError, match="no period"):
+        mech.floquet(mech.run(at=1.0))
+
+
+def test_what_does_not_fit_is_said():
+    mech = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
+    with pytest.raises(bm.RequestError, match=r"it names 2 poses"):
+        mech.linearize([1.0, 2.0])
+    with pytest.raises(bm.RequestError, match=r"name first.C.p.x"):
+        mech.linearize(1.0, outputs="first.C.p")
+    two = bm.Graph.load(GRAPHS / "geared_fivebar.json").compile()
+    with pytest.raises(bm.RequestError, match=r"2 stable equilibria"):
+        two.linearize()
+    with pytest.raises(bm.RequestError, match="moves no mass"):
+        bm.Graph.load(GRAPHS / "slider_crank.json").compile().linearize(1.0)
+
+
+def test_pictures(tmp_path):
+    found = (
+        bm.Graph.load(GRAPHS / "fivebar_falling.json")
+        .compile()
+        .linearize({"left": 1.2, "right": 2.0})
+    )
+    assert found.plot(tmp_path / "bode.png").stat().st_size > 10_000
+    labels = [t.get_text() for t in found.figure().axes[0].get_legend().get_texts()]
+    assert labels[0] == "left.q by left.drive"
+    made = found.animate(0, tmp_path / "mode.html", amplitude=0.05)
+    assert made.path.stat().st_size > 1000
+    with pytest.raises(bm.RequestError, match="from 0 on"):
+        found.animate(9)
