@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.draw import animate
 from blockmech.draw import palette as ink
-from blockmech.draw.animation import Animation
-from blockmech.draw.paper import captioned, legend_above, shown_name
+from blockmech.draw.animation import MOVING, Animation
+from blockmech.draw.motion import moves
+from blockmech.draw.paper import captioned, legend_above, shown_name, suffix_of
 from blockmech.draw.pictured import Pictured
 from blockmech.draw.trade import log_ticks
 from blockmech.errors import refused
@@ -83,6 +83,8 @@ class PlottedLinearization(Pictured, Linearization):
         Raises `RequestError` for a mode that there is not, and the errors of a run where the
         amplitude leaves the range in which the mechanism closes.
         """
+        if path is not None:
+            suffix_of(path, "an animation", MOVING)  # before anything is computed
         modes = self.modes
         if not 0 <= mode < len(modes):
             raise refused("mode", f"got {mode}", f"there are {len(modes)}, from 0 on")
@@ -91,7 +93,8 @@ class PlottedLinearization(Pictured, Linearization):
             driver: q + amplitude * (z * turn).real
             for (driver, q), z in zip(self.at.items(), modes[mode].shape, strict=True)
         }
-        return animate(self.mechanism, path, at=at)
+        made = Animation(moves(self.mechanism, at))
+        return made if path is None else made.save(path)
 
 
 linearize = giving(PlottedLinearization, found_of)
