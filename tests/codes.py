@@ -10,6 +10,7 @@ WORDS = """
     unknown-marker unknown-joint double-wire self-wire pair-mismatch many-drivers
     wrong-home unwired-joint cycle unknown-driver
     bad-teeth coupling-mismatch coupled-twice coupled-driver coupling-loop
+    undercut dead-face open-profile no-room
 """
 FILE_CODES = frozenset(WORDS.split())
 

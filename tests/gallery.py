@@ -158,6 +158,15 @@ TWINS: dict[str, Twins] = {
         "main=crank.A crankpin=piston.B crosshead=piston.C barrel=piston.S",
         "shaft=crank",
     ),
+    "rack_gripper": _twins(
+        "rack=rack.slider upper_pinion=upper.crank upper_finger=upper_finger.i"
+        " upper_rocker=upper_finger.j lower_pinion=lower.crank lower_finger=lower_finger.i"
+        " lower_rocker=lower_finger.j",
+        "cylinder=rack.S upper_axle=upper.A upper_B=upper_finger.B upper_C=upper_finger.C"
+        " upper_D=upper_finger.D lower_axle=lower.A lower_B=lower_finger.B"
+        " lower_C=lower_finger.C lower_D=lower_finger.D",
+        "cylinder=rack upper=upper lower=lower",
+    ),
     "ruiz_fourbar": _twins(
         "crank=crank.crank coupler=dyad.i rocker=dyad.j",
         "A=crank.A B=dyad.B C=dyad.C D=dyad.D",
@@ -226,6 +235,13 @@ TWINS: dict[str, Twins] = {
         "O=crank.A A=knee.B knee.rod=-knee.C U=knee.D knee.lower=ram.B R=ram.C column=ram.S",
         "motor=crank",
         "ram=ram.C",
+    ),
+    "valve_engine": _twins(
+        "crankshaft=crank.crank rod=piston.i piston=piston.j camshaft=camshaft.crank"
+        " valve=valve.slider",
+        "main=crank.A crankpin=piston.B wristpin=piston.C cylinder=piston.S bearing=camshaft.A"
+        " guide=valve.S",
+        "shaft=crank camshaft=camshaft valve=valve",
     ),
     "watt_sixbar": _twins(
         "crank=crank.crank coupler=first.i rocker=first.j left=second.i right=second.j",

@@ -21,7 +21,7 @@ from blockmech.blocks import (
     SlideDrive,
 )
 from blockmech.builders import Graph, Linkage, read
-from blockmech.couplings import Gear
+from blockmech.couplings import Belt, Cam, Gear, Geneva, Rack, Ratio
 from blockmech.errors import (
     AssemblyError,
     BlockmechError,
@@ -59,7 +59,9 @@ __all__ = [
     "RRP",
     "RRR",
     "AssemblyError",
+    "Belt",
     "BlockmechError",
+    "Cam",
     "ConstantRate",
     "Coulomb",
     "Couple",
@@ -72,6 +74,7 @@ __all__ = [
     "FrictionError",
     "Gear",
     "GeneralGroup",
+    "Geneva",
     "Graph",
     "GraphError",
     "Harmonic",
@@ -82,7 +85,9 @@ __all__ = [
     "MissingEngineError",
     "Motor",
     "Problem",
+    "Rack",
     "RateAcceleration",
+    "Ratio",
     "RequestError",
     "Result",
     "SingularError",

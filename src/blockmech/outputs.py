@@ -104,7 +104,7 @@ def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
 
     yield Output(f"{name}.slope", unit, "real", slope, _same)
     yield _real(f"{name}.effort", joint.effort_unit, forces.effort_in, ref, **ends)
-    if structure.couplings[name].contact is not None:
+    if structure.contact(driver) is not None:
 
         def part(field: str, zero: str) -> Callable[[Schedule], tuple[str]]:
             def ask(s: Schedule) -> tuple[str]:
@@ -114,6 +114,10 @@ def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
 
         yield Output(f"{name}.force", "N", "vector", part("F", ZERO), _same, by, ends["on"])
         yield Output(f"{name}.moment", "N m", "real", part("M", NOUGHT), _same, by, ends["on"])
+        found = structure.couplings[name].readings(structure.coupled_pair(name))
+        for what, read in found.items():
+            more = {**ends, "words": read.about}
+            yield _real(f"{name}.{what}", read.unit, forces.coupling_reading, driver, read, **more)
 
 
 def _acts(s: Schedule, ref: JointRef) -> bool:
@@ -393,6 +397,19 @@ def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:
                 yield f"path/{entry.block}", (f"{s.ask(forward.position, entry.block)}.reached",)
         if entry.stage == "force":
             yield from _friction_quality(s, entry.block)
+            yield from _contact_quality(s, entry.block)
+
+
+def _contact_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """What must push in the couplings by which a block is driven."""
+    structure = s.structure
+    for driver in structure.drivers_of(block):
+        if driver not in structure.followers or structure.contact(driver) is None:
+            continue
+        name = structure.followers[driver].coupling
+        for read in structure.couplings[name].readings(structure.coupled_pair(name)).values():
+            if read.flag:
+                yield f"push/{name}/{read.flag}", (s.ask(forces.coupling_reading, driver, read),)
 
 
 def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str, ...]]]:

@@ -39,9 +39,6 @@ OF_DRIVERS = (
 )
 
 
-OF_COUPLINGS = ("slope", "effort", "force", "moment")
-
-
 class Reading(NamedTuple):
     """How an output of the document is read.
 
@@ -102,7 +99,7 @@ def readings(structure: Structure, names: Names, known: Mapping[str, Output]) ->
     for pin, entries in groupby(names.joints.items(), lambda item: item[0].partition(".")[0]):
         yield from _of_joints(pin, dict(entries), structure, names, known)
     for coupling, block in names.couplings.items():
-        for what in OF_COUPLINGS:
+        for what in (n.removeprefix(f"{block}.") for n in known if n.startswith(f"{block}.")):
             yield Reading(f"coupling.{coupling}.{what}", ((f"{block}.{what}", 1),))
     yield from _of_loads(structure, names, known)
     for name in known:

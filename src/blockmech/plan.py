@@ -334,6 +334,7 @@ class Output(NamedTuple):
     ask : the rule's answer in a schedule: names of program values
     read : arrays of those values -> the output's array
     by, on : for what one link exerts on another, the two links
+    words : what it is, where its last name does not say it
     """
 
     name: str
@@ -343,11 +344,13 @@ class Output(NamedTuple):
     read: Reader
     by: str = ""
     on: str = ""
+    words: str = ""
 
     @property
     def about(self) -> str:
         """What it is, in words."""
-        return QUANTITIES[self.name.rpartition(".")[2]].format(by=self.by, on=self.on)
+        words = self.words or QUANTITIES[self.name.rpartition(".")[2]]
+        return words.format(by=self.by, on=self.on)
 
 
 @functools.cache

@@ -158,7 +158,7 @@ def assess(
     ----------
     n : number of samples
     values : report name (``margin/block``, ``path/block``, ``friction/block``,
-        ``existence/block``, ``rest/joint``) -> its arrays
+        ``existence/block``, ``rest/joint``, ``push/coupling/code``) -> its arrays
     wanted_bad : (n,) whether a wanted value is not finite
     prismatic : blocks with friction in a prismatic pair
     following : dyads whose branch follows the motion: it runs on where their margin is zero
@@ -201,6 +201,10 @@ def assess(
             reach = float(factor[i] * load[i])
             if np.isfinite(reach):
                 flags.append(Flag(int(i), "zero-relative-speed", joint, interval=(-reach, reach)))
+    for name, (push,) in ((k, v) for k, v in values.items() if k.startswith("push/")):
+        _, coupling, code = name.split("/")
+        low = np.flatnonzero(push < 0.0).tolist()
+        flags += [Flag(int(i), code, coupling, value=float(push[i])) for i in low]
     flags += [Flag(i, "undefined", "mechanism") for i, block in blame.items() if not block]
     flags.sort(key=lambda f: (f.sample, f.code, f.where))
     return Quality(

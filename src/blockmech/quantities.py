@@ -45,6 +45,10 @@ QUANTITIES: Mapping[str, str] = {
     "slope": "rate of the driven coordinate by the one that leads",
     "effort": "moment or force of {by} on {on} along its coordinate, friction included",
     "moment": "moment of {by} on {on}, about the marker of the driven pair",
+    "pressure_angle": "angle between a cam's push and the follower's motion, ccw positive",
+    "curvature_radius": "radius of curvature of a cam's profile, negative where it is hollow",
+    "contact": "normal force of {by} on {on}; below zero the parts would lift off",
+    "slack": "tension of a belt's slack side; below zero it would hang loose",
     # the mechanism
     "kinetic_energy": "kinetic energy of all links",
     "potential_energy": "energy of weights, from the frame's origin, and of springs",

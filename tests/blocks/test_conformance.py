@@ -88,11 +88,41 @@ EXAMPLES = {
     ],
 }
 ENDS = {"driver": "first", "driven": "second"}
+LIFT = {
+    "kind": "segments",
+    "start": -0.1,
+    "segments": [
+        {"motion": "modified_sine", "over": 0.7, "rise": 0.02},
+        {"motion": "dwell", "over": 0.1},
+        {"motion": "4-5-6-7", "over": 2.0, "rise": -0.02},
+    ],
+}
+ROWS = {"arguments": [-1.0, 0.0, 1.0, 2.0, 3.0, 4.0], "values": [0.0, 0.1, 0.3, 0.2, 0.1, 0.05]}
 EXAMPLES |= {
     "coupling.gear": [
         {**ENDS, "teeth": (20, 30), "phase": 0.4},
         {**ENDS, "teeth": (60, 18), "internal": True, "pressure_angle": 0.35},
         {**ENDS, "teeth": (18, 60), "internal": True, "pressure_angle": 0.35},
+    ],
+    "coupling.rack": [
+        {**ENDS, "radius": 0.1, "pressure_angle": 0.3},
+        {**ENDS, "radius": 0.1, "side": -1, "phase": 0.2},
+    ],
+    "coupling.belt": [
+        {**ENDS, "radii": (0.1, 0.2), "preload": 500.0},
+        {**ENDS, "radii": (0.1, 0.2), "crossed": True},
+    ],
+    "coupling.ratio": [
+        {**ENDS, "law": {"kind": "polynomial", "coefficients": [0.1, 0.5, 0.3]}},
+        {**ENDS, "law": LIFT, "phase": 0.1},
+        {**ENDS, "law": {"kind": "table", **ROWS, "period": 6.0}},
+        {**ENDS, "law": {"kind": "table", **ROWS, "interpolation": "quintic"}},
+    ],
+    "coupling.geneva": [{**ENDS, "slots": 6}, {**ENDS, "slots": 4, "pin": 0.4}],
+    "coupling.cam": [
+        {**ENDS, "law": LIFT, "phase": 0.4, "at": (1.0, 0.2)},
+        {**ENDS, "law": LIFT, "phase": 0.4, "at": (1.0, 0.2), "follower": "roller", "roller": 0.1},
+        {**ENDS, "law": LIFT, "phase": 0.4, "at": (1.3, 0.2), "follower": "flat", "face": -0.1},
     ],
 }
 CASES = [

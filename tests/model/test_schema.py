@@ -35,6 +35,7 @@ BEYOND_A_SCHEMA = {  # what a schema cannot say: how parts of a file fit each ot
     *("unknown_driver", "unknown_joint", "unknown_marker", "unwired_joint"),
     *("many_drivers", "wrong_home"),
     *("bad_teeth", "coupling_mismatch", "coupled_twice", "coupled_driver", "coupling_loop"),
+    *("undercut", "dead_face", "open_profile", "no_room", "rack_on_pin", "roller_too_large"),
 }
 
 

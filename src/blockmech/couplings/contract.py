@@ -10,13 +10,14 @@ its effort goes to.
     the driver's link has turned against the link that carries the driven one, and both count
     counter-clockwise, whatever way the drivers count: so a wheel on a moving carrier needs
     nothing of its own. Else x is the driver's coordinate.
- 2. ``contact(a, b, motion, effort, sense, p)`` gives what the driver's link does to the driven
-    one, force and moment about the driven pair's marker: a and b are the guides of the two
-    pairs' markers, ``effort`` is what must act along the driven coordinate, and ``sense`` its
-    sign. It is linear in the effort. What acts on the driven link acts back on the driver's.
-    A coupling without it is a black box between the drivers, whose housing stands on their
-    supports.
- 3. Both are kernels: pure, batch-transparent, of primitives alone.
+ 2. ``contact(here, effort, sense, p)`` gives what the driver's link does to the driven one,
+    force and moment about the driven pair's marker: ``here`` is a `Meshing`, ``effort`` is what
+    must act along the driven coordinate, and ``sense`` its sign. It is linear in the effort.
+    What acts on the driven link acts back on the driver's. A coupling without it is a black box
+    between the drivers, whose housing stands on their supports.
+ 3. ``tension(here, p)`` gives a load of the same kind that acts without any effort, and does no
+    work along the coordinates: the tension of a belt.
+ 4. All are kernels: pure, batch-transparent, of primitives alone.
 
 Power balances by rule 1: the effort that the driver feels is the slope times the driven one's.
 """
@@ -25,12 +26,14 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 from blockmech.blocks.block import Block
-from blockmech.typing import Real
+from blockmech.errors import Problem
+from blockmech.typing import Guide, Real
+from blockmech.values import Axis, Units
 
 ROUND = 72  # straight pieces of a drawn circle
 
@@ -43,11 +46,44 @@ class Transmission(NamedTuple):
     curve: Real
 
 
+class Meshing(NamedTuple):
+    """Where the two sides of a coupling are."""
+
+    a: Guide  # the marker of the pair that leads, or the centre of a wheel that is fixed to a link
+    b: Guide  # the marker of the driven pair
+    lead: Guide  # origin and x axis of the leading link
+    link: Guide  # the same of the driven link
+    x: Real  # [rad or m] argument of the transmission
+    motion: Transmission
+
+
+Where: TypeAlias = Callable[[float], Meshing]
+"""Both sides at an argument of the transmission, in the axes of what carries both."""
+
+
+class Reading(NamedTuple):
+    """A number that a coupling shows as one more output, under the coupling's name.
+
+    unit : of the number
+    kernel : of (here, p), or where it is of the forces of (here, load, p)
+    of_load : whether it is of the forces
+    flag : code of the remark where the number is below zero; "" for none
+    about : what it is, in words, where its name is none of `blockmech.quantities`
+    """
+
+    unit: str
+    kernel: Callable[..., Any]
+    of_load: bool = False
+    flag: str = ""
+    about: str = ""
+
+
 class Curve(NamedTuple):
     """A line that turns with a link, about the centre of its pair.
 
     link : "driver", "driven", or "carrier" for what stays between them
-    points : places [m] from the centre, along the link's axes
+    points : places [m] along the link's axes, from the centre of its pair; of a slider from its
+        origin, of the carrier in the axes in which both sides are given, from the driven centre
     chain : whether it is no edge of a body, but a pitch line
     """
 
@@ -71,29 +107,62 @@ class Coupling(Block):
     """
 
     called: ClassVar[str] = 'a coupling such as Gear(driver="a", driven="b", teeth=(20, 40))'
-    leads: ClassVar[tuple[str, ...]] = ("R", "P")  # kinds of the driver's pair
-    follows: ClassVar[tuple[str, ...]] = ("R", "P")  # and of the driven one
+    pairs: ClassVar[tuple[str, ...]] = ("RR", "RP", "PR", "PP")  # of the driver and the driven one
     meshes: ClassVar[bool] = True  # x is an angle between links, not the driver's coordinate
-    contact: ClassVar[Callable[..., Any] | None] = None
+    fixed: ClassVar[bool] = False  # whether both pairs must have their markers on one link
 
     driver: str
     driven: str
 
-    def transmission(self) -> Callable[..., Any]:
-        """The kernel of rule 1."""
+    def axis(self, outside: Axis) -> Axis:
+        """Units of the argument, and in place of the effort of the driven coordinate."""
+        argument, driven = (outside.known.get(d, Axis()) for d in (self.driver, self.driven))
+        return outside._replace(coordinate=argument.coordinate, effort=driven.coordinate)
+
+    def units(self, axis: Axis) -> Units:
+        """A phase is in the unit of the driven coordinate."""
+        return {"phase": axis.effort}
+
+    def transmission(self, pair: str) -> Callable[..., Any]:
+        """The kernel of rule 1; ``pair`` is one of `pairs`."""
         raise TypeError(f"{type(self).__name__} declares no transmission")
+
+    def contact(self, pair: str) -> Callable[..., Any] | None:
+        """The kernel of rule 2; None for a black box."""
+        return None
+
+    def tension(self) -> Callable[..., Any] | None:
+        """The kernel of rule 3; None where nothing is tensioned."""
+        return None
+
+    def readings(self, pair: str) -> Mapping[str, Reading]:
+        """Further outputs by name; of couplings with a contact."""
+        return {}
+
+    def numbers(self, pair: str, at_zero: Callable[[], Meshing]) -> Any:
+        """What kernels read as ``p``; ``at_zero`` gives both sides where all drivers are at 0."""
+        return self.parameters()
+
+    def knots(self, low: float, high: float) -> Iterable[float]:
+        """Arguments between two others at which the curve of the transmission jumps."""
+        return ()
+
+    def faults(self, where: str, pair: str, here: Where, p: Any) -> Iterator[Problem]:
+        """What cannot work where the parts are; ``where`` is the coupling's name."""
+        yield from ()
 
     @property
     def sided(self) -> bool:
         """Whether `contact` asks for the sense of the effort."""
         return False
 
-    def curves(self, ends: tuple[complex, complex], guide: complex) -> Iterator[Curve]:
-        """What is drawn of it; ``ends`` [m] are the two centres in one pose, on the ground.
-
-        ``guide`` is the unit direction of the driven pair's marker there.
-        """
+    def curves(self, pair: str, here: Where, p: Any) -> Iterator[Curve]:
+        """What is drawn of it."""
         yield from ()
+
+    def placed(self) -> Mapping[str, str]:
+        """Fields that are places or angles on a link: on the "driver" or on the "driven" one."""
+        return {}
 
     def advance(self, turns: Fraction) -> Fraction | None:
         """Turns of the driven link while x grows by so many; 0 where it comes back.

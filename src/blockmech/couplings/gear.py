@@ -20,9 +20,9 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, StrictBool, model_validator
 
-from blockmech.couplings.contract import Coupling, Curve, Transmission, circle
+from blockmech.couplings.contract import Coupling, Curve, Meshing, Transmission, Where, circle
 from blockmech.plane import apply, dot, imul, mul
-from blockmech.typing import Guide, Load, Real
+from blockmech.typing import Load, Real
 from blockmech.values import Angle, in_unit, mistake
 
 Teeth = Annotated[int, Field(strict=True, ge=1)]
@@ -41,11 +41,9 @@ def rolling(x: Real, p: GearNumbers) -> Transmission:
     return Transmission(p.ratio * x + p.phase, p.ratio, 0.0)
 
 
-def tooth_force(
-    a: Guide, b: Guide, motion: Transmission, effort: Real, sense: Real, p: GearNumbers
-) -> Load:
+def tooth_force(here: Meshing, effort: Real, sense: Real, p: GearNumbers) -> Load:
     """Force [N] through the pitch point; its arm about B is BP = BA / (1 - i)."""
-    d = b.p - a.p
+    d = here.b.p - here.a.p
     k = effort * (p.ratio - 1.0) / dot(d, d)
     return Load(imul(d, k) + mul(d, sense * k * p.lean), effort)
 
@@ -64,8 +62,7 @@ class Gear(Coupling, type="coupling.gear"):
     -1.3333333333333333
     """
 
-    leads = follows = ("R",)
-    contact = staticmethod(tooth_force)
+    pairs = ("RR",)
 
     teeth: tuple[Teeth, Teeth]
     internal: StrictBool = False
@@ -101,13 +98,18 @@ class Gear(Coupling, type="coupling.gear"):
         lean = slant.imag / slant.real
         return GearNumbers(self.ratio, self.phase, lean if 0 < self.ratio < 1 else -lean)
 
-    def transmission(self) -> Any:
+    def transmission(self, pair: str) -> Any:
         """`rolling`."""
         return rolling
 
-    def curves(self, ends: tuple[complex, complex], guide: complex) -> Iterator[Curve]:
+    def contact(self, pair: str) -> Any:
+        """`tooth_force`."""
+        return tooth_force
+
+    def curves(self, pair: str, here: Where, p: Any) -> Iterator[Curve]:
         """Both pitch circles."""
-        span = abs(ends[1] - ends[0]) / abs(1 - self.ratio)
+        ends = here(0.0)
+        span = abs(ends.b.p - ends.a.p) / abs(1 - self.ratio)
         yield Curve("driver", circle(span * abs(self.ratio)), chain=True)
         yield Curve("driven", circle(span), chain=True)
 

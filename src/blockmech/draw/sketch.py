@@ -155,17 +155,18 @@ def _wheels(motion: Motion, driver: str) -> Iterator[Wheel]:
     ref, leader = s.driven[driver], follower.leader
     if ref not in s.feeds:
         return
-    markers = follower.centre, s.feeds[ref]
-    one, other = (motion.at(m.on, marker_place(s, m)) for m in markers)
-    guide = motion.axis[markers[1].on] * getattr(s.marker(markers[1]), "direction", 1 + 0j)
+    markers = {"driver": follower.centre, "driven": s.feeds[ref], "carrier": s.feeds[ref]}
     links = {"driver": follower.centre.on if leader is None else s.later_link(leader)}
-    links |= {"driven": s.later_link(ref), "carrier": markers[1].on}
-    ends = complex(one[0]), complex(other[0])
-    for curve in s.couplings[follower.coupling].curves(ends, complex(guide[0])):
-        link = links[curve.link]
-        centre = Spot(*((m := markers[curve.link == "driven"]).on, marker_place(s, m)))
-        at = complex(motion.seen(link, centre)[0])
-        points = tuple(at + z for z in curve.points)
+    links |= {"driven": s.later_link(ref), "carrier": s.feeds[ref].on}
+    name = follower.coupling
+    pair, p = s.coupled_pair(name), s.coupling_numbers(name)
+    for curve in s.couplings[name].curves(pair, s.where(name), p):
+        link, marker = links[curve.link], markers[curve.link]
+        slides = curve.link != "carrier" and pair[curve.link == "driven"] == "P"
+        centre = Spot(marker.on, marker_place(s, marker))
+        at = 0j if slides else complex(motion.seen(link, centre)[0])
+        turn = s.at_zero(link).e.conjugate() if curve.link == "carrier" else 1 + 0j
+        points = tuple(at + z * turn for z in curve.points)
         yield Wheel(f"{follower.coupling}:{curve.link}", link, points, curve.chain)
 
 

@@ -46,7 +46,7 @@ Vectors: TypeAlias = NDArray[np.complex128]
 Sides: TypeAlias = tuple[int, ...]
 Row: TypeAlias = list[Any]  # the program's values at a state, or at n of them
 GIVEN = Friction(friction.GIVEN)
-SIDED = "{} pushes its wheels apart whatever the sense of the effort, which is not linear in it"
+SIDED = "{} pushes or pulls otherwise in one sense of the effort than in the other"
 
 
 def bearing(load: Any) -> tuple[Any, Any]:
@@ -80,7 +80,8 @@ class MotionProgram:
             return None
         for name, coupling in structure.couplings.items():
             if coupling.sided:
-                raise refused("friction", SIDED.format(name), 'friction="none", or no angle')
+                remedy = 'friction="none", no pressure angle, or a belt under tension'
+                raise refused("friction", SIDED.format(name), remedy)
         (driver,) = structure.drivers
         values = [s.ask(forces.drive, driver)]
         for ref in joints:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from blockmech.loads.functions import Function
 from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Table
 from blockmech.loads.springs import Spring, TorsionSpring, twist
 from blockmech.model.structure import JointRef, Structure
-from blockmech.passes.forward import coordinate_of, link_velocity, marker_velocity
+from blockmech.passes.forward import argument, coordinate_of, link_velocity, marker_velocity
 from blockmech.passes.homotopy import followed, path_of, schedule
 from blockmech.passes.loads import cm_velocity, kernel_on, terminal_term, weight_on
 from blockmech.passes.resultants import NOTHING
@@ -143,6 +144,8 @@ def knots(compiled: Any) -> tuple[float, ...]:
     span = math.tau if structure.driver_joint(driver).rotary else largest_length(structure)
     low, high = (0.0, period) if period else (-REACH * span, REACH * span)
     found: list[float] = []
+    for follower in structure.followers:
+        found += _jumps_of_coupling(compiled, follower, (low, high), span)
     for name, element in structure.elements.items():
         law = _law(element)
         if law is not None and "coordinate" not in law.variables():
@@ -164,14 +167,35 @@ def _rows_of_follower(
     compiled: Any, driver: str, law: Table, within: tuple[float, float], span: float
 ) -> list[float]:
     """Where a coupled driver passes the rows of a table of its coordinate."""
+    return _levels_passed(compiled, coordinate_of, driver, partial(_rows, law), within, span)
+
+
+def _jumps_of_coupling(
+    compiled: Any, driver: str, within: tuple[float, float], span: float
+) -> list[float]:
+    """Where the argument of a coupling passes a jump of its curve."""
+    jumps = compiled.structure.coupling_of(driver).knots
+    return _levels_passed(compiled, argument, driver, jumps, within, span)
+
+
+def _levels_passed(
+    compiled: Any,
+    rule: Callable[..., str],
+    driver: str,
+    levels: Callable[[float, float], Iterable[float]],
+    within: tuple[float, float],
+    span: float,
+) -> list[float]:
+    """Where a quantity of a coupled driver passes levels, which are named by its range."""
     s = schedule(compiled.structure, compiled.scene, FREE)
-    program = s.program([s.ask(coordinate_of, driver)])
+    program = s.program([s.ask(rule, driver)])
     q = np.linspace(*within, SCANNED * max(1, round((within[1] - within[0]) / span)) + 1)
     if program.inputs != ("q_0",):
         return []
     there = np.asarray(BySize(program).run({"q_0": q}, q.size)[0])
-    rows = _rows(law, float(np.nanmin(there)), float(np.nanmax(there)))
-    return _passings(program, rows, False, q)
+    if not np.isfinite(there).any():
+        return []
+    return _passings(program, levels(float(np.nanmin(there)), float(np.nanmax(there))), False, q)
 
 
 def next_time_kink(structure: Structure, t: float) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, TypeAlias
 
 from blockmech.blocks.contract import DrivingLink, Joint, Moving
+from blockmech.blocks.joints import PAIRS
 from blockmech.couplings.contract import Coupling
 from blockmech.errors import Problem, close_match, listed
 from blockmech.model.diagram import AnyBlock
@@ -36,17 +37,22 @@ def coupling_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
         ends = {"driver": coupling.driver, "driven": coupling.driven}
         for key, driver in ends.items():
             if driver not in drivers:
-                if key == "driver" and coupling.contact and _is_marker(blocks, driver):
+                if key == "driver" and coupling.meshes and _is_marker(blocks, driver):
                     continue
                 found, remedy = f'no driver "{driver}"', close_match(driver, drivers)
                 yield Problem("unknown-driver", f"{name}.{key}", found, valid, remedy)
                 continue
-            kinds, joint = coupling.leads if key == "driver" else coupling.follows, drivers[driver]
-            if joint[1].kind not in kinds:
+            joint = drivers[driver]
+            side = key == "driven"
+            other = drivers.get(ends["driver" if side else "driven"])
+            pairs = {p for p in coupling.pairs if p[side] == joint[1].kind}
+            if not pairs or (side and other and f"{other[1].kind}{joint[1].kind}" not in pairs):
                 found = f"{driver} is {joint[1].pair.word}: {coupling.type_name} does not couple it"
-                pairs = f"it couples {' or '.join(coupling.leads)} with "
-                pairs += " or ".join(coupling.follows)
-                yield Problem("coupling-mismatch", f"{name}.{key}", found, pairs)
+                if pairs and other:
+                    found += f" with {ends['driver']}, which is {other[1].pair.word}"
+                known = (" with ".join(PAIRS[k].word for k in p) for p in coupling.pairs)
+                words = f"it couples {', or '.join(known)}"
+                yield Problem("coupling-mismatch", f"{name}.{key}", found, words)
             elif coupling.meshes and not isinstance(blocks[joint[0]], DrivingLink):
                 found = f"{driver} is a driven pair inside the group {joint[0]}"
                 valid = "cranks and slide drives mesh; coupling.ratio couples any drivers"

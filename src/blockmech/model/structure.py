@@ -7,18 +7,20 @@ mobility 3n - 2p, or 3n - sum (3 - f) with f freedoms of each pair.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from blockmech.blocks.contract import Block, BuiltIn, Coordinate, Joint, Moving
-from blockmech.couplings.contract import Coupling
+from blockmech.couplings.contract import Coupling, Meshing, Transmission, Where
 from blockmech.errors import GraphError, Problem
 from blockmech.loads.contract import Element
+from blockmech.typing import Guide, LinkPosition
 from blockmech.values import Link, Marker
 
+STILL = Transmission(0.0, 0.0, 0.0)
 SAME_CARRIER = "give both pairs markers of one link"
 
 
@@ -148,6 +150,7 @@ class Structure:
         for name in self.couplings:
             try:
                 self._follower(name)
+                problems += self._faults(name)
             except GraphError as error:
                 problems += error.problems
         if problems:
@@ -168,9 +171,12 @@ class Structure:
             return follower
         own = self.feeds[ref].on
         carriers = [k for k in (support, own) if {support, own} <= set(self._turning(k))]
+        if coupling.fixed and support != own:
+            carriers = []
         if not carriers:
             found = f"the centres of {coupling.driver} and {coupling.driven} are on {support} "
-            found += f"and {own}, and neither hangs on the other by driven pairs"
+            found += f"and {own}"
+            found += "" if coupling.fixed else ", and neither hangs on the other by driven pairs"
             raise GraphError(Problem("coupling-mismatch", name, found, "", SAME_CARRIER))
         if leader is not None and not self.joint(leader).rotary:
             if support != own:
@@ -200,28 +206,99 @@ class Structure:
             link = self.earlier_link(self.driven[driver])
         return found | {link: ""}
 
+    def coupling_of(self, driver: str) -> Coupling:
+        """The coupling that a driver follows."""
+        return self.couplings[self.followers[driver].coupling]
+
+    def coupled_pair(self, name: str) -> str:
+        """Kinds of the pairs that a coupling joins, e.g. "RP"; a wheel on a link turns."""
+        coupling = self.couplings[name]
+        leading = self.driven.get(coupling.driver)
+        kind = "R" if leading is None else self.joint(leading).kind
+        return kind + self.driver_joint(coupling.driven).kind
+
+    def contact(self, driver: str) -> Callable[..., Any] | None:
+        """The contact by which a driver follows; None for a black box."""
+        name = self.followers[driver].coupling
+        return self.couplings[name].contact(self.coupled_pair(name))
+
     def contact_at(self, ref: JointRef) -> str | None:
         """The driver of a pair whose coupling acts by a contact on its later link; else None."""
         if not self.joint(ref).driven:
             return None
         driver = self.blocks[ref.block].driver_name(*ref)
-        follower = self.followers.get(driver)
-        known = follower is not None and self.couplings[follower.coupling].contact is not None
-        return driver if known else None
+        return driver if driver in self.followers and self.contact(driver) else None
 
     @cached_property
     def coupled_on(self) -> Mapping[LinkRef, tuple[str, ...]]:
         """Drivers that follow something on a link or, of a black box, stand on its support."""
         found: dict[LinkRef, dict[str, None]] = {link: {} for link in self.links}
         for driven, follower in self.followers.items():
-            contact = self.couplings[follower.coupling].contact is not None
             if follower.leader is None:
                 found[follower.centre.on][driven] = None
             else:
                 found[self.later_link(follower.leader)][driven] = None
-                if not contact:
+                if self.contact(driven) is None:
                     found[self.earlier_link(follower.leader)][driven] = None
         return {link: tuple(names) for link, names in found.items()}
+
+    @cached_property
+    def tensioned_on(self) -> Mapping[LinkRef, tuple[str, ...]]:
+        """Drivers whose coupling loads a link without any effort."""
+        found: dict[LinkRef, dict[str, None]] = {link: {} for link in self.links}
+        for driven, follower in self.followers.items():
+            if self.couplings[follower.coupling].tension() is not None:
+                lead = follower.centre.on if follower.leader is None else None
+                found[lead or self.later_link(follower.leader)][driven] = None  # type: ignore[arg-type]
+                found[self.later_link(self.driven[driven])][driven] = None
+        return {link: tuple(names) for link, names in found.items()}
+
+    # -- where the parts of a coupling are, along the chains of drivers that carry them --------
+
+    def coupling_numbers(self, name: str) -> Any:
+        """What a coupling's kernels read as ``p``."""
+        pair = self.coupled_pair(name)
+        return self.couplings[name].numbers(pair, lambda: self._meshing(name, 0.0, STILL))
+
+    def where(self, name: str) -> Where:
+        """Both sides of a coupling at an argument, in the axes of what carries them."""
+        kernel = self.couplings[name].transmission(self.coupled_pair(name))
+        p = self.coupling_numbers(name)
+        return lambda x: self._meshing(name, x, kernel(x, p))
+
+    def _meshing(self, name: str, x: float, motion: Transmission) -> Meshing:
+        coupling, (_, _, _, leader, centre) = self.couplings[name], self._follower(name)
+        ref = self.driven[coupling.driven]
+        lead = centre.on if leader is None else self.later_link(leader)
+        guides = self._guide(centre), self._guide(self.feeds[ref])
+        link = self._pose(ref, guides[1], motion.q)
+        return Meshing(*guides, Guide(*self.at_zero(lead)), Guide(*link), x, motion)
+
+    def _guide(self, marker: MarkerRef) -> Guide:
+        """A marker where all drivers are at 0."""
+        o, e = self.at_zero(marker.on)
+        declared, block = self.marker(marker), self.block(marker.block)
+        u = 1 + 0j if isinstance(declared, BuiltIn) else declared.direction
+        return Guide(o + e * block.place_of(declared), e * u)
+
+    def at_zero(self, link: LinkRef) -> LinkPosition:
+        """A link where all drivers are at 0; in its own axes if no chain of drivers carries it."""
+        if link == self.frame_link or self.blocks[link.block].closes:
+            return LinkPosition(0j, 1 + 0j)
+        ref = self.driven[self.drivers_of(link.block)[0]]
+        return self._pose(ref, self._guide(self.feeds[ref]), 0.0)
+
+    def _pose(self, ref: JointRef, guide: Guide, q: float) -> LinkPosition:
+        """The later link of a driven pair, its coordinate being q more than its driver's offset."""
+        block, joint = self.blocks[ref.block], self.joint(ref)
+        place = guide if joint.reads == "guide" else guide.p
+        whole = q + block.coordinate(ref.name).offset
+        pose = block.kernels.position(place, whole, block.parameters())
+        return LinkPosition(*getattr(pose, block.link_field(joint.later)))
+
+    def _faults(self, name: str) -> Iterator[Problem]:
+        coupling, pair = self.couplings[name], self.coupled_pair(name)
+        yield from coupling.faults(name, pair, self.where(name), self.coupling_numbers(name))
 
     def turns(self, driver: str) -> int | None:
         """Turns of a driver after which all coupled links stand as before; None if never."""

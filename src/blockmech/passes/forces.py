@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from blockmech.couplings.contract import Reading
 from blockmech.friction import solvers
 from blockmech.friction.existence import existence as existence_of
 from blockmech.model.structure import JointRef, LinkRef
-from blockmech.passes import friction
+from blockmech.passes import forward, friction
 from blockmech.passes.forward import (
     link_position,
     marker_arm,
@@ -232,22 +233,50 @@ def meshing(s: Schedule, driver: str) -> str:
     ref = s.structure.driven[driver]
     reactions = s.ask(smooth, ref.block)
     assert reactions is not None  # such a block is active
-    return s.ask(contact, driver, s.ask(effort_in, ref), reactions)
+    load = s.ask(contact, driver, s.ask(effort_in, ref), reactions)
+    tension = s.ask(preload, driver)
+    if tension is None:
+        return load
+    name = f"{driver}_meshing"
+    return s.emit(Load, f"{load}.F + {tension}.F", f"{load}.M + {tension}.M", name=name)
+
+
+def coupling_reading(s: Schedule, driver: str, read: Reading) -> str:
+    """A further output of a coupling; of its forces, 0 where none act."""
+    name, ref = s.structure.followers[driver].coupling, s.structure.driven[driver]
+    if read.of_load and s.ask(smooth, ref.block) is None:
+        return NOUGHT
+    load = [s.ask(meshing, driver)] if read.of_load else []
+    args = s.ask(forward.meshing, driver), *load, s.ask(forward.numbers, name)
+    return s.emit(read.kernel, *args, name=f"{name}_reading")
+
+
+def preload(s: Schedule, driver: str) -> str | None:
+    """What a coupling does to the driven link without any effort; None for nothing."""
+    name = s.structure.followers[driver].coupling
+    kernel = s.structure.couplings[name].tension()
+    if kernel is None:
+        return None
+    args = s.ask(forward.meshing, driver), s.ask(forward.numbers, name)
+    load = s.emit(kernel, *args, name=f"{name}_preload")
+    if s.friction.method != friction.GIVEN:
+        return load
+    share = s.unknown("load_share")
+    return s.emit(Load, f"mul({load}.F, {share})", f"{load}.M * {share}", name=f"{name}_share")
 
 
 def coupled(s: Schedule, link: LinkRef) -> Resultant:
     """What couplings do to a link that leads, or on whose support a black box stands."""
     total, structure = NOTHING, s.structure
+    for driver in structure.tensioned_on[link]:
+        if link == structure.later_link(structure.driven[driver]):  # the leader's share is below
+            total += _about_origin(s, link, driver, s.ask(preload, driver), "")
     for driver in structure.coupled_on[link]:
         ref, leader = structure.driven[driver], structure.followers[driver].leader
         if not s.ask(active, ref.block):
             continue
         if s.structure.contact_at(ref) is not None:
-            load, o = s.ask(meshing, driver), s.ask(link_position, link).vector
-            p = s.ask(marker_place, structure.feeds[ref])
-            arm = p if o == ZERO else s.line(f"{p} - {o}", f"{driver}_mesh_arm")
-            total += at_arm(s, s.line(f"-{load}.F", f"{driver}_mesh_F"), arm, f"{driver}_mesh")
-            total += Resultant((), (s.line(f"-{load}.M", f"{driver}_mesh_M"),))
+            total += _about_origin(s, link, driver, s.ask(meshing, driver), "-")
             continue
         assert leader is not None
         felt = s.ask(slope_effort, driver, s.ask(effort_in, ref))
@@ -259,6 +288,19 @@ def coupled(s: Schedule, link: LinkRef) -> Resultant:
         hold = s.ask(marker_arm, structure.feeds[leader])
         total += at_arm(s, force, hold, f"{driver}_housing") + Resultant((), (moment,))
     return total
+
+
+def _about_origin(
+    s: Schedule, link: LinkRef, driver: str, load: str | None, minus: str
+) -> Resultant:
+    """A load about the marker of a driven pair, or its opposite, on a link."""
+    o, p = s.ask(link_position, link).vector, s.structure.feeds[s.structure.driven[driver]]
+    arm = at = s.ask(marker_place, p)
+    if o != ZERO:
+        arm = s.line(f"{at} - {o}", f"{driver}_mesh_arm")
+    force = s.line(f"{minus}{load}.F", f"{driver}_mesh_F")
+    turning = Resultant((), (s.line(f"{minus}{load}.M", f"{driver}_mesh_M"),))
+    return at_arm(s, force, arm, f"{driver}_mesh") + turning
 
 
 def frame_load(s: Schedule) -> Resultant:

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
 
 from blockmech.blocks.contract import BuiltIn
+from blockmech.couplings.contract import Meshing
 from blockmech.model.structure import FollowedBranch, JointRef, LinkRef, MarkerRef, Structure
 from blockmech.plan import NOUGHT, ONE, ZERO, Entry, Formula, Schedule
 from blockmech.plane import EPS, cross, expi, sign, sqrt
@@ -101,14 +102,38 @@ def acceleration_of(s: Schedule, driver: str, mode: str = ACTUAL) -> str:
 def transmission(s: Schedule, driver: str) -> str:
     """The coupling's kernel at its argument: coordinate, slope and curve."""
     name = s.structure.followers[driver].coupling
-    kernel, x = s.structure.couplings[name].transmission(), _argument(s, driver, coordinate_of)
+    kernel = s.structure.couplings[name].transmission(s.structure.coupled_pair(name))
+    x = s.ask(argument, driver)
     return s.emit(kernel, x, s.ask(numbers, name), name=f"{name}_F")
+
+
+def argument(s: Schedule, driver: str) -> str:
+    """Argument of a driver's coupling."""
+    return _argument(s, driver, coordinate_of)
+
+
+def meshing(s: Schedule, driver: str) -> str:
+    """Where both sides of a driver's coupling are."""
+    structure, follower = s.structure, s.structure.followers[driver]
+    ref, leader = structure.driven[driver], follower.leader
+    lead = follower.centre.on if leader is None else structure.later_link(leader)
+    poses = (s.ask(link_position, link) for link in (lead, structure.later_link(ref)))
+    args = [s.ask(guide, follower.centre), s.ask(guide, structure.feeds[ref])]
+    args += [s.emit(Guide, *pose, name=f"{driver}_side") for pose in poses]
+    args += [s.ask(argument, driver), s.ask(transmission, driver)]
+    return s.emit(Meshing, *args, name=f"{follower.coupling}_here")
+
+
+def guide(s: Schedule, marker: MarkerRef) -> str:
+    """Place and direction of a marker."""
+    args = s.ask(marker_place, marker), s.ask(marker_direction, marker)
+    return s.emit(Guide, *args, name=f"{marker.block}_{marker.name}_guide")
 
 
 def numbers(s: Schedule, coupling: str) -> str:
     """Slot of a coupling's own numbers."""
     return s.parameter(
-        ("numbers", coupling), lambda st, _: st.couplings[coupling].parameters(), f"P_{coupling}"
+        ("numbers", coupling), lambda st, _: st.coupling_numbers(coupling), f"P_{coupling}"
     )
 
 
@@ -190,9 +215,7 @@ def joint_position(s: Schedule, ref: JointRef) -> str:
     """What an outer joint reads at the position stage."""
     joint, marker = s.structure.joint(ref), s.structure.feeds[ref]
     p = s.ask(marker_place, marker)
-    if joint.reads == "point":
-        return p
-    return s.emit(Guide, p, s.ask(marker_direction, marker), name=f"{_name(marker)}_guide")
+    return p if joint.reads == "point" else s.ask(guide, marker)
 
 
 def link_position(s: Schedule, link: LinkRef) -> Moved:

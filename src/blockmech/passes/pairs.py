@@ -18,13 +18,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, TypeAlias, cast
 
-from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
+from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forward import (
     arm_of,
     guide_direction,
     link_position,
-    marker_direction,
     marker_place,
+    meshing,
     numbers,
     parameters,
     place,
@@ -34,7 +34,7 @@ from blockmech.passes.forward import (
 from blockmech.passes.resultants import NOTHING, Resultant, at_arm
 from blockmech.plan import NOUGHT, ZERO, Formula, Schedule
 from blockmech.plane import dot
-from blockmech.typing import Guide, Load
+from blockmech.typing import Load
 
 Loads: TypeAlias = dict[str, Resultant]
 """Link of a block -> a load on it."""
@@ -254,22 +254,15 @@ def contact(s: Schedule, driver: str, effort: str, base: str) -> str:
     ``base`` are the reactions to the loads alone; the sense of the effort in them is that of
     the contact, so that what friction adds to it is linear.
     """
-    follower, ref = s.structure.followers[driver], s.structure.driven[driver]
-    coupling = s.structure.couplings[follower.coupling]
-    assert coupling.contact is not None
+    name, ref = s.structure.followers[driver].coupling, s.structure.driven[driver]
+    kernel = s.structure.contact(driver)
+    assert kernel is not None
     field = s.structure.blocks[ref.block].effort_field(ref.name)
     sense = "1.0"
-    if coupling.sided:
-        sense = s.line(f"sign({base}.{field})", f"{follower.coupling}_sense")
-    ends = [s.ask(guide, follower.centre), s.ask(guide, s.structure.feeds[ref])]
-    F, p = s.ask(transmission, driver), s.ask(numbers, follower.coupling)
-    return s.emit(coupling.contact, *ends, F, effort, sense, p, name=f"{follower.coupling}_contact")
-
-
-def guide(s: Schedule, marker: MarkerRef) -> str:
-    """Place and direction of a marker."""
-    args = s.ask(marker_place, marker), s.ask(marker_direction, marker)
-    return s.emit(Guide, *args, name=f"{marker.block}_{marker.name}_guide")
+    if s.structure.couplings[name].sided:
+        sense = s.line(f"sign({base}.{field})", f"{name}_sense")
+    args = s.ask(meshing, driver), effort, sense, s.ask(numbers, name)
+    return s.emit(kernel, *args, name=f"{name}_contact")
 
 
 def slope_effort(s: Schedule, driver: str, effort: str) -> str:

@@ -44,6 +44,8 @@ def active(s: Schedule, block: str) -> bool:
         heavy = properties.mass > 0 and s.scene.gravity.z != 0
         if heavy or (properties.massive and not s.static) or structure.loaded[link]:
             return True
+        if structure.tensioned_on[link]:
+            return True
     return any(s.ask(active, later) for later in later_blocks(s, block))
 
 

@@ -30,8 +30,7 @@ class CouplingRules(Checks):
 
     def __init__(self, coupling: Coupling) -> None:
         super().__init__()
-        kinds = zip(coupling.leads, coupling.follows, strict=False)
-        self.rigs = [_rig(coupling, *pair) for pair in kinds]
+        self.rigs = [_rig(coupling, *pair) for pair in coupling.pairs]
 
     def transmission(self) -> Iterator[str]:
         """Slope and curve are the derivatives of the coordinate."""

@@ -25,6 +25,7 @@ from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
 from blockmech.model.writing import plain
+from blockmech.values import Place
 
 MOST_IN_NAME = 3  # links that a group is named after
 
@@ -218,9 +219,18 @@ class Diagram:
             if marker:
                 at = self.linkage.links[link].markers[marker]
                 data["driver"] = str(self.marker(link, at.at.z, None, marker))
+            for key, side in coupling.placed().items():
+                seat, value = self._seats[self._moved(getattr(coupling, side))], data.get(key)
+                if seat.o != 0 or seat.e != 1:
+                    data[key] = _seated(getattr(coupling, key) if value is None else value, seat)
             block = free_name(name, {*self._blocks, *self.linkage.drivers})
             self._blocks[block] = data
             self._couplings[name] = block
+
+    def _moved(self, driver: str) -> str:
+        """The link that a driver moves, or that carries a wheel by its address."""
+        pair = next((p for p, name in self.drivers.items() if name == driver), None)
+        return driver.partition(".")[0] if pair is None else self._ends[pair][1].later
 
     def _scene(self) -> dict[str, Any]:
         drive = {
@@ -272,6 +282,17 @@ class Diagram:
             turned = end.turned
         (joint, flipped), *others = parts
         return JointName(joint, flipped, turned, tuple(others), c.links)
+
+
+def _seated(value: Any, seat: Seat) -> Any:
+    """A place, places or an angle of the document's frame of a link in that of its block."""
+    if isinstance(value, float):
+        return value - phase(seat.e)
+    if isinstance(value, list) and all(isinstance(x, float) for x in value):
+        return xy(seat.place(complex(*value)))
+    if isinstance(value, list):
+        return [_seated(x, seat) for x in value]
+    return xy(seat.place(Place.parse(value).z))  # as a file may have it
 
 
 def _mass(given: LinkGiven, seat: Seat) -> dict[str, Any]:

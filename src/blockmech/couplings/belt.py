@@ -1,0 +1,164 @@
+"""Belt or chain drive between two wheels, open or crossed.
+
+      A ======= B      open      q2 = (r1 / r2) q1, strands on the same side of both wheels
+      A ==><=== B      crossed   q2 = -(r1 / r2) q1, strands cross the line of centres
+
+The strands are straight and massless, so each pulls both wheels with one force along one line.
+Tensioned by T0 a strand the belt carries T0 + f/2 and T0 - f/2, f = effort / r2 the difference
+that drives; a chain, T0 = 0, carries f in the tight side and nothing in the slack one.
+
+Source: Niemann & Winter, Maschinenelemente III, 2004, ch. 27.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from fractions import Fraction
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import StrictBool
+
+from blockmech.couplings.contract import (
+    Coupling,
+    Curve,
+    Meshing,
+    Reading,
+    Transmission,
+    Where,
+    circle,
+)
+from blockmech.couplings.laws import SHARES, Radius
+from blockmech.errors import Problem
+from blockmech.plane import dot, imul, mul, sqrt
+from blockmech.typing import Complex, Load, Real
+from blockmech.values import Angle, NotNegative, in_unit
+
+
+class BeltNumbers(NamedTuple):
+    """Numbers of a belt."""
+
+    ratio: Real  # [-] turns of the driven wheel for one of the driver's
+    phase: Real  # [rad]
+    radius: Real  # [m] of the driven wheel
+    step: Real  # [m] radius of the driven wheel less that of the driver's, crossed: their sum
+    preload: Real  # [N] tension of either strand
+    slack: Real  # 1 for a chain, 0 for a belt under tension
+
+
+def running(x: Real, p: BeltNumbers) -> Transmission:
+    """Both wheels pass the same length of belt."""
+    return Transmission(p.ratio * x + p.phase, p.ratio, 0.0)
+
+
+def strand(here: Meshing, side: float, p: BeltNumbers) -> Complex:
+    """Unit direction from the driven wheel to the other of the strand on one side of it.
+
+    On the side +1 the strand pulls the wheel counter-clockwise: it leaves where the wheel,
+    turning so, would wind it up. Its distance from the driven centre is r2, and its direction
+    makes with the line of centres the angle whose sine is (r2 -+ r1) / d.
+    """
+    d = here.a.p - here.b.p
+    sine = p.step * p.step / dot(d, d)
+    along = sqrt(1.0 - sine)
+    unit = mul(d, 1.0 / sqrt(dot(d, d)))
+    return mul(unit, along) + imul(unit, side * p.step / sqrt(dot(d, d)))
+
+
+def pull(here: Meshing, effort: Real, sense: Real, p: BeltNumbers) -> Load:
+    """Forces [N] of both strands on the driven wheel, without the preload."""
+    half = 0.5 * effort / p.radius
+    more = sense * half * p.slack
+    force = mul(strand(here, 1.0, p), half + more) + mul(strand(here, -1.0, p), more - half)
+    return Load(force, effort)
+
+
+def preloading(here: Meshing, p: BeltNumbers) -> Load:
+    """The preload of both strands; it turns nothing."""
+    both = strand(here, 1.0, p) + strand(here, -1.0, p)
+    return Load(mul(both, p.preload), 0.0)
+
+
+def slack_tension(here: Meshing, load: Load, p: BeltNumbers) -> Real:
+    """Tension [N] of the slack strand."""
+    return p.preload - 0.5 * abs(load.M) / p.radius
+
+
+class Belt(Coupling, type="coupling.belt"):
+    """A belt or chain over two wheels, the driver's and the driven one's.
+
+    radii : [m] (driver's, driven one's) pitch radii
+    crossed : whether the belt crosses itself, so that the wheels turn in opposite senses
+    preload : [N] tension of either strand at rest; 0 is a chain, whose slack side hangs
+    phase : [rad] angle of the driven link where the driver's has turned by nothing
+
+    >>> Belt(driver="motor", driven="drum", radii=(0.03, 0.09)).ratio
+    0.3333333333333333
+    """
+
+    pairs = ("RR",)
+
+    radii: tuple[Radius, Radius]
+    crossed: StrictBool = False
+    preload: Annotated[NotNegative, in_unit("N")] = 0.0
+    phase: Angle = 0.0
+
+    @property
+    def ratio(self) -> float:
+        """Turns of the driven wheel for one of the driver's, on a carrier at rest."""
+        ratio = self.radii[0] / self.radii[1]
+        return -ratio if self.crossed else ratio
+
+    @property
+    def sided(self) -> bool:
+        """The slack side of a chain never pulls."""
+        return not self.preload > 0
+
+    def parameters(self) -> BeltNumbers:
+        """Ratio, and where the strands run."""
+        one, two = self.radii
+        step = two + one if self.crossed else two - one
+        slack = 1.0 if self.sided else 0.0
+        return BeltNumbers(self.ratio, self.phase, two, step, self.preload, slack)
+
+    def transmission(self, pair: str) -> Callable[..., Any]:
+        """`running`."""
+        return running
+
+    def contact(self, pair: str) -> Callable[..., Any]:
+        """`pull`."""
+        return pull
+
+    def tension(self) -> Callable[..., Any] | None:
+        """`preloading`, of a belt that has some."""
+        return None if self.sided else preloading
+
+    def readings(self, pair: str) -> Mapping[str, Reading]:
+        """Of a belt under tension, what is left of it."""
+        if self.sided:
+            return {}
+        return {"slack": Reading("N", slack_tension, of_load=True, flag="slack-belt")}
+
+    def faults(self, where: str, pair: str, here: Where, p: BeltNumbers) -> Iterator[Problem]:
+        """Wheels that overlap."""
+        at, (one, two) = here(0.0), self.radii
+        least = one + two if self.crossed else abs(one - two)
+        if (d := abs(at.b.p - at.a.p)) <= least:
+            found = f"the centres are {d:.6g} m apart, the wheels need more than {least:.6g} m"
+            yield Problem("no-room", where, found, "", "move the centres apart")
+
+    def curves(self, pair: str, here: Where, p: BeltNumbers) -> Iterator[Curve]:
+        """Both pitch circles, and the strands."""
+        at, (one, two) = here(0.0), self.radii
+        yield Curve("driver", circle(one), chain=True)
+        yield Curve("driven", circle(two), chain=True)
+        for side in (1.0, -1.0):
+            e = strand(at, side, p)
+            start = -1j * side * e * two
+            length = math.sqrt(abs(at.a.p - at.b.p) ** 2 - p.step**2)
+            yield Curve("carrier", [start, start + e * length])
+
+    def advance(self, turns: Fraction) -> Fraction | None:
+        """By the ratio, where that is one of whole numbers."""
+        share = Fraction(self.ratio).limit_denominator(SHARES)
+        return share * turns if abs(float(share) - self.ratio) <= 1e-14 else None

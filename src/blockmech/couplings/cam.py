@@ -1,0 +1,500 @@
+"""Cam: a turning disc whose profile moves a follower, translating or swinging.
+
+      u                           A    centre of the cam
+      ^  C   roller, knife edge   C    the follower's tip: knife edge or centre of the roller
+      | (o)                       C'   its velocity for one unit of the cam's rate
+     -+--+-- n                    n    (C - A) + i C', normal of the pitch curve, outward
+       A                          P    A - C'/i, where cam and follower have one velocity
+
+Whatever follower, the push goes along n through C, a flat face's along the face's own normal
+through P. In the cam's axes the pitch curve is z(x) = expi(-x) (C - A), so that
+
+    z' ~ C' - i (C - A),    z'' ~ C'' - 2 i C' - (C - A),    rho = |z'|^3 / cross(z'', z')
+
+positive where the profile is convex; a roller takes its radius from it. Of a flat face with the
+angle a of its normal in the cam's axes and the distance h from A, rho = h + d^2 h / d a^2. Where
+rho is not positive there the cutter has taken away what it had made: undercut.
+
+Source: Norton, Cam Design and Manufacturing Handbook, 2nd ed. 2009, ch. 7; Dresig & Vulfson.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from fractions import Fraction
+from typing import Annotated, Any, Literal, NamedTuple, Protocol, TypeAlias
+
+from pydantic import model_validator
+
+from blockmech.couplings.contract import (
+    ROUND,
+    Coupling,
+    Curve,
+    Meshing,
+    Reading,
+    Where,
+    circle,
+)
+from blockmech.couplings.laws import AnyLaw, LawNumbers, repeated, spline
+from blockmech.errors import Problem
+from blockmech.plane import angle, apply, cross, dot, hyp, imul, mul
+from blockmech.typing import Complex, Load, Real
+from blockmech.values import NotNegative, Number, Place, PlaceGiven, default, in_unit, mistake
+
+DEAD = 1e-6  # cosine of a push that is square to the motion, within rounding of its square root
+SPREAD = 1e-9  # [rad] between rows of a spline
+PlacesGiven: TypeAlias = list[Place]
+SAMPLES = 720  # places of a turn at which a profile is looked at: every half degree
+HALVINGS = 50  # of such a step, down to rounding
+NODES = 360  # of the spline of a follower's motion on a cam that is given by points
+
+
+class Shape(NamedTuple):
+    """What a contact reads: the follower's tip and the face's normal, in the link's axes."""
+
+    at: Complex  # [m]
+    normal: Complex  # [-] of a flat face
+    roller: Real  # [m]
+
+
+class CamNumbers(Protocol):
+    """The law's numbers, with a `Shape`."""
+
+    shape: Shape
+
+
+class Tip(NamedTuple):
+    """The tip with its derivatives by the cam's angle, as seen from the carrier."""
+
+    C: Complex  # from A
+    d: Complex
+    dd: Complex
+    unit: Complex  # its velocity for one unit of the driven rate
+
+
+# -- a translating and a swinging follower -------------------------------------------------
+
+
+def translating(here: Meshing, at: Complex) -> Tip:
+    """It moves along the guide."""
+    u, F = here.link.u, here.motion
+    return Tip(here.link.p + u * at - here.a.p, mul(u, F.slope), mul(u, F.curve), u)
+
+
+def swinging(here: Meshing, at: Complex) -> Tip:
+    """It turns about B."""
+    arm, F = here.link.u * at, here.motion
+    across = imul(arm, 1.0)
+    dd = mul(across, F.curve) - mul(arm, F.slope * F.slope)
+    return Tip(here.link.p + arm - here.a.p, mul(across, F.slope), dd, across)
+
+
+# -- roller and knife edge ------------------------------------------------------------------
+
+
+def along_normal(tip: Tip, b: Complex, a: Complex, effort: Real) -> Load:
+    """Force [N] through the tip along the pitch curve's normal, and its moment about B."""
+    n = tip.C + imul(tip.d, 1.0)
+    force = mul(n, effort / dot(n, tip.unit))
+    return Load(force, cross(tip.C + a - b, force))
+
+
+def on_translating(here: Meshing, effort: Real, sense: Real, p: CamNumbers) -> Load:
+    """Force of the cam on a translating follower."""
+    return along_normal(translating(here, p.shape.at), here.b.p, here.a.p, effort)
+
+
+def on_swinging(here: Meshing, effort: Real, sense: Real, p: CamNumbers) -> Load:
+    """Force of the cam on a swinging follower."""
+    return along_normal(swinging(here, p.shape.at), here.b.p, here.a.p, effort)
+
+
+def pitch_radius(tip: Tip) -> Real:
+    """Radius of curvature [m] of the pitch curve."""
+    one = tip.d - imul(tip.C, 1.0)
+    two = tip.dd - imul(tip.d, 2.0) - tip.C
+    size = hyp(one)
+    return size * size * size / cross(two, one)
+
+
+def radius_translating(here: Meshing, p: CamNumbers) -> Real:
+    """Radius of curvature [m] of the profile."""
+    return pitch_radius(translating(here, p.shape.at)) - p.shape.roller
+
+
+def radius_swinging(here: Meshing, p: CamNumbers) -> Real:
+    """The same of a swinging follower."""
+    return pitch_radius(swinging(here, p.shape.at)) - p.shape.roller
+
+
+def slant(along: Complex, n: Complex) -> Real:
+    """Angle [rad] from a motion, that goes with the push, to the push."""
+    return angle(mul(along, dot(along, n)), n)
+
+
+def pressure_translating(here: Meshing, p: CamNumbers) -> Real:
+    """Angle [rad] from the follower's motion to the push."""
+    tip = translating(here, p.shape.at)
+    return slant(tip.unit, tip.C + imul(tip.d, 1.0))
+
+
+def pressure_swinging(here: Meshing, p: CamNumbers) -> Real:
+    """The same of a swinging follower."""
+    tip = swinging(here, p.shape.at)
+    return slant(tip.unit, tip.C + imul(tip.d, 1.0))
+
+
+def pressing(tip: Tip, force: Complex) -> Real:
+    """Normal force [N] of the contact, positive where it presses."""
+    n = tip.C + imul(tip.d, 1.0)
+    return dot(force, n) / hyp(n)
+
+
+def push_translating(here: Meshing, load: Load, p: CamNumbers) -> Real:
+    """Normal force [N] of the contact with a translating follower."""
+    return pressing(translating(here, p.shape.at), load.F)
+
+
+def push_swinging(here: Meshing, load: Load, p: CamNumbers) -> Real:
+    """The same of a swinging follower."""
+    return pressing(swinging(here, p.shape.at), load.F)
+
+
+# -- flat face --------------------------------------------------------------------------------
+
+
+def face_on_translating(here: Meshing, effort: Real, sense: Real, p: CamNumbers) -> Load:
+    """Force along the face's normal, through P = A - i u s'."""
+    u, n = here.link.u, here.link.u * p.shape.normal
+    force = mul(n, effort / dot(n, u))
+    return Load(force, cross(here.a.p - imul(u, here.motion.slope) - here.b.p, force))
+
+
+def face_on_swinging(here: Meshing, effort: Real, sense: Real, p: CamNumbers) -> Load:
+    """Force along the face's normal, through P on the line of centres, BP = BA / (1 - F')."""
+    n, d = here.link.u * p.shape.normal, here.a.p - here.b.p
+    force = mul(n, effort * (1.0 - here.motion.slope) / cross(d, n))
+    return Load(force, effort)
+
+
+def face_push(here: Meshing, load: Load, p: CamNumbers) -> Real:
+    """Normal force [N] of the contact, positive where it presses."""
+    return dot(load.F, here.link.u * p.shape.normal)
+
+
+def face_pressure_translating(here: Meshing, p: CamNumbers) -> Real:
+    """Angle [rad] between guide and normal, the same in all places."""
+    return slant(here.link.u, here.link.u * p.shape.normal)
+
+
+def face_pressure_swinging(here: Meshing, p: CamNumbers) -> Real:
+    """Angle [rad] from the motion of the touching point to the push."""
+    n = here.link.u * p.shape.normal
+    return slant(imul(touch_swinging(here, p) - here.b.p, 1.0), n)
+
+
+def touch_translating(here: Meshing, p: CamNumbers) -> Complex:
+    """Place [m] where a translating face touches the cam: foot of P on the face."""
+    return foot(here, here.a.p - imul(here.link.u, here.motion.slope), p)
+
+
+def touch_swinging(here: Meshing, p: CamNumbers) -> Complex:
+    """The same of a swinging face."""
+    d = here.a.p - here.b.p
+    return foot(here, here.b.p + mul(d, 1.0 / (1.0 - here.motion.slope)), p)
+
+
+def foot(here: Meshing, P: Complex, p: CamNumbers) -> Complex:
+    """Foot [m] of a place on the face."""
+    n = here.link.u * p.shape.normal
+    return P + mul(n, dot(here.link.p + here.link.u * p.shape.at - P, n))
+
+
+def face_radius_translating(here: Meshing, p: CamNumbers) -> Real:
+    """Radius of curvature [m] of the profile, h + h''."""
+    n = here.link.u * p.shape.normal
+    h = dot(here.link.p + here.link.u * p.shape.at - here.a.p, n)
+    return h + here.motion.curve * dot(here.link.u, n)
+
+
+def face_radius_swinging(here: Meshing, p: CamNumbers) -> Real:
+    """The same with a = q - x, of which x is no multiple."""
+    n, F, d = here.link.u * p.shape.normal, here.motion, here.b.p - here.a.p
+    h = dot(here.link.p + here.link.u * p.shape.at - here.a.p, n)
+    across, along, w = dot(d, imul(n, 1.0)), dot(d, n), F.slope - 1.0
+    slope = F.slope * across / w  # dh / da
+    change = (F.curve * across - F.slope * F.slope * along) / w - slope * F.curve / w
+    return h + change / w
+
+
+class Kind(NamedTuple):
+    """The kernels of a follower."""
+
+    contact: Callable[..., Any]
+    push: Callable[..., Any]
+    pressure: Callable[..., Any]
+    radius: Callable[..., Any]
+
+
+TIPS = {
+    "P": Kind(on_translating, push_translating, pressure_translating, radius_translating),
+    "R": Kind(on_swinging, push_swinging, pressure_swinging, radius_swinging),
+}
+FACES = {
+    "P": Kind(face_on_translating, face_push, face_pressure_translating, face_radius_translating),
+    "R": Kind(face_on_swinging, face_push, face_pressure_swinging, face_radius_swinging),
+}
+
+
+class Cam(Coupling, type="coupling.cam"):
+    """A cam on a crank, and a follower: a slide drive (translating) or a crank (swinging).
+
+    law : the follower's coordinate over the cam's angle: "segments" or a "table" that repeats
+    points : [m] instead of a law, the profile as places on the cam link, once round
+    follower : "knife", "roller" or "flat"
+    at : [m] knife edge, centre of the roller or a place on the face, in the follower's axes
+    roller : [m] radius of the roller
+    face : [rad] direction of a flat face's normal, away from the cam, in the follower's axes
+    phase : [rad or m] follower's coordinate where the law is zero; of points, a coordinate near
+        which a swinging follower is, and whose sign says which way a translating one is pushed
+
+    The base circle follows from the places: it is where the follower is at the law's lowest.
+
+    >>> rise = {"motion": "3-4-5", "over": 2.0, "rise": 0.01}
+    >>> back = {"motion": "3-4-5", "over": 2.0, "rise": -0.01}
+    >>> law = {"kind": "segments", "segments": [rise, back]}
+    >>> Cam(driver="cam", driven="valve", law=law, phase=0.03).follower
+    'knife'
+    """
+
+    pairs = ("RP", "RR")
+    fixed = True
+
+    law: AnyLaw | None = None
+    points: PlacesGiven | None = None
+    follower: Literal["knife", "roller", "flat"] = "knife"
+    at: PlaceGiven = default(Place(0j))
+    roller: Annotated[NotNegative, in_unit("m")] = 0.0
+    face: Annotated[Number, in_unit("rad")] = 0.0
+    phase: Number = 0.0
+
+    @model_validator(mode="after")
+    def _one_profile(self) -> Cam:
+        if (self.law is None) == (self.points is None):
+            found = "a law and points are given" if self.law else "neither law nor points are given"
+            raise mistake("missing-key", found, "a cam has one profile", 'give "law" or "points"')
+        if (self.follower == "roller") != (self.roller > 0):
+            found = f'the follower is "{self.follower}", the roller\'s radius {self.roller:g}'
+            raise mistake("wrong-value", found, "a roller has a radius, others have none")
+        if self.face and self.follower != "flat":
+            raise mistake("wrong-value", f'"face" of a follower that is "{self.follower}"')
+        if self.law is not None and (not self.law.whole or self.law.step):
+            found = "after a turn the follower is not where it was"
+            raise mistake("open-profile", found, "the profile of a cam is closed", "let it return")
+        if self.law is not None and self.law.advance(Fraction(1)) is None:
+            found = f"the law repeats after {self.law.whole:.6g} rad, the cam after a turn"
+            raise mistake("open-profile", found, "a period goes into a turn", "change the period")
+        if self.points is not None and len(self.points) < 8:
+            found = f"{len(self.points)} points of a profile"
+            raise mistake("bad-table", found, "eight or more", "add some")
+        return self
+
+    @property
+    def kind_of(self) -> Mapping[str, Kind]:
+        """The kernels by the kind of the driven pair."""
+        return FACES if self.follower == "flat" else TIPS
+
+    def transmission(self, pair: str) -> Callable[..., Any]:
+        """The law's kernel; of points a spline's."""
+        return repeated if self.law is None else self.law.kernel()
+
+    def contact(self, pair: str) -> Callable[..., Any]:
+        """The push of the cam."""
+        return self.kind_of[pair[1]].contact
+
+    def readings(self, pair: str) -> Mapping[str, Reading]:
+        """Pressure angle, radius of curvature and the push."""
+        kind = self.kind_of[pair[1]]
+        return {
+            "pressure_angle": Reading("rad", kind.pressure),
+            "curvature_radius": Reading("m", kind.radius),
+            "contact": Reading("N", kind.push, of_load=True, flag="lift-off"),
+        }
+
+    def numbers(self, pair: str, at_zero: Callable[[], Meshing]) -> LawNumbers:
+        """The law's numbers and the follower's shape."""
+        shape = Shape(self.at.z, apply("expi", self.face), self.roller)
+        if self.law is not None:
+            return self.law.numbers(self.phase)._replace(shape=shape)
+        at = at_zero()
+        x, q = self._followed(pair, [p.z for p in self.points or ()], at, shape)
+        return spline(x, q, 5, math.tau, 0.0, 0.0)._replace(shape=shape)
+
+    def knots(self, low: float, high: float) -> Iterable[float]:
+        """The law's."""
+        return () if self.law is None else self.law.knots_within(low, high)
+
+    def advance(self, turns: Fraction) -> Fraction | None:
+        """It comes back every turn."""
+        return Fraction(0)
+
+    def placed(self) -> Mapping[str, str]:
+        """Those that the profile and the follower have."""
+        found = {"at": "driven"} | ({"face": "driven"} if self.follower == "flat" else {})
+        return found | ({"points": "driver"} if self.points else {})
+
+    # -- profile --------------------------------------------------------------------------
+
+    def faults(self, where: str, pair: str, here: Where, p: Any) -> Iterator[Problem]:
+        """A face that cannot push, a profile through the centre, and undercut."""
+        kind = self.kind_of[pair[1]]
+        places = [math.tau * (k + 0.5) / SAMPLES for k in range(SAMPLES)]
+        turn = [here(x) for x in places]
+        normals = [self._normal(pair, at, p) for at in turn]
+        for x, at, n in zip(places, turn, normals, strict=True):
+            along = 1j * (self._touch(pair, at, p) - at.b.p) if pair == "RR" else at.link.u
+            if abs(dot(along, n)) <= DEAD * abs(along):
+                found = f"at {x:.4g} rad the cam pushes square to the follower's motion"
+                valid = "a push has a part along the motion"
+                remedy = "turn the face, or move the follower's pivot or guide"
+                yield Problem("dead-face", where, found, valid, remedy)
+                return
+            if dot(self._touch(pair, at, p) - self.roller * n - at.a.p, n) <= 0:
+                found = f"at {x:.4g} rad the follower touches behind the cam's centre"
+                remedy = "move the follower outward, by its phase or its place"
+                valid = "the profile goes round the centre"
+                yield Problem("undercut", where, found, valid, remedy)
+                return
+
+        def room(x: float) -> float:  # negative where the profile is cut away
+            radius = kind.radius(here(x), p)
+            pitch = radius + self.roller
+            return float(radius if self.follower == "flat" else 1 - self.roller / pitch)
+
+        rooms = [room(x) for x in places]
+        bad = [k for k in range(SAMPLES) if not rooms[k] > 0]
+        if not bad:
+            return
+        first = next((k for k in bad if rooms[k - 1] > 0), 0)
+        low, high = places[first] - math.tau / SAMPLES, places[first]
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            low, high = (middle, high) if room(middle) > 0 else (low, middle)
+        radii = [kind.radius(at, p) + self.roller for at in turn]
+        found = f"the profile is undercut from {high % math.tau:.6g} rad of the cam's angle on"
+        if self.follower == "flat":
+            found += f": its radius of curvature falls to {min(radii):.4g} m"
+            valid, remedy = "a flat face needs a convex profile", "a larger base circle"
+            remedy += f", by {-min(radii):.4g} m or more"
+            yield Problem("undercut", where, found, valid, remedy)
+            return
+        least = min(r for r in radii if r > 0)
+        valid = f"a roller smaller than {least:.4g} m, the smallest radius of the pitch curve"
+        remedy = "a smaller roller, a larger base circle, or a longer rise"
+        yield Problem("undercut", where, found, valid, remedy)
+
+    def _normal(self, pair: str, at: Meshing, p: Any) -> complex:
+        """Unit normal of the profile, outward."""
+        if self.follower == "flat":
+            return complex(at.link.u * p.shape.normal)
+        tip = self._tip(pair, at, p)
+        n = tip.C + 1j * tip.d
+        return complex(n / abs(n))
+
+    def _touch(self, pair: str, at: Meshing, p: Any) -> complex:
+        """Knife edge, centre of the roller, or where the face touches."""
+        if self.follower == "flat":
+            return complex((touch_translating if pair == "RP" else touch_swinging)(at, p))
+        return complex(self._tip(pair, at, p).C + at.a.p)
+
+    def _tip(self, pair: str, at: Meshing, p: Any) -> Tip:
+        return (translating if pair == "RP" else swinging)(at, p.shape.at)
+
+    def curves(self, pair: str, here: Where, p: Any) -> Iterator[Curve]:
+        """The profile, and the follower's roller or face."""
+        lead, profile = here(0.0).lead.u, []
+        for k in range(2 * ROUND + 1):
+            x = math.pi * k / ROUND
+            at = here(x)
+            place = self._touch(pair, at, p) - self.roller * self._normal(pair, at, p) - at.a.p
+            profile.append(place * cmath.exp(-1j * x) / lead)
+        yield Curve("driver", profile)
+        if pair == "RR" and self.follower != "flat":
+            yield Curve("driven", [0j, self.at.z])
+        if self.follower == "roller":
+            yield Curve("driven", [self.at.z + z for z in circle(self.roller)[1:]])
+        if self.follower == "flat":
+            half = 0.5 * max(map(abs, profile)) * 1j * p.shape.normal
+            yield Curve("driven", [self.at.z - half, self.at.z + half])
+
+    def _followed(
+        self, pair: str, points: Sequence[complex], at: Meshing, shape: Shape
+    ) -> tuple[list[float], list[float]]:
+        """The follower's coordinate over a turn of a cam that is given by points.
+
+        Every point of the pitch curve is explicitly at one angle of the cam at the follower.
+        """
+        import numpy as np
+
+        z, normal = _outline([at.lead.u * p for p in points])
+        z = z + self.roller * normal
+        u, D = at.link.u, at.b.p - at.a.p
+        arm, n0 = u * shape.at, u * shape.normal
+        C = at.link.p + arm - at.a.p
+        if self.follower == "flat":
+            h = (z * normal.conj()).real
+            if pair == "RP":
+                q = (h - dot(C, n0)) / dot(u, n0)
+                x = np.angle(n0 / normal)
+            else:
+                q = _swung(n0, D, (h - dot(arm, n0)) / abs(D), self.phase)
+                x = np.angle(n0 * np.exp(1j * q) / normal)
+        elif pair == "RP":
+            across, along = C - u * dot(C, u), dot(C, u)
+            way = math.copysign(1.0, self.phase)
+            q = way * np.sqrt(abs(z) ** 2 - abs(across) ** 2) - along
+            x = np.angle((C + u * q) / z)
+        else:
+            excess = abs(z) ** 2 - abs(D) ** 2 - abs(arm) ** 2
+            q = _swung(arm, D, excess / (2 * abs(D) * abs(arm)), self.phase)
+            x = np.angle((D + arm * np.exp(1j * q)) / z)
+        return _rising(np.unwrap(x)[::-1], q[::-1])
+
+
+def _outline(points: Sequence[complex]) -> tuple[Any, Any]:
+    """A closed curve through points, densely, counter-clockwise, and its outward normal."""
+    import numpy as np
+    from scipy.interpolate import make_interp_spline
+
+    z = np.array([*points, points[0]])
+    area = (z[:-1].conj() * z[1:]).imag.sum()
+    z = z if area > 0 else z[::-1]
+    t = np.concatenate([[0.0], np.cumsum(abs(np.diff(z)))])
+    curve = make_interp_spline(t, np.stack([z.real, z.imag], 1), 5, bc_type="periodic")
+    dense = np.linspace(0.0, t[-1], NODES, endpoint=False)
+    (x, y), (dx, dy) = curve(dense).T, curve(dense, 1).T
+    along = dx + 1j * dy
+    return x + 1j * y, -1j * along / abs(along)
+
+
+def _swung(arm: complex, d: complex, cosine: Any, near: float) -> Any:
+    """Angle by which an arm turns until its angle to d has a cosine, on the side it is near."""
+    import numpy as np
+
+    now = math.remainder(cmath.phase(arm) + near - cmath.phase(d), math.tau)
+    return math.copysign(1.0, now) * np.arccos(cosine) - now + near
+
+
+def _rising(x: Any, q: Any) -> tuple[list[float], list[float]]:
+    """Rows of a table of one turn, of which none goes back; from 0 on."""
+    import numpy as np
+
+    kept = np.maximum.accumulate(x) <= x
+    kept[1:] &= np.diff(np.maximum.accumulate(x)) > 0
+    x, q = x[kept] % math.tau, q[kept]
+    order = np.argsort(x)
+    x, q = x[order], q[order]
+    apart = np.append(True, np.diff(x) > SPREAD)
+    return list(map(float, x[apart])), list(map(float, q[apart]))

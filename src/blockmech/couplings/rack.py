@@ -1,0 +1,117 @@
+"""Rack and pinion: a wheel that rolls on a straight line, either of them leading.
+
+         A          pinion   turns about A, pitch radius r
+      ---P------>   rack     slides along u, its pitch line goes through P
+              u     P        A - i u r side, where both have one velocity
+
+Teeth push as those of a gear pair do: along a line turned from the pitch line by the pressure
+angle, to the side that pushes pinion and rack apart.
+
+Source: Niemann & Winter, Maschinenelemente II, 2003, ch. 21.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import Field
+
+from blockmech.couplings.contract import Coupling, Curve, Meshing, Transmission, Where, circle
+from blockmech.couplings.laws import Radius
+from blockmech.plane import apply, cross, imul, mul
+from blockmech.typing import Load, Real
+from blockmech.values import Angle, Number, in_unit, no_boolean
+
+Side = Annotated[Literal[-1, 1], no_boolean(-1, 1)]
+
+
+class RackNumbers(NamedTuple):
+    """Numbers of a rack."""
+
+    radius: Real  # [m] with the sign of the side
+    side: Real
+    phase: Real
+    lean: Real  # [-] tangent of the pressure angle
+
+
+def rolling(x: Real, p: RackNumbers) -> Transmission:
+    """The rack goes by the arc that the pinion rolls."""
+    return Transmission(p.radius * x + p.phase, p.radius, 0.0)
+
+
+def turning(x: Real, p: RackNumbers) -> Transmission:
+    """The pinion turns by the rack's way over the radius."""
+    return Transmission(x / p.radius + p.phase, 1.0 / p.radius, 0.0)
+
+
+def on_rack(here: Meshing, effort: Real, sense: Real, p: RackNumbers) -> Load:
+    """Force [N] of the pinion on the rack, through P."""
+    u, place = here.b.u, here.a.p - imul(here.b.u, p.radius)
+    force = mul(u, effort) - imul(u, sense * effort * p.lean * p.side)
+    return Load(force, cross(place - here.b.p, force))
+
+
+def on_pinion(here: Meshing, effort: Real, sense: Real, p: RackNumbers) -> Load:
+    """Force [N] of the rack on the pinion, through P, and its moment about A."""
+    along = effort / p.radius
+    apart = sense * effort / (p.radius * p.side)  # the size of what acts along the rack
+    force = mul(here.a.u, along) + imul(here.a.u, apart * p.lean * p.side)
+    return Load(force, effort)
+
+
+class Rack(Coupling, type="coupling.rack"):
+    """A rack and a pinion: a slide drive and a crank, either of which leads.
+
+    radius : [m] pitch radius of the pinion
+    side : 1 where the rack moves along its guide while the pinion turns counter-clockwise, so
+        that it passes right of the pinion's centre seen along the guide; -1 where it passes left
+    phase : [m or rad] coordinate of the driven pair where the driver's is 0
+    pressure_angle : [rad] of the tooth force
+
+    >>> Rack(driver="pinion", driven="rack", radius=0.02).side
+    1
+    """
+
+    pairs = ("RP", "PR")
+    fixed = True
+
+    radius: Radius
+    side: Side = 1
+    phase: Number = 0.0
+    pressure_angle: Annotated[Angle, Field(ge=0.0, lt=math.pi / 2), in_unit("rad")] = 0.0
+
+    @property
+    def sided(self) -> bool:
+        """The part of a tooth force that pushes apart never pulls."""
+        return self.pressure_angle > 0
+
+    def parameters(self) -> RackNumbers:
+        """Radius and side as one number, and the tangent of the pressure angle."""
+        slant = apply("expi", self.pressure_angle)
+        side = float(self.side)
+        return RackNumbers(side * self.radius, side, self.phase, slant.imag / slant.real)
+
+    def transmission(self, pair: str) -> Callable[..., Any]:
+        """`rolling`, or `turning` where the rack leads."""
+        return rolling if pair == "RP" else turning
+
+    def contact(self, pair: str) -> Callable[..., Any]:
+        """On the one that follows."""
+        return on_rack if pair == "RP" else on_pinion
+
+    def curves(self, pair: str, here: Where, p: RackNumbers) -> Iterator[Curve]:
+        """The pitch circle and as much of the pitch line as the circle rolls in a turn."""
+        at = here(0.0)
+        pinion, rack = ("driver", "driven") if pair == "RP" else ("driven", "driver")
+        centre, body, guide = (at.a.p, at.link, at.b) if pair == "RP" else (at.b.p, at.lead, at.a)
+        foot = (centre - 1j * guide.u * p.radius - body.p) / body.u
+        half = math.pi * abs(p.radius) * guide.u / body.u
+        yield Curve(pinion, circle(abs(p.radius)), chain=True)  # type: ignore[arg-type]
+        yield Curve(rack, [foot - half, foot + half], chain=True)  # type: ignore[arg-type]
+
+    def advance(self, turns: Fraction) -> Fraction | None:
+        """A rack never comes back."""
+        return None if turns else Fraction(0)

@@ -1,0 +1,677 @@
+"""Racks, belts, cams, Geneva drives and laws, against geometry and Newton's laws of their own."""
+
+from __future__ import annotations
+
+import cmath
+import copy
+import json
+import math
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.couplings import laws
+from blockmech.errors import GraphError, RequestError
+from tests.gallery import JOINTS
+from tests.independent import newton
+
+ROUNDING = 1e-12  # [-] some thousand roundings
+ANGLE = math.radians(20.0)
+LIFT = {
+    "kind": "segments",
+    "segments": [
+        {"motion": "3-4-5", "over": 1.2, "rise": 0.01},
+        {"motion": "dwell", "over": 0.5},
+        {"motion": "3-4-5", "over": 1.2, "rise": -0.01},
+    ],
+}
+# Worked out in mpmath, 30 digits: 0.01 m over 1.2 rad, prime circle 0.03 m, offset 0.005 m, 100 N.
+CAM = {  # s, s', s'', pressure angle, radius of the pitch curve (positive convex), moment, contact
+    0.3: (
+        *(0.00103515625, 0.0087890625, 0.0390625),
+        *(0.12313650415177, -0.139172162135, 0.87890625, 100.762949324105),
+    ),
+    0.6: (
+        *(0.005, 0.015625, 0.0),
+        *(0.298099383623586, 0.0321033812991, 1.5625, 104.613843572184),
+    ),
+}
+# Worked out the same way: psi, psi', psi'' of six slots.
+GENEVA = {
+    -0.5: (-0.403678951685548, 0.506934589055447, 1.29626088441918),
+    0.0: (0.0, 1.0, 0.0),
+    1.0471975511: (math.pi / 6, 0.0, -0.57735026919),
+}
+
+
+def cranks(coupling, heavy=True, second="crank", law=None, offset=0.0):
+    """Two drivers on the frame, the second on a guide that points upward."""
+    g = bm.Graph("pair", gravity=(0.0, -9.81))
+    guide = bm.Marker(at=(0.5, 0.1), angle=1.2)
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "E": guide}))
+    mass = bm.Link(mass=1.2, inertia=0.1, cm=(0.1, 0.05)) if heavy else bm.Link()
+    g.add("one", bm.Crank(links={"crank": mass}))
+    if second == "crank":
+        g.add("two", bm.Crank(links={"crank": mass}, offset=offset))
+    else:
+        g.add("two", bm.SlideDrive(links={"slider": mass}, offset=offset))
+    g.add("mesh", coupling)
+    g.connect("frame.A", "one.A")
+    g.connect("frame.E", "two.A" if second == "crank" else "two.S")
+    return g
+
+
+def cam_and_valve(**cam):
+    """The cam of the reference numbers under 100 N."""
+    g = bm.Graph("cam")
+    guide = bm.Marker(at=(0.005, 0.0), dir=(0.0, 1.0))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "G": guide}))
+    g.add("shaft", bm.Crank())
+    g.add("valve", bm.SlideDrive())
+    g.add("load", bm.Force(force=(0.0, -100.0)))
+    more = {"law": LIFT, "phase": math.sqrt(0.03**2 - 0.005**2)} | cam
+    g.add("cam", bm.Cam(driver="shaft", driven="valve", **more))
+    g.connect("frame.A", "shaft.A")
+    g.connect("frame.G", "valve.S")
+    g.connect("valve.slider", "load.at")
+    return g
+
+
+# -- reference numbers -----------------------------------------------------------------------
+
+
+def test_a_345_cam_moves_and_pushes_as_worked_out():
+    run = cam_and_valve().compile().run(at=list(CAM), rates=2.0, want="*")
+    s, ds, dds, slant, radius, moment, push = np.array(list(CAM.values())).T
+    base = math.sqrt(0.03**2 - 0.005**2)
+    np.testing.assert_allclose(run["valve.q"], base + s, rtol=ROUNDING)
+    np.testing.assert_allclose(run["valve.rate"], 2 * ds, rtol=ROUNDING)
+    np.testing.assert_allclose(run["valve.acceleration"], 4 * dds, rtol=ROUNDING, atol=1e-15)
+    np.testing.assert_allclose(run["cam.pressure_angle"], slant, rtol=ROUNDING)
+    np.testing.assert_allclose(run["cam.curvature_radius"], radius, rtol=1e-11)
+    np.testing.assert_allclose(run["shaft.drive"], moment, rtol=ROUNDING)
+    np.testing.assert_allclose(run["cam.contact"], push, rtol=ROUNDING)
+
+
+def test_a_flat_follower_on_that_cam_is_undercut_where_the_radius_vanishes():
+    with pytest.raises(GraphError, match="undercut") as caught:
+        cam_and_valve(follower="flat", face=0.0).compile()
+    said = str(caught.value)
+    begin = float(said.split("from ")[1].split(" rad")[0])
+    u = begin / 1.2
+    radius = math.sqrt(0.03**2 - 0.005**2) + 0.01 * (10 * u**3 - 15 * u**4 + 6 * u**5)
+    radius += 0.01 / 1.2**2 * (60 * u - 180 * u**2 + 120 * u**3)
+    assert radius == pytest.approx(0.0, abs=1e-6)
+    assert "larger base circle" in said
+
+
+def test_a_geneva_wheel_turns_as_worked_out_and_rests_between():
+    g = cranks(bm.Geneva(driver="one", driven="two", slots=6, pin=0.4))
+    run = g.compile().run(at=[0.4 + th for th in GENEVA], rates=1.0)
+    psi, slope, curve = np.array(list(GENEVA.values())).T
+    np.testing.assert_allclose(run["two.q"], -psi, rtol=ROUNDING, atol=1e-10)
+    np.testing.assert_allclose(run["two.rate"], -slope, rtol=ROUNDING, atol=1e-9)
+    np.testing.assert_allclose(run["two.acceleration"], -curve, rtol=1e-9, atol=1e-15)
+    turns = g.compile().run(at=0.4 + math.tau * np.arange(7) + 2.0, rates=1.0)
+    np.testing.assert_allclose(np.diff(turns["two.q"]), -math.pi / 3, rtol=ROUNDING)
+    assert not turns["two.rate"].any()
+    assert g.compile().structure.turns("one") == 6
+
+
+@pytest.mark.parametrize("n", [-1, 1, -2])
+def test_a_geared_five_bar_stands_where_it_should(n):
+    places = {  # C at q = 1 and 2.5; loop closure in mpmath, 30 digits
+        -1: (2.4383909177801 + 1.47175633393964j, 1.14886894849647 + 1.04282673232475j),
+        1: (1.11827751472962 + 2.75613666265913j, 0.537425342522421 + 2.08448464219848j),
+        -2: (2.53750171462638 + 0.947275151340904j, 0.275081732508941 + 2.28421797316657j),
+    }
+    g = bm.Graph("five")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "E": (2.0, 0.0)}))
+    g.add("first", bm.Crank(length=1.0))
+    g.add("second", bm.Crank(length=1.0))
+    g.add("dyad", bm.RRR(l_i=2.0, l_j=2.0, branch=1))
+    law = {"kind": "polynomial", "coefficients": [0.5, float(n)]}
+    g.add("wheels", bm.Ratio(driver="first", driven="second", law=law))
+    for source, end in (
+        ("frame.A", "first.A"),
+        ("frame.E", "second.A"),
+        ("first.B", "dyad.B"),
+        ("second.B", "dyad.D"),
+    ):
+        g.connect(source, end)
+    run = g.compile().run(at=[1.0, 2.5], rates=1.0)
+    np.testing.assert_allclose(run["dyad.C.p"], places[n], rtol=ROUNDING)
+
+
+# -- laws --------------------------------------------------------------------------------------
+
+RISES = ["linear", "3-4-5", "4-5-6-7", "cycloidal", "modified_sine", "harmonic"]
+
+
+@pytest.mark.parametrize("motion", RISES)
+def test_rises_join_and_are_differentiated(motion):
+    law = laws.Segments(segments=[{"motion": motion, "over": 1.3, "rise": 0.4}], start=0.2)
+    kernel, numbers = law.kernel(), law.numbers(0.1)
+    assert kernel(0.2, numbers).q == pytest.approx(0.1, abs=1e-15)
+    assert kernel(1.5, numbers).q == pytest.approx(0.5, rel=1e-14)
+    if motion != "linear":
+        assert kernel(0.2 + 1e-12, numbers).slope == pytest.approx(0.0, abs=1e-11)
+        assert kernel(1.5, numbers).slope == pytest.approx(0.0, abs=1e-13)
+    h = 1e-5
+    for x in (0.3, 0.5, 0.85, 1.1, 1.45):
+        low, here, high = (kernel(x + d, numbers) for d in (-h, 0.0, h))
+        assert (high.q - low.q) / (2 * h) == pytest.approx(here.slope, rel=1e-6)
+        assert (high.slope - low.slope) / (2 * h) == pytest.approx(here.curve, rel=1e-6, abs=1e-7)
+    turn = kernel(0.9 + math.tau, numbers)
+    assert turn.q == pytest.approx(kernel(0.9, numbers).q + 0.4, rel=1e-14)
+
+
+def test_the_modified_sine_has_its_known_peak():
+    law = laws.Segments(segments=[{"motion": "modified_sine", "over": 1.0, "rise": 1.0}])
+    numbers = law.numbers(0.0)
+    rows = [law.kernel()(x, numbers) for x in np.linspace(0.0, 1.0, 2001)]
+    assert max(F.curve for F in rows) == pytest.approx(5.528, abs=5e-4)  # Norton, table 3-2
+    assert max(F.slope for F in rows) == pytest.approx(1.760, abs=5e-4)
+
+
+@pytest.mark.parametrize("interpolation", ["cubic", "quintic"])
+def test_tables_go_through_their_rows_and_repeat(interpolation):
+    x = np.linspace(0.0, math.tau, 24, endpoint=False) + 0.1
+    table = laws.Table(
+        arguments=x, values=np.sin(x) + 0.5 * x / math.tau, period=math.tau,
+        advance_by=0.5, interpolation=interpolation,
+    )  # fmt: skip
+    kernel, numbers = table.kernel(), table.numbers(0.0)
+    at = np.linspace(-3.0, 9.0, 41)
+    off = max(abs(kernel(t, numbers).q - math.sin(t) - 0.5 * t / math.tau) for t in at)
+    assert off < (1e-3 if interpolation == "cubic" else 2e-5)
+    once = laws.Table(arguments=x, values=np.sin(x), interpolation=interpolation)
+    assert math.isnan(once.kernel()(0.0, once.numbers(0.0)).q)
+
+
+# -- forces by Newton's laws -------------------------------------------------------------------
+
+
+def bodies_of(run, mass=1.2, inertia=0.1):
+    """Both links as free bodies; the centre of mass lies at (0.1, 0.05) in their axes."""
+    found = {}
+    for name, link in (("one", "crank"), ("two", "crank" if "two.A.p" in run else "slider")):
+        e = np.exp(1j * run[f"{name}.{link}.angle"][0])
+        o, a = (run[f"{name}.{link}.{x}"][0] for x in "pa")
+        om, al = (run[f"{name}.{link}.{x}"][0] for x in ("omega", "alpha"))
+        arm = (0.1 + 0.05j) * e
+        weight = -9.81j * mass
+        found[name] = newton.Body(
+            mass, inertia, o + arm, a + (1j * al - om * om) * arm, al, weight
+        )  # fmt: skip
+    return found
+
+
+def reactions_agree(mech, contacts, run):
+    """Drive, pins or guide, and the contact's force, against one linear system."""
+    slides = "two.A.p" not in run
+    pushes = newton.pin("frame", "one", 0j, "A") | contacts
+    pushes |= {"drive": newton.Push("frame", "one")}
+    if slides:
+        u = np.exp(1.2j)
+        pushes |= {"N": newton.Push("frame", "two", run["two.slider.p"][0], 1j * u)}
+        pushes |= {"C": newton.Push("frame", "two")}
+    else:
+        pushes |= newton.pin("frame", "two", 0.5 + 0.1j, "E")
+    found = newton.solved(bodies_of(run), pushes)
+    assert run["one.drive"][0] == pytest.approx(found["drive"], rel=ROUNDING)
+    force = sum(found[name] * push.way for name, push in contacts.items())
+    assert run["mesh.force"][0] == pytest.approx(force, rel=ROUNDING)
+    assert run["one.A.reaction"][0] == pytest.approx(complex(found["A.x"], found["A.y"]), rel=1e-11)
+    if slides:
+        assert run["two.S.N"][0] == pytest.approx(found["N"], rel=1e-11)
+        assert run["two.S.C"][0] == pytest.approx(found["C"], rel=1e-11)
+    else:
+        pin = complex(found["E.x"], found["E.y"])
+        assert run["two.A.reaction"][0] == pytest.approx(pin, rel=1e-11)
+    assert mech.verify(at=0.7, rates=2.0, accelerations=-5.0).ok
+    return found
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("angle", [0.0, ANGLE])
+def test_a_rack_is_pushed_as_newton_says(side, angle):
+    rack = bm.Rack(driver="one", driven="two", radius=0.08, side=side, pressure_angle=angle)
+    mech = cranks(rack, second="slide").compile()
+    run = mech.run(at=0.7, rates=2.0, accelerations=-5.0, want="*")
+    u = np.exp(1.2j)
+    assert run["two.rate"][0] == pytest.approx(side * 0.08 * 2.0)
+    P = -1j * u * side * 0.08
+    along = u * np.sign((run["mesh.force"][0] / u).real)
+    way = along * math.cos(angle) - 1j * u * side * math.sin(angle)  # from the pinion to the rack
+    found = reactions_agree(mech, {"tooth": newton.Push("one", "two", P, way)}, run)
+    assert found["tooth"] > 0
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_pinion_is_pushed_as_newton_says(side):
+    g = bm.Graph("driven pinion", gravity=(0.0, -9.81))
+    guide = bm.Marker(at=(0.0, 0.0), angle=1.2)
+    g.add("frame", bm.Frame(markers={"S": guide, "E": (0.5, 0.1)}))
+    heavy = bm.Link(mass=1.2, inertia=0.1, cm=(0.1, 0.05))
+    g.add("rack", bm.SlideDrive(links={"slider": heavy}))
+    g.add("pinion", bm.Crank(links={"crank": heavy}))
+    rack = bm.Rack(driver="rack", driven="pinion", radius=0.08, side=side, pressure_angle=ANGLE)
+    g.add("mesh", rack)
+    g.connect("frame.S", "rack.S")
+    g.connect("frame.E", "pinion.A")
+    mech = g.compile()
+    run = mech.run(at=0.7, rates=2.0, accelerations=-5.0, want="*")
+    u, E = np.exp(1.2j), 0.5 + 0.1j
+    assert run["pinion.rate"][0] == pytest.approx(side * 2.0 / 0.08)
+    q, rate, al = 0.7 / (side * 0.08), 2.0 / (side * 0.08), -5.0 / (side * 0.08)
+    arm = (0.1 + 0.05j) * np.exp(1j * q)
+    bodies = {
+        "rack": newton.Body(1.2, 0.1, 0.7 * u + (0.1 + 0.05j) * u, -5.0 * u, 0.0, -1.2 * 9.81j),
+        "pinion": newton.Body(
+            1.2, 0.1, E + arm, (1j * al - rate**2) * arm, al, -1.2 * 9.81j
+        ),
+    }  # fmt: skip
+    P = E - 1j * u * side * 0.08
+    along = u * np.sign((run["mesh.force"][0] / u).real)
+    way = along * math.cos(ANGLE) + 1j * u * side * math.sin(ANGLE)
+    pushes = {
+        "tooth": newton.Push("rack", "pinion", P, way),
+        "drive": newton.Push("frame", "rack", 0j, u),
+    }
+    pushes |= newton.pin("frame", "pinion", E, "E")
+    pushes |= {
+        "N": newton.Push("frame", "rack", 0.7 * u, 1j * u),
+        "C": newton.Push("frame", "rack"),
+    }
+    found = newton.solved(bodies, pushes)
+    assert found["tooth"] > 0
+    assert run["rack.drive"][0] == pytest.approx(found["drive"], rel=ROUNDING)
+    assert run["mesh.force"][0] == pytest.approx(found["tooth"] * way, rel=ROUNDING)
+    assert run["rack.S.N"][0] == pytest.approx(found["N"], rel=1e-11)
+    assert run["rack.S.C"][0] == pytest.approx(found["C"], rel=1e-11)
+    assert mech.verify(at=0.7, rates=2.0).ok
+
+
+def tangent_lines(r1, r2, crossed):
+    """Strands as (place on the second wheel, direction to the first), by the tangents' touch."""
+    d = -(0.5 + 0.1j)
+    step = (r1 + r2 if crossed else r2 - r1) / abs(d)
+    for side in (1, -1):
+        e = d / abs(d) * (math.sqrt(1 - step**2) + 1j * side * step)
+        yield 0.5 + 0.1j - 1j * side * e * r2, e
+
+
+@pytest.mark.parametrize("crossed", [False, True])
+@pytest.mark.parametrize("preload", [0.0, 400.0])
+def test_strands_pull_as_newton_says(crossed, preload):
+    belt = bm.Belt(driver="one", driven="two", radii=(0.1, 0.16), crossed=crossed, preload=preload)
+    mech = cranks(belt).compile()
+    run = mech.run(at=0.7, rates=2.0, accelerations=-5.0, want="*")
+    (p, e), (q, f) = tangent_lines(0.1, 0.16, crossed)
+    for z, way, r in ((p, e, 0.16), (q, f, 0.16)):
+        assert abs(((z - 0.5 - 0.1j).conjugate() * way).imag) == pytest.approx(r)  # a tangent
+        assert abs((z.conjugate() * way).imag) == pytest.approx(0.1)  # of both wheels
+    pulls = {"left": newton.Push("one", "two", p, e), "right": newton.Push("one", "two", q, f)}
+    # Two unknowns in one direction: what is known of their sum closes the system.
+    difference = newton.Push("one", "two")  # the couple that they make
+    found = newton.solved(
+        bodies_of(run),
+        newton.pin("frame", "one", 0j, "A") | newton.pin("frame", "two", 0.5 + 0.1j, "E")
+        | {"effort": newton.Push("frame", "two"), "drive": newton.Push("frame", "one")},
+    )  # fmt: skip
+    effort = found["effort"]
+    assert run["mesh.effort"][0] == pytest.approx(effort, rel=ROUNDING)
+    ratio = (-1 if crossed else 1) * 0.1 / 0.16
+    assert run["one.drive"][0] == pytest.approx(found["drive"] + ratio * effort, rel=ROUNDING)
+    f0 = effort / 0.16
+    tensions = (
+        (max(f0, 0.0), max(-f0, 0.0)) if not preload else (preload + f0 / 2, preload - f0 / 2)
+    )
+    force = tensions[0] * pulls["left"].way + tensions[1] * pulls["right"].way
+    assert difference.way is None
+    assert run["mesh.force"][0] == pytest.approx(force, rel=ROUNDING)
+    pin = complex(found["E.x"], found["E.y"]) - force
+    assert run["two.A.reaction"][0] == pytest.approx(pin, rel=1e-11)
+    assert mech.verify(at=0.7, rates=2.0, accelerations=-5.0).ok
+    if preload:
+        assert run["mesh.slack"][0] == pytest.approx(min(tensions), rel=ROUNDING)
+
+
+def test_a_belt_that_hangs_loose_is_flagged():
+    belt = bm.Belt(driver="one", driven="two", radii=(0.1, 0.16), preload=1.0)
+    run = cranks(belt).compile().run(at=0.7, rates=2.0, accelerations=-50.0)
+    assert "slack-belt" in {f.code for f in run.quality.flags}
+
+
+SWING = {
+    "kind": "segments",
+    "segments": [
+        {"motion": "4-5-6-7", "over": 2.2, "rise": 0.2},
+        {"motion": "cycloidal", "over": 2.0, "rise": -0.2},
+    ],
+}
+RISE = {
+    "kind": "segments",
+    "segments": [
+        {"motion": "4-5-6-7", "over": 2.2, "rise": 0.05},
+        {"motion": "modified_sine", "over": 2.0, "rise": -0.05},
+    ],
+}
+FOLLOWERS = {
+    "translating knife": ("slide", {"law": RISE, "phase": 0.4}),
+    "translating roller": (
+        "slide",
+        {"law": RISE, "phase": 0.4, "follower": "roller", "roller": 0.05},
+    ),
+    "translating face": ("slide", {"law": RISE, "phase": 0.4, "follower": "flat", "face": 0.2}),
+    "swinging roller": (
+        "crank",
+        {"law": SWING, "phase": 1.4, "at": (0.45, 0.1), "follower": "roller", "roller": 0.04},
+    ),
+    "swinging face": (
+        "crank",
+        {"law": SWING, "phase": 1.4, "at": (0.1, 0.0), "follower": "flat", "face": -math.pi / 2},
+    ),
+}
+
+
+def profile(mech, name, x, h=1e-5):
+    """Tip of the follower in the cam's axes at angles x +- h, by the run alone."""
+    kind, cam = FOLLOWERS[name]
+    link = "two.crank" if kind == "crank" else "two.slider"
+    run = mech.run(at=[x - h, x, x + h], rates=0.0, want=[f"{link}.p", f"{link}.angle"])
+    e = np.exp(1j * run[f"{link}.angle"])
+    tip = run[f"{link}.p"] + e * complex(*cam.get("at", (0.0, 0.0)))
+    return tip, e * np.exp(1j * cam.get("face", 0.0)), np.exp(-1j * (x + np.array([-h, 0, h])))
+
+
+@pytest.mark.parametrize("x", [0.7, 3.5])
+@pytest.mark.parametrize("name", FOLLOWERS)
+def test_cams_push_along_the_normal_of_their_profile(name, x):
+    kind, cam = FOLLOWERS[name]
+    g = cranks(bm.Cam(driver="one", driven="two", **cam), second=kind)
+    mech = g.compile()
+    run = mech.run(at=x, rates=2.0, accelerations=-5.0, want="*")
+    tip, normal, back = profile(mech, name, x)
+    if cam.get("follower") == "flat":
+        # The face is a tangent: where it and its neighbours of the cam's axes meet.
+        lines = [(t * b, n * b) for t, n, b in zip(tip, normal, back, strict=True)]
+        (a, n), (b, m) = lines[0], lines[2]
+        rows = [[n.real, n.imag], [m.real, m.imag]]
+        meet = np.linalg.solve(rows, [(a * n.conjugate()).real, (b * m.conjugate()).real])
+        at, way = complex(*meet) / back[1], normal[1]
+        loose = 1e-6
+    else:
+        tangent = (tip * back)[2] - (tip * back)[0]
+        at, way = tip[1], -1j * tangent / abs(tangent) / back[1]
+        way *= np.sign((way * np.conj(tip[1])).real)
+        loose = 1e-8
+    pushes = newton.pin("frame", "one", 0j, "A") | {"push": newton.Push("one", "two", at, way)}
+    pushes |= {"drive": newton.Push("frame", "one")}
+    if kind == "slide":
+        u = np.exp(1.2j)
+        pushes |= {"N": newton.Push("frame", "two", run["two.slider.p"][0], 1j * u)}
+        pushes |= {"C": newton.Push("frame", "two")}
+    else:
+        pushes |= newton.pin("frame", "two", 0.5 + 0.1j, "E")
+    found = newton.solved(bodies_of(run), pushes)
+    assert run["mesh.contact"][0] == pytest.approx(found["push"], rel=loose)
+    assert run["mesh.force"][0] == pytest.approx(found["push"] * way, rel=loose)
+    assert run["one.drive"][0] == pytest.approx(found["drive"], rel=loose)
+    if kind == "slide":
+        assert run["two.S.C"][0] == pytest.approx(found["C"], rel=loose)
+    flagged = "lift-off" in {f.code for f in run.quality.flags}
+    assert flagged == (found["push"] < 0)
+    assert mech.verify(at=x, rates=2.0, accelerations=-5.0).ok
+    across = 1j * (at - 0.5 - 0.1j) if kind == "crank" else np.exp(1.2j)
+    slant = abs(np.angle(way / across))
+    assert min(slant, math.pi - slant) == pytest.approx(
+        abs(run["mesh.pressure_angle"][0]), abs=loose
+    )
+
+
+@pytest.mark.parametrize("name", FOLLOWERS)
+def test_radius_of_curvature_is_that_of_the_drawn_profile(name):
+    kind, cam = FOLLOWERS[name]
+    mech = cranks(bm.Cam(driver="one", driven="two", **cam), second=kind).compile()
+    s = mech.structure
+    where, p, pair = s.where("mesh"), s.coupling_numbers("mesh"), s.coupled_pair("mesh")
+    mesh = s.couplings["mesh"]
+    h = 1e-3
+    for x in (0.7, 1.6, 3.5):
+        places = []
+        for at in map(where, (x - h, x, x + h)):
+            z = mesh._touch(pair, at, p) - mesh.roller * mesh._normal(pair, at, p)
+            places.append(z * np.exp(-1j * at.x))
+        a, b, c = places
+        sides = abs(b - a), abs(c - b), abs(c - a)
+        area = ((b - a).conjugate() * (c - a)).imag / 2  # clockwise
+        circle = -sides[0] * sides[1] * sides[2] / (4 * area)
+        run = mech.run(at=x, want="mesh.curvature_radius")
+        assert run["mesh.curvature_radius"][0] == pytest.approx(circle, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", FOLLOWERS)
+def test_a_profile_given_by_points_moves_the_follower_as_the_law_that_made_it(name):
+    kind, cam = FOLLOWERS[name]
+    first = cranks(bm.Cam(driver="one", driven="two", **cam), second=kind).compile()
+    s = first.structure
+    (outline, *_) = s.couplings["mesh"].curves(
+        "RP" if kind == "slide" else "RR", s.where("mesh"), s.coupling_numbers("mesh")
+    )
+    points = [(z.real, z.imag) for z in outline.points[:-1]]
+    again = cam | {"points": points}
+    del again["law"]
+    second = cranks(bm.Cam(driver="one", driven="two", **again), second=kind).compile()
+    q = np.linspace(0.0, 6.0, 13)
+    one, two = (m.run(at=q, rates=1.0) for m in (first, second))
+    np.testing.assert_allclose(two["two.q"], one["two.q"], atol=2e-7)
+    np.testing.assert_allclose(two["mesh.slope"], one["mesh.slope"], atol=2e-5)
+
+
+# -- properties --------------------------------------------------------------------------------
+
+
+def test_a_cam_with_a_slider_cranks_own_displacement_needs_the_slider_cranks_drive():
+    r, rod = 0.05, 0.15
+    x = np.linspace(0.0, math.tau, 360, endpoint=False)
+    values = r * np.cos(x) + np.sqrt(rod**2 - (r * np.sin(x)) ** 2)
+    law = {"kind": "table", "arguments": x, "values": values, "period": math.tau}
+    g = bm.Graph("cam")
+    guide = bm.Marker(at=(0.0, 0.0), angle=0.0)
+    g.add("frame", bm.Frame(markers={"A": guide}))
+    g.add("crank", bm.Crank())
+    g.add("piston", bm.SlideDrive(links={"slider": bm.Link(mass=0.8)}))
+    g.add("gas", bm.Force(force=(-300.0, 0.0)))
+    law |= {"interpolation": "quintic"}
+    g.add("cam", bm.Cam(driver="crank", driven="piston", law=law))
+    for source, end in (
+        ("frame.A", "crank.A"),
+        ("frame.A", "piston.S"),
+        ("piston.slider", "gas.at"),
+    ):
+        g.connect(source, end)
+    s = bm.Graph("slider crank")
+    s.add("frame", bm.Frame(markers={"A": guide}))
+    s.add("crank", bm.Crank(length=r))
+    s.add("piston", bm.RRP(l=rod, branch=1, links={"j": bm.Link(mass=0.8)}))
+    s.add("gas", bm.Force(force=(-300.0, 0.0)))
+    for source, end in (
+        ("frame.A", "crank.A"),
+        ("crank.B", "piston.B"),
+        ("frame.A", "piston.S"),
+        ("piston.j", "gas.at"),
+    ):
+        s.connect(source, end)
+    ask = {"at": np.linspace(0.3, 6.0, 9), "rates": 20.0, "accelerations": 30.0}
+    one, two = g.compile().run(**ask), s.compile().run(**ask)
+    np.testing.assert_allclose(one["crank.drive"], two["crank.drive"], rtol=1e-8)
+    np.testing.assert_allclose(one["crank.J_red"], two["crank.J_red"], rtol=1e-8)
+
+
+def test_ratios_of_one_and_minus_one_are_mirror_images():
+    def pair(ratio, sign):
+        law = {"kind": "polynomial", "coefficients": [0.2, ratio]}
+        g = cranks(bm.Ratio(driver="one", driven="two", law=law))
+        g.blocks["two"] = g.blocks["two"].model_copy(update={"sign": sign})
+        return g.compile()
+
+    ask = {"at": np.linspace(0.0, 6.0, 7), "rates": 2.0, "accelerations": 1.0}
+    one, two = pair(1.0, 1).run(**ask), pair(-1.0, -1).run(**ask)
+    assert two["two.q"] == pytest.approx(-one["two.q"] + 0.4)
+    law = {"kind": "polynomial", "coefficients": [-0.2, -1.0]}
+    three = pair(1.0, 1)
+    four = cranks(bm.Ratio(driver="one", driven="two", law=law))
+    four.blocks["two"] = four.blocks["two"].model_copy(update={"sign": -1})
+    run, other = three.run(**ask), four.compile().run(**ask)
+    for name in ("one.drive", "one.J_red", "two.crank.angle", "two.A.reaction"):
+        np.testing.assert_allclose(run[name], other[name], rtol=ROUNDING, atol=1e-14)
+
+
+COUPLED = {
+    "rack": (bm.Rack(driver="one", driven="two", radius=0.08), "slide"),
+    "belt": (bm.Belt(driver="one", driven="two", radii=(0.1, 0.16), preload=50.0), "crank"),
+    "geneva": (bm.Geneva(driver="one", driven="two", slots=5), "crank"),
+    "ratio": (bm.Ratio(driver="one", driven="two", law=RISE), "slide"),
+    **{
+        name: (bm.Cam(driver="one", driven="two", **cam), kind)
+        for name, (kind, cam) in FOLLOWERS.items()
+    },
+}
+
+
+@pytest.mark.parametrize("name", COUPLED)
+def test_motions_by_path_and_by_time_agree(name):
+    coupling, kind = COUPLED[name]
+    mech = cranks(coupling, second=kind).compile()
+    ask = {"start": {"one": (0.3, 14.0)}, "want": ["one.q", "one.rate"]}
+    path, time = (mech.simulate("time=0.6", method=m, **ask) for m in ("spectral", "dop853"))
+    assert path["one.q"][-1] > 3.0
+    assert path["one.q"][-1] == pytest.approx(time["one.q"][-1], rel=1e-9)
+    assert path["one.rate"][-1] == pytest.approx(time["one.rate"][-1], rel=1e-9)
+
+
+@pytest.mark.parametrize("name", COUPLED)
+def test_engines_and_derivatives_agree(name):
+    coupling, kind = COUPLED[name]
+    g = cranks(coupling, second=kind)
+    mech, ask = g.compile(), {"at": np.linspace(0.05, 7.0, 23), "rates": 2.0}
+    batch = mech.run(**ask, engine="numpy")
+    for engine in ("scalar", "llvm"):
+        run = mech.run(**ask, engine=engine)
+        for output in ("one.drive", "mesh.effort", "two.acceleration"):
+            scale = np.abs(batch[output]).max()
+            np.testing.assert_allclose(run[output], batch[output], rtol=1e-10, atol=1e-12 * scale)
+    at = {"at": 0.75, "rates": 2.0}
+    slope = mech.sensitivity("one.drive", ["frame.E.y"], **at)["one.drive", "frame.E.y"][0]
+    step, scale = 1e-6, np.abs(batch["one.drive"]).max()
+    ends = [
+        g.replace({"frame.E.y": 0.1 + h}).compile().run(**at)["one.drive"][0] for h in (-step, step)
+    ]
+    assert slope == pytest.approx((ends[1] - ends[0]) / (2 * step), abs=1e-6 * scale)
+
+
+# -- refusals ----------------------------------------------------------------------------------
+
+
+def problem_of(graph):
+    with pytest.raises(GraphError) as caught:
+        graph.compile()
+    (problem,) = caught.value.problems
+    return problem
+
+
+def test_a_rack_between_two_cranks_is_refused_with_what_it_couples():
+    problem = problem_of(cranks(bm.Rack(driver="one", driven="two", radius=0.1)))
+    assert (problem.code, problem.where) == ("coupling-mismatch", "mesh.driven")
+    assert "revolute with prismatic" in str(problem)
+
+
+def test_a_belt_that_has_no_room_is_refused():
+    problem = problem_of(
+        cranks(bm.Belt(driver="one", driven="two", radii=(0.4, 0.4), crossed=True))
+    )
+    assert "the centres are 0.5099" in str(problem)
+
+
+def test_a_face_along_the_guide_is_dead():
+    cam = bm.Cam(driver="one", driven="two", law=RISE, phase=0.4, follower="flat", face=math.pi / 2)
+    assert problem_of(cranks(cam, second="slide")).code == "dead-face"
+
+
+def test_a_roller_that_is_too_large_is_refused_with_the_largest_that_fits():
+    kind, cam = FOLLOWERS["translating roller"]
+    good = cranks(bm.Cam(driver="one", driven="two", **cam), second=kind).compile()
+    x = np.linspace(0.0, math.tau, 721)
+    radius = good.run(at=x, want="mesh.curvature_radius")["mesh.curvature_radius"] + 0.05
+    least = radius[radius > 0].min()
+    problem = problem_of(
+        cranks(bm.Cam(driver="one", driven="two", **cam | {"roller": 1.02 * least}), second=kind)
+    )
+    assert problem.code == "undercut"
+    assert float(problem.valid.split("than ")[1].split(" m")[0]) == pytest.approx(least, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"law": {"kind": "segments", "segments": [{"motion": "linear", "over": 1.0, "rise": 0.1}]}},
+        {"law": {"kind": "polynomial", "coefficients": [0.0, 1.0]}},
+        {"law": RISE, "follower": "roller"},
+        {"law": RISE, "points": [(1.0, 0.0)] * 9},
+        {"law": RISE, "face": 0.1},
+        {},
+        {"points": [(1.0, 0.0)] * 3},
+    ],
+)
+def test_cams_without_one_closed_profile_are_refused(change):
+    with pytest.raises(GraphError):
+        bm.Cam(driver="one", driven="two", **change)
+
+
+def test_motion_with_friction_refuses_a_chain():
+    g = cranks(bm.Belt(driver="one", driven="two", radii=(0.1, 0.16)))
+    rub = bm.Coulomb(coefficient=0.1, radius=0.01)
+    g.blocks["two"] = g.blocks["two"].model_copy(update={"friction": {"A": rub}})
+    with pytest.raises(RequestError, match="belt under tension"):
+        g.compile().simulate("time=0.1", start={"one": (0.0, 1.0)})
+
+
+def test_a_belt_under_tension_moves_with_friction_by_both_methods():
+    g = cranks(bm.Belt(driver="one", driven="two", radii=(0.1, 0.16), preload=300.0))
+    rub = bm.Coulomb(coefficient=0.1, radius=0.02)
+    g.blocks["two"] = g.blocks["two"].model_copy(update={"friction": {"A": rub}})
+    mech = g.compile()
+    ask = {"start": {"one": (0.2, 9.0)}, "want": "*"}
+    path, time = (mech.simulate("time=0.3", method=m, **ask) for m in ("spectral", "dop853"))
+    assert path["one.q"][-1] == pytest.approx(time["one.q"][-1], rel=1e-10)
+    assert np.abs(path["one.drive"]).max() <= 1e-9 * np.abs(path["mesh.effort"]).max()
+    free = mech.simulate("time=0.3", start={"one": (0.2, 9.0)}, friction="none", want="*")
+    assert free["one.q"][-1] > path["one.q"][-1]
+
+
+def test_a_document_names_the_followers_tip_in_its_own_frame_of_the_link():
+    """The same valve, its link's frame elsewhere and turned."""
+    data = json.loads((JOINTS / "valve_engine.json").read_text("utf-8"))
+    data.pop("expect")
+    mesh = data["couplings"]["cam"]
+    moved = copy.deepcopy(data)
+    away, turn = 0.01 - 0.02j, 0.7
+    x, y, angle = moved["links"]["valve"]["pose"]
+    o = complex(x, y) + away * cmath.exp(1j * angle)
+    moved["links"]["valve"]["pose"] = [o.real, o.imag, angle + turn]
+    seat = -away * cmath.exp(-1j * turn)
+    place = [seat.real, seat.imag]
+    moved["links"]["valve"]["cm"] = place
+    moved["joints"]["guide"]["at"][1] = place
+    moved["joints"]["guide"]["angle"][1] = -turn
+    moved["loads"]["spring"]["at"][1] = place
+    moved["couplings"]["cam"] = mesh | {"at": place}
+    runs = [
+        bm.Linkage.from_json(json.dumps(d)).compile().run(at=[0.5, 1.3], rates=120.0)
+        for d in (data, moved)
+    ]
+    for name in ("driver.shaft.drive", "coupling.cam.contact", "coupling.cam.curvature_radius"):
+        np.testing.assert_allclose(runs[0][name], runs[1][name], rtol=1e-11)
