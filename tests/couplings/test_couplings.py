@@ -462,8 +462,7 @@ def test_a_profile_given_by_points_moves_the_follower_as_the_law_that_made_it(na
         "RP" if kind == "slide" else "RR", s.where("mesh"), s.coupling_numbers("mesh")
     )
     points = [(z.real, z.imag) for z in outline.points[:-1]]
-    again = cam | {"points": points}
-    del again["law"]
+    again = cam | {"law": {"kind": "points", "points": points}}
     second = cranks(bm.Cam(driver="one", driven="two", **again), second=kind).compile()
     q = np.linspace(0.0, 6.0, 13)
     one, two = (m.run(at=q, rates=1.0) for m in (first, second))
@@ -620,10 +619,9 @@ def test_a_roller_that_is_too_large_is_refused_with_the_largest_that_fits():
         {"law": {"kind": "segments", "segments": [{"motion": "linear", "over": 1.0, "rise": 0.1}]}},
         {"law": {"kind": "polynomial", "coefficients": [0.0, 1.0]}},
         {"law": RISE, "follower": "roller"},
-        {"law": RISE, "points": [(1.0, 0.0)] * 9},
         {"law": RISE, "face": 0.1},
         {},
-        {"points": [(1.0, 0.0)] * 3},
+        {"law": {"kind": "points", "points": [(1.0, 0.0)] * 3}},
     ],
 )
 def test_cams_without_one_closed_profile_are_refused(change):

@@ -112,7 +112,7 @@ def test_a_mechanism_lists_its_numbers_with_units():
 
 
 RATIOS = {"coefficient", "direction", "dir"}  # of forces, and of components
-CHOICES = {"branch", "sign", "slider", "turns", "teeth"}
+CHOICES = {"branch", "side", "sign", "slider", "turns", "teeth"}
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: f"{p.parent.name}/{p.stem}")

@@ -24,9 +24,9 @@ import cmath
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Annotated, Any, Literal, NamedTuple, Protocol, TypeAlias
+from typing import Annotated, Any, Literal, NamedTuple, Protocol
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from blockmech.couplings.contract import (
     ROUND,
@@ -34,10 +34,19 @@ from blockmech.couplings.contract import (
     Curve,
     Meshing,
     Reading,
+    Transmission,
     Where,
     circle,
 )
-from blockmech.couplings.laws import AnyLaw, LawNumbers, repeated, spline
+from blockmech.couplings.laws import (
+    Law,
+    LawNumbers,
+    Polynomial,
+    Segments,
+    Table,
+    repeated,
+    spline,
+)
 from blockmech.errors import Problem
 from blockmech.plane import angle, apply, cross, dot, hyp, imul, mul
 from blockmech.typing import Complex, Load, Real
@@ -45,7 +54,6 @@ from blockmech.values import NotNegative, Number, Place, PlaceGiven, default, in
 
 DEAD = 1e-6  # cosine of a push that is square to the motion, within rounding of its square root
 SPREAD = 1e-9  # [rad] between rows of a spline
-PlacesGiven: TypeAlias = list[Place]
 SAMPLES = 720  # places of a turn at which a profile is looked at: every half degree
 HALVINGS = 50  # of such a step, down to rounding
 NODES = 360  # of the spline of a follower's motion on a cam that is given by points
@@ -248,11 +256,27 @@ FACES = {
 }
 
 
+class Outline(Law):
+    """Places [m] of a profile on the cam link, once round, joined by a smooth closed curve."""
+
+    kind: Literal["points"] = "points"
+    points: Annotated[list[Place], Field(min_length=8, json_schema_extra={"unit": "m"})]
+
+    @property
+    def whole(self) -> float:
+        """One turn."""
+        return math.tau
+
+    def kernel(self) -> Callable[[Real, LawNumbers], Transmission]:
+        """That of the spline of the follower's coordinate."""
+        return repeated
+
+
 class Cam(Coupling, type="coupling.cam"):
     """A cam on a crank, and a follower: a slide drive (translating) or a crank (swinging).
 
-    law : the follower's coordinate over the cam's angle: "segments" or a "table" that repeats
-    points : [m] instead of a law, the profile as places on the cam link, once round
+    law : the follower's coordinate over the cam's angle: "segments" or a "table" that repeats;
+        or "points" of the profile, from which it is worked out
     follower : "knife", "roller" or "flat"
     at : [m] knife edge, centre of the roller or a place on the face, in the follower's axes
     roller : [m] radius of the roller
@@ -272,8 +296,7 @@ class Cam(Coupling, type="coupling.cam"):
     pairs = ("RP", "RR")
     fixed = True
 
-    law: AnyLaw | None = None
-    points: PlacesGiven | None = None
+    law: Annotated[Segments | Polynomial | Table | Outline, Field(discriminator="kind")]
     follower: Literal["knife", "roller", "flat"] = "knife"
     at: PlaceGiven = default(Place(0j))
     roller: Annotated[NotNegative, in_unit("m")] = 0.0
@@ -282,23 +305,17 @@ class Cam(Coupling, type="coupling.cam"):
 
     @model_validator(mode="after")
     def _one_profile(self) -> Cam:
-        if (self.law is None) == (self.points is None):
-            found = "a law and points are given" if self.law else "neither law nor points are given"
-            raise mistake("missing-key", found, "a cam has one profile", 'give "law" or "points"')
         if (self.follower == "roller") != (self.roller > 0):
             found = f'the follower is "{self.follower}", the roller\'s radius {self.roller:g}'
             raise mistake("wrong-value", found, "a roller has a radius, others have none")
         if self.face and self.follower != "flat":
             raise mistake("wrong-value", f'"face" of a follower that is "{self.follower}"')
-        if self.law is not None and (not self.law.whole or self.law.step):
+        if not self.law.whole or self.law.step:
             found = "after a turn the follower is not where it was"
             raise mistake("open-profile", found, "the profile of a cam is closed", "let it return")
-        if self.law is not None and self.law.advance(Fraction(1)) is None:
+        if self.law.advance(Fraction(1)) is None:
             found = f"the law repeats after {self.law.whole:.6g} rad, the cam after a turn"
             raise mistake("open-profile", found, "a period goes into a turn", "change the period")
-        if self.points is not None and len(self.points) < 8:
-            found = f"{len(self.points)} points of a profile"
-            raise mistake("bad-table", found, "eight or more", "add some")
         return self
 
     @property
@@ -308,7 +325,7 @@ class Cam(Coupling, type="coupling.cam"):
 
     def transmission(self, pair: str) -> Callable[..., Any]:
         """The law's kernel; of points a spline's."""
-        return repeated if self.law is None else self.law.kernel()
+        return self.law.kernel()
 
     def contact(self, pair: str) -> Callable[..., Any]:
         """The push of the cam."""
@@ -326,15 +343,14 @@ class Cam(Coupling, type="coupling.cam"):
     def numbers(self, pair: str, at_zero: Callable[[], Meshing]) -> LawNumbers:
         """The law's numbers and the follower's shape."""
         shape = Shape(self.at.z, apply("expi", self.face), self.roller)
-        if self.law is not None:
+        if not isinstance(self.law, Outline):
             return self.law.numbers(self.phase)._replace(shape=shape)
-        at = at_zero()
-        x, q = self._followed(pair, [p.z for p in self.points or ()], at, shape)
+        x, q = self._followed(pair, [p.z for p in self.law.points], at_zero(), shape)
         return spline(x, q, 5, math.tau, 0.0, 0.0)._replace(shape=shape)
 
     def knots(self, low: float, high: float) -> Iterable[float]:
         """The law's."""
-        return () if self.law is None else self.law.knots_within(low, high)
+        return self.law.knots_within(low, high)
 
     def advance(self, turns: Fraction) -> Fraction | None:
         """It comes back every turn."""
@@ -343,7 +359,7 @@ class Cam(Coupling, type="coupling.cam"):
     def placed(self) -> Mapping[str, str]:
         """Those that the profile and the follower have."""
         found = {"at": "driven"} | ({"face": "driven"} if self.follower == "flat" else {})
-        return found | ({"points": "driver"} if self.points else {})
+        return found | ({"law": "driver"} if isinstance(self.law, Outline) else {})
 
     # -- profile --------------------------------------------------------------------------
 

@@ -96,7 +96,9 @@ def starter(root: Schema, node: Schema) -> Any:
     if node.get("type") == "array":
         items = node.get("prefixItems") or [node.get("items", {})] * node.get("minItems", 0)
         return [starter(root, item) for item in items]
-    return {"string": "", "boolean": False, "integer": 1}.get(str(node.get("type")), 1.0)
+    return {"string": "", "boolean": False, "integer": node.get("minimum", 1)}.get(
+        str(node.get("type")), 1.0
+    )
 
 
 def fields_of(root: Schema, node: Schema, raw: Any, path: Path = ()) -> Iterator[Field]:

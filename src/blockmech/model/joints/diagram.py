@@ -290,6 +290,8 @@ def _seated(value: Any, seat: Seat) -> Any:
         return value - phase(seat.e)
     if isinstance(value, list) and all(isinstance(x, float) for x in value):
         return xy(seat.place(complex(*value)))
+    if isinstance(value, dict):
+        return value | {"points": _seated(value["points"], seat)}
     if isinstance(value, list):
         return [_seated(x, seat) for x in value]
     return xy(seat.place(Place.parse(value).z))  # as a file may have it
