@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     import blockmech.analysis.explain as explaining
     import blockmech.analysis.extremes as extremal
     import blockmech.analysis.stroke as stroking
-    import blockmech.analysis.verify as verifying
     import blockmech.draw.arcs as closing
     import blockmech.draw.equilibria as balancing
     import blockmech.draw.linearize as linearising
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     import blockmech.studies.family as designing
     import blockmech.studies.linearize as vibrating
     import blockmech.studies.objective as optimising
+    import blockmech.studies.verified as verifying
 
 
 class Mechanism(Compiled):
@@ -75,7 +75,7 @@ class Mechanism(Compiled):
         study = Later("blockmech.draw.study")
         tolerance = Later("blockmech.draw.tolerance")
         trade = Later("blockmech.draw.trade")
-        verify = Later("blockmech.analysis.verify")
+        verify = Later("blockmech.studies.verified")
 
     def _repr_svg_(self) -> str | None:
         """The mechanism over its range, or, where that is not known, with its drivers at zero."""

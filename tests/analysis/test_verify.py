@@ -1,13 +1,17 @@
 """`verify` says ok where the mechanics are right, and names what is wrong where they are not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import blockmech as bm
 from blockmech.analysis.verify import TOLERANCE, Verification
+from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.motion import State
 from blockmech.result import Result
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
-from tests.gallery import document
+from tests.gallery import document, mechanism
 from tests.wiring import chain, changed, ruiz, squeezer, toggle, watt, wire
 
 MECHANISMS = {
@@ -259,3 +263,72 @@ def test_single_wrong_sample_is_enough(tampered):
 
     tampered("dyad.C.reaction", spoil)
     assert not ruiz().compile().verify(samples=9).ok
+
+
+# -- results --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["auto", "dop853", "lsoda", "radau"])
+@pytest.mark.parametrize("name", ["watt_sixbar", "pump", "engine", "fivebar_falling"])
+def test_a_simulated_motion_is_verified(name, method):
+    mech = mechanism(name)
+    found = mech.verify(mech.simulate("time=0.2", method=method, accuracy=1e-6))
+    assert found.ok, str(found)
+    driver = mech.drivers[0]
+    names = [row.name for row in found.rows]
+    assert names[-2:] == [f"{x} of {mech.drivers[-1]}" for x in ("rate", "acceleration")]
+    assert f"idle drive of {driver}" in names
+
+
+def falsified(result, change):
+    """The result with another motion: its states as a function of state and time."""
+    track = result.motion.track
+
+    class Other:
+        def state(self, t):
+            return change(track.state(t), t)
+
+    result.motion = replace(result.motion, track=Other())
+    return result
+
+
+@pytest.mark.parametrize(
+    ("change", "failing"),
+    [
+        (lambda s, t: s._replace(q=s.q + 1e-6 * np.sin(9 * t)), "rate of crank"),
+        (lambda s, t: s._replace(qd=s.qd * (1 + 1e-6 * t)), "rate of crank"),
+        (lambda s, t: State(s.q - 1e-6 * t**2, s.qd - 2e-6 * t), "acceleration of crank"),
+    ],
+)
+def test_a_falsified_motion_is_caught(change, failing):
+    mech = mechanism("watt_sixbar")
+    good = mech.simulate("time=1", method="dop853", accuracy=1e-9)
+    assert mech.verify(good).ok
+    found = failures(mech.verify(falsified(good, change)))
+    assert failing in found
+
+
+def test_a_motion_by_a_wrong_equation_is_caught():
+    """Accelerations too large by a thousandth: a motion that is consistent in itself."""
+    mech, right = mechanism("watt_sixbar"), Equation.__call__
+
+    def faster(self, t, y):
+        rate, acceleration, *works = right(self, t, y)
+        return rate, 1.001 * acceleration, *works
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Equation, "__call__", faster)
+        moved = mech.simulate("time=1", method="lsoda", accuracy=1e-9)
+    assert "acceleration of crank" in failures(mech.verify(moved))
+
+
+def test_a_run_is_verified_at_its_own_samples():
+    mech = mechanism("ruiz_fourbar")
+    found = mech.verify(mech.run(at=[0.3, 1.0, 2.0], rates=3.0, friction="newton"))
+    assert found.ok
+    assert found.samples == 3
+
+
+def test_a_result_of_another_mechanism_is_refused():
+    with pytest.raises(bm.RequestError, match="another mechanism"):
+        mechanism("ruiz_fourbar").verify(mechanism("watt_sixbar").run(at=1.0))

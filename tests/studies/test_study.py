@@ -7,6 +7,7 @@ import blockmech as bm
 from blockmech.studies.family import remade
 from blockmech.studies.runner import Runner
 from tests.gallery import JOINTS, mechanism
+from tests.wiring import ruiz
 
 TURN = {"crank": np.linspace(0.0, 2 * np.pi, 24, endpoint=False)}
 
@@ -246,3 +247,29 @@ def test_mistakes_get_one_message(fourbar, request_, words):
 def test_distributions_refuse_what_is_none(make):
     with pytest.raises(bm.RequestError):
         make()
+
+
+# -- verified -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("vary", [{"dyad.l_i": [5.5, 6.0, 6.5]}, {"crank.length": [1.8, 2.0, 9.0]}])
+def test_a_study_is_verified_by_designs_made_again(vary):
+    mech = ruiz().compile()
+    found = mech.study(vary, want=["max_abs(crank.drive)", "rms(dyad.D.reaction)"], samples=25)
+    checked = mech.verify(found)
+    assert checked.ok, str(checked)
+    assert [row.name for row in checked.rows] == [f"{w.label} made again" for w in found.columns]
+    assert checked.samples == sum(word == "ok" for word in found.status)
+
+
+def test_a_falsified_study_is_caught():
+    mech = ruiz().compile()
+    found = mech.study({"dyad.l_i": [5.5, 6.0, 6.5]}, want="max_abs(crank.drive)", samples=25)
+    found.found.values["max_abs(crank.drive)"][1] *= 1 + 1e-9
+    assert not mech.verify(found).ok
+
+
+def test_a_study_of_another_mechanism_is_refused():
+    found = ruiz().compile().study({"dyad.l_i": [6.0]}, want="max(crank.drive)", samples=5)
+    with pytest.raises(bm.RequestError, match="another mechanism"):
+        ruiz().compile().verify(found)

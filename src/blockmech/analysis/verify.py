@@ -4,13 +4,14 @@ The checks are a table. Each reads labelled outputs (places, rates, reactions) a
 not the kernels that made the numbers, and yields residuals of one link, pair, load or driver.
 Two runs are held against it: the one that was asked for, and one without friction in which every
 driver has another rate and acceleration at each sample, so that inertia is never out of sight.
+Of a simulation the states are held against one another as well.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -26,7 +27,10 @@ from blockmech.analysis.force_checks import (
 )
 from blockmech.analysis.load_checks import energies, loads
 from blockmech.analysis.motion_checks import closures, drivers, markers, modes
+from blockmech.analysis.trajectory_checks import idle, trajectory
 from blockmech.arguments import declared
+from blockmech.dynamics.along import result_along
+from blockmech.errors import refused
 from blockmech.model.structure import LinkRef
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
@@ -39,7 +43,8 @@ if TYPE_CHECKING:
 
 SAMPLES = 25
 
-CHECKS: tuple[Callable[[Evidence], Iterator[Residual]], ...] = (
+CheckOf: TypeAlias = Callable[[Evidence], Iterator[Residual]]
+CHECKS: tuple[CheckOf, ...] = (
     closures,
     markers,
     drivers,
@@ -112,7 +117,7 @@ class Verification(Told):
 @declared
 def verify(
     mechanism: Compiled,
-    at: Coordinates | None = None,
+    at: Coordinates | Result | None = None,
     *,
     samples: int | None = None,
     times: Numbers | None = None,
@@ -137,12 +142,25 @@ def verify(
     ----------
     at, samples, times, rates, accelerations : [rad or m], [s] as in a run; by default 25
         samples of the laws' ranges. Gaps are left out.
+        Or an answer of this mechanism: of a run its samples, with its friction; of a simulation
+        the states are also held against one another, and the drives must be idle; of a study
+        some designs are made again, each by itself.
     friction, tolerance, iterations, static, engine, precision, chunk : as in a run
 
     Returns
     -------
     Verification, with a number for each check
+
+    Raises
+    ------
+    RequestError for a result of another mechanism, or with settings beside it
     """
+    if isinstance(at, Result):
+        beside = (samples, times, rates, accelerations, friction, tolerance, iterations, precision)
+        if static or any(x is not None for x in beside):
+            found = "a result is verified at its own samples, with its own settings"
+            raise refused("at", found, "leave the others out")
+        return _of_result(mechanism, at)
     if at is None and samples is None and times is None:
         samples = SAMPLES
     given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
@@ -151,10 +169,36 @@ def verify(
     taken = blocks.samples(at, samples, times, rates, accelerations)
     given["static"] = static
     asked = Evidence(blocks.answer(taken, EVERYTHING, given, None, **how, on_gap="mark"))
+    shaken = Evidence(_shaken(asked.run, how))
+    return _judged(mechanism, asked, [(asked, CHECKS), (shaken, CHECKS)])
+
+
+def _of_result(mechanism: Compiled, result: Result) -> Verification:
+    """A result's own samples, and what a simulation says of itself."""
+    if result.mechanism is not mechanism:
+        raise refused("at", f"it is a result of another mechanism, {result.mechanism.name}")
+    motion = result.motion
+    blocks = mechanism.of_blocks
+    how = {key: result.settings[key] for key in ("friction", "tolerance", "iterations")}
+    if motion is None:
+        how["static"] = result.settings["static"]
+        run = blocks.answer(result.samples, EVERYTHING, how, None, "auto", None, None, "mark")
+        asked = Evidence(run)
+        return _judged(mechanism, asked, [(asked, CHECKS)])
+    t = motion.times(1) if result.time is None else result.time
+    asked = Evidence(result_along(blocks, motion, t, EVERYTHING, **how))
+    found = _judged(mechanism, asked, [(asked, (*CHECKS, idle))])
+    return replace(found, rows=(*found.rows, *(Check(*row) for row in trajectory(result))))
+
+
+def _judged(
+    mechanism: Compiled, asked: Evidence, tables: Iterable[tuple[Evidence, Sequence[CheckOf]]]
+) -> Verification:
+    """The worst of every check over all evidence."""
     worst: dict[str, float] = {}
-    for evidence in (asked, Evidence(_shaken(asked.run, how))):
+    for evidence, checks in tables:
         good = evidence.good
-        for check in CHECKS:
+        for check in checks:
             for what, of, left, scale in check(evidence):
                 name = f"{what} {_said(mechanism, of)}"
                 worst[name] = np.maximum(worst.get(name, 0.0), _relative(left[good], scale[good]))

@@ -100,6 +100,7 @@ def study(
         {mechanism.of_driver(d, "q"): taken.coordinate(i) for i, d in enumerate(mechanism.drivers)},
         family.alone,
         runner.engine,
+        runner,
     )
 
 

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from blockmech.quality import WORDS
 from blockmech.studies.parts import WITHOUT, Block, Parts, write_parquet
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.studies.sampling import Designs
+
+if TYPE_CHECKING:
+    from blockmech.studies.runner import Runner
 
 Array = NDArray[Any]
 ROWS = 12  # designs that are shown
@@ -42,6 +45,7 @@ class Study(Mapping[str, Array]):
     poses : driver -> coordinates (n,) [rad or m]
     alone : why each design was compiled by itself; "" where one program served all
     engine : the engine that was taken
+    runner : what ran the designs, and can run them again
     """
 
     name: str
@@ -52,6 +56,7 @@ class Study(Mapping[str, Array]):
     poses: Mapping[str, Array]
     alone: str
     engine: str
+    runner: Runner
 
     # -- reading ----------------------------------------------------------------
 
