@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import blockmech.analysis.stroke as stroking
     import blockmech.draw.arcs as closing
     import blockmech.draw.equilibria as balancing
+    import blockmech.draw.identify as identifying
     import blockmech.draw.linearize as linearising
     import blockmech.draw.sensitivity as sensing
     import blockmech.draw.study as studying
@@ -47,6 +48,7 @@ class Mechanism(Compiled):
         explain = explaining.explain
         extremes = extremal.extremes
         floquet = vibrating.floquet
+        identify = identifying.identify
         limits = closing.limits
         linearize = linearising.linearize
         modes = closing.modes
@@ -64,6 +66,7 @@ class Mechanism(Compiled):
         explain = Later("blockmech.analysis.explain")
         extremes = Later("blockmech.analysis.extremes")
         floquet = Later("blockmech.studies.linearize")
+        identify = Later("blockmech.draw.identify")
         limits = Later("blockmech.draw.arcs")
         linearize = Later("blockmech.draw.linearize")
         modes = Later("blockmech.draw.arcs")

@@ -31,6 +31,7 @@ DONE = {
     "extremes": ["extremes", "FILE", "dyad.transmission_angle"],
     "equilibria": ["equilibria", "FILE"],
     "modes of vibration": ["linearize", "FILE", "--at", "60deg"],
+    "a record": ["identify", "FILE", "RECORD", "--to", "dyad.links.i.mass"],
     "checks": ["verify", "FILE"],
     "a trade": ["trade", "FILE", "--budget", "1s"],
     "designs": ["sweep", "FILE", "--vary", "dyad.l_i=5.5:6:3", "--want", "max_abs(crank.drive)"],
@@ -61,11 +62,14 @@ def test_every_command_is_called_here():
 
 
 @pytest.fixture
-def show(call, ruiz, short):
+def show(call, ruiz, short, tmp_path):
     """Call the command line, and encode what it says as an old console would."""
 
+    record = tmp_path / "record.csv"
+    record.write_text("crank.q,crank.drive\n0,-10000\n1,3800\n2,500\n", encoding="utf-8")
+
     def showing(*words):
-        files = {"FILE": str(ruiz), "SHORT": str(short)}
+        files = {"FILE": str(ruiz), "SHORT": str(short), "RECORD": str(record)}
         gallery = {name: str(GRAPHS / f"{name}.json") for name in ("watt_sixbar", JOINTS)}
         said = call(*((files | gallery).get(word, word) for word in words))
         for page in PAGES:

@@ -1,8 +1,10 @@
-"""Commands from analysis to design: where it rests, how it vibrates."""
+"""Commands from analysis to design: where it rests, how it vibrates, what was measured."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any
+
+import typer
 
 from blockmech.builders import compiled
 from blockmech.cli.numbers import coordinates, rates_of
@@ -12,6 +14,7 @@ from blockmech.cli.options import (
     DegreesOfText,
     Friction,
     GraphFile,
+    Static,
     names_of,
     one_of,
     option,
@@ -75,4 +78,28 @@ def linearize(
     with progress_bar("differentiating"):
         found = mechanism.linearize(coordinates(mechanism, at or []), **asked)
     answer(file, json, found.to_dict(), found.text(degrees=deg))
+    write_found(found, None, plot)
+
+
+def identify(
+    file: GraphFile,
+    data: Annotated[
+        str,
+        typer.Argument(metavar="DATA", help="Measured columns (CSV), e.g. crank.q,crank.drive."),
+    ],
+    to: Annotated[list[str], option("Addresses of the numbers to identify.", "A,B")],
+    friction: Friction = None,
+    static: Static = False,
+    plot: Plot = None,
+    json: AsJson = False,
+) -> None:
+    """Identify numbers of the mechanism from what was measured on it."""
+    one_of(json=json, plot=plot is not None)
+    check_places(None, plot)
+    with reading(file):
+        mechanism = compiled(file)
+    with progress_bar("fitting"):
+        asked: dict[str, Any] = {"friction": friction, "static": static}
+        found = mechanism.identify(names_of(to), data, **asked)
+    answer(file, json, found.to_dict(), found.text())
     write_found(found, None, plot)

@@ -109,16 +109,24 @@ def sensitivity(
     return Sensitivity(result, chosen, ahead, {x: -d for x, d in behind.items()}, jumps, left_out)
 
 
-def _numbers(plan: Plan, near: Variation, seeds: Array) -> tuple[Any, ...]:
+def program_numbers(plan: Plan, near: Variation, seeds: Array) -> tuple[Any, ...]:
     """The parameters of a program, with tangents in directions (k, m) of what varies."""
     with np.errstate(all="ignore"):
         return plan.program.values(*near.design(seeds))
 
 
+def chosen_numbers(mechanism: Compiled, addresses: Sequence[str]) -> dict[str, Parameter]:
+    """Numbers by address that have a derivative. Raises `RequestError` for those that have none."""
+    found = {p.address: p for p in named(parameters(mechanism), dict.fromkeys(addresses))}
+    if wrong := {a: why for a, p in found.items() if (why := _without(p))}:
+        raise RequestError([Problem("no-derivative", a, why) for a, why in wrong.items()])
+    return found
+
+
 def _varies(plan: Plan, near: Variation, seeds: Array) -> bool:
     """Whether all parameters of a program have derivatives in some directions."""
     try:
-        _numbers(plan, near, np.atleast_2d(seeds))
+        program_numbers(plan, near, np.atleast_2d(seeds))
     except RequestError:
         return False
     return True
@@ -143,7 +151,7 @@ def _derived(
             name, seed = f"{x}_{near.base.drivers.index(driver)}", np.zeros(shape)
             seed[j] = seeds[j].sum()
             inputs[name] = Dual(np.asarray(inputs[name], float), seed)
-    values = DualEngine(plan.program).run(inputs, _numbers(plan, near, seeds), *shape[::-1])
+    values = DualEngine(plan.program).run(inputs, program_numbers(plan, near, seeds), *shape[::-1])
     found, outputs = {}, near.outputs(seeds)
     sizes = np.abs(seeds).sum(axis=1, keepdims=True)
     for name in result:
