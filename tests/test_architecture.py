@@ -25,6 +25,7 @@ ROOMS = (
     "told",
     "errors",
     "arguments",
+    "units",
     "files",
     "validation_errors",
     "values",

@@ -215,6 +215,9 @@ def close_match(word: str, valid: Iterable[str]) -> str:
     for name in (f"{head}{dot}{other}" for other in ALSO_CALLED.get(last, ())):
         if name in near:
             return f'did you mean "{name}"?'
+    for other in ALSO_CALLED.get(last, ()) if dot else ():  # of a driver by another name
+        if alike := [name for name in near if name.endswith(f".{other}")]:
+            return f'did you mean "{alike[0]}"?'
     near = [v for v in near if abs(len(v) - len(word)) <= len(word)]
     match = difflib.get_close_matches(word, near, n=1, cutoff=0.6)
     return f'did you mean "{match[0]}"?' if match else ""

@@ -39,6 +39,8 @@ DONE = {
     "a free motion": ["simulate", "watt_sixbar", "--until", "time=0.1"],
     "expected numbers": ["test", "watt_sixbar"],
     "the gallery": ["new"],
+    "formats that are written": ["export", "list"],
+    "a drawing": ["import", "M[J[R, P[0, 0], L[ground, a]], J[R, P[0, 1], L[a]]]"],
     "all blocks": ["blocks"],
     "all outputs": ["outputs", "FILE"],
     "the schema": ["schema"],

@@ -158,7 +158,7 @@ def test_degrees_are_named_in_the_units(call, ruiz):
 @pytest.mark.parametrize("option", ["--csv", "--plot", "--out"])
 def test_a_place_that_cannot_be_written_leaves_nothing(call, ruiz, tmp_path, option):
     (tmp_path / "file").write_text("old", encoding="utf-8")
-    place = "file" if option == "--out" else "missing/x.svg"
+    place = {"--out": "file", "--csv": "missing/x.csv"}.get(option, "missing/x.svg")
     said = call("run", ruiz, "--samples", "9", option, tmp_path / place)
     assert said.code == 2
     assert said.out == ""

@@ -110,7 +110,6 @@ def _run(words: list[str]) -> int:
 def command() -> Any:
     """The whole application as one command that can be called."""
     app = typer.Typer(
-        add_completion=False,
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
         no_args_is_help=True,

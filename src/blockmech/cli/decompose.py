@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from blockmech.builders import Graph, opened
-from blockmech.cli.options import AsJson
+from blockmech.cli.options import FILE_OR_NAME, AsJson
 from blockmech.cli.terminal import answer, reading
 from blockmech.errors import refused
 from blockmech.export import aligned
@@ -28,7 +28,7 @@ class General(StrEnum):
 
 
 def decompose(
-    file: Annotated[str, typer.Argument(metavar="FILE", help="Links and joints (JSON).")],
+    file: Annotated[str, typer.Argument(help="Links and joints (JSON).", **FILE_OR_NAME)],
     output: Annotated[
         str | None,
         typer.Option("--output", "-o", metavar="GRAPH", help="Write the graph of blocks."),

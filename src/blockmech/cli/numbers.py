@@ -1,32 +1,69 @@
-"""Numbers on the command line: ``0,1,60deg``, ``0:2:201``, ``crank=0,1``."""
+"""Numbers on the command line: ``0,1,60deg``, ``0:2:201``, ``0..360°``, ``crank=0,1``."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import TypeVar
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
+from blockmech.cli.terminal import note
 from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError, close_match, listed
+from blockmech.samples import DEFAULT_SAMPLES
+from blockmech.units import has_unit, number_in, units_of
 
-UNITS = {"rad": {"": 1.0, "rad": 1.0, "deg": math.pi / 180}, "m": {"": 1.0, "m": 1.0, "mm": 1e-3}}
-RATES = {of: units | {f"{u}/s": x for u, x in units.items() if u} for of, units in UNITS.items()}
-SECONDS = {"": 1.0, "s": 1.0, "ms": 1e-3}
+UNITS = {of: units_of(of) for of in ("rad", "m")}
+RATES = {of: {**units, **units_of(f"{of}/s")} for of, units in UNITS.items()}
+SECONDS = units_of("s")
 MOST = 10**8  # samples of one range; no memory holds more
 ROW = ("numbers are separated by commas and", "write for example 0,0.5,1")
 
+Units: TypeAlias = Mapping[str, float]
 Read = TypeVar("Read")
 
 
 def coordinates(mechanism: Compiled, given: list[str]) -> dict[str, list[float]] | None:
     """Driver coordinates from the ``--at`` options, one for each driver; None without any.
 
-    ``0,1,60deg`` for the one driver, ``crank=0,1`` by name with several.
-    Raises `RequestError` with all problems.
+    ``0,1,60deg`` for the one driver, ``crank=0,1`` by name with several. Angles that look like
+    degrees without saying so are noted. Raises `RequestError` with all problems.
     """
-    return _by_driver(mechanism, given, "--at", "0,1", lambda at, x, of: row(at, x, UNITS[of]))
+
+    def read(where: str, text: str, of: str) -> list[float]:
+        found = row(where, text, UNITS[of])
+        if of == "rad" and _seem_degrees(text):
+            note(
+                f"{where}: these are radians, {max(map(abs, found)) / math.tau:.3g} turns; "
+                f"degrees are written {_in_degrees(text)}"
+            )
+        return found
+
+    return _by_driver(mechanism, given, "--at", "0,1", read)
+
+
+def _seem_degrees(text: str) -> bool:
+    """Whether numbers without a unit are whole tens, as nobody counts radians."""
+    words = [w for part in text.split(",") for w in re.split(r":|\.\.", part)[:2]]
+    if any(has_unit(word, UNITS["rad"]) for word in words):
+        return False
+    numbers = [float(word) for word in words]
+    return all(x % 10 == 0 for x in numbers) and any(numbers)
+
+
+def _in_degrees(text: str) -> str:
+    """The same numbers with their unit: behind each, of a range behind its end."""
+    parts = []
+    for part in text.split(","):
+        start, *more = re.split(r"(:|\.\.)", part.strip())
+        if more:
+            colon, stop, *count = more
+            parts.append("".join([start, colon, f"{stop}deg", *count]))
+        else:
+            parts.append(f"{start}deg")
+    return ",".join(parts)
 
 
 def rates_of(mechanism: Compiled, given: list[str]) -> dict[str, list[float]] | None:
@@ -110,41 +147,39 @@ def times(text: str | None) -> list[float] | None:
     return None if text is None else row(f"--times {text}", text, SECONDS)
 
 
-def row(where: str, text: str, units: dict[str, float]) -> list[float]:
+def row(where: str, text: str, units: Units) -> list[float]:
     """Numbers separated by commas; ``start:stop:count`` is that many, equally spaced.
 
-    Raises `RequestError` for what is not a number with one of the units.
+    ``start..stop`` has as many as a run of the whole range. A start without a unit has that of
+    its stop. Raises `RequestError` for what is not a number with one of the units.
     """
     found: list[float] = []
     for part in text.split(","):
-        pieces = part.split(":")
+        pieces = part.replace("..", ":", 1).split(":")
         if len(pieces) == 1:
             found.append(_number(where, part, units))
             continue
+        if ".." in part and len(pieces) == 2:
+            pieces.append(str(DEFAULT_SAMPLES))
         if len(pieces) != 3:
-            raise RequestError(
-                _problem(where, f'"{part}" is not a range', "a range is start:stop:count", "")
-            )
+            valid = "a range is start:stop:count, or start..stop"
+            raise RequestError(_problem(where, f'"{part}" is not a range', valid, ""))
+        if not has_unit(pieces[0], units):
+            pieces[0] += max((u for u in units if pieces[1].strip().endswith(u)), key=len)
         start, stop = (_number(where, x, units) for x in pieces[:2])
         found += np.linspace(start, stop, _count(where, pieces[2])).tolist()
     return found
 
 
-def _number(where: str, text: str, units: dict[str, float], hint: tuple[str, str] = ROW) -> float:
+def _number(where: str, text: str, units: Units, hint: tuple[str, str] = ROW) -> float:
     """A number times its unit; ``hint`` says what is valid, up to the units, and a remedy."""
-    word = text.strip()
-    unit = max((u for u in units if word.endswith(u)), key=len)
-    try:
-        x = float(word.removesuffix(unit)) * units[unit]
-    except ValueError:
-        x = math.nan
-    if math.isfinite(x):
+    if (x := number_in(text, units)) is not None:
         return x
-    *others, last = (u for u in units if u)
-    suffixes = f"{', '.join(others)} or {last}"
+    names = [u for u in units if u]
+    suffixes = f" may end in {' or '.join([', '.join(names[:-1]), names[-1]])}" if names else ""
     valid, remedy = hint
     found = f'"{text}" is not a number'
-    raise RequestError(_problem(where, found, f"{valid} may end in {suffixes}", remedy))
+    raise RequestError(_problem(where, found, f"{valid}{suffixes}".removesuffix(" and"), remedy))
 
 
 def _count(where: str, text: str) -> int:

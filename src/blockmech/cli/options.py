@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from blockmech.cli.numbers import MOST
-from blockmech.errors import refused
+from blockmech.errors import close_match, refused
+from blockmech.testing.files import gallery
 
 
 def option(help: str, metavar: str | None = None, **more: Any) -> Any:
@@ -20,13 +23,33 @@ def switch(name: str, help: str) -> Any:
     return typer.Option(f"--{name}", help=help)  # named, or typer adds --no-name
 
 
+def of_gallery(name: str) -> str:
+    """The file of a gallery mechanism that is named without a path; other names as they are."""
+    if not name or os.path.exists(name) or Path(name).suffix:
+        return name
+    known = gallery()
+    if name not in known and (remedy := close_match(name, known)):
+        raise refused(name, "no such file, and nothing of that name in the gallery", remedy)
+    return str(known.get(name, name))
+
+
+def _like(incomplete: str) -> list[str]:
+    """Gallery names that begin so, for a shell that completes a word."""
+    return [name for name in gallery() if name.startswith(incomplete)]
+
+
+FILE_OR_NAME: dict[str, Any] = {"metavar": "FILE", "callback": of_gallery, "autocompletion": _like}
 GraphFile = Annotated[
-    str, typer.Argument(metavar="FILE", help="A graph of blocks, or links and joints (JSON).")
+    str,
+    typer.Argument(
+        help="A graph of blocks, or links and joints (JSON); or a name of the gallery.",
+        **FILE_OR_NAME,
+    ),
 ]
 At = Annotated[
     list[str] | None,
     option(
-        "Driver coordinates, e.g. 0,1,60deg or 0:360deg:37; once for each driver.",
+        "Driver coordinates, e.g. 0,1,60deg, 0:360deg:37 or 0..360deg; once for each driver.",
         "[DRIVER=]NUMBERS",
     ),
 ]

@@ -10,13 +10,16 @@ from typing import Annotated, Any, TypeAlias
 
 from blockmech.cli.options import one_of, option, si_only, switch
 from blockmech.cli.terminal import UNDRAWN, Interrupted, note, pour, progress_bar, saving, say
+from blockmech.errors import refused
 from blockmech.export import csv_chunks, json_chunks, table, write_csv
 from blockmech.files import folder, refuse_spared, writing
 from blockmech.result import Result
 
 Json = Annotated[bool, switch("json", "Print the result as JSON.")]
 Out = Annotated[str | None, option("Write results.csv, result.json and the pictures.", "DIR")]
-Csv = Annotated[str | None, option("Write a CSV file; - prints it.", "FILE")]
+Csv = Annotated[
+    str | None, option("Write a CSV file, or results.csv into a folder; - prints it.", "FILE")
+]
 Plot = Annotated[str | None, option("Draw the wanted outputs (png, svg, pdf).", "FILE")]
 Degrees = Annotated[bool, switch("deg", "Angles in degrees in the table, CSV and plots.")]
 Separator = Annotated[str, option('Of CSV cells: "," ";" "|" or tab.', "SIGN")]
@@ -30,6 +33,23 @@ PICTURES = (
     *("energy.png", "phase.png", "phase_slides.png", "animation.gif", "animation.html"),
 )
 """What `run` and `simulate` draw into a folder: those of an earlier run do not stay."""
+
+
+TEXTS = (".csv", ".tsv", ".txt", ".dat", "")
+
+
+def csv_place(path: str) -> str:
+    """Where CSV text goes: in a folder to results.csv."""
+    return str(Path(path) / NUMBERS[0]) if os.path.isdir(path) else path
+
+
+def refuse_other_formats(path: str) -> None:
+    """Raise `RequestError` for a name that says another format than CSV."""
+    suffix = Path(path).suffix.lower()
+    if suffix in TEXTS or path == "-" or (os.path.exists(path) and not os.path.isfile(path)):
+        return
+    remedy = f"name it .csv; blockmech export list says what is written as {suffix}"
+    raise refused(f"--csv {path}", f"CSV is not written to {suffix}", remedy)
 
 
 def check_places(table: str | None, plot: str | None) -> None:
@@ -70,12 +90,16 @@ class Output:
     def __post_init__(self) -> None:
         asked = {name: getattr(self, name) is not None for name in ("out", "csv", "plot")}
         one_of(json=self.json, **asked)
+        if self.csv is not None:
+            object.__setattr__(self, "csv", csv_place(self.csv))
         si_only(self.json, self.degrees)
 
     def check(self) -> None:
         """Raise `RequestError`, before anything is computed, where the input would be written."""
         inside = (Path(self.out or "") / name for name in (*NUMBERS, *PICTURES))
         refuse_spared(*filter(None, (self.csv, self.plot)), *(inside if self.out else ()))
+        if self.csv is not None:
+            refuse_other_formats(self.csv)
 
     @property
     def is_table(self) -> bool:

@@ -29,6 +29,7 @@ from blockmech.model.parameters import named
 from blockmech.studies.family import parameters
 from blockmech.studies.reductions import TEXT
 from blockmech.studies.sampling import Distribution, normal, uniform
+from blockmech.units import units_of
 
 Vary = Annotated[
     list[str],
@@ -136,7 +137,7 @@ def _varied(mechanism: Compiled, given: list[str]) -> dict[str, list[float] | Di
         (parameter,) = named(known, {address: 0})
         if parameter.address in found:
             raise refused(f"--vary {text}", f"{address} is given twice", "give it once")
-        units = UNITS.get(parameter.unit, {"": 1.0})
+        units = units_of(parameter.unit)
         law = LAW.fullmatch(values)
         numbers = row(f"--vary {text}", law[2] if law else values, units)
         if law and len(numbers) != 2:

@@ -13,6 +13,7 @@ from blockmech.dynamics.motion import Floats, Motion, Still
 from blockmech.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.model.scene import Scene
 from blockmech.typing import Progress
+from blockmech.units import number_in, units_of
 
 Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
 Surface: TypeAlias = Callable[[float, Any, Any], float]  # (t, q, q') -> value
@@ -69,6 +70,13 @@ class Watch:
     terminal: bool = True
 
 
+_UNITS = {
+    "time": units_of("s"),
+    "steady": units_of("s"),
+    "angle": {**units_of("rad"), **units_of("m")},  # of a slide that is a length
+}
+
+
 @dataclass(frozen=True)
 class Until:
     """What ends a run.
@@ -95,11 +103,8 @@ class Until:
         ``steady=<s>`` names the period of the loads.
         """
         name, _, number = text.partition("=")
-        degrees = name == "angle" and number.rstrip().endswith("deg")
-        try:
-            value = float(number.rstrip().removesuffix("deg" if degrees else "")) if number else 1.0
-        except ValueError:
-            value = math.nan
+        given = number_in(number, _UNITS.get(name, {"": 1.0})) if number else 1.0
+        value = math.nan if given is None else given
         if name not in GOALS:
             raise _no_end(text, close_match(name, tuple(GOALS)))
         takes = "=" in GOALS[name].spelled
@@ -107,7 +112,7 @@ class Until:
             raise _no_end(text, _takes(name))
         if name == "steady":
             return cls("steady", forcing=value if number else 0.0)
-        return cls(name, math.radians(value) if degrees else value)  # type: ignore[arg-type]
+        return cls(name, value)  # type: ignore[arg-type]
 
     def checked(self) -> Until:
         """Itself, if there can be such an end.

@@ -1,0 +1,139 @@
+"""The command line takes what people type: units, gallery names, folders, words of the trade."""
+
+import csv
+import math
+import sys
+
+import pytest
+
+from blockmech.cli.numbers import SECONDS, UNITS, row
+from blockmech.errors import RequestError
+from blockmech.units import UNITS as TABLE
+from blockmech.units import number_in, units_of
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("60°", "rad", math.pi / 3),
+        ("60 deg", "rad", math.pi / 3),
+        ("2turns", "rad", 4 * math.pi),
+        ("300rpm", "rad/s", 10 * math.pi),
+        ("-90°/s", "rad/s", -math.pi / 2),
+        ("50mm", "m", 0.05),
+        ("2in", "m", 0.0508),
+        ("2s", "s", 2.0),
+        ("5ms", "s", 0.005),
+        ("1.5min", "s", 90.0),
+        ("2kN", "N", 2000.0),
+        ("3Nm", "N m", 3.0),
+        ("3 kN m", "N m", 3000.0),
+        ("5N/mm", "N/m", 5000.0),
+        ("\N{MINUS SIGN}7", "rad", -7.0),
+        ("1e-3", "m", 1e-3),
+    ],
+)
+def test_numbers_with_units(text, unit, value):
+    assert number_in(text, units_of(unit)) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", ["", "deg", "nan", "inf", "1e999", "60rpm", "6 0", "60degs", "m"])
+def test_what_is_no_angle(text):
+    assert number_in(text, units_of("rad")) is None
+
+
+def test_every_unit_is_one_of_itself():
+    assert all(units[name] == 1.0 for name, units in TABLE.items())
+
+
+@pytest.mark.parametrize(
+    ("text", "first", "last", "count"),
+    [
+        ("0..360deg", 0.0, math.tau, 361),
+        ("0..1turn", 0.0, math.tau, 361),
+        ("-10..10°:5", -math.pi / 18, math.pi / 18, 5),
+        ("90:180deg:4", math.pi / 2, math.pi, 4),
+        ("1rad:90deg:2", 1.0, math.pi / 2, 2),
+        ("0.5..1.5", 0.5, 1.5, 361),
+    ],
+)
+def test_ranges(text, first, last, count):
+    found = row("--at", text, UNITS["rad"])
+    assert (len(found), found[0], found[-1]) == (count, pytest.approx(first), pytest.approx(last))
+
+
+def test_a_range_of_times_and_what_is_no_range():
+    assert row("--times", "0:20ms:3", SECONDS) == [0.0, 0.01, 0.02]
+    with pytest.raises(RequestError, match=r"a range is start:stop:count, or start\.\.stop"):
+        row("--at", "0:1", UNITS["rad"])
+
+
+@pytest.mark.parametrize("text", ["0:360:37", "90", "0..180", "10,20,30"])
+def test_whole_tens_without_a_unit_are_noted(call, ruiz, text):
+    said = call("run", ruiz, "--at", text, "--want", "crank.drive")
+    assert said.code == 0
+    assert "these are radians" in said.err
+    assert "deg" in said.err
+
+
+def test_the_note_says_how_degrees_are_written(call, ruiz):
+    err = call("run", ruiz, "--at", "0:360:37", "--want", "crank.drive").err
+    assert "57.3 turns; degrees are written 0:360deg:37" in err
+
+
+@pytest.mark.parametrize("text", ["0", "0:6.28:4", "60deg", "0:360deg:37", "0,1,2", "15"])
+def test_other_numbers_are_not_noted(call, ruiz, text):
+    assert call("run", ruiz, "--at", text, "--want", "crank.drive").err == ""
+
+
+def test_lengths_are_not_taken_for_degrees(call, slide):
+    assert call("run", slide, "--at", "10,20", "--want", "table.q").err == ""
+
+
+def test_gallery_names_need_no_path(call, tmp_path):
+    assert "watt_sixbar" in call("check", "watt_sixbar").out
+    assert call("check", "joints/ruiz_fourbar").code == 0
+    said = call("check", "wat_sixbar")
+    assert (said.code, said.out) == (2, "")
+    assert 'did you mean "watt_sixbar"?' in said.err
+    assert "no such file" in call("check", "nothing_like_it").err
+
+
+def test_a_file_comes_before_the_gallery(call, ruiz, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "watt_sixbar").write_bytes(ruiz.read_bytes())
+    assert "ruiz" in call("check", "watt_sixbar").out
+
+
+def test_until_and_sweep_take_units(call, ruiz):
+    start = ("--start", "60°,300rpm", "--want", "crank.q")
+    said = call("simulate", ruiz, *start, "--until", "time=1ms", "--times", "0:1ms:2", "--json")
+    assert said.code == 0
+    words = ("--vary", "weightlike.force.y=-1kN:-2kN:2", "--want", "max_abs(crank.drive)")
+    assert "-2000" in call("sweep", ruiz, *words).out
+
+
+def test_words_of_the_trade_find_the_name(call, ruiz):
+    assert 'did you mean "crank.drive"?' in call("run", ruiz, "--want", "crank.torque").err
+    err = call("run", "joints/ruiz_fourbar", "--want", "crank.torque").err
+    assert 'did you mean "driver.motor.drive"?' in err
+
+
+def test_csv_goes_into_a_folder_and_no_other_format_is_called_csv(call, ruiz, tmp_path):
+    words = ("run", ruiz, "--samples", "3", "--want", "crank.drive", "--csv")
+    assert call(*words, tmp_path).code == 0
+    with open(tmp_path / "results.csv", encoding="utf-8") as stream:
+        assert len(list(csv.reader(stream))) == 4
+    said = call(*words, tmp_path / "a.xlsx")
+    assert said.code == 2
+    assert "CSV is not written to .xlsx" in said.err
+    assert not (tmp_path / "a.xlsx").exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="scripts of POSIX shells")
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish", "powershell"])
+def test_there_is_completion_for_each_shell(call, shell, capsys):
+    with pytest.raises(SystemExit) as ended:
+        call("--show-completion", shell)
+    assert ended.value.code == 0
+    assert "_BLOCKMECH_COMPLETE" in capsys.readouterr().out
