@@ -27,6 +27,7 @@ ROOMS = (
     "arguments",
     "units",
     "files",
+    "registry",
     "validation_errors",
     "values",
     "series",

@@ -188,10 +188,11 @@ NOT_FROM_FILES = {
 
 def test_every_code_in_the_source_is_declared():
     source = Path(blockmech.__file__).parent
-    rooms = [source / "values.py", source / "errors.py", source / "validation_errors.py"]
+    rooms = [source / f"{n}.py" for n in ("values", "errors", "registry", "validation_errors")]
     rooms += [
         p for room in ("model", "blocks", "loads", "friction") for p in (source / room).glob("*.py")
     ]
+    rooms += (source / "friction" / "laws").glob("*.py")
     makers = {"Problem", "mistake", "PydanticCustomError", "unknown_name", "_must", "_strange"}
     calls = [
         call

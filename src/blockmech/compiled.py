@@ -294,7 +294,7 @@ class Compiled(Runnable):
             f"{name}.{joint}"
             for name, block in self.structure.blocks.items()
             for joint, law in block.friction.items()
-            if law.factor
+            if law.acts
         )
         return tuple(self.joint_names.get(joint, joint) for joint in found)
 

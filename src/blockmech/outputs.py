@@ -424,5 +424,5 @@ def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str,
     if (c := s.ask(forces.existence, block)) is not None:
         yield f"existence/{block}", (c,)
     for ref, by, i in found:
-        rest = (s.ask(friction.rest, ref), f"{by}.g[{i}]", s.ask(friction.factor_slot, ref))
-        yield f"rest/{ref}", rest
+        held = s.ask(friction.held, ref, f"{by}.g[{i}]")
+        yield f"rest/{ref}", (s.ask(friction.rest, ref), held)

@@ -26,6 +26,7 @@ EPS = 2.220446049250313e-16  # of the numbers at hand: an engine binds its own p
 # Of the largest speed: a relative speed below it counts as rest. A rate of zero that rounding
 # makes another has lost three quarters of its digits.
 REST_SHARE = EPS**0.75
+LARGEST_EXPONENT = 709.782712893384  # the logarithm of the largest number
 
 
 def cross(a: Complex, b: Complex) -> Real:
@@ -61,6 +62,19 @@ def hyp(z: Complex) -> Real:
 def sqrt(x: Real) -> Real:
     """Square root; NaN below zero, because kernels never raise."""
     return math.sqrt(x) if x >= 0.0 else NAN
+
+
+def exp(x: Real) -> Real:
+    """Exponential; infinite beyond the largest number."""
+    return math.exp(x) if not x > LARGEST_EXPONENT else math.inf
+
+
+def power(x: Real, y: Real) -> Real:
+    """``x`` to the power ``y``; NaN below zero, infinite beyond the largest number."""
+    try:
+        return math.pow(x, y) if x >= 0.0 else NAN
+    except (ArithmeticError, ValueError):
+        return math.inf
 
 
 def sign(x: Real) -> Real:

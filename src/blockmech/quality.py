@@ -196,9 +196,9 @@ def assess(
     for block, c in existence.items():
         for i in np.flatnonzero((c > 1) & (found.word == 0)):
             flags.append(Flag(int(i), OTHER_SOLUTIONS, block, value=float(c[i])))
-    for joint, (resting, load, factor) in rest.items():
+    for joint, (resting, held) in rest.items():
         for i in np.flatnonzero(resting > 0):
-            reach = float(factor[i] * load[i])
+            reach = float(held[i])
             if np.isfinite(reach):
                 flags.append(Flag(int(i), "zero-relative-speed", joint, interval=(-reach, reach)))
     for name, (push,) in ((k, v) for k, v in values.items() if k.startswith("push/")):

@@ -59,6 +59,8 @@ PRIMITIVES: dict[str, Callable[..., Any]] = {
     "expi": lambda t: _complex(mpmath.cos(t), mpmath.sin(t)),
     "hyp": lambda z: mpmath.sqrt(z.real * z.real + z.imag * z.imag),
     "sqrt": lambda x: mpmath.sqrt(x) if x >= 0 else mpmath.nan,
+    "exp": mpmath.exp,
+    "power": lambda x, y: mpmath.power(x, y) if x >= 0 else mpmath.nan,
     "sign": mpmath.sign,
     "minimum": min,
     "maximum": max,

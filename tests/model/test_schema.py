@@ -23,6 +23,7 @@ NOT_JSON = {"comment", "empty_file", "missing_comma", "single_quotes", "trailing
 BEYOND_A_SCHEMA = {  # what a schema cannot say: how parts of a file fit each other
     *(
         "bad_direction",
+        "bearing_of_no_catalogue",
         "bad_expectation",
         "bad_table",
         "cycle",
@@ -31,6 +32,7 @@ BEYOND_A_SCHEMA = {  # what a schema cannot say: how parts of a file fit each ot
         "half_character",
     ),
     *("infinite_inertia", "inner_joint", "nan", "no_frame", "no_such_block", "not_a_marker"),
+    *("static_below_kinetic", "thick_film"),
     *("pair_mismatch", "self_wire", "taken_name", "two_frames", "unknown_block"),
     *("unknown_driver", "unknown_joint", "unknown_marker", "unwired_joint"),
     *("many_drivers", "wrong_home"),

@@ -1,4 +1,4 @@
-"""Checks of forces: balances of every link, powers, Coulomb's law, and reduction.
+"""Checks of forces: balances of every link, powers, friction laws, and reduction.
 
 Sources: [R10] Eqs. 2-16 (balances, friction), [D14] Eqs. 3-6 (reduction).
 """
@@ -6,11 +6,15 @@ Sources: [R10] Eqs. 2-16 (balances, friction), [D14] Eqs. 3-6 (reduction).
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from blockmech.analysis.evidence import Evidence, Residual, plain, total
 from blockmech.analysis.free_bodies import Array
+from blockmech.engines.binding import bind_functions
+from blockmech.engines.numpy import primitives
+from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.model.structure import JointRef
 from blockmech.plane import REST_SHARE
 
@@ -68,7 +72,7 @@ def _flow(e: Evidence) -> Array:
 
 
 def friction(e: Evidence) -> Iterator[Residual]:
-    """Coulomb's law: the size from what the pair transmits, the sense against the slip.
+    """The law of a pair: the size from what it transmits and its slip, the sense against that.
 
     Iterations that are cut short (``single``, ``successive``) keep the sense alone.
     """
@@ -84,11 +88,12 @@ def friction(e: Evidence) -> Iterator[Residual]:
             if block.joints[joint].kind == "R":
                 load, terms, way = np.abs(r[f"{ref}.reaction"]), size.force, block.largest_length()
             else:
-                edges = 2 / law.guide_length if law.guide_length else 0.0
+                edges = 2 / law.edge_distance if law.edge_distance else 0.0
                 load = np.maximum(np.abs(r[f"{ref}.N"]), edges * np.abs(r[f"{ref}.C"]))
                 terms, way = size.force + edges * size.moment, 1.0
-            bound = law.factor * load if method != "none" else 0.0 * load
-            scale = law.factor * terms * e.condition(name)
+            factor, drag = of_arrays(law, np.abs(slip))
+            bound = factor * load + drag if method != "none" else 0.0 * load
+            scale = (factor * terms + drag) * e.condition(name)
             driven = np.maximum(t * np.sign(slip), 0.0)
             yield Residual("friction in", ref, driven, scale)
             if method in ("none", "newton"):
@@ -97,6 +102,12 @@ def friction(e: Evidence) -> Iterator[Residual]:
                 rests = np.abs(slip) * way <= 1e3 * REST_SHARE * np.maximum(speed, turning * way)
                 left = np.where(rests, np.minimum(left, np.abs(t)), left)
                 yield Residual("friction in", ref, left, scale)
+
+
+def of_arrays(law: FrictionLaw, rates: Array) -> Any:
+    """What a law says at relative rates (n,)."""
+    kernel = bind_functions({"kernel": law.kernel()}, primitives(np.float64))["kernel"]
+    return kernel(*((rates,) if law.reads_speed else ()), law.parameters())
 
 
 def reduction(e: Evidence) -> Iterator[Residual]:

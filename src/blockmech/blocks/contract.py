@@ -47,9 +47,9 @@ from blockmech.blocks.joints import (
     inner_joint,
     outer_joint,
 )
-from blockmech.friction.laws import Coulomb
+from blockmech.friction.laws.contract import AnyFriction, FrictionLaw
 from blockmech.plane import apply, largest
-from blockmech.values import Link
+from blockmech.values import Axis, Link
 
 __all__ = [
     "AssurGroup",
@@ -77,7 +77,7 @@ class Moving(Block):
     lengths: ClassVar[tuple[str, ...]] = ()
 
     links: dict[str, Link] = {}
-    friction: dict[str, Coulomb] = {}
+    friction: dict[str, AnyFriction] = {}
 
     @classmethod
     def declare(cls) -> None:
@@ -114,6 +114,11 @@ class Moving(Block):
         """How a driven joint counts, against its driver."""
         return Coordinate(getattr(self, "sign", 1), getattr(self, "offset", 0.0))
 
+    def axis(self, outside: Axis) -> Axis:
+        """Units along the coordinates of its joints, for what stands at them."""
+        own = {joint.name: Axis.of(joint.kind) for joint in self.joints.values()}
+        return outside._replace(known={**outside.known, **own})
+
     # Where the kernels' named tuples keep what belongs to a link or a joint.
 
     def link_field(self, link: str) -> str:
@@ -136,7 +141,7 @@ class Moving(Block):
 
     @field_validator("friction")
     @classmethod
-    def _friction_fits(cls, friction: dict[str, Coulomb]) -> dict[str, Coulomb]:
+    def _friction_fits(cls, friction: dict[str, FrictionLaw]) -> dict[str, FrictionLaw]:
         refuse(cls.__name__, wrong_friction(friction, cls.joints))
         return friction
 
@@ -197,7 +202,7 @@ class AssurGroup(Moving):
 
 
 def wrong_friction(
-    friction: Mapping[str, Coulomb], joints: Mapping[str, Joint], what: str = "joint"
+    friction: Mapping[str, FrictionLaw], joints: Mapping[str, Joint], what: str = "joint"
 ) -> Iterator[Mistake]:
     """Friction of joints that the block does not have, or that does not fit their kind."""
     for joint, law in friction.items():

@@ -1,73 +1,8 @@
-"""Block types by name: those of blockmech, and those of installed packages.
-
-Sources of the latter are the entry points of the group ``blockmech.blocks``.
-"""
+"""The block types that this process knows."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from blockmech.registry import Registry
 
-from blockmech.errors import GraphError, Problem, close_match, listed
-
-
-class Registry:
-    """Block types by name: built-in ones, and those of installed packages."""
-
-    def __init__(self) -> None:
-        self._types: dict[str, type[Any]] = {}
-        self._outside_loaded = False
-
-    def register(self, name: str, cls: type[Any]) -> None:
-        """Add a class. A notebook cell may define its class again; two modules may not."""
-        known = self._types.get(name)
-        if known is not None and known.__module__ != cls.__module__:
-            raise TypeError(
-                f"block type {name!r} is defined twice: in {known.__module__} "
-                f"and in {cls.__module__}"
-            )
-        cls.type_name = name
-        self._types[name] = cls
-
-    def __getitem__(self, name: str) -> type[Any]:
-        if name not in self._types:
-            self._load_outside()
-        return self._types[name]
-
-    def get(self, name: str) -> type[Any] | None:
-        """The class of a type, or None."""
-        try:
-            return self[name]
-        except KeyError:
-            return None
-
-    def __contains__(self, name: str) -> bool:
-        return self.get(name) is not None
-
-    def __iter__(self) -> Iterator[str]:
-        self._load_outside()
-        return iter(sorted(self._types))
-
-    def unknown(self, name: str, where: str) -> Problem:
-        """The problem that names an unknown type and its nearest relatives."""
-        found, known = f'no block type "{name}"', f"known types: {listed(self, 30)}"
-        remedy = close_match(name, self) or "install the package that defines it"
-        return Problem("unknown-block", where, found, known, remedy)
-
-    def _load_outside(self) -> None:
-        if self._outside_loaded:
-            return
-        self._outside_loaded = True
-        from importlib.metadata import entry_points
-
-        for point in entry_points(group="blockmech.blocks"):
-            try:
-                point.load()
-            except Exception as error:
-                found = f"the block package {point.value} failed to load: {error}"
-                wrong = Problem("broken-plugin", point.name, found, "", "repair or uninstall it")
-                raise GraphError(wrong) from error
-
-
-REGISTRY = Registry()
-"""The one global: every block type that this process knows."""
+REGISTRY = Registry("block type", code="unknown-block")
+"""Every block type by name: blocks, loads and couplings."""

@@ -244,11 +244,14 @@ class Ahead:
 
     def _first_kink(self, at: At, lies: Spans, loads: Any) -> float | None:
         """Where a guide is pressed by another side or edge, or a pin by its other side."""
-        assert self.system.friction is not None
+        friction = self.system.friction
+        assert friction is not None
         found: list[float] = []
         r, (way,) = rule(self.n), lies.way
         near = max(math.sqrt(EPS), CLOSE * abs(at.q / way))  # one at an end, but for rounding
-        for load, guide in zip(loads, self.system.friction.guides, strict=True):
+        for load, guide, factor in zip(loads, friction.guides, friction.usual, strict=True):
+            if not factor:  # the load does not count
+                continue
             F = load.real + 1j * load.imag
             across, largest = np.zeros(self.n), float(np.abs(F).max())
             if guide:

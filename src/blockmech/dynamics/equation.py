@@ -114,7 +114,7 @@ class Equation:
         if friction is not None:
             if not self.sides:
                 return None
-            k = friction.factors(self.sides)
+            k = tuple(map(float, self.sides))
         least = LEAST_INERTIA * self.typical
         kept, key = self.system.kept, ("rates", self.system.method)
         if key not in kept:

@@ -4,23 +4,25 @@ At a state every load F_j on a pair is affine in q'', in the friction t_k of the
 the loads follow the place alone, in q'^2; so is the equation of motion:
 
     F_j = f_j + g_j q'' + sum_k R_jk t_k,       J q'' = push + sum_k s_k t_k,
-    t_k = -side_k c_k |F_k|
+    t_k = -side_k (c_k |F_k| + d_k)
 
 push is the effort of the loads less J' q'^2 / 2, s_k the relative rate of pair k per unit rate
-of the driver (virtual work), side_k its sign in the motion, c_k the pair's f' r or mu. With
-q'' put into the first equation, the solvers of `blockmech.friction` do the rest; where they
-prove that exactly one solution exists there is exactly one acceleration. All of f, g, R, s, J
-are read off one program: the force pass with the friction of the pairs, q'' and the share of
-the loads as inputs.
+of the driver (virtual work), side_k its sign in the motion, c_k and d_k what the pair's law says
+at that rate (`blockmech.friction.laws`). With q'' put into the first equation, the solvers of
+`blockmech.friction` do the rest; where they prove that exactly one solution exists there is
+exactly one acceleration. All of f, g, R, s, J are read off one program: the force pass with the
+friction of the pairs, q'' and the share of the loads as inputs; the laws off another one, of the
+relative rates.
 
-At a standstill the driver stays at rest where neither direction of slip lets it start. The
-efforts at which it would just start are the ends of the interval of driving moments that hold it.
+At a standstill the driver stays at rest where neither direction of slip lets it start, by what
+the laws say at rest. The efforts at which it would just start are the ends of the interval of
+driving moments that hold it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
@@ -32,10 +34,14 @@ from blockmech.dynamics.place import NOTHING
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.llvm import OneByOne
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
+from blockmech.engines.scalar import BySize
 from blockmech.errors import refused
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.friction.equations import loads as pair_loads
+from blockmech.friction.laws.contract import FrictionTerms
+from blockmech.friction.solvers import with_drag
+from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Program, Schedule
@@ -60,15 +66,18 @@ def bearing(load: Any) -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class MotionProgram:
-    """The force pass of one driver with friction as input.
+    """The force pass of one driver with friction as input, and the laws of its pairs.
 
     The program's values: the driving effort, the load of each pair, its relative rate, margins.
     """
 
     names: tuple[str, ...]  # (m,) pairs with friction
-    factors: Floats  # (m,) f' r [m] or mu [-]
     guides: tuple[bool, ...]  # (m,) whether the load is the larger component of (N, 2 C / L)
     program: Program
+    laws: Program  # factors and drags (2 m,) at relative rates, then those at rest
+    whole: Program  # the values of the first, and factors and drags at relative rates
+    drags: bool  # whether a law has more than a factor
+    smooth: bool  # whether all laws are analytic in the speed
 
     @classmethod
     def of(cls, compiled: Any) -> MotionProgram | None:
@@ -90,12 +99,18 @@ class MotionProgram:
             values.append(pairs.statics(s, ref).measure(s, ref, pair))
         values += [s.ask(forward.slip, ref) for ref in joints]
         values += margins(s)
-        laws = [structure.blocks[ref.block].friction[ref.name] for ref in joints]
+        program = s.program(values)
+        apart, at_rest = schedule(structure, compiled.scene, GIVEN), friction.terms_at_rest
+        slipping = terms(apart, joints, friction.terms)
+        laws = [structure.friction_law(ref) for ref in joints]
         return cls(
             tuple(map(str, joints)),
-            np.array([law.factor for law in laws]),
             tuple(pairs.statics(s, ref).edges for ref in joints),
-            s.program(values),
+            program,
+            apart.program([*slipping, *terms(apart, joints, at_rest)]),
+            s.program([*values, *terms(s, joints, friction.terms)]),
+            any(law.drags for law in laws),
+            all(law.smooth for law in laws),
         )
 
     @cached_property
@@ -107,6 +122,12 @@ class MotionProgram:
     def single(self) -> OneByOne:
         """The program at one state."""
         return OneByOne(self.program)
+
+
+def terms(s: Schedule, joints: Sequence[JointRef], rule: Callable[..., str]) -> list[str]:
+    """Factors (m,) and drags (m,) of pairs by a rule that asks their laws."""
+    found = [s.ask(rule, ref) for ref in joints]
+    return [f"{law}.{part}" for part in FrictionTerms._fields for law in found]
 
 
 def margins(s: Schedule) -> list[str]:
@@ -157,8 +178,8 @@ class Resistance(NamedTuple):
     loads: Any  # (m,)
 
 
-def resistance(rows: Any, k: Any, guides: Any, solve: Any, options: Any) -> Resistance:
-    """Friction from the program's values, with signed Coulomb factors (m,).
+def resistance(rows: Any, k: Any, drag: Any, guides: Any, solve: Any, options: Any) -> Resistance:
+    """Friction from the program's values, with signed factors (m,) and drags (m,) or ().
 
     ``rows`` are those of the loads at the rate, of a unit of q'', of a unit of each friction.
     """
@@ -171,7 +192,9 @@ def resistance(rows: Any, k: Any, guides: Any, solve: Any, options: Any) -> Resi
         tuple(rows[2 + i][1 + j] + mul(rows[1][1 + j], s[i] / J) for i in range(m))
         for j in range(m)
     )
-    found = solve(k, guides, base, matrix, *options)
+    found = solve(k, guides, pair_loads(drag, base, matrix) if drag else base, matrix, *options)
+    if drag:
+        found = with_drag(found, drag)
     effort, taken = push, 0.0
     for x, t in zip(s, found.t, strict=True):
         effort, taken = effort + x * t, taken + abs(x * t)
@@ -206,6 +229,12 @@ class Rest(NamedTuple):
         return self.moves == 0 and not self.ambiguous
 
 
+def signed_terms(sides: Any, law: Any, drags: bool) -> tuple[Any, Any]:
+    """See `JointFriction.against`."""
+    against = [-side * x for side, x in zip((*sides, *sides), law, strict=True)]
+    return tuple(against[: len(sides)]), tuple(against[len(sides) :]) if drags else ()
+
+
 class JointFriction:
     """Friction of all pairs of a mechanism with one driver.
 
@@ -227,12 +256,27 @@ class JointFriction:
         self._rounding, self.rate_loads = rounding, rate_loads
         self.names = program.names
         self.guides = program.guides
+        self._laws = BySize(program.laws)
+        self.static = tuple(float(x[0]) for x in self._asked(np.zeros((len(self.names), 1)))[1])
         solver, options = solvers.SOLVERS[method.method]
         self.options = tuple(getattr(method, name) for name in options)
         self.solver = solver
         kernels: Any = {"solve": solver, "resistance": resistance, "at_square": at_square}
         self._bound = bind_functions(kernels, primitives(np.float64))
         self.at_square = self._bound["at_square"]
+
+    # -- the laws ------------------------------------------------------------------------
+
+    def _asked(self, rates: Floats) -> tuple[Row, Row]:
+        """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n), and at rest."""
+        given = {f"slip_{j}": x for j, x in enumerate(rates)}
+        inputs = self.program.laws.inputs
+        found = list(self._laws.run({x: given[x] for x in inputs}, rates.shape[1]))
+        return found[: len(found) // 2], found[len(found) // 2 :]
+
+    def law(self, rates: Floats) -> Row:
+        """Factors and drags (2 m,) of arrays (n,) at magnitudes of relative rates (m, n)."""
+        return self._asked(rates)[0]
 
     # -- data of the force pass ------------------------------------------------------
 
@@ -283,11 +327,18 @@ class JointFriction:
             least = NOTHING / margin
             drives[0, np.abs(drives[0]) <= self._rounding(q)] = 0.0
             drives[1, np.abs(drives[1]) * np.ptp(q) <= least * drives[2]] = 0.0
-            rubbed = np.nanmax(np.abs(self.program.factors[:, None] * slips), initial=0.0)
+            rubbed = np.nanmax(np.abs(self.usual[:, None] * slips), initial=0.0)
             size = np.fmax(np.abs(parts).max(axis=(0, 2)), np.abs(drives) / rubbed)
             parts[np.abs(parts) <= (least * size)[:, None]] = 0.0
         rest = np.concatenate([drives, parts.reshape(-1, q.size)])
         return np.concatenate([[drives[2], -drives[0], margin], slips, rest])
+
+    @cached_property
+    def usual(self) -> Floats:
+        """(m,) the size of factors [m] or [-]: the larger one of those at rest and at unit rate."""
+        m = len(self.names)
+        moving = [float(x[0]) for x in self.law(np.ones((m, 1)))[:m]]
+        return np.maximum(moving, self.static[:m])
 
     def responses(self, rows: Floats) -> list[Row]:
         """Rows of the force pass, from `rows`: loads at rest, units of q'^2, q'', frictions."""
@@ -321,14 +372,24 @@ class JointFriction:
 
     # -- solutions ------------------------------------------------------------
 
-    def solve(self, rows: list[Row], sides: Sides) -> Resistance:
-        """Friction at n states with these directions of slip, see `resistance`."""
+    def solve(self, rows: list[Row], sides: Sides, law: Sequence[Any]) -> Resistance:
+        """Friction at n states with these directions of slip, see `resistance`.
+
+        ``law`` : (2 m,) factors and drags, see `law`
+        """
         n = np.size(rows[0][0])
-        k = tuple(np.full(n, x) for x in self.factors(sides))
+        k, drag = self.against(sides, [np.broadcast_to(x, n) for x in law])
         solve, resist = self._bound["solve"], self._bound["resistance"]
         with np.errstate(all="ignore"):
-            found: Resistance = resist(rows, k, self.guides, solve, self.options)
+            found: Resistance = resist(rows, k, drag, self.guides, solve, self.options)
         return found
+
+    def against(self, sides: Sequence[Any], law: Sequence[Any]) -> tuple[Any, Any]:
+        """Signed factors (m,) and drags (m,) of pairs that slip in some directions.
+
+        No drags where no law has any.
+        """
+        return signed_terms(sides, law, self.program.drags)
 
     def at(self, q: float, qd: float, t: float, sides: Sides) -> Resisted:
         """One state."""
@@ -339,8 +400,10 @@ class JointFriction:
         engine = self.program.single.engine(self._compiled())
         rows = [engine.one(self._inputs(q, state)) for state in states]
         margin = min([1.0, *rows[0][1 + 2 * m :]], key=lambda x: (x == x, x))
+        rates = np.abs([rows[0][1 + m : 1 + 2 * m]]).T
+        terms = self.against(sides, [float(x[0]) for x in self.law(rates)])
         try:
-            found = resistance(rows, self.factors(sides), self.guides, self.solver, self.options)
+            found = resistance(rows, *terms, self.guides, self.solver, self.options)
         except (ArithmeticError, ValueError):
             nothing = np.full(m, math.nan)
             return Resisted(math.nan, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0)
@@ -348,10 +411,6 @@ class JointFriction:
         outcome = Outcome(int(said)) if said == said else Outcome.NOT_CONVERGED
         limit = float(found.solution.limit)
         return Resisted(found.qdd, power, np.array(found.loads), margin, outcome, limit)
-
-    def factors(self, sides: Sides) -> tuple[float, ...]:
-        """Signed Coulomb factors (m,) of pairs that slip in some directions."""
-        return tuple(-side * float(c) for side, c in zip(sides, self.program.factors, strict=True))
 
     def _inputs(self, q: float, state: State) -> list[float]:
         given = {"q_0": q, "qd_0": state.qd, "qdd_0": state.qdd, "t": state.t}
@@ -387,7 +446,7 @@ class JointFriction:
         still = [1.0, *[0j] * len(pairs)]  # a unit of q'' changes no load
         holding = []
         for direction in (-1, 1):
-            found = self.solve([acting, still, *pairs], self.sides(q, direction))
+            found = self.solve([acting, still, *pairs], self.sides(q, direction), self.static)
             start = -float(found.effort[0])
             if math.isfinite(start):
                 least += 8 * EPS * float(found.taken[0])  # as of that of the loads

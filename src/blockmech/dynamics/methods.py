@@ -209,6 +209,7 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
         "several drivers": len(system.drivers) > 1,
         "a user's event ends the run": request.until.goal == "event",
         "the loads depend on the time": "time" in depends,
+        "a friction law is not smooth": not system.smooth_friction,
     }
     for why in (why for why, so in in_steps.items() if so):
         motion = in_time(system, replace(request, why=why), "dop853")

@@ -6,7 +6,7 @@ A row of numbers tells of a state (q, q', W), with joint friction (q, q', W, F):
     is watched: margin and J above the least that counts, q', slips of the pairs, sides of guides
 
 Given are 0, 1 (states of the force pass are made of them; nothing is folded), the least J and the
-signed Coulomb factors. The text is made of the programs that are interpreted otherwise, so both
+directions of slip. The text is made of the programs that are interpreted otherwise, so both
 say the same to rounding.
 """
 
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from blockmech.dynamics.friction import bearing, resistance
+from blockmech.dynamics.friction import bearing, resistance, signed_terms
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.stages import Rates
@@ -92,7 +92,7 @@ def _free(program: Program) -> Rates:
 
 def _rubbing(friction: JointFriction) -> Rates:
     own = friction.program
-    m, inputs = len(own.names), own.program.inputs
+    m, inputs = len(own.names), own.whole.inputs
     functions: dict[str, Any] = {
         "resistance": resistance,
         "rubbing": rubbing,
@@ -101,17 +101,34 @@ def _rubbing(friction: JointFriction) -> Rates:
     bound = bind_functions(functions, PRIMITIVES)
 
     def body(
-        run: Any, q: Any, qd: Any, _: Any, __: Any, t: Any, zero: Any, one: Any, least: Any, *k: Any
+        run: Any,
+        q: Any,
+        qd: Any,
+        _: Any,
+        __: Any,
+        t: Any,
+        zero: Any,
+        one: Any,
+        least: Any,
+        *sides: Any,
     ) -> Any:
-        def state(rate: Any, qdd: Any, share: Any, pair: int = -1) -> Any:
+        def state(
+            rate: Any, qdd: Any, share: Any, pair: int = -1, slips: Any = (zero,) * m
+        ) -> tuple[Any, Any]:
+            """The row of a state, and what the laws say at relative rates."""
             given = {"q_0": q, "qd_0": rate, "qdd_0": qdd, "t": t, "load_share": share}
             given |= {f"friction_{i}": one if i == pair else zero for i in range(m)}
-            return run(*(given[x] for x in inputs))
+            given |= {f"slip_{i}": abs(slip) for i, slip in enumerate(slips)}
+            found = run(*(given[x] for x in inputs))
+            return found[: -2 * m], found[-2 * m :]
 
-        rows = [state(qd, zero, one), state(zero, one, zero)]
-        rows += [state(zero, zero, zero, i) for i in range(m)]
-        solved = bound["resistance"](rows, k, own.guides, bound["solve"], friction.options)
-        inert = state(qd, zero, zero)
+        acting, _ = state(qd, zero, one)
+        _, law = state(qd, zero, one, slips=acting[1 + m : 1 + 2 * m])
+        rows = [acting, state(zero, one, zero)[0]]
+        rows += [state(zero, zero, zero, i)[0] for i in range(m)]
+        terms = signed_terms(sides, law, own.drags)
+        solved = bound["resistance"](rows, *terms, own.guides, bound["solve"], friction.options)
+        inert, _ = state(qd, zero, zero)
         return bound["rubbing"](rows, inert, solved, own.guides, qd, zero, least)
 
-    return Rates(own.program, body, 4, 3 + m, 3 + m + 2 * sum(own.guides))
+    return Rates(own.whole, body, 4, 3 + m, 3 + m + 2 * sum(own.guides))

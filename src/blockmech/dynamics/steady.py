@@ -216,7 +216,7 @@ class Flow:
     def once(self, x: Floats, until: Until) -> Motion:
         """A period of a periodic motion, with its error."""
         asked = self.asked(x, until)
-        if until.goal == "turns" and asked.method not in SOLVERS:
+        if until.goal == "turns" and asked.method not in SOLVERS and self.system.smooth_friction:
             return along_path(self.system, asked)
         own = asked.method if asked.method in SOLVERS else "dop853"
         finer = (asked.accuracy or TARGET) / 10  # the gain of the map enlarges it
@@ -353,7 +353,10 @@ def _friction_rest(flow: Flow, way: Passage) -> Motion | None:
     if way.kind != ends.REST and not (swings_out and way.kind == ends.STANDSTILL):
         return None
     asked = replace(flow.request, until=Until("swings", float(COMMON)), watch=())
-    motion = along_path(flow.system, asked)
+    if flow.system.smooth_friction:
+        motion = along_path(flow.system, asked)
+    else:
+        motion = in_time(flow.system, asked, "dop853")
     if motion.end != ends.REST:
         return None
     facts = {name: x for name, x in motion.facts.items() if name.startswith("holding")}

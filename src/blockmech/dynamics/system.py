@@ -244,6 +244,11 @@ class System:
         return JointFriction(program, self.method, self._count, states, self.rounding, rates)
 
     @property
+    def smooth_friction(self) -> bool:
+        """Whether the friction laws of the joints are analytic in the speed."""
+        return len(self.drivers) > 1 or self.friction is None or self.friction.program.smooth
+
+    @property
     def cost(self) -> Cost:
         """Evaluations so far."""
         return Cost(self.samples, self.calls, self.singles, self.states)

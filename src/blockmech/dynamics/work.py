@@ -14,7 +14,7 @@ import numpy as np
 
 from blockmech.dynamics.friction import JointFriction, Sides
 from blockmech.dynamics.panels import SMALLEST, Floats, Spans
-from blockmech.dynamics.place import DAMPING, TAU, J
+from blockmech.dynamics.place import DAMPING, SLIPS, TAU, J
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ def of_rate(system: System, q: Floats, rows: Floats, sign: int) -> Work:
 def of_friction(friction: JointFriction, q: Floats, rows: Floats, sign: int, sides: Sides) -> Work:
     """Joint friction, with loads of the place and perhaps of the rate."""
     rest, square, *responses = friction.responses(rows)
+    slips = np.abs(rows[SLIPS : SLIPS + len(sides)])
 
     def work(K: Floats) -> Acting:
         qd2 = 2 * K / rows[J]  # beyond a standstill it goes on smoothly, with a negative square
@@ -66,7 +67,8 @@ def of_friction(friction: JointFriction, q: Floats, rows: Floats, sign: int, sid
             acting = friction.acting(q, sign * rate)
         else:
             acting = friction.at_square(rest, square, qd2)
-        found = friction.solve([acting, *responses], sides)
+        law = friction.law(slips * np.sqrt(np.maximum(qd2, 0.0)))
+        found = friction.solve([acting, *responses], sides, law)
         return Acting(found.effort + square[0] * qd2, found.taken, found.loads)
 
     return work

@@ -29,8 +29,9 @@ from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, is_truth, nee
 LANES = 8  # one vector register of the widest processors; LLVM splits it on others
 ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "fmod": "frem"}
 COMPARISONS = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge", "==": "oeq"}
-CALLS = {"sqrt": "llvm.sqrt", "abs": "llvm.fabs", "sin": "llvm.sin", "cos": "llvm.cos"}
-LIBRARY = ("sin", "cos", "atan2", "fmod")  # of the mathematical library, called by name
+CALLS = {name: f"llvm.{name}" for name in ("sqrt", "sin", "cos", "exp")} | {"abs": "llvm.fabs"}
+OF_TWO = ("atan2", "pow")
+LIBRARY = ("sin", "cos", "exp", "fmod", *OF_TWO)  # of the mathematical library, called by name
 
 # The piece of a table with a number x: bisection, 0 where there is none.
 PIECE = """
@@ -69,7 +70,7 @@ class Text:
             *(f"declare {self.reals} @{f}.v{lanes}f64({self.reals})" for f in CALLS.values()),
             f"declare i1 @llvm.vector.reduce.or.v{lanes}i1({self.truths})",
             f"declare double @llvm.vector.reduce.fadd.v{lanes}f64(double, {self.reals})",
-            "declare double @atan2(double, double)",
+            *(f"declare double @{f}(double, double)" for f in OF_TWO),
             PIECE,
         ]
 
@@ -285,7 +286,7 @@ class Text:
                 f"i64 {node.args[1]}",
                 f"{me} = load {self.reals}, ptr {me}.at",
             ]
-        if op in ("piece", "entry", "atan2"):
+        if op in ("piece", "entry", *OF_TWO):
             return list(self._by_lane(node))
         truth = op in ("&", "|")
         args = [self._name(x, truth) for x in node.args]
@@ -353,7 +354,7 @@ class Text:
                 yield f"{me}.y{k} = load double, ptr {me}.at{k}"
             else:
                 yield f"{x}.b = extractelement {self.reals} {self._name(node.args[1])}, i32 {k}"
-                yield f"{me}.y{k} = call double @atan2(double {x}, double {x}.b)"
+                yield f"{me}.y{k} = call double @{node.op}(double {x}, double {x}.b)"
             after = me if k == self.lanes - 1 else f"{me}.{k}"
             yield f"{after} = insertelement {kind} {before}, {one} {me}.y{k}, i32 {k}"
             before = after

@@ -87,6 +87,14 @@ def _tied(a: Any, b: Any, da: Any, db: Any, first: Any, pick: Any) -> Any:
     return np.where(tie, pick(da, db), np.where(first, da, db))
 
 
+def _power(y: Any, a: Any, n: Any, da: Any, dn: Any) -> Any:
+    """Tangents of a power; of a plain exponent none, and of zero none by its exponent."""
+    by_base = np.where(da == 0.0, 0.0, n * a ** (n - 1) * da)  # steep at zero, but it stays there
+    if np.ndim(dn) == 0:
+        return by_base
+    return by_base + np.where(a > 0.0, y * np.log(np.where(a > 0.0, a, 1.0)), 0.0) * dn
+
+
 def _length(y: Any, a: Any, b: Any, da: Any, db: Any) -> Any:
     """Tangents of the length y of a vector; of none, the length of what it becomes."""
     grows = np.hypot(da, db)
@@ -100,9 +108,10 @@ TANGENTS: dict[Any, Callable[..., Any]] = {
     np.subtract: lambda y, a, b, da, db: da - db,
     np.multiply: lambda y, a, b, da, db: da * b + a * db,
     np.divide: lambda y, a, b, da, db: (da - y * db) / b,
-    np.power: lambda y, a, n, da, dn: n * a ** (n - 1) * da,  # the exponent is a plain number
+    np.power: lambda y, a, n, da, dn: _power(y, a, n, da, dn),
     np.rint: lambda y, a, da: 0.0 * da,  # does not change but for jumps
     np.sqrt: lambda y, a, da: 0.5 * da / y,
+    np.exp: lambda y, a, da: y * da,
     np.absolute: lambda y, a, da: np.where(is_rounding(y, np.abs(da)), np.abs(da), np.sign(a) * da),
     np.sin: lambda y, a, da: np.cos(a) * da,
     np.cos: lambda y, a, da: -np.sin(a) * da,

@@ -85,6 +85,11 @@ def hyp(z: Planar) -> Any:
     return np.sqrt(z.real * z.real + z.imag * z.imag)
 
 
+def power(x: Any, y: Any) -> Any:
+    """A number that is not negative to a power."""
+    return np.power(np.where(x >= 0.0, x, np.nan), y)
+
+
 def angle(a: Planar, b: Planar) -> Any:
     """Angle from a to b, in (-pi, pi]."""
     return np.arctan2(cross(a, b) + 0.0, dot(a, b))
@@ -198,8 +203,8 @@ def primitives(dtype: Any) -> dict[str, Any]:
     def matrix(rows: Any) -> NDArray[Any]:
         return linear.matrix(rows, dtype)
 
-    own = (mul, imul, hyp, angle, modulo, piecewise, repeat, each, expi, planar, matrix)
-    ufuncs = (np.sqrt, np.sign, np.where, np.minimum, np.maximum)
+    own = (mul, imul, hyp, power, angle, modulo, piecewise, repeat, each, expi, planar, matrix)
+    ufuncs = (np.sqrt, np.exp, np.sign, np.where, np.minimum, np.maximum)
     systems = (linear.solve, linear.solve_transposed, linear.spread)
     found = {f.__name__: f for f in (cross, dot, implicit, *own, *ufuncs, *systems)}
     return found | {"EPS": float(np.finfo(dtype).eps)}

@@ -162,7 +162,8 @@ def _flat(name: str, function: Callable[..., float]) -> Callable[..., Any]:
     return operation
 
 
-sqrt = _flat("sqrt", SCALAR_PRIMITIVES["sqrt"])
+sqrt, exp = (_flat(name, SCALAR_PRIMITIVES[name]) for name in ("sqrt", "exp"))
+_pow = _flat("pow", SCALAR_PRIMITIVES["power"])
 _cos, _sin, _atan2 = _flat("cos", math.cos), _flat("sin", math.sin), _flat("atan2", math.atan2)
 _remainder, _is_nan = _flat("fmod", math.fmod), _flat("is nan", math.isnan)
 
@@ -177,6 +178,11 @@ def where(condition: Any, a: Any, b: Any) -> Any:
 def sign(x: Any) -> Any:
     """-1, 0 or 1 in the sign of a number; NaN for NaN."""
     return where(x > 0.0, 1.0, where(x < 0.0, -1.0, x))
+
+
+def power(x: Any, y: Any) -> Any:
+    """A number that is not negative to a power."""
+    return _pow(where(x >= 0.0, x, math.nan), y)
 
 
 def minimum(a: Any, b: Any) -> Any:
@@ -268,9 +274,10 @@ def _system(name: str, entries: list[Any], n: int, places: Iterable[int]) -> tup
 
 PRIMITIVES: dict[str, Any] = {
     **{f.__name__: f for f in (cross, dot, mul, imul, hyp, expi, angle, where, sign, matrix)},
-    **{f.__name__: f for f in (minimum, maximum, modulo, piecewise, repeat, each)},
+    **{f.__name__: f for f in (minimum, maximum, power, modulo, piecewise, repeat, each)},
     **{f.__name__: f for f in (solve, solve_transposed, spread)},
     "sqrt": sqrt,
+    "exp": exp,
     "planar": Planar,
     "EPS": EPS,
 }

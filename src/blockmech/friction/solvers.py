@@ -50,6 +50,11 @@ class Solution(NamedTuple):
     limit: Real  # [-] scale of the friction factors up to which a solution exists
 
 
+def with_drag(solved: Solution, drag: Any) -> Solution:
+    """The solution for loads that the drag has shifted, with the drag in its friction."""
+    return solved._replace(t=tuple(t + d for t, d in zip(solved.t, drag, strict=True)))
+
+
 def _known(g: Any) -> Real:
     """Whether loads are numbers; they are not where a later group cannot close."""
     return 0.0 * largest_of(g) == 0.0

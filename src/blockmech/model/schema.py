@@ -12,6 +12,8 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from blockmech.blocks.contract import Moving
+from blockmech.friction.laws.contract import LAWS, PLAIN, FrictionLaw
+from blockmech.friction.laws.coulomb import DryFriction
 from blockmech.model.diagram import GRAPH_FILE
 from blockmech.model.form import Form, Section
 from blockmech.model.joints.contents import FRAME, LINKAGE_FILE
@@ -107,11 +109,23 @@ def _named(keys: dict[str, Any]) -> dict[str, Any]:
 
 
 def _friction_of(kind: str) -> dict[str, Any]:
-    """Friction that fits a kind of pair."""
+    """Friction that fits a kind of pair: one of the laws for it, the plain one if none is named."""
+    laws = {name: law for name in LAWS if kind in (law := LAWS[name]).kinds}
+    cases = []
+    for name, law in laws.items():
+        said: dict[str, Any] = {"properties": {"law": {"const": name}}}
+        said |= {} if name == PLAIN else {"required": ["law"]}
+        cases.append({"if": said, "then": {"$ref": f"#/$defs/{law.__name__}"} | _shape(law, kind)})
+    return {"type": "object", "properties": {"law": {"enum": list(laws)}}, "allOf": cases}
+
+
+def _shape(law: type[FrictionLaw], kind: str) -> dict[str, Any]:
+    """What a law of the load needs to know of a kind of pair, and what it must not say."""
+    if not issubclass(law, DryFriction):
+        return {}
     foreign = "guide_length" if kind == "R" else "radius"
     own = {"required": ["radius"], "properties": {"radius": {"type": "number"}}}
     return {
-        "$ref": "#/$defs/Coulomb",
         **(own if kind == "R" else {}),
         "not": {"required": [foreign], "properties": {foreign: {"type": "number"}}},
     }

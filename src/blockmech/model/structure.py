@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from blockmech.blocks.contract import Block, BuiltIn, Coordinate, Joint, Moving
 from blockmech.couplings.contract import Coupling, Meshing, Transmission, Where
 from blockmech.errors import GraphError, Problem
+from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.loads.contract import Element
 from blockmech.typing import Guide, LinkPosition
 from blockmech.values import Link, Marker
@@ -423,6 +424,10 @@ class Structure:
     def joint(self, ref: JointRef) -> Joint:
         """Declaration of a joint."""
         return self.blocks[ref.block].joints[ref.name]
+
+    def friction_law(self, ref: JointRef) -> FrictionLaw:
+        """The friction law of a joint that has one."""
+        return self.blocks[ref.block].friction[ref.name]
 
     def block(self, name: str) -> Block:
         """A block by name, the frame included."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from blockmech.couplings.contract import Reading
-from blockmech.friction import solvers
+from blockmech.friction import equations, solvers
 from blockmech.friction.existence import existence as existence_of
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import forward, friction
@@ -117,7 +117,13 @@ def solve(s: Schedule, block: str, reactions: str) -> str:
     more = [repr(given[o]) for o in options]
     c = s.ask(existence, block)
     more += [] if c is None else [f"{c} < 1.0"]
-    return s.emit(solver, k, edges, base, rows, *more, name=f"{block}_friction")
+    drags = [s.ask(friction.drag, j) for j in joints]
+    if not any(drag != NOUGHT for drag in drags):
+        return s.emit(solver, k, edges, base, rows, *more, name=f"{block}_friction")
+    drag = tuple_of(drags)
+    base = s.emit(equations.loads, drag, base, rows, name=f"{block}_dragged")
+    solved = s.emit(solver, k, edges, base, rows, *more, name=f"{block}_by_load")
+    return s.emit(solvers.with_drag, solved, drag, name=f"{block}_friction")
 
 
 def factors(s: Schedule, joints: Iterable[JointRef]) -> str:
@@ -151,7 +157,11 @@ def solve_driven(s: Schedule, ref: JointRef, pair: str) -> str:
     """The friction of a driven pair, which does not change what the pair transmits."""
     k, edges = s.ask(friction.resistance, ref), str(statics(s, ref).edges)
     args = (f"({k},)", f"({edges},)", f"({statics(s, ref).measure(s, ref, pair)},)")
-    return s.emit(solvers.direct, *args, name=f"{ref}_friction")
+    drag = s.ask(friction.drag, ref)
+    if drag == NOUGHT:
+        return s.emit(solvers.direct, *args, name=f"{ref}_friction")
+    solved = s.emit(solvers.direct, *args, name=f"{ref}_by_load")
+    return s.emit(solvers.with_drag, solved, f"({drag},)", name=f"{ref}_friction")
 
 
 def tuple_of(items: Iterable[str]) -> str:

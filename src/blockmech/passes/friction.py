@@ -1,4 +1,4 @@
-"""Friction of pairs: which ones have it, and Coulomb's signed factor from the way they slip.
+"""Friction of pairs: which ones have it, and what their laws say at the way they slip.
 
 Sources: [R10] Eqs. 8-10; prismatic pairs by analogy.
 """
@@ -16,7 +16,7 @@ from blockmech.passes.forward import (
     slip,
 )
 from blockmech.passes.resultants import active
-from blockmech.plan import REST, ZERO, Schedule
+from blockmech.plan import NOUGHT, REST, ZERO, Schedule
 from blockmech.plane import EPS, maximum, sign, where
 from blockmech.typing import Real
 
@@ -31,7 +31,7 @@ def friction_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
     b = s.structure.blocks[block]
     if s.friction.method == "none" or not moves(s, block, ACTUAL) or not s.ask(active, block):
         return ()
-    return tuple(JointRef(block, n) for n in b.joints if n in b.friction and b.friction[n].factor)
+    return tuple(JointRef(block, n) for n in b.joints if n in b.friction and b.friction[n].acts)
 
 
 def coupled_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
@@ -64,7 +64,7 @@ def contacts(structure: Structure, ref: JointRef) -> int:
     """Ways in which a pair is pressed: 0 of a pin, 2 of a guide, 4 of one with a length."""
     if structure.joint(ref).kind == "R":
         return 0
-    return 2 if structure.blocks[ref.block].friction[ref.name].guide_length is None else 4
+    return 2 if structure.friction_law(ref).edge_distance is None else 4
 
 
 def knows_existence(structure: Structure, block: str, joints: tuple[JointRef, ...]) -> bool:
@@ -81,7 +81,44 @@ def knows_existence(structure: Structure, block: str, joints: tuple[JointRef, ..
     return bodies == 2 and plain and driven.isdisjoint(ref.name for ref in joints)
 
 
-# -- Coulomb's factor: its sense from the slip -------------------------------------
+# -- the law of a pair -----------------------------------------------------------------
+
+
+def rate(s: Schedule, ref: JointRef) -> str:
+    """Magnitude of the relative rate [rad/s] or [m/s], at which a law is asked."""
+    if s.friction.method == GIVEN:
+        return s.unknown(f"slip_{s.ask(given_joints).index(ref)}")
+    return s.line(f"abs({s.ask(slip, ref)})", f"{ref}_slip_rate")
+
+
+def terms(s: Schedule, ref: JointRef) -> str:
+    """What its law says of a pair that slips: `FrictionTerms`.
+
+    The one place at which a law is asked, for runs and for motions.
+    """
+    law = s.structure.friction_law(ref)
+    asked = (s.ask(rate, ref),) if law.reads_speed else ()
+    return s.emit(law.kernel(), *asked, s.ask(numbers, ref), name=f"{ref}_law")
+
+
+def terms_at_rest(s: Schedule, ref: JointRef) -> str:
+    """What its law says of a pair that does not slip."""
+    law = s.structure.friction_law(ref)
+    kernel = law.kernel_at_rest()
+    if kernel is not None:
+        return s.emit(kernel, s.ask(numbers, ref), name=f"{ref}_law_at_rest")
+    asked = (NOUGHT,) if law.reads_speed else ()
+    return s.emit(law.kernel(), *asked, s.ask(numbers, ref), name=f"{ref}_law_at_rest")
+
+
+def numbers(s: Schedule, ref: JointRef) -> str:
+    """Slot of a law's numbers."""
+    return s.parameter(
+        ("law of friction", ref), lambda st, _: st.friction_law(ref).parameters(), f"P_{ref}"
+    )
+
+
+# -- its sense from the slip -----------------------------------------------------------
 
 
 def largest(*speeds: Real) -> Real:
@@ -92,9 +129,9 @@ def largest(*speeds: Real) -> Real:
     return top
 
 
-def resisting(slip_speed: Real, top: Real, factor: Real, slip_rate: Real, rest: Real) -> Real:
-    """Signed factor of Coulomb's law: -sgn(slip) c, and 0 at zero relative speed."""
-    return where(slip_speed <= rest * top, 0.0 * slip_speed, -sign(slip_rate) * factor)
+def resisting(slip_speed: Real, top: Real, size: Real, slip_rate: Real, rest: Real) -> Real:
+    """What friction of a size does: -sgn(slip) times it, and 0 at zero relative speed."""
+    return where(slip_speed <= rest * top, 0.0 * slip_speed, -sign(slip_rate) * size)
 
 
 def at_rest(slip_speed: Real, top: Real, rest: Real) -> Real:
@@ -153,18 +190,30 @@ def slip_speed(s: Schedule, ref: JointRef) -> str:
     return s.line(text, f"{ref}_slip_speed")
 
 
-def factor_slot(s: Schedule, ref: JointRef) -> str:
-    """Slot of f' r [m] or mu [-]."""
-    return s.parameter(
-        ("factor", ref), lambda st, _: st.blocks[ref.block].friction[ref.name].factor, f"c_{ref}"
-    )
+def against_slip(s: Schedule, ref: JointRef, part: str, name: str) -> str:
+    """A part of what a law says, against the slip; 0 at rest."""
+    speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
+    args = (speed, top, f"{s.ask(terms, ref)}.{part}", s.ask(slip, ref), REST)
+    return s.emit(resisting, *args, name=name)
 
 
 def resistance(s: Schedule, ref: JointRef) -> str:
     """Signed factor of a pair: friction on the later link per newton on the pair."""
-    speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
-    args = (speed, top, s.ask(factor_slot, ref), s.ask(slip, ref), REST)
-    return s.emit(resisting, *args, name=f"{ref}_k")
+    return s.ask(against_slip, ref, "factor", f"{ref}_k")
+
+
+def drag(s: Schedule, ref: JointRef) -> str:
+    """Friction of a pair on the later link, whatever the load: couple [N m] or force [N]."""
+    if not s.structure.friction_law(ref).drags:
+        return NOUGHT
+    return s.ask(against_slip, ref, "drag", f"{ref}_drag")
+
+
+def held(s: Schedule, ref: JointRef, load: str) -> str:
+    """Largest friction [N m] or [N] that holds a pair at rest under a load [N]."""
+    at_rest = s.ask(terms_at_rest, ref)
+    more = f" + {at_rest}.drag" if s.structure.friction_law(ref).drags else ""
+    return s.line(f"{at_rest}.factor * {load}{more}", f"{ref}_held")
 
 
 def rest(s: Schedule, ref: JointRef) -> str:

@@ -142,12 +142,12 @@ class Prismatic(Statics):
 
     def measure(self, s: Schedule, ref: JointRef, pair: str) -> str:
         """N and 2 C / L; without a length of the guide N alone."""
-        length = s.structure.blocks[ref.block].friction[ref.name].guide_length
+        length = s.structure.friction_law(ref).edge_distance
         edges = NOUGHT
         if length is not None:
             slot = s.parameter(
                 ("guide", ref),
-                lambda st, _: 2 / cast(float, st.blocks[ref.block].friction[ref.name].guide_length),
+                lambda st, _: 2 / cast(float, st.friction_law(ref).edge_distance),
                 f"two_over_L_{ref}",
             )
             edges = f"{slot} * {pair}.imag"

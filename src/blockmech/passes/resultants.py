@@ -35,7 +35,7 @@ def at_arm(s: Schedule, force: str, arm: str | None, name: str) -> Resultant:
 
 
 def active(s: Schedule, block: str) -> bool:
-    """Whether a block has mass, a load, or an active later block."""
+    """Whether a block has mass, a load, friction without one, or an active later block."""
     s.ask_first(active, block, lambda b: later_blocks(s, b))
     structure = s.structure
     for name in structure.blocks[block].link_names:
@@ -46,6 +46,9 @@ def active(s: Schedule, block: str) -> bool:
             return True
         if structure.tensioned_on[link]:
             return True
+    laws = structure.blocks[block].friction.values() if s.friction.method != "none" else ()
+    if any(law.drags and law.acts for law in laws):
+        return True
     return any(s.ask(active, later) for later in later_blocks(s, block))
 
 

@@ -163,7 +163,9 @@ def _friction_radii(stage: Stage) -> dict[str, tuple[Spot, float]]:
     """Pins with friction, and the radii of its circles [m]."""
     blocks, spots = stage.motion.structure.blocks, _joints(stage)
     laws = {ref: blocks[ref.block].friction.get(ref.name) for ref in spots}
-    return {str(r): (spots[r], law.factor) for r, law in laws.items() if law and law.radius}
+    radii = {ref: law.at_rest().factor for ref, law in laws.items() if law}
+    pins = (ref for ref in radii if blocks[ref.block].joints[ref.name].kind == "R")
+    return {str(ref): (spots[ref], radii[ref]) for ref in pins if radii[ref]}
 
 
 def _friction_circles(stage: Stage) -> Iterator[Shape]:

@@ -4,7 +4,7 @@
     conformance("geneva.rod", example={"length": 0.2})
 
 makes random motions and a test rig for the block and tests every numbered rule at
-the head of `blockmech.blocks.contract` (of loads and couplings: of their contracts).
+the head of `blockmech.blocks.contract` (of loads, couplings and friction laws: of their contracts).
 What fails is named by its rule.
 """
 
@@ -18,10 +18,12 @@ from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
 from blockmech.errors import RequestError
+from blockmech.friction.laws import LAWS, FrictionLaw
 from blockmech.loads.contract import Element
 from blockmech.testing.block_rules import BlockRules
 from blockmech.testing.coupling_rules import CouplingRules
 from blockmech.testing.element_rules import ElementRules
+from blockmech.testing.law_rules import LawRules
 from blockmech.testing.rules import ConformanceError, Report
 
 __all__ = ["ConformanceError", "Report", "conformance"]
@@ -29,13 +31,14 @@ __all__ = ["ConformanceError", "Report", "conformance"]
 
 @declared
 def conformance(
-    block: str | Block, example: Mapping[str, Any] | None = None, *, seed: int = 0
+    block: str | Block | FrictionLaw, example: Mapping[str, Any] | None = None, *, seed: int = 0
 ) -> Report:
     """Test a block against the numbered rules of its contract.
 
     Parameters
     ----------
-    block : a registered type such as ``"dyad.rrr"``, or a block itself
+    block : a registered type such as ``"dyad.rrr"``, or a block itself; the same of friction laws,
+        such as ``"stribeck"``
     example : parameters of the block to test, where a type is given
     seed : of the random motions; the same seed gives the same test
 
@@ -52,12 +55,14 @@ def conformance(
     'dyad.rrr'
     """
     if isinstance(block, str):
-        cls = REGISTRY.get(block)
+        cls = REGISTRY.get(block) or LAWS.get(block)
         if cls is None:
             raise RequestError(REGISTRY.unknown(block, "conformance"))
-        made: Block = cls(**(example or {}))
+        made: Block | FrictionLaw = cls(**(example or {}))
         block = made
     name = block.type_name or type(block).__name__
+    if isinstance(block, FrictionLaw):
+        return LawRules(block).report(name)
     if isinstance(block, Element):
         return ElementRules(block).report(name)
     if isinstance(block, Coupling):

@@ -33,7 +33,7 @@ from blockmech.blocks.contract import (
 )
 from blockmech.blocks.general.equations import PairPlan
 from blockmech.blocks.general.kernels import kernels_of
-from blockmech.friction.laws import Coulomb
+from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.plane import largest
 from blockmech.values import (
     POSE,
@@ -334,7 +334,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
 
     @field_validator("friction")
     @classmethod
-    def _friction_fits(cls, friction: dict[str, Coulomb]) -> dict[str, Coulomb]:
+    def _friction_fits(cls, friction: dict[str, FrictionLaw]) -> dict[str, FrictionLaw]:
         return friction
 
     @model_validator(mode="after")

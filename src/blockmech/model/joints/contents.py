@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 from blockmech.blocks.block import refuse
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
-from blockmech.friction.laws import Coulomb
+from blockmech.friction.laws.contract import AnyFriction
 from blockmech.loads.contract import Element
 from blockmech.model.expect import Expectation
 from blockmech.model.form import VERSION, Form, Section
@@ -73,7 +73,11 @@ TWO = Field(min_length=2, max_length=2)
 class _Joint(Strictly):
     links: Annotated[list[str], Field(min_length=2)]
     at: Annotated[list[Place], Field(min_length=2)]
-    friction: Coulomb | None = None
+    friction: AnyFriction | None = None
+
+    def axis(self, outside: Axis) -> Axis:
+        """Units along its coordinate."""
+        return Axis.of(getattr(self, "type"))._replace(known=outside.known)  # noqa: B009
 
     @model_validator(mode="after")
     def _fits(self) -> Any:

@@ -18,7 +18,7 @@ import numpy as np
 
 from blockmech.assur.formation import reseat
 from blockmech.assur.pairs import Pair, Side, axes
-from blockmech.friction.laws import Coulomb
+from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.model.joints.contents import FRAME, GuideGiven
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.varied import settled
@@ -53,7 +53,7 @@ class Connection(Pair):
     at: tuple[complex, complex] = (0j, 0j)
     along: tuple[complex, complex] = (1 + 0j, 1 + 0j)
     slider: int = 1
-    friction: Coulomb | None = None
+    friction: FrictionLaw | None = None
 
     def on(self, link: str) -> complex:
         """Place [m] on one of the links."""

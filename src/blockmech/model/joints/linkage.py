@@ -29,7 +29,7 @@ from blockmech.model.writing import plain
 from blockmech.values import Marker, Vector, is_name
 
 if TYPE_CHECKING:
-    from blockmech.friction.laws import Coulomb
+    from blockmech.friction.laws.contract import FrictionLaw
     from blockmech.values import AnyMarker, AnyPlace, Two
 
 
@@ -140,7 +140,7 @@ class Linkage(Document):
         angle: Sequence[float] | None = None,
         dir: Sequence[Two] | None = None,
         slider: Literal[0, 1] | None = None,
-        friction: Coulomb | None = None,
+        friction: FrictionLaw | None = None,
     ) -> None:
         """Add a joint between two links, or a pin ("R") of more.
 
@@ -160,7 +160,12 @@ class Linkage(Document):
         self._add("joint", name, given | {"slider": slider, "friction": friction}, kind)
 
     def add_pin(
-        self, name: str, links: Sequence[str], point: AnyPlace, *, friction: Coulomb | None = None
+        self,
+        name: str,
+        links: Sequence[str],
+        point: AnyPlace,
+        *,
+        friction: FrictionLaw | None = None,
     ) -> None:
         """Add a pin between links, where it is in the world in the poses that they were given.
 

@@ -1,0 +1,25 @@
+"""The friction laws of pairs, one file each; importing registers them."""
+
+from blockmech.friction.laws.contract import LAWS, AnyFriction, FrictionLaw, FrictionTerms
+from blockmech.friction.laws.coulomb import Coulomb, DryFriction
+from blockmech.friction.laws.hydrodynamic import Hydrodynamic
+from blockmech.friction.laws.preload import Preload
+from blockmech.friction.laws.rolling_bearing import RollingBearing
+from blockmech.friction.laws.stiction import Stiction
+from blockmech.friction.laws.stribeck import Stribeck
+from blockmech.friction.laws.viscous import Viscous
+
+__all__ = [
+    "LAWS",
+    "AnyFriction",
+    "Coulomb",
+    "DryFriction",
+    "FrictionLaw",
+    "FrictionTerms",
+    "Hydrodynamic",
+    "Preload",
+    "RollingBearing",
+    "Stiction",
+    "Stribeck",
+    "Viscous",
+]

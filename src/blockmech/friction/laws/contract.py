@@ -1,0 +1,201 @@
+"""What a friction law is: how a pair resists slip, by the load on it and the speed.
+
+A law declares its numbers and one kernel. With g [N] the load on the pair (the reaction of a
+revolute pair, max(|N|, 2 |C| / guide length) of a prismatic one) the friction on the later link is
+
+    t = -sgn(slip) (factor g + drag)            while the pair slips
+    |t| <= factor g + drag, both at rest        while it does not
+
+ 1. The kernel is ``kernel(speed, p)``, or ``kernel(p)`` of a law that does not ask for the speed,
+    and returns `FrictionTerms`: factor [m] of a revolute pair or [-] of a prismatic one, and drag
+    [N m] or [N]. ``speed`` >= 0 is the magnitude of the relative rate [rad/s] or [m/s], ``p`` the
+    law's numbers. It obeys the rules of kernels: primitives of `blockmech.plane` alone, no branch
+    on a number, NaN in, NaN out.
+ 2. Neither factor nor drag is negative: friction does not drive.
+ 3. At rest the kernel counts at speed 0, unless ``kernel_at_rest`` gives another one, of ``p``.
+ 4. ``drags`` is False where the drag is 0.0 at all speeds; then it is not computed.
+ 5. ``smooth`` is False where factor or drag are not analytic in the speed, from 0 on: where they
+    have a kink, or go with a fractional power. Motions are then integrated in time.
+ 6. A law does not depend on where the pair is, nor on the time.
+
+Solvers, motion, `verify`, pictures and derivatives ask this one kernel.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections import namedtuple
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlias
+
+from pydantic import GetCoreSchemaHandler, ValidationError
+from pydantic_core import InitErrorDetails, core_schema
+
+from blockmech.errors import close_match, listed, shown
+from blockmech.plane import has_arithmetic
+from blockmech.registry import Registry
+from blockmech.typing import Real
+from blockmech.validation_errors import CHOICE
+from blockmech.values import Strictly, mistake
+
+LAWS = Registry("friction law", code="unknown-friction-law")
+"""Every friction law by the name that files give it."""
+
+PLAIN = "coulomb"  # the law of data that name none
+SPEED = "speed"  # what a kernel may read besides the law's numbers
+
+
+class FrictionTerms(NamedTuple):
+    """How a pair resists: friction is ``factor`` times the load on the pair, and ``drag``."""
+
+    factor: Real  # [m] of a revolute pair, [-] of a prismatic one
+    drag: Real  # [N m] of a revolute pair, [N] of a prismatic one
+
+
+class FrictionLaw(Strictly):
+    """Friction of one pair.
+
+    kinds : the pairs that may have it, "R" and "P"
+    drags : whether some of it does not follow the load, see rule 4
+    """
+
+    kind_key: ClassVar[str] = "law"
+    called: ClassVar[str] = "a friction law such as Coulomb(coefficient=0.1, radius=0.01)"
+    type_name: ClassVar[str] = ""
+    kinds: ClassVar[tuple[str, ...]] = ("R", "P")
+    drags: ClassVar[bool] = True
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **more: Any) -> None:
+        """Register a law under the name that it declares: ``law: Literal["name"] = "name"``."""
+        super().__pydantic_init_subclass__(**more)
+        named = cls.model_fields.get("law")
+        if named is not None and isinstance(named.default, str):
+            LAWS.register(named.default, cls)
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Hold the kernels against rule 1."""
+        super().model_post_init(context)
+        _check(self.kernel(), (SPEED,))
+        _check(self.kernel_at_rest(), ())
+
+    def kernel(self) -> Callable[..., FrictionTerms]:
+        """The function of rule 1."""
+        raise TypeError(f"{type(self).__name__} declares no kernel")
+
+    def kernel_at_rest(self) -> Callable[..., FrictionTerms] | None:
+        """The function of rule 3, or None."""
+        return None
+
+    @property
+    def smooth(self) -> bool:
+        """See rule 5."""
+        return True
+
+    @property
+    def reads_speed(self) -> bool:
+        """Whether friction depends on the speed."""
+        return SPEED in inspect.signature(self.kernel()).parameters
+
+    def numbers(self) -> dict[str, Any]:
+        """The law's numbers by name."""
+        fields = ((name, getattr(self, name)) for name in type(self).model_fields)
+        return {name: float(x) if isinstance(x, int) else x for name, x in fields if _is_number(x)}
+
+    def parameters(self) -> Any:
+        """The same as the named tuple that kernels read as ``p``."""
+        numbers = self.numbers()
+        return _record(type(self).__name__ + "Numbers", tuple(numbers))(*numbers.values())
+
+    def at(self, speed: float) -> FrictionTerms:
+        """Factor and drag at a speed [rad/s or m/s].
+
+        >>> from blockmech import Stribeck
+        >>> law = Stribeck(static=0.3, kinetic=0.2, stribeck_speed=0.5, radius=0.05)
+        >>> round(law.at(0.5).factor / 0.05, 6)
+        0.236788
+        """
+        more = (speed,) if self.reads_speed else ()
+        return self.kernel()(*more, self.parameters())
+
+    def at_rest(self) -> FrictionTerms:
+        """Factor and drag of a pair that does not slip: the half width of what holds it."""
+        kernel = self.kernel_at_rest()
+        return self.at(0.0) if kernel is None else kernel(self.parameters())
+
+    @property
+    def acts(self) -> bool:
+        """Whether there is any friction."""
+        return any(map(bool, (*self.at(1.0), *self.at_rest())))
+
+    @property
+    def edge_distance(self) -> float | None:
+        """Length [m] of the guide, whose two edges carry a couple; None where N alone counts."""
+        return getattr(self, "guide_length", None)
+
+    def check_for(self, kind: str, joint: str) -> None:
+        """Refuse what does not fit the kind of pair."""
+        if kind not in self.kinds:
+            words = {"R": "revolute", "P": "prismatic"}
+            found = f"{joint} is {words[kind]}"
+            valid = f'"{self.type_name}" is for {words[self.kinds[0]]} pairs'
+            fit = [name for name in LAWS if kind in LAWS[name].kinds]
+            raise mistake("friction-mismatch", found, valid, f"laws for it: {listed(fit)}")
+
+
+def _check(kernel: Callable[..., Any] | None, readable: tuple[str, ...]) -> None:
+    """Raise `TypeError` for a kernel that reads what is not there."""
+    names = list(inspect.signature(kernel).parameters) if kernel is not None else ["p"]
+    if not names or not set(names[:-1]) <= set(readable):
+        where = f"{kernel.__module__}.{kernel.__qualname__}" if kernel else ""
+        fit = " or ".join(f"({', '.join((*x, 'p'))})" for x in dict.fromkeys((readable, ())))
+        raise TypeError(f"{where}: a kernel of a friction law takes {fit}, not {tuple(names)}")
+
+
+def _is_number(x: Any) -> bool:
+    return (isinstance(x, int | float) and not isinstance(x, bool)) or has_arithmetic(x)
+
+
+@functools.cache
+def _record(name: str, fields: tuple[str, ...]) -> Any:
+    return namedtuple(name, fields)  # the fields are known at run time only
+
+
+# -- a field of a model that holds one ---------------------------------------------------------
+
+
+def read_law(raw: Any) -> FrictionLaw:
+    """A friction law from what a file says of it, or one that is made already."""
+    if isinstance(raw, FrictionLaw):
+        return raw
+    if not isinstance(raw, Mapping):
+        remedy = 'write {"law": "coulomb", ...}; laws: ' + listed(LAWS)
+        raise mistake("wrong-type", f"must be an object {{...}}, got {shown(raw)}", "", remedy)
+    name = raw.get("law", PLAIN)
+    cls = LAWS.get(name) if isinstance(name, str) else None
+    if cls is None:
+        remedy = close_match(name, LAWS) if isinstance(name, str) else ""
+        found, valid = f"no friction law {shown(name)}", f"laws: {listed(LAWS, 30)}"
+        wrong = mistake("unknown-friction-law", found, valid, remedy)
+        line = InitErrorDetails(type=wrong, loc=("law",), input=name)
+        raise ValidationError.from_exception_data("friction", [line])
+    law: FrictionLaw = cls.model_validate(raw)
+    return law
+
+
+class _Registered:
+    """A field that holds a friction law of any name that is registered."""
+
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        kinds = {CHOICE: ("law", lambda: {name: LAWS[name] for name in LAWS})}
+        return core_schema.no_info_plain_validator_function(read_law, metadata=kinds)
+
+
+if TYPE_CHECKING:
+    AnyFriction: TypeAlias = FrictionLaw
+else:
+    AnyFriction = Annotated[FrictionLaw, _Registered]

@@ -1,0 +1,35 @@
+"""Friction of a preload: constant, whatever the load and the speed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
+from blockmech.values import Axis, NotNegative, Units
+
+
+def preload(p: Any) -> FrictionTerms:
+    """Always the same."""
+    return FrictionTerms(0.0, p.resistance)
+
+
+class Preload(FrictionLaw):
+    """A seal or a preloaded bearing, which resists with a constant couple or force.
+
+    resistance : [N m of a pin, N of a guide]
+
+    >>> Preload(resistance=0.2).at_rest().drag
+    0.2
+    """
+
+    law: Literal["preload"] = "preload"
+    resistance: NotNegative
+
+    def units(self, axis: Axis) -> Units:
+        """Of the effort."""
+        return {"resistance": axis.effort}
+
+    def kernel(self) -> Callable[..., FrictionTerms]:
+        """`preload`."""
+        return preload

@@ -1,0 +1,36 @@
+"""Viscous friction: in proportion to the speed, whatever the load."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
+from blockmech.typing import Real
+from blockmech.values import Axis, NotNegative, Units
+
+
+def viscous(speed: Real, p: Any) -> FrictionTerms:
+    """In proportion to the speed."""
+    return FrictionTerms(0.0 * speed, p.damping * speed)
+
+
+class Viscous(FrictionLaw):
+    """A film that shears: friction is ``damping`` times the relative rate.
+
+    damping : [N m s/rad of a pin, N s/m of a guide]
+
+    >>> Viscous(damping=0.5).at(4.0).drag
+    2.0
+    """
+
+    law: Literal["viscous"] = "viscous"
+    damping: NotNegative
+
+    def units(self, axis: Axis) -> Units:
+        """Of the effort over the rate."""
+        return {"damping": axis.coefficient("rate")}
+
+    def kernel(self) -> Callable[..., FrictionTerms]:
+        """`viscous`."""
+        return viscous

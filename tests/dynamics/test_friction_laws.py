@@ -1,0 +1,255 @@
+"""Friction laws beyond Coulomb's in motion: closed forms, integrations that know nothing of us."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import blockmech as bm
+from blockmech.dynamics.friction import MotionProgram
+from tests.gallery import changed, document
+
+G = 9.81  # [m/s2]
+HANGING = -math.pi / 2  # [rad]
+STRIBECK = {"static": 0.3, "kinetic": 0.2, "stribeck_speed": 0.5, "viscous": 0.01}
+WAYS = [("spectral", "auto"), ("dop853", "scalar"), ("dop853", "llvm"), ("radau", "auto")]
+
+
+def wheel(friction, inertia=1 / 3, mass=1.0, cm=0.0, gravity=0.0):
+    """One link on a pin, its inertia [kg m2] about that."""
+    g = bm.Graph("wheel", gravity=(0.0, -gravity))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    link = bm.Link(mass=mass, inertia=inertia - mass * cm**2, cm=(cm, 0.0))
+    g.add("crank", bm.Crank(length=1.0, links={"crank": link}, friction={"A": friction}))
+    g.connect("frame.A", "crank.A")
+    return g
+
+
+def pendulum(friction):
+    """1 kg, its centre 0.5 m below the pin, 1/3 kg m2 about that."""
+    return wheel(friction, cm=0.5, gravity=G).compile()
+
+
+# -- Stribeck's pendulum ---------------------------------------------------------------------
+#
+# DOP853 to 1e-13 on (J al + m g l sin th)^2 = (f r)^2 |R|^2, a quadratic in al, where R has the
+# components m (l w^2 + g cos th) and m (l al + g sin th): another program, without blockmech.
+
+REFERENCE = {0.5: 0.31149974060, 1.0: -1.79048110764}  # [s]: [rad] from below
+SWINGS = 28
+
+
+def law():
+    return bm.Stribeck(**STRIBECK, radius=0.05)
+
+
+@pytest.mark.parametrize(("method", "engine"), WAYS)
+def test_stribecks_pendulum_is_where_another_formulation_has_it(method, engine):
+    moved = pendulum(law()).simulate(
+        "time=1",
+        start={"crank": (2.0 + HANGING, 0.0)},
+        times=list(REFERENCE),
+        method=method,
+        engine=engine,
+        accuracy=1e-11,
+        want=["crank.q"],
+    )
+    wanted = np.array([*REFERENCE.values()]) + HANGING
+    assert np.abs(moved["crank.q"] - wanted).max() <= 6e-12 + moved.motion.error
+    assert moved.motion.error <= 1e-10
+
+
+def test_stribecks_pendulum_rests_after_28_half_swings_where_static_friction_holds_it():
+    mech = pendulum(law())
+    by_path, in_time = (
+        mech.simulate("time=60", start={"crank": (2.0 + HANGING, 0.0)}, method=m, want=()).motion
+        for m in ("spectral", "dop853")
+    )
+    for motion in (by_path, in_time):
+        assert [e.kind for e in motion.events].count("standstill") == SWINGS
+        assert motion.events[-1].kind == "rest"
+        assert G * 0.5 * abs(math.sin(motion.q_end - HANGING)) <= 0.3 * 0.05 * G
+        low, high = motion.facts["holding_low"], motion.facts["holding_high"]
+        # a pendulum at rest: |R| = m g whatever the angle, but for the moment that is to start it
+        assert high - low == pytest.approx(2 * 0.3 * 0.05 * G, rel=2e-2)
+    assert abs(by_path.q_end - in_time.q_end) <= by_path.error + in_time.error
+    lost = G * 0.5 * (math.cos(by_path.q_end - HANGING) - math.cos(2.0))
+    assert by_path.facts["friction_work"] == pytest.approx(lost, rel=1e-10)
+
+
+@pytest.mark.parametrize("q", [2.0, 0.3, -1.2])
+def test_the_first_acceleration_is_the_root_of_the_quadratic(q):
+    """By the law as it is at a rate, in the formulation of the reference."""
+    w, f = 0.7, law().at(0.7).factor
+    moved = pendulum(law()).simulate(
+        "time=0.1", start={"crank": (q + HANGING, w)}, times=[0.0], want=["*.acceleration"]
+    )
+    found = moved["crank.acceleration"][0]
+    Rr, Rt = 0.5 * w**2 + G * math.cos(q), 0.5 * found + G * math.sin(q)
+    assert found / 3 + 0.5 * G * math.sin(q) == pytest.approx(-f * math.hypot(Rr, Rt), rel=1e-13)
+
+
+# -- closed forms ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("method", "engine"), WAYS)
+def test_a_wheel_on_a_viscous_pin_slows_down_exponentially(method, engine):
+    moved = wheel(bm.Viscous(damping=0.2)).compile().simulate(
+        "time=2", start={"crank": (0.3, 5.0)}, times=[0.5, 2.0], method=method, engine=engine,
+        accuracy=1e-11, want=["crank.q", "crank.rate"],
+    )  # fmt: skip
+    left = np.exp(-0.2 * 3 * np.array([0.5, 2.0]))
+    assert np.abs(moved["crank.rate"] - 5 * left).max() <= 1e-10
+    assert np.abs(moved["crank.q"] - 0.3 - 5 * (1 - left) / 0.6).max() <= 1e-10
+    lost = (1 - left[-1] ** 2) * 25 / 6
+    assert moved.motion.facts["friction_work"] == pytest.approx(lost, rel=1e-9)
+
+
+def test_a_massless_link_drags_too():
+    """What turns with a wheel and weighs nothing still drags in its pins: for run and motion."""
+    g = wheel(bm.Viscous(damping=0.0))
+    g.blocks["frame"] = bm.Frame(markers={"A": (0.0, 0.0), "D": (3.0, 0.0)})
+    g.add("rod", bm.RRR(l_i=3.0, l_j=1.0, branch=1, friction={"D": bm.Viscous(damping=0.2)}))
+    g.connect("crank.B", "rod.B")
+    g.connect("frame.D", "rod.D")
+    mech = g.compile()
+    run = mech.run(at=[0.4, 1.0], rates=2.0, want=["crank.drive", "mechanism.friction_power"])
+    assert np.abs(run["crank.drive"] - 0.2 * 2.0).max() <= 1e-14  # a parallelogram
+    assert np.abs(run["mechanism.friction_power"] - 0.2 * 4.0).max() <= 1e-14
+    moved = mech.simulate("time=0.4", start={"crank": (0.3, 5.0)}, times=[0.4], want="crank.rate")
+    assert moved["crank.rate"][0] == pytest.approx(5 * math.exp(-0.24), rel=1e-11)
+
+
+@pytest.mark.parametrize("method", ["spectral", "dop853"])
+def test_a_preload_brakes_evenly_and_holds(method):
+    motion = wheel(bm.Preload(resistance=0.5)).compile().simulate(
+        "time=9", start={"crank": (0.0, 3.0)}, method=method, want=()
+    ).motion  # fmt: skip
+    assert motion.q_end == pytest.approx(9.0 / 2 / 1.5, rel=1e-9)
+    assert motion.events[-1].t == pytest.approx(2.0, rel=1e-9)
+    assert motion.facts["holding_high"] == pytest.approx(0.5, rel=1e-12)
+    assert motion.facts["holding_low"] == pytest.approx(-0.5, rel=1e-12)
+
+
+def test_static_friction_holds_up_to_its_own_limit_and_kinetic_friction_slows():
+    pin = bm.Stiction(static=0.4, kinetic=0.1, radius=0.1)
+    mech = pendulum(pin)
+    for q, holds in ((0.07, True), (0.0815, False)):  # 0.5 sin q against 0.4 * 0.1
+        motion = mech.simulate("time=1", start={"crank": (q + HANGING, 0.0)}, want=()).motion
+        assert (motion.q_end == q + HANGING) is holds
+    found = mech.simulate("swings=1", start={"crank": (1.0 + HANGING, 0.0)}, want=()).motion
+    weak = pendulum(bm.Coulomb(coefficient=0.1, radius=0.1))
+    plain = weak.simulate("swings=1", start={"crank": (1.0 + HANGING, 0.0)}, want=()).motion
+    assert found.q_end == pytest.approx(plain.q_end, abs=1e-13)
+
+
+# -- stick-slip ------------------------------------------------------------------------------
+
+MASS, STIFF, PULLED = 1.0, 40.0, 0.02  # [kg], [N/m], [m/s] of the spring's other end
+CURVE = bm.Stribeck(static=0.3, kinetic=0.15, stribeck_speed=0.03, viscous=0.05)
+
+
+def slider():
+    """A slider on a rough floor; its spring's other end is pulled along, as a force of time."""
+    g = bm.Graph("stick-slip", gravity=(0.0, -G))
+    g.add("frame", bm.Frame(markers={"O": bm.Marker(at=(0.0, 0.0), angle=0.0), "W": (-1.0, 0.0)}))
+    block = bm.Link(mass=MASS, inertia=0.1)
+    g.add("block", bm.SlideDrive(links={"slider": block}, friction={"S": CURVE}))
+    g.connect("frame.O", "block.S")
+    for name, line in (
+        ("spring", {"of": "coordinate", "coefficients": [STIFF, -STIFF]}),
+        ("pull", {"of": "time", "coefficients": [0.0, STIFF * PULLED]}),
+    ):
+        g.add(name, bm.Thrust(law={"kind": "polynomial", **line}))
+        g.connect("frame.W", f"{name}.a")
+        g.connect("block.slider", f"{name}.b")
+    return g.compile()
+
+
+def sticking_and_slipping(t_end):
+    """[t, x] of every start and stop, by solve_ivp between them."""
+    t, x, found = 0.0, 0.0, []
+    while True:
+        t = (CURVE.static * MASS * G / STIFF + x) / PULLED  # the spring wins
+        if t > t_end:
+            return found
+        found.append((t, x))
+
+        def rates(s, y):
+            friction = CURVE.at(max(y[1], 0.0)).factor * MASS * G
+            return y[1], (STIFF * (PULLED * s - y[0]) - friction) / MASS
+
+        def stopped(s, y):
+            return y[1]
+
+        stopped.terminal, stopped.direction = True, -1
+        # From the limit itself it leaves with no acceleration: by the growing root of the linear
+        # equation, which solve_ivp finds from a speed that is below all that is compared.
+        leg = solve_ivp(
+            rates, (t, t + 50), (x, 1e-13), "DOP853", events=stopped, rtol=1e-13, atol=1e-15
+        )
+        t, x = float(leg.t[-1]), float(leg.y[0, -1])
+        if t > t_end:
+            return found
+        found.append((t, x))
+
+
+def test_a_slider_on_a_pulled_spring_sticks_and_slips():
+    t_end = 30.0
+    motion = slider().simulate(f"time={t_end}", start={"block": (0.0, 0.0)}, want=()).motion
+    stops = [(e.t, e.q) for e in motion.events if e.kind == "standstill"]
+    wanted = sticking_and_slipping(t_end)
+    assert len(wanted) >= 6
+    assert np.abs(np.array(stops) - wanted[1::2]).max() <= 1e-9
+    assert motion.reached
+
+
+# -- one law for run and motion --------------------------------------------------------------
+
+
+def test_a_motion_of_a_linkage_leaves_no_drive_over_with_any_law():
+    data = document("ruiz_fourbar")
+    data["blocks"]["crank"]["friction"] = {"A": {"law": "viscous", "damping": 3.0}}
+    data["blocks"]["dyad"]["friction"] = {
+        "B": {"law": "stribeck", **STRIBECK, "radius": 0.05},
+        "C": {"law": "rolling_bearing", "mean_diameter": 0.2, "f1": 0.002, "f0": 9.0,
+              "viscosity": 1e-3},
+        "D": {"law": "preload", "resistance": 20.0},
+    }  # fmt: skip
+    mech = changed(data)
+    for engine in ("scalar", "llvm"):
+        moved = mech.simulate(
+            "time=0.3", start={"crank": (1.0, 30.0)}, engine=engine,
+            want=["crank.drive", "crank.drive_by_reduction", "mechanism.friction_power"],
+        )  # fmt: skip
+        size = np.abs(moved["crank.drive_by_reduction"]).max()
+        assert np.abs(moved["crank.drive"]).max() <= 1e-10 * size
+        assert moved.motion.facts["energy_balance"] <= 1e-9
+        assert moved["mechanism.friction_power"].min() > 0
+    assert "not smooth" in moved.motion.why
+
+
+def test_interpreted_and_compiled_states_are_the_same_to_rounding():
+    data = document("ruiz_fourbar")
+    pin = {"law": "stribeck", **STRIBECK, "radius": 0.05}
+    data["blocks"]["dyad"]["friction"] = dict.fromkeys("BCD", pin)
+    mech = changed(data)
+    ends = [
+        mech.simulate("time=0.2", start={"crank": (1.0, 20.0)}, method="dop853", engine=e).motion
+        for e in ("scalar", "llvm")
+    ]
+    assert ends[0].q_end == pytest.approx(ends[1].q_end, rel=1e-13)
+    path = mech.simulate("time=0.2", start={"crank": (1.0, 20.0)}, method="spectral").motion
+    assert abs(path.q_end - ends[1].q_end) <= path.error + ends[1].error
+
+
+def test_the_laws_of_a_motion_are_the_passes():
+    """The one program of laws says at a rate what each law's kernel does."""
+    mech = pendulum(law())
+    program = MotionProgram.of(mech)
+    assert program.laws.inputs == ("slip_0",)
+    assert program.smooth
+    assert not program.drags
