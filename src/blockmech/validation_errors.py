@@ -22,11 +22,6 @@ LAST = ("links", "markers", "friction", "slider", "useful")
 """Fields that many blocks share; they follow the block's own, in this order."""
 
 
-CHOICE = "blockmech_choice"
-"""Where a validator's metadata have the key by which models are told, and a function that lists
-them by their words there: models may be registered after the validator is built."""
-
-
 def field_order(model: type[BaseModel]) -> list[str]:
     """Names of a model's fields as they are written: its own, then inherited, then `LAST`."""
     names: list[str] = []
@@ -50,18 +45,6 @@ class InWrittenOrder(GenerateJsonSchema):
                 names = [model.model_fields[n].alias or n for n in names]
             found["properties"] = {n: found["properties"][n] for n in names}
         return found
-
-    def function_plain_schema(self, schema: Any) -> dict[str, Any]:
-        """The schema of a field that holds one of several registered models, see `CHOICE`."""
-        key, models = schema.get("metadata", {}).get(CHOICE, ("", dict))
-        if not key:
-            return super().function_plain_schema(schema)
-        mapping = {}
-        for name, model in models().items():
-            model.model_rebuild()
-            mapping[name] = self.generate_inner(model.__pydantic_core_schema__)["$ref"]
-        choice = {"propertyName": key, "mapping": mapping}
-        return {"oneOf": [{"$ref": ref} for ref in mapping.values()], "discriminator": choice}
 
 
 def validated(

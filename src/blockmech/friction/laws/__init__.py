@@ -1,4 +1,7 @@
-"""The friction laws of pairs, one file each; importing registers them."""
+"""The friction laws of pairs, one file each; importing registers them.
+
+Each file names its source; rules 1 to 6 of a law are in `contract`.
+"""
 
 from blockmech.friction.laws.contract import LAWS, AnyFriction, FrictionLaw, FrictionTerms
 from blockmech.friction.laws.coulomb import Coulomb, DryFriction

@@ -29,14 +29,13 @@ from collections import namedtuple
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
-from pydantic import GetCoreSchemaHandler, ValidationError
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
 from pydantic_core import InitErrorDetails, core_schema
 
 from blockmech.errors import close_match, listed, shown
 from blockmech.plane import has_arithmetic
 from blockmech.registry import Registry
 from blockmech.typing import Real
-from blockmech.validation_errors import CHOICE
 from blockmech.values import Strictly, mistake
 
 LAWS = Registry("friction law", code="unknown-friction-law")
@@ -191,8 +190,20 @@ class _Registered:
     def __get_pydantic_core_schema__(
         cls, source: Any, handler: GetCoreSchemaHandler
     ) -> core_schema.CoreSchema:
-        kinds = {CHOICE: ("law", lambda: {name: LAWS[name] for name in LAWS})}
-        return core_schema.no_info_plain_validator_function(read_law, metadata=kinds)
+        return core_schema.no_info_plain_validator_function(read_law)
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        inner: Any = handler  # laws may be registered after a model that holds one is built
+        mapping = {}
+        for name in LAWS:
+            LAWS[name].model_rebuild()
+            found = inner.generate_json_schema.generate_inner(LAWS[name].__pydantic_core_schema__)
+            mapping[name] = found["$ref"]
+        choice = {"propertyName": "law", "mapping": mapping}
+        return {"oneOf": [{"$ref": ref} for ref in mapping.values()], "discriminator": choice}
 
 
 if TYPE_CHECKING:

@@ -54,8 +54,8 @@ class RollingBearing(FrictionLaw):
         20e-6 for 20 mm2/s
 
     >>> ball = RollingBearing(mean_diameter=0.05, f1=0.0006, f0=2.0, viscosity=20e-6)
-    >>> [round(x, 6) for x in ball.at(100.0)]  # [m], [N m]
-    [3e-05, 0.017865]
+    >>> [round(x, 6) for x in ball.at(100.0)]  # factor [m], drag [N m]
+    [3e-05, 0.017862]
     """
 
     law: Literal["rolling_bearing"] = "rolling_bearing"
