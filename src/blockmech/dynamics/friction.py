@@ -432,8 +432,8 @@ class JointFriction:
         found = []
         with np.errstate(all="ignore"):
             for side in (-1, 1):
-                k = tuple(-side * s * c for s, c in zip(slips, self.program.factors, strict=True))
-                row = resist([acting, still, *pairs], k, self.guides, solve, self.options)
+                k, drag = self.against(tuple(side * s for s in slips), self.static)
+                row = resist([acting, still, *pairs], k, drag, self.guides, solve, self.options)
                 start = -np.asarray(row.effort, float) + np.zeros(q.size)
                 found.append(np.where(np.isfinite(start), start, side * math.inf))
         return found[0], found[1]

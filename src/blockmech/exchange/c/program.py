@@ -231,8 +231,8 @@ class CProgram:
         me = self.name
         made, body = self._statements
         suffix = "f" if self.real == FLOAT else ""
-        calls = {"FABS": "fabs"} | {x.upper(): x for x in ("sqrt", "sin", "cos", "atan2", "fmod")}
-        calls |= {x.upper(): x for x in ("hypot", "rint")}
+        calls = {"FABS": "fabs"} | {x.upper(): x for x in ("sqrt", "sin", "cos", "exp", "pow")}
+        calls |= {x.upper(): x for x in ("atan2", "fmod", "hypot", "rint")}
         text = made.helpers() + body
         defines = [f"#define {a} {b}{suffix}" for a, b in calls.items() if f"{a}(" in text]
         if "ROUNDING" in text:

@@ -20,7 +20,7 @@ from blockmech.engines.nodes import Loop, Node, is_truth
 INFIX = {"+": "+", "-": "-", "*": "*", "/": "/", "&": "&", "|": "|"} | {
     x: x for x in ("<", "<=", ">", ">=", "==")
 }
-CALLS = {"sqrt", "sin", "cos", "atan2", "fmod", "hypot", "rint"} | {"abs"}
+CALLS = {"sqrt", "sin", "cos", "exp", "pow", "atan2", "fmod", "hypot", "rint"} | {"abs"}
 DOUBLE, FLOAT = "double", "float"
 
 PIECE = """

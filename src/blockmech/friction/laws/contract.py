@@ -19,6 +19,8 @@ revolute pair, max(|N|, 2 |C| / guide length) of a prismatic one) the friction o
  6. A law does not depend on where the pair is, nor on the time.
 
 Solvers, motion, `verify`, pictures and derivatives ask this one kernel.
+
+Sources: [R10] Ruiz, Durango & Calle 2010, Eqs. 8-10 (friction by the load); each law names its own.
 """
 
 from __future__ import annotations
