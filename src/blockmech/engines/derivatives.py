@@ -47,6 +47,12 @@ def expi(t: Any) -> Planar:
     return Planar(np.cos(t), np.sin(t))
 
 
+def exp(x: Any) -> Any:
+    """Exponential, its own derivative."""
+    y = np.exp(value(x))
+    return Dual(y, y * slope(x)) if isinstance(x, Dual) else y
+
+
 def power(x: Any, y: Any) -> Any:
     """A number that is not negative to a power."""
     return np.power(where(value(x) >= 0.0, x, np.nan), y)
@@ -202,8 +208,8 @@ def spread(a: Any) -> Any:
     return Dual(y, (change[..., -1] - y * change[..., 0]) / s[..., 0])
 
 
-_OWN = (hyp, expi, power, where, sign, modulo, piecewise, repeat, implicit, each, planar)
-_PLAIN = (cross, dot, plain.mul, plain.imul, plain.angle, np.sqrt, np.exp, np.minimum, np.maximum)
+_OWN = (hyp, expi, exp, power, where, sign, modulo, piecewise, repeat, implicit, each, planar)
+_PLAIN = (cross, dot, plain.mul, plain.imul, plain.angle, np.sqrt, np.minimum, np.maximum)
 _SYSTEMS = (matrix, solve, solve_transposed, spread)
 PRIMITIVES = {f.__name__: f for f in (*_OWN, *_PLAIN, *_SYSTEMS)} | {"EPS": EPS}
 """The primitives of the plane on dual numbers."""

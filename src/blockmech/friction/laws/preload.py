@@ -1,4 +1,7 @@
-"""Friction of a preload: constant, whatever the load and the speed."""
+"""Friction of a preload: constant, whatever the load and the speed.
+
+Source: Armstrong-Helouvry, Dupont & Canudas de Wit, Automatica 30 (1994), section 2.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Viscous friction: in proportion to the speed, whatever the load."""
+"""Viscous friction: in proportion to the speed, whatever the load.
+
+Source: Armstrong-Helouvry, Dupont & Canudas de Wit, Automatica 30 (1994), section 2.
+"""
 
 from __future__ import annotations
 
