@@ -47,7 +47,7 @@ def rubs(structure: Structure, ref: JointRef) -> bool:
     """Whether a pair has friction that loads others: see `coupled_joints`."""
     law = structure.blocks[ref.block].friction.get(ref.name)
     free = not structure.joint(ref).driven or structure.contact_at(ref) is not None
-    return law is not None and bool(law.factor) and free
+    return law is not None and law.acts and free
 
 
 def given_joints(s: Schedule) -> tuple[JointRef, ...]:
