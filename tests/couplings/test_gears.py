@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -244,6 +245,17 @@ def test_a_wheel_on_a_coupler_whose_turns_nothing_counts_is_refused():
     problem = problem_of(g)
     assert problem.code == "coupling-mismatch"
     assert problem.where == "mesh"
+
+
+def test_wheels_whose_distance_changes_are_refused():
+    g = planetary()
+    g.blocks["frame"] = bm.Frame(markers={"O": (0.0, 0.0), "P": (0.0, 0.01)})
+    g.wires[0] = replace(g.wires[0], source="frame.P")
+    problems = g.check()
+    assert [p.where for p in problems] == ["mesh", "ring"]
+    for problem in problems:
+        assert problem.code == "coupling-mismatch"
+        assert "carries the one wheel about frame.P" in problem.found
 
 
 def test_a_loop_through_a_carrier_is_named():

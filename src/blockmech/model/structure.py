@@ -22,6 +22,7 @@ from blockmech.typing import Guide, LinkPosition
 from blockmech.values import Link, Marker
 
 STILL = Transmission(0.0, 0.0, 0.0)
+ROUNDED = 2.0**-40  # [-] of places that a file means to be one
 SAME_CARRIER = "give both pairs markers of one link"
 
 
@@ -184,8 +185,25 @@ class Structure:
                 found = f"{coupling.driver} slides on {support}, {coupling.driven} turns on {own}"
                 raise GraphError(Problem("coupling-mismatch", name, found, "", SAME_CARRIER))
             return follower
+        if support != own:
+            base = centre if carriers[0] == own else self.feeds[ref]
+            self._refuse_changing_distance(name, carriers[0], base)
         terms = self._between(name, link, carriers[0])
         return follower._replace(terms=terms, added=self._between(name, carriers[0], own))
+
+    def _refuse_changing_distance(self, name: str, carrier: LinkRef, centre: MarkerRef) -> None:
+        """Raise `GraphError` where the pairs that carry one wheel do not turn about the other."""
+        about, link = self._guide(centre).p, carrier
+        while link != centre.on:
+            (driver,) = self.drivers_of(link.block)
+            pivot = self.feeds[self.driven[driver]]
+            place = self._guide(pivot).p
+            near = abs(place - about) <= ROUNDED * (abs(place) + abs(about))
+            if not (near and self.driver_joint(driver).rotary):
+                found = f"{carrier} carries the one wheel about {pivot}, not about the other "
+                found += f"wheel's centre {centre}, so their distance changes"
+                raise GraphError(Problem("coupling-mismatch", name, found, "", SAME_CARRIER))
+            link = pivot.on
 
     def _between(self, name: str, link: LinkRef, base: LinkRef) -> tuple[tuple[str, int], ...]:
         """Drivers whose coordinates add up to the angle of a link against another one."""
