@@ -51,6 +51,8 @@ from blockmech.model.laws_of_motion import (
     RateAcceleration,
     Table,
 )
+
+from blockmech import signals as signals  # isort: skip
 from blockmech.studies.sampling import normal, uniform
 from blockmech.values import Link, Marker
 
@@ -119,6 +121,7 @@ __all__ = [
     "laws",
     "normal",
     "read",
+    "signals",
     "studio",
     "uniform",
     "write",

@@ -7,23 +7,26 @@ engine and wraps the arrays in a labelled result.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+import numpy as np
 
 from blockmech.blocks.contract import Joint
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines.numpy import PRECISIONS, NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.errors import BlockmechError, GraphError, Problem, as_names, refused
+from blockmech.errors import BlockmechError, GraphError, Problem, as_names, listed, refused
 from blockmech.failures import without_gaps
 from blockmech.model.document import Document
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
-from blockmech.outputs import Catalogue
+from blockmech.outputs import Catalogue, in_program
+from blockmech.passes.signals import STATE
 from blockmech.plan import Friction, Plan, Program
 from blockmech.quality import Flag
 from blockmech.result import Result
@@ -71,7 +74,7 @@ class Compiled(Runnable):
         if names is not None and not isinstance(scene, SceneOfLinks):
             scene = SceneOfLinks(**dict(scene))
         vars(self).update(
-            structure=_followed(structure, scene),
+            structure=_with_sensors(_followed(structure, scene), scene),
             names=names,
             scene=scene,
             name=name,
@@ -101,7 +104,7 @@ class Compiled(Runnable):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled as what it was compiled of; plans and programs are made again when asked for."""
-        structure = replace(self.structure)  # without what was found from its fields
+        structure = replace(self.structure, sensors={})  # without what was found from its fields
         return type(self), (structure, self.scene, self.name, self.names, self.document)
 
     @cached_property
@@ -204,6 +207,7 @@ class Compiled(Runnable):
             if settings["friction"] is None:
                 settings["friction"] = "newton"
             plan = self.plan_at(taken, want, **settings)
+            self._refuse_states(plan, taken.inputs)
             values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
             result = Result(self, plan, taken, values, name, settings)
         return without_gaps(result, on_gap)
@@ -237,6 +241,8 @@ class Compiled(Runnable):
         if engine == "auto":
             engine = self._chosen(plan, taken.n) if precision == "complex128" else "numpy"
         inputs = taken.given(plan.program.inputs)
+        states = self._states_at_start(plan, inputs, taken.n)
+        inputs = {**inputs, **states} if states else inputs
         if engine in ("scalar", "llvm") and precision == "complex128":
             return self._engine(plan, engine, "").run(inputs, taken.n), engine
         if engine != "numpy" or precision not in PRECISIONS:
@@ -244,6 +250,27 @@ class Compiled(Runnable):
         batch = self._engine(plan, "numpy", precision)
         more = {} if chunk is None else {"chunk": int(chunk)}
         return batch.run(inputs, taken.n, **more), "numpy"
+
+    def _states_at_start(self, plan: Plan, known: Collection[str], n: int) -> dict[str, Any]:
+        """Inputs (n,) of states of signal blocks that a request does not say: the initial ones."""
+        needed = {i for i in self._states_needed(plan) if f"{STATE}{i}" not in known}
+        initial = self.structure.initial_states
+        return {f"{STATE}{i}": np.full(n, initial[i]) for i in needed}
+
+    def _states_needed(self, plan: Plan) -> Iterator[int]:
+        """Places of the states of signal blocks that a plan's program reads."""
+        for name in plan.program.inputs:
+            if name.startswith(STATE):
+                yield int(name[len(STATE) :])
+
+    def _refuse_states(self, plan: Plan, known: Collection[str]) -> None:
+        """Refuse a run of given motions that needs states of signal blocks."""
+        needed = {i for i in self._states_needed(plan) if f"{STATE}{i}" not in known}
+        refs = [str(ref) for ref, i in self.structure.signal_states.items() if i in needed]
+        if refs:
+            found = f"the outputs depend on states of signal blocks: {listed(refs, 4)}"
+            remedy = "ask simulate for them, or name others with want=[...]"
+            raise refused("want", found, remedy, "states are known along a motion", "signal-states")
 
     def _chosen(self, plan: Plan, n: int) -> str:
         """The fastest engine for n samples: compiled ones where compiling is done or pays."""
@@ -324,6 +351,15 @@ def compiled_program(program: Program) -> LlvmEngine:
 
 def _plan(mechanism: Compiled, want: tuple[str, ...], how: Friction, static: bool) -> Plan:
     return mechanism.outputs.plan(mechanism.scene, want, how, static)
+
+
+def _with_sensors(structure: Structure, scene: Scene) -> Structure:
+    """The structure with what its signal blocks read of it."""
+    if structure.sensors or not (structure.signals or structure.signal_wires):
+        return structure
+    from blockmech.sensors import with_sensors  # few mechanisms need it
+
+    return with_sensors(structure, scene, Catalogue(structure), in_program)
 
 
 def _followed(structure: Structure, scene: Scene) -> Structure:

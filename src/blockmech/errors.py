@@ -267,7 +267,7 @@ def unknown_key(where: str, owner: str, key: str, keys: Iterable[str]) -> Proble
 # The problems of a file.
 
 MOST = 100  # problems that are listed
-LONGEST = 400  # characters of one part of a message
+LONGEST = 600  # characters of one part of a message
 
 
 def in_file(problems: Iterable[Problem], file: str) -> list[Problem]:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import blockmech.draw.tolerance as tolerating
     import blockmech.draw.trade as trading
     import blockmech.dynamics.simulation as simulating
+    import blockmech.dynamics.stepper as stepping
     import blockmech.studies.family as designing
     import blockmech.studies.linearize as vibrating
     import blockmech.studies.objective as optimising
@@ -56,6 +57,7 @@ class Mechanism(Compiled):
         parameters = designing.parameters
         sensitivity = sensing.sensitivity
         simulate = simulating.simulate
+        stepper = stepping.stepper
         stroke = stroking.stroke
         study = studying.study
         tolerance = tolerating.tolerance
@@ -74,6 +76,7 @@ class Mechanism(Compiled):
         parameters = Later("blockmech.studies.family")
         sensitivity = Later("blockmech.draw.sensitivity")
         simulate = Later("blockmech.dynamics.simulation")
+        stepper = Later("blockmech.dynamics.stepper")
         stroke = Later("blockmech.analysis.stroke")
         study = Later("blockmech.draw.study")
         tolerance = Later("blockmech.draw.tolerance")

@@ -33,6 +33,7 @@ from blockmech.passes import (
     loads,
     pairs,
     reduction,
+    signals,
 )
 from blockmech.plan import NOUGHT, STAGES, ZERO, Friction, Output, Plan, Reader, Schedule
 from blockmech.quality import at_most_one
@@ -65,6 +66,27 @@ def _vector(name: str, unit: str, rule: Callable[..., str], *key: Any, **more: s
     return _real(name, unit, rule, *key, **more)._replace(kind="vector")
 
 
+def in_program(output: Output) -> Callable[..., str] | None:
+    """How a program reads an output: (schedule, *values) -> a value; None where it cannot."""
+    read, part = output.read, ""
+    if isinstance(read, partial) and read.func is _part:
+        read, which = read.args
+        part = f".{which}"
+    texts = {
+        _same: "{0}",
+        _angle: "angle(ONE, {0})",
+        _ratio_angle: "angle(ONE, planar({1}, {0}))",
+        at_most_one: "minimum(1.0, {0})",
+    }
+    if output.kind != "real" or read not in texts:
+        return None
+
+    def reading(s: Schedule, *values: str) -> str:
+        return s.line(texts[read].format(*values) + part, output.name)
+
+    return reading
+
+
 # -- block by block ------------------------------------------------
 
 
@@ -87,6 +109,11 @@ def outputs_of(structure: Structure) -> Iterator[Output]:
         yield from _element_outputs(structure, name)
     for driver in structure.followers:
         yield from _coupling_outputs(structure, driver)
+    for name, signal in structure.signals.items():
+        for port in signal.ports:
+            words = f"{'output' if port in signal.outputs else 'state'} of the signal block"
+            unit = signal.port_unit(port)
+            yield _real(f"{name}.{port}", unit, signals.output, name, port, words=words)
     yield from _mechanism_outputs(structure)
 
 

@@ -19,7 +19,7 @@ Complex: TypeAlias = Any
 """A planar vector x + iy or a batch of them: complex, or `Planar` (...)."""
 
 Argument: TypeAlias = Literal["coordinate", "rate", "time"]
-"""What a law of a load is a function of."""
+"""What a law of a load is a function of, if it is not a signal."""
 
 Numbers: TypeAlias = float | Sequence[float] | NDArray[Any]
 """One number or a row of them (n,)."""

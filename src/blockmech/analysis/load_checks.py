@@ -14,8 +14,9 @@ import numpy as np
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Residual, Term, plain, power, total
 from blockmech.analysis.free_bodies import Array, Body
 from blockmech.loads import Couple, Element, Following, Force, Motor, Spring, Thrust, TorsionSpring
+from blockmech.loads.contract import LAW
 from blockmech.loads.functions import Function
-from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Table
+from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Signal, Table
 from blockmech.model.structure import JointRef
 
 Ends = Mapping[str, Body]
@@ -46,12 +47,17 @@ LAWS: Mapping[type, Callable[[Any, Array], Array]] = {
     Polynomial: lambda law, x: np.polynomial.polynomial.polyval(x, law.coefficients),
     Table: _table,
     Fourier: _fourier,
+    Signal: lambda law, x: x,
     DC: lambda law, x: law.stall_moment * (1 - x / law.no_load_speed),
 }
 
 
 def _argument(e: Evidence, load: Following, what: str, ends: Ends) -> tuple[Array, Array]:
     """An argument of a law (n,), and the size of what it is made of."""
+    if what == "signal":
+        name = next(n for n, x in e.structure.elements.items() if x is load)
+        given = e.run[e.structure.signal_wires[JointRef(name, LAW)]]
+        return given, np.abs(given)
     if what == "time":
         time = np.asarray(e.run.time)
         return time, np.abs(time)

@@ -32,6 +32,7 @@ from blockmech.arguments import declared
 from blockmech.dynamics.along import result_along
 from blockmech.errors import refused
 from blockmech.model.structure import LinkRef
+from blockmech.passes.signals import STATE
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 from blockmech.samples import Samples
@@ -167,6 +168,7 @@ def verify(
     how: dict[str, Any] = {"engine": engine, "precision": precision or "complex128", "chunk": chunk}
     blocks = mechanism.of_blocks
     taken = blocks.samples(at, samples, times, rates, accelerations)
+    taken = replace(taken, inputs={**taken.inputs, **_states(blocks, taken.n)})
     given["static"] = static
     asked = Evidence(blocks.answer(taken, EVERYTHING, given, None, **how, on_gap="mark"))
     shaken = Evidence(_shaken(asked.run, how))
@@ -214,6 +216,12 @@ def _relative(left: Any, scale: Any) -> float:
     """
     known = np.maximum(scale, np.finfo(np.float64).tiny)
     return float(np.max(np.where(left == 0, 0.0, np.abs(left) / known), initial=0.0))
+
+
+def _states(mechanism: Compiled, n: int) -> dict[str, Any]:
+    """States of signal blocks at n samples, each a number of its own: any will do."""
+    at, initial = np.arange(n), mechanism.structure.initial_states
+    return {f"{STATE}{k}": x + np.cos(at + 2 * k) for k, x in enumerate(initial)}
 
 
 def _shaken(run: Result, how: Mapping[str, Any]) -> Result:

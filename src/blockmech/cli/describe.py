@@ -21,6 +21,7 @@ from blockmech.export import result_schema
 from blockmech.export.tables import aligned
 from blockmech.loads.contract import Element, Following
 from blockmech.runnable import EVERYTHING
+from blockmech.signals.contract import Signal
 
 
 class Document(StrEnum):
@@ -94,6 +95,8 @@ def _described(name: str, block: type[Block]) -> Iterator[str]:
             yield f"  wire        {terminal}: a {what.kind}, takes {what.unit}"
     if issubclass(block, Following):
         yield f"  coordinate  of the law: {block.own_coordinate}; or the driver's"
+    if issubclass(block, Signal):
+        yield f"  outputs     {', '.join(block.outputs)}, and its states"
     yield from _parameters(block)
     if issubclass(block, Moving):
         yield f"  friction    of joints {', '.join(block.joints)}"

@@ -24,7 +24,9 @@ from blockmech.model.couplings import couplings_of, driven_joints
 from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
+from blockmech.model.signals import signal_ports, signal_wire
 from blockmech.model.structure import LinkRef, Structure
+from blockmech.signals.contract import Signal
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Port:
 class DrawnBlock:
     """A block as the diagram shows it.
 
-    ``kind`` is frame, driver, group, element, coupling, unknown or missing.
+    ``kind`` is frame, driver, group, element, coupling, signal, unknown or missing.
     """
 
     name: str
@@ -77,6 +79,7 @@ class DrawnWire:
     ends: Ends
     forward: bool
     word: str  # beside its marker
+    signal: bool = False  # one number, and nothing comes back
 
 
 @dataclass(frozen=True)
@@ -133,10 +136,11 @@ def graph_of(mechanism: Compiled) -> Graph:
     """The graph of a compiled mechanism."""
     structure = mechanism.structure
     graph = Graph(mechanism.name)
-    own = {**structure.blocks, **structure.elements, **structure.couplings}
+    own = {**structure.blocks, **structure.elements, **structure.couplings, **structure.signals}
     graph.blocks = {structure.frame: structure.fixed, **own}
     ends = {**structure.feeds, **structure.holds}
     graph.wires = [Wire(str(marker), str(joint)) for joint, marker in ends.items()]
+    graph.wires += [Wire(source, str(ref)) for ref, source in structure.signal_wires.items()]
     return graph
 
 
@@ -156,7 +160,9 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
         subtitle = words.formula(s).replace("->", "→")
     if len(shown) > most:  # of a valid graph in the order of formation
         subtitle = f"first {most} of {len(shown)} blocks – {subtitle}"
-        shown = (shown if problems else [s.frame, *s.blocks, *s.elements, *s.couplings])[:most]
+        shown = (
+            shown if problems else [s.frame, *s.blocks, *s.elements, *s.couplings, *s.signals]
+        )[:most]
     drawn = [w for w in wires if w.source in shown and w.target in shown]
     fed = {(w.target, w.port) for w in wires}
     return Content(
@@ -164,7 +170,9 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
         subtitle=subtitle,
         complete=not problems,
         blocks=tuple(_block(graph, name, drawn, fed, words) for name in shown),
-        wires=tuple(DrawnWire(w, _flows(graph, w), words.beside(w)) for w in drawn),
+        wires=tuple(
+            DrawnWire(w, _flows(graph, w), words.beside(w), _is_signal(graph, w)) for w in drawn
+        ),
     )
 
 
@@ -195,6 +203,11 @@ def _flows(graph: Graph, wire: Ends) -> bool:
     return not isinstance(target, Element) or bool(target.reads().get(wire.port))
 
 
+def _is_signal(graph: Graph, wire: Ends) -> bool:
+    ends = Wire(f"{wire.source}.{wire.marker}", f"{wire.target}.{wire.port}")
+    return signal_wire(graph.blocks, ends)
+
+
 def _block(
     graph: Graph, name: str, wires: list[Ends], fed: set[tuple[str, str]], words: Words
 ) -> DrawnBlock:
@@ -214,11 +227,14 @@ def _block(
                 drive = _drive(block)
         case Element():
             kind, under = "element", block.type_name.rsplit(".", 1)[-1].replace("_", " ")
-            declared = dict.fromkeys(block.terminals, "")
+            declared = dict.fromkeys((*block.terminals, *signal_ports(block)), "")
             if isinstance(block, Following):
                 under = f"{under} {block.function()}".strip()
         case Coupling():
             kind, under = "coupling", block.type_name.rsplit(".", 1)[-1]
+        case Signal():
+            kind, under = "signal", block.type_name.rsplit(".", 1)[-1].replace("_", " ")
+            declared = dict.fromkeys(block.inputs, "")
         case UnknownBlock():
             kind, under = "unknown", f"{block.type}?"
         case _:

@@ -25,7 +25,8 @@ from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 
 ARROWHEAD = "-|>,head_length=4.2,head_width=1.5"  # [pt]
-ARROWS = {"forward": ink.FORWARD, "back": ink.BACK, "cycle": ink.ALARM}
+ARROWS = {"forward": ink.FORWARD, "back": ink.BACK, "cycle": ink.ALARM, "signal": ink.INK}
+DASHED = (0, (3.5, 2))
 SYMBOLS = {  # of joints, terminals (loads) and markers: shape, size [pt], fill
     "R": ("o", 2 * SIZES.port, ink.PAPER),
     "P": ("s", 2 * SIZES.port, ink.PAPER),
@@ -39,6 +40,7 @@ FILLS = {
     "group": ink.GROUP_FILL,
     "element": ink.ELEMENT_FILL,
     "coupling": ink.DRIVER_FILL,
+    "signal": ink.PAPER,
     "unknown": "none",
     "missing": ink.PAPER,
 }
@@ -70,6 +72,7 @@ class Diagram:
 
         style: dict[str, Any] = {"arrowstyle": ARROWHEAD, "mutation_scale": 1, "lw": 1.0}
         style |= {"color": ARROWS[kind], "joinstyle": "round", "zorder": 1.8}
+        style |= {"ls": DASHED} if kind == "signal" else {}
         self.axes.add_patch(FancyArrowPatch(path=Path(way), label=f"{kind}:{what}", **style))
 
     def pin(self, x: float, y: float, pair: str, what: str, colour: str = ink.INK) -> None:
@@ -96,7 +99,8 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
     width = inside + 2 * SIZES.margin
     title = wrapped(shown_name(content.title, 90), ink.TEXT, inside, bold=True)
     subtitle = wrapped(shown_name(content.subtitle, 1200), ink.SMALL, inside)
-    legend = _legend(content, bool(placed.made.backward))
+    waits = any(not content.wires[i].signal for i in placed.made.backward)
+    legend = _legend(content, waits)
     columns = fitting_columns([*legend], inside)
     head = 2 * SIZES.margin + (ROW + 1) * len(title) + ROW * len(subtitle)
     foot = 2 * SIZES.margin + 1.1 * ROW * -(-len(legend) // columns)
@@ -190,7 +194,9 @@ def _draw_drive(drawn: Diagram, r: Rectangle, labels: tuple[str, ...]) -> None:
 def _draw_wire(drawn: Diagram, i: int, wire: DrawnWire) -> None:
     source, marker, *_ = wire.ends
     what, way = str(wire.ends), drawn.placed.ways[i]
-    if i in drawn.placed.made.backward:
+    if wire.signal:
+        drawn.arrow(shortened(way, SIZES.port), "signal", what)
+    elif i in drawn.placed.made.backward:
         drawn.arrow(shortened(way, SIZES.port), "cycle", what)
     else:
         aside = SIZES.aside if wire.forward else 0.0
@@ -247,6 +253,11 @@ def _legend(content: Content, cycle: bool) -> dict[str, dict[str, Any]]:
         *((f"{pair.word} joint", _symbol(k), k in pairs) for k, pair in PAIRS.items()),
         ("load", _symbol(""), any(b.kind == "element" for b in content.blocks)),
         ("coupling", _symbol("q"), "q" in pairs),
+        (
+            "signal",
+            {"color": ink.INK, "ls": DASHED, "lw": 1.0},
+            any(w.signal for w in content.wires),
+        ),
         ("marker", _symbol("marker"), bool(content.wires)),
         ("not wired", cross, not all(p.wired for p in ports)),
         ("waits for a later block", wrong, cycle),

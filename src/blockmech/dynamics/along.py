@@ -12,6 +12,7 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.motion import Floats, Motion
 from blockmech.dynamics.system import System, solved
+from blockmech.passes.signals import STATE
 from blockmech.plan import Friction
 from blockmech.result import Result
 from blockmech.samples import Samples
@@ -38,6 +39,7 @@ class Along(Mapping[str, Any]):
         self.qd[unknown] = np.nan
         self.mechanism, self.how, self.t = mechanism, how, t
         self.known = _by_driver("q", self.q, k) | _by_driver("qd", self.qd, k)
+        self.known |= states_along(motion, t)
 
     def __getitem__(self, name: str) -> Any:
         return self.known[name] if name in self.known else self.accelerations[name]
@@ -47,7 +49,7 @@ class Along(Mapping[str, Any]):
         yield from (f"qdd_{i}" for i in range(len(self.mechanism.drivers)))
 
     def __len__(self) -> int:
-        return 3 * len(self.mechanism.drivers)
+        return len(self.known) + len(self.mechanism.drivers)
 
     @cached_property
     def accelerations(self) -> dict[str, Floats]:
@@ -72,6 +74,12 @@ class Along(Mapping[str, Any]):
             return np.asarray(-found[idle[0]] / found[mass])
         right, M = -np.stack([found[name] for name in idle], axis=-1), found[mass]
         return np.array([solved(*row) for row in zip(M, right, strict=True)])
+
+
+def states_along(motion: Motion, t: Floats) -> dict[str, Floats]:
+    """Inputs of the states of signal blocks at times (n,) of a motion."""
+    states = motion.signal_states(t)
+    return {f"{STATE}{i}": np.ascontiguousarray(states[:, i]) for i in range(states.shape[1])}
 
 
 def _by_driver(name: str, values: Floats, k: int) -> dict[str, Floats]:

@@ -11,7 +11,7 @@ directions of slip are given from outside, and so the right-hand side is smooth 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -52,7 +52,8 @@ class Equation:
     @cached_property
     def layout(self) -> StateLayout:
         """Where what stands in a state."""
-        return StateLayout(len(self.system.drivers), self.system.friction is not None)
+        rubs = self.system.friction is not None
+        return StateLayout(len(self.system.drivers), rubs, self.system.signals.initial)
 
     @cached_property
     def drivers(self) -> int:
@@ -76,14 +77,18 @@ class Equation:
             return row[:n]
         self.spend(1)
         q, qd = self.layout.motion(y)
-        J, tau, dJ, margin = self.one(q, qd, t)
+        if self.system.signals.values:
+            (J, tau, dJ, margin), more = self.system.one_of(q, qd, t, y[self.layout.signals])
+        else:
+            (J, tau, dJ, margin), more = self.one(q, qd, t), ()
         self._last = q, margin, J
         if not margin > 0:
             return (math.nan,) * self.layout.size
         if self.sides:
             found = self.resisted(q, qd, t)
             return qd, found.qdd, tau * qd, found.power
-        return qd, (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan, tau * qd
+        qdd = (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan
+        return qd, qdd, tau * qd, *more[: len(self.layout.initial)]
 
     def spend(self, states: int) -> None:
         """Count states; `TooMany` where they are more than allowed."""
@@ -118,7 +123,7 @@ class Equation:
         least = LEAST_INERTIA * self.typical
         kept, key = self.system.kept, ("rates", self.system.method)
         if key not in kept:
-            kept[key] = rates_of(self.system.equation_program, friction)
+            kept[key] = rates_of(self.system.equation_program, friction, self.system.signals)
         return None if kept[key] is None else Stages(kept[key], (0.0, 1.0, least, *k))
 
     def took(self, states: int) -> None:
@@ -135,7 +140,7 @@ class Equation:
     # -- one state ------------------------------------------------------------
 
     @cached_property
-    def one(self) -> Callable[[float, float, float], Any]:
+    def one(self) -> Callable[..., Any]:
         """J, tau, dJ/dq and the margin at a state of the only driver."""
         table = self.system.table
         return self.system.one if table is None else table.one
@@ -143,11 +148,46 @@ class Equation:
     def _several(self, t: float, y: Floats) -> Floats:
         self.spend(1)
         q, qd = self.layout.motion(y)
-        M, c, Q, margin = self.system.terms(q, qd, t)
+        more: Any = ()
+        if self.system.signals.values:
+            found, more = self.system.terms_of(q, qd, t, y[self.layout.signals])
+        else:
+            found = self.system.terms(q, qd, t)
+        M, c, Q, margin = found
         self._last = tuple(q), margin, math.nan
         if not margin > 0:
             return np.full(self.layout.size, math.nan)
-        return np.concatenate([qd, solved(M, Q - c), [Q @ qd]])
+        return np.concatenate([qd, solved(M, Q - c), [Q @ qd], more[: len(self.layout.initial)]])
+
+    def switched(self, t: float, y: Floats, due: Collection[str]) -> Floats:
+        """A state after the discrete signal blocks named ``due`` have switched."""
+        layout, signals = self.layout, self.system.signals
+        assert signals.update is not None
+        slope = np.asarray(self(t, y), dtype=np.float64)
+        given = dict(zip(signals.names, y[layout.signals], strict=True)) | {"t": t}
+        for what, values in (
+            ("q", y[layout.q]),
+            ("qd", y[layout.rate]),
+            ("qdd", slope[layout.rate]),
+        ):
+            given |= {f"{what}_{i}": float(x) for i, x in enumerate(values)}
+        engine = signals.update.engine(self.system.compiled_states)
+        new = engine.one([given[name] for name in signals.update.program.inputs])
+        found = y.copy()
+        for (block, place), value in zip(signals.updated, new, strict=True):
+            if block in due:
+                found[layout.signals.start + place] = value
+        return found
+
+    def kinks(self, t: float, y: Any) -> Any:
+        """Values of signal blocks of which a change of sign is a kink."""
+        n, many = len(self.layout.initial), self.system.signals.kinks
+        row = self.row(t, y)
+        if row is not None:
+            return row[len(row) - many :]
+        q, qd = self.layout.motion(y)
+        of: Any = self.system.terms_of if self.drivers > 1 else self.system.one_of
+        return of(q, qd, t, y[self.layout.signals])[1][n:]
 
     def resisted(self, q: float, qd: float, t: float) -> Resisted:
         """Acceleration and friction of the pairs at a state."""

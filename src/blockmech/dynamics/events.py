@@ -130,6 +130,15 @@ def friction_rules(
     return found
 
 
+def signal_rules(kinks: Callable[[float, Any], Any], count: int) -> list[EventRule]:
+    """Kinks of signal blocks, such as a limit that is reached."""
+
+    def value(i: int) -> Value:
+        return lambda t, y: float(kinks(t, y)[i])
+
+    return [EventRule(ends.SIGNAL_KINK, value(i), parts=PARTS // 2, index=i) for i in range(count)]
+
+
 def user_rule(watch: Watch, layout: StateLayout) -> EventRule:
     """A user's event, of states of a layout."""
 

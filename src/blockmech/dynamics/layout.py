@@ -13,7 +13,7 @@ from blockmech.dynamics.motion import Floats
 
 @dataclass(frozen=True)
 class StateLayout:
-    """The parts of a state y = (q, q', W[, F]) as named slices.
+    """The parts of a state y = (q, q', W[, F][, x]) as named slices.
 
     Coordinates and rates of the drivers come first, so that a state begins with those of the
     mechanism whatever else is integrated beside them.
@@ -22,6 +22,7 @@ class StateLayout:
     ----------
     drivers : number k of drivers
     rubs : whether the work F that joint friction takes stands there
+    initial : states x of signal blocks where the motion starts
 
     >>> layout = StateLayout(drivers=2, rubs=False)
     >>> layout.rate, layout.work, layout.size
@@ -30,6 +31,7 @@ class StateLayout:
 
     drivers: int
     rubs: bool = False
+    initial: tuple[float, ...] = ()
 
     @cached_property
     def q(self) -> slice:
@@ -59,17 +61,22 @@ class StateLayout:
     @cached_property
     def works(self) -> slice:
         """Both works."""
-        return slice(self.work, self.size)
+        return slice(self.work, self.work + 1 + self.rubs)
+
+    @cached_property
+    def signals(self) -> slice:
+        """States of signal blocks, in the order of `Structure.signal_states`."""
+        return slice(self.work + 1 + self.rubs, self.size)
 
     @property
     def size(self) -> int:
         """Number of components."""
-        return self.work + 1 + self.rubs
+        return self.work + 1 + self.rubs + len(self.initial)
 
     def start(self, q: Any, rate: Any) -> Floats:
         """The state (size,) from which a motion begins: no work is done yet."""
         works = np.zeros(1 + self.rubs)
-        parts = np.atleast_1d(q), np.atleast_1d(rate), works
+        parts = np.atleast_1d(q), np.atleast_1d(rate), works, np.array(self.initial)
         return np.concatenate(parts, dtype=np.float64)
 
     def motion(self, y: Any) -> tuple[Any, Any]:

@@ -19,7 +19,7 @@ from blockmech.loads.actuators import Motor
 from blockmech.loads.constant import Force
 from blockmech.loads.contract import VELOCITY_READS, Element, Following, read_by
 from blockmech.loads.functions import Function
-from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Table
+from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Signal, Table
 from blockmech.loads.springs import Spring, TorsionSpring, twist
 from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.forward import argument, coordinate_of, link_velocity, marker_velocity
@@ -52,7 +52,7 @@ def straight_in_rate(structure: Structure) -> bool:
     def straight(element: Element) -> bool:
         reads = {what for row in element.reads().values() for what in row}
         law = _law(element)
-        if isinstance(law, Function):
+        if isinstance(law, Function | Signal):
             return False
         if not reads & {*RATE_READS, "t"} or isinstance(element, Spring | TorsionSpring):
             return True
@@ -102,6 +102,8 @@ def period_of(structure: Structure, driver: str) -> float | None:
         return None
     for element in structure.elements.values():
         law = _law(element)
+        if isinstance(law, Signal):  # which may follow a coordinate that counts turns
+            return None
         if law is None or "coordinate" not in law.variables():
             continue
         if isinstance(element, Following) and element.driver in structure.followers:

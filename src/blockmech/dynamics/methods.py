@@ -60,13 +60,16 @@ def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> M
     return textbook.in_fixed_steps(system, request, method)
 
 
-Q, Q_RATE, ALL = frozenset({"q"}), frozenset({"q", "rate"}), frozenset({"q", "rate", "time"})
+Q, Q_RATE = frozenset({"q"}), frozenset({"q", "rate"})
+ALL = frozenset({"q", "rate", "time", "state"})
 METHODS = {
     "energy": Method(along_path, Q),
     "spectral": Method(along_path, Q_RATE, True),
     **{name: Method(partial(in_time, method=name), ALL, True, True, True) for name in INTEGRATORS},
     "rk4": Method(partial(in_fixed_steps, method="rk4"), ALL, True, True, True, False),
-    "euler_q": Method(partial(in_fixed_steps, method="euler_q"), ALL, False, True, False, False),
+    "euler_q": Method(
+        partial(in_fixed_steps, method="euler_q"), ALL - {"state"}, False, True, False, False
+    ),
 }
 
 
@@ -92,6 +95,9 @@ def check(system: System, request: SimulationRequest) -> None:
     name, goal, several = request.method, request.until.goal, len(system.drivers) > 1
     if several and goal not in ("time", "event", "steady"):
         raise _unfitting("until", goal, "it needs one driver", ("time", "event", "steady"))
+    if goal == "steady" and "state" in system.depends_on:
+        why = "the loads depend on states of signals, for which no steady state is looked for"
+        raise _unfitting("until", goal, why, ("time", "event"))
     if goal == "event" and not any(w.terminal for w in request.watch):
         remedy = f"give one in Python: watch=[{WATCH}]"
         raise refused("until", '"event": no event is given that ends the run', remedy, code="until")
@@ -100,6 +106,10 @@ def check(system: System, request: SimulationRequest) -> None:
         found = "joint friction in motion needs a mechanism with one driver"
         if joints:
             raise refused(listed(joints), found, WITHOUT, code="friction-in-motion")
+    if system.signals.initial and system.friction is not None:
+        found = "joint friction in motion does not go with states of signals"
+        where = listed(system.compiled.frictional_joints)
+        raise refused(where, found, WITHOUT, code="friction-in-motion")
     if name == "auto":
         return
     if name not in METHODS:
@@ -154,7 +164,8 @@ def unmoved(system: System, request: SimulationRequest) -> Motion | None:
     if method in ("none", "energy", "spectral") or not alone or system.friction is not None:
         return None  # but the path method sees to equilibria itself
     q, rate, _ = request.start
-    still = not rate and "time" not in system.depends_on and balanced(system, q)
+    lasting = not system.depends_on & {"time", "state"}
+    still = not rate and lasting and balanced(system, q)
     return replace(along_path(system, request), method=method) if still else None
 
 
@@ -181,8 +192,8 @@ def _push(system: System, request: SimulationRequest, i: int) -> float:
         return system.friction.rest(float(request.start.q), request.start.t).moves
     if len(system.drivers) == 1:
         return system.one(*request.start).tau
-    M, c, Q, _ = system.terms(*request.start)
-    return float(solved(M, Q - c)[i])
+    found = system.terms(*request.start)
+    return float(solved(found.M, found.Q - found.c)[i])
 
 
 # -- running -------------------------------------------------------------------------------
@@ -208,6 +219,7 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     in_steps = {
         "several drivers": len(system.drivers) > 1,
         "a user's event ends the run": request.until.goal == "event",
+        "the loads depend on the states of signals": "state" in depends,
         "the loads depend on the time": "time" in depends,
         "a friction law is not smooth": not system.smooth_friction,
     }

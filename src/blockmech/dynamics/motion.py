@@ -125,6 +125,7 @@ class Motion(Told):
     time_error: float = 0.0
     cost: Cost = field(default_factory=Cost)
     engine: str = "numpy"
+    x_end: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
     facts: Mapping[str, float] = field(default_factory=dict)
 
@@ -164,6 +165,18 @@ class Motion(Told):
         pairs = zip(state, (self.q_end, self.qd_end), strict=True)
         found = (np.where(end, there, np.where(mask, x, np.nan)) for x, there in pairs)
         return State(*(x.reshape(shape) for x in found))
+
+    def signal_states(self, t: Floats) -> Floats:
+        """States (n, m) of signal blocks at times (n,) [s] of the run.
+
+        They are in the order of `Structure.signal_states`; at an instant of a discrete block they
+        are those before it.
+        """
+        end = np.broadcast_to(np.asarray(self.x_end, dtype=np.float64), (*t.shape, len(self.x_end)))
+        states = getattr(self.track, "signal_states", None)
+        if states is None or not self.x_end:
+            return np.array(end)
+        return np.where((t == self.t_end)[:, None], end, states(t))
 
     def times(self, count: int) -> Floats:
         """That many times, equally spaced over the run [s]."""

@@ -26,15 +26,18 @@ from blockmech.typing import Real
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import JointFriction
+    from blockmech.dynamics.signals import SignalProgram
     from blockmech.plan import Program
 
 
-def free(values: Any, qd: Real, zero: Real, least: Real) -> tuple[Real, ...]:
-    """The row of a state without friction, from J, tau, dJ/dq and the margins."""
-    J, tau, dJ, *margins = values
-    margin = _least(margins, zero)
-    rates = _rates(margin, J, qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd)
-    return (*rates, *_watched(margin, J, qd, least))
+def free(
+    values: Any, qd: Real, zero: Real, least: Real, states: int, kinks: int
+) -> tuple[Real, ...]:
+    """The row of a state without friction, from J, tau, dJ/dq, signals and the margins."""
+    J, tau, dJ, *rest = values
+    margin, more = _least(rest[states + kinks :], zero), rest[:states]
+    rates = _rates(margin, J, qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd, *more)
+    return (*rates, *_watched(margin, J, qd, least), *rest[states : states + kinks])
 
 
 def _watched(margin: Real, J: Real, qd: Real, least: Real) -> tuple[Real, ...]:
@@ -72,22 +75,38 @@ def rubbing(
     return (*rates, *parts, *_watched(margin, J, qd, least), *solved.slips, *sides)
 
 
-def rates_of(program: Program, friction: JointFriction | None) -> Rates | None:
+def rates_of(
+    program: Program, friction: JointFriction | None, signals: SignalProgram
+) -> Rates | None:
     """The right-hand side compiled; None where that cannot be."""
     try:
-        return _free(program) if friction is None else _rubbing(friction)
+        return _free(program, signals) if friction is None else _rubbing(friction)
     except (Untraceable, MissingEngineError):
         return None
 
 
-def _free(program: Program) -> Rates:
-    row = bind_functions({"free": free}, PRIMITIVES)["free"]
+def _free(program: Program, signals: SignalProgram) -> Rates:
+    functions: dict[str, Any] = {"free": free, "acceleration": acceleration}
+    bound = bind_functions(functions, PRIMITIVES)
+    row, n = bound["free"], len(signals.initial)
 
-    def body(run: Any, q: Any, qd: Any, _: Any, t: Any, zero: Any, one: Any, least: Any) -> Any:
-        given = {"q_0": q, "qd_0": qd, "t": t}
-        return row(run(*(given[x] for x in program.inputs)), qd, zero, least)
+    def body(run: Any, q: Any, qd: Any, _: Any, *more: Any) -> Any:
+        x, (t, zero, _one, least) = more[:n], more[n:]
+        given = {"q_0": q, "qd_0": qd, "qdd_0": zero, "t": t}
+        given |= dict(zip(signals.names, x, strict=True))
+        values = run(*(given[name] for name in program.inputs))
+        if n + signals.kinks and "qdd_0" in program.inputs:
+            given["qdd_0"] = bound["acceleration"](values, qd)
+            values = run(*(given[name] for name in program.inputs))
+        return row(values, qd, zero, least, n, signals.kinks)
 
-    return Rates(program, body, 3, 3, 3)
+    return Rates(program, body, 3 + n, 3, 3 + signals.kinks)
+
+
+def acceleration(values: Any, qd: Real) -> Real:
+    """q'' from J, tau and dJ/dq."""
+    J, tau, dJ = values[:3]
+    return (tau - 0.5 * dJ * qd * qd) / J
 
 
 def _rubbing(friction: JointFriction) -> Rates:

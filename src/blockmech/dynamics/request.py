@@ -12,6 +12,7 @@ import numpy as np
 from blockmech.dynamics.motion import Floats, Motion, Still
 from blockmech.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.model.scene import Scene
+from blockmech.model.structure import Structure
 from blockmech.typing import Progress
 from blockmech.units import number_in, units_of
 
@@ -215,6 +216,19 @@ def starts_of(scene: Scene, drivers: Sequence[str], start: Any) -> Pairs:
             found = f"({pair[0]:g}, {pair[1]:g}) are not two finite numbers"
             raise refused(f"start.{d}", found, "give coordinate and rate")
     return {d: given[d] for d in drivers}
+
+
+def refuse_no_inertia(structure: Structure, name: str) -> None:
+    """Refuse a mechanism with a driver that accelerates nothing that has mass."""
+    massive = {link.block for link in structure.links if structure.properties(link).massive}
+    moved = frozenset().union(*(structure.upstream[name] for name in massive))
+    without = [driver for driver in structure.drivers if driver not in moved]
+    if without:
+        found = f"no link that {listed(without)} moves has mass or inertia"
+        if not moved:
+            found = "no link has mass or inertia"
+        remedy = 'give links "mass" and "inertia"'
+        raise refused(name, f"{found}, so loads set no motion", remedy, code="no-inertia")
 
 
 def stops_of(scene: Scene, starts: Pairs, stops: Any) -> tuple[tuple[float, float], ...]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from blockmech.compiled import compiled_program
 from blockmech.dynamics import ends
-from blockmech.dynamics.along import frictionless, result_along
+from blockmech.dynamics.along import frictionless, result_along, states_along
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion import Event, Floats, Motion
@@ -29,6 +29,7 @@ from blockmech.dynamics.request import (
     Watch,
     goal_of,
     progress_of,
+    refuse_no_inertia,
     size_of,
     starts_of,
     stops_of,
@@ -114,7 +115,7 @@ def simulate(
     target, size = size_of("accuracy", accuracy), size_of("step", step)
     events = watches_of(watch)
     bounds = stops_of(mechanism.scene, starts, stops)
-    refuse_no_inertia(mechanism)
+    refuse_no_inertia(mechanism.structure, mechanism.name)
     shown = wanted
     if shown is None:
         shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
@@ -152,20 +153,6 @@ def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
     if goal.forcing and "time" not in system.depends_on:
         found.append(f"no load follows the time: the period {goal.forcing:.9g} s is not used")
     return found
-
-
-def refuse_no_inertia(mechanism: Compiled) -> None:
-    """Refuse a mechanism with a driver that accelerates nothing that has mass."""
-    structure = mechanism.structure
-    massive = {link.block for link in structure.links if structure.properties(link).massive}
-    moved = frozenset().union(*(structure.upstream[name] for name in massive))
-    without = [driver for driver in structure.drivers if driver not in moved]
-    if without:
-        found = f"no link that {listed(without)} moves has mass or inertia"
-        if not moved:
-            found = "no link has mass or inertia"
-        remedy = 'give links "mass" and "inertia"'
-        raise refused(mechanism.name, f"{found}, so loads set no motion", remedy, code="no-inertia")
 
 
 def evaluation_cost(
@@ -244,6 +231,7 @@ def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:
         for name in names
     }
     every = [output for outputs in wanted.values() for output in outputs]
+    given |= states_along(motion, np.full(len(t), motion.t_end))
     found = frictionless(mechanism, every, Samples(len(t), given, t))
     good = np.ones(len(t), bool)
     for margin in found.quality.margin.values():

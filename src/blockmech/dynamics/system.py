@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
@@ -27,13 +27,14 @@ from numpy.typing import NDArray
 from blockmech.dynamics import loads
 from blockmech.dynamics.friction import JointFriction, MotionProgram, margins
 from blockmech.dynamics.motion import Cost, Floats
+from blockmech.dynamics.signals import NO_SIGNALS, SignalProgram, signal_program
 from blockmech.dynamics.table import PlaceTable
 from blockmech.engines.llvm import WORTH, LlvmEngine, OneByOne
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import BySize, ScalarEngine
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
-from blockmech.passes import reduction
+from blockmech.passes import reduction, signals
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Program
 from blockmech.plane import EPS
@@ -101,13 +102,21 @@ def reduced(compiled: Source) -> BySize:
 
 
 def equation(compiled: Source) -> OneByOne:
-    """M, Q, c (one driver: dJ/dq), then the margins, at one state."""
+    """M, Q, c (one driver: dJ/dq), what signals add, then the margins, at one state."""
     s, drivers = schedule(compiled.structure, compiled.scene, FREE), compiled.structure.drivers
     M = [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
     Q = [s.ask(reduction.reduced_load, k) for k in drivers]
     rule = reduction.inertia_slope if len(drivers) == 1 else reduction.bias
     c = [s.ask(rule, k) for k in drivers]
-    return OneByOne(s.program([*M, *Q, *c, *margins(s)]))
+    more = [*signals.rates(s), *signals.kinks(s)]
+    return OneByOne(s.program([*M, *Q, *c, *more, *margins(s)]))
+
+
+def load_inputs(compiled: Source) -> tuple[str, ...]:
+    """What the loads reduced to the drivers are made of: inputs of a program that gives them."""
+    s = schedule(compiled.structure, compiled.scene, FREE)
+    loads = [s.ask(reduction.reduced_load, k) for k in compiled.structure.drivers]
+    return s.program(loads).inputs
 
 
 def kept(compiled: Source) -> dict[Any, Any]:
@@ -132,6 +141,7 @@ class System:
     method: Friction | None = None
     progress: Progress | None = None
     engine: str = "auto"
+    signals: SignalProgram = field(init=False, default=NO_SIGNALS)
     samples: int = 0
     calls: int = 0
     singles: int = 0
@@ -143,6 +153,8 @@ class System:
     def __post_init__(self) -> None:
         if not self.stops:
             self.stops = ((-math.inf, math.inf),) * len(self.drivers)
+        if self.compiled.structure.signals:
+            self.signals = self.compiled.once(signal_program)
 
     # -- what it is ------------------------------------------------------------
 
@@ -158,8 +170,13 @@ class System:
 
     @cached_property
     def depends_on(self) -> frozenset[str]:
-        """What the loads depend on, of {"q", "rate", "time"}."""
-        return loads.depends_on(self.compiled.structure)
+        """What the loads depend on, of {"q", "rate", "time", "state"}."""
+        found = loads.depends_on(self.compiled.structure)
+        if not self.compiled.structure.signal_wires:
+            return found
+        of = {"qd": "rate", "t": "time", "x": "state"}
+        inputs = {name.partition("_")[0] for name in self.compiled.once(load_inputs)}
+        return found | {what for name, what in of.items() if name in inputs}
 
     @cached_property
     def period(self) -> float | None:
@@ -272,7 +289,7 @@ class System:
     def with_slopes(self, q: Floats) -> Floats:
         """J, tau at rest, dJ/dq and the margin (4, n) at places (n,)."""
         values = self._batch(NumpyEngine(self.equation_program), q)
-        margin = np.minimum.reduce([np.ones(q.size), *values[3:]])
+        margin = np.minimum.reduce([np.ones(q.size), *values[3 + self.signals.values :]])
         return np.array([*(np.broadcast_to(x, q.size) for x in values[:3]), margin])
 
     def _batch(self, engine: BySize | NumpyEngine, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Any:
@@ -280,24 +297,50 @@ class System:
         self._count(q.size, True)
         rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()
         given = {"q_0": q.ravel(), "qd_0": rates, "t": np.full(q.size, t)}
+        states = zip(self.signals.names, self.signals.initial, strict=True)
+        given |= {name: np.full(q.size, x) for name, x in states}
         with np.errstate(all="ignore"):
             return engine.run({n: given[n] for n in engine.program.inputs}, q.size)
 
     def one(self, q: float, qd: float = 0.0, t: float = 0.0) -> One:
-        """One state of one driver."""
-        J, tau, dJ, *rest = self._single({"q_0": q, "qd_0": qd, "t": t})
-        return One(J, tau, dJ, least(rest))
+        """One state of one driver, signal blocks where they begin."""
+        return self.one_of(q, qd, t)[0]
+
+    def one_of(self, q: float, qd: float, t: float, x: Any = None) -> tuple[One, Any]:
+        """One state of one driver, and what signal blocks make of it: see `SignalProgram`.
+
+        x are their states, by default the initial ones. Where signals follow the acceleration,
+        the program is asked once more with it.
+        """
+        given = {"q_0": q, "qd_0": qd, "qdd_0": 0.0, "t": t}
+        values = self._single(given, x)
+        J, tau, dJ = values[:3]
+        n = 3 + self.signals.values
+        if n > 3 and "qdd_0" in self.equation_program.inputs:
+            given["qdd_0"] = (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan
+            values = self._single(given, x)
+        return One(J, tau, dJ, least(values[n:])), values[3:n]
 
     def terms(self, q: Floats, qd: Floats, t: float = 0.0) -> Terms:
-        """The equation of motion of several drivers at one state."""
+        """The equation of motion of several drivers at one state, signal blocks at the start."""
+        return self.terms_of(q, qd, t)[0]
+
+    def terms_of(self, q: Floats, qd: Floats, t: float, x: Any = None) -> tuple[Terms, Any]:
+        """The equation of motion of several drivers at one state, and the rest as of `one_of`."""
         k = len(self.drivers)
         given: dict[str, float] = {"t": t}
         for i in range(k):
             given[f"q_{i}"], given[f"qd_{i}"] = float(q[i]), float(qd[i])
-        values = self._single(given)
+            given[f"qdd_{i}"] = 0.0
+        values = self._single(given, x)
         M = np.array(values[: k * k]).reshape(k, k)
         Q, c = np.array(values[k * k : k * k + k]), np.array(values[k * k + k : k * k + 2 * k])
-        return Terms(M, c, Q, least(values[k * k + 2 * k :]))
+        first = k * k + 2 * k
+        last = first + self.signals.values
+        if last > first and "qdd_0" in self.equation_program.inputs:
+            qdd = solved(M, Q - c)
+            values = self._single(given | {f"qdd_{i}": float(qdd[i]) for i in range(k)}, x)
+        return Terms(M, c, Q, least(values[last:])), values[first:last]
 
     def typical_inertia(self, q: float) -> float:
         """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""
@@ -322,9 +365,12 @@ class System:
         tau = abs(float(self.at(q, 0.0, t).tau[0]))
         return self.rounding(q) / tau if tau > 0 else 0.0
 
-    def _single(self, given: Mapping[str, float]) -> tuple[Any, ...]:
+    def _single(self, given: Mapping[str, float], x: Any = None) -> tuple[Any, ...]:
         """Values of the program of the equation of motion at one state."""
         self._count(1, False)
+        if self.signals.names:
+            states = self.signals.initial if x is None else x
+            given = {**given, **dict(zip(self.signals.names, states, strict=True))}
         return self.engine_of_states.one([given[name] for name in self.equation_program.inputs])
 
     @property

@@ -26,6 +26,7 @@ from blockmech.dynamics.events import (
     friction_rules,
     general_rules,
     kink_rules,
+    signal_rules,
     until_terminal,
 )
 from blockmech.dynamics.fixed_steps import EulerQ, RungeKutta4
@@ -75,6 +76,10 @@ class Steps:
         y, at = np.asarray(self.solution(t)), self.layout
         return State(y[0], y[1]) if at.drivers == 1 else State(y[at.q].T, y[at.rate].T)
 
+    def signal_states(self, t: Floats) -> Floats:
+        """States (m, n) of signal blocks at times (m,) [s]."""
+        return np.asarray(self.solution(t))[self.layout.signals].T
+
 
 @dataclass
 class Run:
@@ -107,6 +112,7 @@ class Run:
         self.equation = Equation(self.system, q, EVALUATIONS)
         self.layout = self.equation.layout
         self.y = self.layout.start(q, rate)
+        self.switched = math.nan  # when discrete signal blocks switched last
         if self.method == "rk4" and self.request.until.goal == "time":
             self.equation.most = math.inf  # its steps are counted beforehand
         self.t_max = self.request.start.t + min(self.request.span, 1 / EPS)  # goals without a time
@@ -147,6 +153,7 @@ class Run:
             t_end=self.t,
             q_end=q,
             qd_end=qd,
+            x_end=tuple(self.y[self.layout.signals].tolist()),
             track=Still(q, qd) if solution is None else Steps(self.layout, solution),
             events=tuple(self.events),
             error=math.inf,
@@ -189,6 +196,7 @@ class Run:
         rules = general_rules(system, self.request, equation.closeness)
         if equation.drivers == 1:
             rules += kink_rules(float(self.y[0]), system.knots, system.period)
+        rules += signal_rules(equation.kinks, system.signals.kinks)
         if system.friction is not None:
             guides = system.friction.program.guides
             rules += friction_rules(equation.slips, equation.pair_loads, guides)
@@ -200,7 +208,9 @@ class Run:
             self.t = self.t_max
             return Verdict("reached", "time")
         structure = self.system.compiled.structure
-        bound = min(self.t_max, loads.next_time_kink(structure, self.t))
+        self._switch()
+        kink = loads.next_time_kink(structure, self.t)
+        bound = min(self.t_max, kink, self.system.signals.next_time(self.t))
         parts = 1 if self.method in STEPPERS else PARTS
         spans = [self.system.span]
         if self.equation.drivers > 1:
@@ -213,6 +223,20 @@ class Run:
         if isinstance(hit, Verdict):
             return hit
         return None if hit is None else self._met(hit)
+
+    def _switch(self) -> None:
+        """Let the discrete signal blocks that are due at this instant switch.
+
+        Those that read nothing, as a step, switch before; all others read what was before them.
+        """
+        if self.switched == self.t or self.system.signals.update is None:
+            return
+        self.switched = self.t
+        blocks = self.system.signals.blocks
+        due = {name for name, block in blocks.items() if block.instant(self.t) == self.t}
+        sources = {name for name in due if not blocks[name].inputs}
+        for names in filter(None, (sources, due - sources)):
+            self.y = self.equation.switched(self.t, self.y, names)
 
     def _happened(self) -> set[tuple[str, int]]:
         """Events (kind, index) at this very place: several pairs may reverse at once."""
@@ -340,7 +364,7 @@ class Run:
 
     def _note(self, hits: list[Hit], dense: Any) -> None:
         for hit in hits:
-            if hit.rule.kind in (ends.KINK, ends.GOAL, ends.GUIDE_SIDE):
+            if hit.rule.kind in (ends.KINK, ends.GOAL, ends.GUIDE_SIDE, ends.SIGNAL_KINK):
                 continue
             y = np.array(dense(hit.t))
             if hit.rule.kind == ends.STANDSTILL:
@@ -368,7 +392,7 @@ class Run:
             return Verdict("ended", self._met_end(End(rule.kind, left)))
         elif rule.kind == ends.GOAL:
             return Verdict("reached", self.request.until.goal)
-        elif rule.kind != ends.GUIDE_SIDE:
+        elif rule.kind not in (ends.GUIDE_SIDE, ends.SIGNAL_KINK):
             own = any(rule.kind == w.name and w.terminal for w in self.request.watch)
             return Verdict("reached" if own else "ended", rule.kind)
         return None

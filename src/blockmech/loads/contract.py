@@ -38,7 +38,7 @@ from blockmech.loads.laws import AnyLaw
 from blockmech.values import Axis, mistake
 
 Reads: TypeAlias = Mapping[str, tuple[str, ...]]
-"""What is read at each terminal, or under the keys "driver" and "time"."""
+"""What is read at each terminal, or under the keys "driver", "time" and "law"."""
 
 if TYPE_CHECKING:
     from blockmech.values import Given
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 else:
     LawGiven = AnyLaw
 
+LAW = "law"  # the port of an element whose law is a signal
 POSITION_READS = ("p", "e")
 VELOCITY_READS = ("v", "om")
 VALID = "p_, v_, e_ or om_ before a terminal's name; then the law's value, if any, and the numbers"
@@ -111,7 +112,7 @@ class Element(Block):
     def _check_terminals(cls, kernel: Callable[..., Any], reads: Reads) -> None:
         """Raise `TypeError` where something is read at a terminal that there is not."""
         for terminal, quantities in reads.items():
-            if terminal not in (*cls.terminals, "driver", "time"):
+            if terminal not in (*cls.terminals, "driver", "time", LAW):
                 raise _unreadable(kernel, f"{quantities[0]}_{terminal}")
 
     def model_post_init(self, context: Any, /) -> None:
@@ -177,6 +178,11 @@ class Following(Element):
                 found[key] = tuple(dict.fromkeys((*found.get(key, ()), *what)))
         return found
 
+    @property
+    def ports(self) -> tuple[str, ...]:
+        """Signal ports: the law's, if that is a signal."""
+        return (LAW,) if "signal" in self.law.variables() else ()
+
     def own_measure(self, rate: bool) -> Callable[..., Any]:
         """The element's own coordinate or rate: a kernel of what it reads and the numbers."""
         raise TypeError(f"{type(self).__name__} declares no measure of its own")
@@ -184,6 +190,7 @@ class Following(Element):
     def function(self) -> str:
         """What the law is a function of, as a picture says it: ``f(crank.q)``; "" of a constant."""
         own = {"coordinate": self.own_symbol, "rate": f"rate of {self.own_symbol}", "time": "t"}
+        own["signal"] = "signal"
         of = {"coordinate": "q", "rate": "rate"} if self.driver else {}
         said = [f"{self.driver}.{of[x]}" if x in of else own[x] for x in self.law.variables()]
         return f"f({', '.join(said)})" if said else ""
@@ -193,6 +200,8 @@ class Following(Element):
         for argument in self.law.variables():
             if argument == "time":
                 yield None, {"time": ("t",)}
+            elif argument == "signal":
+                yield None, {LAW: ("signal",)}
             elif self.driver is not None:
                 yield None, {"driver": ("qd" if argument == "rate" else "q",)}
             else:

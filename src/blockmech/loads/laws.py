@@ -338,4 +338,30 @@ class DC(Law):
         return PolynomialNumbers((-self.stall_moment / self.no_load_speed, self.stall_moment))
 
 
-AnyLaw = Annotated[Constant | Polynomial | Table | Fourier | DC, Field(discriminator="kind")]
+def given(x: Real, law: tuple[()]) -> Real:
+    """The argument itself."""
+    return x
+
+
+class Signal(Law):
+    """What is wired to the element's port ``law``: a signal, or any output by its name.
+
+    >>> Signal().variables()
+    ('signal',)
+    """
+
+    of: ClassVar[str] = "signal"
+    kind: Literal["signal"] = "signal"
+
+    def numbers(self) -> tuple[()]:
+        """None."""
+        return ()
+
+    def kernel(self) -> Callable[..., Real]:
+        """`given`."""
+        return given
+
+
+AnyLaw = Annotated[
+    Constant | Polynomial | Table | Fourier | DC | Signal, Field(discriminator="kind")
+]

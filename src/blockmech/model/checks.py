@@ -21,6 +21,8 @@ from blockmech.loads.contract import Element, Following
 from blockmech.model.couplings import add_couplings, coupling_problems, loop_problems
 from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
 from blockmech.model.scene import Scene
+from blockmech.model.signals import signal_ports, signal_wire, signal_wire_problems
+from blockmech.signals.contract import Signal
 from blockmech.values import NAME_RULE, Marker, is_name
 
 if TYPE_CHECKING:
@@ -98,6 +100,9 @@ def _block_problems(blocks: Blocks) -> Iterator[Problem]:
 
 def wire_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterator[Problem]:
     """What is locally wrong with a wire; ``fed`` is an earlier one to the same joint."""
+    if signal_wire(blocks, wire):
+        yield from signal_wire_problems(blocks, wire, fed)
+        return
     problems = list(_local_problems(blocks, wire, fed))
     turned = Wire(wire.target, wire.source)
     if not problems or any(_local_problems(blocks, turned, None)):
@@ -186,10 +191,16 @@ def _ports(block: AnyBlock) -> list[str]:
     """Joints and terminals of a block that a wire can end at."""
     if isinstance(block, Element):
         return list(block.terminals)
+    if isinstance(block, Signal):
+        return []
     return [j.name for j in block.joints.values() if j.outer] if isinstance(block, Moving) else []
 
 
 def _unwired(blocks: Blocks, fed: Mapping[str, Wire]) -> Iterator[Problem]:
+    for end in (f"{name}.{port}" for name, block in blocks.items() for port in signal_ports(block)):
+        if end not in fed:
+            found, remedy = "nothing is wired to it", f'connect("block.output", "{end}")'
+            yield Problem("unwired-joint", end, found, "every input is fed once", remedy)
     for end in (f"{name}.{port}" for name, block in blocks.items() for port in _ports(block)):
         if end not in fed:
             found, remedy = "nothing is wired to it", f'connect("block.marker", "{end}")'
@@ -287,7 +298,9 @@ def block_dag(blocks: Blocks, wires: Iterable[Wire]) -> nx.DiGraph:
     import networkx as nx
 
     dag = nx.DiGraph()
-    dag.add_nodes_from(n for n, b in blocks.items() if not isinstance(b, Element | Coupling))
+    dag.add_nodes_from(
+        n for n, b in blocks.items() if not isinstance(b, Element | Coupling | Signal)
+    )
     for wire in wires:
         source, target = wire.source.split(".")[0], wire.target.split(".")[0]
         fixed = isinstance(blocks.get(target), Frame)  # nothing can feed it

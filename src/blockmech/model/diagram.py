@@ -28,7 +28,10 @@ class UnknownBlock:
 
 @dataclass(frozen=True)
 class Wire:
-    """From a marker of an earlier link to a joint of a later block, or to an element."""
+    """From a marker of an earlier link to a joint of a later block, or to an element.
+
+    A signal goes from an output to an input of a signal block or the law of an element.
+    """
 
     source: str
     target: str
@@ -41,7 +44,10 @@ AnyBlock = Block | UnknownBlock
 
 
 class WireEnds(Strictly):
-    """From ``"block.marker"`` of an earlier link to ``"block.joint"`` of a later block."""
+    """From ``"block.marker"`` of an earlier link to ``"block.joint"`` of a later block.
+
+    A signal goes from ``"block.output"`` or an output's name to ``"block.input"``.
+    """
 
     source: str = Field(alias="from")
     target: str = Field(alias="to")

@@ -18,7 +18,9 @@ from blockmech.model.document import Document
 from blockmech.model.form import Draft
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
+from blockmech.model.signals import signal_wire
 from blockmech.model.structure import JointRef, MarkerRef, Structure
+from blockmech.signals.contract import Signal
 from blockmech.values import Vector
 
 if TYPE_CHECKING:
@@ -147,6 +149,9 @@ class Graph(Document):
     def connect(self, source: str, target: str) -> None:
         """Wire a marker ``"block.marker"`` to a joint or terminal ``"block.joint"``.
 
+        A signal, the output ``"block.output"`` of a signal block or any output of the mechanism
+        by its name, is wired to an input of a signal block or to ``"load.law"``.
+
         Raises `GraphError` at once for what is locally wrong: unknown names, a
         joint that is fed already, an inner joint, a guide needed where there is none.
         """
@@ -216,8 +221,12 @@ class Graph(Document):
         order = nx.lexicographical_topological_sort(dag, key=str)  # ties by name
         feeds: dict[JointRef, MarkerRef] = {}
         holds: dict[JointRef, MarkerRef] = {}
+        read: dict[JointRef, str] = {}
         for wire in self.wires:
             block, joint = wire.target.split(".")
+            if signal_wire(self.blocks, wire):
+                read[JointRef(block, joint)] = wire.source
+                continue
             source, marker = wire.source.split(".")
             wires = holds if isinstance(known[block], Element) else feeds
             ref = MarkerRef(source, known[source].all_markers[marker][0], marker)
@@ -225,7 +234,18 @@ class Graph(Document):
         moving = {n: b for n in order if isinstance(b := known[n], Moving)}
         elements = {n: b for n in sorted(known) if isinstance(b := known[n], Element)}
         couplings = {n: b for n in sorted(known) if isinstance(b := known[n], Coupling)}
-        return Structure(frame, moving, elements, known[frame], feeds, holds, couplings=couplings)
+        signals = {n: b for n in sorted(known) if isinstance(b := known[n], Signal)}
+        return Structure(
+            frame,
+            moving,
+            elements,
+            known[frame],
+            feeds,
+            holds,
+            couplings=couplings,
+            signals=signals,
+            signal_wires=read,
+        )
 
     def to_networkx(self) -> nx.DiGraph:
         """A copy of the block diagram: nodes are blocks, edges carry their ``wires``."""

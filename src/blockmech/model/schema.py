@@ -20,13 +20,14 @@ from blockmech.model.joints.contents import FRAME, LINKAGE_FILE
 from blockmech.validation_errors import InWrittenOrder
 
 NAME = {"pattern": r"^[^./]+$"}
+OUTPUT = {"type": "string", "pattern": r"^[^./]+(\.[^./]+)+$"}
 ADDRESS = {"type": "string", "pattern": r"^[^./]+\.[^./]+$"}
 
 
 def graph_schema() -> dict[str, Any]:
     """JSON Schema (2020-12) of a graph file, with every registered block type."""
     found = _schema(GRAPH_FILE)
-    found["$defs"]["WireEnds"]["properties"] |= {"from": ADDRESS, "to": ADDRESS}
+    found["$defs"]["WireEnds"]["properties"] |= {"from": OUTPUT, "to": ADDRESS}
     return found
 
 

@@ -18,6 +18,7 @@ from blockmech.couplings.contract import Coupling, Meshing, Transmission, Where
 from blockmech.errors import GraphError, Problem
 from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.loads.contract import Element
+from blockmech.signals.contract import Signal
 from blockmech.typing import Guide, LinkPosition
 from blockmech.values import Link, Marker
 
@@ -110,6 +111,10 @@ class Structure:
     holds : terminal of an element -> the marker wired to it
     followed : dyad whose branch follows the motion -> where it changes
     couplings : the relations between drivers in name order
+    signals : the signal blocks, each after those that it reads at once
+    signal_wires : input of a signal block, or law of an element -> address of what it reads
+    sensors : address of what signals read of the mechanism -> the rule that answers it; see
+        `blockmech.sensors`
     """
 
     frame: str
@@ -120,6 +125,20 @@ class Structure:
     holds: Mapping[JointRef, MarkerRef]
     followed: Mapping[str, FollowedBranch] = field(default_factory=dict)
     couplings: Mapping[str, Coupling] = field(default_factory=dict)
+    signals: Mapping[str, Signal] = field(default_factory=dict)
+    signal_wires: Mapping[JointRef, str] = field(default_factory=dict)
+    sensors: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def signal_states(self) -> Mapping[JointRef, int]:
+        """State of a signal block -> its place among all of them."""
+        names = (JointRef(n, x) for n, block in self.signals.items() for x in block.states)
+        return {ref: i for i, ref in enumerate(names)}
+
+    @cached_property
+    def initial_states(self) -> tuple[float, ...]:
+        """Where the states of signal blocks begin, in that order."""
+        return tuple(x.initial for b in self.signals.values() for x in b.states.values())
 
     @cached_property
     def driven(self) -> Mapping[str, JointRef]:

@@ -67,6 +67,8 @@ def _refuse_strange(value: Any, path: tuple[str | int, ...]) -> None:
     elif isinstance(value, Function):
         remedy = "say it as a table, a polynomial or a Fourier series"
         raise _strange("not-json", path, "a function of Python is not written", value.call, remedy)
+    elif callable(value):
+        raise _strange("not-json", path, "a function of Python is not written", value)
     elif not isinstance(value, str | int | float | None):
         raise _strange("not-json", path, "must be JSON data", value)
 

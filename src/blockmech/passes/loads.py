@@ -28,6 +28,7 @@ from blockmech.passes.forward import (
     velocity_at,
 )
 from blockmech.passes.resultants import NOTHING, Resultant, at_arm
+from blockmech.passes.signals import signal
 from blockmech.plan import NOUGHT, ZERO, Schedule
 
 # -- mass ------------------------------------------------------------------------
@@ -138,9 +139,11 @@ def _readings(s: Schedule, name: str, reads: Reads) -> list[str]:
 
 
 def terminal_reading(s: Schedule, terminal: JointRef, what: str) -> str:
-    """What an element reads: p, v, e or om at a terminal, q or qd of its driver, the time t."""
+    """What an element reads: p, v, e, om at a terminal, q, qd of its driver, t, a signal."""
     if what == "t":
         return s.time()
+    if what == "signal":
+        return s.ask(signal, s.structure.signal_wires[terminal])
     element = s.structure.elements[terminal.block]
     if isinstance(element, Following) and what in ("q", "qd"):
         assert element.driver is not None

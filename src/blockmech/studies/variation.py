@@ -34,7 +34,7 @@ BATCHED = ("gravity",)  # of the scene: the rest is laws of motion, starts and s
 def graph_sections(mechanism: Compiled) -> dict[str, Any]:
     """The models of a mechanism's graph, as its file has them."""
     s = mechanism.structure
-    blocks = {s.frame: s.fixed, **s.blocks, **s.elements, **s.couplings}
+    blocks = {s.frame: s.fixed, **s.blocks, **s.elements, **s.couplings, **s.signals}
     return {BLOCKS: blocks, "scene": mechanism.scene}
 
 
@@ -60,6 +60,7 @@ def designed(mechanism: Compiled, numbers: Mapping[Path, Any]) -> tuple[Structur
         blocks={name: blocks[name] for name in s.blocks},
         elements={name: blocks[name] for name in s.elements},
         couplings={name: blocks[name] for name in s.couplings},
+        signals={name: blocks[name] for name in s.signals},
     )
     return structure, found["scene"]
 

@@ -1,0 +1,66 @@
+"""Signal blocks in motion: where states begin, when they switch, what programs get of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from blockmech.engines.llvm import OneByOne
+from blockmech.passes import signals
+from blockmech.passes.homotopy import schedule
+from blockmech.plan import Friction
+from blockmech.signals.contract import Signal
+
+FREE = Friction("none")
+
+
+class SignalProgram(NamedTuple):
+    """What signal blocks add to the programs of a system.
+
+    The rates of all states stand in the program of the equation of motion, then the values of
+    which a change of sign is a kink.
+
+    Attributes
+    ----------
+    blocks : the signal blocks
+    initial : states where a motion starts
+    names : inputs of the states
+    kinks : number of those values
+    update : states that discrete blocks switch to at an instant; None without any
+    updated : block and place of the state of each of its values
+    """
+
+    blocks: Mapping[str, Signal] = {}
+    initial: tuple[float, ...] = ()
+    names: tuple[str, ...] = ()
+    kinks: int = 0
+    update: OneByOne | None = None
+    updated: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def values(self) -> int:
+        """How many values they add."""
+        return len(self.initial) + self.kinks
+
+    def next_time(self, t: float) -> float:
+        """The first instant of a discrete block, or kink in time, after a time [s]."""
+        times = [x for b in self.blocks.values() for x in (b.next_kink(t), b.instant(t, True))]
+        return min(times, default=math.inf)
+
+
+NO_SIGNALS = SignalProgram()
+
+
+def signal_program(compiled: Any) -> SignalProgram:
+    """What the signal blocks of a mechanism add."""
+    structure, s = compiled.structure, schedule(compiled.structure, compiled.scene, FREE)
+    updated = s.ask(signals.updated)
+    return SignalProgram(
+        structure.signals,
+        structure.initial_states,
+        tuple(f"{signals.STATE}{i}" for i in range(len(structure.initial_states))),
+        len(signals.kinks(schedule(structure, compiled.scene, FREE))),
+        OneByOne(s.program(updated.values())) if updated else None,
+        tuple((ref.block, structure.signal_states[ref]) for ref in updated),
+    )

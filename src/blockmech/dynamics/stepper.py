@@ -1,0 +1,256 @@
+"""A mechanism for controllers of one's own: it moves on by a time whenever it is told to.
+
+What a controller gives are blocks ``signal.input`` of the graph; their values are held over a
+step. All else, friction, events, sampled blocks, is that of `simulate`, by the same integrator.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from blockmech.dynamics import ends
+from blockmech.dynamics.change_points import system_of
+from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.layout import StateLayout
+from blockmech.dynamics.motion import Floats
+from blockmech.dynamics.request import (
+    Pairs,
+    SimulationRequest,
+    Start,
+    Until,
+    refuse_no_inertia,
+    size_of,
+    starts_of,
+    stops_of,
+)
+from blockmech.dynamics.system import System
+from blockmech.dynamics.time import Run
+from blockmech.errors import as_names, close_match, listed, refused
+from blockmech.model.structure import JointRef
+from blockmech.passes.signals import STATE
+from blockmech.samples import Samples
+from blockmech.settings import friction_asked
+from blockmech.signals.contract import HELD
+from blockmech.signals.sources import Input
+from blockmech.typing import EngineName, FrictionMethod
+from blockmech.values import is_count, is_number
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
+
+ACCURATE = 1e-9  # tolerance of a step, where none is asked for
+
+
+class Stepper:
+    """Copies of a mechanism, each with a state of its own, that move on step by step.
+
+    Attributes
+    ----------
+    inputs : names of the blocks ``signal.input``, which a controller feeds
+    outputs : names of what `observe` and `step` give
+    copies : number n of copies
+    t : (n,) time [s] of each
+    ended : (n,) what ended a copy's motion, ``""`` while it moves; such a copy stays until reset
+    """
+
+    def __init__(
+        self,
+        mechanism: Compiled,
+        system: System,
+        start: Pairs,
+        want: Iterable[str] | str,
+        copies: int,
+        tolerance: float,
+    ) -> None:
+        """See `stepper`, which reads what a user gives."""
+        self.mechanism, self.copies, self._system = mechanism, copies, system
+        self._start, self._tolerance = start, tolerance
+        self.outputs = mechanism.outputs.match(want)
+        method = "none" if system.method is None else system.method.method
+        self._plan = mechanism.plan(self.outputs, friction=method)  # type: ignore[arg-type]
+        structure = mechanism.structure
+        self._places = {
+            name: structure.signal_states[JointRef(name, f"{HELD}y")]
+            for name, block in structure.signals.items()
+            if isinstance(block, Input)
+        }
+        self.inputs = tuple(self._places)
+        self._layout: StateLayout = Equation(system, self._pair(start)[0]).layout
+        self.t = np.zeros(copies)
+        self._y = np.zeros((copies, self._layout.size))
+        self.ended = [""] * copies
+        self.reset()
+
+    def __repr__(self) -> str:
+        return (
+            f"<Stepper of {self.mechanism.name}: {self.copies} copies, fed {listed(self.inputs)}>"
+        )
+
+    @property
+    def state(self) -> Floats:
+        """(n, m) coordinates, rates, works and states of signals; a copy, see `StateLayout`."""
+        return self._y.copy()
+
+    def reset(
+        self, copies: Iterable[int] | int | None = None, start: Pairs | None = None
+    ) -> dict[str, Floats]:
+        """Put some copies, or all, back to their start at time 0; what they show there.
+
+        ``start`` is driver -> (q [rad or m], rate), by default that of the stepper. Raises
+        `RequestError` for a copy or driver that there is not.
+        """
+        which = range(self.copies) if copies is None else np.atleast_1d(np.asarray(copies))
+        given = starts_of(self.mechanism.scene, self.mechanism.drivers, start or self._start)
+        for i in which:
+            if not 0 <= i < self.copies:
+                found, valid = f"there is no copy {i}", f"copies: 0 to {self.copies - 1}"
+                raise refused("copies", found, valid=valid)
+            self._y[i], self.t[i], self.ended[i] = self._layout.start(*self._pair(given)), 0.0, ""
+        return self.observe()
+
+    def step(
+        self, dt: float, signals: Mapping[str, float | Floats] | None = None
+    ) -> dict[str, Floats]:
+        """Move all copies on by a time [s] with signals held; what they show then.
+
+        ``signals`` is input -> number, or (n,) one for each copy; an input that is not named
+        keeps its value. Raises `RequestError` for an input that there is not, or a step that is
+        not above zero.
+        """
+        if not (is_number(dt) and dt > 0):
+            raise refused("dt", f"{dt!r} is not a number above zero", "give a time in s")
+        for name, value in (signals or {}).items():
+            self._feed(name, value)
+        for i in range(self.copies):
+            if not self.ended[i]:
+                self._move(i, float(dt))
+        return self.observe()
+
+    def observe(self) -> dict[str, Floats]:
+        """The outputs of all copies as they are: name -> (n,), complex of vectors."""
+        layout, given = self._layout, dict[str, Any]()
+        for k in range(layout.drivers):
+            given[f"q_{k}"] = self._y[:, k].copy()
+            given[f"qd_{k}"] = self._y[:, layout.drivers + k].copy()
+        states = self._y[:, layout.signals].T
+        given |= {f"{STATE}{k}": x.copy() for k, x in enumerate(states)}
+        needed = [x for x in self._plan.program.inputs if x.startswith("qdd_")]
+        if needed:
+            rows = np.array([self._acceleration(i) for i in range(self.copies)])
+            given |= {f"qdd_{k}": column for k, column in enumerate(rows.T)}
+        values, _ = self.mechanism.evaluate(self._plan, Samples(self.copies, given, self.t.copy()))
+        found = {}
+        for name in self.outputs:
+            read = self.mechanism.outputs[name].read
+            columns = [np.broadcast_to(values[j], self.copies) for j in self._plan.layout[name]]
+            found[name] = np.array(read(*columns))
+        return found
+
+    def _pair(self, start: Pairs) -> tuple[Any, Any]:
+        """Coordinates and rates of a start, numbers of one driver."""
+        q, rate = np.array(list(start.values()), dtype=float).T
+        return (float(q[0]), float(rate[0])) if q.size == 1 else (q, rate)
+
+    def _feed(self, name: str, value: Any) -> None:
+        if name not in self._places:
+            valid = f"inputs: {listed(self.inputs) or 'none'}"
+            remedy = close_match(name, self.inputs) or 'add a block of the type "signal.input"'
+            raise refused(name, "the mechanism has no such input", remedy, valid)
+        try:
+            numbers = np.broadcast_to(np.asarray(value, dtype=np.float64), self.copies)
+        except (TypeError, ValueError):
+            numbers = np.array([math.nan])
+        if not np.isfinite(numbers).all():
+            valid = f"a finite number, or {self.copies} of them"
+            raise refused(name, f"got {value!r:.60}", valid=valid)
+        self._y[:, self._layout.signals.start + self._places[name]] = numbers
+
+    @np.errstate(all="ignore")
+    def _move(self, i: int, dt: float) -> None:
+        """Integrate one copy."""
+        layout, t = self._layout, float(self.t[i])
+        q, rate = layout.motion(self._y[i])
+        request = SimulationRequest(Start(q, rate, t), Until("time", dt))
+        run = Run(self._system, request, "dop853", self._tolerance, "step", 0.0)
+        run.y = self._y[i].copy()
+        motion = run.motion()
+        self._y[i] = run.y
+        if motion.end == "time" or motion.end == ends.REST:
+            self.t[i] = t + dt
+        else:
+            self.t[i], self.ended[i] = motion.t_end, motion.end
+
+    def _acceleration(self, i: int) -> Floats:
+        """q'' (k,) of one copy."""
+        y, t = self._y[i], float(self.t[i])
+        q, rate = self._layout.motion(y)
+        equation, friction = Equation(self._system, q), self._system.friction
+        if friction is not None:
+            way = int(np.sign(rate)) or friction.rest(q, t).moves
+            if not way:
+                return np.zeros(1)
+            equation.sides = friction.sides(q, way)
+        return np.asarray(equation(t, y), dtype=np.float64)[self._layout.rate]
+
+
+def stepper(
+    mechanism: Compiled,
+    want: Iterable[str] | str = ("*.q", "*.rate"),
+    *,
+    copies: int = 1,
+    start: Pairs | None = None,
+    stops: Pairs | None = None,
+    friction: FrictionMethod | None = None,
+    accuracy: float | None = None,
+    engine: EngineName = "auto",
+) -> Stepper:
+    """Copies of a mechanism that a controller of one's own moves on, step by step.
+
+    Parameters
+    ----------
+    want : names or patterns of the outputs that a step gives
+    copies : number of copies, each with a state of its own
+    start : driver -> (q [rad or m], rate); by default the scene's ``initial``
+    stops : driver -> (lowest, highest) coordinate [rad or m]; by default the scene's
+    friction : of the joints: "none", "single", "successive" or "newton" (default)
+    accuracy : relative tolerance of a step; default 1e-9
+    engine : "scalar", "llvm" (machine code), or "auto": machine code once it pays
+
+    Returns
+    -------
+    Stepper, at the start
+
+    Raises
+    ------
+    RequestError for names or numbers that cannot be
+
+    >>> import blockmech as bm
+    >>> from blockmech import laws, signals
+    >>> g = bm.Graph("wheel")
+    >>> g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    >>> g.add("wheel", bm.Crank(links={"crank": bm.Link(inertia=2.0)}))
+    >>> g.add("drive", bm.Motor(law=laws.Signal()))
+    >>> g.add("moment", signals.Input())
+    >>> for wire in ("frame.A wheel.A", "frame.A drive.a", "wheel.crank drive.b",
+    ...              "moment.y drive.law"):
+    ...     g.connect(*wire.split())
+    >>> g.start("wheel")
+    >>> env = g.compile().stepper(copies=2)
+    >>> env.step(0.5, {"moment": [1.0, -2.0]})["wheel.rate"]
+    array([ 0.25, -0.5 ])
+    """
+    if not is_count(copies):
+        raise refused(
+            "copies", f"{copies!r} is no number of copies", valid="a whole number from 1 on"
+        )
+    starts = starts_of(mechanism.scene, mechanism.drivers, start)
+    bounds = stops_of(mechanism.scene, starts, stops)
+    refuse_no_inertia(mechanism.structure, mechanism.name)
+    how = friction_asked(friction, None, None)
+    system = system_of(mechanism, stops=bounds, method=how, engine=engine)
+    tolerance = size_of("accuracy", accuracy) or ACCURATE
+    return Stepper(mechanism, system, starts, as_names("want", want), copies, tolerance)

@@ -1,0 +1,117 @@
+"""The signals pass: what signal blocks say, as values of the same program as the mechanism.
+
+States are inputs ``x_0``, ``x_1``, ... in the order of `Structure.signal_states`. What a block
+reads of the mechanism is an output of it, answered by the same rule as anywhere else; so what
+a signal depends on follows from the inputs of the program.
+
+Source: Ogata, Modern Control Engineering, 2010, section 2-3 (block diagrams).
+"""
+
+from __future__ import annotations
+
+import re
+
+from blockmech.model.structure import JointRef
+from blockmech.plan import Schedule
+from blockmech.signals.contract import HELD, Kernel, arguments
+
+NO_NAME = re.compile(r"\W")
+UNKNOWN = "signal_"  # before the name of an input that stands for a signal that is not known
+STATE = "x_"  # before the number of a state
+
+
+def signal(s: Schedule, address: str) -> str:
+    """The value of an output of a signal block, or of the mechanism."""
+    name, _, port = address.partition(".")
+    if name in s.structure.signals:
+        return s.ask(output, name, port)
+    if address in s.structure.sensors:
+        value: str = s.structure.sensors[address](s)
+        return value
+    return s.unknown(UNKNOWN + NO_NAME.sub("_", address))
+
+
+def state(s: Schedule, name: str, which: str) -> str:
+    """A state of a signal block."""
+    return s.unknown(f"{STATE}{s.structure.signal_states[JointRef(name, which)]}")
+
+
+def output(s: Schedule, name: str, port: str) -> str:
+    """An output of a signal block, or one of its states."""
+    block = s.structure.signals[name]
+    if port not in block.outputs:
+        return s.ask(state, name, port)
+    if block.discrete:
+        return s.ask(state, name, HELD + port)
+    place = list(block.outputs).index(port)
+    return f"{s.ask(outputs, name)}[{place}]"
+
+
+def outputs(s: Schedule, name: str) -> str:
+    """The call of a block's output kernel."""
+    return _call(s, name, s.structure.signals[name].output(), "output")
+
+
+def rates(s: Schedule) -> list[str]:
+    """dx/dt of all states; those of discrete blocks rest between instants."""
+    found = []
+    for name, block in s.structure.signals.items():
+        if block.discrete or not block.states:
+            found += ["0.0"] * len(block.states)
+            continue
+        call = _call(s, name, block.rates(), "rates")
+        found += [f"{call}[{i}]" for i in range(len(block.states))]
+    return found
+
+
+def updated(s: Schedule) -> dict[JointRef, str]:
+    """State of a discrete block -> what it is from an instant on."""
+    found: dict[JointRef, str] = {}
+    for name, block in s.structure.signals.items():
+        if not block.discrete:
+            continue
+        if block.own_states:
+            call = _call(s, name, block.update(), "update")
+            found |= {JointRef(name, x): f"{call}[{i}]" for i, x in enumerate(block.own_states)}
+        call = s.ask(outputs, name)
+        found |= {JointRef(name, HELD + y): f"{call}[{i}]" for i, y in enumerate(block.outputs)}
+    return found
+
+
+def kinks(s: Schedule) -> list[str]:
+    """Values whose change of sign is a kink of a block in continuous time."""
+    found = []
+    for name, block in s.structure.signals.items():
+        kernel, count = block.kinks()
+        if count and not block.discrete:
+            call = _call(s, name, kernel, "kinks")
+            found += [f"{call}[{i}]" for i in range(count)]
+    return found
+
+
+def _call(s: Schedule, name: str, kernel: Kernel, what: str) -> str:
+    block = s.structure.signals[name]
+
+    def value(argument: str) -> str:
+        if argument == "t":
+            return s.time()
+        if argument == "inputs":
+            return _tuple([fed(port) for port in block.inputs])
+        if argument == "states":
+            return _tuple([s.ask(state, name, x) for x in block.own_states])
+        if argument in block.inputs:
+            return fed(argument)
+        return s.ask(state, name, argument.removeprefix(STATE))
+
+    def fed(port: str) -> str:
+        return s.ask(signal, s.structure.signal_wires[JointRef(name, port)])
+
+    numbers = s.parameter(
+        ("signal", name), lambda structure, _: structure.signals[name].numbers(), f"P_{name}"
+    )
+    args = [value(argument) for argument in arguments(kernel)]
+    return s.emit(kernel, *args, numbers, name=f"{name}_{what}")
+
+
+def _tuple(values: list[str]) -> str:
+    return f"({', '.join(values)},)" if values else "()"

@@ -1,0 +1,135 @@
+"""A signal block that is a function of Python: whatever the others cannot say."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, ClassVar
+
+from pydantic import WithJsonSchema, field_validator, model_validator
+
+from blockmech.errors import RequestError, refused, shown
+from blockmech.plane import each
+from blockmech.signals.contract import Kernel, Signal, State
+from blockmech.typing import Real
+from blockmech.values import Number, Positive, default, in_unit, mistake
+
+TIME = "t"
+
+
+class Python(Signal):
+    """A function of Python, whose parameters are named after its input ports.
+
+    call : the function; a parameter ``t`` is the time [s]
+    memory : state -> where it begins. Parameters of these names get the states, and the function
+        returns the output, then the rates of the states; of a discrete block what they are
+        from this instant on
+    sample : [s] of a discrete block
+
+    The function is asked state by state, and it is not written to files. A function that keeps
+    something in itself gives no motion: an integrator asks it forth and back, and in several
+    runs. What is remembered belongs into ``memory``.
+
+    >>> Python(call=lambda error: 2.0 * error).inputs
+    ('error',)
+    """
+
+    type_name: ClassVar[str] = "signal.python"
+
+    call: Annotated[Callable[..., Any], WithJsonSchema({"type": "object"})]
+    memory: Mapping[str, Number] = default({})
+    sample: Annotated[Positive, in_unit("s")] | None = None
+
+    @field_validator("call")
+    @classmethod
+    def _names_its_inputs(cls, call: Callable[..., Any]) -> Callable[..., Any]:
+        try:
+            parameters = inspect.signature(call).parameters.values()
+        except (TypeError, ValueError):  # of some builtins
+            parameters = None
+        if parameters is None or any(
+            p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD) for p in parameters
+        ):
+            found = "its parameters have no names"
+            raise mistake("wrong-function", found, "parameters are named after input ports")
+        return call
+
+    @model_validator(mode="after")
+    def _reads_its_memory(self) -> Python:
+        unread = [name for name in self.memory if name not in self._names]
+        if unread:
+            found = f"no parameter is named after the state {unread[0]}"
+            raise mistake("wrong-function", found, f"parameters: {', '.join(self._names)}")
+        return self
+
+    @functools.cached_property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(inspect.signature(self.call).parameters)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Parameters that are neither the time nor a state."""
+        return tuple(n for n in self._names if n != TIME and n not in self.memory)
+
+    @property
+    def own_states(self) -> Mapping[str, State]:
+        """What is remembered."""
+        return {name: State(float(x)) for name, x in self.memory.items()}
+
+    def numbers(self) -> tuple[()]:
+        """None: the function has its own."""
+        return ()
+
+    def output(self) -> Kernel:
+        """The first number that the function returns."""
+        return self._kernel(slice(0, 1))
+
+    def rates(self) -> Kernel:
+        """The numbers behind it."""
+        return self._kernel(slice(1, None))
+
+    def update(self) -> Kernel:
+        """The numbers behind it."""
+        return self._kernel(slice(1, None))
+
+    def _kernel(self, part: slice) -> Kernel:
+        """Some of the numbers that the function returns, asked sample by sample."""
+        places = range(1 + len(self.memory))[part]
+        asked = [functools.partial(self._asked, k) for k in places]
+
+        def timed(inputs: Any, states: Any, t: Real, p: Any) -> tuple[Real, ...]:
+            given = self._in_order(inputs, states, t)
+            return tuple([each(function, *given) for function in asked])
+
+        def untimed(inputs: Any, states: Any, p: Any) -> tuple[Real, ...]:
+            given = self._in_order(inputs, states)
+            return tuple([each(function, *given) for function in asked])
+
+        return timed if TIME in self._names else untimed
+
+    def _in_order(self, inputs: tuple[Any, ...], states: tuple[Any, ...], *t: Any) -> list[Any]:
+        """Arguments of the function."""
+        known = dict(zip((*self.inputs, *self.memory), (*inputs, *states), strict=True))
+        known |= dict.fromkeys([TIME], *t)
+        return [known[name] for name in self._names]
+
+    def _asked(self, place: int, *given: float) -> float:
+        count = 1 + len(self.memory)
+        try:
+            answer = self.call(*given)
+        except Exception as error:
+            raise self._refused(f"{type(error).__name__}: {error}", given) from error
+        try:
+            numbers = (float(answer),) if count == 1 else tuple(map(float, answer))
+        except (TypeError, ValueError):
+            raise self._refused(f"it gave {shown(answer)}", given) from None
+        if len(numbers) != count:
+            raise self._refused(f"it gave {len(numbers)} numbers, not {count}", given)
+        return numbers[place]
+
+    def _refused(self, found: str, given: tuple[float, ...]) -> RequestError:
+        where = f"{getattr(self.call, '__name__', 'function')}({', '.join(self._names)})"
+        at = ", ".join(f"{n} = {x:.9g}" for n, x in zip(self._names, given, strict=True))
+        remedy = "return the output, and behind it one number for each state"
+        return refused(where, f"{found}, at {at}", remedy, code="user-function")

@@ -1,0 +1,148 @@
+"""A four-bar with a motor and a controller, in coordinates that know nothing of blockmech.
+
+Three angles, of crank, coupler and rocker, with Lagrange's multipliers for the pin that closes
+the loop; the controller's equations are written out, a sampled one instant by instant.
+
+Data: Ruiz et al. 2010, the papers' four-bar; motor and gains are those of the tests.
+"""
+
+from __future__ import annotations
+
+import cmath
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+EXACT = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13}
+
+
+@dataclass
+class FourBar:
+    """Pivots at 0 and ``ground``; links of lengths a, b, c with masses, inertias and centres."""
+
+    ground: float = 5.5
+    lengths: tuple[float, float, float] = (2.0, 6.0, 3.0)
+    masses: tuple[float, float, float] = (4.8, 30.0, 7.2)
+    inertias: tuple[float, float, float] = (1.7, 48.8, 5.5)
+    centres: tuple[complex, complex, complex] = (1.0 + 0j, cmath.rect(2.8, 0.152), 1.5 + 0j)
+    gravity: float = 9.81
+
+    def angles(self, q: float) -> np.ndarray:
+        """Angles of the three links at a crank angle; the pin is left of B -> D."""
+        a, b, c = self.lengths
+        B = a * cmath.exp(1j * q)
+        d = self.ground - B
+        inside = np.arccos((b * b + abs(d) ** 2 - c * c) / (2 * b * abs(d)))
+        coupler = cmath.phase(d) + inside
+        C = B + b * cmath.exp(1j * coupler)
+        return np.array([q, coupler, cmath.phase(C - self.ground)])
+
+    def rates(self, angles: np.ndarray, w: float) -> np.ndarray:
+        """Rates of the three links at a rate of the crank."""
+        J = self.jacobian(angles)
+        return np.concatenate([[w], np.linalg.solve(J[:, 1:], -J[:, 0] * w)])
+
+    def jacobian(self, angles: np.ndarray) -> np.ndarray:
+        """Derivative (2, 3) of the gap in the pin."""
+        a, b, c = self.lengths
+        u = 1j * np.exp(1j * angles) * np.array([a, b, -c])
+        return np.array([u.real, u.imag])
+
+    def accelerations(self, angles: np.ndarray, w: np.ndarray, moment: float) -> np.ndarray:
+        """Angular accelerations under a moment on the crank."""
+        a, b, c = self.lengths
+        m, I = self.masses, self.inertias
+        e = np.exp(1j * angles)
+        r = np.array(self.centres) * e
+        u = 1j * a * e[0]  # velocity of B per unit rate of the crank
+        v = 1j * r[1]
+        M = np.zeros((3, 3))
+        M[0, 0] = I[0] + m[0] * abs(r[0]) ** 2 + m[1] * a * a
+        M[1, 1] = I[1] + m[1] * abs(r[1]) ** 2
+        M[2, 2] = I[2] + m[2] * abs(r[2]) ** 2
+        M[0, 1] = M[1, 0] = m[1] * (u * v.conjugate()).real
+        centripetal = -a * e[0] * w[0] ** 2, -r[1] * w[1] ** 2
+        bias = m[1] * (centripetal[0] + centripetal[1])
+        weight = [-self.gravity * m[0] * r[0].real, -self.gravity * m[1] * v.imag]
+        weight[0] -= self.gravity * m[1] * u.imag
+        Q = np.array([weight[0], weight[1], -self.gravity * m[2] * r[2].real])
+        Q -= np.array([(u * bias.conjugate()).real, (v * bias.conjugate()).real, 0.0])
+        Q[0] += moment
+        J = self.jacobian(angles)
+        gap = -(np.exp(1j * angles) * np.array([a, b, -c]) * w**2).sum()
+        whole = np.block([[M, J.T], [J, np.zeros((2, 2))]])
+        return np.linalg.solve(whole, np.concatenate([Q, [-gap.real, -gap.imag]]))[:3]
+
+
+@dataclass
+class Motor:
+    """R [ohm], L [H], k [N m/A]."""
+
+    R: float = 1.0
+    L: float = 0.1
+    k: float = 10.0
+
+
+@dataclass
+class Sampled:
+    """A PI controller of the rate at instants k T, its output between limits and held.
+
+    The integral stays where it would drive the output further beyond a limit.
+    """
+
+    kp: float
+    ki: float
+    wish: float
+    T: float
+    limits: tuple[float, float]
+    linkage: FourBar = field(default_factory=FourBar)
+    motor: Motor = field(default_factory=Motor)
+
+    def run(self, q: float, t_end: float) -> dict[str, float]:
+        """From rest to a time that is an instant; values just before that instant."""
+        start = self.linkage.angles(q)
+        y, total, held = np.concatenate([start, np.zeros(3), [0.0]]), 0.0, 0.0
+        for _ in range(round(t_end / self.T)):
+            e = self.wish - y[3]
+            v = self.kp * e + self.ki * total
+            low, high = self.limits
+            held = min(max(v, low), high)
+            if not ((v > high and self.ki * e > 0) or (v < low and self.ki * e < 0)):
+                total += self.T * e
+
+            def rate(t: float, y: np.ndarray, u: float = held) -> np.ndarray:
+                moment = self.motor.k * y[6]
+                al = self.linkage.accelerations(y[:3], y[3:6], moment)
+                di = (u - self.motor.R * y[6] - self.motor.k * y[3]) / self.motor.L
+                return np.concatenate([y[3:6], al, [di]])
+
+            y = solve_ivp(rate, (0.0, self.T), y, **EXACT).y[:, -1]
+        return {"q": y[0], "rate": y[3], "current": y[6], "integral": total, "output": held}
+
+
+@dataclass
+class Continuous:
+    """kp e + ki I + kd n (e - x_f), the trial's controller in continuous time."""
+
+    kp: float
+    ki: float
+    kd: float
+    n: float
+    wish: float
+    linkage: FourBar = field(default_factory=FourBar)
+    motor: Motor = field(default_factory=Motor)
+
+    def run(self, q: float, times: list[float]) -> np.ndarray:
+        """q, rate, I, x_f and current (5, m) at times, from rest."""
+        y0 = np.concatenate([self.linkage.angles(q), np.zeros(6)])
+
+        def rate(t: float, y: np.ndarray) -> np.ndarray:
+            e = self.wish - y[3]
+            u = self.kp * e + self.ki * y[7] + self.kd * self.n * (e - y[8])
+            al = self.linkage.accelerations(y[:3], y[3:6], self.motor.k * y[6])
+            di = (u - self.motor.R * y[6] - self.motor.k * y[3]) / self.motor.L
+            return np.concatenate([y[3:6], al, [di, e, self.n * (e - y[8])]])
+
+        found = solve_ivp(rate, (0.0, times[-1]), y0, t_eval=times, **EXACT).y
+        return found[[0, 3, 7, 8, 6]]
