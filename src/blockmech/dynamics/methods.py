@@ -242,5 +242,6 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
         why = f"along the path: {motion.end}, error {motion.error:.1e}"
         other = in_time(system, replace(request, why=why), "dop853")
         if other.error < motion.error or motion.status == "failed":
-            return other
+            told = (f"along the path: {note}" for note in motion.notes[:1])
+            return replace(other, notes=(*other.notes, *told))
     return watched(motion, request.watch)

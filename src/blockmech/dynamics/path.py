@@ -30,7 +30,7 @@ from blockmech.dynamics.panels import Panels, joined
 from blockmech.dynamics.place import RESOLVED
 from blockmech.dynamics.repetition import Repetition, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
-from blockmech.dynamics.road import CLOSE, Piece, Road
+from blockmech.dynamics.road import CLOSE, PIECES, Piece, Road
 from blockmech.dynamics.singular import time_left
 from blockmech.dynamics.swing import Swing
 from blockmech.dynamics.track import Leg, PathTrack, Pattern
@@ -41,6 +41,9 @@ if TYPE_CHECKING:
 
 COARSE, FINE = 32, 48  # nodes of a panel: 16 resolve too little, sums of 96 round more
 MOST = 8_000  # panels of a run; ten seconds of work and more
+# Panels in a row, one by one, that cover less than a part of a piece of the road: it crawls. Panels
+# crowd to where something is not smooth as powers of two, a score on either side.
+CROWD, CRAWL = 48, 1 / 64
 
 
 @dataclass
@@ -69,6 +72,7 @@ class PathRun:
     facts: dict[str, float] = field(default_factory=dict)
     standstills: int = 0
     count: int = 0  # of panels
+    lately: list[float] = field(default_factory=list)  # [rad or m] ends of panels since a standstill
     gained: float = math.inf  # [J] in the last turn, without its sign
     left: float = 0.0  # [s] to a dead centre that the run stops short of
     mark: tuple[int, At] | None = None  # panel and state where a pattern may begin
@@ -97,7 +101,7 @@ class PathRun:
                 self.leave()
             while not self.end:
                 self.advance()
-                if self.count > MOST:
+                if self.count > MOST or self.crawls:
                     self.stop(ends.TOO_MANY, "ended")
         except KeyboardInterrupt:
             self.stop(ends.INTERRUPTED, "ended")
@@ -106,6 +110,18 @@ class PathRun:
     def at(self) -> At:
         """The state."""
         return At(self.t, self.q, self.K, self.sign)
+
+    @property
+    def crawls(self) -> bool:
+        """Whether panels stay so short that integration in time is quicker; then a note says so."""
+        if len(self.lately) <= CROWD or self.end:
+            return False
+        period, way = self.system.period or self.system.span, self.q - self.lately[-CROWD]
+        if abs(way) >= CRAWL * period / PIECES:
+            return False
+        from_q = f"from q = {self.lately[-CROWD]:.9g} on"
+        self.notes.append(f"{CROWD} panels in a row cover {abs(way):.1e} {from_q}: it crawls")
+        return True
 
     def stop(self, end: str, status: Status) -> None:
         """End the run by a name."""
@@ -185,6 +201,7 @@ class PathRun:
                 if self.next.kept_clear(self.at, piece, way):
                     return
             self.take(panel)
+            self.lately.append(self.q)
             self.passed(piece)
         elif panel.end == ends.STANDSTILL:
             self.K = 0.0
@@ -262,6 +279,7 @@ class PathRun:
 
     def stand(self) -> None:
         """A standstill: the goal, or on from there."""
+        self.lately.clear()
         self.events.append(Event(ends.STANDSTILL, self.t, self.q, 0.0))
         self.standstills += 1
         if self.standstills >= self.request.standstills:
@@ -382,18 +400,20 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     Of two runs the coarser has fewer nodes and is some roundings beside, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
+    run = PathRun(system, request, COARSE, True)
+    run.run()
+    coarse = run.motion()
+    if coarse.end == ends.INTERRUPTED or (coarse.end == ends.TOO_MANY and request.method == "auto"):
+        return stopped(coarse, None)
     run = PathRun(system, request, FINE)
     run.run()
     fine = run.motion()
     if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
-        return stopped(fine, None)
+        return stopped(fine, coarse if fine.end == ends.INTERRUPTED else None)
     if not run.panels and not run.legs:
         return fine
-    run = PathRun(system, request, COARSE, True)
-    run.run()
-    coarse = run.motion()
-    if coarse.end in (ends.INTERRUPTED, ends.TOO_MANY) and coarse.t_end < fine.t_end:
-        return stopped(coarse, fine)
+    if coarse.end == ends.TOO_MANY and coarse.t_end < fine.t_end:
+        return stopped(coarse, replace(fine, notes=(*coarse.notes, *fine.notes)))
     apart = difference(coarse, fine, system.rotary, request.times)
     found = judged(coarse, fine, apart, request.times)
     return with_rounding(system, found, request.accuracy or TARGET, apart)
