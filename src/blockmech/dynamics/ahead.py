@@ -122,9 +122,13 @@ class Ahead:
 
     def _acting_on(self, piece: Piece, lies: Spans, sign: int) -> tuple[Work, Floats]:
         """What acts on a span, and the inertia (n + 1,) at its nodes and its anchor."""
-        friction, (q,) = self.system.friction, lies.places(np.append(rule(self.n).v, 0.0))
-        rows = piece.rows(q)
+        friction, (q,) = self.system.friction, lies.places(rule(self.n).known_first)
+        (begin,), (end,), (kind,) = lies.begin, lies.end, lies.kind
+        rows = piece.whole(begin, end) if kind == PLAIN else None
+        if rows is None:
+            rows = piece.rows(q)
         if self.rounding:
+            rows = rows.copy()
             rows[J] += self.rounding * piece.data.largest[J]
         inertia, q, rows = rows[J], q[:-1], rows[:, :-1]
         if self.place_only:

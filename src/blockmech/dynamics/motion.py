@@ -158,8 +158,11 @@ class Motion(Told):
         times = np.asarray(t, dtype=np.float64)
         flat = times.ravel()
         inside = (flat >= self.t_start) & (flat <= self.t_end)
-        state = self.track.state(np.where(inside, flat, self.t_start))
         last = flat == self.t_end
+        asked = np.where(inside, flat, self.t_start)
+        known = bool(last.all()) and flat.size > 0  # nothing to look up: the end is known exactly
+        track = Still(self.q_end, self.qd_end) if known else self.track
+        state = track.state(asked)
         mask, end = (inside, last) if state.q.ndim == 1 else (inside[:, None], last[:, None])
         shape = times.shape + state.q.shape[1:]
         pairs = zip(state, (self.q_end, self.qd_end), strict=True)

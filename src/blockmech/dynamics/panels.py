@@ -69,6 +69,7 @@ class Rule(NamedTuple):
         for each kind of panel. Towards a dead centre 2 v w is smooth, not w
     clock : (n + 1, n) coefficients of a series -> those of its integral from v = 0
     known : (n + 2, n + 1) polynomials at 0, the nodes, and 1
+    known_first : (n + 1,) the nodes, and 0
     """
 
     v: Floats
@@ -78,6 +79,7 @@ class Rule(NamedTuple):
     energy: Floats
     clock: Floats
     known: Floats
+    known_first: Floats
 
 
 @cache
@@ -114,6 +116,7 @@ def rule(n: int) -> Rule:
         narrow([plain, rest, rest, limit]),
         np.asarray(chebyshev.chebint(np.eye(n), lbnd=-1) / 2),
         narrow(basis(places, n + 1)),
+        narrow(np.append(v, 0)),
     )
 
 

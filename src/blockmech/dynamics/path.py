@@ -196,7 +196,8 @@ class PathRun:
                 self.at, piece, min([end, goal, *cuts], key=lambda x: self.sign * x)
             )
         if isinstance(panel, Panels):
-            if panel.t1 > self.request.span or float(panel.spans.end[-1]) == goal:
+            ahead = piece.what_ends(self.sign) == ends.DEAD_CENTRE
+            if ahead and (panel.t1 > self.request.span or float(panel.spans.end[-1]) == goal):
                 way = abs(float(panel.state(np.array([self.request.span]))[0][0]) - self.q)
                 if self.next.kept_clear(self.at, piece, way):
                     return

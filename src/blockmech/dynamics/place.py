@@ -117,6 +117,16 @@ class PlaceData:
             found[TAU] /= v
         return found
 
+    @cached_property
+    def forward(self) -> Floats:
+        """Rows (r, n + 1) at the nodes of a plain panel over all of it, and at its begin."""
+        return np.column_stack([self.rows, self.series @ _ends(self.rows.shape[1])[0]])
+
+    @cached_property
+    def backward(self) -> Floats:
+        """The same of a panel that runs from high to low: the nodes lie alike on both sides."""
+        return np.column_stack([self.rows[:, ::-1], self.series @ _ends(self.rows.shape[1])[1]])
+
     def zeros(self, row: int) -> list[float]:
         """Places at which a row is zero, ascending."""
         values = self.rows[row]
@@ -142,6 +152,12 @@ def near_zero(series: Floats) -> NDArray[np.bool_]:
     return np.asarray(
         values.min(axis=-1) <= (math.pi / 2 / FINER) ** 2 / 2 * np.abs(values).max(axis=-1)
     )
+
+
+@cache
+def _ends(n: int) -> Floats:
+    """Values (2, n) of the polynomials at the ends."""
+    return np.asarray(basis(np.array([0.0, 1.0]), n))
 
 
 @cache

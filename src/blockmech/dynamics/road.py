@@ -65,6 +65,18 @@ class Piece:
         """Place data (r, m) at places of the motion."""
         return self.data.at(q - self.shift)
 
+    def whole(self, begin: float, end: float) -> Floats | None:
+        """Place data (r, n + 1) of a plain panel over all of it, see `PlaceData.forward`.
+
+        They are kept, and not to be written to. None of a panel that is shorter.
+        """
+        data, low, high = self.data, self.end(-1), self.end(1)
+        a, b = (begin, end) if begin < end else (end, begin)
+        near = CLOSE * max(abs(a), abs(b))
+        if data.limit or abs(a - low) > near or abs(b - high) > near:
+            return None
+        return data.forward if begin < end else data.backward
+
     def shifted(self, by: float) -> Piece:
         """The same some periods further on."""
         cuts = tuple(x + by for x in self.cuts)

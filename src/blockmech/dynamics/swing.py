@@ -88,12 +88,21 @@ class Swing:
 
     def _rows(self, spans: Spans) -> Floats:
         """Inertia and effort (m, 2, n + 1) at the nodes and the anchors of panels."""
-        data = [x.data for x in self.pieces]
-        low = np.array([x.end(-1) for x in self.pieces])[:, None]
-        share = spans.places(np.append(rule(self.n).v, 0.0)) - low
-        share /= np.array([x.length for x in data])[:, None]
-        series = np.array([x.series[: TAU + 1].T for x in data])
-        rows: Floats = np.swapaxes(basis(np.clip(share, 0.0, 1.0), self.n) @ series, 1, 2)
+        rows = np.empty((len(self.pieces), 2, self.n + 1))
+        data, parts = [x.data for x in self.pieces], list[int]()
+        for i, piece in enumerate(self.pieces):
+            plain = spans.kind[i] == PLAIN
+            whole = piece.whole(self.edges[i], self.edges[i + 1]) if plain else None
+            if whole is None:
+                parts.append(i)
+            else:
+                rows[i] = whole[: TAU + 1]
+        low = np.array([self.pieces[i].end(-1) for i in parts])[:, None]
+        share = spans.places(rule(self.n).known_first)[parts] - low
+        share /= np.array([data[i].length for i in parts])[:, None]
+        series = np.array([data[i].series[: TAU + 1].T for i in parts])
+        values = basis(np.clip(share, 0.0, 1.0), self.n) @ series
+        rows[parts] = np.swapaxes(values, 1, 2)
         rows[:, J] += self.rounding * np.array([x.largest[J] for x in data])[:, None]
         return rows
 
