@@ -2,10 +2,10 @@
 
     python -m tests.campaigns.crawl RESULTS [--machines 200] [--seed 1] [--again]
 
-Each is moved by ``auto`` and by every method that takes friction, to the default accuracy. A line of
-RESULTS is a machine (JSON): processor time, end and estimated error by method, in a second run of
-each, so that place data are there and nothing is compiled. The table lists machines for which `auto`
-takes `OFTEN` times the cheapest method that reaches the accuracy, or loses patience.
+Each is moved by ``auto`` and by methods that take friction, to the default accuracy. A line of
+RESULTS is a machine (JSON): processor time, end and estimated error by method. The table lists
+machines for which `auto` takes `OFTEN` times the cheapest method that reaches the accuracy, or
+longer than anybody waits.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 
-import blockmech as bm
 from blockmech.errors import BlockmechError
 from blockmech.friction.laws import Coulomb
 from blockmech.testing.strategies import Options, Seeded, random_mechanism

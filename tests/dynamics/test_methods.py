@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import pytest
 
+import blockmech as bm
 from blockmech.dynamics.request import Start, Until
 from blockmech.errors import RequestError
 from tests.dynamics.linkages import motored, pendulum, watt
 from tests.dynamics.synthetic import move
 from tests.dynamics.test_integrators import double_pendulum
+from tests.gallery import GRAPHS
 
 
 def test_auto_says_what_it_took_and_why():
@@ -75,3 +78,22 @@ def test_until_reads_its_spellings():
 def test_a_motion_is_printed_without_its_tables():
     assert len(repr(move(pendulum(), Start(1.0), "time=1"))) < 1000
     assert math.isfinite(move(pendulum(), Start(1.0), "time=1").error)
+
+
+def test_a_path_that_crawls_hands_over_to_integration_in_time():
+    """In front of the place where all loops of a chain fold at once panels get ever shorter."""
+    data = json.loads((GRAPHS / "joints" / "n_four_bar.json").read_text("utf-8"))
+    data["links"]["rod01"]["cm"] = [0.5, 0.2]
+    mech, told = bm.Linkage.from_json(json.dumps(data)).compile(), []
+    motion = mech.simulate("time=2", want=[], progress=lambda *x: told.append(x)).motion
+    assert (motion.end, motion.method) == ("dead centre", "dop853")
+    assert any("it crawls" in note for note in motion.notes)
+    assert motion.cost.samples < 16_000  # 49,033 when every panel was waited for
+    assert len(told) > 20
+
+
+def test_the_path_alone_says_that_it_crawls():
+    mech = bm.Linkage.load(GRAPHS / "joints" / "n_four_bar.json").compile()
+    motion = mech.simulate("time=2", want=[], method="energy").motion
+    assert (motion.status, motion.end) == ("failed", "more evaluations than allowed")
+    assert any("it crawls" in note for note in motion.notes)

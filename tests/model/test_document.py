@@ -14,6 +14,7 @@ from blockmech.errors import FormatError, GraphError, RequestError
 from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.model.expect import Expectation
 from blockmech.model.form import VERSION
+from blockmech.model.reading import data_of
 from blockmech.model.writing import WIDTH, canonical_text
 from tests.doors import graph_of as loads
 from tests.gallery import GRAPHS
@@ -280,3 +281,23 @@ def test_an_old_file_still_gives_its_numbers():
     result = g.run(at=expected.at, want=list(expected.want), friction=expected.friction)
     ((x, y),) = expected.want["slide.S.p"]
     assert abs(result["slide.S.p"][0] - complex(x, y)) <= expected.rtol * abs(complex(x, y))
+
+
+@pytest.mark.parametrize(
+    ("text", "codes"),
+    [
+        ('{"a": [1, -2.5, 1e75, true, null, "é", {}]}', []),
+        ('{"a": {"b": 1, "b": 1}}', ["duplicate-key"]),
+        ('{"a": [1, 1e76]}', ["non-finite"]),
+        ('{"a": [[-Infinity], NaN]}', ["non-finite", "non-finite"]),
+        ('{"a": ' + "9" * 400 + "}", ["non-finite"]),
+        ('{"a": ' * 63 + "{}" + "}" * 63, []),
+    ],
+)
+def test_single_values_that_do_not_fit_are_found_wherever_they_are(text, codes):
+    assert [problem.code for problem in data_of(text)[1]] == codes
+
+
+def test_one_level_too_deep_is_refused_even_where_nothing_is_in_it():
+    with pytest.raises(FormatError, match="64 deep"):
+        data_of('{"a": ' * 64 + "{}" + "}" * 64)

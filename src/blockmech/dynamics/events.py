@@ -45,6 +45,7 @@ class EventRule:
     index : of the pair with friction that it is about
     place : [rad or m] of the only driver that it is about
     own : whether it is a user's
+    arrays : whether ``value`` takes times (m,) and states (n, m) at once
     """
 
     kind: str
@@ -56,6 +57,7 @@ class EventRule:
     index: int = -1
     place: float = math.nan
     own: bool = False
+    arrays: bool = False
 
 
 class Hit(NamedTuple):
@@ -70,7 +72,7 @@ class Hit(NamedTuple):
 
 def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> EventRule:
     """A driver's coordinate reaches q [rad or m]."""
-    return EventRule(kind, lambda t, y: y[driver] - q, direction, place=q)
+    return EventRule(kind, lambda t, y: y[driver] - q, direction, place=q, arrays=True)
 
 
 def general_rules(
@@ -94,7 +96,8 @@ def general_rules(
         return found
     found += [driver_at(ends.GOAL, q) for q in request.places]
     ends_run = request.standstills < math.inf or system.friction is not None
-    return [*found, EventRule(ends.STANDSTILL, lambda t, y: y[1], terminal=ends_run)]
+    stands = EventRule(ends.STANDSTILL, lambda t, y: y[1], terminal=ends_run, arrays=True)
+    return [*found, stands]
 
 
 def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[EventRule]:
@@ -142,10 +145,11 @@ def signal_rules(kinks: Callable[[float, Any], Any], count: int) -> list[EventRu
 def user_rule(watch: Watch, layout: StateLayout) -> EventRule:
     """A user's event, of states of a layout."""
 
-    def value(t: float, y: Any) -> float:
-        return watch.surface(t, *layout.motion(y))
+    def value(t: Any, y: Any) -> Any:
+        return watch.surface(t, *(y[:2] if watch.arrays else layout.motion(y)))
 
-    return EventRule(watch.name, value, watch.direction, watch.terminal, own=True)
+    how = watch.direction, watch.terminal
+    return EventRule(watch.name, value, *how, own=True, arrays=watch.arrays)
 
 
 # -- finding them --------------------------------------------------------------------------
@@ -219,13 +223,18 @@ class Lookout:
         found: list[Hit] = []
         shares = np.arange(self.parts) / self.parts
         t = np.append(steps[:-1, None] + np.diff(steps)[:, None] * shares, t1)
-        inner = list(zip(t[1:-1].tolist(), np.asarray(dense(t[1:-1])).T, strict=True))
+        inner = t[1:-1], np.asarray(dense(t[1:-1]))
+        one_by_one = list(zip(inner[0].tolist(), inner[1].T, strict=True))
         for rule, low, high in zip(self.rules, values, self.values, strict=True):
             dips = rule.dips and min(low, high) < near
             parts = min(max(rule.parts, PARTS // 2 if dips else 1), self.parts)
             each = self.parts // parts
-            row = [low, *(rule.value(s, y) for s, y in inner[each - 1 :: each]), high]
-            if (min(row) > 0 or max(row) < 0) and not dips:
+            if rule.arrays:
+                between = rule.value(*(x[..., each - 1 :: each] for x in inner))
+            else:
+                between = [rule.value(s, y) for s, y in one_by_one[each - 1 :: each]]
+            row = np.array([low, *between, high], dtype=np.float64)
+            if (row.min() > 0 or row.max() < 0) and not dips:
                 continue
 
             def value(s: float, rule: EventRule = rule) -> float:
@@ -253,13 +262,13 @@ def until_terminal(hits: list[Hit]) -> list[Hit]:
 
 
 def crossings(
-    direction: int, t: Floats, values: Sequence[float], value: Callable[[float], float]
+    direction: int, t: Floats, known: Any, value: Callable[[float], float]
 ) -> list[float]:
     """Times at which a value changes its sign, between times at which it is known."""
+    values = np.asarray(known, dtype=np.float64)
     return [
-        float(b) if high == 0 else _root(value, float(a), float(b))
-        for a, b, low, high in zip(t, t[1:], values, values[1:], strict=False)
-        if turned(low, high, direction)
+        float(t[i + 1]) if values[i + 1] == 0 else _root(value, float(t[i]), float(t[i + 1]))
+        for i in np.flatnonzero(turned(values[:-1], values[1:], direction))
     ]
 
 
@@ -284,7 +293,7 @@ def _root(value: Callable[[float], float], low: float, high: float) -> float:
     return float(brentq(side, low, high, xtol=EPS, rtol=4 * EPS))
 
 
-def _dip(t: Floats, values: Sequence[float], value: Callable[[float], float]) -> list[float]:
+def _dip(t: Floats, values: Floats, value: Callable[[float], float]) -> list[float]:
     """Where a value that is positive at all times given falls below zero between them.
 
     It cannot where it changes by less than itself from the least of them to its neighbours.

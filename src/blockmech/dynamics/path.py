@@ -72,7 +72,7 @@ class PathRun:
     facts: dict[str, float] = field(default_factory=dict)
     standstills: int = 0
     count: int = 0  # of panels
-    lately: list[float] = field(default_factory=list)  # [rad or m] ends of panels since a standstill
+    lately: list[float] = field(default_factory=list)  # ends of panels since a standstill
     gained: float = math.inf  # [J] in the last turn, without its sign
     left: float = 0.0  # [s] to a dead centre that the run stops short of
     mark: tuple[int, At] | None = None  # panel and state where a pattern may begin

@@ -69,6 +69,7 @@ class Watch:
     surface: Surface
     direction: int = 0
     terminal: bool = True
+    arrays = False  # whether the surface takes arrays: a user's is asked for state by state
 
 
 _UNITS = {

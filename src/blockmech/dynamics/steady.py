@@ -142,6 +142,12 @@ class Passage(NamedTuple):
     time: float
 
 
+class Gone(Watch):
+    """An event of our own, whose surface takes arrays."""
+
+    arrays = True
+
+
 @dataclass
 class Flow:
     """Motions of a system from any state (2k,), without an estimate of their errors."""
@@ -202,10 +208,10 @@ class Flow:
         stopped = any(map(math.isfinite, self.system.stops[0]))
         far = FAR * self.system.span if stopped or period is None else period
 
-        def gone(t: float, q: Any, qd: Any) -> float:
-            return abs(float(q) - begin) - far
+        def gone(t: Any, q: Any, qd: Any) -> Any:
+            return np.abs(q - begin) - far
 
-        motion = self.run(self.asked(x, Until("standstill"), [Watch(TURN, gone)]), tolerance)
+        motion = self.run(self.asked(x, Until("standstill"), [Gone(TURN, gone)]), tolerance)
         time = motion.t_end - motion.t_start
         if motion.end == TURN and far != period:
             raise Lost("a way without end")

@@ -97,12 +97,13 @@ class Swing:
                 parts.append(i)
             else:
                 rows[i] = whole[: TAU + 1]
-        low = np.array([self.pieces[i].end(-1) for i in parts])[:, None]
-        share = spans.places(rule(self.n).known_first)[parts] - low
-        share /= np.array([data[i].length for i in parts])[:, None]
-        series = np.array([data[i].series[: TAU + 1].T for i in parts])
-        values = basis(np.clip(share, 0.0, 1.0), self.n) @ series
-        rows[parts] = np.swapaxes(values, 1, 2)
+        if parts:
+            low = np.array([self.pieces[i].end(-1) for i in parts])[:, None]
+            share = spans.places(rule(self.n).known_first)[parts] - low
+            share /= np.array([data[i].length for i in parts])[:, None]
+            series = np.array([data[i].series[: TAU + 1].T for i in parts])
+            values = basis(np.clip(share, 0.0, 1.0), self.n) @ series
+            rows[parts] = np.swapaxes(values, 1, 2)
         rows[:, J] += self.rounding * np.array([x.largest[J] for x in data])[:, None]
         return rows
 

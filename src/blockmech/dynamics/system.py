@@ -344,10 +344,13 @@ class System:
 
     def typical_inertia(self, q: float) -> float:
         """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""
+        if self._typical[0] != q:  # of many runs that start at one place, the first asks
+            self._typical = self.kept.get("typical", self._typical)
         if self._typical[0] != q:
             J = self.sample(q + self.span * np.linspace(0.0, 1.0, 8, endpoint=False)).J
             good = J[np.isfinite(J) & (J > 0)]
             self._typical = q, float(np.median(good)) if good.size else 1.0
+            self.kept["typical"] = self._typical
         return self._typical[1]
 
     def inertia_rounding(self, q: float) -> float:
