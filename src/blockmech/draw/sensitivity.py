@@ -32,7 +32,7 @@ class PlottedSensitivity(Pictured, Sensitivity):
         with captioned(said, sum(heights) + ink.ROW / 2) as figure:
             panels = figure.subplots(len(ranked), height_ratios=heights, squeeze=False)[:, 0]
             for axes, (name, effects) in zip(panels, ranked.items(), strict=True):
-                _bars(axes, name, self.result.unit(name), effects)
+                _bars(axes, name, self.unit_of(name), effects)
         return figure
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from blockmech.draw import palette as ink
 from blockmech.draw.curves import abscissa, values
+from blockmech.draw.panels import Abscissa
 from blockmech.draw.paper import captioned, legend_above, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured
 from blockmech.runnable import giving
@@ -24,8 +25,10 @@ class PlottedTolerance(Pictured, Tolerance):
 
     def figure(self) -> Any:
         """The first outputs with their bands and deviations, a column wide."""
-        result, names = self.sensitivity.result, list(self)[:OUTPUTS]
-        across = abscissa(result)
+        result = self.sensitivity.result
+        curves = [name for name in self if not self.sensitivity.one_number(name)]
+        names = (curves or list(self))[:OUTPUTS]
+        across = abscissa(result) if curves else Abscissa("one number a design", np.zeros(1))
         total = sum(np.nan_to_num(self.shares(name)).sum(axis=1) for name in names)
         order = np.argsort(-np.asarray(total), kind="stable")[:NUMBERS]  # a colour in all panels
         said = (
@@ -49,8 +52,9 @@ tolerance = giving(PlottedTolerance, found_of)
 
 
 def _band(axes: Any, found: Tolerance, name: str, x: Any) -> None:
-    y, deviation = values(found.sensitivity.result, name), found[name]
-    factor, unit = scaled_unit(found.sensitivity.result.unit(name), float(np.nanmax(np.abs(y))))
+    run, deviation = found.sensitivity, found[name]
+    y = np.abs(run.value(name)) if name in run.reduced else values(run.result, name)
+    factor, unit = scaled_unit(run.unit_of(name), float(np.nanmax(np.abs(y))))
     y, band = factor * y, factor * BAND * deviation
     if len(x) == 1:
         axes.errorbar(x, y, band, fmt=".", color=ink.FORWARD, capsize=3)
@@ -62,7 +66,7 @@ def _band(axes: Any, found: Tolerance, name: str, x: Any) -> None:
 
 def _shares(axes: Any, found: Tolerance, name: str, x: Any, order: Any) -> None:
     deviation, shares = found[name], np.nan_to_num(found.shares(name))
-    factor, unit = scaled_unit(found.sensitivity.result.unit(name), float(np.nanmax(deviation)))
+    factor, unit = scaled_unit(found.sensitivity.unit_of(name), float(np.nanmax(deviation)))
     rows = [factor * deviation * shares[j] for j in order]
     addresses = list(found.laws)
     labels = [addresses[j] for j in order]

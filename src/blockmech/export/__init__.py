@@ -10,7 +10,7 @@ from typing import Any
 
 from blockmech.arguments import declared
 from blockmech.export.columns import AnyPath, Column, Labelled, columns
-from blockmech.export.data import json_chunks, to_dataframe, to_dict, to_npz
+from blockmech.export.data import json_chunks, to_dataframe, to_dict, to_npz, to_xarray
 from blockmech.export.schema import result_schema
 from blockmech.export.spreadsheet import csv_chunks, csv_of, to_csv, write_csv
 from blockmech.export.tables import (
@@ -42,6 +42,7 @@ __all__ = [
     "to_dataframe",
     "to_dict",
     "to_npz",
+    "to_xarray",
     "write_csv",
 ]
 
@@ -69,6 +70,10 @@ class Exported(Labelled):
     def to_dataframe(self) -> Any:
         """A pandas DataFrame; raises `MissingEngineError` without pandas."""
         return to_dataframe(self)
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` with units; raises `MissingEngineError` without xarray."""
+        return to_xarray(self)
 
     def __str__(self) -> str:
         return table(self)

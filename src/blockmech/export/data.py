@@ -76,6 +76,32 @@ def to_dataframe(result: Labelled) -> Any:
     return dataframe(columns(result), result.quality.status)
 
 
+def to_xarray(result: Labelled) -> Any:
+    """The result as an `xarray.Dataset` over the samples, with units.
+
+    The dimension is the coordinate of the only driver, else "sample"; drivers' coordinates and
+    the time are coordinates of the set; vectors are complex, x + iy. Raises
+    `MissingEngineError` without xarray (extra ``study``).
+    """
+    xarray = needed("xarray", "to_xarray", "study", "to_npz needs nothing")
+    drivers, time = dict(result.drivers), result.known_time()
+    rising = len(drivers) == 1 and len(np.unique(next(iter(drivers.values())))) == result.n
+    dim = next(iter(drivers)) if rising else "sample"
+    data = {name: result[name] for name in result}
+    rows = {n: x for n, x in data.items() if np.ndim(x) == 1 and len(x) == result.n}
+    coords = drivers | ({} if time is None else {"time": time})
+    found = xarray.Dataset(
+        {n: (dim, x) for n, x in rows.items() if n not in coords},
+        {n: (dim, x) for n, x in coords.items()},
+        {n: x for n, x in data.items() if np.ndim(x) == 0},
+    )
+    for name in rows:
+        found[name].attrs["units"] = result.output(name).unit
+    for name in drivers:
+        found[name].attrs["units"] = result.unit_of_driver(name)
+    return found
+
+
 def dataframe(table: Sequence[Column], status: Sequence[str]) -> Any:
     """Columns and a last one of words as a pandas DataFrame; see `to_dataframe`."""
     pandas = needed("pandas", "to_dataframe", "study", "to_csv needs nothing")

@@ -12,6 +12,7 @@ from __future__ import annotations
 import fnmatch
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,13 +22,14 @@ from blockmech.arguments import declared
 from blockmech.compiled import Compiled
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual, slope
-from blockmech.errors import Problem, RequestError
+from blockmech.errors import Problem, RequestError, refused
 from blockmech.model.parameters import Parameter, named
 from blockmech.plan import Output, Plan
 from blockmech.plane import REST_SHARE
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 from blockmech.studies.family import parameters
+from blockmech.studies.reductions import POSES, STROKE, WHOLE, Wanted, is_reduction, wanted
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import Sensitivity, size_of
 from blockmech.studies.variation import GIVEN, Variation, moves_drivers
@@ -60,7 +62,9 @@ def sensitivity(
 
     Parameters
     ----------
-    want : names or patterns of outputs; ``.x`` or ``.y`` behind a vector's is that part of it
+    want : names or patterns of outputs; ``.x`` or ``.y`` behind a vector's is that part of it;
+        or reductions of them over the samples as those of a study, ``max_abs(crank.drive)``,
+        ``stroke(slider.C.p)``
     to : addresses or patterns of numbers (`Mechanism.parameters`), and of drivers their
         ``crank.q``, ``crank.rate``, ``crank.acceleration``; by default all numbers
     at, samples, times, rates, accelerations : the samples, as those of a run
@@ -75,16 +79,19 @@ def sensitivity(
     RequestError for unknown names, and for outputs or numbers without a derivative
     AssemblyError, SingularError, FrictionError at gaps, unless marked
     """
-    names, to = _differentiable(mechanism, as_sequence("want", want)), as_sequence("to", to)
+    asked_for, to = as_sequence("want", want), as_sequence("to", to)
     poses = {"samples": samples, "times": times, "rates": rates, "accelerations": accelerations}
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
     given: dict[str, Any] = {**poses, **how}
+    if any(map(is_reduction, asked_for)):
+        return _of_reductions(mechanism, asked_for, to, at, given, on_gap)
+    names = _differentiable(mechanism, asked_for)
     result = mechanism.run(at, want=names, on_gap=on_gap, **given)
     asked, alone = _asked(mechanism, result, to)
     left_out = {a: why for a, p in asked.items() if (why := _without(p))}
     chosen = {a: p for a, p in asked.items() if a not in left_out}
     near = Variation.of(mechanism, chosen.values())
-    if gone := _gone(names, near, as_sequence("want", want)):
+    if gone := _gone(names, near, asked_for):
         result = mechanism.run(at, want=[n for n in names if n not in gone], on_gap=on_gap, **given)
     plan = near.general.plan(tuple(result), **result.settings)
     seeds = np.diag([size_of(p, chosen.values()) for p in chosen.values()])
@@ -113,6 +120,77 @@ def program_numbers(plan: Plan, near: Variation, seeds: Array) -> tuple[Any, ...
     """The parameters of a program, with tangents in directions (k, m) of what varies."""
     with np.errstate(all="ignore"):
         return plan.program.values(*near.design(seeds))
+
+
+def _of_reductions(
+    mechanism: Compiled,
+    asked_for: Sequence[str],
+    to: Sequence[str],
+    at: Any,
+    given: Mapping[str, Any],
+    on_gap: OnGap,
+) -> Sensitivity:
+    """Derivatives of reductions, and of outputs that stand beside them."""
+    plain = [n for n in asked_for if not is_reduction(n)]
+    order = ("samples", "times", "rates", "accelerations")
+    taken = mechanism.samples(at, *(given[name] for name in order))
+    columns = wanted(
+        [n for n in asked_for if is_reduction(n)], mechanism.outputs, taken, mechanism.drivers
+    )
+    if numbers := [w.label for w in columns if w.how == WHOLE]:
+        found = "it is one number a turn, and has no derivative"
+        raise RequestError([Problem("no-derivative", label, found) for label in numbers])
+    names = [*plain, *dict.fromkeys(w.output for w in columns)]
+    base = sensitivity(mechanism, names, to, at, on_gap=on_gap, **given)
+    kept = _differentiable(mechanism, plain) if plain else ()
+    sides = ({n: side[n] for n in kept} for side in (base.ahead, base.behind, base.jumps))
+    ahead, behind, jumps = sides
+    values = {}
+    for w in columns:
+        y, label = np.asarray(base.result[w.output]), w.label
+        if w.how == STROKE:
+            values[label], slopes = _stroke_slopes(base, w, given)
+            ahead[label], behind[label] = slopes
+        else:
+            values[label] = w.value(y)
+            ahead[label] = w.slopes(y, base.ahead[w.output])
+            behind[label] = -w.slopes(y, -base.behind[w.output])
+        jumping = base.jumps[w.output]
+        jumps[label] = jumping if w.how == POSES else np.asarray(jumping.any(axis=1, keepdims=True))
+    reduced = {w.label: (w, values[w.label]) for w in columns}
+    return replace(base, ahead=ahead, behind=behind, jumps=jumps, reduced=reduced)
+
+
+def _stroke_slopes(
+    base: Sensitivity, w: Wanted, given: Mapping[str, Any]
+) -> tuple[Array, tuple[Array, Array]]:
+    """A stroke and its derivatives (k, 1) to both sides: those of its ends, where they are.
+
+    An end is an extreme position, so where it is does not count in first order.
+    """
+    from blockmech.analysis.stroke import stroke
+
+    run = base.result
+    found = stroke(run, w.output)
+    if found.path == "curved":
+        raise refused(w.label, "a stroke along a curve has no derivative", "take a part of it")
+    ends = found.low, found.high
+    how = {k: given[k] for k in ("friction", "tolerance", "iterations", "static")}
+    if run.samples.times is not None:
+        how["times"] = [float(end.time or 0.0) for end in ends]
+    else:
+        drivers = run.mechanism.drivers
+        places = [run.mechanism.of_driver(d, "q") for d in drivers]
+        how["at"] = {d: [end.at[q] for end in ends] for d, q in zip(drivers, places, strict=True)}
+    there = sensitivity(run.mechanism, w.output, tuple(base.parameters), **how)
+    low, high = np.asarray(there.result[w.output])
+    along = (high - low) / abs(high - low) if w.vector else 1.0
+
+    def change(d: Array) -> Array:
+        return np.asarray((np.conj(along) * (d[:, 1:] - d[:, :1])).real)
+
+    sides = change(there.ahead[w.output]), change(there.behind[w.output])
+    return np.array([found.length]), sides
 
 
 def chosen_numbers(mechanism: Compiled, addresses: Sequence[str]) -> dict[str, Parameter]:

@@ -528,5 +528,5 @@ def _is_pattern(r: Floats) -> bool:
     """
     if len(r) <= 8:
         return False
-    signs = np.sign(r - np.median(r))
+    signs = np.sign(r)
     return bool(np.mean(signs[1:] * signs[:-1]) > PATTERN / math.sqrt(len(r)))

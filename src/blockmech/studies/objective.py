@@ -7,7 +7,7 @@ does not assemble, or that its file would refuse, is infinitely bad.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from blockmech.arguments import declared
 from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError, listed, refused
-from blockmech.plane import REST_SHARE
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.family import Family, remade
-from blockmech.studies.reductions import WHOLE, Wanted
-from blockmech.studies.runner import Runner
+from blockmech.studies.reductions import WHOLE
+from blockmech.studies.runner import Runner, poses_of
 from blockmech.studies.sampling import as_sequence
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
@@ -62,9 +61,9 @@ class Objective:
         Raises `BlockmechError` for a design that does not assemble.
         """
         other = remade(self.mechanism, self.numbers(x))
-        names = [w.output for w in self._runner.want]
-        found = sensitivity(other, names, self.addresses, **self._over, **self._runner.settings)
-        rows = [_reduced(w, found.result[w.output], found[w.output]) for w in self._runner.want]
+        labels = [w.label for w in self._runner.want]
+        found = sensitivity(other, labels, self.addresses, **self._over, **self._runner.settings)
+        rows = [_parts(found[label].T) for label in labels]
         whole = np.concatenate(rows)
         return whole[0] if len(whole) == 1 else whole
 
@@ -93,6 +92,7 @@ def objective(
     *,
     want: Mapping[str, str | Sequence[str]] | Sequence[str] | str,
     over: Coordinates | None = None,
+    at: Coordinates | None = None,
     samples: int | None = None,
     times: Numbers | None = None,
     friction: FrictionMethod | None = None,
@@ -105,13 +105,13 @@ def objective(
     Parameters
     ----------
     to : addresses of the numbers, in the order of the function's argument
-    want, over, samples, times, friction, tolerance, iterations, static : as those of a study
+    want, over, at, samples, times, friction, tolerance, iterations, static : as those of a study
 
     Raises `RequestError` for unknown names, or settings that do not fit.
     """
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
     family = Family(mechanism, as_sequence("to", to))
-    poses: dict[str, Any] = {"at": over, "samples": samples, "times": times}
+    poses: dict[str, Any] = {"at": poses_of(over, at), "samples": samples, "times": times}
     runner = Runner.of(family, want, poses, how)
     if whole := [w.label for w in runner.want if w.how == WHOLE]:
         found = "it is one number a turn, and has no derivative"
@@ -122,27 +122,3 @@ def objective(
 def _parts(row: Array) -> Array:
     """Rows of real numbers: of vectors all x, then all y."""
     return np.concatenate([row.real, row.imag]) if np.iscomplexobj(row) else row
-
-
-def _reduced(w: Wanted, y: Array, d: Array) -> Array:
-    """Derivatives (r, k) of a reduction of an output y (n,) with derivatives d (k, n)."""
-    size = np.abs(y)
-    grows = (y.conj() * d).real / np.where(size > 0.0, size, 1.0)
-    rules: Mapping[str, Callable[[], Any]] = {
-        "min": lambda: -_of_largest(-y, -d),
-        "max": lambda: _of_largest(y, d),
-        "max_abs": lambda: _of_largest(size, grows),
-        "range": lambda: _of_largest(y, d) + _of_largest(-y, -d),
-        "mean": lambda: d.mean(axis=1),
-        "rms": lambda: (size * grows).mean(axis=1) / (np.sqrt(np.mean(size**2)) or 1.0),
-        "at": lambda: d[:, w.sample],
-        "poses": lambda: d,
-    }
-    found: Array = rules[w.how]()
-    return _parts(np.atleast_2d(found.T))
-
-
-def _of_largest(y: Array, d: Array) -> Array:
-    """Derivatives (k,) of the largest of y (n,): of several but for rounding, that which leads."""
-    found: Array = d[:, np.isclose(y, y.max(), rtol=REST_SHARE, atol=0.0)].max(axis=1)
-    return found

@@ -1,7 +1,11 @@
 """What is kept of an output over the poses of a design: its extremes, its mean, one pose.
 
 A want is an output and a reduction, ``max_abs(crank.drive)``. Reductions of a vector are those
-of its length; a mean and a single pose are vectors.
+of its length; a mean and a single pose are vectors. All are of the poses, but a stroke, which is
+followed between them (`blockmech.analysis.stroke`).
+
+Derivatives are those of the reduction: of a largest value that of the pose where it is, of
+several that are alike the one that leads.
 """
 
 from __future__ import annotations
@@ -18,13 +22,14 @@ from numpy.typing import NDArray
 from blockmech.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.outputs import Catalogue
 from blockmech.plan import Output
+from blockmech.plane import REST_SHARE
 from blockmech.samples import Samples
 from blockmech.studies.sampling import as_sequence
 
 Array = NDArray[Any]
 TEXT = re.compile(r"(?P<how>\w+)\s*\((?P<output>[^,()]+)(?:,\s*(?P<at>[^,()]+))?\)")
 AT = re.compile(r"at\(\s*(?P<at>[^()]+)\s*\)")
-WHOLE, POSES = "value", "poses"
+WHOLE, POSES, STROKE = "value", "poses", "stroke"
 
 
 def mean(x: Array) -> Array:
@@ -40,8 +45,8 @@ SIMPLE: Mapping[str, Callable[[Array], Array]] = {
     "mean": mean,
     "rms": lambda x: np.sqrt(mean(x * x)),
 }
-OF_VECTORS = ("max_abs", "rms", "mean", "at", POSES)
-VALID = f"{listed(SIMPLE)}, at(coordinate), {POSES}"
+OF_VECTORS = ("max_abs", "rms", "mean", "at", POSES, STROKE)
+VALID = f"{listed(SIMPLE)}, {STROKE}, at(coordinate), {POSES}"
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,8 @@ class Wanted:
 
     def of(self, columns: Sequence[Any], shape: tuple[int, int], weights: Array) -> Array:
         """The column (m,), or (m, n) of poses, of program values that broadcast to (m, n)."""
+        if self.how == STROKE:  # which is followed design by design
+            return np.full(shape[0], np.nan)
         if self.how == WHOLE:
             rows = [np.broadcast_to(x, shape) for x in columns]
             return np.array([self.read(*row, weights) for row in zip(*rows, strict=True)])
@@ -85,6 +92,41 @@ class Wanted:
         if self.how == POSES:
             return np.array(x)
         return np.array(x[:, self.sample]) if self.how == "at" else SIMPLE[self.how](x)
+
+    def value(self, y: Array) -> Array:
+        """The reduction of an output (n,) of one design: an array of one number, or all (n,)."""
+        size = np.abs(y) if self.vector and self.how in ("max_abs", "rms") else y
+        if self.vector and np.iscomplexobj(size):
+            return np.atleast_1d(self._real(y.real[None])[0] + 1j * self._real(y.imag[None])[0])
+        return np.atleast_1d(self._real(size[None])[0])
+
+    def slopes(self, y: Array, d: Array) -> Array:
+        """Derivatives (k, 1), of poses (k, n), of the reduction of y (n,) with slopes d (k, n)."""
+        size = np.abs(y)
+        grows = (y.conj() * d).real / np.where(size > 0.0, size, 1.0)
+        rules: Mapping[str, Callable[[], Any]] = {
+            "min": lambda: -_of_largest(-y, -d),
+            "max": lambda: _of_largest(y, d),
+            "max_abs": lambda: _of_largest(size, grows),
+            "range": lambda: _of_largest(y, d) + _of_largest(-y, -d),
+            "mean": lambda: d.mean(axis=1),
+            "rms": lambda: (size * grows).mean(axis=1) / (np.sqrt(np.mean(size**2)) or 1.0),
+            "at": lambda: d[:, self.sample],
+            POSES: lambda: d,
+        }
+        found: Array = rules[self.how]()
+        return found if found.ndim > 1 else found[:, None]
+
+
+def _of_largest(y: Array, d: Array) -> Array:
+    """Derivatives (k,) of the largest of y (n,): of several but for rounding, that which leads."""
+    found: Array = d[:, np.isclose(y, y.max(), rtol=REST_SHARE, atol=0.0)].max(axis=1)
+    return found
+
+
+def is_reduction(text: str) -> bool:
+    """Whether a text names a reduction, ``max_abs(crank.drive)``, and not an output."""
+    return bool(TEXT.fullmatch(text.strip()))
 
 
 def components(name: str, values: Array) -> list[tuple[str, Array]]:
@@ -144,10 +186,12 @@ def _column(output: Output, how: str, samples: Samples, drivers: Sequence[str]) 
         return Wanted(called, called, WHOLE, output.unit, "real", read=output.read)
     at = AT.fullmatch(how)
     word = "at" if at else how
-    if word not in (*SIMPLE, "at", POSES) or (word == "at" and not at):
+    if word not in (*SIMPLE, "at", POSES, STROKE) or (word == "at" and not at):
         found = f'no reduction "{how}"' if how != WHOLE else "how it is reduced is not said"
-        remedy = close_match(how, [*SIMPLE, POSES]) or f'e.g. "max_abs({called})"'
+        remedy = close_match(how, [*SIMPLE, STROKE, POSES]) or f'e.g. "max_abs({called})"'
         raise refused(called, found, remedy, f"reductions: {VALID}", "bad-value")
+    if vector and word == STROKE and not called.endswith(".p"):
+        raise refused(f"{how}({called})", "it is no place of a marker", "name a place, or a part")
     if vector and word not in OF_VECTORS:
         remedy = f'ask for "{how}({called}.x)", or {listed(OF_VECTORS)}'
         raise refused(f"{how}({called})", "it is a vector", remedy)

@@ -10,6 +10,7 @@ ones, and with them the last bit of each answer.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from blockmech.compiled import COMPILED_FROM, Compiled
 from blockmech.engines.numpy import CHUNK, Planar, Whole
-from blockmech.errors import BlockmechError, FormatError
+from blockmech.errors import BlockmechError, FormatError, refused
 from blockmech.model.parameters import Parameter
 from blockmech.plan import Plan
 from blockmech.quality import NO_ASSEMBLY, WORDS, at_most_one, failures
@@ -26,7 +27,7 @@ from blockmech.samples import Samples, make_samples
 from blockmech.settings import check_switch, friction_asked
 from blockmech.studies.family import Family, as_said, remade
 from blockmech.studies.parts import Block, Span
-from blockmech.studies.reductions import POSES, WHOLE, Wanted, wanted
+from blockmech.studies.reductions import POSES, STROKE, WHOLE, Wanted, wanted
 from blockmech.studies.sampling import Designs
 
 Array = NDArray[Any]
@@ -114,13 +115,31 @@ class Runner:
         if not self.family.alone:
             program = planned.plan.program
             design = self.family.design({p: x[:, None] for p, x in columns.items()})
-            return planned.block(program.values(*design), m)
+            return self._with_strokes(planned.block(program.values(*design), m), columns)
         numbers = {p.address: as_said(p, x[0]) for p, x in columns.items()}
         try:
             own = _Planned(self, remade(self.family.mechanism, numbers), 1)
         except BlockmechError as error:
             return self._without(planned.samples.n, error)
-        return own.block(tuple(own.plan.program.parameters.values()), 1)
+        found = own.block(tuple(own.plan.program.parameters.values()), 1)
+        return self._with_strokes(found, columns)
+
+    def _with_strokes(self, block: Block, columns: Mapping[Parameter, Array]) -> Block:
+        """Designs with their strokes, each followed between the poses; NaN where there is none."""
+        wanted = [w for w in self.want if w.how == STROKE]
+        if not wanted:
+            return block
+        from blockmech.analysis.stroke import stroke
+
+        values = dict(block.values)
+        for i, row in enumerate(zip(*columns.values(), strict=True)):
+            numbers = {p.address: as_said(p, x) for p, x in zip(columns, row, strict=True)}
+            for w in wanted:
+                with suppress(BlockmechError):
+                    other = remade(self.family.mechanism, numbers)
+                    run = other.run(want=w.output, **self.over, **self.settings)
+                    values[w.label][i] = stroke(run, w.output).length
+        return block._replace(values=values)
 
     def _without(self, n: int, error: BlockmechError) -> Block:
         values: dict[str, Array] = {}
@@ -131,6 +150,13 @@ class Runner:
         said = f"{error.problems[0].where} ({error.problems[0].found})"
         word = np.array([WORDS.index(NO_ASSEMBLY)], np.int8)
         return Block(values, word, np.array([said], object), np.array([0]), np.array([n]))
+
+
+def poses_of(over: Any, at: Any) -> Any:
+    """The poses by either of their two names. Raises `RequestError` where both are given."""
+    if over is not None and at is not None:
+        raise refused("at", "over says the poses, too", "give one of them")
+    return at if over is None else over
 
 
 class _Planned:

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from blockmech.export.columns import AnyPath, driver_columns
 from blockmech.model.parameters import Parameter
 from blockmech.plane import EPS
 from blockmech.result import Result
-from blockmech.studies.reductions import components
+from blockmech.studies.reductions import POSES, Wanted, components
 
 Array = NDArray[Any]
 SHOWN = 12  # numbers of a ranking that are shown
@@ -62,6 +62,7 @@ class Sensitivity(Mapping[str, Array]):
     jumps : output -> whether (m, n) a number sets a pair going that rests, so that its friction
         jumps: what stands there is the derivative of the rest
     left_out : address of a number, or output -> why it has no derivative
+    reduced : reduction -> how it is one, and its value; its derivatives are (m, 1)
     """
 
     result: Result
@@ -70,6 +71,7 @@ class Sensitivity(Mapping[str, Array]):
     behind: Mapping[str, Array]
     jumps: Mapping[str, Array]
     left_out: Mapping[str, str]
+    reduced: Mapping[str, tuple[Wanted, Array]] = field(default_factory=dict)
 
     def __getitem__(self, name: Any) -> Array:
         output, *address = (name,) if isinstance(name, str) else name
@@ -85,9 +87,23 @@ class Sensitivity(Mapping[str, Array]):
     def __len__(self) -> int:
         return len(self.ahead)
 
+    def one_number(self, output: str) -> bool:
+        """Whether it is a reduction to one number, not an output at every sample."""
+        return output in self.reduced and self.reduced[output][0].how != POSES
+
+    def value(self, output: str) -> Array:
+        """An output (n,) of the run, or a reduction of it, an array of one."""
+        return (
+            self.reduced[output][1] if output in self.reduced else np.asarray(self.result[output])
+        )
+
+    def unit_of(self, output: str) -> str:
+        """Unit of an output or a reduction."""
+        return self.reduced[output][0].unit if output in self.reduced else self.result.unit(output)
+
     def unit(self, output: str, address: str) -> str:
         """Unit of a derivative."""
-        above, below = self.result.unit(output), self.parameters[address].unit
+        above, below = self.unit_of(output), self.parameters[address].unit
         return f"{above or '1'}/{below if below.isalnum() else f'({below})'}" if below else above
 
     def kinks(self, output: str) -> Array:
@@ -107,7 +123,7 @@ class Sensitivity(Mapping[str, Array]):
 
     def doubts(self, output: str) -> Iterator[str]:
         """Where an output has no derivative of both sides, in words."""
-        n = counted(self.result.n, "sample")
+        n = counted(1 if self.one_number(output) else self.result.n, "sample")
         if kinks := int(self.kinks(output).any(axis=0).sum()):
             yield f"one-sided at {kinks} of {n}: the output has a kink there"
         if jumps := int(self.jumps[output].any(axis=0).sum()):
@@ -135,7 +151,7 @@ class Sensitivity(Mapping[str, Array]):
         if not np.isfinite(self[output]).any():
             yield f"{output}: no answer"
             return
-        unit, effects = self.result.unit(output), self.ranked(output)
+        unit, effects = self.unit_of(output), self.ranked(output)
         rows = [
             (
                 e.parameter.address,
@@ -181,9 +197,14 @@ class Sensitivity(Mapping[str, Array]):
         Written if a path is given. Raises `RequestError` where the place cannot be written.
         """
         drivers = driver_columns(self.result, False)
+
+        def at(column: Any) -> Callable[[int, str], Any]:
+            return lambda k, output: "" if self.one_number(output) else column.values[k]
+
+        where = [at(column) for column in drivers]
         heads = [Column(a, p.unit, np.empty(0), a).head for a, p in self.parameters.items()]
         rows = (
-            [name, self.result.unit(name), *(c.values[k] for c in drivers), *row]
+            [name, self.unit_of(name), *(places(k, output) for places in where), *row]
             for output, both in self.ahead.items()
             for name, whole in components(output, both)
             for k, row in enumerate(whole.T.tolist())

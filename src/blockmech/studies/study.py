@@ -16,7 +16,7 @@ from blockmech.errors import needed
 from blockmech.files import AnyPath
 from blockmech.studies.family import Family
 from blockmech.studies.parts import WITHOUT, Block, Parts, Span
-from blockmech.studies.runner import Runner
+from blockmech.studies.runner import Runner, poses_of
 from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
 from blockmech.studies.table import Study
 from blockmech.studies.workers import Work, fingerprint, hands
@@ -30,6 +30,7 @@ def study(
     *,
     want: Mapping[str, str | Sequence[str]] | Sequence[str] | str,
     over: Coordinates | None = None,
+    at: Coordinates | None = None,
     samples: int | None = None,
     times: Numbers | None = None,
     sampling: Sampling | None = None,
@@ -54,9 +55,10 @@ def study(
     want : ``{"crank.drive": ["max_abs", "rms"], "dyad.margin": "min"}``, or texts such as
         ``"max_abs(crank.drive)"``
         Reductions over the poses: min, max, max_abs, range, mean, rms, at(coordinate), and
-        poses for all of them.
-    over : driver -> poses (n,) [rad or m]; by default the range of the drivers' laws
-    samples, times : as those of a run, in place of ``over``
+        poses for all of them; stroke is followed between the poses.
+    at : driver -> poses (n,) [rad or m]; by default the range of the drivers' laws
+    over : another name for ``at``
+    samples, times : as those of a run, in place of ``at``
     sampling : "grid" (default of arrays) or "paired"; of distributions "latin" (default),
         "sobol" or "random"
     count, seed : of distributions, how many designs, and which
@@ -86,7 +88,9 @@ def study(
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
     chosen = designs(vary, sampling, count, seed)
     family = Family(mechanism, vary)
-    runner = Runner.of(family, want, {"at": over, "samples": samples, "times": times}, how)
+    runner = Runner.of(
+        family, want, {"at": poses_of(over, at), "samples": samples, "times": times}, how
+    )
     spans = runner.checked(chosen)
     runner = replace(runner, engine=engine)
     runner = replace(runner, engine=runner.prepared(chosen.count).engine.name)  # the same for all

@@ -93,13 +93,16 @@ class Tolerance(Mapping[str, Array]):
 
     def _table(self, output: str) -> Iterator[str]:
         run = self.sensitivity.result
-        deviation, unit = self[output], run.unit(output)
+        deviation, unit = self[output], self.sensitivity.unit_of(output)
         if not np.isfinite(deviation).any():
             yield f"{output}: no answer"
             return
         k = int(np.nanargmax(deviation))
         at = ", ".join(f"{d} = {q[k]:.6g} {run.unit_of_driver(d)}" for d, q in run.drivers.items())
-        yield f"{output}: deviation up to {deviation[k]:.4g} {unit}".rstrip() + f", at {at}"
+        if self.sensitivity.one_number(output):
+            yield f"{output}: deviation {deviation[0]:.4g} {unit}".rstrip()
+        else:
+            yield f"{output}: deviation up to {deviation[k]:.4g} {unit}".rstrip() + f", at {at}"
         if output in self.sampled:
             found = self.sampled[output]
             n, off = int(found.designs[k]), found.deviation[k]
@@ -136,7 +139,7 @@ def tolerance(
     Parameters
     ----------
     numbers : address -> distribution (`normal`, `uniform`), independent of each other
-    want : names or patterns of outputs
+    want : names or patterns of outputs, or reductions of them, ``range(dyad.j.angle)``
     at, samples, times : the samples, as those of a run
     count, seed : of designs drawn at random for Monte Carlo; by default none
     friction, static : as those of a run
@@ -165,7 +168,8 @@ def tolerance(
     sampled = {}
     if count is not None:
         family, how = Family(centre, laws), linear.result.settings
-        runner = Runner.of(family, dict.fromkeys(linear, "poses"), poses, how)
+        every = [n if n in linear.reduced else f"poses({n})" for n in linear]
+        runner = Runner.of(family, every, poses, how)
         sampled = _drawn(runner, designs(laws, "random", count, seed), linear, progress)
     return Tolerance(linear, laws, sampled)
 
@@ -178,7 +182,8 @@ def _drawn(
     for (_, done), block in Work(runner, chosen).here(runner.checked(chosen)):
         assert block is not None  # as nothing is written
         for name, found in zip(sums, block.values.values(), strict=True):
-            good = np.isfinite(off := found - linear.result[name])
+            rows = found if found.ndim > 1 else found[:, None]
+            good = np.isfinite(off := rows - linear.value(name))
             off = np.where(good, off, 0.0)
             terms = good.sum(axis=0), off.sum(axis=0), np.square(np.abs(off)).sum(axis=0)
             sums[name] = [a + b for a, b in zip(sums[name], terms, strict=True)]
@@ -189,5 +194,5 @@ def _drawn(
         for name, (n, first, second) in sums.items():
             mean = first / n
             deviation = np.sqrt((second / n - np.square(np.abs(mean))) * n / (n - 1))
-            sampled[name] = Scatter(linear.result[name] + mean, deviation, n)
+            sampled[name] = Scatter(linear.value(name) + mean, deviation, n)
     return sampled

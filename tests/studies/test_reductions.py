@@ -1,0 +1,131 @@
+"""Reductions mean the same everywhere, with exact derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from tests.gallery import GRAPHS
+
+RUIZ = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+MECH = RUIZ.compile()
+TO = ["dyad.l_i", "crank.length", "dyad.links.i.mass", "frame.D.x"]
+WANT = [
+    "range(dyad.j.angle)", "max_abs(crank.drive)", "min(dyad.margin)", "rms(crank.drive)",
+    "max(dyad.C.p.y)", "mean(dyad.D.reaction)", "at(crank.drive, 1.0)", "stroke(dyad.j.angle)",
+]  # fmt: skip
+POSES = np.linspace(0.2, 6.0, 59)  # holds 1.0
+
+
+def rebuilt(label, address, value):
+    """A reduction of the mechanism with another number, by a study of one design."""
+    found = MECH.study({address: [value]}, want=[label], at=POSES)
+    return complex(found[label][0])
+
+
+def difference(label, address):
+    x = MECH.parameters()[address].value
+    h = 3e-6 * x
+    f = {k: rebuilt(label, address, x + k * h) for k in (-3, -2, -1, 1, 2, 3)}
+    return (45 * (f[1] - f[-1]) - 9 * (f[2] - f[-2]) + (f[3] - f[-3])) / (60 * h)
+
+
+@pytest.mark.parametrize("label", WANT)
+def test_derivatives_are_those_of_rebuilt_mechanisms(label):
+    found = MECH.sensitivity([label], to=TO, at=POSES)
+    assert [*found] == [label]
+    for address in TO:
+        exact, wanted = complex(found[label, address][0]), difference(label, address)
+        x = MECH.parameters()[address].value
+        size = max(abs(wanted), abs(complex(found.value(label)[0]) / x))
+        assert abs(exact - wanted) <= 1e-9 * size
+
+
+@pytest.mark.parametrize("label", WANT)
+def test_a_study_and_a_sensitivity_keep_the_same_number(label):
+    value = complex(MECH.sensitivity([label], to=TO[:1], at=POSES).value(label)[0])
+    assert value == pytest.approx(rebuilt(label, TO[0], MECH.parameters()[TO[0]].value), rel=1e-12)
+
+
+def test_a_stroke_is_followed_between_the_poses():
+    """Sixteen poses a turn find the swing that 3,600 find; a range of theirs does not."""
+    few = MECH.study(
+        {"dyad.l_i": [6.0]}, want=["stroke(dyad.j.angle)", "range(dyad.j.angle)"], samples=17
+    )
+    fine = MECH.study({"dyad.l_i": [6.0]}, want="range(dyad.j.angle)", samples=36001)
+    swing = MECH.stroke("dyad.j.angle").length
+    assert few["stroke(dyad.j.angle)"][0] == pytest.approx(swing, rel=1e-12)
+    assert fine["range(dyad.j.angle)"][0] == pytest.approx(swing, rel=1e-7)
+    assert abs(few["range(dyad.j.angle)"][0] / swing - 1) > 1e-4
+
+
+def test_the_stroke_of_a_slider():
+    g = bm.Graph.load(GRAPHS / "slider_crank_offset.json")
+    mech = g.compile()
+    name = next(n for n in mech.outputs if n.endswith("Cj.p"))
+    address = "crank.length"
+    found = mech.sensitivity([f"stroke({name})"], to=[address])
+    x, h = mech.parameters()[address].value, 1e-4
+
+    def length(v):
+        return g.replace({address: v}).compile().stroke(name).length
+
+    wanted = (8 * (length(x + h) - length(x - h)) - length(x + 2 * h) + length(x - 2 * h)) / (
+        12 * h
+    )
+    assert found[f"stroke({name})", address][0] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_tolerance_takes_reductions():
+    made = {"dyad.l_i": bm.normal(6.0, 0.005), "dyad.l_j": bm.normal(3.0, 0.005)}
+    label = "range(dyad.j.angle)"
+    bands = MECH.tolerance(made, want=[label, "dyad.C.p.x"], at=POSES, count=800)
+    assert bands[label].shape == (1,)
+    assert bands["dyad.C.p.x"].shape == (59,)
+    drawn = MECH.study(made, want=label, at=POSES, count=800)[label]
+    assert bands[label][0] == pytest.approx(np.std(drawn, ddof=1), rel=0.1)
+    assert bands.sampled[label].deviation[0] == pytest.approx(bands[label][0], rel=0.1)
+    assert bands.shares(label)[:, 0].sum() == pytest.approx(1.0)
+    assert f"{label}: deviation " in str(bands)
+
+
+def test_objective_takes_a_stroke():
+    f = MECH.objective(["dyad.l_j", "crank.length"], want="stroke(dyad.j.angle)", samples=37)
+    h = 1e-4
+    for i in range(2):
+        e = np.eye(2)[i] * h
+        x = f.start
+        wanted = (8 * (f(x + e) - f(x - e)) - f(x + 2 * e) + f(x - 2 * e)) / (12 * h)
+        assert f.jacobian(x)[i] == pytest.approx(wanted, rel=1e-8)
+
+
+def test_pictures_and_tables_have_them(tmp_path):
+    made = {"dyad.l_i": bm.normal(6.0, 0.005)}
+    MECH.tolerance(made, want=["range(dyad.j.angle)"], at=POSES).plot(tmp_path / "a.png")
+    MECH.tolerance(made, want=["range(dyad.j.angle)", "dyad.C.p.x"], at=POSES).plot(
+        tmp_path / "b.png"
+    )
+    found = MECH.sensitivity(["max_abs(crank.drive)", "dyad.C.p.x"], to=TO, at=POSES)
+    found.plot(tmp_path / "c.png")
+    assert "max_abs(crank.drive) [N m]" in str(found)
+    rows = found.to_csv().splitlines()
+    assert sum(r.startswith("max_abs(crank.drive),") for r in rows) == 1
+    assert sum(r.startswith("dyad.C.p.x,") for r in rows) == 59
+
+
+def test_what_is_no_reduction_is_refused():
+    with pytest.raises(bm.RequestError, match='no reduction "most"'):
+        MECH.sensitivity("most(crank.drive)", to=TO)
+    with pytest.raises(bm.RequestError, match="no place of a marker"):
+        MECH.study({"dyad.l_i": [6.0]}, want="stroke(dyad.C.v)")
+    with pytest.raises(bm.RequestError, match="give one of them"):
+        MECH.study({"dyad.l_i": [6.0]}, want="max(crank.drive)", at=POSES, over=POSES)
+
+
+def test_a_result_is_a_dataset():
+    run = MECH.run(at=POSES, want=["crank.drive", "dyad.C.p"])
+    found = run.to_xarray()
+    assert found["crank.drive"].attrs["units"] == "N m"
+    assert np.array_equal(found["dyad.C.p"].values, run["dyad.C.p"])
+    assert float(found["crank.drive"].sel({"crank.q": POSES[3]})) == run["crank.drive"][3]
