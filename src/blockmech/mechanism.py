@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import blockmech.analysis.extremes as extremal
     import blockmech.analysis.stroke as stroking
     import blockmech.draw.arcs as closing
+    import blockmech.draw.balance as sizing
     import blockmech.draw.equilibria as balancing
     import blockmech.draw.identify as identifying
     import blockmech.draw.linearize as linearising
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     import blockmech.draw.trade as trading
     import blockmech.dynamics.simulation as simulating
     import blockmech.dynamics.stepper as stepping
+    import blockmech.studies.balance as weighing
     import blockmech.studies.family as designing
     import blockmech.studies.linearize as vibrating
     import blockmech.studies.objective as optimising
@@ -45,14 +47,18 @@ class Mechanism(Compiled):
     """
 
     if TYPE_CHECKING:
+        available = weighing.available
+        balance = sizing.balance
         equilibria = balancing.equilibria
         explain = explaining.explain
         extremes = extremal.extremes
         floquet = vibrating.floquet
+        flywheel = sizing.flywheel
         identify = identifying.identify
         limits = closing.limits
         linearize = linearising.linearize
         modes = closing.modes
+        motor = sizing.motor
         objective = optimising.objective
         parameters = designing.parameters
         sensitivity = sensing.sensitivity
@@ -64,14 +70,18 @@ class Mechanism(Compiled):
         trade = trading.trade
         verify = verifying.verify
     else:
+        available = Later("blockmech.studies.balance")
+        balance = Later("blockmech.draw.balance")
         equilibria = Later("blockmech.draw.equilibria")
         explain = Later("blockmech.analysis.explain")
         extremes = Later("blockmech.analysis.extremes")
         floquet = Later("blockmech.studies.linearize")
+        flywheel = Later("blockmech.draw.balance")
         identify = Later("blockmech.draw.identify")
         limits = Later("blockmech.draw.arcs")
         linearize = Later("blockmech.draw.linearize")
         modes = Later("blockmech.draw.arcs")
+        motor = Later("blockmech.draw.balance")
         objective = Later("blockmech.studies.objective")
         parameters = Later("blockmech.studies.family")
         sensitivity = Later("blockmech.draw.sensitivity")
