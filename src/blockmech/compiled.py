@@ -221,6 +221,10 @@ class Compiled(Runnable):
         """Outputs of a result that are rounding for the most part."""
 
     @abstractmethod
+    def stroke_of(self, result: Result, output: str) -> Any:
+        """The stroke of an output, followed between the samples of a result."""
+
+    @abstractmethod
     def motion_svg(self, result: Result) -> str:
         """The picture of a simulation as SVG text."""
 

@@ -114,6 +114,12 @@ class Mechanism(Compiled):
 
         return digits_lost(result)
 
+    def stroke_of(self, result: Result, output: str) -> stroking.Stroke:
+        """The stroke of an output over a result; see `blockmech.analysis.stroke`."""
+        from blockmech.analysis.stroke import stroke
+
+        return stroke(result, output)
+
     def motion_svg(self, result: Result) -> str:
         """The picture of a simulation; see `blockmech.draw.simulation`."""
         from blockmech.draw.simulation import motion_svg

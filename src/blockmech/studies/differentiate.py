@@ -168,10 +168,8 @@ def _stroke_slopes(
 
     An end is an extreme position, so where it is does not count in first order.
     """
-    from blockmech.analysis.stroke import stroke
-
     run = base.result
-    found = stroke(run, w.output)
+    found = run.mechanism.stroke_of(run, w.output)
     if found.path == "curved":
         raise refused(w.label, "a stroke along a curve has no derivative", "take a part of it")
     ends = found.low, found.high

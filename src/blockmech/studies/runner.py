@@ -129,8 +129,6 @@ class Runner:
         wanted = [w for w in self.want if w.how == STROKE]
         if not wanted:
             return block
-        from blockmech.analysis.stroke import stroke
-
         values = dict(block.values)
         for i, row in enumerate(zip(*columns.values(), strict=True)):
             numbers = {p.address: as_said(p, x) for p, x in zip(columns, row, strict=True)}
@@ -138,7 +136,7 @@ class Runner:
                 with suppress(BlockmechError):
                     other = remade(self.family.mechanism, numbers)
                     run = other.run(want=w.output, **self.over, **self.settings)
-                    values[w.label][i] = stroke(run, w.output).length
+                    values[w.label][i] = other.stroke_of(run, w.output).length
         return block._replace(values=values)
 
     def _without(self, n: int, error: BlockmechError) -> Block:
