@@ -203,6 +203,14 @@ def test_loads_of_the_time_need_a_time():
         mech.equilibria()
 
 
+def test_loads_that_follow_signals_are_refused():
+    graph = next((GRAPHS / "control").glob("*.json"))
+    mech = bm.Graph.load(graph).compile()
+    for ask in (mech.equilibria, lambda: mech.linearize(1.0), lambda: mech.flywheel(1.0, 0.1)):
+        with pytest.raises(bm.RequestError, match="loads follow signals"):
+            ask()
+
+
 def test_a_balanced_mechanism_rests_everywhere():
     graph = bm.Graph.load(GRAPHS / "watt_sixbar.json").replace({"scene.gravity.y": 0.0})
     found = graph.compile().equilibria()

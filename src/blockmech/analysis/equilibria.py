@@ -32,7 +32,7 @@ from blockmech.analysis.scan import NODES, TURN, Span, bisect
 from blockmech.arguments import declared
 from blockmech.dynamics import loads
 from blockmech.dynamics.system import System
-from blockmech.dynamics.tangents import Tangents, tangents
+from blockmech.dynamics.tangents import Tangents, refuse_signals, tangents
 from blockmech.errors import refused
 from blockmech.plane import EPS
 from blockmech.series import DOUBLE_ROOT, SCANNED, Floats, Series, fit, panels
@@ -711,6 +711,7 @@ def equilibria(
     """
     if not mechanism.drivers:
         raise refused("equilibria", "the mechanism has no driver", "what does not move rests")
+    refuse_signals(mechanism)
     how = friction_asked(friction, None, None)
     bounds = (mechanism.scene.stops.get(d) for d in mechanism.drivers)
     stops = tuple((-math.inf, math.inf) if s is None else s.bounds for s in bounds)

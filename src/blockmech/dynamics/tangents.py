@@ -28,6 +28,7 @@ from blockmech.dynamics.friction import margins
 from blockmech.dynamics.motion import Floats
 from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
 from blockmech.engines.dual import Dual, value
+from blockmech.errors import refused
 from blockmech.passes import forces, reduction
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Schedule
@@ -63,6 +64,7 @@ def tangents(
 
     ``friction`` puts the friction of joints that slip into it; at rest it has no derivative.
     """
+    refuse_signals(compiled)
     engine = compiled.once(_with_friction if friction else _without)
     k = len(compiled.structure.drivers)
     q = np.asarray(q, float).reshape(-1, k)
@@ -81,6 +83,13 @@ def tangents(
     margin = np.minimum.reduce([np.ones(len(q)), *(value(x) for x in rest)])
     K, C, M = (slopes[..., j * k : (j + 1) * k] for j in range(3))
     return Tangents(np.stack([x.x for x in u], axis=-1), M, C, K, np.asarray(margin))
+
+
+def refuse_signals(compiled: Any) -> None:
+    """Raise `RequestError` where loads follow signals, whose states are no coordinates."""
+    if compiled.structure.signals:
+        found = "loads follow signals, whose states stand beside the coordinates"
+        raise refused("signals", found, "take the signals out, or simulate the motion")
 
 
 def _without(compiled: Any) -> DualEngine:

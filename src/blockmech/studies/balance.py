@@ -32,6 +32,7 @@ from blockmech.analysis.scan import NODES, TURN
 from blockmech.arguments import declared
 from blockmech.compiled import Compiled
 from blockmech.dynamics.system import System
+from blockmech.dynamics.tangents import refuse_signals
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual
 from blockmech.errors import BlockmechError, listed, refused
@@ -333,6 +334,7 @@ def flywheel(mechanism: Compiled, speed: float, fluctuation: float) -> Flywheel:
         raise refused("flywheel", "there is not one crank that turns fully", "a flywheel turns")
     if not (speed > 0 and 0 < fluctuation < 2):
         raise refused("fluctuation", f"got {fluctuation!r} at {speed!r} rad/s", "both are positive")
+    refuse_signals(mechanism)
     system = System(mechanism)
     if "time" in system.depends_on:
         raise refused("flywheel", "loads follow the time", "let them follow the crank")
