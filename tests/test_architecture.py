@@ -63,6 +63,7 @@ ROOMS = (
     "mechanism",
     "exchange",
     "builders",
+    "synthesis",
     "__init__",
     "testing",
     "studio",

@@ -57,7 +57,7 @@ from blockmech.studies.sampling import normal, uniform
 from blockmech.values import Link, Marker
 
 if TYPE_CHECKING:
-    from blockmech import draw, studio
+    from blockmech import draw, studio, synthesis
     from blockmech.dynamics.request import Until, Watch
     from blockmech.exchange.writing import write
     from blockmech.mechanism import Mechanism
@@ -123,6 +123,7 @@ __all__ = [
     "read",
     "signals",
     "studio",
+    "synthesis",
     "uniform",
     "write",
 ]
@@ -139,7 +140,7 @@ _LATER = {  # loaded when they are first asked for
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("draw", "studio"):
+    if name in ("draw", "studio", "synthesis"):
         return import_module(f"blockmech.{name}")
     if name in _LATER:
         return getattr(import_module(_LATER[name]), name)
