@@ -78,6 +78,8 @@ LATE = {
     "typer",
     "rich",
     "pandas",
+    "openpyxl",
+    "pylinkage",
     "xarray",
     "pyarrow",
     "distributed",

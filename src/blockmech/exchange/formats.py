@@ -120,6 +120,13 @@ WRITERS: Formats[Writer] = Formats(
     "blockmech.writers",
     {
         "c": "blockmech.exchange.c.files:WRITER",
+        "fmu": "blockmech.exchange.fmu.files:WRITER",
+        "xlsx": "blockmech.exchange.xlsx:WRITER",
+        "mat": "blockmech.exchange.mat:WRITER",
+        "csv": "blockmech.exchange.tables:CSV",
+        "json": "blockmech.exchange.tables:JSON",
+        "npz": "blockmech.exchange.tables:NPZ",
+        "parquet": "blockmech.exchange.tables:PARQUET",
     },
 )
 """Formats that are written."""

@@ -1,0 +1,43 @@
+"""The format ``mat``: the arrays of a run for MATLAB and Octave, version 5.
+
+``x.values.crank_drive`` is a column (n, 1), complex for vectors; ``x.names`` and ``x.units`` say
+what each is, ``x.status`` which samples have an answer.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from blockmech.exchange.c.program import Names
+from blockmech.exchange.formats import Order, Writer
+from blockmech.files import writing
+
+LONGEST = 31  # signs of a field's name in version 5
+
+
+def write_mat(order: Order, path: Path) -> list[Path]:
+    """One variable ``run``, a structure."""
+    from scipy.io import savemat
+
+    result = order.result()
+    taken = Names()
+    arrays = dict(result.drivers)
+    if (time := result.known_time()) is not None:
+        arrays["time"] = time
+    arrays |= {name: result[name] for name in result}
+    fields = {name: taken.fresh(name[-LONGEST + 4 :].lstrip("._0123456789")) for name in arrays}
+    whole = {
+        "name": result.mechanism.name,
+        "values": {fields[name]: np.asarray(x) for name, x in arrays.items()},
+        "names": {fields[name]: name for name in arrays},
+        "units": {fields[n]: "s" if n == "time" else result.output(n).unit for n in arrays},
+        "status": np.array(result.quality.status, object),
+    }
+    with writing(path) as stream:
+        savemat(stream, {"run": whole}, oned_as="column", long_field_names=True)
+    return [path]
+
+
+WRITER = Writer("MATLAB and Octave: the arrays of a run", (".mat",), write_mat)

@@ -1,0 +1,45 @@
+"""Formats that a result writes itself: CSV, JSON, NumPy, and Parquet by way of pandas."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from blockmech.errors import needed
+from blockmech.exchange.formats import Order, Writer
+from blockmech.export import csv_chunks, json_chunks, write_csv
+from blockmech.files import writing
+
+
+def write_table(order: Order, path: Path) -> list[Path]:
+    """CSV."""
+    write_csv(csv_chunks(order.result()), path)
+    return [path]
+
+
+def write_json(order: Order, path: Path) -> list[Path]:
+    """The result as JSON."""
+    with writing(path) as stream:
+        for chunk in json_chunks(order.result()):
+            stream.write(chunk.encode())
+    return [path]
+
+
+def write_npz(order: Order, path: Path) -> list[Path]:
+    """All arrays in one NumPy file."""
+    order.result().to_npz(path)
+    return [path]
+
+
+def write_parquet(order: Order, path: Path) -> list[Path]:
+    """A column for each component. Raises `MissingEngineError` without pandas or pyarrow."""
+    needed("pyarrow", "parquet", "study")
+    frame = order.result().to_dataframe()
+    with writing(path) as stream:
+        frame.to_parquet(stream)
+    return [path]
+
+
+CSV = Writer("table of a run as text", (".csv",), write_table)
+JSON = Writer("a run as JSON", (".json",), write_json)
+NPZ = Writer("the arrays of a run for NumPy", (".npz",), write_npz)
+PARQUET = Writer("table of a run for pandas, Arrow, DuckDB", (".parquet",), write_parquet)

@@ -1,0 +1,99 @@
+"""The format ``xlsx``: a workbook of a run, with units and a chart.
+
+Numbers are numbers, a cell without an answer is empty and the status beside it says why; names and
+texts are never formulas.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from blockmech.errors import needed, printable
+from blockmech.exchange.formats import Order, Writer
+from blockmech.export import columns
+from blockmech.files import writing
+from blockmech.result import Result
+
+LONGEST = 1_048_000  # rows of a sheet
+CHARTED = 6  # columns in the chart
+
+
+def workbook(result: Result) -> Any:
+    """The workbook of a result: the numbers, a chart, and what is to be known of them.
+
+    Raises `MissingEngineError` without openpyxl.
+    """
+    openpyxl = needed("openpyxl", "xlsx", "office")
+    book = openpyxl.Workbook()
+    sheet = book.active
+    sheet.title = "results"
+    found = columns(result)
+    bold = openpyxl.styles.Font(bold=True)
+    for j, column in enumerate(found, 1):
+        _text(sheet.cell(1, j), column.name).font = bold
+        _text(sheet.cell(2, j), column.unit or "-")
+        for i, x in enumerate(column.values[:LONGEST].tolist(), 3):
+            if math.isfinite(x):
+                sheet.cell(i, j, x)
+        sheet.column_dimensions[openpyxl.utils.get_column_letter(j)].width = max(
+            12, min(40, len(column.name) + 2)
+        )
+    last = len(found) + 1
+    _text(sheet.cell(1, last), "status").font = bold
+    for i, word in enumerate(result.quality.status[:LONGEST], 3):
+        _text(sheet.cell(i, last), word)
+    sheet.freeze_panes = "A3"
+    wanted = [j for j, c in enumerate(found, 1) if c.output in result][:CHARTED]
+    if result.n > 1 and wanted:
+        sheet.add_chart(_chart(openpyxl, sheet, result, wanted), f"{_letter(openpyxl, last + 2)}2")
+    about = book.create_sheet("about")
+    lines = [("mechanism", result.mechanism.name), ("samples", str(result.n)), ("units", "SI")]
+    lines += [("note", text) for text in result.notes()]
+    for i, (word, text) in enumerate(lines, 1):
+        _text(about.cell(i, 1), word)
+        _text(about.cell(i, 2), text)
+    return book
+
+
+def _text(cell: Any, text: str) -> Any:
+    """A cell with a text, whatever that begins with."""
+    cell.value = printable(text)
+    cell.data_type = "s"
+    return cell
+
+
+def _letter(openpyxl: Any, j: int) -> str:
+    return str(openpyxl.utils.get_column_letter(j))
+
+
+def _chart(openpyxl: Any, sheet: Any, result: Result, wanted: list[int]) -> Any:
+    chart = openpyxl.chart.ScatterChart()
+    chart.style, chart.height, chart.width = 2, 9.0, 18.0
+    chart.x_axis.title = f"{sheet.cell(1, 1).value} [{sheet.cell(2, 1).value}]"
+    chart.y_axis.title = f"[{sheet.cell(2, wanted[0]).value}]"
+    chart.x_axis.delete = chart.y_axis.delete = False
+    rows = {"min_row": 3, "max_row": min(result.n, LONGEST) + 2}
+    x = openpyxl.chart.Reference(sheet, min_col=1, **rows)
+    unit = sheet.cell(2, wanted[0]).value
+    for j in wanted:
+        if sheet.cell(2, j).value != unit:  # another unit has no place on this axis
+            continue
+        y = openpyxl.chart.Reference(sheet, min_col=j, **rows)
+        series = openpyxl.chart.Series(y, x, title=str(sheet.cell(1, j).value))
+        series.marker.symbol, series.smooth = "none", False
+        chart.series.append(series)
+    return chart
+
+
+def write_xlsx(order: Order, path: Path) -> list[Path]:
+    """A workbook of the wanted outputs."""
+    needed("openpyxl.chart", "xlsx", "office")
+    book = workbook(order.result())
+    with writing(path) as stream:
+        book.save(stream)
+    return [path]
+
+
+WRITER = Writer("workbook of a run, with units and a chart", (".xlsx",), write_xlsx)
