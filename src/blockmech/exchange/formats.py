@@ -121,6 +121,9 @@ WRITERS: Formats[Writer] = Formats(
     {
         "c": "blockmech.exchange.c.files:WRITER",
         "fmu": "blockmech.exchange.fmu.files:WRITER",
+        "mjcf": "blockmech.exchange.mjcf:WRITER",
+        "dxf": "blockmech.exchange.outlines:DXF",
+        "svg": "blockmech.exchange.outlines:SVG",
         "xlsx": "blockmech.exchange.xlsx:WRITER",
         "mat": "blockmech.exchange.mat:WRITER",
         "csv": "blockmech.exchange.tables:CSV",

@@ -1,0 +1,173 @@
+"""The format ``mjcf``: a pin-jointed mechanism for MuJoCo, at a pose.
+
+A tree of bodies hangs on the frame, driven pairs first; every other pin closes a loop by
+``equality/connect``. All bodies have the frame's axes at the pose that is written, so coordinates
+count from there. Gravity lies in the plane of the mechanism; MuJoCo's contact and damping are off.
+The solver's time constant is two steps, as small as it may be: constraints are then met to the
+square of the step.
+
+Source: MuJoCo documentation, XML reference (``body``, ``joint``, ``equality/connect``).
+"""
+
+from __future__ import annotations
+
+import cmath
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from blockmech.errors import listed, printable, refused
+from blockmech.exchange.formats import Order, Writer
+from blockmech.files import writing
+from blockmech.model.structure import JointRef, LinkRef
+
+LEAST = 1e-9  # kg and kg m2: MuJoCo moves nothing without mass
+STEP = 1e-4  # [s]
+
+
+class Model:
+    """The tree of a mechanism, and what closes it."""
+
+    def __init__(self, order: Order) -> None:
+        """Raises `RequestError` for guides that close a loop, and for couplings."""
+        self.mechanism = mechanism = order.mechanism.of_blocks
+        self.structure = s = mechanism.structure
+        if s.followers:
+            raise refused("--to mjcf", "a coupling has no element there", "leave it out")
+        self.step = float(order.options.get("step", STEP))
+        at = order.at.get("at")
+        if at is None:
+            at = {d: _start(mechanism.scene, d) for d in mechanism.drivers}
+        found = mechanism.run(at=at, want=["*.p", "*.angle"], static=True)
+        self.place = {n: complex(found[n][0]) for n in found if n.endswith(".p")}
+        self.angle = {n: float(found[n][0]) for n in found if n.endswith(".angle")}
+        driven = {str(ref): d for d, ref in s.driven.items()}
+        refs = [JointRef(b, j) for b, block in s.blocks.items() for j in block.joints]
+        refs.sort(key=lambda ref: str(ref) not in driven)
+        self.drivers = driven
+        self.parent: dict[LinkRef, tuple[LinkRef, JointRef]] = {}
+        self.loops: list[JointRef] = []
+        known = {s.frame_link}
+        while refs:  # breadth first: each time the first pair that hangs a link on the tree
+            for ref in refs:
+                ends = s.earlier_link(ref), s.later_link(ref)
+                inside = [end in known for end in ends]
+                if all(inside):
+                    self.loops.append(ref)
+                elif any(inside):
+                    base, link = ends if inside[0] else ends[::-1]
+                    self.parent[link] = base, ref
+                    known.add(link)
+                else:
+                    continue
+                refs.remove(ref)
+                break
+        guides = [str(r) for r in (*self.loops, *(r for _, r in self.parent.values()))]
+        guides = [r for r, ref in zip(guides, self._all(), strict=True) if s.joint(ref).kind != "R"]
+        if guides:
+            found_ = f"{listed(guides)}: guides are not written"
+            raise refused("--to mjcf", found_, "a mechanism of pins alone can be written")
+
+    def _all(self) -> list[JointRef]:
+        return [*self.loops, *(ref for _, ref in self.parent.values())]
+
+    def pin(self, ref: JointRef) -> complex:
+        """Where a pin is [m]: its own place, or that of the marker that it is wired to."""
+        own = self.place.get(f"{ref}.p")
+        return self.place[f"{self.structure.feeds[ref]}.p"] if own is None else own
+
+    def centre(self, link: LinkRef) -> complex:
+        """The centre of mass [m] of a link."""
+        own = self.structure.properties(link)
+        turned = cmath.exp(1j * self.angle[f"{link}.angle"])
+        return self.place[f"{link}.p"] + complex(own.cm.z) * turned
+
+    def text(self) -> str:
+        """The whole file."""
+        mechanism, s = self.mechanism, self.structure
+        g = complex(mechanism.scene.gravity.z)
+        left = [f"loads: {listed(s.elements, 30)}"] if s.elements else []
+        left += [f"friction: {listed(mechanism.frictional_joints)}"] * bool(
+            mechanism.frictional_joints
+        )
+        lines = [
+            f"<mujoco model={quoteattr(printable(mechanism.name))}>",
+            *(f"  <!-- left out: {printable(x).replace('--', '- -')} -->" for x in left),
+            f'  <option timestep="{self.step!r}" gravity="{g.real!r} {g.imag!r} 0"'
+            ' integrator="RK4" iterations="200" tolerance="1e-15">',
+            '    <flag contact="disable"/>',
+            "  </option>",
+            '  <compiler angle="radian" balanceinertia="true"/>',
+            f'  <default><equality solref="{2 * self.step!r} 1" solimp="0.9999 0.9999 0.001"/>'
+            "</default>",
+            "  <worldbody>",
+            *self._bodies(s.frame_link, 0j, 2),
+            "  </worldbody>",
+        ]
+        if self.loops:
+            lines += ["  <equality>", *map(self._connect, self.loops), "  </equality>"]
+        if self.drivers:
+            lines.append("  <actuator>")
+            for ref, driver in self.drivers.items():
+                pair = f"name={quoteattr(driver)} joint={quoteattr(ref)}"
+                lines.append(f"    <motor {pair}/>")
+            lines.append("  </actuator>")
+        return "\n".join([*lines, "</mujoco>"]) + "\n"
+
+    def _bodies(self, base: LinkRef, at: complex, depth: int) -> list[str]:
+        """The bodies that hang on a link whose body is at a place."""
+        lines = []
+        for link, (parent, ref) in self.parent.items():
+            if parent != base:
+                continue
+            here = self.pin(ref)
+            own = self.structure.properties(link)
+            mass, inertia = max(float(own.mass), LEAST), max(float(own.inertia), LEAST)
+            c, margin = self.centre(link) - here, "  " * depth
+            # The pair turns the body against its parent; a driver counts as in blockmech.
+            sense = 1 if self.structure.later_link(ref) == link else -1
+            lines += [
+                f'{margin}<body name={quoteattr(str(link))} pos="{_xyz(here - at)}">',
+                f'{margin}  <joint name={quoteattr(str(ref))} type="hinge" axis="0 0 {sense}"/>',
+                f'{margin}  <inertial pos="{_xyz(c)}" mass="{mass!r}"'
+                f' diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>',
+                *self._bodies(link, here, depth + 1),
+                f"{margin}</body>",
+            ]
+        return lines
+
+    def _connect(self, ref: JointRef) -> str:
+        s = self.structure
+        one, two = s.earlier_link(ref), s.later_link(ref)
+        bodies = [x for x in (one, two) if x != s.frame_link]
+        names = " ".join(f"body{k}={quoteattr(str(x))}" for k, x in enumerate(bodies, 1))
+        base = self.pin(self.parent[bodies[0]][1])
+        return f'    <connect {names} anchor="{_xyz(self.pin(ref) - base)}"/>'
+
+
+def _start(scene: Any, driver: str) -> float:
+    initial, law = scene.initial.get(driver), scene.drive.get(driver)
+    return float(initial.q if initial is not None else getattr(law, "start", 0.0) or 0.0)
+
+
+def _xyz(z: complex) -> str:
+    x, y = (float(np.float64(v)) for v in (z.real, z.imag))
+    return f"{x!r} {y!r} 0"
+
+
+def write_mjcf(order: Order, path: Path) -> list[Path]:
+    """One XML file."""
+    text = Model(order).text()
+    with writing(path) as stream:
+        stream.write(text.encode())
+    return [path]
+
+
+WRITER = Writer(
+    "MuJoCo: bodies, hinges and loops of a pin-jointed mechanism",
+    (".xml", ".mjcf"),
+    write_mjcf,
+    {"step": "[s] of its integration; default 1e-4"},
+)

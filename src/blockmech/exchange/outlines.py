@@ -1,0 +1,239 @@
+"""The formats ``dxf`` and ``svg``: links as outlines with holes, to scale, at a pose.
+
+A link is the hull of its pins, wider by half a width, with a hole at each pin; each link has a
+layer of its own, lengths are millimetres. Guides are not outlined, pins of the frame are holes.
+
+Source: Autodesk, DXF Reference R12 (LINE, ARC, CIRCLE in text); SVG 1.1.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.sax.saxutils import quoteattr
+
+from blockmech.errors import printable, refused
+from blockmech.exchange.formats import Order, Writer
+from blockmech.files import writing
+from blockmech.model.structure import JointRef
+from blockmech.units import number_in, units_of
+
+MM = 1e3
+OPTIONS = {
+    "width": "of a link, e.g. 20mm; default an eighth of the longest link",
+    "hole": "diameter of its holes, e.g. 5mm; default a third of the width",
+}
+
+
+class Line(NamedTuple):
+    """From a to b [mm]."""
+
+    a: complex
+    b: complex
+
+
+class Arc(NamedTuple):
+    """About a centre [mm], counter-clockwise from one angle [rad] to the other."""
+
+    centre: complex
+    radius: float
+    start: float
+    stop: float
+
+
+class Circle(NamedTuple):
+    """A whole circle [mm]."""
+
+    centre: complex
+    radius: float
+
+
+Shape = Line | Arc | Circle
+
+
+def outlines(order: Order) -> dict[str, list[Shape]]:
+    """Link -> its outline and holes [mm], in the pose of the first sample."""
+    mechanism = order.mechanism.of_blocks
+    s = mechanism.structure
+    refs = [JointRef(b, j) for b, block in s.blocks.items() for j in block.joints]
+    at = dict(order.at) or {"samples": 1}
+    found = mechanism.run(**at, want="*.p", static=True)
+    places: dict[str, list[complex]] = {}
+    for ref in refs:
+        if s.joint(ref).kind != "R":
+            continue
+        name = f"{ref}.p" if f"{ref}.p" in found else f"{s.feeds[ref]}.p"
+        for link in (s.earlier_link(ref), s.later_link(ref)):
+            pins = places.setdefault(str(link), [])
+            z = complex(found[name][0]) * MM
+            if all(abs(z - other) > 1e-9 for other in pins):
+                pins.append(z)
+    spans = [abs(a - b) for pins in places.values() for a in pins for b in pins]
+    width = _length(order, "width", max(spans, default=8.0) / 8)
+    hole = _length(order, "hole", width / 3)
+    if not 0 < hole < width:
+        raise refused("hole", f"{hole:g} mm in a link of {width:g} mm", "make it smaller")
+    frame = str(s.frame_link)
+    made: dict[str, list[Shape]] = {}
+    for name, pins in places.items():
+        outline: list[Shape] = [] if name == frame else list(_outline(_hull(pins), width / 2))
+        made[name] = [*outline, *(Circle(z, hole / 2) for z in pins)]
+    return made
+
+
+def _length(order: Order, name: str, default: float) -> float:
+    """A length [mm] from an option: a number is in m, a text has a unit."""
+    raw: Any = order.options.get(name)
+    if raw is None:
+        return default
+    x = number_in(str(raw), units_of("m"))
+    if x is None or x <= 0:
+        raise refused(name, f"got {str(raw)[:40]!r}", "write for example 20mm")
+    return x * MM
+
+
+def _hull(points: list[complex]) -> list[complex]:
+    """The corners of the convex hull, counter-clockwise (Andrew's monotone chain)."""
+    ordered = sorted(points, key=lambda z: (z.real, z.imag))
+    if len(ordered) < 3:
+        return ordered
+
+    def chain(row: list[complex]) -> list[complex]:
+        found: list[complex] = []
+        for z in row:
+            while len(found) > 1 and _turn(found[-2], found[-1], z) <= 1e-9 * abs(z - found[-2]):
+                found.pop()
+            found.append(z)
+        return found[:-1]
+
+    return chain(ordered) + chain(ordered[::-1])
+
+
+def _turn(a: complex, b: complex, c: complex) -> float:
+    return ((b - a).conjugate() * (c - b)).imag
+
+
+def _outline(hull: list[complex], radius: float) -> Iterator[Shape]:
+    """The hull wider by a radius: a line beside each edge, an arc about each corner."""
+    if len(hull) == 1:
+        yield Circle(hull[0], radius)
+        return
+    edges = [cmath.phase(b - a) for a, b in zip(hull, [*hull[1:], hull[0]], strict=True)]
+    for k, corner in enumerate(hull):
+        before, after = edges[k - 1] - math.pi / 2, edges[k] - math.pi / 2
+        yield Arc(corner, radius, before, before + (after - before) % math.tau)
+        beside = cmath.rect(radius, after)
+        yield Line(corner + beside, hull[(k + 1) % len(hull)] + beside)
+
+
+# -- DXF ----------------------------------------------------------------------------------
+
+
+def dxf(shapes: dict[str, list[Shape]]) -> str:
+    """R12 text; a layer for each link."""
+    layers = _layers(shapes)
+    pairs: list[tuple[int, Any]] = [
+        *((0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009"), (0, "ENDSEC")),
+        *((0, "SECTION"), (2, "TABLES"), (0, "TABLE"), (2, "LAYER"), (70, len(layers))),
+    ]
+    for k, layer in enumerate(layers.values()):
+        pairs += [(0, "LAYER"), (2, layer), (70, 0), (62, 1 + k % 7), (6, "CONTINUOUS")]
+    pairs += [(0, "ENDTAB"), (0, "ENDSEC"), (0, "SECTION"), (2, "ENTITIES")]
+    for link, own in shapes.items():
+        for shape in own:
+            pairs += _entity(shape, layers[link])
+    pairs += [(0, "ENDSEC"), (0, "EOF")]
+    return "".join(f"{code}\n{value}\n" for code, value in pairs)
+
+
+def _entity(shape: Shape, layer: str) -> list[tuple[int, Any]]:
+    if isinstance(shape, Line):
+        ends = [(10, shape.a.real), (20, shape.a.imag), (11, shape.b.real), (21, shape.b.imag)]
+        return [(0, "LINE"), (8, layer), *((c, repr(float(x))) for c, x in ends)]
+    numbers = [(10, shape.centre.real), (20, shape.centre.imag), (40, shape.radius)]
+    if isinstance(shape, Arc):
+        numbers += [(50, math.degrees(shape.start) % 360), (51, math.degrees(shape.stop) % 360)]
+    kind = "ARC" if isinstance(shape, Arc) else "CIRCLE"
+    return [(0, kind), (8, layer), *((c, repr(float(x))) for c, x in numbers)]
+
+
+def _layers(shapes: dict[str, list[Shape]]) -> dict[str, str]:
+    """Names that R12 takes, each once."""
+    found: dict[str, str] = {}
+    for link in shapes:
+        base = name = re.sub(r"[^A-Z0-9_$-]", "_", link.upper())[:28] or "LINK"
+        count = 1
+        while name in found.values():
+            count += 1
+            name = f"{base}_{count}"
+        found[link] = name
+    return found
+
+
+# -- SVG ----------------------------------------------------------------------------------
+
+
+def svg(shapes: dict[str, list[Shape]]) -> str:
+    """A picture whose units are millimetres; a group for each link."""
+    everything = [shape for own in shapes.values() for shape in own]
+    boxes = [_box(shape) for shape in everything]
+    low = complex(min(a.real for a, _ in boxes), min(a.imag for a, _ in boxes)) - (1 + 1j)
+    high = complex(max(b.real for _, b in boxes), max(b.imag for _, b in boxes)) + (1 + 1j)
+    w, h = (high - low).real, (high - low).imag
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{w!r}mm" height="{h!r}mm"'
+        f' viewBox="{low.real!r} {-high.imag!r} {w!r} {h!r}">',
+        '<g fill="none" stroke="black" stroke-width="0.1">',
+    ]
+    for link, own in shapes.items():
+        lines.append(f"<g id={quoteattr(printable(link))}>")
+        lines += map(_element, own)
+        lines.append("</g>")
+    return "\n".join([*lines, "</g>", "</svg>"]) + "\n"
+
+
+def _box(shape: Shape) -> tuple[complex, complex]:
+    if isinstance(shape, Line):
+        a, b = shape
+        low = complex(min(a.real, b.real), min(a.imag, b.imag))
+        return low, complex(max(a.real, b.real), max(a.imag, b.imag))
+    r = complex(shape.radius, shape.radius)
+    return shape.centre - r, shape.centre + r
+
+
+def _element(shape: Shape) -> str:
+    """In SVG y points down: places are mirrored."""
+
+    def at(z: complex) -> str:
+        return f"{z.real!r} {-z.imag!r}"
+
+    if isinstance(shape, Line):
+        return f'<path d="M {at(shape.a)} L {at(shape.b)}"/>'
+    if isinstance(shape, Circle):
+        x, y = shape.centre.real, -shape.centre.imag
+        return f'<circle cx="{x!r}" cy="{y!r}" r="{shape.radius!r}"/>'
+    a, b = (shape.centre + cmath.rect(shape.radius, t) for t in (shape.start, shape.stop))
+    large, r = int(shape.stop - shape.start > math.pi), shape.radius
+    return f'<path d="M {at(a)} A {r!r} {r!r} 0 {large} 0 {at(b)}"/>'
+
+
+def write_dxf(order: Order, path: Path) -> list[Path]:
+    """One file of R12 text."""
+    with writing(path) as stream:
+        stream.write(dxf(outlines(order)).encode("ascii"))
+    return [path]
+
+
+def write_svg(order: Order, path: Path) -> list[Path]:
+    """One picture."""
+    with writing(path) as stream:
+        stream.write(svg(outlines(order)).encode())
+    return [path]
+
+
+DXF = Writer("outlines of the links to scale, R12, mm", (".dxf",), write_dxf, OPTIONS)
+SVG = Writer("outlines of the links to scale, mm", (".svg",), write_svg, OPTIONS)

@@ -1,0 +1,74 @@
+"""MuJoCo moves what is written for it as `simulate` moves the mechanism."""
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from tests.gallery import changed, document, mechanism
+
+mujoco = pytest.importorskip("mujoco", reason="the outside judge of motions")
+MACHINES = {  # graph -> duration [s] and step [s]
+    "watt_sixbar": (0.5, 2e-4),
+    "stephenson_3": (0.3, 1e-4),
+    "stephenson_3_triad": (0.3, 1e-4),
+    "stephenson_2_class_4": (0.3, 1e-4),
+    "fivebar_falling": (0.2, 1e-4),
+    "ruiz_fourbar": (0.3, 1e-4),
+}
+AGREE = 1e-6
+
+
+def bare(name):
+    """A mechanism of the gallery under its weight alone: no loads, no friction."""
+    data = document(name)
+    gone = {b for b, x in data["blocks"].items() if x["type"].startswith(("load.", "coupling."))}
+    data["blocks"] = {b: x for b, x in data["blocks"].items() if b not in gone}
+    for block in data["blocks"].values():
+        block.pop("friction", None)
+    data["wires"] = [
+        w for w in data["wires"] if not gone & {w["to"].split(".")[0], w["from"].split(".")[0]}
+    ]
+    scene = data.setdefault("scene", {})
+    scene["gravity"] = [0.0, -9.81]
+    scene.pop("stops", None)
+    if not scene.get("initial"):
+        drivers = changed(data | {"scene": {"gravity": [0, 0]}}).drivers
+        scene["initial"] = {d: {"q": 1.0, "rate": 0.0} for d in drivers}
+    for start in scene["initial"].values():
+        start["rate"] = 0.0
+    return changed(data)
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_mujoco_agrees(name, tmp_path):
+    mech = bare(name)
+    end, step = MACHINES[name]
+    (path,) = bm.write(mech, tmp_path / "m.xml", step=step)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    times, found = [0.0], [np.zeros(len(mech.drivers))]
+    joints = [model.joint(str(ref)).qposadr[0] for ref in mech.structure.driven.values()]
+    while data.time < end - step / 2:
+        mujoco.mj_step(model, data)
+        times.append(data.time)
+        found.append(data.qpos[joints].copy())
+    some = np.linspace(0, len(times) - 1, 7).astype(int)
+    names = [mech.of_driver(d, "q") for d in mech.drivers]
+    ours = mech.simulate(
+        f"time={times[-1]}", times=np.array(times)[some], want=names, accuracy=1e-9
+    )
+    for k, column in enumerate(names):
+        moved = ours[column] - ours[column][0]
+        assert np.ptp(moved) > 0.01
+        assert np.abs(np.array(found)[some, k] - moved).max() < AGREE * max(1.0, np.ptp(moved))
+
+
+def test_what_is_left_out_is_named(tmp_path):
+    (path,) = bm.write(mechanism("ruiz_fourbar"), tmp_path / "m.xml", at=[0.5])
+    text = path.read_text("utf-8")
+    assert "left out: loads: couple, weightlike" in text
+    assert "left out: friction: crank.A" in text
+    with pytest.raises(bm.RequestError, match=r"guides are not written"):
+        bm.write(mechanism("slider_crank"), tmp_path / "m.xml", at=[0.5])
+    with pytest.raises(bm.RequestError, match=r"coupling"):
+        bm.write(mechanism("geared_fivebar"), tmp_path / "m.xml", at=[0.5])
