@@ -1,0 +1,73 @@
+"""A slider-crank with Stribeck friction in all pins and in its guide, by us and by the judge."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from tests.independent import multibody as mb
+from tests.independent.rubbing import moved, stribeck
+
+CURVE = {"static": 0.3, "kinetic": 0.18, "stribeck_speed": 1.5, "exponent": 2.0, "viscous": 0.004}
+RADII = {"O": 0.03, "A": 0.025, "B": 0.02}
+DOCUMENT = {
+    "format": "blockmech/joints",
+    "version": 1,
+    "name": "rubbing slider-crank",
+    "gravity": [0.0, -9.81],
+    "links": {
+        "crank": {"mass": 3.0, "inertia": 0.05, "cm": [0.05, 0.02], "pose": [0.0, 0.0, 0.7]},
+        "rod": {"mass": 1.2, "inertia": 0.02, "cm": [0.25, 0.01], "pose": [0.115, 0.097, -0.15]},
+        "ram": {"mass": 2.0, "inertia": 0.01, "cm": [0.02, 0.0], "pose": [0.7, 0.01, 0.05]},
+    },
+    "joints": {
+        "O": {"type": "R", "links": ["frame", "crank"], "at": [[0.0, 0.0], [0.0, 0.0]]},
+        "A": {"type": "R", "links": ["crank", "rod"], "at": [[0.15, 0.0], [0.0, 0.0]]},
+        "B": {"type": "R", "links": ["rod", "ram"], "at": [[0.6, 0.0], [0.0, 0.0]]},
+        "guide": {
+            "type": "P",
+            "links": ["frame", "ram"],
+            "at": [[0.0, 0.01], [0.0, 0.0]],
+            "angle": [0.05, 0.0],
+        },
+    },
+    "drivers": {"motor": {"joint": "O"}},
+    "loads": {
+        "work": {"type": "force", "link": "ram", "at": [0.0, 0.03], "force": [-20.0, 5.0]},
+    },
+}
+
+
+def rubbing(q, rate, t_end, exponent):
+    """Crank angle and rate after a time by the judge, and the reversals."""
+    system = mb.read(DOCUMENT)
+    curve = [CURVE[x] for x in ("static", "kinetic", "stribeck_speed")]
+    laws = {name: stribeck(*curve, exponent, CURVE["viscous"], r) for name, r in RADII.items()}
+    laws["guide"] = stribeck(*curve, exponent, CURVE["viscous"], 1.0)
+    poses = mb.assemble(system, system.home, [q])
+    rates = mb.rates(system, poses, [rate])
+    poses, rates, reversals = moved(system, poses, rates, laws, t_end)
+    return poses[0, 2], rates[0, 2], reversals
+
+
+@pytest.mark.parametrize("exponent", [1.0, 2.0])
+@pytest.mark.parametrize(("q", "rate", "t_end"), [(0.7, 9.0, 0.5), (2.5, -6.0, 0.4)])
+def test_a_slider_crank_moves_as_maximal_coordinates_say(q, rate, t_end, exponent):
+    document = copy.deepcopy(DOCUMENT)
+    for name, joint in document["joints"].items():
+        shape = {"radius": RADII[name]} if name in RADII else {}
+        joint["friction"] = {"law": "stribeck", **CURVE, "exponent": exponent, **shape}
+    mech = bm.Linkage.from_data(document).compile()
+    angle, speed, reversals = rubbing(q, rate, t_end, exponent)
+    assert reversals >= 2
+    for method in ("spectral", "dop853"):
+        motion = mech.simulate(
+            f"time={t_end}", start={"motor": (q, rate)}, method=method, accuracy=1e-11, want=()
+        ).motion
+        assert motion.reached
+        assert abs(motion.q_end - angle) <= 1e-9
+        assert abs(motion.qd_end - speed) <= 1e-8
+        assert not np.isnan(motion.error)
