@@ -1,4 +1,4 @@
-"""An installed package adds a block through the entry point, without touching the core."""
+"""An installed package adds a block and a friction law through the entry point alone."""
 
 from __future__ import annotations
 
@@ -14,10 +14,27 @@ from typing import Any
 import pytest
 
 MODULE = '''
-"""A driving link with a rim: all of an outside package."""
+"""A driving link with a rim, and a friction law: all of an outside package."""
+from typing import Literal
+
 from blockmech.blocks import crank
 from blockmech.blocks.contract import BuiltIn, DrivingLink, Kernels, outer_joint
-from blockmech.values import Angle, Length
+from blockmech.friction.laws import FrictionLaw, FrictionTerms
+from blockmech.values import Angle, Length, NotNegative
+
+
+def fan(speed, p):
+    return FrictionTerms(0.0 * speed, p.size * speed * speed)
+
+
+class Fan(FrictionLaw):
+    """A fan on the shaft: a drag by the square of the speed."""
+
+    law: Literal["demo_fan"] = "demo_fan"
+    size: NotNegative
+
+    def kernel(self):
+        return fan
 
 
 class Wheel(DrivingLink, type="demo.wheel"):
@@ -40,7 +57,12 @@ GRAPH = {
     "name": "wheel",
     "blocks": {
         "frame": {"type": "frame", "markers": {"A": {"at": [0.0, 0.0]}}},
-        "wheel": {"type": "demo.wheel", "radius": 0.5},
+        "wheel": {
+            "type": "demo.wheel",
+            "radius": 0.5,
+            "friction": {"A": {"law": "demo_fan", "size": 0.25}},
+            "links": {"crank": {"mass": 1.0, "inertia": 0.5}},
+        },
     },
     "wires": [{"from": "frame.A", "to": "wheel.A"}],
     "scene": {"drive": {"wheel": {"law": "constant_rate", "rate": 2.0}}},
@@ -85,6 +107,14 @@ assert json.loads(run)["outputs"]["wheel.R.v"]["values"] == [[0.0, 1.0]]
 assert "demo.wheel" in said("blocks")
 assert '"demo.wheel"' in said("schema", "graph")
 conformance("demo.wheel", {"radius": 0.5})
+drive = said("run", sys.argv[1], "--at", "0", "--want", "wheel.drive", "--json")
+assert json.loads(drive)["outputs"]["wheel.drive"]["values"] == [1.0]  # 0.25 * 2^2
+request = ["--until", "time=1", "--start", "0,4", "--want", "wheel.rate", "--json"]
+slowed = said("simulate", sys.argv[1], *request)
+rate = json.loads(slowed)["outputs"]["wheel.rate"]["values"][-1]
+assert abs(rate - 4.0 / (1.0 + 4.0 * 0.5)) < 1e-9  # 1/w grows by size / J in a second
+assert "demo_fan" in said("schema", "graph")
+conformance("demo_fan", {"size": 0.25})
 if "studio" in sys.argv:
     from blockmech.studio.diagram import kinds
     assert ("demo.wheel", "driver", "wheel") in [kind[:3] for kind in kinds()]
@@ -117,3 +147,4 @@ def test_without_the_package_the_type_is_unknown(call: Any, file: Path) -> None:
     done = call("run", file)
     assert done.code == 2
     assert 'no block type "demo.wheel"' in done.err
+    assert "demo_fan" not in done.err  # of a block that nobody knows nothing else is said

@@ -219,6 +219,17 @@ def assess(
     )
 
 
+def left_undone(residual: Any, contraction: Any) -> Any:
+    """Bound [-] of what iterations of friction left undone, of a group's largest friction.
+
+    The residual over 1 - P; the ratio of changes stands for P where that is observed. Infinite
+    where P is 1 or more.
+    """
+    P = np.asarray(contraction, float)
+    with np.errstate(all="ignore"):
+        return np.where(P < 1.0, np.asarray(residual, float) / (1.0 - P), np.inf)
+
+
 def at_most_one(margin: Any) -> Any:
     """A margin [-] without the last bit by which rounding may pass its bound, 1."""
     return np.minimum(margin, 1.0)

@@ -16,7 +16,7 @@ from blockmech.engines.numpy import Planar, Whole
 from blockmech.errors import held, listed, refused
 from blockmech.export import Exported
 from blockmech.plan import Output, Plan
-from blockmech.quality import Flag, Quality, assess
+from blockmech.quality import OK, Flag, Quality, assess, left_undone
 from blockmech.samples import Samples
 from blockmech.wires import on_wires
 
@@ -248,7 +248,21 @@ class Result(Exported):
         lost = [f"{flag.where} (error {flag.value:.1g})" for flag in self.digits_lost]
         why = "; numbers of very different size cancel: are all in the same unit?"
         said = [f"digits lost to rounding: {listed(lost, 4)}{why}"] if lost else []
-        return said + self._without_inertia()
+        return said + self._left_of_friction() + self._without_inertia()
+
+    def _left_of_friction(self) -> list[str]:
+        """What a reader must know of iterations that are cut short: how far off they may be."""
+        method, found = self.settings["friction"], self.quality
+        if method in ("none", "newton") or not found.residual:
+            return []
+        good = np.array([status == OK for status in found.status])
+        bounds = [
+            np.max(left_undone(found.residual[b], found.contraction[b])[good], initial=0.0)
+            for b in found.residual
+        ]
+        said = f"pairs are within about {max(bounds):.1e} of the largest friction of their group"
+        said = said if np.isfinite(max(bounds)) else "it has no bound where its certificate is 1"
+        return [f'friction "{method}": {said}']
 
     def _without_inertia(self) -> list[str]:
         """What a reader of forces must know: that links which turn have no inertia."""

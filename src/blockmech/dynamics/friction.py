@@ -46,6 +46,7 @@ from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Program, Schedule
 from blockmech.plane import EPS, mul, where
+from blockmech.quality import left_undone
 
 Floats: TypeAlias = NDArray[np.float64]
 Vectors: TypeAlias = NDArray[np.complex128]
@@ -155,6 +156,7 @@ class Resisted(NamedTuple):
     margin: float
     outcome: Outcome
     limit: float
+    misfit: float = 0.0  # [-] bound of what an iteration left undone, of the largest friction
 
     @property
     def locked(self) -> bool:
@@ -409,8 +411,9 @@ class JointFriction:
             return Resisted(math.nan, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0)
         said, power = found.solution.outcome, found.taken * abs(qd)
         outcome = Outcome(int(said)) if said == said else Outcome.NOT_CONVERGED
-        limit = float(found.solution.limit)
-        return Resisted(found.qdd, power, np.array(found.loads), margin, outcome, limit)
+        limit, solved = float(found.solution.limit), found.solution
+        misfit = float(left_undone(solved.residual, solved.contraction))
+        return Resisted(found.qdd, power, np.array(found.loads), margin, outcome, limit, misfit)
 
     def _inputs(self, q: float, state: State) -> list[float]:
         given = {"q_0": q, "qd_0": state.qd, "qdd_0": state.qdd, "t": state.t}

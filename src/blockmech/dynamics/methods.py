@@ -25,6 +25,7 @@ from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.system import System, solved
 from blockmech.errors import RequestError, close_match, listed, refused
 
+LOOKED_AT = 31  # states of a motion at which iterations of friction are judged
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 
 
@@ -82,9 +83,36 @@ def move(system: System, request: SimulationRequest) -> Motion:
     motion = unmoved(system, request)
     if motion is None:
         motion = _moved(system, request)
+    motion = _with_misfit(system, motion)
     system.remember()
     status: Status = "failed" if motion.end == ends.TOO_MANY else motion.status
     return replace(motion, cost=system.cost, status=status)
+
+
+def _with_misfit(system: System, motion: Motion) -> Motion:
+    """The motion with what its way to solve friction leaves undone, which no finer run shows."""
+    how = system.method
+    if how is None or how.method in ("none", "newton"):
+        return motion
+    friction = None if len(system.drivers) > 1 else system.friction
+    if friction is None or motion.t_end == motion.t_start:
+        return motion
+    times = np.linspace(motion.t_start, motion.t_end, LOOKED_AT + 2)[1:-1]
+    states = zip(*motion.at(times), times.tolist(), strict=True)
+    left = [
+        friction.at(float(q), float(qd), t, friction.sides(float(q), 1 if qd > 0 else -1)).misfit
+        for q, qd, t in states
+        if qd
+    ]
+    if not left:
+        return motion
+    worst = max(left)
+    note = (
+        f'friction "{how.method}": pairs miss their laws by up to {worst:.1e} of the largest '
+        "friction; the estimated error is that of the integration alone"
+    )
+    facts = {**motion.facts, "friction_misfit": worst}
+    return replace(motion, facts=facts, notes=(*motion.notes, note))
 
 
 # -- refusals ------------------------------------------------------------------------------
