@@ -182,7 +182,7 @@ class SingularError(SampleError):
 
 
 class FrictionError(SampleError):
-    """The friction equations have no solution there, or were not solved."""
+    """No solution of the friction equations is found there: it locks, or was not solved."""
 
 
 LONGEST_NAME, MOST_NAMES = 64, 300  # what is compared, so that any file is answered soon

@@ -91,7 +91,7 @@ def _what(
             (f.value for f in quality.flags if f.sample == first and f.where == block), None
         )
         reach = f" (solvable up to {limit:.4g} times the friction)" if limit else ""
-        return FrictionError, status, f"the friction equations have no solution{reach}"
+        return FrictionError, status, f"no solution is connected with zero friction{reach}"
     if (first, CHANGE_POINT, block) in {(f.sample, f.code, f.where) for f in quality.flags}:
         lost = "its two modes meet there, rates and reactions are limits of 0/0"
         return SingularError, CHANGE_POINT, lost

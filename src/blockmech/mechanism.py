@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import blockmech.draw.arcs as closing
     import blockmech.draw.balance as sizing
     import blockmech.draw.equilibria as balancing
+    import blockmech.draw.friction_solutions as rubbing
     import blockmech.draw.identify as identifying
     import blockmech.draw.linearize as linearising
     import blockmech.draw.sensitivity as sensing
@@ -52,6 +53,7 @@ class Mechanism(Compiled):
         equilibria = balancing.equilibria
         explain = explaining.explain
         extremes = extremal.extremes
+        friction_solutions = rubbing.friction_solutions
         floquet = vibrating.floquet
         flywheel = sizing.flywheel
         identify = identifying.identify
@@ -75,6 +77,7 @@ class Mechanism(Compiled):
         equilibria = Later("blockmech.draw.equilibria")
         explain = Later("blockmech.analysis.explain")
         extremes = Later("blockmech.analysis.extremes")
+        friction_solutions = Later("blockmech.draw.friction_solutions")
         floquet = Later("blockmech.studies.linearize")
         flywheel = Later("blockmech.draw.balance")
         identify = Later("blockmech.draw.identify")

@@ -28,6 +28,7 @@ COMMANDS = {
     "extremes": ["*.q"],
     "equilibria": [],
     "linearize": [],
+    "solutions": [],
     "outputs": [],
     "test": [],
     "draw": ["-o", "x.nono"],

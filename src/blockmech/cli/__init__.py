@@ -27,6 +27,7 @@ from blockmech.cli.new import new
 from blockmech.cli.run import run
 from blockmech.cli.sensitivity import sensitivity
 from blockmech.cli.simulate import simulate
+from blockmech.cli.solutions import solutions
 from blockmech.cli.studio import studio
 from blockmech.cli.sweep import sweep
 from blockmech.cli.terminal import (
@@ -46,7 +47,7 @@ from blockmech.errors import BlockmechError, SampleError
 from blockmech.files import sparing
 
 COMMANDS = (
-    *(run, simulate, check, decompose, draw, verify, limits, modes, extremes),
+    *(run, simulate, check, decompose, draw, verify, limits, solutions, modes, extremes),
     *(equilibria, linearize, identify),
     *(trade, sweep, sensitivity, test, new, import_, export, blocks, outputs, schema, studio),
 )

@@ -1,0 +1,601 @@
+"""All solutions of the friction equations at given poses, and what proves that there are no others.
+
+In a given motion the friction of a group loads earlier groups and no later ones, so that the
+solutions of a mechanism form a tree: all of the last group, for each of them all of the group
+before. The force pass gives each group's equations with the friction of the later ones as input;
+`blockmech.friction.enumeration` solves them, branch by branch in one batch. Where the contraction
+P is below 1 there is one solution and nothing to look for. Of any law the rate of slip is known, so
+that friction is a factor times the load and a drag that joins the loads.
+
+Which one is physical? The one that is connected with zero friction; its index is +1. One of
+index -1 is unstable as soon as friction lags behind the load: dt/ds = k g(F(t)) - t grows there.
+Index +1 is necessary for a stable one and not sufficient, so all are reported, and none chosen.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.arguments import declared
+from blockmech.engines.binding import bind_functions
+from blockmech.engines.numpy import NumpyEngine, Planar, primitives
+from blockmech.errors import listed, refused
+from blockmech.export import Column, aligned, counted, csv_of
+from blockmech.export.columns import output_columns
+from blockmech.files import AnyPath
+from blockmech.friction import enumeration, solvers
+from blockmech.friction.continuation import Outcome
+from blockmech.friction.equations import load_norm
+from blockmech.friction.existence import existence
+from blockmech.model.structure import JointRef
+from blockmech.passes import forces, forward, friction, pairs
+from blockmech.passes.homotopy import schedule
+from blockmech.plan import Friction, Schedule
+from blockmech.result import Result
+from blockmech.samples import Samples
+from blockmech.told import DEGREES, Told, with_unit
+from blockmech.typing import Coordinates, Numbers
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
+
+GIVEN = Friction(friction.GIVEN)
+DEFAULT = (".drive", ".reaction")
+"""What is computed of each solution where nothing is asked for: outputs that end so."""
+CONTRACTION, COUNT, UNDECIDED, NO_POSE = PROOFS = (
+    *("contraction", "count", "undecided", "no-assembly"),
+)
+MOST_BRANCHES = 100_000  # of the tree; each has all outputs
+MOST_PATHS = 4096  # complex solutions of one group; a triad with nine pins has 512
+SAME = 1e-6  # relative: two solutions of continuation and enumeration that are one
+ROWS, WIDTH = 40, 100  # lines of a printed table, characters of a line
+SIDED = "{} pushes its wheels apart whatever the sense of the effort, which is not linear in it"
+
+BOUND = bind_functions(
+    {"newton": solvers.newton, "existence": existence, "load_norm": load_norm},
+    primitives(np.float64),
+)
+Floats = NDArray[np.float64]
+Vectors = NDArray[np.complex128]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+
+# -- the equations of the groups, by the force pass ----------------------------------------
+
+
+class Group(NamedTuple):
+    """Friction equations of a block: where they stand among the program's values."""
+
+    block: str
+    inputs: tuple[int, ...]  # of its pairs, among those of the mechanism
+    contacts: tuple[int, ...]
+    k: tuple[int, ...]
+    drags: tuple[int, ...]
+    loads: tuple[int, ...]
+    rows: tuple[tuple[int, ...], ...]
+    known: bool  # whether its number `existence` is
+
+
+class Driven(NamedTuple):
+    """A driven pair, whose friction loads no other: its input, signed factor, drag, load."""
+
+    input: int
+    edges: bool
+    k: int
+    drag: int
+    load: int
+
+
+class Equations:
+    """The force pass with all friction as input, and the groups' equations in it."""
+
+    def __init__(self, compiled: Compiled, static: bool) -> None:
+        structure = compiled.structure
+        for name, coupling in structure.couplings.items():
+            if coupling.sided and compiled.frictional_joints:
+                raise refused("friction", SIDED.format(name), "give its wheels no angle")
+        s = schedule(structure, compiled.scene, GIVEN, static)
+        self.joints = s.ask(friction.given_joints)
+        self._values: dict[str, int] = {}
+        self.steps: list[Group | Driven] = []
+        for block in reversed(list(structure.blocks)):
+            coupled = s.ask(friction.coupled_joints, block)
+            if coupled and s.ask(forces.smooth, block) is not None:
+                self.steps.append(self._group(s, block, coupled))
+            for ref in s.ask(friction.friction_joints, block):
+                if ref not in coupled and s.ask(forces.reaction, ref) is not None:
+                    edges = pairs.statics(s, ref).edges
+                    self.steps.append(Driven(self.joints.index(ref), edges, *self._pair(s, ref)))
+        self.rest = [self._at(s.ask(friction.rest, ref)) for ref in self.joints]
+        self.slips = [self._at(s.ask(forward.slip, ref)) for ref in self.joints]
+        self.engine = NumpyEngine(s.program(self._values))
+
+    def _at(self, value: str) -> int:
+        return self._values.setdefault(value, len(self._values))
+
+    def _pair(self, s: Schedule, ref: JointRef) -> tuple[int, int, int]:
+        """Signed factor, drag and load of a pair."""
+        pair = s.ask(forces.reaction, ref)
+        assert pair is not None
+        measured = pairs.statics(s, ref).measure(s, ref, pair)
+        law = s.ask(friction.resistance, ref), s.ask(friction.drag, ref)
+        return self._at(law[0]), self._at(law[1]), self._at(measured)
+
+    def _group(self, s: Schedule, block: str, joints: tuple[JointRef, ...]) -> Group:
+        base = s.ask(forces.smooth, block)
+        k, drags, loads = zip(*(self._pair(s, ref) for ref in joints), strict=True)
+        rows = tuple(
+            tuple(
+                self._at(pairs.statics(s, j).measure(s, j, s.ask(pairs.influence, j, unit, base)))
+                for unit in joints
+            )
+            for j in joints
+        )
+        contacts = tuple(friction.contacts(s.structure, ref) for ref in joints)
+        count = enumeration.paths(contacts)
+        if count > MOST_PATHS:
+            found = f"the group has {count} complex solutions"
+            raise refused(block, found, "leave friction out of some of its pairs", f"{MOST_PATHS}")
+        inputs = tuple(self.joints.index(ref) for ref in joints)
+        known = friction.knows_existence(s.structure, block, joints)
+        return Group(block, inputs, contacts, k, drags, loads, rows, known)
+
+    def poses(self, taken: Samples) -> Samples:
+        """The samples with the rates of slip, which laws of friction ask for."""
+        columns = {**taken.given(self.engine.program.inputs), "load_share": np.ones(taken.n)}
+        if taken.time is not None:
+            columns["t"] = taken.time
+        names = [f"slip_{i}" for i in range(len(self.joints))]
+        still = Samples(
+            taken.n, columns | dict.fromkeys(names, np.zeros(taken.n)), columns.get("t")
+        )
+        values = self.at(still, np.arange(taken.n), np.zeros((taken.n, len(names))))
+        slips = (np.broadcast_to(abs(values[i]), taken.n) for i in self.slips)
+        return replace(still, inputs=columns | dict(zip(names, slips, strict=True)))
+
+    def inputs(self, poses: Samples, pose: Indices, t: Floats) -> dict[str, Any]:
+        """Inputs of a program at some of the poses, with friction (s, joints)."""
+        found = {name: np.asarray(column)[pose] for name, column in poses.inputs.items()}
+        return found | {f"friction_{i}": t[:, i] for i in range(t.shape[1])}
+
+    def at(self, poses: Samples, pose: Indices, t: Floats) -> tuple[Any, ...]:
+        """The program's values."""
+        return self.engine.run(self.inputs(poses, pose, t), len(pose))
+
+
+class Tree:
+    """The solutions as far as they are found: one row for each branch."""
+
+    def __init__(self, n: int, joints: int, groups: Sequence[str]) -> None:
+        self.pose = np.arange(n)
+        self.t = np.zeros((n, joints))
+        self.connected = np.ones(n, bool)
+        self.index = {name: np.ones(n, np.int8) for name in groups}
+        self.proof = np.zeros(n, np.intp)  # of the poses, the weakest of their groups
+        self.existence: dict[str, Floats] = {}  # of the poses, at any of their branches
+
+    def grow(self, group: Group, found: Solved) -> None:
+        """Replace every branch by one for each solution of a group."""
+        self.pose, self.t = self.pose[found.of], self.t[found.of]
+        self.t[:, group.inputs] = found.t
+        self.connected = self.connected[found.of] & found.connected
+        self.index = {name: column[found.of] for name, column in self.index.items()}
+        self.index[group.block] = found.signs
+
+
+class Systems(NamedTuple):
+    """The equations of one group at n branches."""
+
+    group: Group
+    k: Floats  # (n, m)
+    drag: Floats  # (n, m) friction that does not follow the load
+    base: Vectors  # (n, m) loads with that friction
+    rows: Vectors  # (n, m, m)
+
+    @property
+    def kernel_arguments(self) -> tuple[Any, Any, Any]:
+        """k, base and rows as kernels take them."""
+        m = range(len(self.group.k))
+        k = tuple(np.ascontiguousarray(self.k[:, j]) for j in m)
+        rows = tuple(tuple(_planar(self.rows[:, j, i]) for i in m) for j in m)
+        return k, tuple(_planar(self.base[:, j]) for j in m), rows
+
+
+class Solved(NamedTuple):
+    """Solutions (s,) of a group at n branches.
+
+    of : (s,) the branch that each belongs to, in rising order
+    t : (s, m) friction
+    signs : (s,) indices
+    connected : (s,) whether it is the one that is connected with zero friction
+    proof : (n,) index in `PROOFS`
+    """
+
+    of: Indices
+    t: Floats
+    signs: NDArray[np.int8]
+    connected: Flags
+    proof: Indices
+
+
+def _planar(z: Any) -> Planar:
+    return Planar(np.ascontiguousarray(z.real), np.ascontiguousarray(z.imag))
+
+
+def _vector(column: Any, n: int) -> Vectors:
+    found = column.real + 1j * column.imag if isinstance(column, Planar) else column
+    return np.broadcast_to(np.asarray(found, complex), n)
+
+
+def _systems(group: Group, values: tuple[Any, ...], n: int, scale: Floats) -> Systems:
+    k = np.stack([np.broadcast_to(values[i], n) * scale for i in group.k], axis=1)
+    drag = np.stack([np.broadcast_to(values[i], n) for i in group.drags], axis=1)
+    base = np.stack([_vector(values[i], n) for i in group.loads], axis=1)
+    rows = [np.stack([_vector(values[i], n) for i in row], axis=1) for row in group.rows]
+    every = np.stack(rows, axis=1)
+    return Systems(group, k, drag, base + np.einsum("njm,nm->nj", every, drag), every)
+
+
+@np.errstate(all="ignore")
+def _existence(systems: Systems) -> Floats | None:
+    """The number c of each branch; None where it is not known."""
+    if not systems.group.known:
+        return None
+    k, _, rows = systems.kernel_arguments
+    found: Floats = BOUND["existence"](k, systems.group.contacts, rows)
+    return found
+
+
+@np.errstate(all="ignore")
+def _solved(systems: Systems, c: Floats | None) -> Solved:
+    """All solutions of a group at n branches, with what proves them."""
+    group, k, drag, base, rows = systems
+    n, edges = len(k), tuple(count > 0 for count in group.contacts)
+    exists = False if c is None else c < 1.0
+    k_, base_, rows_ = systems.kernel_arguments
+    first: solvers.Solution = BOUND["newton"](k_, edges, base_, rows_, exists)
+    start = np.stack(first.t, axis=1)
+    sound = np.isfinite(base).all(axis=1) & np.isfinite(rows).all(axis=(1, 2))
+    sure = sound & (first.outcome == float(Outcome.CERTIFIED))
+    rest = np.flatnonzero(sound & ~sure)
+    found = enumeration.enumerated(k[rest], base[rest], rows[rest], group.contacts)
+    of = rest[found.system]
+    # The solution that continuation reached is one of them.
+    reached = first.outcome == float(Outcome.BY_CONTINUATION)
+    off, nearest = np.abs(found.t - start[of]).max(axis=1, initial=0.0), np.full(n, np.inf)
+    np.minimum.at(nearest, of, off)
+    same = nearest <= SAME * np.abs(start).max(axis=1, initial=0.0)
+    connected = reached[of] & same[of] & (off == nearest[of])
+    total = np.zeros(n)
+    np.add.at(total, of, found.signs)
+    open_ = ~found.complete | (reached & ~same)[rest]
+    if c is not None:
+        open_ |= ((total == 1) != (c < 1.0))[rest]
+    proof = np.where(sound, PROOFS.index(CONTRACTION), PROOFS.index(NO_POSE))
+    proof[rest] = np.where(open_, PROOFS.index(UNDECIDED), PROOFS.index(COUNT))
+    alone = np.flatnonzero(sure)
+    every = np.concatenate([alone, of])
+    order = np.argsort(every, kind="stable")
+    ones = np.ones(len(alone))
+    return Solved(
+        every[order],
+        (np.concatenate([start[alone], found.t]) + drag[every])[order],
+        np.concatenate([ones.astype(np.int8), found.signs])[order],
+        np.concatenate([ones > 0, connected])[order],
+        proof,
+    )
+
+
+def _tree(equations: Equations, taken: Samples, scale: Floats) -> Tree:
+    """All branches, the last group first."""
+    groups = [step.block for step in equations.steps if isinstance(step, Group)]
+    tree = Tree(taken.n, len(equations.joints), groups)
+    for step in equations.steps:
+        n = len(tree.pose)
+        values = equations.at(taken, tree.pose, tree.t)
+        factor = scale[tree.pose]
+        if isinstance(step, Driven):
+            k, load = np.broadcast_to(values[step.k], n) * factor, _vector(values[step.load], n)
+            g = BOUND["load_norm"](_planar(load), step.edges)
+            tree.t[:, step.input] = k * g + np.broadcast_to(values[step.drag], n)
+            continue
+        systems = _systems(step, values, n, factor)
+        c = _existence(systems)
+        if c is not None:
+            tree.existence[step.block] = np.full(taken.n, np.nan)
+            tree.existence[step.block][tree.pose] = c
+        found = _solved(systems, c)
+        np.maximum.at(tree.proof, tree.pose, found.proof)
+        if len(found.of) > MOST_BRANCHES:
+            why = f"the solutions multiply from group to group: {len(found.of)} branches"
+            remedy = "ask for fewer poses, or for less friction with scale="
+            raise refused(step.block, why, remedy, f"at most {MOST_BRANCHES}")
+        tree.grow(step, found)
+    return tree
+
+
+# -- the answer ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, repr=False)
+class FrictionSolutions(Told):
+    """All solutions of the friction equations at n poses.
+
+    ``found["crank.drive"]`` is an array (s,), one number for each of s solutions; those of a
+    pose follow one another, the one that is connected with zero friction first.
+
+    Attributes
+    ----------
+    pose : (s,) index of the pose
+    connected : (s,) whether continuation from zero friction leads to it, in every group
+    index : group -> (s,) +1 or -1, sign of det(1 - diag(k) dg R); 0 where rounding hides it
+    complete : (n,) whether it is proved that there are no others
+    proof : n words: "contraction" (P < 1 in all groups: one solution), "count" (all complex
+        solutions found and apart, and the sum of indices what `existence` demands),
+        "undecided" (a double solution within rounding, or one at infinity), "no-assembly"
+    existence : group -> (n,) the number c [-]; NaN where the pose has no solution to judge it by
+    at_rest : joint -> (n,) whether its pair has no relative speed: its friction is taken as 0
+        and may be anything in an interval
+    scale : (n,) [-] factor of all friction
+    samples : the poses
+    """
+
+    answers: Result
+    pose: Indices
+    connected: Flags
+    index: Mapping[str, NDArray[np.int8]]
+    proof: tuple[str, ...]
+    existence: Mapping[str, Floats]
+    at_rest: Mapping[str, Flags]
+    scale: Floats
+    samples: Samples
+
+    def __getitem__(self, name: str) -> Any:
+        return self.answers[name]
+
+    def __len__(self) -> int:
+        return len(self.pose)
+
+    @property
+    def n(self) -> int:
+        """Number of poses."""
+        return self.samples.n
+
+    @property
+    def complete(self) -> Flags:
+        """(n,) whether it is proved that there are no other solutions."""
+        return np.isin(self.proof, (CONTRACTION, COUNT))
+
+    @property
+    def counts(self) -> Indices:
+        """(n,) number of solutions."""
+        return np.bincount(self.pose, minlength=self.n)
+
+    @property
+    def number(self) -> Indices:
+        """(s,) number of each solution among those of its pose, from 1 on."""
+        first = np.searchsorted(self.pose, self.pose)
+        return np.arange(1, len(self.pose) + 1) - first
+
+    @property
+    def drivers(self) -> dict[str, Floats]:
+        """``"crank.q"`` -> its coordinates (n,) [rad or m] at the poses."""
+        m = self.answers.mechanism
+        return {m.of_driver(d, "q"): self.samples.coordinate(i) for i, d in enumerate(m.drivers)}
+
+    def text(self, degrees: bool = DEGREES) -> str:
+        """The solutions as a table, and what proves that there are no others."""
+        columns, more = self._fitting(self._columns(degrees))
+        head = [column.head for column in columns]
+        words = [[f"{x + 0.0:.7g}" for x in column.values[:ROWS].tolist()] for column in columns]
+        index = [[f"{x:+d}" for x in column[:ROWS]] for column in self.index.values()]
+        counts = self.counts
+        which = [
+            f"{i} of {counts[p]}" for i, p in zip(self.number[:ROWS], self.pose[:ROWS], strict=True)
+        ]
+        linked = ["yes" if x else "no" for x in self.connected[:ROWS]]
+        rows = zip(*words[: self._led], which, linked, *index, *words[self._led :], strict=True)
+        names = [f"{self._said(group)} index" for group in self.index]
+        title = [*head[: self._led], "solution", "connected", *names, *head[self._led :]]
+        return "\n".join([*self._head(), *aligned(title, rows), *self._foot(degrees, more)])
+
+    def _fitting(self, columns: list[Column]) -> tuple[list[Column], list[str]]:
+        """The columns that a line has room for, one at least, and the names of the others."""
+        room = WIDTH - sum(len(f"{self._said(group)} index  ") for group in self.index)
+        wide = np.cumsum([max(len(c.head), len("-1.234567e+08")) + 2 for c in columns])
+        count = max(self._led + 1, int(np.sum(wide <= room - len("solution  connected  "))))
+        return columns[:count], [column.name for column in columns[count:]]
+
+    @property
+    def _led(self) -> int:
+        """Number of columns that say where a solution is: drivers, and the scale if it is used."""
+        return len(self.drivers) + bool((self.scale != 1.0).any())
+
+    def _columns(self, degrees: bool = DEGREES) -> list[Column]:
+        """Coordinates and the wanted outputs, one value for each solution."""
+        found = []
+        for name, q in self.drivers.items():
+            unit = self.answers.unit_of_driver(name)
+            turned = degrees and unit == "rad"
+            values = np.degrees(q) if turned else q
+            found.append(Column(name, "deg" if turned else unit, values[self.pose], name))
+        if (self.scale != 1.0).any():
+            found.append(Column("scale", "", self.scale[self.pose], "scale"))
+        for name in self.answers:
+            found += output_columns(self.answers, name, degrees)
+        return found
+
+    def _head(self) -> Iterator[str]:
+        name = self.answers.mechanism.name
+        yield f"{name}: {counted(self.n, 'pose')}, {counted(len(self), 'solution')}"
+        yield ""
+
+    def _foot(self, degrees: bool, more: Sequence[str]) -> Iterator[str]:
+        if more:
+            yield f"{counted(len(more), 'more column')}: {listed(more, 3)}"
+        if len(self) > ROWS:
+            yield f"{ROWS} of {len(self)} solutions shown"
+        counts = Counter(self.counts.tolist())
+        several = (
+            f"{counted(n, 'pose')} with {x or 'no solution'}" for x, n in sorted(counts.items())
+        )
+        yield f"solutions: {', '.join(several)}"
+        proofs = Counter(self.proof)
+        yield "complete: " + ", ".join(
+            f"{counted(proofs[word], 'pose')} by {word}"
+            for word in (CONTRACTION, COUNT)
+            if proofs[word]
+        )
+        for word in (UNDECIDED, NO_POSE):
+            if proofs[word]:
+                yield f"{word}: {counted(proofs[word], 'pose')}, first {self._place(word, degrees)}"
+        for group, c in self.existence.items():
+            if np.isfinite(c).any():
+                low, high = np.nanmin(c), np.nanmax(c)
+                yield f"existence of {self._said(group)}: {low:.4g} to {high:.4g}"
+        resting = [joint for joint, at in self.at_rest.items() if at.any()]
+        if resting:
+            yield f"at zero relative speed, friction there taken as 0: {listed(resting, 4)}"
+
+    def _place(self, word: str, degrees: bool) -> str:
+        i = self.proof.index(word)
+        units = (self.answers.unit_of_driver(name) for name in self.drivers)
+        at = zip(self.drivers.items(), units, strict=True)
+        return ", ".join(f"{name} = {with_unit(q[i], unit, degrees)}" for (name, q), unit in at)
+
+    def _said(self, group: str) -> str:
+        return str(self.answers.mechanism.said(group))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The solutions by pose, as JSON data in SI units."""
+        columns, first = self._columns(), np.searchsorted(self.pose, np.arange(self.n + 1))
+        poses = []
+        for i in range(self.n):
+            poses.append(
+                {
+                    "drivers": {name: float(q[i]) for name, q in self.drivers.items()},
+                    "scale": float(self.scale[i]),
+                    "complete": bool(self.complete[i]),
+                    "proof": self.proof[i],
+                    "existence": {
+                        name: float(c[i]) if np.isfinite(c[i]) else None
+                        for name, c in self.existence.items()
+                    },
+                    "at_rest": [name for name, at in self.at_rest.items() if at[i]],
+                    "solutions": [
+                        self._solution(j, columns[self._led :])
+                        for j in range(first[i], first[i + 1])
+                    ],
+                }
+            )
+        units = {c.name: c.unit for c in columns}
+        return {"name": self.answers.mechanism.name, "units": units, "poses": poses}
+
+    def _solution(self, j: int, columns: Sequence[Column]) -> dict[str, Any]:
+        return {
+            "connected": bool(self.connected[j]),
+            "index": {name: int(column[j]) for name, column in self.index.items()},
+            "outputs": {column.name: float(column.values[j]) for column in columns},
+        }
+
+    @declared
+    def to_csv(self, path: AnyPath | None = None, separator: str = ",", decimal: str = ".") -> str:
+        """CSV text, a row a solution, units in the head; written if a path is given."""
+        columns, complete = self._columns(), self.complete
+        names = [f"{self._said(group)} index" for group in self.index]
+        where, values = columns[: self._led], columns[self._led :]
+        head = [
+            *("pose", *(c.head for c in where), "solution", "connected", "complete"),
+            *(*names, *(c.head for c in values)),
+        ]
+        rows = [
+            [
+                *(int(p), *(float(c.values[j]) for c in where), int(self.number[j])),
+                *("yes" if self.connected[j] else "no", "yes" if complete[p] else "no"),
+                *(int(column[j]) for column in self.index.values()),
+                *(float(c.values[j]) for c in values),
+            ]
+            for j, p in enumerate(self.pose)
+        ]
+        return csv_of(head, rows, path, separator, decimal)
+
+
+@declared
+def friction_solutions(
+    mechanism: Compiled,
+    at: Coordinates | None = None,
+    *,
+    samples: int | None = None,
+    times: Numbers | None = None,
+    rates: Coordinates | None = None,
+    accelerations: Coordinates | None = None,
+    want: Sequence[str] | str | None = None,
+    static: bool = False,
+    scale: Numbers | float = 1.0,
+) -> FrictionSolutions:
+    """All solutions of the friction equations at given poses, and whether that is proved.
+
+    Parameters
+    ----------
+    at, samples, times, rates, accelerations : the poses, as those of a run
+    want : outputs of each solution; by default drives and reactions
+    static : without inertia
+    scale : factor [-] of all friction that follows the load; of several, all poses at each in
+        turn
+
+    Raises
+    ------
+    RequestError for unknown names, settings that do not fit, and a group with so many pins and
+        guides that its solutions cannot be counted
+
+    >>> import blockmech as bm
+    >>> mech = bm.Graph.load("graphs/ruiz_fourbar.json").compile()  # doctest: +SKIP
+    >>> mech.friction_solutions(5.85, scale=270.0).counts  # doctest: +SKIP
+    array([2])
+    """
+    taken = mechanism.samples(at, samples, times, rates, accelerations)
+    factors = np.atleast_1d(np.asarray(scale, float))
+    if factors.ndim != 1 or not len(factors) or not (np.isfinite(factors) & (factors >= 0)).all():
+        raise refused("scale", "not a row of numbers that are 0 or above", "give for example 1.5")
+    names = mechanism.outputs
+    asked = (
+        [n for n in names if n.endswith(DEFAULT)]
+        if want is None
+        else names.match([want] if isinstance(want, str) else want)
+    )
+    still = static or taken.at_rest
+    taken = taken.at(np.tile(np.arange(taken.n), len(factors)))
+    scales = np.repeat(factors, taken.n // len(factors))
+    equations = Equations(mechanism, still)
+    poses = equations.poses(taken)
+    tree = _tree(equations, poses, scales)
+    plan = names.plan(mechanism.scene, asked, GIVEN, still, quality=False)
+    order = np.lexsort((~tree.connected, tree.pose))
+    pose, t = tree.pose[order], tree.t[order]
+    settings = {"friction": GIVEN.method, "static": still}
+    inputs = equations.inputs(poses, pose, t)
+    given = Samples(len(pose), inputs, inputs.get("t"))
+    values, engine = mechanism.evaluate(plan, given, "numpy")
+    answers = Result(mechanism, plan, given, values, engine, settings)
+    every = np.arange(taken.n)
+    rest = equations.at(poses, every, np.zeros((taken.n, len(equations.joints))))
+    resting = zip(equations.joints, equations.rest, strict=True)
+    said = mechanism.joint_names
+    return FrictionSolutions(
+        answers,
+        pose,
+        tree.connected[order],
+        {name: column[order] for name, column in tree.index.items()},
+        tuple(PROOFS[i] for i in tree.proof),
+        tree.existence,
+        {said.get(str(j), str(j)): np.broadcast_to(rest[i], taken.n) > 0 for j, i in resting},
+        scales,
+        taken,
+    )

@@ -1,0 +1,108 @@
+"""All solutions of a group: counted against two searches that share no line with it.
+
+The judges are many starts of Newton's method and, of pins, a polynomial of degree 8
+(`tests.independent`). The campaign `tests.campaigns.friction` does the same with a thousand
+groups each.
+"""
+
+import numpy as np
+import pytest
+
+from blockmech.friction import enumeration
+from tests.friction.test_existence import existence_of
+from tests.independent import degree_eight, dyads
+
+KINDS = [*((kind, None) for kind in dyads.KINDS), ("RRP", 0.7), ("RPR", 0.7), ("PRP", 0.7)]
+
+
+def enumerated(groups):
+    return enumeration.enumerated(groups.k, groups.base, groups.rows, groups.contacts)
+
+
+def sums(found, n):
+    total = np.zeros(n)
+    np.add.at(total, found.system, found.signs)
+    return total
+
+
+@pytest.mark.parametrize(("kind", "guide_length"), KINDS)
+@pytest.mark.parametrize("arm", [0.05, 0.3, 1.0, 3.0])
+def test_every_solution_is_one_and_none_is_missing(kind, guide_length, arm):
+    groups = dyads.random_groups(kind, 25, arm, np.random.default_rng(5), guide_length)
+    found = enumerated(groups)
+    wanted = dyads.brute_force(groups, 400, np.random.default_rng(6))
+    F = groups.base[found.system] + np.einsum("sjm,sm->sj", groups.rows[found.system], found.t)
+    load = dyads.norms(groups, F)
+    off = np.abs(found.t / groups.k[found.system] - load)
+    assert (off.max(axis=1) <= 1e-9 * load.max(axis=1)).all()
+    for i, judged in enumerate(wanted):
+        mine = found.t[found.system == i]
+        assert len(mine) == len(judged), i
+        for t in judged:
+            near = np.abs(mine - t).max(axis=1) / np.abs(t).max()
+            assert near.min() <= 1e-6
+
+
+@pytest.mark.parametrize("arm", [0.05, 0.3, 1.0, 3.0])
+def test_pins_have_the_solutions_of_a_polynomial_of_degree_eight(arm):
+    groups = dyads.random_groups("RRR", 60, arm, np.random.default_rng(7))
+    found = enumerated(groups)
+    for i in range(60):
+        wanted = degree_eight.solutions(groups.k[i], groups.base[i], groups.rows[i])
+        assert np.sum(found.system == i) == len(wanted), i
+
+
+@pytest.mark.parametrize(("kind", "guide_length"), KINDS)
+@pytest.mark.parametrize("arm", [0.05, 0.3, 1.0, 3.0])
+def test_indices_sum_to_one_where_the_number_c_is_below_one(kind, guide_length, arm):
+    groups = dyads.random_groups(kind, 250, arm, np.random.default_rng(8), guide_length)
+    found = enumerated(groups)
+    total = sums(found, 250)[found.complete]
+    assert found.complete.mean() >= 0.97
+    if guide_length is None:
+        assert set(total) <= {0.0, 1.0}
+    if (kind, guide_length) != ("PRP", 0.7):
+        assert np.array_equal(total == 1, existence_of(groups)[found.complete] < 1)
+
+
+def test_a_lever_has_the_roots_of_a_quadratic():
+    # t = k |f + R t|: (1 - k^2 |R|^2) t^2 - 2 k^2 (f.R) t - k^2 |f|^2 = 0, t of k's sign
+    k, f, R = 2.0, 10 + 3j, -1 + 0j
+    a, b, c = 1 - k * k, k * k * -10.0, k * k * abs(f) ** 2
+    root = np.sqrt(b * b + a * c + 0j)
+    wanted = sorted(x.real for x in ((b + root) / a, (b - root) / a) if x.imag == 0 and x.real > 0)
+    groups = np.array([[k]]), np.array([[f]]), np.array([[[R]]]), (0,)
+    found = enumeration.enumerated(*groups)
+    assert sorted(found.t[:, 0]) == pytest.approx(wanted, rel=1e-12)
+    assert found.complete.all()
+
+
+def test_a_double_solution_is_undecided():
+    """At the fold the two solutions of a lever meet: rounding cannot tell whether they are."""
+    f, R = 10 + 3j, -1 + 0j
+    k = abs(f) / np.sqrt(abs(f) ** 2 - 100.0)
+    found = enumeration.enumerated(np.array([[k]]), np.array([[f]]), np.array([[[R]]]), (0,))
+    assert not found.complete.any()
+    apart = enumeration.enumerated(
+        np.array([[k * 0.999]]), np.array([[f]]), np.array([[[R]]]), (0,)
+    )
+    assert apart.complete.all()
+    assert len(apart.system) == 2
+
+
+def test_pairs_without_load_have_no_friction_and_do_not_count():
+    k, base = np.array([[0.3, 0.2]]), np.array([[0j, 2 + 1j]])
+    rows = np.array([[[0j, 0j], [0.4 + 0j, 0.5 + 0j]]])
+    found = enumeration.enumerated(k, base, rows, (0, 0))
+    assert len(found.system) == 1
+    assert found.t[0, 0] == 0.0
+    assert found.complete.all()
+
+
+def test_nothing_depends_on_the_units_of_load():
+    groups = dyads.random_groups("RRR", 50, 1.0, np.random.default_rng(9))
+    for scale in (1e-9, 1e12):
+        scaled = groups._replace(base=scale * groups.base)
+        a, b = enumerated(groups), enumerated(scaled)
+        assert np.array_equal(a.system, b.system)
+        assert b.t == pytest.approx(scale * a.t, rel=1e-7)
