@@ -40,6 +40,7 @@ class Along(Mapping[str, Any]):
         self.mechanism, self.how, self.t = mechanism, how, t
         self.known = _by_driver("q", self.q, k) | _by_driver("qd", self.qd, k)
         self.known |= states_along(motion, t)
+        self.states = motion.signal_states(t)
 
     def __getitem__(self, name: str) -> Any:
         return self.known[name] if name in self.known else self.accelerations[name]
@@ -58,8 +59,8 @@ class Along(Mapping[str, Any]):
         system = system_of(self.mechanism, method=self.how)  # not kept: programs do not pickle
         if k > 1 or system.friction is None:
             return _by_driver("qdd", self._without_friction(), k)
-        rows = zip(self.q, self.qd, self.t.tolist(), strict=True)
-        found = [_with_friction(system, float(q), float(qd), t) for q, qd, t in rows]
+        rows = zip(self.q, self.qd, self.t.tolist(), self.states, strict=True)
+        found = [_with_friction(system, float(q), float(qd), t, x) for q, qd, t, x in rows]
         return {"qdd_0": np.array(found)}
 
     def _without_friction(self) -> Floats:
@@ -88,12 +89,12 @@ def _by_driver(name: str, values: Floats, k: int) -> dict[str, Floats]:
     return {f"{name}_{i}": column for i, column in enumerate(columns)}
 
 
-def _with_friction(system: System, q: float, qd: float, t: float) -> float:
+def _with_friction(system: System, q: float, qd: float, t: float, x: Floats) -> float:
     """q'' of the only driver; none at a standstill that friction holds."""
     friction = system.friction
     assert friction is not None
-    way = int(np.sign(qd)) or friction.rest(q, t).moves
-    return friction.at(q, qd, t, friction.sides(q, way)).qdd if way else 0.0
+    way = int(np.sign(qd)) or friction.rest(q, t, x).moves
+    return friction.at(q, qd, t, friction.sides(q, way), x).qdd if way else 0.0
 
 
 def result_along(

@@ -18,4 +18,4 @@ UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 # What an integration stops at, to go on with another equation or because its goal is met.
 KINK, GOAL = "kink", "goal"
 REVERSAL, GUIDE_SIDE = "joint reverses", "guide changes side"
-SIGNAL_KINK = "signal kink"
+SIGNAL_KINK, RELEASED = "signal kink", "released"  # from joint friction, by a signal

@@ -45,6 +45,7 @@ class Equation:
     spent: int = 0
     sides: tuple[int, ...] = ()
     error: Exception | None = None  # what the mechanism's own kernels raised
+    held: bool = False  # whether joint friction holds the driver while signals go on
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
     _own: tuple[Any, Any] = (None, None)  # directions of slip, machine code with them
@@ -77,6 +78,9 @@ class Equation:
             return row[:n]
         self.spend(1)
         q, qd = self.layout.motion(y)
+        n = len(self.layout.initial)
+        if self.held:
+            return *[0.0] * (self.layout.size - n), *self.signals(t, y)[:n]
         if self.system.signals.values:
             (J, tau, dJ, margin), more = self.system.one_of(q, qd, t, y[self.layout.signals])
         else:
@@ -85,10 +89,11 @@ class Equation:
         if not margin > 0:
             return (math.nan,) * self.layout.size
         if self.sides:
-            found = self.resisted(q, qd, t)
-            return qd, found.qdd, tau * qd, found.power
+            found = self.resisted(t, y)
+            more = self.signals(t, y, found.qdd)[:n] if n else ()
+            return qd, found.qdd, tau * qd, found.power, *more
         qdd = (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan
-        return qd, qdd, tau * qd, *more[: len(self.layout.initial)]
+        return qd, qdd, tau * qd, *more[:n]
 
     def spend(self, states: int) -> None:
         """Count states; `TooMany` where they are more than allowed."""
@@ -117,7 +122,7 @@ class Equation:
         if not self.system.compiled_states or self.drivers > 1 or not of_program:
             return None
         if friction is not None:
-            if not self.sides:
+            if not self.sides or self.layout.initial:
                 return None
             k = tuple(map(float, self.sides))
         least = LEAST_INERTIA * self.typical
@@ -183,16 +188,27 @@ class Equation:
         """Values of signal blocks of which a change of sign is a kink."""
         n, many = len(self.layout.initial), self.system.signals.kinks
         row = self.row(t, y)
-        if row is not None:
-            return row[len(row) - many :]
-        q, qd = self.layout.motion(y)
-        of: Any = self.system.terms_of if self.drivers > 1 else self.system.one_of
-        return of(q, qd, t, y[self.layout.signals])[1][n:]
+        return self.signals(t, y)[n:] if row is None else row[len(row) - many :]
 
-    def resisted(self, q: float, qd: float, t: float) -> Resisted:
+    def signals(self, t: float, y: Floats, qdd: float | None = None) -> Any:
+        """Rates of states of signal blocks, and where these have kinks; see `SignalProgram`.
+
+        qdd is the acceleration of the only driver, where it is known.
+        """
+        q, qd = self.layout.motion(y)
+        x = y[self.layout.signals]
+        if self.drivers > 1:
+            return self.system.terms_of(q, qd, t, x)[1]
+        if qdd is None and self.system.friction is not None:
+            follows = "qdd_0" in self.system.equation_program.inputs and not self.held
+            qdd = self.resisted(t, y).qdd if follows and self.sides else 0.0
+        return self.system.one_of(q, qd, t, x, qdd)[1]
+
+    def resisted(self, t: float, y: Floats) -> Resisted:
         """Acceleration and friction of the pairs at a state."""
         assert self.system.friction is not None
-        return self.system.friction.at(q, qd, t, self.sides)
+        x = y[self.layout.signals] if self.layout.initial else None
+        return self.system.friction.at(*self.layout.motion(y), t, self.sides, x)
 
     def pair_loads(self, t: float, y: Floats) -> Any:
         """Loads on the pairs with friction."""
@@ -201,7 +217,7 @@ class Equation:
             first = self.layout.size + 2  # behind the rates, margin and J
             parts = row[first : first + 2 * len(self.sides)]
             return [complex(*z) for z in zip(parts[::2], parts[1::2], strict=True)]
-        return self.resisted(*self.layout.motion(y), t).loads
+        return self.resisted(t, y).loads
 
     def slips(self, q: Any) -> Any:
         """Relative rates of the pairs with friction per unit driver rate."""

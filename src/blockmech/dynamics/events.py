@@ -142,6 +142,11 @@ def signal_rules(kinks: Callable[[float, Any], Any], count: int) -> list[EventRu
     return [EventRule(ends.SIGNAL_KINK, value(i), parts=PARTS // 2, index=i) for i in range(count)]
 
 
+def release_rule(excess: Value) -> EventRule:
+    """The loads push a driver at rest beyond what joint friction holds."""
+    return EventRule(ends.RELEASED, excess, 1, parts=PARTS // 2, index=0)
+
+
 def user_rule(watch: Watch, layout: StateLayout) -> EventRule:
     """A user's event, of states of a layout."""
 

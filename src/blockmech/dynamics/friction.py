@@ -44,6 +44,7 @@ from blockmech.friction.solvers import with_drag
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
+from blockmech.passes.signals import STATE
 from blockmech.plan import Friction, Program, Schedule
 from blockmech.plane import EPS, mul, where
 from blockmech.quality import left_undone
@@ -145,6 +146,7 @@ class State(NamedTuple):
     share: float = 0.0  # of the applied loads
     pair: int = -1  # the one with a unit of friction; -1: none
     t: float = 0.0
+    x: Any = None  # states of signal blocks; None: the initial ones
 
 
 class Resisted(NamedTuple):
@@ -242,7 +244,8 @@ class JointFriction:
 
     ``count`` is told of evaluations (samples, whether they are a batch); ``compiled`` says whether
     single states are machine code's; ``rounding`` [N m or N] is what that leaves unknown at a
-    place of the effort of the loads; ``rate_loads``: whether one follows the rate or the time.
+    place of the effort of the loads; ``rate_loads``: whether one follows the rate or the time;
+    ``initial`` are states of signal blocks.
     """
 
     def __init__(
@@ -253,9 +256,10 @@ class JointFriction:
         compiled: Callable[[], bool],
         rounding: Callable[[Any], Any],
         rate_loads: bool,
+        initial: tuple[float, ...] = (),
     ) -> None:
         self.program, self._count, self._compiled = program, count, compiled
-        self._rounding, self.rate_loads = rounding, rate_loads
+        self._rounding, self.rate_loads, self._initial = rounding, rate_loads, initial
         self.names = program.names
         self.guides = program.guides
         self._laws = BySize(program.laws)
@@ -295,6 +299,8 @@ class JointFriction:
         }
         for k in range(m):
             given[f"friction_{k}"] = np.repeat([float(s.pair == k) for s in states], n)
+        for k, x in enumerate(self._initial):
+            given[f"{STATE}{k}"] = np.repeat([x if s.x is None else s.x[k] for s in states], n)
         program = self.program.program
         with np.errstate(all="ignore"):
             values = self.program.batch.run({x: given[x] for x in program.inputs}, size)
@@ -393,10 +399,10 @@ class JointFriction:
         """
         return signed_terms(sides, law, self.program.drags)
 
-    def at(self, q: float, qd: float, t: float, sides: Sides) -> Resisted:
-        """One state."""
+    def at(self, q: float, qd: float, t: float, sides: Sides, x: Any = None) -> Resisted:
+        """One state; x are states of signal blocks."""
         m = len(self.names)
-        states = [State(qd=qd, share=1.0, t=t), State(qdd=1.0)]
+        states = [State(qd=qd, share=1.0, t=t, x=x), State(qdd=1.0)]
         states += [State(pair=k) for k in range(m)]
         self._count(m + 2, False)
         engine = self.program.single.engine(self._compiled())
@@ -418,6 +424,8 @@ class JointFriction:
     def _inputs(self, q: float, state: State) -> list[float]:
         given = {"q_0": q, "qd_0": state.qd, "qdd_0": state.qdd, "t": state.t}
         given["load_share"] = state.share
+        signals = self._initial if state.x is None else state.x
+        given |= {f"{STATE}{k}": float(x) for k, x in enumerate(signals)}
         inputs = self.program.program.inputs
         pair = f"friction_{state.pair}"
         return [given.get(x, float(x == pair)) for x in inputs]
@@ -441,10 +449,10 @@ class JointFriction:
                 found.append(np.where(np.isfinite(start), start, side * math.inf))
         return found[0], found[1]
 
-    def rest(self, q: float, t: float = 0.0) -> Rest:
-        """What a standstill at q leads to."""
+    def rest(self, q: float, t: float = 0.0, x: Any = None) -> Rest:
+        """What a standstill at q leads to; x are states of signal blocks."""
         place, least = np.array([q]), self._rounding(q)
-        states = [State(share=1.0, t=t), *(State(pair=k) for k in range(len(self.names)))]
+        states = [State(share=1.0, t=t, x=x), *(State(pair=k) for k in range(len(self.names)))]
         acting, *pairs = self._columns(place, states)
         still = [1.0, *[0j] * len(pairs)]  # a unit of q'' changes no load
         holding = []

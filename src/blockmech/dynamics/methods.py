@@ -22,6 +22,7 @@ from blockmech.dynamics.motion import INTEGRATORS, Event, Motion, Status
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import WATCH, SimulationRequest
 from blockmech.dynamics.rest import balanced, failed_start
+from blockmech.dynamics.signals import felt
 from blockmech.dynamics.system import System, solved
 from blockmech.errors import RequestError, close_match, listed, refused
 
@@ -135,9 +136,10 @@ def check(system: System, request: SimulationRequest) -> None:
         if joints:
             raise refused(listed(joints), found, WITHOUT, code="friction-in-motion")
     if system.signals.initial and system.friction is not None:
-        found = "joint friction in motion does not go with states of signals"
-        where = listed(system.compiled.frictional_joints)
-        raise refused(where, found, WITHOUT, code="friction-in-motion")
+        sensors = system.compiled.once(felt)
+        if sensors:
+            found = "it follows the friction of joints at once, so no signal in motion reads it"
+            raise refused(listed(sensors), found, WITHOUT, code="friction-in-motion")
     if name == "auto":
         return
     if name not in METHODS:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from blockmech.engines.llvm import OneByOne
-from blockmech.passes import signals
+from blockmech.passes import friction, signals
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction
 from blockmech.signals.contract import Signal
@@ -50,6 +50,17 @@ class SignalProgram(NamedTuple):
 
 
 NO_SIGNALS = SignalProgram()
+
+
+def felt(compiled: Any) -> tuple[str, ...]:
+    """Addresses of sensors that follow the friction of joints at once, as reactions do."""
+    found, structure = [], compiled.structure
+    for address, rule in structure.sensors.items():
+        s = schedule(structure, compiled.scene, Friction(friction.GIVEN))
+        inputs = s.program([rule(s)]).inputs
+        if any(name.startswith("friction_") for name in inputs):
+            found.append(address)
+    return tuple(found)
 
 
 def signal_program(compiled: Any) -> SignalProgram:

@@ -56,7 +56,7 @@ def what_is_ahead(equation: Equation, t: float, y: Floats) -> End:
     way = np.sign(np.asarray(equation(t, y), dtype=float))
     ahead = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(np.isfinite(way), way, 0.0)
     later = t + AHEAD * max(abs(t), 1.0)
-    if equation.sides and equation.resisted(float(ahead[0]), float(ahead[1]), later).locked:
+    if equation.sides and equation.resisted(later, ahead).locked:
         return End(ends.SELF_LOCKED)
     if np.isfinite(np.asarray(equation(later, ahead), dtype=float)).all():
         return End("the solver's step became too small")

@@ -258,7 +258,8 @@ class System:
         if program is None:
             return None
         states, rates = (lambda: self.compiled_states), self.depends_on != {"q"}
-        return JointFriction(program, self.method, self._count, states, self.rounding, rates)
+        initial, count = self.signals.initial, self._count
+        return JointFriction(program, self.method, count, states, self.rounding, rates, initial)
 
     @property
     def smooth_friction(self) -> bool:
@@ -306,17 +307,19 @@ class System:
         """One state of one driver, signal blocks where they begin."""
         return self.one_of(q, qd, t)[0]
 
-    def one_of(self, q: float, qd: float, t: float, x: Any = None) -> tuple[One, Any]:
+    def one_of(
+        self, q: float, qd: float, t: float, x: Any = None, qdd: float | None = None
+    ) -> tuple[One, Any]:
         """One state of one driver, and what signal blocks make of it: see `SignalProgram`.
 
         x are their states, by default the initial ones. Where signals follow the acceleration,
-        the program is asked once more with it.
+        and it is not given, the program is asked once more with that of the loads.
         """
-        given = {"q_0": q, "qd_0": qd, "qdd_0": 0.0, "t": t}
+        given = {"q_0": q, "qd_0": qd, "qdd_0": 0.0 if qdd is None else qdd, "t": t}
         values = self._single(given, x)
         J, tau, dJ = values[:3]
         n = 3 + self.signals.values
-        if n > 3 and "qdd_0" in self.equation_program.inputs:
+        if n > 3 and qdd is None and "qdd_0" in self.equation_program.inputs:
             given["qdd_0"] = (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan
             values = self._single(given, x)
         return One(J, tau, dJ, least(values[n:])), values[3:n]

@@ -26,6 +26,7 @@ from blockmech.dynamics.events import (
     friction_rules,
     general_rules,
     kink_rules,
+    release_rule,
     signal_rules,
     until_terminal,
 )
@@ -193,6 +194,8 @@ class Run:
 
     def _rules(self) -> list[EventRule]:
         equation, system = self.equation, self.system
+        if equation.held:
+            return [release_rule(self._excess), *signal_rules(equation.kinks, system.signals.kinks)]
         rules = general_rules(system, self.request, equation.closeness)
         if equation.drivers == 1:
             rules += kink_rules(float(self.y[0]), system.knots, system.period)
@@ -209,6 +212,8 @@ class Run:
             return Verdict("reached", "time")
         structure = self.system.compiled.structure
         self._switch()
+        if self.equation.held and self._excess(self.t, self.y) > 0:
+            return self._released()
         kink = loads.next_time_kink(structure, self.t)
         bound = min(self.t_max, kink, self.system.signals.next_time(self.t))
         parts = 1 if self.method in STEPPERS else PARTS
@@ -364,7 +369,13 @@ class Run:
 
     def _note(self, hits: list[Hit], dense: Any) -> None:
         for hit in hits:
-            if hit.rule.kind in (ends.KINK, ends.GOAL, ends.GUIDE_SIDE, ends.SIGNAL_KINK):
+            if hit.rule.kind in (
+                ends.KINK,
+                ends.GOAL,
+                ends.GUIDE_SIDE,
+                ends.SIGNAL_KINK,
+                ends.RELEASED,
+            ):
                 continue
             y = np.array(dense(hit.t))
             if hit.rule.kind == ends.STANDSTILL:
@@ -386,13 +397,15 @@ class Run:
             )
         elif rule.kind == ends.STANDSTILL:
             return self._stood()
+        elif rule.kind == ends.RELEASED:
+            return self._released()
         elif rule.kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
             q, qd = float(self.y[0]), float(self.y[1])
             left = time_left(self.system, rule.kind, q, qd)
             return Verdict("ended", self._met_end(End(rule.kind, left)))
         elif rule.kind == ends.GOAL:
             return Verdict("reached", self.request.until.goal)
-        elif rule.kind not in (ends.GUIDE_SIDE, ends.SIGNAL_KINK):
+        elif rule.kind not in (ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.RELEASED):
             own = any(rule.kind == w.name and w.terminal for w in self.request.watch)
             return Verdict("reached" if own else "ended", rule.kind)
         return None
@@ -426,13 +439,17 @@ class Run:
         """Which way a driver at rest with friction starts; what ends the run if it does not."""
         friction, q = self.system.friction, float(self.y[0])
         assert friction is not None
-        found = friction.rest(q, self.t)
+        x = self.y[self.layout.signals] if self.layout.initial else None
+        found = friction.rest(q, self.t, x)
         low, high = found.holding
         if found.ambiguous:
             return Verdict("failed", ends.AMBIGUOUS)
         if found.rests:
             self.events.append(Event(ends.REST, self.t, q, 0.0))
             self.facts |= {"holding_low": low, "holding_high": high}
+            if "state" in self.system.depends_on:
+                self.equation.held = True  # signals go on, and may start it again
+                return None
             span = self.request.span
             until, (low, high) = released(self.system, q, self.t, self.request.start.t + span)
             if until is None and span == math.inf:
@@ -441,6 +458,25 @@ class Run:
             still = self.y.copy()
             times, states = np.array([until, until]), np.array([still, still])  # no step at all
             self._took(Taken(times, states, lambda t: np.multiply.outer(still, np.ones_like(t))))
+        self.equation.sides = friction.sides(q, 1 if -high >= low else -1)
+        return None
+
+    def _excess(self, t: float, y: Floats) -> float:
+        """By how much the loads push beyond what joint friction holds at rest [N m or N]."""
+        friction = self.system.friction
+        assert friction is not None
+        low, high = friction.rest(float(y[0]), t, y[self.layout.signals]).holding
+        return max(low, -high)
+
+    def _released(self) -> Verdict | None:
+        """Start the driver that joint friction held, in the direction in which it is pushed."""
+        friction, q = self.system.friction, float(self.y[0])
+        assert friction is not None
+        found = friction.rest(q, self.t, self.y[self.layout.signals])
+        if found.ambiguous:
+            return Verdict("failed", ends.AMBIGUOUS)
+        self.equation.held = False
+        low, high = found.holding
         self.equation.sides = friction.sides(q, 1 if -high >= low else -1)
         return None
 
