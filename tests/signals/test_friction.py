@@ -61,7 +61,7 @@ def test_a_current_that_rises_at_rest_starts_the_wheel(method):
     exact += [(expm(A * (s - begin)) @ start)[:3] for s in t[1:]]
     found = np.transpose([run["wheel.q"], run["wheel.rate"], run["motor.current"]])
     assert found == pytest.approx(np.array(exact), rel=1e-8, abs=1e-9)
-    assert [event.kind for event in run.motion.events][0] == "rest"
+    assert next(event.kind for event in run.motion.events) == "rest"
 
 
 def test_a_sampled_controller_lets_it_go_at_an_instant():

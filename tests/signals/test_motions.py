@@ -332,6 +332,45 @@ def test_a_run_of_given_motions_names_the_states_that_it_lacks(fourbar):
     assert fourbar.run(at=[1.0], rates=[2.0], want=["crank.q"])["crank.q"][0] == 1.0
 
 
+def remembering():
+    """A PI controller as a closure, which keeps its integral in itself."""
+    kept = {"t": 0.0, "total": 0.0}
+
+    def law(rate, time):
+        kept["total"] += (10.0 - rate) * max(time - kept["t"], 0.0)
+        kept["t"] = time
+        return 3.0 * (10.0 - rate) + 5.0 * kept["total"]
+
+    return law
+
+
+def test_a_law_that_remembers_is_refused_before_anything_is_computed():
+    g = flywheel({}, [], load=False)
+    g.add("drive", bm.Motor(law=remembering(), driver="wheel"))
+    g.connect("frame.A", "drive.a")
+    g.connect("wheel.crank", "drive.b")
+    with pytest.raises(RequestError, match=r"drive: its function gives another value.*memory"):
+        g.compile().simulate("time=1")
+
+
+def test_a_block_that_remembers_in_itself_is_refused():
+    seen = []
+
+    def control(u):
+        seen.append(u)
+        return float(len(seen))
+
+    mech = speed_control(signals.Python(call=control)).compile()
+    with pytest.raises(RequestError, match="pid: its function gives another value"):
+        mech.simulate("time=1")
+
+
+@pytest.mark.parametrize("ask", ["equilibria", "linearize"])
+def test_analyses_of_coordinates_and_rates_alone_refuse_states(fourbar, ask):
+    with pytest.raises(RequestError, match="signal blocks have states of their own"):
+        getattr(fourbar, ask)()
+
+
 def test_no_steady_state_is_looked_for(fourbar):
     with pytest.raises(RequestError, match="states of signals"):
         fourbar.simulate("steady")

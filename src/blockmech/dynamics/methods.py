@@ -269,7 +269,8 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     # A motion that failed because it swings on and on: no other method is quicker.
     swings_on = motion.end == ends.TOO_MANY and motion.status == "failed"
     if unsure and not swings_on and motion.end != ends.INTERRUPTED:
-        why = f"along the path: {motion.end}, error {motion.error:.1e}"
+        known = f", error {motion.error:.1e}" if math.isfinite(motion.error) else ""
+        why = f"along the path: {motion.end}{known}"
         other = in_time(system, replace(request, why=why), "dop853")
         if other.error < motion.error or motion.status == "failed":
             told = (f"along the path: {note}" for note in motion.notes[:1])

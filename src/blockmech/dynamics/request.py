@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, TypeAlias
 
@@ -11,8 +12,10 @@ import numpy as np
 
 from blockmech.dynamics.motion import Floats, Motion, Still
 from blockmech.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
+from blockmech.signals.functions import Python
 from blockmech.typing import Progress
 from blockmech.units import number_in, units_of
 
@@ -44,6 +47,7 @@ GOALS = {
     ),
     "event": GoalNumber("event"),
 }
+ELSEWHERE = 0.125  # [rad or m, per s, s] or a signal: where a user's function is asked besides
 PAIRS = "give them by driver, like {pairs}"
 WATCH = 'blockmech.dynamics.request.Watch("name", lambda t, q, rate: ...)'
 START, STOPS = '{"crank": (0.0, 1.0)}', '{"crank": (-1.0, 2.0)}'
@@ -230,6 +234,41 @@ def refuse_no_inertia(structure: Structure, name: str) -> None:
             found = "no link has mass or inertia"
         remedy = 'give links "mass" and "inertia"'
         raise refused(name, f"{found}, so loads set no motion", remedy, code="no-inertia")
+
+
+def refuse_memory(structure: Structure, starts: Pairs) -> None:
+    """Refuse functions of a user that answer the same question in two ways.
+
+    A motion asks a law forth and back in time, and in several runs: what a function keeps from
+    one call to the next would be of another run. Each is asked at the start, elsewhere, and at
+    the start again.
+    """
+    q, rate = next(iter(starts.values()), (0.0, 0.0))
+    asked: dict[str, tuple[Callable[..., Any], list[float]]] = {}
+    for name, element in structure.elements.items():
+        law = getattr(element, "law", None)
+        if isinstance(law, Function):
+            at = starts.get(element.driver or "", (q, rate))  # type: ignore[attr-defined]
+            known = {"coordinate": at[0], "rate": at[1], "time": 0.0}
+            asked[name] = law.call, [known[x] for x in law.of]
+    for name, block in structure.signals.items():
+        if isinstance(block, Python):
+            asked[name] = block.call, [block.memory.get(x, 0.0) for x in block.names]
+    for name, (call, given) in asked.items():
+        if not _same_again(call, given):
+            found = "its function gives another value when it is asked the same again"
+            valid = "a law is a function of its arguments alone"
+            remedy = "let a block signals.Python hold in its memory what it remembers"
+            raise refused(name, found, remedy, valid, "user-function")
+
+
+def _same_again(call: Callable[..., Any], given: Sequence[float]) -> bool:
+    """Whether a function gives the same twice, with another question in between."""
+    answers = []
+    with suppress(Exception):  # what it raises is told where the motion asks it
+        for step in (0.0, ELSEWHERE, 0.0):
+            answers.append(np.asarray(call(*(x + step for x in given)), dtype=np.float64))
+    return len(answers) < 3 or np.array_equal(answers[0], answers[2], equal_nan=True)
 
 
 def stops_of(scene: Scene, starts: Pairs, stops: Any) -> tuple[tuple[float, float], ...]:

@@ -29,6 +29,7 @@ from blockmech.dynamics.request import (
     Watch,
     goal_of,
     progress_of,
+    refuse_memory,
     refuse_no_inertia,
     size_of,
     starts_of,
@@ -116,6 +117,7 @@ def simulate(
     events = watches_of(watch)
     bounds = stops_of(mechanism.scene, starts, stops)
     refuse_no_inertia(mechanism.structure, mechanism.name)
+    refuse_memory(mechanism.structure, starts)
     shown = wanted
     if shown is None:
         shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)

@@ -22,6 +22,7 @@ from blockmech.dynamics.request import (
     SimulationRequest,
     Start,
     Until,
+    refuse_memory,
     refuse_no_inertia,
     size_of,
     starts_of,
@@ -250,6 +251,7 @@ def stepper(
     starts = starts_of(mechanism.scene, mechanism.drivers, start)
     bounds = stops_of(mechanism.scene, starts, stops)
     refuse_no_inertia(mechanism.structure, mechanism.name)
+    refuse_memory(mechanism.structure, starts)
     how = friction_asked(friction, None, None)
     system = system_of(mechanism, stops=bounds, method=how, engine=engine)
     tolerance = size_of("accuracy", accuracy) or ACCURATE

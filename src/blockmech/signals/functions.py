@@ -57,20 +57,21 @@ class Python(Signal):
 
     @model_validator(mode="after")
     def _reads_its_memory(self) -> Python:
-        unread = [name for name in self.memory if name not in self._names]
+        unread = [name for name in self.memory if name not in self.names]
         if unread:
             found = f"no parameter is named after the state {unread[0]}"
-            raise mistake("wrong-function", found, f"parameters: {', '.join(self._names)}")
+            raise mistake("wrong-function", found, f"parameters: {', '.join(self.names)}")
         return self
 
     @functools.cached_property
-    def _names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, in order."""
         return tuple(inspect.signature(self.call).parameters)
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """Parameters that are neither the time nor a state."""
-        return tuple(n for n in self._names if n != TIME and n not in self.memory)
+        return tuple(n for n in self.names if n != TIME and n not in self.memory)
 
     @property
     def own_states(self) -> Mapping[str, State]:
@@ -106,13 +107,13 @@ class Python(Signal):
             given = self._in_order(inputs, states)
             return tuple([each(function, *given) for function in asked])
 
-        return timed if TIME in self._names else untimed
+        return timed if TIME in self.names else untimed
 
     def _in_order(self, inputs: tuple[Any, ...], states: tuple[Any, ...], *t: Any) -> list[Any]:
         """Arguments of the function."""
         known = dict(zip((*self.inputs, *self.memory), (*inputs, *states), strict=True))
         known |= dict.fromkeys([TIME], *t)
-        return [known[name] for name in self._names]
+        return [known[name] for name in self.names]
 
     def _asked(self, place: int, *given: float) -> float:
         count = 1 + len(self.memory)
@@ -129,7 +130,7 @@ class Python(Signal):
         return numbers[place]
 
     def _refused(self, found: str, given: tuple[float, ...]) -> RequestError:
-        where = f"{getattr(self.call, '__name__', 'function')}({', '.join(self._names)})"
-        at = ", ".join(f"{n} = {x:.9g}" for n, x in zip(self._names, given, strict=True))
+        where = f"{getattr(self.call, '__name__', 'function')}({', '.join(self.names)})"
+        at = ", ".join(f"{n} = {x:.9g}" for n, x in zip(self.names, given, strict=True))
         remedy = "return the output, and behind it one number for each state"
         return refused(where, f"{found}, at {at}", remedy, code="user-function")
