@@ -15,12 +15,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.engines.scalar import BySize
-from blockmech.loads.actuators import Motor
-from blockmech.loads.constant import Force
-from blockmech.loads.contract import VELOCITY_READS, Element, Following, read_by
-from blockmech.loads.functions import Function
-from blockmech.loads.laws import DC, Constant, Fourier, Polynomial, Signal, Table
-from blockmech.loads.springs import Spring, TorsionSpring, twist
+from blockmech.loads.contract import VELOCITY_READS, Element, Following
 from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.forward import argument, coordinate_of, link_velocity, marker_velocity
 from blockmech.passes.homotopy import followed, path_of, schedule
@@ -48,31 +43,12 @@ def depends_on(structure: Structure) -> frozenset[str]:
 
 def straight_in_rate(structure: Structure) -> bool:
     """Whether every load is a straight line in the rates, free of the time, and no user's code."""
-
-    def straight(element: Element) -> bool:
-        reads = {what for row in element.reads().values() for what in row}
-        law = _law(element)
-        if isinstance(law, Function | Signal):
-            return False
-        if not reads & {*RATE_READS, "t"} or isinstance(element, Spring | TorsionSpring):
-            return True
-        line = isinstance(law, DC) or (isinstance(law, Polynomial) and len(law.coefficients) <= 2)
-        own = {what for row in read_by(element.kernel()).values() for what in row}
-        return line and law.variables() == ("rate",) and not own & {*RATE_READS, "t"}
-
-    return all(map(straight, structure.elements.values()))
+    return all(element.rate_degree() <= 1 for element in structure.elements.values())
 
 
 def lossless(structure: Structure) -> bool:
-    """Whether every load has a potential that is the same in the same pose.
-
-    Weights have; springs, and forces that stay as they are in ground axes.
-    """
-    return all(
-        (isinstance(e, Spring | TorsionSpring) and not e.damping)
-        or (isinstance(e, Force) and e.axes == "ground")
-        for e in structure.elements.values()
-    )
+    """Whether every load has a potential that is the same in the same pose, as weights have."""
+    return all(element.conservative for element in structure.elements.values())
 
 
 def largest_length(structure: Structure) -> float:
@@ -101,22 +77,11 @@ def period_of(structure: Structure, driver: str) -> float | None:
     if not all(path_of(structure, n).repeats for n in followed(structure)):
         return None
     for element in structure.elements.values():
-        law = _law(element)
-        if isinstance(law, Signal):  # which may follow a coordinate that counts turns
-            return None
-        if law is None or "coordinate" not in law.variables():
+        counted = element.counted
+        if counted is None or (counted.driver in structure.drivers and counted.driver != driver):
             continue
-        if isinstance(element, Following) and element.driver in structure.followers:
-            return None
-        if not isinstance(element, Following) or element.driver != driver:
-            continue
-        if isinstance(law, Fourier) and law.period is None:
-            more = law.turns or 1
-        elif isinstance(law, Table | Fourier) and law.whole:
-            more = _turns(law.whole)
-        else:
-            return None
-        if not more:
+        more = _turns(counted.period) if counted.driver == driver and counted.period else 0
+        if not more:  # a coupled driver's coordinate counts, or nobody knows which one
             return None
         turns = math.lcm(turns, more)
     return math.tau * turns
@@ -133,7 +98,8 @@ def _turns(period: float) -> int:
 def time_periods(structure: Structure) -> list[float]:
     """Periods [s] of the loads that follow the time and tell one."""
     laws = (_law(element) for element in structure.elements.values())
-    return [law.whole for law in laws if getattr(law, "whole", 0.0) and law.of == "time"]
+    timed = (law for law in laws if law is not None and law.variables() == ("time",))
+    return [law.repeats_after for law in timed if law.repeats_after]
 
 
 # -- kinks ---------------------------------------------------------------------------------
@@ -149,27 +115,20 @@ def knots(compiled: Any) -> tuple[float, ...]:
     for follower in structure.followers:
         found += _jumps_of_coupling(compiled, follower, (low, high), span)
     for name, element in structure.elements.items():
-        law = _law(element)
-        if law is not None and "coordinate" not in law.variables():
-            continue
-        if isinstance(element, Following) and element.driver is not None:
-            if isinstance(law, Table) and element.driver in structure.followers:
-                found += _rows_of_follower(compiled, element.driver, law, (low, high), span)
-            elif isinstance(law, Table):
-                found += _rows(law, low, high)
-        elif kinks := _kinks(element):
-            turning = isinstance(element, Motor | TorsionSpring)
-            measure = _measure(structure, scene, name, element)
+        if element.counted is not None and isinstance(element, Following):
+            law = element.law
+            if element.counted.driver in structure.followers:
+                rule = partial(_levels_passed, compiled, coordinate_of, element.counted.driver)
+                found += rule(law.within, (low, high), span) if law.rows() else []
+            else:
+                found += law.within(low, high)
+        elif kinks := element.kinks():
+            s = schedule(structure, scene, FREE)
+            measure = s.program([kernel_on(s, name, kinks.measure, value="measure")])
             samples = SCANNED * max(1, round((high - low) / span)) + 1
-            found += _passings(measure, kinks, turning, np.linspace(low, high, samples))
+            q = np.linspace(low, high, samples)
+            found += _passings(measure, kinks.values, kinks.turning, q)
     return tuple(sorted({x % period for x in found} if period else set(found)))
-
-
-def _rows_of_follower(
-    compiled: Any, driver: str, law: Table, within: tuple[float, float], span: float
-) -> list[float]:
-    """Where a coupled driver passes the rows of a table of its coordinate."""
-    return _levels_passed(compiled, coordinate_of, driver, partial(_rows, law), within, span)
 
 
 def _jumps_of_coupling(
@@ -205,47 +164,9 @@ def next_time_kink(structure: Structure, t: float) -> float:
     found = []
     for element in structure.elements.values():
         law = _law(element)
-        if isinstance(law, Table) and law.variables() == ("time",):
-            found += _rows(law, t, t + 2 * law.whole if law.whole else math.inf)
+        if law is not None and law.variables() == ("time",):
+            found += law.within(t, t + 2 * law.repeats_after if law.repeats_after else math.inf)
     return min((s for s in found if s > t), default=math.inf)
-
-
-def _rows(law: Table, low: float, high: float) -> list[float]:
-    """Arguments of a table, repeated as it repeats, from low to high."""
-    numbers = law.numbers()
-    rows = [float(numbers.start + x) for x in numbers.knots]
-    if not law.whole:
-        return [x for x in rows if low <= x <= high]
-    first = math.floor((low - rows[-1]) / law.whole)
-    last = math.ceil((high - rows[0]) / law.whole)
-    repeated = (x + k * law.whole for k in range(first, last + 1) for x in rows[:-1])
-    return [x for x in repeated if low <= x <= high]
-
-
-def _kinks(element: Element) -> list[float]:
-    """Values of an element's own measure at which its load has a kink."""
-    if isinstance(element, TorsionSpring):
-        return [math.pi] if element.stiffness else []
-    law = _law(element)
-    if law is None or isinstance(law, Constant):
-        return []
-    if not isinstance(element, Motor):
-        rows = law.numbers() if isinstance(law, Table) else None
-        return [] if rows is None else [float(rows.start + x) for x in rows.knots]
-    one_turn = isinstance(law, Table | Fourier) and law.turns == 1
-    one_turn |= isinstance(law, Fourier) and law.period is None and law.turns is None
-    wrap = [] if one_turn else [math.pi]
-    return [*_rows(law, -math.pi, math.pi), *wrap] if isinstance(law, Table) else wrap
-
-
-def _measure(structure: Structure, scene: Any, name: str, element: Element) -> Any:
-    """The program that gives an element's own measure."""
-    s = schedule(structure, scene, FREE)
-    measure: Any = twist
-    if isinstance(element, Following):
-        measure = element.own_measure(rate=False)
-    value = kernel_on(s, name, measure, value="measure")
-    return s.program([value])
 
 
 def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> list[float]:

@@ -124,6 +124,7 @@ class Motor(Following, type="load.motor"):
     {'a': ('om',), 'b': ('om',)}
     """
 
+    turning = True
     own_coordinate = "angle of b from a, counter-clockwise, in (-pi, pi] [rad]"
     own_symbol = "∠ab"
     terminals = {"a": Terminal("link"), "b": Terminal("link")}

@@ -35,6 +35,11 @@ class Force(Element, type="load.force"):
     force: Annotated[VectorGiven, in_unit("N")]
     axes: Literal["ground", "link"] = "ground"
 
+    @property
+    def conservative(self) -> bool:
+        """In ground axes it is as a weight."""
+        return self.axes == "ground"
+
     def kernel(self) -> Callable[..., Any]:
         """The force in the axes that the user chose."""
         return link_force if self.axes == "link" else ground_force

@@ -14,15 +14,19 @@ pictures and files all read that one declaration.
  5. A `Following` element has a law. Its arguments are the time, the coordinate and rate of a
     driver, or what kernels of the element measure; the law's value is one more argument of
     the element's kernel, before the numbers.
+ 6. What a method may use besides is declared, and nothing is lost but speed where it is not:
+    `conservative` that the load has a potential, `rate_degree` how it follows the rates, `kinks`
+    where it is not smooth, `counted` which coordinate it follows, and after what it repeats.
 """
 
 from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 from pydantic import (
     StrictBool,
@@ -50,6 +54,7 @@ else:
 LAW = "law"  # the port of an element whose law is a signal
 POSITION_READS = ("p", "e")
 VELOCITY_READS = ("v", "om")
+MOVING_READS = (*VELOCITY_READS, "qd", "t", "signal")
 VALID = "p_, v_, e_ or om_ before a terminal's name; then the law's value, if any, and the numbers"
 
 
@@ -72,6 +77,30 @@ def read_by(kernel: Callable[..., Any]) -> Reads:
 def _unreadable(kernel: Callable[..., Any], name: str) -> TypeError:
     where = f"{kernel.__module__}.{kernel.__qualname__}"
     return TypeError(f"{where}: its parameter {name!r} names nothing that can be read. {VALID}")
+
+
+class Kinks(NamedTuple):
+    """Where a load is not smooth in place.
+
+    measure : kernel of what the element measures, of positions and its numbers
+    values : of that measure, at which there is a kink
+    turning : whether the measure is an angle in (-pi, pi], which jumps at the half turn
+    """
+
+    measure: Callable[..., Any]
+    values: Sequence[float]
+    turning: bool = False
+
+
+class Counted(NamedTuple):
+    """A coordinate that counts turns, and which a load follows.
+
+    driver : its name, "" where that is not known
+    period : [rad] after which the load repeats, 0 where it does not
+    """
+
+    driver: str
+    period: float
 
 
 @dataclass(frozen=True)
@@ -132,6 +161,28 @@ class Element(Block):
         """The stored energy, or None; see rule 4."""
         return None
 
+    @property
+    def conservative(self) -> bool:
+        """Whether it has a potential that is the same in the same pose: with `energy` it has."""
+        return self.energy() is not None and not self.reads_any(*MOVING_READS)
+
+    def rate_degree(self) -> float:
+        """Degree in the rates of what it gives; infinite where that is not known."""
+        return math.inf if self.reads_any(*MOVING_READS) else 0.0
+
+    def kinks(self) -> Kinks | None:
+        """Where it is not smooth in place by what it measures itself; None where it is."""
+        return None
+
+    @property
+    def counted(self) -> Counted | None:
+        """The coordinate that counts turns, and which it follows; None for poses alone."""
+        return None
+
+    def reads_any(self, *quantities: str) -> bool:
+        """Whether it reads one of these quantities."""
+        return any(not {*quantities}.isdisjoint(names) for names in self.reads().values())
+
 
 class Following(Element):
     """An element whose force or moment follows a law.
@@ -144,6 +195,7 @@ class Following(Element):
     """
 
     own_coordinate: ClassVar[str] = ""
+    turning: ClassVar[bool] = False  # whether that is an angle in (-pi, pi]
     own_symbol: ClassVar[str] = ""
 
     law: LawGiven
@@ -177,6 +229,34 @@ class Following(Element):
             for key, what in reads.items():
                 found[key] = tuple(dict.fromkeys((*found.get(key, ()), *what)))
         return found
+
+    @property
+    def conservative(self) -> bool:
+        """None is known of a law."""
+        return False
+
+    def rate_degree(self) -> float:
+        """That of the law, where the element's own kernel reads no rate."""
+        if not (self.reads_any(*MOVING_READS) or self.law.variables()):
+            return 0.0
+        own = {what for names in read_by(self.kernel()).values() for what in names}
+        return self.law.rate_degree() if own.isdisjoint(MOVING_READS) else math.inf
+
+    def kinks(self) -> Kinks | None:
+        """Those of a law of the element's own coordinate."""
+        if self.driver is not None or "coordinate" not in self.law.variables():
+            return None
+        values = self.law.kinks_of_angle() if self.turning else self.law.rows()
+        return Kinks(self.own_measure(rate=False), values, self.turning) if values else None
+
+    @property
+    def counted(self) -> Counted | None:
+        """The driver's coordinate, or whatever a signal follows."""
+        if "signal" in self.law.variables():
+            return Counted("", 0.0)
+        if self.driver is None or "coordinate" not in self.law.variables():
+            return None
+        return Counted(self.driver, self.law.repeats_after)
 
     @property
     def ports(self) -> tuple[str, ...]:

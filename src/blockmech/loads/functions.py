@@ -54,6 +54,27 @@ class Function:
         """What the law is a function of."""
         return self.of
 
+    @property
+    def repeats_after(self) -> float:
+        """Nothing is known of a user's function."""
+        return 0.0
+
+    def rate_degree(self) -> float:
+        """Not known, and asked state by state even where it reads no rate."""
+        return math.inf
+
+    def rows(self) -> tuple[()]:
+        """None is known."""
+        return ()
+
+    def kinks_of_angle(self) -> tuple[float, ...]:
+        """The half turn, where the angle jumps."""
+        return (math.pi,)
+
+    def within(self, low: float, high: float) -> tuple[()]:
+        """No kinks are known."""
+        return ()
+
     def numbers(self) -> tuple[()]:
         """None: the function has its own."""
         return ()

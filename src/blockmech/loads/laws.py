@@ -12,7 +12,7 @@ velocity); de Boor 1978 for the splines (through SciPy's `CubicSpline`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
@@ -121,6 +121,32 @@ class Law(Strictly):
         of = getattr(self, "of", None)
         return () if of is None else (of,)
 
+    @property
+    def repeats_after(self) -> float:
+        """Period of the argument after which it repeats; 0 where it does not."""
+        return 0.0
+
+    def rate_degree(self) -> float:
+        """Degree in the rate, if that is its argument; infinite where it is no polynomial."""
+        return math.inf if self.variables() in (("rate",), ("time",), ("signal",)) else 0.0
+
+    def rows(self) -> Sequence[float]:
+        """Arguments at which it is not smooth, as they are given."""
+        return ()
+
+    def within(self, low: float, high: float) -> Sequence[float]:
+        """Arguments at which it is not smooth, from low to high, repeated as it repeats."""
+        return ()
+
+    def kinks_of_angle(self) -> Sequence[float]:
+        """Arguments in [-pi, pi] at which it is not smooth, if that is an angle which jumps."""
+        return (*self.within(-math.pi, math.pi), *(() if self.one_turn else (math.pi,)))
+
+    @property
+    def one_turn(self) -> bool:
+        """Whether it repeats after a turn of its argument."""
+        return False
+
     def numbers(self) -> Any:
         """The law's numbers, as its kernel reads them."""
         raise TypeError(f"{type(self).__name__} declares no numbers")
@@ -165,6 +191,10 @@ class Polynomial(Law):
     of: Argument = "coordinate"
     coefficients: Annotated[NumbersGiven, Field(min_length=1)]
 
+    def rate_degree(self) -> float:
+        """That of the polynomial."""
+        return float(len(self.coefficients) - 1) if self.of == "rate" else super().rate_degree()
+
     def units(self, axis: Axis) -> Units:
         """The effort's over powers of the argument's."""
         powers = range(len(self.coefficients))
@@ -203,6 +233,16 @@ class _Repeating(Law):
         return 0.0 if self.period is None else self.period
 
     @property
+    def repeats_after(self) -> float:
+        """The same."""
+        return self.whole
+
+    @property
+    def one_turn(self) -> bool:
+        """Whether it covers one turn."""
+        return self.turns == 1
+
+    @property
     def repeats(self) -> bool:
         """Whether there is a period."""
         return self.turns is not None or self.period is not None
@@ -237,6 +277,21 @@ class Table(_Repeating):
                 "leave out the last row",
             )
         return self
+
+    def rows(self) -> Sequence[float]:
+        """Its arguments, of a table that repeats with the end."""
+        numbers = self.numbers()
+        return [float(numbers.start + x) for x in numbers.knots]
+
+    def within(self, low: float, high: float) -> Sequence[float]:
+        """Its arguments, repeated as it repeats."""
+        rows = self.rows()
+        if not self.whole:
+            return [x for x in rows if low <= x <= high]
+        first = math.floor((low - rows[-1]) / self.whole)
+        last = math.ceil((high - rows[0]) / self.whole)
+        repeated = (x + k * self.whole for k in range(first, last + 1) for x in rows[:-1])
+        return [x for x in repeated if low <= x <= high]
 
     def numbers(self) -> TableNumbers:
         """The knots, and the coefficients of each piece by the distance from its knot.
@@ -290,6 +345,16 @@ class Fourier(_Repeating):
     cosines: NumbersGiven = default([])
     sines: NumbersGiven = default([])
 
+    @property
+    def repeats_after(self) -> float:
+        """A turn, unless something is said."""
+        return self.whole or math.tau
+
+    @property
+    def one_turn(self) -> bool:
+        """Whether it is a series of one turn."""
+        return self.period is None and (self.turns or 1) == 1
+
     @model_validator(mode="after")
     def _period_known(self) -> Fourier:
         if self.of != "coordinate" and self.period is None:
@@ -332,6 +397,10 @@ class DC(Law):
     def units(self, axis: Axis) -> Units:
         """Those along the axis: of a thrust a force and a speed."""
         return {"stall_moment": axis.effort, "no_load_speed": axis.argument("rate")}
+
+    def rate_degree(self) -> float:
+        """A straight line."""
+        return 1.0
 
     def numbers(self) -> PolynomialNumbers:
         """The straight line from the stall moment to zero at the no-load speed."""

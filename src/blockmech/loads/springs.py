@@ -11,10 +11,11 @@ velocity).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from blockmech.loads.contract import Element, Terminal
+from blockmech.loads.contract import Element, Kinks, Terminal
 from blockmech.plane import angle, dot, expi, hyp, mul, where
 from blockmech.typing import Complex, Real
 from blockmech.values import Angle, Axis, NotNegative, Number, Units, in_unit
@@ -69,6 +70,15 @@ class Spring(Element, type="load.spring"):
     stiffness: Annotated[Number, in_unit("N/m")]
     free_length: Annotated[NotNegative, in_unit("m")] = 0.0
     damping: Annotated[NotNegative, in_unit("N s/m")] = 0.0
+
+    @property
+    def conservative(self) -> bool:
+        """Without damping."""
+        return not self.damping
+
+    def rate_degree(self) -> float:
+        """Damping is a straight line in the rates."""
+        return 1.0 if self.damping else 0.0
 
     def kernel(self) -> Callable[..., Any]:
         """With damping where there is any: only that asks for velocities."""
@@ -129,6 +139,19 @@ class TorsionSpring(Element, type="load.torsion_spring"):
         """Those along the axis: on a sliding joint of a document it is a spring along it."""
         stiffness, damping = (axis.coefficient(of) for of in ("coordinate", "rate"))
         return {"stiffness": stiffness, "rest_angle": axis.coordinate, "damping": damping}
+
+    @property
+    def conservative(self) -> bool:
+        """Without damping."""
+        return not self.damping
+
+    def rate_degree(self) -> float:
+        """Damping is a straight line in the rates."""
+        return 1.0 if self.damping else 0.0
+
+    def kinks(self) -> Kinks | None:
+        """The half turn from rest, where the moment changes its sign."""
+        return Kinks(twist, (math.pi,), turning=True) if self.stiffness else None
 
     def kernel(self) -> Callable[..., Any]:
         """The cheapest form that says the same."""
