@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from blockmech.engines.llvm import LlvmEngine
 
 T = TypeVar("T")
-STATES = "signal-states"
 PLANS = 64  # kept with their engines, those asked for last; each is some 100 kB
 SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
 # Samples for which compiling pays: it takes 0.2 ms for each line of assembly, and NumPy takes
@@ -268,14 +267,6 @@ class Compiled(Runnable):
             if name.startswith(STATE):
                 yield int(name[len(STATE) :])
 
-    def refuse_signal_states(self, where: str) -> None:
-        """Refuse an analysis that knows coordinates and rates alone where signals have states."""
-        refs = [str(ref) for ref in self.structure.signal_states]
-        if refs:
-            found = f"signal blocks have states of their own: {listed(refs, 4)}"
-            remedy = "simulate the mechanism, or take the signal blocks out"
-            raise refused(where, found, remedy, "it knows coordinates and rates alone", STATES)
-
     def _refuse_states(self, plan: Plan, known: Collection[str]) -> None:
         """Refuse a run of given motions that needs states of signal blocks."""
         needed = {i for i in self._states_needed(plan) if f"{STATE}{i}" not in known}
@@ -283,7 +274,7 @@ class Compiled(Runnable):
         if refs:
             found = f"the outputs depend on states of signal blocks: {listed(refs, 4)}"
             remedy = "ask simulate for them, or name others with want=[...]"
-            raise refused("want", found, remedy, "states are known along a motion", STATES)
+            raise refused("want", found, remedy, "states are known along a motion", "signal-states")
 
     def _chosen(self, plan: Plan, n: int) -> str:
         """The fastest engine for n samples: compiled ones where compiling is done or pays."""

@@ -240,7 +240,6 @@ def linearize(
     RequestError for unknown names, a pose that is not said, or drivers that move no mass
     AssemblyError where the pose cannot be
     """
-    mechanism.refuse_signal_states("linearize")
     q, qd = _state(mechanism, at, rates)
     slips = bool(qd.any()) and bool(mechanism.frictional_joints) and friction != "none"
     of = tangents(mechanism, q[None], qd, t=time, friction=slips)
