@@ -20,11 +20,13 @@ from blockmech.couplings.contract import Coupling
 from blockmech.errors import RequestError
 from blockmech.friction.laws import LAWS, FrictionLaw
 from blockmech.loads.contract import Element
+from blockmech.signals.contract import Signal
 from blockmech.testing.block_rules import BlockRules
 from blockmech.testing.coupling_rules import CouplingRules
 from blockmech.testing.element_rules import ElementRules
 from blockmech.testing.law_rules import LawRules
 from blockmech.testing.rules import ConformanceError, Report
+from blockmech.testing.signal_rules import SignalRules
 
 __all__ = ["ConformanceError", "Report", "conformance"]
 
@@ -67,6 +69,8 @@ def conformance(
         return ElementRules(block).report(name)
     if isinstance(block, Coupling):
         return CouplingRules(block).report(name)
+    if isinstance(block, Signal):
+        return SignalRules(block).report(name)
     if isinstance(block, Moving):
         return BlockRules(block, seed).report(name)
     return Report(name)  # a frame has no kernels
