@@ -161,6 +161,24 @@ def test_a_mirrored_machine_under_control_mirrors_its_motion():
     assert ways[0] == -ways[1] != 0.0
 
 
+@pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
+def test_instants_that_rounding_parts_are_one(method):
+    # 3 times 0.1 s is not 0.3 s in binary numbers, and a step comes before the samples
+    blocks = {
+        "wish": signals.Step(value=1.0, time=0.3),
+        "fast": signals.TransferFunction(num=[1.0], den=[1.0, 0.0], sample=0.1),
+        "slow": signals.Delay(sample=0.3, steps=1),
+    }
+    wires = [("wish.y", "fast.u"), ("wish.y", "slow.u"), ("fast.y", "drive.law")]
+    mech = flywheel(blocks, wires).compile()
+    t = [0.25, 0.35, 0.45, 0.55, 0.65]
+    run = mech.simulate("time=0.95", times=t, want=["wish.y", "fast.y", "slow.y"], method=method)
+    assert run["wish.y"].tolist() == [0.0, 1.0, 1.0, 1.0, 1.0]
+    assert run["fast.y"].tolist() == [0.0, 0.0, 1.0, 1.0, 1.0]
+    assert run["slow.y"].tolist() == [0.0, 0.0, 0.0, 0.0, 1.0]
+    assert run.motion.end == "time"
+
+
 def test_a_delay_of_some_samples_changes_the_answer():
     ends = []
     for steps in (1, 3):

@@ -46,6 +46,7 @@ from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import released
 from blockmech.dynamics.singular import AHEAD, PAST, End, time_left, what_is_ahead
 from blockmech.plane import EPS
+from blockmech.signals.contract import at_once
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -216,6 +217,9 @@ class Run:
             return self._released()
         kink = loads.next_time_kink(structure, self.t)
         bound = min(self.t_max, kink, self.system.signals.next_time(self.t))
+        if at_once(bound, self.t):  # on less than that no solver starts
+            self.t = bound
+            return None
         parts = 1 if self.method in STEPPERS else PARTS
         spans = [self.system.span]
         if self.equation.drivers > 1:
@@ -238,7 +242,7 @@ class Run:
             return
         self.switched = self.t
         blocks = self.system.signals.blocks
-        due = {name for name, block in blocks.items() if block.instant(self.t) == self.t}
+        due = {name for name, block in blocks.items() if at_once(block.instant(self.t), self.t)}
         sources = {name for name in due if not blocks[name].inputs}
         for names in filter(None, (sources, due - sources)):
             self.y = self.equation.switched(self.t, self.y, names)

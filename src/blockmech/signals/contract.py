@@ -33,6 +33,11 @@ Kernel: TypeAlias = Callable[..., Any]
 HELD = "held_"  # before the name of an output: the state of a discrete block that holds it
 
 
+def at_once(instant: float, t: float) -> bool:
+    """Whether two times [s] are one but for rounding: 3 times 0.1 s is 0.3 s."""
+    return abs(instant - t) <= 4 * EPS * max(abs(t), abs(instant)) < math.inf
+
+
 class State(NamedTuple):
     """A state of a block: where it begins, and its unit (of signals ``""``)."""
 
@@ -95,11 +100,9 @@ class Signal(Block):
         if self.interval is None:
             return math.inf
         k = round(t / self.interval)
-        here = k * self.interval
-        near = abs(here - t) <= 4 * EPS * max(abs(t), self.interval)
-        if near and not after:
-            return here
-        return (k + 1 if near else math.ceil(t / self.interval)) * self.interval
+        if at_once(k * self.interval, t):
+            return (k + after) * self.interval
+        return math.ceil(t / self.interval) * self.interval
 
     def held_first(self) -> float:
         """What a discrete block holds until its first instant."""

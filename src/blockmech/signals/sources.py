@@ -12,8 +12,7 @@ from pydantic import Field, model_validator
 
 from blockmech.loads import laws
 from blockmech.loads.laws import table, table_over_period
-from blockmech.plane import where
-from blockmech.signals.contract import Kernel, Signal
+from blockmech.signals.contract import Kernel, Signal, at_once
 from blockmech.typing import Real
 from blockmech.values import NotNegative, Number, NumbersGiven, Positive, in_unit
 
@@ -70,11 +69,6 @@ class Input(Signal, type="signal.input"):
         return self.value
 
 
-def stepped(t: Real, p: Any) -> tuple[Real]:
-    """The value before or after the step."""
-    return (where(t >= p.time, p.value, p.before),)
-
-
 class Step(Signal, type="signal.step"):
     """``before`` up to a time [s], ``value`` from then on.
 
@@ -99,12 +93,13 @@ class Step(Signal, type="signal.step"):
         return True
 
     def output(self) -> Kernel:
-        """The value at the instant."""
-        return stepped
+        """The value, from the instant on."""
+        return constant
 
     def instant(self, t: float, after: bool = False) -> float:
         """The time of the step, if that is ahead."""
-        return self.time if (t < self.time if after else t <= self.time) else math.inf
+        ahead = self.time > t or at_once(self.time, t)
+        return self.time if ahead and not (after and at_once(self.time, t)) else math.inf
 
     def held_first(self) -> float:
         """The value before."""
