@@ -29,5 +29,5 @@ if __name__ == "__main__":
         axes.plot(path.real, path.imag, label=label)
     axes.plot(POINTS.real, POINTS.imag, "o", mfc="none", label="wanted")
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
-    axes.legend(loc="lower right", frameon=False)
+    axes.legend(loc="lower center", frameon=False)
     write_figure(figure, "coupler_curve.png")

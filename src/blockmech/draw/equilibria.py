@@ -33,7 +33,8 @@ class PlottedEquilibria(Pictured, Equilibria):
             raise refused("plot", found, "their text lists them", code="nothing-to-draw")
         factor, unit = (180.0 / np.pi, "°") if degrees and self.unit == "rad" else (1.0, self.unit)
         drawn = ["potential"] * (self.curves[0].potential is not None) + ["effort of the loads"]
-        words = [f"{sum(e.kind == k for e in self)} {k} ({m})" for k, m in _MARKED.items()]
+        counts = {k: sum(e.kind == k for e in self) for k in _MARKED}
+        words = [f"{n} {k} ({_MARKED[k]})" for k, n in counts.items() if n] or ["none"]
         said = f"Equilibria of {shown_name(self.coordinate)}: {', '.join(words)}"
         said += "; shaded: where friction holds it." if self.rests else "."
         with captioned(said, len(drawn) * PANEL + 2 * ink.ROW) as figure:
