@@ -230,3 +230,12 @@ def test_the_picture_marks_them(tmp_path):
     several = bm.Graph.load(GRAPHS / "fivebar_falling.json").compile().equilibria(starts=16)
     with pytest.raises(bm.RequestError, match="no picture"):
         several.plot(tmp_path / "x.png")
+
+
+def test_a_slide_without_ends_is_followed_as_far_as_kinks_are_known():
+    """A rack that turns a wheel with a torsion spring: jumps and roots alternate."""
+    found = bm.Graph.load(GRAPHS / "rack_gripper.json").compile().equilibria()
+    kinds = [e.kind for e in found]
+    assert all(a != b for a, b in itertools.pairwise(kinds))
+    assert any(e.jump for e in found)
+    assert "no group ends the travel" in str(found)

@@ -47,7 +47,6 @@ Kind = Literal["stable", "unstable", "indifferent"]
 
 NONE = 1e-9  # relative: what roots and eigenvalues leave of nothing
 STEPS = 60  # of Newton's method, from far away
-FAR = 100.0  # lengths of a mechanism that a slide without ends is followed
 SAME = 1e-7  # [rad] or share of the span: two equilibria are one
 ASIDE = 10 * DOUBLE_ROOT  # [rad or m] of change points, where rounding hides poses
 STARTS = 256  # for each of several drivers
@@ -278,7 +277,7 @@ class _Line:
         (stop_low, stop_high), rotary = self.system.stops[0], self.system.rotary[0]
         found = limits(self.mechanism)
         free = math.isinf(stop_low) and math.isinf(stop_high)
-        far = FAR * loads.largest_length(self.mechanism.structure)
+        far = loads.REACH * loads.largest_length(self.mechanism.structure)
         for arc in found.arcs:
             low, high = (min(max(end.q, -far), far) for end in (arc.start, arc.end))
             passed = [point.q for point in arc.change_points]
@@ -406,7 +405,7 @@ def _one_driver(line: _Line) -> Equilibria:
             found.append(Equilibrium({name: q}, {name: unit}, kind, *of, np.empty(0), jump=True))
         found += _at_stops(line, name, unit, (low, high), closed)
     order = sorted(found, key=lambda e: e.q[0])
-    notes = tuple(_notes(line))
+    notes = tuple(_notes(line, curves))
     return Equilibria(
         tuple(order), tuple(sorted(rests)), tuple(balanced), tuple(curves), name, unit, notes
     )
@@ -516,7 +515,11 @@ def _at_stops(
             )
 
 
-def _notes(line: _Line) -> Iterator[str]:
+def _notes(line: _Line, curves: Iterable[Curve]) -> Iterator[str]:
+    far = loads.REACH * loads.largest_length(line.mechanism.structure)
+    ends = np.abs([q for curve in curves for q in (curve.q[0], curve.q[-1])])
+    if not line.system.rotary[0] and np.isclose(ends, far).any():
+        yield f"looked for from {-far:.6g} to {far:.6g} m: no group ends the travel"
     if "time" in line.system.depends_on:
         yield f"loads follow the time, which is held at {line.t:.9g} s"
     if line.system.friction is None and line.mechanism.frictional_joints:
