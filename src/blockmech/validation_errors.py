@@ -202,6 +202,7 @@ UNITS = {
     "m": ("m", 1.0),
     "mm": ("m", 1000.0),
     "cm": ("m", 100.0),
+    "inch": ("m", 1 / 0.0254),
     "rad": ("rad", 1.0),
     "deg": ("rad", 180 / math.pi),
     "°": ("rad", 180 / math.pi),
@@ -211,6 +212,8 @@ UNITS = {
     "kg": ("kg", 1.0),
     "g": ("kg", 1000.0),
     "N": ("N", 1.0),
+    "kN": ("N", 1e-3),
+    "lbf": ("N", 1 / 4.4482216152605),
 }
 """Units that people write behind numbers -> the SI unit, and how many make one of it."""
 

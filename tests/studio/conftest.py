@@ -66,6 +66,7 @@ def page(browser):
     page.on("dialog", lambda dialog: dialog.accept())
     yield page
     page.close()
+    browser.clear_cookies(name="blockmech_units")  # what a user chose is that user's
     assert wrong == []
 
 

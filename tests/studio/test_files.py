@@ -125,7 +125,7 @@ def test_every_kind_of_block_begins_with_valid_values(kind):
     assert bm.Graph.from_data(form).blocks["new"].type_name == kind
 
 
-@pytest.mark.parametrize("shown", [Shown(), Shown("mm", "deg")])
+@pytest.mark.parametrize("shown", [Shown(), Shown("mm", "deg"), Shown("inch", "deg", "rpm", "lbf")])
 @pytest.mark.parametrize("path", sorted(GRAPHS.glob("*.json")), ids=lambda path: path.stem)
 def test_a_value_that_is_shown_and_read_again_is_the_same(path, shown):
     schema, read = graph_schema(), 0

@@ -15,6 +15,7 @@ from tests.studio.page import (
     choose,
     drag_block,
     drop,
+    edit,
     fill,
     hidden_wires,
     press,
@@ -163,7 +164,10 @@ def test_the_four_bar_stands_with_its_answers_in_the_chosen_units(page, studio, 
     page.get_by_label("Lengths").select_option("mm")
     page.get_by_label("Angles").select_option("deg")
     axes = "() => [...Bokeh.documents[0]._all_models.values()].filter(m => m.axis_label)"
+    page.wait_for_function(f"({axes})().filter(m => m.axis_label == 'crank.q [°]').length == 1")
+    press(page, "Margins")
     page.wait_for_function(f"({axes})().filter(m => m.axis_label == 'crank.q [°]').length == 2")
+    press(page, "Curves")
     page.wait_for_function(f"({axes})().some(m => m.axis_label == 'x [mm]')")
     page.get_by_label("Lengths").select_option("m")
     page.wait_for_function(f"({axes})().every(m => m.axis_label != 'x [mm]')")
@@ -194,6 +198,41 @@ def test_the_four_bar_stands_with_its_answers_in_the_chosen_units(page, studio, 
     accessible(page)
 
 
+@pytest.mark.parametrize("size", [(1280, 800), (1440, 900)])
+def test_nothing_is_below_the_fold_and_no_two_buttons_share_a_name(page, studio, size):
+    """The answer of *Trade* is seen without scrolling, and the mechanism beside it."""
+    page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
+    show(page, studio, "?example=slider_crank")
+    tabs = ("Curves", "Motion", "Margins", "Methods")
+    for tab in (*tabs, "Links and joints"):
+        press(page, tab)
+        texts = page.get_by_role("button").evaluate_all("all => all.map(one => one.innerText)")
+        shown = [text.strip() for text in texts if text.strip()]
+        assert len({*shown}) == len(shown), shown
+    press(page, "Trade")
+    answer = page.get_by_text("complex64")
+    answer.wait_for()
+    lines = answer.bounding_box()
+    assert lines["y"] + 60 < size[1]
+    play = page.get_by_role("button", name="▶ Play").bounding_box()
+    assert play["y"] + play["height"] < lines["y"]
+
+
+def test_units_are_kept_by_the_browser_and_files_stay_si(page, studio):
+    show(page, studio, "?example=slider_crank")
+    for label, unit in (("Lengths", "inch"), ("Rates", "rpm"), ("Forces", "lbf")):
+        page.get_by_label(label).select_option(unit)
+    edit(page, "crank")
+    fill(page, "length [inch]", "2")
+    page.get_by_role("button", name="Undo").and_(page.locator(":enabled")).wait_for()
+    save(page, "inch.json")
+    assert Graph.load(studio[1] / "inch.json").blocks["crank"].length == 2 * 0.0254
+    show(page, studio, "?example=slider_crank")
+    assert page.get_by_label("Lengths").input_value() == "inch"
+    choose(page, "Edit", "gas")
+    page.get_by_label("force [lbf]", exact=True).wait_for()
+
+
 def test_texts_of_a_hostile_document_run_nothing(page, studio):
     """Opened, its costs told, a simulation and a wire refused: markup in names stays text."""
     hurt = "<img src=x onerror='hurt=1'>"
@@ -201,8 +240,10 @@ def test_texts_of_a_hostile_document_run_nothing(page, studio):
     data = renamed(renamed(data, "crank", hurt), "dyad", f"{hurt}2") | {"title": hurt * 100}
     (studio[1] / "hostile.json").write_text(json.dumps(data), "utf-8")
     show(page, studio, "?open=hostile.json")
+    press(page, "Methods")
     press(page, "Cost")
     page.get_by_text(f"  position             2  {hurt}, {hurt}2").wait_for()
+    press(page, "Motion")
     fill(page, "Simulate until", hurt)
     press(page, "Simulate")
     page.get_by_text("until").and_(page.get_by_text(hurt)).first.wait_for()

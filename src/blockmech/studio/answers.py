@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 import io
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, get_args
 
 import numpy as np
@@ -141,14 +141,21 @@ class Answers:
         view.param.watch(lambda _: self._show_pose(), "pose")
         self._begin()
 
-    def panel(self) -> Any:
-        """What is asked on the left, the curves beside it."""
-        parts = (self.friction, self.accuracy, self.until, *self.buttons, self.work.stop, self.csv)
-        asked = pn.Column(self.find, self.names, beside(*parts), width=250)
-        told = pn.Column(
-            self.values, self.said, self.costs, self.plots, sizing_mode="stretch_width"
-        )
-        return pn.Row(asked, told, sizing_mode="stretch_width")
+    def tabs(self) -> dict[str, Callable[[], Any]]:
+        """What is asked and what is answered, by tab; each is made when it is first shown."""
+        wide = {"sizing_mode": "stretch_width"}
+        simulate, turn, cost, compare = self.buttons
+
+        def curves() -> Any:
+            asked = (self.find, self.names, beside(self.friction, self.accuracy, self.csv))
+            return pn.Row(pn.Column(*asked, width=250), pn.Column(self.values, self.plots, **wide))
+
+        return {
+            "Curves": curves,
+            "Motion": lambda: beside(self.until, simulate, turn),
+            "Margins": lambda: self.view.strip,
+            "Methods": lambda: pn.Column(beside(cost, compare), self.costs, **wide),
+        }
 
     # -- curves ----------------------------------------------------------------------------
 

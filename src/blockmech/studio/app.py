@@ -15,7 +15,7 @@ from blockmech.builders import Graph, Linkage, Opened, opened
 from blockmech.errors import BlockmechError
 from blockmech.studio.answers import Answers
 from blockmech.studio.diagram import Diagram
-from blockmech.studio.fields import Shown
+from blockmech.studio.fields import CHOICES, Shown
 from blockmech.studio.files import Desk, Filed, files_of
 from blockmech.studio.form import MECHANISM, Form
 from blockmech.studio.gallery import gallery_page
@@ -29,9 +29,16 @@ from blockmech.testing.files import gallery
 LEAVING = "window.onbeforeunload = (e) => { if (!kept.active) e.preventDefault() }"
 """Whoever leaves a sheet that is not saved is asked by the browser."""
 
+UNITS = "blockmech_units"
+KEEP = f"""
+const words = [a, b, c, d].map(({{value}}) => value).join("|");
+document.cookie = `{UNITS}=${{words}}; path=/; max-age=${{10 * 365 * 86400}}; samesite=strict`;
+"""
+"""The units that a user chose are kept by the browser, in this cookie."""
+
 FORMULA = 52  # px above the canvas, which does not move when problems come and go
-BELOW = 270  # px of form and answers; diagram and mechanism have the rest
-ABOVE = {"min-height": "540px"}  # in a lower window each side scrolls
+BELOW = 240  # px of form and answers; diagram and mechanism have the rest
+ABOVE = 480, 400  # px of either side; in a lower window it scrolls
 
 
 class Page:
@@ -48,7 +55,7 @@ class Page:
         self.form = Form(sheet, self.say)
         self.diagram = Diagram(sheet, self.say, self.select, self.answers.wires)
         self.diagram.flow.color_mode = "dark" if dark else "light"
-        self.file = pn.widgets.TextInput(label="File", width=190)
+        self.file = pn.widgets.TextInput(label="File", width=150)
         self.save = self._button("Save", lambda: self._save(False), button_type="primary")
         self.replace = self._button("Replace the file", lambda: self._save(True), visible=False)
         self.undo = self._button("Undo", lambda: self.say(f"Undo: {sheet.undo()}"))
@@ -60,12 +67,14 @@ class Page:
         if pn.state.curdoc is not None:
             asks = CustomJS(args={"kept": self.kept}, code=LEAVING)
             pn.state.curdoc.js_on_event("document_ready", asks)
+        kept = Shown.of(pn.state.cookies.get(UNITS, ""))
         self.units = [
-            pn.widgets.Select(label="Lengths", options=["m", "mm"], width=70),
-            pn.widgets.Select(label="Angles", options=["rad", "deg"], width=70),
+            pn.widgets.Select(label=label, options=list(known), value=unit, width=80)
+            for (label, known), unit in zip(CHOICES.items(), kept, strict=True)
         ]
         for widget in self.units:
             widget.param.watch(lambda _: self._measure(), "value")
+            widget.jscallback(value=KEEP, args=dict(zip("abcd", self.units, strict=True)))
         self._measure()
         follow(sheet, self.show, "form", "problems", "saved", "undoable", "redoable", "path")
         self.show()
@@ -76,19 +85,20 @@ class Page:
     def panel(self) -> Any:
         """The page."""
         picture = pn.widgets.FileDownload(
-            callback=self._picture, label="Picture", filename="diagram.svg"
+            callback=self._picture, label="Picture of the diagram", filename="diagram.svg"
         )
-        blocks = (
+        blocks = beside(
             self._button("Lay out", self.diagram.lay_out),
-            self._button("Duplicate", lambda: self.diagram.duplicate(self._chosen())),
-            self._button("Delete", lambda: self.diagram.remove(self._chosen())),
+            self._button("Duplicate block", lambda: self.diagram.duplicate(self._chosen())),
+            self._button("Delete block", lambda: self.diagram.remove(self._chosen())),
+            picture,
         )
         bar = beside(
             pn.pane.HTML("<h1>blockmech studio</h1>", margin=(8, 12)),
-            *(self.file, self.save, self.replace, self.undo, self.redo, *blocks),
-            *(self.download, picture, *self.units, pn.pane.Bokeh(self.kept, visible=False)),
+            *(self.file, self.save, self.replace, self.undo, self.redo, self.download),
+            *(*self.units, pn.pane.Bokeh(self.kept, visible=False)),
         )
-        flow = (self.diagram.palette, self.formula, self.diagram.flow)
+        flow = (blocks, self.diagram.palette, self.formula, self.diagram.flow)
         ways = {
             "Links and joints": lambda: LinksSheet(self.sheet, self.dark, self.view).panel(),
             "Blocks": lambda: pn.Column(*flow, sizing_mode="stretch_both"),
@@ -96,10 +106,12 @@ class Page:
         drawn = either(ways, list(ways)[not isinstance(self.sheet.document, Linkage)])
         below = {"sizing_mode": "stretch_width", "height": BELOW, "scroll": "y-auto"}
         left = drawn, self.status, pn.Column(self.form.column, **below)
-        right = self.view.panel(), pn.Column(self.answers.panel(), **below)
+        head = beside(self.answers.work.stop, self.answers.said, sizing_mode="stretch_width")
+        right = self.view.panel(), either(self.answers.tabs(), "Curves", head)
+        right[-1].param.update(**below)
         sides = [pn.Column(*s, sizing_mode="stretch_both", scroll="y-auto") for s in (left, right)]
-        for side in sides:
-            side[0].styles = ABOVE
+        for side, least in zip(sides, ABOVE, strict=True):
+            side[0].styles = {"min-height": f"{least}px"}
         return page([bar, pn.Row(*sides, sizing_mode="stretch_both")], self.dark)
 
     # -- what is shown ----------------------------------------------------

@@ -10,6 +10,8 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
+from decimal import Decimal
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 from blockmech.validation_errors import UNITS
@@ -18,6 +20,8 @@ Path = tuple[str, ...]
 Schema = Mapping[str, Any]
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 PAIR = re.compile(rf"\s*\[?\s*({NUMBER})\s*(,|@|\s)\s*({NUMBER})\s*\]?\s*")
+INCH, POUND = Fraction("0.0254"), Fraction("4.4482216152605")
+EXACT = {"mm": Fraction(1000), "inch": 1 / INCH, "kN": Fraction(1, 1000), "lbf": 1 / POUND}
 DIGITS = 17  # that tell every double from its neighbours
 
 
@@ -156,25 +160,47 @@ def _said(doc: str, name: str) -> str:
     return " ".join(found[1].split()) if found else ""
 
 
+CHOICES = {
+    "Lengths": ("m", "mm", "inch"),
+    "Angles": ("rad", "deg"),
+    "Rates": ("rad/s", "rpm"),
+    "Forces": ("N", "kN", "lbf"),
+}
+"""Units that a user may choose, the SI unit first, in the order of `Shown`."""
+
+
 class Shown(NamedTuple):
-    """Units in which a form shows lengths and angles; files stay SI."""
+    """Units in which a form shows lengths, angles, rates and forces; files stay SI."""
 
     length: str = "m"
     angle: str = "rad"
+    rate: str = "rad/s"
+    force: str = "N"
+
+    @classmethod
+    def of(cls, words: str) -> Shown:
+        """Units as a user's browser keeps them, ``"mm|deg|rpm|N"``; SI where it keeps others."""
+        kept = zip(words.split("|"), CHOICES.values(), strict=False)
+        return cls(*(word if word in known else known[0] for word, known in kept))
 
     def unit(self, si: str) -> str:
         """The unit that is shown for one of SI."""
-        return {"m": self.length, "rad": self.angle}.get(si, si)
+        names = (known[0] for known in CHOICES.values())
+        return dict(zip(names, self, strict=True)).get(si, si)
 
     def factor(self, si: str) -> float:
         """How many of the units shown make one of SI."""
-        return UNITS[self.unit(si)][1] if si in ("m", "rad") else 1.0
+        return UNITS[self.unit(si)][1] if si != self.unit(si) else 1.0
+
+    def _many(self, si: str) -> float | Fraction:
+        """How many make one of SI, as a fraction where a unit is defined as one."""
+        return EXACT.get(self.unit(si), self.factor(si))
 
     def text(self, field: Field, value: Any) -> str:
         """A value as it stands in a field; nothing for one that is not given."""
         if value is None:
             return ""
-        k = self.factor(field.unit)
+        k = self._many(field.unit)
         if field.kind == "number" and isinstance(value, int | float):
             return _digits(value, k)
         if field.kind == "place" and isinstance(value, dict):
@@ -186,7 +212,7 @@ class Shown(NamedTuple):
 
     def value(self, field: Field, text: str) -> Any:
         """The value that a text means; a text that means none is itself, which is refused."""
-        text, k = text.strip(), self.factor(field.unit)
+        text, k = text.strip(), self._many(field.unit)
         if text == "":
             return None
         if field.kind == "number" and re.fullmatch(NUMBER, text):
@@ -204,15 +230,20 @@ class Shown(NamedTuple):
         return text
 
 
-def _digits(value: float, k: float) -> str:
+def _digits(value: float, k: float | Fraction) -> str:
     """The shortest text of a value in units of which ``k`` make one, that reads as the same."""
-    near = (float(f"{value * k:.{digits}g}") for digits in range(1, DIGITS + 1))
-    texts = (repr(x).removesuffix(".0") for x in near)
-    return next((text for text in texts if _si(text, k) == value), repr(value * k))
+    near = (float(f"{float(value * k):.{digits}g}") for digits in range(1, DIGITS + 1))
+    texts = [repr(x).removesuffix(".0") for x in near]
+    if isinstance(k, Fraction):  # of which doubles are too few
+        whole = Fraction(value) * k
+        texts.append(f"{Decimal(whole.numerator) / Decimal(whole.denominator):.{DIGITS + 1}g}")
+    return next((text for text in texts if _si(text, k) == value), repr(float(value * k)))
 
 
-def _si(text: str, k: float) -> float:
-    return float(text) if k == 1.0 else float(text) / k
+def _si(text: str, k: float | Fraction) -> float:
+    if k == 1:
+        return float(text)
+    return float(Fraction(text) / k) if isinstance(k, Fraction) else float(text) / k
 
 
 def item_at(raw: Any, path: Path) -> Any:

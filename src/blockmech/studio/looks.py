@@ -160,14 +160,17 @@ def beside(*parts: Any, **look: Any) -> Any:
     return pn.Row(*parts, styles={"flex-wrap": "wrap"}, **look)
 
 
-def either(parts: dict[str, Callable[[], Any]], shown: str) -> Any:
+def either(parts: dict[str, Callable[[], Any]], shown: str, *head: Any) -> Any:
     """One of some parts, which a row of buttons above them chooses; made when it is first shown.
+
+    ``head`` stands beside the buttons, whatever is shown.
 
     Bokeh's tabs hide and show what they hold at every change of the page, which lays all of it
     out anew: with a hundred blocks on the canvas that took as long as everything else.
     """
     chosen = pn.widgets.RadioButtonGroup(options=list(parts), value=shown)
-    place, made = pn.Column(chosen, sizing_mode="stretch_both"), dict[str, Any]()
+    first = pn.Row(chosen, *head, sizing_mode="stretch_width") if head else chosen
+    place, made = pn.Column(first, sizing_mode="stretch_both"), dict[str, Any]()
 
     def show() -> None:
         if (shown := chosen.value) not in made:

@@ -90,7 +90,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._play = pn.widgets.Toggle(label="▶ Play", width=90, align="end")
         self._play.param.watch(lambda event: self._toggled(event.new), "value")
         self._sliders = pn.Row(sizing_mode="stretch_width")
-        self._strip = pn.pane.Bokeh(sizing_mode="stretch_width")
+        self.strip = pn.pane.Bokeh(sizing_mode="stretch_width")
         self.kind = pn.widgets.Select(label="Picture as", options=list(PICTURES), width=80)
         self.picture = pn.widgets.FileDownload(
             callback=self._picture, filename="mechanism.svg", label="Picture", align="end"
@@ -156,15 +156,15 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def _show_margins(self, closed: Result | None) -> None:
         """How far every group is from its dead centres, along the poses."""
-        self._strip.visible = closed is not None and bool(closed.quality.margin)
-        if closed is not None and self._strip.visible:
+        self.strip.visible = closed is not None and bool(closed.quality.margin)
+        if closed is not None and self.strip.visible:
             panel = margins_of(closed)
             if self._margins is None or self._margins.curves != labels_of(panel):
                 look = {"height": CURVE // 2, "toolbar_location": None}
                 self._margins = Plot(panel, self.dark, self.seek, **look)
                 self._margins.figure.above = []  # no legend: a pointer on a curve is told its name
                 self._margins.figure.add_tools(HoverTool(tooltips="@name"))
-                self._strip.object = self._margins.figure
+                self.strip.object = self._margins.figure
             self._margins.show(panel, self.along, self.spans)
 
     def _show_drivers(self) -> None:
@@ -257,11 +257,10 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         choice = pn.widgets.CheckButtonGroup.from_param(self.param.show, label="Show")
         return pn.Column(
             beside(choice, self.kind, self.picture),
-            pn.pane.Bokeh(self.figure.figure, sizing_mode="stretch_both", min_height=340),
+            pn.pane.Bokeh(self.figure.figure, sizing_mode="stretch_both", min_height=220),
             pn.Row(self._play, self.slider, sizing_mode="stretch_width"),
             self._sliders,
             self._said,
-            self._strip,
             sizing_mode="stretch_both",
         )
 

@@ -14,7 +14,7 @@ from blockmech.studio.fields import Shown
 from blockmech.studio.plots import PIXELS, dress
 from blockmech.studio.session import heard
 
-TICK = "return String(Number((tick * each).toPrecision(12))).replace('-', '\u2212')"
+TICK = "return String(Number((tick * each).toPrecision(5))).replace('-', '\u2212')"
 SIZE = 700, 500  # [px] before the browser says
 
 
