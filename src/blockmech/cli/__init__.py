@@ -24,6 +24,7 @@ from blockmech.cli.draw import draw
 from blockmech.cli.export import export
 from blockmech.cli.import_ import import_
 from blockmech.cli.new import new
+from blockmech.cli.page import page
 from blockmech.cli.run import run
 from blockmech.cli.sensitivity import sensitivity
 from blockmech.cli.simulate import simulate
@@ -49,7 +50,7 @@ from blockmech.files import sparing
 COMMANDS = (
     *(run, simulate, check, decompose, draw, verify, limits, solutions, modes, extremes),
     *(equilibria, linearize, identify),
-    *(trade, sweep, sensitivity, test, new, import_, export, blocks, outputs, schema, studio),
+    *(trade, sweep, sensitivity, test, new, import_, export, page, blocks, outputs, schema, studio),
 )
 
 FAULTY = "This is a fault of blockmech: please report it with these lines."

@@ -130,6 +130,7 @@ WRITERS: Formats[Writer] = Formats(
         "json": "blockmech.exchange.tables:JSON",
         "npz": "blockmech.exchange.tables:NPZ",
         "parquet": "blockmech.exchange.tables:PARQUET",
+        "page": "blockmech.exchange.page.files:WRITER",
     },
 )
 """Formats that are written."""

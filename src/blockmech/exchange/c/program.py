@@ -23,7 +23,7 @@ from blockmech.compiled import Compiled
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.numpy import Planar, leaves
 from blockmech.errors import BlockmechError, listed, printable, refused
-from blockmech.exchange.c.statements import DOUBLE, FLOAT, Statements, literal
+from blockmech.exchange.c.statements import DOUBLE, FLOAT, Statements, language_c, literal
 from blockmech.exchange.c.tracing import ClosedTrace, status
 from blockmech.plan import Plan
 from blockmech.plane import EPS
@@ -172,7 +172,7 @@ class CProgram:
             tables[len(expressions)] = f"table{k}"
             expressions += [f"table{k}[{i}]" for i in range(len(table))]
         inputs = [f"in->{member.name}" for member in self.inputs]
-        made = Statements(inputs, expressions, tables, self.real)
+        made = Statements(inputs, expressions, tables, language_c(self.real))
         text = made.text([*self._results.values(), self._status])
         return made, text
 

@@ -9,9 +9,10 @@ Source: ISO/IEC 9899:1999, 6.8.5 (loops), 7.12 (mathematics).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from math import isinf, isnan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -114,10 +115,40 @@ def literal(x: float, real: str = DOUBLE) -> str:
     return repr(x) if real == DOUBLE else f"{x!r}f"
 
 
+class Language(NamedTuple):
+    """What tells one language of C's family from another.
+
+    constant, variable : how a number and a truth value (or index) are declared
+    array : an array of ``entries`` called ``name``
+    call : the name of a function of the mathematical library
+    literal : a number as text that reads back to the same bits
+    helpers : texts of the functions ``piece``, ``solve`` and ``spread``
+    """
+
+    constant: Mapping[str, str]
+    variable: Mapping[str, str]
+    array: str
+    call: Callable[[str], str]
+    literal: Callable[[float], str]
+    helpers: Mapping[str, str]
+
+
+def language_c(real: str) -> Language:
+    """C99 with numbers of a type."""
+    return Language(
+        {kind: f"const {kind}" for kind in ("real", "int")},
+        {"real": "real", "int": "int"},
+        "real {name}[] = {{{entries}}}",
+        lambda op: "FABS" if op == "abs" else op.upper(),
+        partial(literal, real=real),
+        {"piece": PIECE, "solve": SOLVE, "spread": SPREAD},
+    )
+
+
 class Statements:
     """The statements for some nodes.
 
-    ``inputs`` and ``parameters`` are C expressions in the order of the trace's; ``tables`` gives
+    ``inputs`` and ``parameters`` are expressions in the order of the trace's; ``tables`` gives
     the array that begins at a parameter.
     """
 
@@ -126,10 +157,10 @@ class Statements:
         inputs: Sequence[str],
         parameters: Sequence[str],
         tables: Mapping[int, str],
-        real: str = DOUBLE,
+        language: Language,
     ) -> None:
         self.inputs, self.parameters, self.tables = inputs, parameters, tables
-        self.real = real
+        self.language = language
         self._needed: list[Node] = []
         self._kept: dict[Loop, list[int]] = {}
 
@@ -149,14 +180,14 @@ class Statements:
     def helpers(self) -> str:
         """The functions that the statements call."""
         systems = {node.args[0] for node in self._needed if node.op == "system"}
-        texts = {"solve": SOLVE, "spread": SPREAD}
-        found = PIECE if any(node.op == "piece" for node in self._needed) else ""
-        return found + "".join(text for name, text in texts.items() if name in systems)
+        pieces = {"piece"} if any(node.op == "piece" for node in self._needed) else set()
+        texts = self.language.helpers.items()
+        return "".join(text for name, text in texts if name in systems | pieces)
 
     def name(self, x: Any) -> str:
         """A node or a number as an expression without side effects."""
         if not isinstance(x, Node):
-            return str(int(x)) if isinstance(x, bool) else literal(x, self.real)
+            return str(int(x)) if isinstance(x, bool) else self.language.literal(x)
         if x.op == "input":
             return str(self.inputs[x.args[0]])
         if x.op == "parameter":
@@ -173,11 +204,12 @@ class Statements:
         me = self.name(node)
         if node.op == "system":
             name, n, *entries = node.args
-            yield f"{margin}real {me}[] = {{{', '.join(map(self.name, entries))}}};"
+            numbers = ", ".join(map(self.name, entries))
+            yield f"{margin}{self.language.array.format(name=me, entries=numbers)};"
             yield f"{margin}{name}({me}, {n});"
             return
         kind = "int" if is_truth(node) or node.op == "piece" else "real"
-        yield f"{margin}const {kind} {me} = {self._expression(node)};"
+        yield f"{margin}{self.language.constant[kind]} {me} = {self._expression(node)};"
 
     def _expression(self, node: Node) -> str:
         op = node.op
@@ -191,7 +223,7 @@ class Statements:
         if op in INFIX:
             return f" {INFIX[op]} ".join(args)
         if op in CALLS:
-            return f"{'FABS' if op == 'abs' else op.upper()}({', '.join(args)})"
+            return f"{self.language.call(op)}({', '.join(args)})"
         if op == "neg":
             return f"-({args[0]})"
         if op == "is nan":
@@ -203,16 +235,19 @@ class Statements:
         kept = self._kept[loop]
         for i in kept:
             kind = "int" if is_truth(loop.state[i]) else "real"
-            yield f"    {kind} {_state(loop, i)} = {self.name(loop.first[i])};"
+            begun = self.name(loop.first[i])
+            yield f"    {self.language.variable[kind]} {_state(loop, i)} = {begun};"
         going, n = self.name(loop.state[-1]), f"n{loop.scope}"
-        yield f"    for (int {n} = 0; {n} < {loop.cap} && {going}; ++{n}) {{"
+        index = f"{self.language.variable['int']} {n}"
+        yield f"    for ({index} = 0; {n} < {loop.cap} && {going}; ++{n}) {{"
         for node in self._needed:
             if node.scope == loop.scope:
                 yield from self._statement(node, "        ")
         held = {i for i in kept if _is_state(loop.ahead[i])}  # all states change at once
         for i in held:
             kind = "int" if is_truth(loop.state[i]) else "real"
-            yield f"        const {kind} {_state(loop, i)}_ = {self.name(loop.ahead[i])};"
+            now = self.name(loop.ahead[i])
+            yield f"        {self.language.constant[kind]} {_state(loop, i)}_ = {now};"
         for i in kept:
             ahead = f"{_state(loop, i)}_" if i in held else self.name(loop.ahead[i])
             yield f"        {_state(loop, i)} = {ahead};"

@@ -1,0 +1,56 @@
+"""``blockmech page``: a mechanism as one page that needs no server."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from blockmech.builders import opened
+from blockmech.cli.numbers import coordinates, times
+from blockmech.cli.options import (
+    At,
+    Friction,
+    GraphFile,
+    Samples,
+    Static,
+    Times,
+    Want,
+    names_of,
+    option,
+)
+from blockmech.cli.terminal import progress_bar, reading, say
+from blockmech.runnable import EVERYTHING
+
+
+def page(
+    file: GraphFile,
+    output: Annotated[
+        str, typer.Option("--output", "-o", metavar="PAGE", help="The page, PAGE.html.")
+    ],
+    want: Want = None,
+    slider: Annotated[
+        list[str] | None,
+        option("Numbers that have a slider at first; by default a few.", "NAMES"),
+    ] = None,
+    at: At = None,
+    samples: Samples = None,
+    at_times: Times = None,
+    friction: Friction = None,
+    static: Static = False,
+) -> None:
+    """Write one HTML page without a server: drawing, motion, curves, sliders for numbers.
+
+    The page works everything out itself, with the numbers that blockmech has.
+    """
+    from blockmech.exchange.writing import write
+
+    with reading(file):
+        document = opened(file)
+        mechanism = document.compile()
+    asked: dict[str, Any] = {"at": coordinates(mechanism, at or []), "samples": samples}
+    asked |= {"times": times(at_times), "friction": friction, "static": static or None}
+    asked["slider"] = ",".join(slider) if slider else None
+    with progress_bar("writing"):
+        (path,) = write(document, output, "page", want=names_of(want) or EVERYTHING, **asked)
+    say(f"wrote {path}")

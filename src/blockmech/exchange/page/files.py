@@ -1,0 +1,189 @@
+"""The format ``page``: one HTML file with drawing, motion, curves and sliders, without a server.
+
+What is drawn follows the numbers: links are outlines through their markers, whose places the
+page works out itself. Rails, wheels and blocks lie in the frames of their links.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+import re
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+
+import blockmech
+from blockmech.draw.motion import SAME_PLACE, marker_place, moves
+from blockmech.draw.palette import LINK_FILLS
+from blockmech.draw.sketch import sketch_of
+from blockmech.errors import close_match, listed, refused
+from blockmech.exchange.c.program import poses
+from blockmech.exchange.formats import Order, Writer
+from blockmech.exchange.page.script import HERE, Script, numbers
+from blockmech.files import refuse_spared, writing
+from blockmech.model.structure import LinkRef
+from blockmech.quality import WORDS
+from blockmech.runnable import EVERYTHING
+from blockmech.samples import Samples
+
+FRAMES = 181  # poses of the range
+SECONDS = 3.0  # that they are played
+FEW = 3  # sliders where none are asked for
+
+
+def write_page(order: Order, path: Path) -> list[Path]:
+    """One page; ``slider`` names the numbers that have a slider when it is opened."""
+    mechanism = order.mechanism
+    curves = Script(mechanism, _wanted(order), **order.settings)
+    of_blocks = mechanism.of_blocks
+    drawing = Script(of_blocks, ["*.angle", "*.p"])
+    samples = _samples(order)
+    shown = _picture(drawing)
+    offered = [m.name for m in curves.parameters if not m.is_array and _is_given(m.name)]
+    chosen = _chosen(order.options.get("slider"), offered)
+    title = getattr(mechanism.document, "title", "") or mechanism.name
+    data = {
+        **shown,
+        "parameters": [{"name": m.name, "numbers": m.numbers} for m in curves.parameters],
+        "drawing": [{"name": m.name, "numbers": m.numbers} for m in drawing.parameters],
+        "inputs": [{"name": m.name, "comment": m.comment} for m in curves.inputs],
+        "outputs": [{"name": n, "unit": m.comment.rpartition(" [")[2].rstrip("]")}
+                    for n, m in curves.outputs.items()],
+        "rows": curves.rows(samples),
+        "drawn": drawing.rows(samples),
+        "places": len(drawing.outputs),
+        "words": WORDS,
+        "offered": offered,
+        "chosen": chosen,
+        "seconds": SECONDS,
+        "document": mechanism.document.to_json() if mechanism.document else "",
+        "file": f"{path.stem}.json",
+    }  # fmt: skip
+    scripts = [numbers(), drawing.text("drawing"), curves.text("curves")]
+    scripts.append((HERE / "page.js").read_text("utf-8"))
+    page = Template((HERE / "page.html").read_text("utf-8")).substitute(
+        title=html.escape(title),
+        version=blockmech.__version__,
+        data=_in_a_script(data),
+        scripts="\n".join(scripts),
+    )
+    refuse_spared(path)
+    with writing(path) as stream:
+        stream.write(page.encode())
+    return [path]
+
+
+def _wanted(order: Order) -> tuple[str, ...]:
+    """What the order wants, or where it says nothing what moves the drivers."""
+    if tuple(order.want) != EVERYTHING:
+        return tuple(order.want)
+    known = order.mechanism.outputs
+    drives = (order.mechanism.of_driver(d, "drive") for d in order.mechanism.drivers)
+    return tuple(name for name in drives if name in known)
+
+
+def _samples(order: Order) -> Samples:
+    if order.at:
+        how = (order.at.get(key) for key in ("at", "samples", "times"))
+        return order.mechanism.samples(*how, None, None)
+    return poses(order.mechanism, FRAMES)
+
+
+def _chosen(words: str | None, offered: list[str]) -> list[str]:
+    """The numbers that some words name, ``piston.l`` or ``piston_l``; the first few without any."""
+    if words is None:
+        return offered[:FEW]
+    known = {name.removeprefix("P_"): name for name in offered}
+    found = []
+    for word in filter(None, map(str.strip, words.split(","))):
+        name = re.sub(r"\W", "_", word, flags=re.ASCII).removeprefix("P_")
+        if name not in known:
+            remedy = close_match(name, known)
+            raise refused("slider", f"no number {word}", remedy, f"numbers: {listed(known, 60)}")
+        found.append(known[name])
+    return found
+
+
+def _is_given(name: str) -> bool:
+    return not name.startswith("size_") and not name.endswith("_branch")
+
+
+def _in_a_script(data: Any) -> str:
+    """JSON that ends no script element, and that JavaScript reads as it is."""
+    text = json.dumps(data, allow_nan=False, ensure_ascii=True)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _picture(drawing: Script) -> dict[str, Any]:
+    """What is drawn: places are outputs of the drawing, or lie in the frame of a link."""
+    at = {name: i for i, name in enumerate(drawing.outputs)}
+    motion = moves(drawing.mechanism)
+    motion = motion.only(motion.feasible)
+    sketch, s = sketch_of(motion), motion.structure
+    markers = [m for block in (s.frame, *s.blocks) for m in s.markers(block)]
+    known = {f"{m}.p.x": motion.at(m.on, marker_place(s, m)) for m in markers if f"{m}.p.x" in at}
+    size = max(float(np.abs(z).max()) for z in known.values()) or 1.0
+    pins = {pin.names: motion.at(*pin.spot) for pin in sketch.pins}
+
+    def output(places: Any) -> int | None:
+        """The first marker that is always at some places (n,)."""
+        same = (x for x, z in known.items() if np.abs(z - places).max() <= SAME_PLACE * size)
+        return next((at[name] for name in same), None)
+
+    def frame(link: LinkRef) -> list[int] | None:
+        return None if link.block == s.frame else [at[f"{link}.p.x"], at[f"{link}.angle"]]
+
+    def end(link: LinkRef, z: complex) -> Any:
+        """A corner of a link: a pin that goes with it, or a place in its frame."""
+        places = motion.at(link, z)
+        pinned = any(np.abs(places - pin).max() <= SAME_PLACE * size for pin in pins.values())
+        found = output(places) if pinned else None
+        return {"link": frame(link), "at": [z.real, z.imag]} if found is None else found
+
+    return {
+        "pins": [
+            {"at": output(pins[pin.names]), "name": ", ".join(pin.names), "ground": pin.grounded}
+            for pin in sketch.pins
+        ],
+        "bodies": [
+            {
+                "ends": [end(body.link, z) for z in body.outline],
+                "fill": LINK_FILLS[i % len(LINK_FILLS)],
+            }
+            for i, body in enumerate(sketch.bodies)
+        ],
+        "rails": [
+            {"link": frame(x.guide.link), "ends": [_pair(x.end(k)) for k in (0, 1)]}
+            for x in sketch.sliders
+            if not x.inside
+        ],
+        "blocks": [
+            {
+                "at": end(*x.point),
+                "link": frame(x.guide.link),
+                "turn": math.atan2(x.direction.imag, x.direction.real),
+            }
+            for x in sketch.sliders
+            if not x.inside
+        ],
+        "wheels": [
+            {"link": frame(wheel.link), "points": [_pair(z) for z in wheel.points]}
+            for wheel in sketch.wheels
+        ],
+    }
+
+
+def _pair(z: complex) -> list[float]:
+    return [z.real, z.imag]
+
+
+WRITER = Writer(
+    "one HTML page without a server: drawing, motion, curves, sliders for numbers",
+    (".html",),
+    write_page,
+    {"slider": "numbers that have a slider at first, e.g. crank.length,piston.l; by default a few"},
+)

@@ -1,0 +1,93 @@
+"""A plan as a JavaScript function of arrays: the statements of the C text in another language.
+
+Sine, cosine, arc tangent and hypotenuse are worked out in twice the digits (`numbers.js`): what a
+browser has of its own is not rounded as Python's, and differs from browser to browser.
+"""
+
+from __future__ import annotations
+
+from itertools import accumulate
+from pathlib import Path
+
+import numpy as np
+
+from blockmech.exchange.c.program import CProgram
+from blockmech.exchange.c.statements import DOUBLE, Language, Statements, literal
+from blockmech.result import Result
+from blockmech.samples import Samples
+
+HERE = Path(__file__).parent
+OWN = {"fmod": "rest", "rint": "even"} | {x: f"Math.{x}" for x in ("sqrt", "abs", "exp", "pow")}
+SPECIAL = {"NAN": "NaN", "INFINITY": "Infinity", "-INFINITY": "-Infinity"}
+
+
+def _literal(x: float) -> str:
+    text = literal(x, DOUBLE)
+    return SPECIAL.get(text, text)
+
+
+SCRIPT = Language(
+    {"real": "const", "int": "const"},
+    {"real": "let", "int": "let"},
+    "const {name} = [{entries}]",
+    lambda op: OWN.get(op, op),
+    _literal,
+    {},
+)
+
+
+def numbers() -> str:
+    """The functions that scripts call, as text."""
+    return (HERE / "numbers.js").read_text("utf-8")
+
+
+class Script(CProgram):
+    """The JavaScript text of some outputs of a mechanism.
+
+    ``text(name)`` defines ``name(p, u, out)``: it writes the outputs for parameters and inputs,
+    all arrays of numbers in the order of the attributes, and returns 0 or the number of the reason
+    why there is no answer. Arguments and errors are those of `CProgram`.
+    """
+
+    @property
+    def values(self) -> list[float]:
+        """The parameters of the mechanism, one after the other."""
+        return [x for member in self.parameters for x in member.numbers]
+
+    def text(self, name: str) -> str:
+        """The function's text; it needs `numbers`."""
+        sizes = [len(member.numbers) for member in self.parameters]
+        starts = [0, *accumulate(sizes)]
+        tables = {
+            first: f"p.slice({first}, {first + size})"
+            for first, size, member in zip(starts, sizes, self.parameters, strict=False)
+            if member.is_array
+        }
+        places, own = starts[-1], []
+        parameters = [f"p[{i}]" for i in range(places)]
+        for k, table in enumerate(self._trace.tables):
+            tables[places], places = f"{name}_{k}", places + len(table)
+            parameters += [f"{name}_{k}[{i}]" for i in range(len(table))]
+            own.append(f"const {name}_{k} = [{', '.join(map(_literal, table.tolist()))}];\n")
+        inputs = [f"u[{i}]" for i in range(len(self.inputs))]
+        made = Statements(inputs, parameters, tables, SCRIPT)
+        body = made.text([*self._results.values(), self._status])
+        ends = "".join(
+            f"    out[{i}] = {made.name(self._results[output])};\n"
+            for i, output in enumerate(self.outputs)
+        )
+        end = f"    return Number({made.name(self._status)});\n}}\n"
+        return f"{''.join(own)}function {name}(p, u, out) {{\n{body}{ends}{end}"
+
+    def rows(self, samples: Samples) -> list[list[float]]:
+        """The inputs (n, k) at some samples."""
+        given = samples.given(self.plan.program.inputs)
+        columns = [np.broadcast_to(given[x], samples.n) for x in self.plan.program.inputs]
+        return [[float(column[i]) for column in columns] for i in range(samples.n)]
+
+    def answers(self, result: Result) -> list[list[float]]:
+        """What a result of the same outputs has for them, (n, outputs)."""
+        rows: list[list[float]] = np.stack(
+            [self.column(result, name) for name in self.outputs], axis=1
+        ).tolist()
+        return rows

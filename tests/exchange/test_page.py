@@ -1,0 +1,168 @@
+"""Pages without a server: the numbers of a browser are those of Python, and texts run nothing."""
+
+import json
+import random
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.builders import opened
+from blockmech.exchange.page.script import Script, numbers
+
+GRAPHS = Path(__file__).parents[2] / "graphs"
+POSES = 1000
+ARGUMENTS = ("--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    tool = pytest.importorskip("playwright.sync_api", reason="it is no browser's driver")
+    found = shutil.which("chromium")
+    if found is None:
+        pytest.skip("there is no browser: the Debian package chromium is not installed")
+    with tool.sync_playwright() as running:
+        made = running.chromium.launch(executable_path=found, headless=True, args=ARGUMENTS)
+        yield made
+        made.close()
+
+
+@pytest.fixture
+def page(browser):
+    """A window in which no script fails and which loads nothing."""
+    page, wrong = browser.new_page(viewport={"width": 1280, "height": 800}), []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+    page.on("request", lambda asked: _note(asked.url, wrong))
+    yield page
+    page.close()
+    assert wrong == []
+
+
+def _note(url, wrong):
+    if not url.startswith(("file:", "data:", "blob:")):
+        wrong.append(url)
+
+
+def written(folder, name, **how):
+    path = folder / "page.html"
+    bm.write(opened(GRAPHS / f"{name}.json"), path, **how)
+    return path
+
+
+def test_sines_of_a_page_are_rounded_correctly(page):
+    """Against 40 digits: the error is half a unit of the last place."""
+    mp = pytest.importorskip("mpmath")
+    draw = random.Random(5)
+    angles = [draw.uniform(-7, 7) for _ in range(1500)] + [
+        draw.uniform(-3e3, 3e3) for _ in "x" * 500
+    ]
+    points = [(draw.gauss(0, 1), draw.gauss(0, 1)) for _ in range(1500)]
+    page.goto("about:blank")
+    page.add_script_tag(content=numbers())
+    found = page.evaluate(
+        """([a, p]) => [
+            a.map(sin), a.map(cos), p.map((z) => atan2(...z)), p.map((z) => hypot(...z))]""",
+        [angles, points],
+    )
+    with mp.workdps(40):
+        exact = [
+            [float(mp.sin(x)) for x in angles],
+            [float(mp.cos(x)) for x in angles],
+            [float(mp.atan2(*z)) for z in points],
+            [float(mp.hypot(*z)) for z in points],
+        ]
+    assert found == exact
+
+
+@pytest.mark.parametrize(
+    ("name", "want"),
+    [
+        ("ruiz_fourbar", ["crank.drive", "dyad.C.reaction", "dyad.j.omega"]),
+        ("slider_crank_offset", ["*.drive", "*.p", "*.angle"]),
+        ("watt_sixbar", ["*.drive", "*.omega"]),
+        ("excavator", ["*.drive", "*.reaction"]),
+        ("joints/engine", ["driver.shaft.drive", "joint.*.reaction"]),
+        ("geared_fivebar", ["*.drive", "*.p"]),
+    ],
+)
+def test_a_browser_has_the_numbers_of_python(page, tmp_path, name, want):
+    """1,000 poses: within 2 units of the last place of the largest number of each output."""
+    mechanism = opened(GRAPHS / f"{name}.json").compile()
+    script = Script(mechanism, want)
+    try:
+        samples = mechanism.samples(None, POSES, None, None, None)
+    except bm.RequestError:
+        samples = mechanism.samples(None, None, np.linspace(0, 1, POSES), None, None)
+    values, _ = mechanism.evaluate(script.plan, samples, "scalar")
+    from blockmech.result import Result
+
+    result = Result(mechanism, script.plan, samples, values, "", {"friction": "newton"})
+    expected = np.array(script.answers(result))
+    page.goto("about:blank")
+    page.add_script_tag(content=numbers() + script.text("curves"))
+    found = page.evaluate(
+        """([p, rows, n]) => rows.map((u) => {
+            const out = new Float64Array(n);
+            curves(p, u, out);
+            return Array.from(out, String);
+        })""",
+        [script.values, script.rows(samples), len(script.outputs)],
+    )
+    found = np.array([[float(x.replace("Infinity", "inf")) for x in row] for row in found])
+    assert found.shape == (POSES, len(script.outputs))
+    known = np.isfinite(expected)
+    assert known.any()
+    assert (np.isfinite(found) == known).all()
+    size = np.max(np.abs(np.where(known, expected, 0)), axis=0)
+    off = np.abs(np.where(known, found - expected, 0)) / np.spacing(np.where(size > 0, size, 1))
+    same = np.mean((found == expected)[known])
+    print(f"{name}: {100 * same:.2f} % the same bits, at most {off.max():.1f} units off")
+    assert off.max() <= 2
+
+
+def test_a_page_moves_and_a_number_is_changed(page, tmp_path):
+    path = written(tmp_path, "slider_crank", slider="piston.l, gas_force_x")
+    page.goto(path.as_uri())
+    assert page.locator(".curve path").get_attribute("d").startswith("M")
+    given = json.loads((GRAPHS / "slider_crank.json").read_text("utf-8"))
+    given["blocks"]["piston"]["l"] = 0.3
+    other = bm.Graph.from_data(given).run(samples=181, want=["crank.drive"])["crank.drive"]
+    field = page.get_by_label("piston l", exact=False).first
+    field.fill("0.3")
+    field.press("Enter")
+    found = page.evaluate("answers.map((row) => row[0])")
+    assert found == pytest.approx(other.tolist(), rel=1e-11, abs=1e-12)
+    drawn = page.evaluate("poses.map((z) => place(z, DATA.pins.at(-1).at)[0])")
+    q = np.linspace(0, 2 * np.pi, 181)
+    assert drawn == pytest.approx(0.05 * np.cos(q) + np.sqrt(0.09 - (0.05 * np.sin(q)) ** 2), 1e-12)
+    page.get_by_role("button", name="Play").click()
+    slider = page.get_by_label("pose", exact=True)
+    slider.and_(page.locator("input")).wait_for()
+    while int(slider.input_value()) < 5:
+        page.wait_for_timeout(20)
+    page.get_by_role("button", name="Pause").click()
+    page.screenshot(path=tmp_path / "page.png")
+
+
+def test_texts_of_a_hostile_document_run_nothing_in_a_page(page, tmp_path):
+    hurt = "</script><img src=x onerror='window.hurt=1'>\u202e\u2028"
+    data = json.loads((GRAPHS / "slider_crank.json").read_text("utf-8"))
+    data |= {"title": hurt, "notes": hurt}
+    path = tmp_path / "hostile.html"
+    bm.write(bm.Graph.from_data(data), path, to="page")
+    page.goto(path.as_uri())
+    assert page.get_by_role("heading").inner_text().startswith("</script>")
+    assert page.evaluate("window.hurt") is None
+    assert page.evaluate("JSON.parse(DATA.document).title") == hurt
+
+
+def test_the_command_writes_a_page(tmp_path, call):
+    file, made = GRAPHS / "whitworth_shaper.json", tmp_path / "p.html"
+    assert str(made) in call("page", file, "-o", made, "--samples", "31").out
+    assert "<svg" in made.read_text("utf-8")
+    said = call("page", file, "-o", made, "--slider", "crank.lenght")
+    assert said.code == 2
+    assert "crank_length" in said.err
