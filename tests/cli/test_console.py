@@ -53,6 +53,7 @@ WRONG = {
     "an unknown option": ["run", "FILE", "--drve"],
     "no file": ["run", "no.json"],
     "no name of a file to draw": ["draw", "FILE"],
+    "no name of a page": ["page", "FILE"],
     "no sheet": ["studio", "no.json", "--no-browser"],
 }
 CALLS = DONE | NO_ANSWER | WRONG
