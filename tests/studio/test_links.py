@@ -11,8 +11,9 @@ import blockmech as bm
 from blockmech.builders import opened
 from blockmech.studio import sketching
 from blockmech.studio.fields import Shown
-from blockmech.studio.links import LinksSheet, drawing_of, outlines_of
+from blockmech.studio.links import LinksSheet, drawing_of
 from blockmech.studio.sheet import Sheet
+from blockmech.studio.sketching import outlines_of
 from tests.studio.page import middle, press, save
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
@@ -279,6 +280,32 @@ def test_a_spring_is_at_rest_as_drawn_and_a_force_goes_with_its_link():
     assert pane.sheet.problems == ()
     act(pane, "Delete", "C", "B")
     assert "loads" not in pane.sheet.form or list(pane.sheet.form["loads"]) == ["spring"]
+
+
+def test_masses_of_bars_let_a_drawing_be_simulated():
+    """A bar of 1 kg/m; a triangle has the mass of three. The drawn four-bar then falls."""
+    pane = fourbar()
+    form = {**pane.sheet.form, "gravity": [0.0, -9.81]}
+    pane.sheet.change(form, "gravity")
+    pane.act("Masses")
+    crank = pane.sheet.form["links"]["link"]
+    assert [crank["mass"], crank["inertia"], crank["cm"]] == [
+        2.0,
+        pytest.approx(8 / 12),
+        [1.0, 0.0],
+    ]
+    pane.sheet.mechanism.simulate("time=0.1", start={"motor": (0.5, 0.0)})
+    before = pane.sheet.form
+    pane.act("Masses")
+    assert pane.sheet.form == before
+    pane = sketch()
+    for z in (0j, 3 + 0j, 4j):
+        pane.add(z)
+    act(pane, "Link", "A", "B", "C")
+    pane.act("Masses")
+    body = pane.sheet.form["links"]["link"]
+    assert body["mass"] == pytest.approx(12.0)
+    assert body["cm"] == pytest.approx([(1.5 * 3 + 1.5 * 5) / 12, (2 * 4 + 2 * 5) / 12])
 
 
 def test_a_copy_is_moved_as_what_it_was_made_of():

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from blockmech.builders import Graph
+from blockmech.errors import BlockmechError
 from blockmech.studio.edits import renamed
+from blockmech.studio.sharing import KEY, packed, unpacked
 from tests.studio.page import (
     accessible,
     choose,
@@ -216,6 +218,40 @@ def test_nothing_is_below_the_fold_and_no_two_buttons_share_a_name(page, studio,
     assert lines["y"] + 60 < size[1]
     play = page.get_by_role("button", name="▶ Play").bounding_box()
     assert play["y"] + play["height"] < lines["y"]
+
+
+def test_a_link_holds_the_document_and_opens_it_in_any_studio(page, browser, studio):
+    show(page, studio, "?example=slider_crank")
+    edit(page, "crank")
+    fill(page, "length [m]", "0.0625")
+    page.get_by_role("button", name="Undo").and_(page.locator(":enabled")).wait_for()
+    browser.grant_permissions(["clipboard-read", "clipboard-write"])
+    press(page, "Copy link")
+    told(page, "the link with the document is copied")
+    link = page.evaluate("navigator.clipboard.readText()")
+    assert "#doc=" in link
+    other = browser.new_page()
+    other.goto(studio[0] + link.partition("#")[1] + link.partition("#")[2])
+    other.wait_for_selector(".react-flow__pane")
+    assert "#doc" not in other.url
+    save(other, "linked.json")
+    other.goto(f"{studio[0]}#doc=AAAA")
+    other.get_by_role("alert").get_by_text("it holds no document").wait_for()
+    other.close()
+    assert Graph.load(studio[1] / "linked.json").blocks["crank"].length == 0.0625
+
+
+@pytest.mark.parametrize("wrong", ["", "AAAA", "=", "\u00e9", "x" * 1000])
+def test_a_link_that_holds_no_document_is_refused(wrong):
+    with pytest.raises(BlockmechError):
+        unpacked(KEY + wrong)
+
+
+def test_a_link_of_a_large_document_is_unpacked_up_to_a_limit():
+    document = Graph.load(GRAPHS / "ruiz_fourbar.json")
+    assert unpacked(packed(document.to_json())).to_json() == document.to_json()
+    with pytest.raises(BlockmechError, match="larger"):
+        unpacked(packed(" " * (5 << 20)))
 
 
 def test_units_are_kept_by_the_browser_and_files_stay_si(page, studio):

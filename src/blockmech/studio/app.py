@@ -7,9 +7,10 @@ import io
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import panel as pn
-from bokeh.models import CustomJS, Toggle
+from bokeh.models import CustomJS, Div, Toggle
 
 from blockmech.builders import Graph, Linkage, Opened, opened
 from blockmech.errors import BlockmechError
@@ -24,17 +25,24 @@ from blockmech.studio.looks import begin, beside, either, page
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.server import serve
 from blockmech.studio.session import follow
+from blockmech.studio.sharing import KEY, packed, unpacked
 from blockmech.testing.files import gallery
 
 LEAVING = "window.onbeforeunload = (e) => { if (!kept.active) e.preventDefault() }"
 """Whoever leaves a sheet that is not saved is asked by the browser."""
 
+COPY = """
+const link = `${location.origin}/${packed.text}`;
+navigator.clipboard.writeText(link).catch(() => prompt("the link", link));
+"""
 UNITS = "blockmech_units"
 KEEP = f"""
 const words = [a, b, c, d].map(({{value}}) => value).join("|");
 document.cookie = `{UNITS}=${{words}}; path=/; max-age=${{10 * 365 * 86400}}; samesite=strict`;
 """
 """The units that a user chose are kept by the browser, in this cookie."""
+
+SAID = 400  # letters of a message that an address carries
 
 FORMULA = 52  # px above the canvas, which does not move when problems come and go
 BELOW = 240  # px of form and answers; diagram and mechanism have the rest
@@ -63,6 +71,10 @@ class Page:
         self.download = pn.widgets.FileDownload(
             callback=lambda: io.BytesIO(sheet.text().encode()), label="Download"
         )
+        self.share = pn.widgets.Button(label="Copy link")
+        self.packed = Div(text="", visible=False)
+        self.share.js_on_click(args={"packed": self.packed}, code=COPY)
+        self.share.on_click(lambda _: self.say("the link with the document is copied"))
         self.kept = Toggle(label="saved", visible=False)
         if pn.state.curdoc is not None:
             asks = CustomJS(args={"kept": self.kept}, code=LEAVING)
@@ -95,8 +107,9 @@ class Page:
         )
         bar = beside(
             pn.pane.HTML("<h1>blockmech studio</h1>", margin=(8, 12)),
-            *(self.file, self.save, self.replace, self.undo, self.redo, self.download),
+            *(self.file, self.save, self.replace, self.undo, self.redo, self.download, self.share),
             *(*self.units, pn.pane.Bokeh(self.kept, visible=False)),
+            pn.pane.Bokeh(self.packed, visible=False),
         )
         flow = (blocks, self.diagram.palette, self.formula, self.diagram.flow)
         ways = {
@@ -138,6 +151,7 @@ class Page:
         self.redo.param.update(disabled=not sheet.redoable, description=sheet.redoable or None)
         self.save.label = "Saved" if sheet.saved and sheet.path else "Save"
         self.kept.active = sheet.saved
+        self.packed.text = packed(sheet.text())
         if isinstance(sheet.graph, Graph):
             said = html.escape(sheet.graph.structure().formula.replace("->", "→"))
             self.formula.object = f"<p tabindex=0>{said}</p>"  # so that keys scroll it
@@ -180,7 +194,7 @@ def window(desk: Desk) -> Any:
     """What a window shows: the sheet that its address names, or the gallery."""
     args = {key: values[0].decode() for key, values in pn.state.session_args.items()}
     dark = args.get("theme") == "dark"
-    said, name = "", args.get("sheet", "")
+    said, name = args.get("said", "")[:SAID], args.get("sheet", "")
     try:
         if "open" in args:
             name = desk.open(args["open"])
@@ -191,11 +205,24 @@ def window(desk: Desk) -> Any:
     except BlockmechError as error:
         said = str(error)
     if name not in desk.sheets:
+        if pn.state.location is not None:
+            pn.state.location.param.watch(lambda event: shared(desk, event.new), "hash")
         return gallery_page(files_of(desk.folder), desk.put, said, dark)
     if pn.state.location is not None and args.get("sheet") != name:
         theme = "&theme=dark" if dark else ""
         pn.state.location.param.update(search=f"?sheet={name}{theme}", reload=False)
     return shown_of(desk.sheets[name], dark)
+
+
+def shared(desk: Desk, fragment: str) -> None:
+    """Open the document that stands in an address, in its window."""
+    if not fragment.startswith(KEY):
+        return
+    try:
+        search = f"?sheet={desk.put(unpacked(fragment))}"
+    except BlockmechError as error:
+        search = f"?said={quote(str(error)[:SAID])}"
+    pn.state.location.param.update(hash="", search=search, reload=True)
 
 
 def shown_of(sheet: Filed, dark: bool) -> Any:

@@ -7,6 +7,7 @@ may be is read from the declarations, as `draw.diagram` does.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import panel as pn
@@ -82,8 +83,13 @@ class Palette(pn.custom.JSComponent):  # type: ignore[misc]  # as the sheet
 
 def kinds() -> list[tuple[str, str, str, str]]:
     """Type, family and word of every kind of block, and why it cannot be begun here or ""."""
+    return _kinds(tuple(REGISTRY))
+
+
+@cache
+def _kinds(known: tuple[str, ...]) -> list[tuple[str, str, str, str]]:
     schema, found = graph_schema(), []
-    for kind in REGISTRY:
+    for kind in known:
         word, alone = kind.split(".")[-1], graph.Graph()
         try:
             alone.add(word, REGISTRY[kind](**starter(schema, schema["$defs"][kind])))

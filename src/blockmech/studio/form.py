@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -53,7 +54,6 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
         super().__init__()
         self.sheet, self.say = sheet, say
         self.draft: dict[str, Any] = {}
-        self.schemas: dict[type, Any] = {}  # a registry does not change under a window
         self.rows: dict[Path, Row] = {}  # by path within what is selected
         self.headings: dict[str, Any] = {}
         self.edit = pn.widgets.Select(label="Edit", width=LINE)
@@ -112,10 +112,7 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
     def _fields(self) -> Iterator[Field]:
         """The fields of what is selected, and of the wires to a block."""
         graph, form, at = self.sheet.document, self.draft, self.selected
-        if type(graph) not in self.schemas:
-            of_blocks = isinstance(graph, Graph)
-            self.schemas[type(graph)] = graph_schema() if of_blocks else joints_schema()
-        root = self.schemas[type(graph)]
+        root = _schema(isinstance(graph, Graph), tuple(REGISTRY))
         units = {x.path: x.unit for x in parameters_of(graph.sections()).values()}
         node = schema_at(root, at)
         if not at:
@@ -233,6 +230,12 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
             self.selected = (section, new)
         except BlockmechError as error:
             self.say(_words(error.problems[0]))
+
+
+@cache
+def _schema(of_blocks: bool, known: tuple[str, ...]) -> Any:
+    """The schema of documents of blocks, or of links and joints, with the known kinds."""
+    return graph_schema() if of_blocks else joints_schema()
 
 
 def _heading(name: str) -> Any:

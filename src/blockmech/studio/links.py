@@ -8,7 +8,6 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from blockmech.studio.looks import beside
 from blockmech.studio.plots import coloured
 from blockmech.studio.session import follow, heard
 from blockmech.studio.sheet import Sheet
-from blockmech.studio.sketching import Drawn, Form
+from blockmech.studio.sketching import Drawn, Form, outlines_of, sides_of
 from blockmech.values import Place
 
 PAIRS = ["Link", "Cylinder", "Gears", "Spring"]
@@ -132,7 +131,7 @@ def drawing_of(form: Form, pins: dict[str, Drawn], dark: bool, units: Shown) -> 
         ],
         "dimensions": [
             {"a": a, "b": b, "value": abs(pins[a].z - pins[b].z)}
-            for a, b in dict.fromkeys(pair for ends in outlines.values() for pair in _sides(ends))
+            for a, b in dict.fromkeys(pair for ends in outlines.values() for pair in sides_of(ends))
         ],
         "loads": list(_loads(form)),
         "wheels": wheels,
@@ -147,25 +146,8 @@ def _scales(units: Shown) -> dict[str, Any]:
     return {**scales, "length": units.length, "angle": angle}
 
 
-def outlines_of(pins: dict[str, Drawn]) -> dict[str, list[str]]:
-    """The pins of each link in the order in which they are joined by its outline."""
-    found = {}
-    for link in dict.fromkeys(x for pin in pins.values() for x in pin.links if x != FRAME):
-        ends = {name: pin.z for name, pin in pins.items() if link in pin.links}
-        middle = sum(ends.values()) / len(ends)
-        around = sorted(ends, key=lambda name: _turn(ends[name] - middle))
-        found[link] = around if len(ends) > 2 else list(ends)
-    return found
-
-
 def _turn(z: complex) -> float:
     return math.atan2(z.imag, z.real)
-
-
-def _sides(ends: list[str]) -> Iterator[tuple[str, str]]:
-    """Neighbours on an outline."""
-    around = [*ends, *ends[:1]] if len(ends) > 2 else ends
-    yield from ((min(a, b), max(a, b)) for a, b in pairwise(around))
 
 
 def _pair(z: complex) -> list[float]:
@@ -230,6 +212,7 @@ class LinksSheet:
             "Gears": sketching.geared,
             "Spring": lambda form, pins: sketching.loaded(form, pins, "spring"),
             "Force": lambda form, pins: sketching.loaded(form, pins, "force"),
+            "Masses": sketching.weighed,
             "Copy": lambda form, pins: sketching.copied(form, pins, self._step),
             "Delete": sketching.removed,
         }
@@ -332,6 +315,8 @@ class LinksSheet:
         Where none are chosen the pointer does it from now on, until the button is pressed again.
         """
         pins = self.pins.value if pins is None else [pin for pin in pins if pin in self.drawn]
+        if name == "Masses":
+            pins = pins or list(self.drawn)
         if not pins:
             self.canvas.tool = "" if self.canvas.tool == name else name
             how = "drag from pin to pin" if name in PAIRS else "click on a pin"

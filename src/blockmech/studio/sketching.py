@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import cmath
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import pairwise
 from string import ascii_uppercase
 from typing import Any, NamedTuple
 
@@ -20,6 +21,7 @@ from blockmech.values import Place
 
 Form = dict[str, Any]
 LOOSE = ("view", "pins")  # where pins stand that no link carries yet
+BAR = 1.0  # [kg/m] of a bar whose mass nobody has said
 SAME = 1e-9  # of the drawing's size, within which two pins stand on one place: it has 3 digits
 
 
@@ -261,6 +263,41 @@ def loaded(form: Form, names: Iterable[str], kind: str) -> Form:
         name = free(form.get("loads") or known, [kind], kind)
         form = with_item(form, ("loads", name), load)
     return form
+
+
+def weighed(form: Form, names: Iterable[str]) -> Form:
+    """With the mass of bars along the outlines of links that have none, of links at pins."""
+    pins = pins_of(form)
+    for link, ends in outlines_of(pins).items():
+        given = form["links"][link]
+        sides = [(pins[a].z, pins[b].z) for a, b in sides_of(ends)]
+        length = sum(abs(b - a) for a, b in sides)
+        if not {*ends} & {*names} or given.get("mass") or not length:
+            continue
+        middle = sum((a + b) / 2 * abs(b - a) for a, b in sides) / length
+        square = sum(
+            abs(b - a) * (abs(b - a) ** 2 / 12 + abs((a + b) / 2 - middle) ** 2) for a, b in sides
+        )
+        body = {"mass": BAR * length, "inertia": BAR * square, "cm": _on(form, link, middle)}
+        form = with_item(form, ("links", link), {**given, **body})
+    return form
+
+
+def outlines_of(pins: Mapping[str, Drawn]) -> dict[str, list[str]]:
+    """The pins of each link in the order in which they are joined by its outline."""
+    found = {}
+    for link in dict.fromkeys(x for pin in pins.values() for x in pin.links if x != FRAME):
+        ends = {name: pin.z for name, pin in pins.items() if link in pin.links}
+        middle = sum(ends.values()) / len(ends)
+        around = sorted(ends, key=lambda name: cmath.phase(ends[name] - middle))
+        found[link] = around if len(ends) > 2 else list(ends)
+    return found
+
+
+def sides_of(ends: list[str]) -> Iterator[tuple[str, str]]:
+    """Neighbours on an outline."""
+    around = [*ends, *ends[:1]] if len(ends) > 2 else ends
+    yield from ((min(a, b), max(a, b)) for a, b in pairwise(around))
 
 
 def copied(form: Form, names: Iterable[str], by: complex) -> Form:
