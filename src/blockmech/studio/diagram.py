@@ -61,7 +61,7 @@ class Palette(pn.custom.JSComponent):  # type: ignore[misc]  # as the sheet
     _stylesheets = [
         """
         :host { display: block }
-        .chips { display: flex; flex-wrap: wrap; gap: 4px }
+        .chips { display: flex; flex-wrap: wrap; gap: 4px; max-height: 88px; overflow: auto }
         button { font: inherit; font-size: 12px; padding: 3px 9px; border-radius: 4px;
           border: 1px solid var(--bm-line); color: var(--bm-ink); cursor: grab;
           background: var(--bm-group) }
@@ -94,8 +94,10 @@ def _kinds(known: tuple[str, ...]) -> list[tuple[str, str, str, str]]:
         try:
             alone.add(word, REGISTRY[kind](**starter(schema, schema["$defs"][kind])))
         except BlockmechError:  # links and pairs of a group are more than one field each
-            why = f"{kind} has no simplest values: draw links and joints, or open a file with one"
-            found.append((kind, "group", word, why))
+            family = "signal" if kind.startswith("signal.") else "group"
+            instead = "" if family == "signal" else "draw links and joints, or "
+            why = f"{kind} has no simplest values: {instead}open a file with one"
+            found.append((kind, family, word.replace("_", " "), why))
             continue
         drawn, *_ = content_of(alone).blocks  # a coupling also names drivers, which are not here
         word = {"group": drawn.words}.get(drawn.kind, word)
