@@ -72,3 +72,65 @@ def test_what_is_left_out_is_named(tmp_path):
         bm.write(mechanism("slider_crank"), tmp_path / "m.xml", at=[0.5])
     with pytest.raises(bm.RequestError, match=r"coupling"):
         bm.write(mechanism("geared_fivebar"), tmp_path / "m.xml", at=[0.5])
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_what_was_written_comes_back_as_the_same_mechanism(name, tmp_path):
+    mech = bare(name)
+    (path,) = bm.write(mech, tmp_path / "m.xml")
+    back = bm.read(path)
+    assert not back.check()
+    again = back.compile()
+    angles = np.linspace(0.0, 0.2, 24)
+    starts = {d: mech.scene.initial[d].q for d in mech.drivers}
+    ours = mech.run(at={d: q + angles for d, q in starts.items()}, want=["*.p", "*.J_red"])
+    theirs = again.run(at=dict.fromkeys(again.drivers, angles), want=["joint.*.p", "*.J_red"])
+    compared = 0
+    for column in theirs:
+        if column.startswith("joint."):
+            ref = column.split(".")[1].replace("_", ".", 1) + ".p"
+            if ref in ours:
+                assert np.abs(theirs[column] - ours[ref]).max() < 1e-9 * 10, column
+                compared += 1
+    assert compared >= 2
+    if len(mech.drivers) == 1:
+        own, other = (
+            r[f"{m.of_driver(m.drivers[0], 'J_red')}"] for r, m in ((ours, mech), (theirs, again))
+        )
+        assert other == pytest.approx(own, rel=1e-6)  # links without mass come back with 1e-9
+
+
+def test_a_model_with_quaternions_and_degrees_in_the_upright_plane(tmp_path):
+    text = """<mujoco><worldbody>
+    <body name="arm" pos="1 0 2" quat="0.9659258262890683 0 0.25881904510252074 0">
+    <joint name="A" axis="0 1 0"/><inertial pos="1 0 0" mass="2" diaginertia="1 0.5 1"/>
+    <body name="rod" pos="2 0 0" euler="0 90 0"><joint name="B" axis="0 1 0"/>
+    <inertial pos="0.5 0 0" mass="1" diaginertia="1 0.1 1"/></body></body></worldbody>
+    <equality><connect body1="rod" anchor="1 0 0"/></equality>
+    <actuator><motor joint="A"/></actuator></mujoco>"""
+    (tmp_path / "m.xml").write_text(text, "utf-8")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "m.xml"))
+    state = mujoco.MjData(model)
+    mujoco.mj_forward(model, state)
+    data = bm.read(tmp_path / "m.xml").to_data()
+    assert data["gravity"] == [0.0, -9.81]
+    x, _, z = state.xanchor[1]
+    assert data["joints"]["B"]["at"][0] == pytest.approx([x, z], abs=1e-9)
+    assert data["links"]["arm"]["inertia"] == 0.5
+    cx, _, cz = state.xipos[1]
+    assert data["links"]["arm"]["cm"] == pytest.approx([cx, cz], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("<mujoco/>", "no worldbody"),
+        ("<mujoco><worldbody><body><freejoint/><joint/></body></worldbody></mujoco>", "freedoms"),
+        ('<mujoco><worldbody><body><joint axis="1 1 0"/></body></worldbody></mujoco>', "oblique"),
+        ('<mujoco><worldbody><body pos="a 0 0"><joint/></body></worldbody></mujoco>', "number"),
+    ],
+)
+def test_models_that_cannot_be_read(text, said, tmp_path):
+    (tmp_path / "m.xml").write_text(text, "utf-8")
+    with pytest.raises(bm.FormatError, match=said):
+        bm.read(tmp_path / "m.xml")

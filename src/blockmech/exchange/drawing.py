@@ -91,6 +91,7 @@ class Drawing:
     drives: dict[str, Drive] = field(default_factory=dict)
     inertias: dict[str, Inertia] = field(default_factory=dict)
     loads: list[Load] = field(default_factory=list)
+    gravity: complex = 0j  # [m/s2]
     notes: list[str] = field(default_factory=list)
 
     def note(self, text: str) -> None:
@@ -157,6 +158,7 @@ class _Making:
             "format": "blockmech/joints",
             "version": 1,
             "name": _clean(drawing.name) or "mechanism",
+            "gravity": [drawing.gravity.real, drawing.gravity.imag],
             "links": self.links,
             "joints": self.joints,
             "drivers": self.drivers,
@@ -164,6 +166,8 @@ class _Making:
             "source": drawing.source,
             "notes": list(drawing.notes),
         }
+        if not drawing.gravity:
+            del made["gravity"]
         return {key: value for key, value in made.items() if value or key == "links"}
 
     def _absorb(self) -> None:

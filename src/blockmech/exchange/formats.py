@@ -144,6 +144,7 @@ READERS: Formats[Reader] = Formats(
         "pyslvs": "blockmech.exchange.pmks:EXPRESSION",
         "linkage": "blockmech.exchange.linkage2:READER",
         "pylinkage": "blockmech.exchange.pylinkage:READER",
+        "mjcf": "blockmech.exchange.mujoco:READER",
     },
 )
 """Formats that are read, in the order in which they are tried."""

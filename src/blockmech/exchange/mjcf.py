@@ -144,6 +144,7 @@ class Model:
         bodies = [x for x in (one, two) if x != s.frame_link]
         names = " ".join(f"body{k}={quoteattr(str(x))}" for k, x in enumerate(bodies, 1))
         base = self.pin(self.parent[bodies[0]][1])
+        names = f"name={quoteattr(str(ref))} {names}"
         return f'    <connect {names} anchor="{_xyz(self.pin(ref) - base)}"/>'
 
 
