@@ -12,7 +12,7 @@ from blockmech.exchange.c.program import CProgram, identifier
 from blockmech.passes.homotopy import followed
 from blockmech.quality import WORDS
 from tests.exchange.compiled_c import COMPILERS, NEEDS_C, Called, compiled, scalar, states
-from tests.gallery import SHORT, mechanism
+from tests.gallery import GRAPHS, SHORT, mechanism
 
 GENERAL = 1e-12  # of the largest number of a unit, over the smallest margin's root
 ANGLES = ("angle", "transmission_angle")  # NumPy's own atan2 is not the mathematical library's
@@ -102,6 +102,13 @@ def test_what_no_c_text_can_say_is_refused_by_name():
         bm.write(mechanism("ruiz_fourbar"), "x.c", real="half")
     with pytest.raises(RequestError, match=r'no format has the suffix ".nono"'):
         bm.write(mechanism("ruiz_fourbar"), "x.nono")
+
+
+def test_signals_are_refused_by_name_where_they_count():
+    mech = bm.Graph.load(GRAPHS / "control" / "speed_controlled_fourbar.json").compile()
+    with pytest.raises(RequestError, match=r"follows the signals .*states of their own"):
+        CProgram(mech)
+    assert CProgram(mech, "*.p").outputs
 
 
 def test_names_and_titles_cannot_leave_their_comment():

@@ -93,6 +93,7 @@ class CProgram:
         self.name = identifier(mechanism.name.lower())
         self.plan: Plan = mechanism.plan(names, **settings)
         self._settings = settings
+        self._refuse_signals()
         eps = EPS if real == DOUBLE else float(np.finfo(np.float32).eps)
         try:
             self._trace = ClosedTrace(self.plan.program, eps)
@@ -109,6 +110,14 @@ class CProgram:
         texts = {n: _comment(f"{n} [{self._unit(n) or '-'}]") for n in self._results}
         taken = Names()
         self.outputs = {n: Member(taken.fresh(n), texts[n]) for n in self._results}
+
+    def _refuse_signals(self) -> None:
+        """Raise `RequestError` where numbers follow signals, whose states only a motion knows."""
+        known = [x for x in self.plan.program.inputs if x != "t" and x.split("_")[0] not in INPUTS]
+        if known:
+            of = listed(self.mechanism.structure.signals)
+            found = f"what is wanted follows the signals {of}, which have states of their own"
+            raise refused("--to c", found, "want outputs that do not, e.g. positions")
 
     @property
     def _blocks(self) -> Mapping[str, frozenset[str]]:
