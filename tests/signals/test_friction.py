@@ -12,7 +12,7 @@ import blockmech as bm
 from blockmech import signals
 from blockmech.errors import RequestError
 from blockmech.loads import laws
-from tests.signals.machines import flywheel
+from tests.signals.machines import compiled, data_of, flywheel
 
 J, R, L, K, U = 0.5, 2.0, 0.4, 1.5, 12.0
 MASS, RADIUS, MU, G = 20.0, 0.05, 0.3, 9.81
@@ -43,15 +43,17 @@ def motor():
     return rubbing(blocks, wires)
 
 
+@pytest.mark.parametrize("engine", ["scalar", "llvm"])
 @pytest.mark.parametrize("method", ["dop853", "radau"])
-def test_a_current_that_rises_at_rest_starts_the_wheel(method):
+def test_a_current_that_rises_at_rest_starts_the_wheel(method, engine):
     mech = motor()
     held = held_moment(mech)
     assert 0.1 * K * U / R < held < 0.9 * K * U / R
     begin = -L / R * math.log(1 - held * R / (K * U))
     t = np.array([0.5 * begin, begin + 0.1, begin + 0.7])
     want = ["wheel.rate", "wheel.q", "motor.current"]
-    run = mech.simulate("time=2", times=t, want=want, method=method, accuracy=1e-10)
+    how = {"method": method, "engine": engine, "accuracy": 1e-10}
+    run = mech.simulate("time=2", times=t, want=want, **how)
     A = np.zeros((4, 4))  # q, w, i, 1
     A[0, 1] = 1.0
     A[1, 2:] = K / J, -held / J
@@ -87,6 +89,16 @@ def test_a_position_controller_stops_where_friction_holds_it():
     assert abs(run["drive.b.couple"][-1]) <= held
     balance = run.motion.facts["energy_balance"]
     assert balance < 1e-9
+
+
+def test_machine_code_says_the_same_of_a_controlled_linkage_that_rubs():
+    data = data_of("speed_controlled_fourbar")
+    pin = {"coefficient": 0.1, "radius": 0.1}
+    data["blocks"]["crank"]["friction"] = {"A": pin}
+    data["blocks"]["dyad"]["friction"] = {"B": pin, "D": pin}
+    ends = [compiled(data).simulate("time=0.2", engine=e).motion for e in ("scalar", "llvm")]
+    assert ends[0].q_end == pytest.approx(ends[1].q_end, rel=1e-12)
+    assert ends[1].engine == "llvm"
 
 
 def test_friction_itself_is_no_sensor_where_joints_rub():

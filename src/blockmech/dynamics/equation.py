@@ -111,6 +111,8 @@ class Equation:
 
         None where there can be none, and where they are to be interpreted.
         """
+        if self.held:
+            return None
         if self._own[0] != self.sides or self._own[1] is None:
             self._own = self.sides, self._stages()
         found: Stages | None = self._own[1]
@@ -122,7 +124,7 @@ class Equation:
         if not self.system.compiled_states or self.drivers > 1 or not of_program:
             return None
         if friction is not None:
-            if not self.sides or self.layout.initial:
+            if not self.sides:
                 return None
             k = tuple(map(float, self.sides))
         least = LEAST_INERTIA * self.typical

@@ -42,7 +42,7 @@ from blockmech.friction.equations import loads as pair_loads
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.solvers import with_drag
 from blockmech.model.structure import JointRef
-from blockmech.passes import forces, forward, friction, pairs
+from blockmech.passes import forces, forward, friction, pairs, signals
 from blockmech.passes.homotopy import schedule
 from blockmech.passes.signals import STATE
 from blockmech.plan import Friction, Program, Schedule
@@ -77,7 +77,7 @@ class MotionProgram:
     guides: tuple[bool, ...]  # (m,) whether the load is the larger component of (N, 2 C / L)
     program: Program
     laws: Program  # factors and drags (2 m,) at relative rates, then those at rest
-    whole: Program  # the values of the first, and factors and drags at relative rates
+    whole: Program  # values of the first, what signals add, factors and drags at relative rates
     drags: bool  # whether a law has more than a factor
     smooth: bool  # whether all laws are analytic in the speed
 
@@ -110,7 +110,9 @@ class MotionProgram:
             tuple(pairs.statics(s, ref).edges for ref in joints),
             program,
             apart.program([*slipping, *terms(apart, joints, at_rest)]),
-            s.program([*values, *terms(s, joints, friction.terms)]),
+            s.program(
+                [*values, *signals.rates(s), *signals.kinks(s), *terms(s, joints, friction.terms)]
+            ),
             any(law.drags for law in laws),
             all(law.smooth for law in laws),
         )

@@ -59,7 +59,15 @@ def _least(margins: Any, zero: Real) -> Real:
 
 
 def rubbing(
-    rows: Any, inert: Any, solved: Any, guides: Any, qd: Real, zero: Real, least: Real
+    rows: Any,
+    inert: Any,
+    solved: Any,
+    guides: Any,
+    qd: Real,
+    zero: Real,
+    least: Real,
+    states: Any,
+    kinks: Any,
 ) -> tuple[Real, ...]:
     """The row of a state with friction, from rows of the force pass and what friction does.
 
@@ -69,10 +77,10 @@ def rubbing(
     tau, J = inert[0] - rows[0][0], rows[1][0]
     margin = _least(rows[0][1 + 2 * m :], zero)
     power = solved.taken * abs(qd)
-    rates = _rates(margin, J, qd, solved.qdd, tau * qd, power)
+    rates = _rates(margin, J, qd, solved.qdd, tau * qd, power, *states)
     parts = [x for F in solved.loads for x in (F.real, F.imag)]
     sides = [x for F, guide in zip(solved.loads, guides, strict=True) if guide for x in bearing(F)]
-    return (*rates, *parts, *_watched(margin, J, qd, least), *solved.slips, *sides)
+    return (*rates, *parts, *_watched(margin, J, qd, least), *solved.slips, *sides, *kinks)
 
 
 def rates_of(
@@ -80,7 +88,7 @@ def rates_of(
 ) -> Rates | None:
     """The right-hand side compiled; None where that cannot be."""
     try:
-        return _free(program, signals) if friction is None else _rubbing(friction)
+        return _free(program, signals) if friction is None else _rubbing(friction, signals)
     except (Untraceable, MissingEngineError):
         return None
 
@@ -109,9 +117,10 @@ def acceleration(values: Any, qd: Real) -> Real:
     return (tau - 0.5 * dJ * qd * qd) / J
 
 
-def _rubbing(friction: JointFriction) -> Rates:
+def _rubbing(friction: JointFriction, signals: SignalProgram) -> Rates:
     own = friction.program
-    m, inputs = len(own.names), own.whole.inputs
+    m, n, inputs = len(own.names), len(signals.initial), own.whole.inputs
+    first, kinks = 2 * m + signals.values, signals.kinks
     functions: dict[str, Any] = {
         "resistance": resistance,
         "rubbing": rubbing,
@@ -125,29 +134,32 @@ def _rubbing(friction: JointFriction) -> Rates:
         qd: Any,
         _: Any,
         __: Any,
-        t: Any,
-        zero: Any,
-        one: Any,
-        least: Any,
-        *sides: Any,
+        *numbers: Any,
     ) -> Any:
+        x, (t, zero, one, least, *sides) = numbers[:n], numbers[n:]
+
         def state(
             rate: Any, qdd: Any, share: Any, pair: int = -1, slips: Any = (zero,) * m
         ) -> tuple[Any, Any]:
             """The row of a state, and what the laws say at relative rates."""
             given = {"q_0": q, "qd_0": rate, "qdd_0": qdd, "t": t, "load_share": share}
             given |= {f"friction_{i}": one if i == pair else zero for i in range(m)}
+            given |= dict(zip(signals.names, x, strict=True))
             given |= {f"slip_{i}": abs(slip) for i, slip in enumerate(slips)}
             found = run(*(given[x] for x in inputs))
-            return found[: -2 * m], found[-2 * m :]
+            return found[: len(found) - first], found[len(found) - first :]
 
         acting, _ = state(qd, zero, one)
         _, law = state(qd, zero, one, slips=acting[1 + m : 1 + 2 * m])
+        law = law[signals.values :]
         rows = [acting, state(zero, one, zero)[0]]
         rows += [state(zero, zero, zero, i)[0] for i in range(m)]
         terms = signed_terms(sides, law, own.drags)
         solved = bound["resistance"](rows, *terms, own.guides, bound["solve"], friction.options)
         inert, _ = state(qd, zero, zero)
-        return bound["rubbing"](rows, inert, solved, own.guides, qd, zero, least)
+        more = state(qd, solved.qdd, one)[1][: signals.values] if signals.values else ()
+        return bound["rubbing"](
+            rows, inert, solved, own.guides, qd, zero, least, more[:n], more[n:]
+        )
 
-    return Rates(own.whole, body, 4, 3 + m, 3 + m + 2 * sum(own.guides))
+    return Rates(own.whole, body, 4 + n, 3 + m, 3 + m + 2 * sum(own.guides) + kinks)
