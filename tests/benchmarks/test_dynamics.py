@@ -86,6 +86,21 @@ def test_andrews_squeezer_by_name(
     assert error <= target
 
 
+BEFORE = {("pump", "time=1"): 14.9e-3, ("pump", "steady"): 35e-3, ("engine", "time=1"): 13e-3}
+"""[s] what commit 322047a took, in another minute: a goal, no bound of the same run."""
+
+
+@pytest.mark.parametrize(("name", "until"), BEFORE)
+def test_motors_dampers_and_gas(benchmark: Callable[..., object], name: str, until: str) -> None:
+    mech = bm.Graph.load(ROOT / "graphs" / f"{name}.json").compile()
+    motion = benchmark(lambda: mech.simulate(until, want=[]).motion)
+    seconds = benchmark.stats.stats.min  # type: ignore[attr-defined]
+    row = (f"{name}, {until}", seconds, BEFORE[name, until], "322047a", 1.0)
+    ROWS.append(Row(*row, motion.error))
+    assert motion.reached
+    assert motion.error <= 1e-10
+
+
 def test_friction_in_motion() -> None:
     pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
     seconds, ends = [], []

@@ -97,3 +97,15 @@ def test_the_path_alone_says_that_it_crawls():
     motion = mech.simulate("time=2", want=[], method="energy").motion
     assert (motion.status, motion.end) == ("failed", "more evaluations than allowed")
     assert any("it crawls" in note for note in motion.notes)
+
+
+def test_a_motion_that_creeps_is_followed_by_a_method_for_stiff_ones():
+    """Behind a strong damper panels stay short for ever, and explicit steps as well."""
+    data = json.loads((GRAPHS / "motions" / "damped_rod.json").read_text("utf-8"))
+    data["blocks"]["damper"]["law"]["coefficients"] = [0.0, -1000.0]
+    mech = bm.Graph.from_json(json.dumps(data)).compile()
+    motion = mech.simulate("time=1000", want=[]).motion
+    finer = mech.simulate("time=1000", want=[], method="radau", accuracy=1e-11).motion
+    assert (motion.end, motion.method) == ("time", "radau")
+    assert "it is stiff" in motion.why
+    assert abs(motion.q_end - finer.q_end) <= motion.error + finer.error

@@ -254,10 +254,7 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
         "a friction law is not smooth": not system.smooth_friction,
     }
     for why in (why for why, so in in_steps.items() if so):
-        motion = in_time(system, replace(request, why=why), "dop853")
-        if motion.end == ends.TOO_MANY and request.until.goal == "time":
-            return in_time(system, replace(request, why=f"{why}; it is stiff"), "radau")
-        return motion
+        return _stiff_or_not(system, request, why)
     why = "all loads depend on the driver's coordinate alone"
     if system.friction is not None:
         why = "the joints have friction"
@@ -270,9 +267,16 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     swings_on = motion.end == ends.TOO_MANY and motion.status == "failed"
     if unsure and not swings_on and motion.end != ends.INTERRUPTED:
         known = f", error {motion.error:.1e}" if math.isfinite(motion.error) else ""
-        why = f"along the path: {motion.end}{known}"
-        other = in_time(system, replace(request, why=why), "dop853")
+        other = _stiff_or_not(system, request, f"along the path: {motion.end}{known}")
         if other.error < motion.error or motion.status == "failed":
             told = (f"along the path: {note}" for note in motion.notes[:1])
             return replace(other, notes=(*other.notes, *told))
     return watched(motion, request.watch)
+
+
+def _stiff_or_not(system: System, request: SimulationRequest, why: str) -> Motion:
+    """In time by ``dop853``, or by ``radau`` where that needs too many steps to a given time."""
+    motion = in_time(system, replace(request, why=why), "dop853")
+    if motion.end == ends.TOO_MANY and request.until.goal == "time":
+        return in_time(system, replace(request, why=f"{why}; it is stiff"), "radau")
+    return motion
