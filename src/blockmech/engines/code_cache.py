@@ -29,7 +29,8 @@ FOLDER = "BLOCKMECH_CACHE"
 SIZE = sha256().digest_size  # bytes of a signature, and of the key
 MOST = 500  # files, of some ten to a hundred kB each; the oldest go
 LARGEST = 2**26  # bytes that are read
-# Where others may not write, and, of what is secret, not read; Windows keeps users' folders apart.
+USER = getattr(os, "geteuid", None)  # none on Windows, which keeps users' folders apart itself
+# Where others may not write, and, of what is secret, not read.
 OTHERS_WRITE, OTHERS = stat.S_IWGRP | stat.S_IWOTH, stat.S_IRWXG | stat.S_IRWXO
 NO_LINK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 
@@ -58,8 +59,8 @@ def keep(text: str, code: bytes) -> None:
     with suppress(OSError, RequestError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with writing(folder / f"{name}.o") as stream:
-            if os.name == "posix":
-                os.fchmod(stream.fileno(), 0o600)
+            if USER is not None:
+                os.chmod(stream.fileno(), 0o600)
             stream.write(_signed(key, name, code) + code)
         by_age = sorted(folder.glob("*.o"), key=lambda path: path.stat().st_mtime)
         for path in by_age[:-MOST]:
@@ -77,9 +78,7 @@ def _read(path: Path, forbidden: int) -> bytes | None:
         stream = os.fdopen(os.open(path, os.O_RDONLY | NO_LINK), "rb")
         with stream:
             found = os.fstat(stream.fileno())
-            own = os.name != "posix" or (
-                found.st_uid == os.geteuid() and not found.st_mode & forbidden
-            )
+            own = USER is None or (found.st_uid == USER() and not found.st_mode & forbidden)
             if own and stat.S_ISREG(found.st_mode):
                 return stream.read(LARGEST)
     return None
