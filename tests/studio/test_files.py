@@ -114,6 +114,15 @@ def test_the_palette_offers_every_kind_of_block():
     )
 
 
+def test_a_friction_law_is_chosen_where_there_was_none():
+    sheet = Filed(bm.Graph.load(GRAPHS / "slider_crank.json"))
+    form = Form(sheet, print)
+    form.selected = ("blocks", "crank")
+    form.rows["friction", "A", "law"].widget.value = "stiction"
+    assert sheet.form["blocks"]["crank"]["friction"]["A"]["law"] == "stiction"
+    assert ("friction", "A", "kinetic") in form.rows
+
+
 def test_a_coupling_follows_the_new_name_of_its_driver():
     form = bm.Graph.load(GRAPHS / "geared_fivebar.json").to_data()
     made = bm.Graph.from_data(edits.renamed(form, "second", "wheel"))

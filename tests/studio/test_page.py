@@ -117,9 +117,12 @@ def test_the_fourbar_from_an_empty_sheet(page, studio, call):
     fill(page, "length [m]", "2")
     for label, value in (("mass [kg]", "4.8"), ("inertia [kg m2]", "1.7"), ("cm [m]", "1, 0")):
         fill(page, f"crank {label}", value)
+    choose(page, "A law", "coulomb")
     fill(page, "A coefficient", "0.4")
     fill(page, "A radius [m]", "0.0075")
     drop(page, "dyad.rrr", 480, 60)
+    for joint in "BCD":
+        choose(page, f"{joint} law", "coulomb")
     for label, value in DYAD.items():
         fill(page, label, value)
     page.get_by_label("branch", exact=True).select_option("1")

@@ -51,7 +51,9 @@ def resolved(root: Schema, node: Schema) -> dict[str, Any]:
     while True:
         if "$ref" in node:
             more = {k: v for k, v in node.items() if k not in ("$ref", "properties")}
-            node = {**root["$defs"][node["$ref"].rsplit("/", 1)[-1]], **more}
+            known = root["$defs"][node["$ref"].rsplit("/", 1)[-1]]
+            needed = [*known.get("required", ()), *more.get("required", ())]
+            node = {**known, **more, **({"required": needed} if needed else {})}
         options = [o for o in node.get("anyOf", ()) if o.get("type") != "null"]
         if len(options) == 1:
             more = {k: v for k, v in node.items() if k != "anyOf"}

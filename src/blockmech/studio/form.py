@@ -208,7 +208,7 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
             what = f"{value} -> {path[1]}" if value else f"{path[1]} not wired"
             self.draft = wired(self.draft, value, path[1])
         elif isinstance(kinds, dict) and path[-1] != value and value in kinds:
-            held = item_at(self.draft, path[:-1])
+            held = item_at(self.draft, path[:-1]) or {}
             begun = {key: held.get(key, x) for key, x in kinds[value].items()} | {path[-1]: value}
             self.draft = with_item(self.draft, path[:-1], begun)
         else:
