@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     import blockmech.draw.study as studying
     import blockmech.draw.tolerance as tolerating
     import blockmech.draw.trade as trading
+    import blockmech.dynamics.impact as striking
     import blockmech.dynamics.simulation as simulating
     import blockmech.dynamics.stepper as stepping
     import blockmech.studies.balance as weighing
@@ -57,6 +58,7 @@ class Mechanism(Compiled):
         floquet = vibrating.floquet
         flywheel = sizing.flywheel
         identify = identifying.identify
+        impulses = striking.impulses
         limits = closing.limits
         linearize = linearising.linearize
         modes = closing.modes
@@ -81,6 +83,7 @@ class Mechanism(Compiled):
         floquet = Later("blockmech.studies.linearize")
         flywheel = Later("blockmech.draw.balance")
         identify = Later("blockmech.draw.identify")
+        impulses = Later("blockmech.dynamics.impact")
         limits = Later("blockmech.draw.arcs")
         linearize = Later("blockmech.draw.linearize")
         modes = Later("blockmech.draw.arcs")

@@ -21,7 +21,7 @@ import numpy as np
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.rates import rates_of
-from blockmech.dynamics.system import System, solved
+from blockmech.dynamics.system import System
 from blockmech.engines.stages import Stages
 
 if TYPE_CHECKING:
@@ -164,7 +164,8 @@ class Equation:
         self._last = tuple(q), margin, math.nan
         if not margin > 0:
             return np.full(self.layout.size, math.nan)
-        return np.concatenate([qd, solved(M, Q - c), [Q @ qd], more[: len(self.layout.initial)]])
+        acc = self.system.accelerations(M, Q - c)
+        return np.concatenate([qd, acc, [Q @ qd], more[: len(self.layout.initial)]])
 
     def switched(self, t: float, y: Floats, due: Collection[str]) -> Floats:
         """A state after the discrete signal blocks named ``due`` have switched."""

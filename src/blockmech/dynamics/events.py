@@ -90,6 +90,9 @@ def general_rules(
         found.append(EventRule(kind, above, -1, parts=1, dips=True))
     for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=True)):
         kind = ends.END_STOP if k == 1 else f"{ends.END_STOP} of {driver}"
+        if i in system.held:
+            found.append(release_rule(system, i))
+            continue
         pairs = zip(between, (-1, 1), strict=True)
         found += [driver_at(kind, q, way, i) for q, way in pairs if math.isfinite(q)]
     if k > 1:
@@ -98,6 +101,18 @@ def general_rules(
     ends_run = request.standstills < math.inf or system.friction is not None
     stands = EventRule(ends.STANDSTILL, lambda t, y: y[1], terminal=ends_run, arrays=True)
     return [*found, stands]
+
+
+def release_rule(system: System, i: int) -> EventRule:
+    """A stop no longer pushes a driver that lies against it."""
+    at = StateLayout(len(system.drivers))
+
+    def push(t: Any, y: Any) -> Any:
+        M, c, Q, _ = system.terms(*at.motion(y), t)
+        force = M @ system.accelerations(M, Q - c) + c - Q
+        return -system.held[i] * force[i]
+
+    return EventRule(ends.RELEASED, push, -1, index=i, parts=1)
 
 
 def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[EventRule]:

@@ -23,7 +23,7 @@ from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import WATCH, SimulationRequest
 from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.signals import felt
-from blockmech.dynamics.system import System, solved
+from blockmech.dynamics.system import System
 from blockmech.errors import RequestError, close_match, listed, refused
 
 LOOKED_AT = 31  # states of a motion at which iterations of friction are judged
@@ -204,6 +204,8 @@ def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
     start = request.start
     at, rates = (np.atleast_1d(x) for x in start[:2])
     for i, (between, q, rate) in enumerate(zip(system.stops, at, rates, strict=True)):
+        if i in system.held:
+            continue
         for stop, way in zip(between, (-1.0, 1.0), strict=True):
             if not (math.isfinite(stop) and abs(q - stop) <= SAME * max(1.0, abs(stop))):
                 continue
@@ -223,7 +225,7 @@ def _push(system: System, request: SimulationRequest, i: int) -> float:
     if len(system.drivers) == 1:
         return system.one(*request.start).tau
     found = system.terms(*request.start)
-    return float(solved(found.M, found.Q - found.c)[i])
+    return float(system.accelerations(found.M, found.Q - found.c)[i])
 
 
 # -- running -------------------------------------------------------------------------------

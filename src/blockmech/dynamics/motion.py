@@ -34,6 +34,9 @@ FACT_UNITS: Mapping[str, str] = {
     "coordinate_step": "{q}",
     "holding_low": "{effort}",
     "holding_high": "{effort}",
+    "impact_loss": "J",
+    "rest_time": "s",
+    "contact": "{effort}",
 }
 """Units of the facts that have one; ``{q}`` for that of the driver's coordinate."""
 ANGLE = "_angle"  # what the names of facts end with that are angles [rad]
@@ -69,6 +72,25 @@ class Event(NamedTuple):
     qd: Any
 
 
+class Impact(NamedTuple):
+    """A blow on an end stop.
+
+    t, q : time [s], coordinates (k,) of all drivers
+    driver : whose stop it is
+    before, after : rates (k,) of all drivers
+    impulse : of the stop along the driver's coordinate [N m s or N s]
+    loss : kinetic energy that it takes [J]
+    """
+
+    t: float
+    driver: str
+    q: Floats
+    before: Floats
+    after: Floats
+    impulse: float
+    loss: float
+
+
 class Track(Protocol):
     """Dense output: the state at any time of the run."""
 
@@ -99,6 +121,7 @@ class Motion(Told):
     q_end, qd_end : state at the end; floats, or arrays (k,) with k drivers
     track : dense output
     events : standstills and the user's events, in order
+    impacts : blows on end stops, in order
     error : estimated bound of the error of q over the run [rad or m]
     time_error : the same of ``t_end`` [s], where an event and not a time ends the run
     accuracy : the target of ``error``, None if none was given
@@ -121,6 +144,7 @@ class Motion(Told):
     status: Status = "reached"
     end: str = "time"
     events: tuple[Event, ...] = ()
+    impacts: tuple[Impact, ...] = ()
     error: float = 0.0
     time_error: float = 0.0
     cost: Cost = field(default_factory=Cost)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, TypeAlias
@@ -151,6 +151,8 @@ class SimulationRequest:
     step : of ``rk4`` [s] and ``euler_q`` [rad or m]
     times : further times [s] at which the answer is wanted
     watch : the user's events
+    restitution : of each driver's end stops [-], None where a motion ends at them
+    apex : [s] about the middle of a flight that begins at the start, so that no step is longer
     why : why this method, recorded in the result
     """
 
@@ -161,6 +163,8 @@ class SimulationRequest:
     step: float | None = None
     times: tuple[float, ...] = ()
     watch: tuple[Watch, ...] = ()
+    restitution: tuple[float | None, ...] = ()
+    apex: float = math.inf
     why: str = ""
 
     @property
@@ -297,6 +301,11 @@ def stops_of(scene: Scene, starts: Pairs, stops: Any) -> tuple[tuple[float, floa
         raise RequestError(problems)
     free = (-math.inf, math.inf)
     return tuple((float(low), float(high)) for low, high in (found.get(d, free) for d in starts))
+
+
+def restitution_of(scene: Scene, drivers: Iterable[str]) -> tuple[float | None, ...]:
+    """Of each driver's end stops, those of the scene; None where they do not let it bounce."""
+    return tuple(scene.stops[d].restitution if d in scene.stops else None for d in drivers)
 
 
 def pairs_of(where: str, given: Any, example: str) -> dict[str, tuple[float, float]] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -81,10 +82,21 @@ def released(
         low, high = holding(s)
         return max(low, -high)
 
+    until, latest = first_beyond(system, beyond, t, t_last)
+    return until, holding(latest if until is None else math.nextafter(until, math.inf))
+
+
+def first_beyond(
+    system: System, beyond: Callable[[float], float], t: float, t_last: float
+) -> tuple[float | None, float]:
+    """First time [s] after t at which what loads do to a place grows positive, and the latest.
+
+    None where it does not until ``t_last``, or, if that is infinite, in a period of the loads.
+    """
     structure = system.compiled.structure
     periods = loads.time_periods(structure)
     if "time" not in system.depends_on:
-        return None, holding(t)
+        return None, t
     from scipy.optimize import brentq
 
     latest = t_last if math.isfinite(t_last) else t + max(periods, default=1.0)
@@ -96,6 +108,6 @@ def released(
             kink = loads.next_time_kink(structure, kink)
         if beyond(b) > 0:
             until = b if beyond(a) >= 0 else float(brentq(beyond, a, b, xtol=EPS, rtol=4 * EPS))
-            return until, holding(math.nextafter(until, math.inf))
+            return until, latest
         a = b
-    return None, holding(latest)
+    return None, latest

@@ -19,6 +19,7 @@ from blockmech.compiled import compiled_program
 from blockmech.dynamics import ends
 from blockmech.dynamics.along import frictionless, result_along, states_along
 from blockmech.dynamics.change_points import system_of
+from blockmech.dynamics.impact import bounced
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.request import (
@@ -31,6 +32,7 @@ from blockmech.dynamics.request import (
     progress_of,
     refuse_memory,
     refuse_no_inertia,
+    restitution_of,
     size_of,
     starts_of,
     stops_of,
@@ -116,13 +118,21 @@ def simulate(
     target, size = size_of("accuracy", accuracy), size_of("step", step)
     events = watches_of(watch)
     bounds = stops_of(mechanism.scene, starts, stops)
+    bouncy = restitution_of(mechanism.scene, mechanism.drivers)
     refuse_no_inertia(mechanism.structure, mechanism.name)
     refuse_memory(mechanism.structure, starts)
     shown = wanted
     if shown is None:
         shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
     request = SimulationRequest(
-        _start(starts), goal, target, method, size, tuple(shown.tolist()), events
+        _start(starts),
+        goal,
+        target,
+        method,
+        size,
+        tuple(shown.tolist()),
+        events,
+        bouncy if any(e is not None for e in bouncy) else (),
     )
     system = system_of(mechanism, stops=bounds, method=how, progress=told, engine=engine)
     if engine == "llvm" and system.engine_of_states.name != engine:
@@ -139,7 +149,7 @@ def _start(starts: Pairs) -> Start:
 
 def _moved(system: System, request: SimulationRequest) -> Motion:
     try:
-        return move(system, request)
+        return move(system, request) if not request.restitution else bounced(system, request)
     except KeyboardInterrupt:  # before there was anything but the start
         steady = request.until.goal == "steady"
         notes = ("interrupted before a steady state was found",) if steady else ()

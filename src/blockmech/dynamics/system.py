@@ -134,6 +134,7 @@ class System:
     method : how joint friction is solved; None where it is left out or there is none
     engine : of single states: "scalar", "llvm" (machine code), or "auto": machine code once
         the mechanism was asked for so many, in all its runs, that compiling pays
+    held : number of a driver that lies against a stop -> +1 at its highest, -1 at its lowest
     """
 
     compiled: Source
@@ -142,6 +143,7 @@ class System:
     progress: Progress | None = None
     engine: str = "auto"
     signals: SignalProgram = field(init=False, default=NO_SIGNALS)
+    held: Mapping[int, int] = field(default_factory=dict)
     samples: int = 0
     calls: int = 0
     singles: int = 0
@@ -344,6 +346,14 @@ class System:
             qdd = solved(M, Q - c)
             values = self._single(given | {f"qdd_{i}": float(qdd[i]) for i in range(k)}, x)
         return Terms(M, c, Q, least(values[last:])), values[first:last]
+
+    def accelerations(self, M: Floats, Q: Floats) -> Floats:
+        """Accelerations (k,) of the drivers by efforts; none of those that lie against a stop."""
+        if not self.held:
+            return solved(M, Q)
+        found, free = np.zeros(len(Q)), [i for i in range(len(Q)) if i not in self.held]
+        found[free] = solved(M[np.ix_(free, free)], Q[free])
+        return found
 
     def typical_inertia(self, q: float) -> float:
         """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""

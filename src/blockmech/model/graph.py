@@ -177,12 +177,20 @@ class Graph(Document):
         """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
         self._give("initial", driver, Initial(q=q, rate=rate))
 
-    def stop(self, driver: str, low: float | None = None, high: float | None = None) -> None:
+    def stop(
+        self,
+        driver: str,
+        low: float | None = None,
+        high: float | None = None,
+        restitution: float | None = None,
+    ) -> None:
         """Give a driver end stops for free motion: lowest and highest coordinate [rad or m].
+
+        With a restitution, from 0 to 1, it bounces back; without the motion ends there.
 
         Raises `GraphError` where neither is given or they are in the wrong order.
         """
-        self._give("stops", driver, Stops(**{"from": low, "to": high}))
+        self._give("stops", driver, Stops(**{"from": low, "to": high, "restitution": restitution}))
 
     @declared
     def _give(self, section: str, driver: str, item: Any) -> None:

@@ -35,11 +35,13 @@ class Initial(Strictly):
 class Stops(Strictly):
     """End stops of a driver in free motion: its lowest and highest coordinate [rad or m].
 
-    Either may be left out. A free motion ends at a stop; a given motion is not bound by it.
+    Either may be left out. A free motion ends at a stop, or bounces back where the stops have a
+    ``restitution`` [-], rate after over rate before; a given motion is not bound by them.
     """
 
     low: Annotated[Number | None, Field(alias="from")] = None
     high: Annotated[Number | None, Field(alias="to")] = None
+    restitution: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None
 
     def units(self, axis: Axis) -> Units:
         """The driver's."""

@@ -255,9 +255,18 @@ class Linkage(Document):
         self.initial[driver] = Initial(q=q, rate=rate)
 
     @declared
-    def stop(self, driver: str, low: float | None = None, high: float | None = None) -> None:
-        """Give a driver end stops for free motion: lowest and highest coordinate [rad or m]."""
-        self.stops[driver] = Stops(**{"from": low, "to": high})
+    def stop(
+        self,
+        driver: str,
+        low: float | None = None,
+        high: float | None = None,
+        restitution: float | None = None,
+    ) -> None:
+        """Give a driver end stops for free motion: lowest and highest coordinate [rad or m].
+
+        With a restitution, from 0 to 1, it bounces back; without the motion ends there.
+        """
+        self.stops[driver] = Stops(**{"from": low, "to": high, "restitution": restitution})
 
     def _add(self, what: str, name: str, given: Mapping[str, Any], kind: str = "") -> None:
         """Add an item of a kind. Raises `GraphError` with places in the document."""
