@@ -140,6 +140,7 @@ TWINS: dict[str, Twins] = {
         "A=first.A E=second.A B=dyad.B C=dyad.C D=dyad.D",
         "first=first second=second",
     ),
+    "hammer": _twins("hammer=hammer.crank", "A=hammer.A", "hammer=hammer", "hammer.head=hammer.B"),
     "planetary_hoist": _twins(
         "carrier=carrier.crank planet=planet.crank sun=sun.crank",
         "O=carrier.A S=sun.A P=planet.A",

@@ -70,6 +70,7 @@ RUNS: dict[str, tuple[tuple[str, ...], list[Run]]] = {
     "tangent_generator": (("gravity", "masses"), [Run(1.2, 3.0, 0.05)]),
     "geared_fivebar": ((), [Run(0.3, 0.0, 1.0), Run(1.0, 5.0, 0.5)]),
     "planetary_hoist": ((), [Run(0.0, 10.0, 1.0)]),
+    "hammer": ((), [Run(1.2, 0.0, 0.4)]),
     "valve_engine": ((), [Run(0.5, 120.0, 0.1)]),
     "rack_gripper": ((), [Run(0.0, 0.05, 0.02)]),
     "whitworth_shaper": (("gravity", "masses"), [Run(2.4, 360.0, 0.0176), Run(5.24, -5.5, 0.03)]),

@@ -31,6 +31,7 @@ class Synthetic(System):
     engine_of_states = SimpleNamespace(name="scalar")
     drivers = ("q",)
     rotary = (True,)
+    held = {}
 
     def __init__(self, one=None, batch=None, *, terms=None, k=1, **more):
         self._given_one, self._given_batch, self._given_terms = one, batch, terms

@@ -111,7 +111,7 @@ def test_a_mechanism_lists_its_numbers_with_units():
     assert json.dumps([p.address for p in known.values()])
 
 
-RATIOS = {"coefficient", "direction", "dir"}  # of forces, and of components
+RATIOS = {"coefficient", "restitution", "direction", "dir"}  # of forces, and of components
 CHOICES = {"branch", "side", "sign", "slider", "turns", "teeth"}
 
 

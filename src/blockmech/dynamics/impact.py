@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 LOW = 0.1  # of the accuracy: the height of a bounce from which on they are summed up
-MOST = 10_000  # impacts of a run
+MOST = 10_000  # flights of a run
 RUBS = "joint friction is left out during impacts: the slips reverse in them"
 
 
@@ -86,7 +86,7 @@ class Bounces:
             self.events += [e for e in leg.events if not (where and e.kind == leg.end)]
             if leg.end == ends.RELEASED:
                 after = self._released(leg)
-            elif where is not None and len(self.impacts) < MOST:
+            elif where is not None and len(self.legs) < MOST:
                 after = self._struck(leg, *where)
             else:
                 return self._whole()
@@ -216,6 +216,9 @@ class Bounces:
         until, _ = first_beyond(system, away, t, t_last)
         still = replace(request.standing, method=self.legs[0].method, regime=ends.REST)
         if until is not None:
+            late = math.ulp(until)
+            while not away(until) > 0 and late < t_last - until:  # the root is either side of it
+                until, late = until + late, 2 * late
             return replace(still, t_end=until, end=ends.RELEASED, status="ended")
         if math.isfinite(t_last):
             return replace(still, t_end=t_last, end="time")

@@ -1,0 +1,266 @@
+"""Impacts at end stops, against closed forms and Newton's laws link by link."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.errors import GraphError, RequestError
+from tests.gallery import GRAPHS
+from tests.independent import newton
+from tests.independent.bouncing import hammer
+
+J, TAU, E, W = 0.05, 2.0, 0.6, 30.0
+
+
+def flywheel(restitution=E, moment=TAU, **load):
+    """A wheel that a moment turns against its upper stop."""
+    g = bm.Graph("wheel")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    g.add("crank", bm.Crank(links={"crank": bm.Link(inertia=J)}))
+    g.connect("frame.A", "crank.A")
+    if load:
+        g.add("push", bm.Motor(**load))
+        g.connect("frame.A", "push.a")
+        g.connect("crank.crank", "push.b")
+    else:
+        g.add("push", bm.Couple(moment=moment))
+        g.connect("crank.crank", "push.on")
+    g.stop("crank", high=2.0, restitution=restitution)
+    g.start("crank", q=2.0, rate=-W)
+    return g
+
+
+@pytest.mark.parametrize("method", ["energy", "dop853", "radau", "rk4"])
+def test_bounces_by_a_constant_moment_end_by_their_sum(method):
+    step = {"step": 1e-3} if method == "rk4" else {}
+    r = flywheel().compile().simulate("time=5", method=method, **step)
+    motion, flight = r.motion, 2 * W * J / TAU
+    assert motion.facts["rest_time"] == pytest.approx(flight / (1 - E), rel=1e-10)
+    total = sum(i.impulse for i in motion.impacts)
+    assert total == pytest.approx(-J * W * (1 + E) / (1 - E), rel=1e-10)
+    assert motion.facts["impact_loss"] == pytest.approx(J * W**2 / 2, rel=1e-10)
+    for n, impact in enumerate(motion.impacts[:12]):
+        assert impact.t == pytest.approx(flight * (1 - E ** (n + 1)) / (1 - E), rel=1e-9)
+        assert impact.after[0] == pytest.approx(-W * E ** (n + 1), rel=1e-8)
+    assert motion.facts["contact"] == pytest.approx(-TAU)  # it pushes the wheel back
+    assert (motion.status, motion.end, r["crank.rate"][-1]) == ("reached", "time", 0.0)
+
+
+def test_without_loss_it_bounces_for_ever_and_with_all_loss_it_stays():
+    r = flywheel(1.0).compile().simulate("time=20", times=np.linspace(0.0, 20.0, 81))
+    flight = 2 * W * J / TAU
+    s = np.mod(r.time, flight)
+    inside = (s > 1e-6) & (s < flight - 1e-6)
+    q = 2.0 - W * s + TAU / J * s**2 / 2
+    np.testing.assert_allclose(r["crank.q"][inside], q[inside], atol=1e-7)
+    assert r.motion.facts["impact_loss"] == 0.0
+    dead = flywheel(0.0).compile().simulate("time=3").motion
+    (blow,) = dead.impacts
+    assert blow.t == pytest.approx(flight)
+    assert dead.facts["rest_time"] == pytest.approx(flight)
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau"])
+def test_a_stop_lets_go_where_it_would_have_to_pull(method):
+    law = {"kind": "fourier", "of": "time", "period": 2.0, "mean": 0.5, "cosines": [1.0]}
+    g = flywheel(0.0, law=law)
+    g.start("crank", q=2.0, rate=0.0)
+    motion = g.compile().simulate("time=1.2", method=method).motion
+    assert motion.facts["contact"] == pytest.approx(-1.5)
+    (free,) = [e for e in motion.events if e.kind == "released"]
+    assert free.t == pytest.approx(math.acos(-0.5) / math.pi, rel=1e-12)  # 0.5 + cos(pi t) = 0
+    s = 1.2
+    rate = (0.5 * (s - free.t) + (math.sin(math.pi * s) - math.sin(math.pi * free.t)) / math.pi) / J
+    assert motion.qd_end == pytest.approx(rate, rel=1e-8)
+
+
+def test_the_hammer_is_where_energy_says():
+    rows = hammer()
+    times = [t for t, _ in rows]
+    mech = bm.Graph.load(GRAPHS / "hammer.json").compile()
+    for method in ("energy", "dop853"):
+        r = mech.simulate(f"time={times[-1]!r}", times=times, method=method)
+        np.testing.assert_allclose(r["hammer.q"], [q for _, q in rows], rtol=1e-9)
+        assert len(r.motion.impacts) == 3
+
+
+def test_what_a_scene_says_is_kept_and_what_cannot_be_is_refused():
+    g = flywheel()
+    again = bm.Graph.from_json(g.to_json())
+    assert again.scene.stops["crank"].restitution == E
+    assert json.loads(g.to_json())["scene"]["stops"] == {"crank": {"to": 2.0, "restitution": E}}
+    with pytest.raises(GraphError, match="restitution"):
+        g.stop("crank", high=2.0, restitution=1.2)
+    for goal in ("turns=2", "steady"):
+        with pytest.raises(RequestError, match="let it bounce"):
+            g.compile().simulate(goal)
+    plain = flywheel(None).compile().simulate("time=5").motion
+    assert (plain.end, plain.impacts) == ("end stop", ())
+
+
+def test_a_mirrored_wheel_bounces_as_its_image():
+    one = flywheel().compile().simulate("time=2").motion
+    g = flywheel(moment=-TAU)
+    g.scene = g.scene.model_copy(update={"stops": {}})
+    g.stop("crank", low=-2.0, restitution=E)
+    g.start("crank", q=-2.0, rate=W)
+    two = g.compile().simulate("time=2").motion
+    assert [i.t for i in one.impacts] == [i.t for i in two.impacts]
+    assert [i.impulse for i in one.impacts] == [-i.impulse for i in two.impacts]
+
+
+# -- impulses in all joints --------------------------------------------------------------------
+
+
+def five_bar():
+    """Two heavy cranks and a dyad, of which either crank may strike."""
+    g = bm.Graph("five", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "E": (2.0, 0.0)}))
+    heavy = {"crank": bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.1))}
+    g.add("left", bm.Crank(length=1.0, links=heavy))
+    g.add("right", bm.Crank(length=1.0, links=heavy))
+    rods = {n: bm.Link(mass=1.5, inertia=0.5, cm=(1.0, 0.2)) for n in "ij"}
+    g.add("dyad", bm.RRR(l_i=2.0, l_j=2.0, branch=1, links=rods))
+    for source, end in (
+        ("frame.A", "left.A"),
+        ("frame.E", "right.A"),
+        ("left.B", "dyad.B"),
+        ("right.B", "dyad.D"),
+    ):
+        g.connect(source, end)
+    g.start("left", q=1.2, rate=0.5)
+    g.start("right", q=2.2, rate=1.5)
+    g.stop("right", high=2.6, restitution=0.4)
+    return g
+
+
+def poses(q):
+    """Origins and directions of both cranks and rods, by the two circles."""
+    left, right = (np.exp(1j * x) for x in q)
+    B, D = left, 2.0 + right
+    half = (D - B) / 2
+    C = B + half + 1j * half / abs(half) * math.sqrt(4.0 - abs(half) ** 2)
+    return {
+        "left": (0j, left),
+        "right": (2.0 + 0j, right),
+        "i": (B, (C - B) / 2),
+        "j": (D, (C - D) / 2),
+    }
+
+
+CENTRES = {"left": 0.5 + 0.1j, "right": 0.5 + 0.1j, "i": 1.0 + 0.2j, "j": 1.0 + 0.2j}
+
+
+def unit_jump(q, k, h=1e-6):
+    """Velocities of the centres and rates of all links where driver k turns by one."""
+    step = np.zeros(2)
+    step[k] = h
+    ends = [poses(q + s * step) for s in (-2, -1, 1, 2)]
+    found = {}
+    for name, c in CENTRES.items():
+        places = [e[name][0] + e[name][1] * c for e in ends]
+        turned = [np.angle(e[name][1] / poses(q)[name][1]) for e in ends]
+        found[name] = tuple(
+            (x[0] - 8 * x[1] + 8 * x[2] - x[3]) / (12 * h) for x in (places, turned)
+        )
+    return found
+
+
+def test_impulses_of_a_five_bar_are_those_of_newtons_laws():
+    mech = five_bar().compile()
+    motion = mech.simulate("time=1").motion
+    impact = motion.impacts[0]
+    assert impact.driver == "right"
+    q = impact.q
+    assert q[1] == 2.6
+    found = []
+    pushes = newton.pin("frame", "left", 0j, "A") | newton.pin("frame", "right", 2.0 + 0j, "E")
+    here = poses(q)
+    places = {"B": here["i"][0], "D": here["j"][0], "C": here["i"][0] + 2 * here["i"][1]}
+    pushes |= newton.pin("left", "i", places["B"], "B") | newton.pin("i", "j", places["C"], "C")
+    pushes |= newton.pin("right", "j", places["D"], "D")
+    pushes |= {"left": newton.Push("frame", "left"), "right": newton.Push("frame", "right")}
+    for k in (0, 1):
+        jump = unit_jump(q, k)
+        bodies = {
+            name: newton.Body(
+                *((1.0, 0.1) if name in ("left", "right") else (1.5, 0.5)),
+                here[name][0] + here[name][1] * CENTRES[name], *jump[name],
+            )
+            for name in CENTRES
+        }  # fmt: skip
+        found.append(newton.solved(bodies, pushes))
+    # The left drive gives nothing, the right rate goes back by the restitution.
+    jump = -1.4 * impact.before[1]
+    other = -found[1]["left"] / found[0]["left"] * jump
+    assert impact.after - impact.before == pytest.approx([other, jump], rel=1e-9)
+    total = {n: other * found[0][n] + jump * found[1][n] for n in pushes}
+    assert impact.impulse == pytest.approx(total["right"], rel=1e-9)
+    run = mech.impulses(impact)
+    assert run["right.drive"] == pytest.approx(impact.impulse, rel=1e-12)
+    assert run["left.drive"] == pytest.approx(0.0, abs=1e-12 * abs(impact.impulse))
+    for name, pin in (
+        ("left.A", "A"),
+        ("right.A", "E"),
+        ("dyad.B", "B"),
+        ("dyad.D", "D"),
+        ("dyad.C", "C"),
+    ):
+        force = complex(total[f"{pin}.x"], total[f"{pin}.y"])
+        assert run[f"{name}.reaction"] == pytest.approx(force, rel=1e-8, abs=1e-9)
+
+
+def test_a_five_bar_keeps_its_energy_but_for_the_loss():
+    mech = five_bar().compile()
+    want = ["mechanism.kinetic_energy", "mechanism.potential_energy"]
+    impact = mech.simulate("time=1").motion.impacts[0]
+    q = dict(zip(mech.drivers, impact.q, strict=True))
+    rates = (dict(zip(mech.drivers, w, strict=True)) for w in (impact.before, impact.after))
+    ends = [mech.run(at=q, rates=w, want=want) for w in rates]
+    before, after = (float(e["mechanism.kinetic_energy"][0]) for e in ends)
+    assert before - after == pytest.approx(impact.loss, rel=1e-10)
+
+
+def test_a_five_bar_lies_against_its_stop_and_goes_on_moving():
+    g = five_bar()
+    g.stop("right", high=2.6, restitution=0.0)
+    mech = g.compile()
+    ask = {"want": ["left.q", "right.q", "right.drive"]}
+    one, two = (mech.simulate("time=0.9", method=m, **ask) for m in ("dop853", "lsoda"))
+    assert one["left.q"][-1] == pytest.approx(two["left.q"][-1], rel=1e-6)
+    rest = one.time > one.motion.facts["rest_time"] + 1e-9
+    lying = [e.t for e in one.motion.events if e.kind == "released"] or [one.motion.t_end]
+    rest &= one.time < lying[0] - 1e-9
+    assert rest.sum() > 5
+    np.testing.assert_allclose(one["right.q"][rest], 2.6, rtol=1e-12)
+    # With the right crank as part of the frame the rest is a four-bar, from its own start.
+    first = float(one.time[rest][0])
+    fixed = bm.Graph("four", gravity=(0.0, -9.81))
+    pivot = 2.0 + np.exp(2.6j)
+    fixed.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (pivot.real, pivot.imag)}))
+    fixed.add("left", g.blocks["left"])
+    fixed.add("dyad", g.blocks["dyad"])
+    for source, end in (("frame.A", "left.A"), ("left.B", "dyad.B"), ("frame.D", "dyad.D")):
+        fixed.connect(source, end)
+    state = one.motion.at(first)
+    last = float(one.time[rest][-1])
+    four = fixed.compile().simulate(
+        f"time={last - first!r}", start={"left": (float(state.q[0]), float(state.qd[0]))}
+    )
+    assert four["left.q"][-1] == pytest.approx(float(one.motion.at(last).q[0]), rel=1e-8)
+
+
+def test_joint_friction_is_said_to_be_left_out_of_a_blow():
+    g = bm.Graph.load(GRAPHS / "hammer.json")
+    rub = bm.Coulomb(coefficient=0.1, radius=0.01)
+    g.blocks["hammer"] = g.blocks["hammer"].model_copy(update={"friction": {"A": rub}})
+    mech = g.compile()
+    motions = [mech.simulate("time=1.5", method=m).motion for m in ("spectral", "dop853")]
+    assert all("left out during impacts" in " ".join(m.notes) for m in motions)
+    assert motions[0].impacts[2].t == pytest.approx(motions[1].impacts[2].t, rel=1e-8)
+    assert motions[0].facts["rest_time"] == pytest.approx(motions[1].facts["rest_time"], rel=1e-7)
