@@ -19,6 +19,7 @@ from blockmech.runnable import Later
 if TYPE_CHECKING:
     import blockmech.analysis.explain as explaining
     import blockmech.analysis.extremes as extremal
+    import blockmech.analysis.instants as instants
     import blockmech.analysis.stroke as stroking
     import blockmech.draw.arcs as closing
     import blockmech.draw.balance as sizing
@@ -59,12 +60,15 @@ class Mechanism(Compiled):
         flywheel = sizing.flywheel
         identify = identifying.identify
         impulses = striking.impulses
+        instant_centre = instants.instant_centre
         limits = closing.limits
         linearize = linearising.linearize
+        mechanical_advantage = instants.mechanical_advantage
         modes = closing.modes
         motor = sizing.motor
         objective = optimising.objective
         parameters = designing.parameters
+        path_radius = instants.path_radius
         sensitivity = sensing.sensitivity
         simulate = simulating.simulate
         stepper = stepping.stepper
@@ -72,6 +76,7 @@ class Mechanism(Compiled):
         study = studying.study
         tolerance = tolerating.tolerance
         trade = trading.trade
+        velocity_ratio = instants.velocity_ratio
         verify = verifying.verify
     else:
         available = Later("blockmech.studies.balance")
@@ -84,12 +89,15 @@ class Mechanism(Compiled):
         flywheel = Later("blockmech.draw.balance")
         identify = Later("blockmech.draw.identify")
         impulses = Later("blockmech.dynamics.impact")
+        instant_centre = Later("blockmech.analysis.instants")
         limits = Later("blockmech.draw.arcs")
         linearize = Later("blockmech.draw.linearize")
+        mechanical_advantage = Later("blockmech.analysis.instants")
         modes = Later("blockmech.draw.arcs")
         motor = Later("blockmech.draw.balance")
         objective = Later("blockmech.studies.objective")
         parameters = Later("blockmech.studies.family")
+        path_radius = Later("blockmech.analysis.instants")
         sensitivity = Later("blockmech.draw.sensitivity")
         simulate = Later("blockmech.dynamics.simulation")
         stepper = Later("blockmech.dynamics.stepper")
@@ -97,6 +105,8 @@ class Mechanism(Compiled):
         study = Later("blockmech.draw.study")
         tolerance = Later("blockmech.draw.tolerance")
         trade = Later("blockmech.draw.trade")
+        velocity_ratio = Later("blockmech.analysis.instants")
+        verify = Later("blockmech.analysis.verify")
         verify = Later("blockmech.studies.verified")
 
     def _repr_svg_(self) -> str | None:

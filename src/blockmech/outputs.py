@@ -231,8 +231,33 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
         yield Output(f"{ref}.wrench_F", "N", "vector", wrench(0), _same, on, by)
         yield Output(f"{ref}.wrench_M", "N m", "real", wrench(1), _same, on, by)
     yield _real(f"{ref}.friction", joint.effort_unit, forces.resisting, ref, by=by, on=on)
+    yield _coordinate(structure, ref, by, on)
     yield _real(f"{ref}.slip", f"{joint.coordinate_unit}/s", forward.slip, ref)
     yield _real(f"{ref}.friction_power", "W", energy.friction_power, ref)
+
+
+def _coordinate(structure: Structure, ref: JointRef, by: str, on: str) -> Output:
+    """Coordinate of a pair: of a driven one the driver's, else from the places of both links."""
+    joint, name = structure.joint(ref), f"{ref}.coordinate"
+    if joint.driven:
+        driver = structure.blocks[ref.block].driver_name(*ref)
+        ask = forward.joint_coordinate, driver
+        return _real(name, joint.coordinate_unit, *ask, by=by, on=on)
+    if not joint.rotary:
+        return _real(name, joint.coordinate_unit, pairs.position_along, ref, by=by, on=on)
+
+    def directions(s: Schedule) -> tuple[str, str]:
+        ends = structure.earlier_link(ref), structure.later_link(ref)
+        one, other = (s.ask(forward.link_position, link).scalar for link in ends)
+        return one, other
+
+    return Output(name, "rad", "real", directions, _between, by, on)
+
+
+def _between(one: Any, other: Any) -> Any:
+    """Angle [rad] from one direction to the other, between -pi and pi."""
+    cross = one.real * other.imag - one.imag * other.real
+    return np.arctan2(cross, one.real * other.real + one.imag * other.imag)
 
 
 def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
@@ -254,8 +279,24 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
     driver = structure.drivers[0]
     head = structure.driver_joint(driver)
     inertia = "kg m2" if head.rotary else "kg"
-    yield _real(f"{name}.J_red", inertia, reduction.share_of_inertia, name, driver, driver)
-    yield _real(f"{name}.tau_red", head.effort_unit, reduction.share_of_load, name, driver)
+    words = f"share of this block in {driver}.{{}}; those of all blocks add up to it"
+    yield _real(
+        f"{name}.J_red",
+        inertia,
+        reduction.share_of_inertia,
+        name,
+        driver,
+        driver,
+        words=words.format("J_red"),
+    )
+    yield _real(
+        f"{name}.tau_red",
+        head.effort_unit,
+        reduction.share_of_load,
+        name,
+        driver,
+        words=words.format("tau_red"),
+    )
 
 
 def _existence(s: Schedule, block: str) -> str:

@@ -32,7 +32,7 @@ from blockmech.plan import Output
 
 OF_LINKS = ("angle", "omega", "alpha")
 OF_POINTS = ("p", "v", "a")
-OF_JOINTS = ("reaction", "N", "C", "friction", "slip", "friction_power")
+OF_JOINTS = ("reaction", "N", "C", "friction", "coordinate", "slip", "friction_power")
 OF_DRIVERS = (
     *("q", "rate", "acceleration", "drive", "drive_by_reduction"),
     *("power", "J_red", "tau_red", "dJ_red"),

@@ -14,8 +14,8 @@ QUANTITIES: Mapping[str, str] = {
     "acceleration": "acceleration of the driver",
     "drive": "driving moment or force of {by} on {on}, friction included",
     "drive_by_reduction": "the same by the reduction pass, without friction in joints",
-    "J_red": "inertia reduced to the driver; of a block its share",
-    "tau_red": "loads and weights reduced to the driver; of a block its share",
+    "J_red": "inertia of the whole mechanism, reduced to the driver",
+    "tau_red": "all loads and weights, reduced to the driver",
     "dJ_red": "slope of the reduced inertia by the coordinate",
     # links and points, in the axes of the frame
     "angle": "angle of the link, between -pi and pi",
@@ -31,6 +31,8 @@ QUANTITIES: Mapping[str, str] = {
     "wrench_F": "whole force of {by} on {on}, friction and drive included",
     "wrench_M": "whole moment of {by} on {on}, about the wired point",
     "friction": "friction of {by} on {on}: couple of a pin, force along a guide",
+    "coordinate": "angle of {on} against {by}, between -pi and pi unless driven; of a slider"
+    " its position along the guide",
     "slip": "rate of the link that friction acts on against the other one",
     "friction_power": "power lost to friction",
     # groups

@@ -152,6 +152,18 @@ class Result(Exported):
             made[~np.isfinite(made)] = np.nan
         return made
 
+    def unwrapped(self, name: str) -> NDArray[np.float64]:
+        """An angle (n,) [rad] without its jumps of a turn along the row of samples.
+
+        Samples without an answer stay NaN, and count no turn.
+
+        >>> run.unwrapped("dyad.C.coordinate")  # doctest: +SKIP
+        """
+        angle = np.array(self[name], dtype=np.float64)
+        known = np.isfinite(angle)
+        angle[known] = np.unwrap(angle[known])
+        return angle
+
     def _column(self, index: int) -> Any:
         """One value of the program as a batch, whatever engine made it."""
         value = self._values[index]

@@ -249,7 +249,7 @@ def _legend(content: Content, cycle: bool) -> dict[str, dict[str, Any]]:
     cross = {"color": ink.ALARM, "marker": "x", "ms": 5, "lw": 1.0}
     entries = (
         ("motion forward: p, v, a", forward, True),
-        ("force and moment back: F, M", back, True),
+        ("back: force F and moment M; reduced effort τ and inertia J", back, True),
         *((f"{pair.word} joint", _symbol(k), k in pairs) for k, pair in PAIRS.items()),
         ("load", _symbol(""), any(b.kind == "element" for b in content.blocks)),
         ("coupling", _symbol("q"), "q" in pairs),

@@ -21,14 +21,14 @@ Mechanical Impact Dynamics, 1991.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.estimate import TARGET
-from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion import Event, Floats, Impact, Motion, State, Track
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.rest import first_beyond
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.dynamics.system import System
 
+Move: TypeAlias = Callable[["System", SimulationRequest], Motion]
 LOW = 0.1  # of the accuracy: the height of a bounce from which on they are summed up
 MOST = 10_000  # flights of a run
 RUBS = "joint friction is left out during impacts: the slips reverse in them"
@@ -66,6 +67,7 @@ class Bounces:
 
     system: System
     request: SimulationRequest
+    move: Move
     legs: list[Motion] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     impacts: list[Impact] = field(default_factory=list)
@@ -100,12 +102,12 @@ class Bounces:
 
     def _leg(self, request: SimulationRequest) -> Motion:
         if not self.held:
-            return move(self.system, request)
+            return self.move(self.system, request)
         if len(self.system.drivers) == 1:
             return self._lying(request)
         if dict(self.system.held) != self.held:
             self.system = replace(self.system, held=dict(self.held))
-        return move(self.system, request)
+        return self.move(self.system, request)
 
     def _stop_of(self, leg: Motion) -> tuple[int, int] | None:
         """Number of the driver whose stop ended a motion, and which one; None for no bounce."""
@@ -277,8 +279,8 @@ class Bounces:
         )
 
 
-def bounced(system: System, request: SimulationRequest) -> Motion:
-    """The motion between end stops of which some let it bounce.
+def bounced(system: System, request: SimulationRequest, move: Move) -> Motion:
+    """The motion between end stops of which some let it bounce; ``move`` goes on to the next.
 
     Raises `RequestError` for goals that say nothing across a blow.
     """
@@ -286,7 +288,7 @@ def bounced(system: System, request: SimulationRequest) -> Motion:
     if goal in ("turns", "steady"):
         remedy = 'ask for "time=<s>", or leave the restitution out'
         raise refused("until", f'"{goal}" with end stops that let it bounce', remedy, code="until")
-    return Bounces(system, request).run()
+    return Bounces(system, request, move).run()
 
 
 def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:

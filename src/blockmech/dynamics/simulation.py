@@ -149,7 +149,7 @@ def _start(starts: Pairs) -> Start:
 
 def _moved(system: System, request: SimulationRequest) -> Motion:
     try:
-        return move(system, request) if not request.restitution else bounced(system, request)
+        return move(system, request) if not request.restitution else bounced(system, request, move)
     except KeyboardInterrupt:  # before there was anything but the start
         steady = request.until.goal == "steady"
         notes = ("interrupted before a steady state was found",) if steady else ()

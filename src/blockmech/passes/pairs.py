@@ -227,6 +227,22 @@ def slider_point(s: Schedule, ref: JointRef) -> str:
     return place(s, owner, s.ask(_arm_on_owner, ref), f"{ref}_S")
 
 
+def position_along(s: Schedule, ref: JointRef) -> str:
+    """Position [m] of the later link's point of a slider along the earlier link's guide."""
+    u, later = s.ask(guide_direction, ref), s.structure.later_link(ref)
+
+    def on(link: LinkRef) -> str:
+        def at(st: Structure, _: object) -> complex:
+            return st.blocks[ref.block].slider_place(ref.name, link.link)
+
+        return place(s, link, arm_of(s, link, at, f"{ref}_P_{link.link}"), f"{ref}_P")
+
+    earlier = s.structure.earlier_link(ref)
+    outer = s.structure.joint(ref).outer
+    start = s.ask(marker_place, s.structure.feeds[ref]) if outer else on(earlier)
+    return s.line(f"dot({on(later)} - {start}, {u})", f"{ref}_coordinate")
+
+
 def _arm_on_owner(s: Schedule, ref: JointRef) -> str | None:
     owner = _owner(s, ref)
     return arm_of(

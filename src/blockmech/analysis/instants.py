@@ -1,0 +1,136 @@
+"""Instantaneous kinematics of one driver: centres of rotation, ratios, curvature of paths.
+
+Nothing here depends on how fast the driver goes, so all is read at unit rate:
+
+    centre of link 2 against link 1   P where v1(P) = v2(P)
+    velocity ratio of two places      |v| or om of one over that of the other
+    radius of curvature of a path     |v|^3 / cross(v, a), positive where it turns left
+
+Mechanical advantage between two places is the inverse of their velocity ratio, where nothing
+is lost and nothing else works (power balance).
+
+Source: Hunt, Kinematic Geometry of Mechanisms, 1978; Norton, Design of Machinery, ch. 6.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.arguments import declared
+from blockmech.errors import close_match, listed, refused
+from blockmech.typing import Coordinates
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
+
+FRAME = "frame"
+STRAIGHT = 1e-12  # sine of the angle between velocity and acceleration that is rounding
+
+
+@declared
+def instant_centre(
+    mechanism: Compiled, link: str, other: str = FRAME, *, at: Coordinates
+) -> NDArray[Any]:
+    """Instant centres of a link's motion against another one.
+
+    Parameters
+    ----------
+    link, other : links such as ``"dyad.i"``, in a document of links their names; or "frame"
+    at : coordinates (n,) of the driver [rad or m]
+
+    Returns
+    -------
+    (n,) complex places [m] in the axes of the frame; infinite where the links do not turn
+    against each other. Along a row of ``at`` they are the fixed centrode.
+
+    Raises
+    ------
+    RequestError for a link that there is not, or a mechanism of several drivers
+    """
+    one, two = (_link(mechanism, name, at) for name in (other, link))
+    turning = two[2] - one[2]
+    with np.errstate(all="ignore"):
+        gap = (two[1] - 1j * two[2] * two[0]) - (one[1] - 1j * one[2] * one[0])
+        found = 1j * gap / turning
+    return np.where(np.isfinite(found), found, complex(np.inf, np.inf))
+
+
+@declared
+def velocity_ratio(mechanism: Compiled, of: str, by: str, *, at: Coordinates) -> NDArray[Any]:
+    """Rate of one place over that of another, by size: of links, points or drivers.
+
+    Parameters
+    ----------
+    of, by : a link (its turning), a point such as ``"dyad.C"`` (its speed), or a driver
+    at : coordinates (n,) of the driver [rad or m]
+
+    Returns
+    -------
+    (n,) ratios in SI units; infinite where ``by`` stands still
+    """
+    one, two = (_rate(mechanism, name, at) for name in (of, by))
+    with np.errstate(all="ignore"):
+        return np.asarray(one / two)
+
+
+@declared
+def mechanical_advantage(mechanism: Compiled, of: str, by: str, *, at: Coordinates) -> NDArray[Any]:
+    """Force or moment at one place over that at another which balances it, without losses.
+
+    The inverse of `velocity_ratio`, with its arguments.
+    """
+    return velocity_ratio(mechanism, by, of, at=at)
+
+
+@declared
+def path_radius(mechanism: Compiled, point: str, *, at: Coordinates) -> NDArray[Any]:
+    """Radii of curvature (n,) [m] of a point's path, positive where it turns left.
+
+    Infinite where the path is straight, 0 in a cusp.
+    """
+    name = point if mechanism.names is None else f"link.{point}"
+    names = _known(mechanism, [f"{name}.v", f"{name}.a"], point)
+    run = _moving(mechanism, at, names)
+    v, a = (run[name] for name in names)
+    across = (np.conj(v) * a).imag
+    with np.errstate(all="ignore"):
+        straight = np.abs(across) <= STRAIGHT * np.abs(v) * np.abs(a)
+        found = np.abs(v) ** 3 / np.where(straight, np.nan, across)
+    return np.where(v == 0, 0.0, np.where(straight, np.inf, found))
+
+
+def _link(mechanism: Compiled, link: str, at: Coordinates) -> tuple[Any, Any, Any]:
+    """Place and velocity of a point of a link, and its rate."""
+    if link == FRAME:
+        return 0j, 0j, 0.0
+    name = link if mechanism.names is None else f"link.{link}"
+    names = _known(mechanism, [f"{name}.p", f"{name}.v", f"{name}.omega"], link)
+    run = _moving(mechanism, at, names)
+    return run[names[0]], run[names[1]], run[names[2]]
+
+
+def _rate(mechanism: Compiled, name: str, at: Coordinates) -> Any:
+    outputs = mechanism.outputs
+    document = mechanism.names is not None
+    wishes = [f"{name}.rate", f"{name}.omega", f"{name}.v"]
+    wishes += [f"driver.{name}.rate", f"link.{name}.omega", f"link.{name}.v"] if document else []
+    known = next((wish for wish in wishes if wish in outputs), wishes[-1])
+    (known,) = _known(mechanism, [known], name)
+    return np.abs(_moving(mechanism, at, [known])[known])
+
+
+def _moving(mechanism: Compiled, at: Coordinates, names: list[str]) -> Any:
+    if len(mechanism.drivers) != 1:
+        found = f"the mechanism has {len(mechanism.drivers)} drivers: {listed(mechanism.drivers)}"
+        raise refused("at", found, valid="instantaneous ratios are of one driver")
+    return mechanism.run(at=at, rates=1.0, accelerations=0.0, want=names)
+
+
+def _known(mechanism: Compiled, names: list[str], said: str) -> list[str]:
+    if missing := [name for name in names if name not in mechanism.outputs]:
+        remedy = close_match(missing[0], mechanism.outputs)
+        raise refused(said, f'no output "{missing[0]}"', remedy, code="unknown-output")
+    return names
