@@ -106,7 +106,6 @@ class Mechanism(Compiled):
         tolerance = Later("blockmech.draw.tolerance")
         trade = Later("blockmech.draw.trade")
         velocity_ratio = Later("blockmech.analysis.instants")
-        verify = Later("blockmech.analysis.verify")
         verify = Later("blockmech.studies.verified")
 
     def _repr_svg_(self) -> str | None:

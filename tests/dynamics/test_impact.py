@@ -49,6 +49,11 @@ def test_bounces_by_a_constant_moment_end_by_their_sum(method):
         assert impact.after[0] == pytest.approx(-W * E ** (n + 1), rel=1e-8)
     assert motion.facts["contact"] == pytest.approx(-TAU)  # it pushes the wheel back
     assert (motion.status, motion.end, r["crank.rate"][-1]) == ("reached", "time", 0.0)
+    there = flywheel().compile().simulate("time=5", method=method, want="*", **step)
+    rest = there.time > motion.facts["rest_time"]
+    assert not there["crank.acceleration"][rest].any()
+    np.testing.assert_allclose(there["crank.drive"][rest], -TAU)  # what the stop gives
+    np.testing.assert_allclose(there["crank.acceleration"][there.time < 3.7], TAU / J)
 
 
 def test_without_loss_it_bounces_for_ever_and_with_all_loss_it_stays():
@@ -230,7 +235,7 @@ def test_a_five_bar_lies_against_its_stop_and_goes_on_moving():
     g = five_bar()
     g.stop("right", high=2.6, restitution=0.0)
     mech = g.compile()
-    ask = {"want": ["left.q", "right.q", "right.drive"]}
+    ask = {"want": ["left.q", "right.q", "right.drive", "left.drive", "right.acceleration"]}
     one, two = (mech.simulate("time=0.9", method=m, **ask) for m in ("dop853", "lsoda"))
     assert one["left.q"][-1] == pytest.approx(two["left.q"][-1], rel=1e-6)
     rest = one.time > one.motion.facts["rest_time"] + 1e-9
@@ -238,6 +243,9 @@ def test_a_five_bar_lies_against_its_stop_and_goes_on_moving():
     rest &= one.time < lying[0] - 1e-9
     assert rest.sum() > 5
     np.testing.assert_allclose(one["right.q"][rest], 2.6, rtol=1e-12)
+    assert not one["right.acceleration"][rest].any()
+    assert (one["right.drive"][rest] < 0).all()  # the stop pushes back
+    assert np.abs(one["left.drive"]).max() < 1e-9
     # With the right crank as part of the frame the rest is a four-bar, from its own start.
     first = float(one.time[rest][0])
     fixed = bm.Graph("four", gravity=(0.0, -9.81))

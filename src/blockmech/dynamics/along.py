@@ -11,7 +11,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.motion import Floats, Motion
-from blockmech.dynamics.system import System, solved
+from blockmech.dynamics.system import System, solved, without
 from blockmech.passes.signals import STATE
 from blockmech.plan import Friction
 from blockmech.result import Result
@@ -38,6 +38,7 @@ class Along(Mapping[str, Any]):
         self.q, self.qd = motion.at(t)
         self.qd[unknown] = np.nan
         self.mechanism, self.how, self.t = mechanism, how, t
+        self.held = motion.held(t, k)
         self.known = _by_driver("q", self.q, k) | _by_driver("qd", self.qd, k)
         self.known |= states_along(motion, t)
         self.states = motion.signal_states(t)
@@ -61,7 +62,7 @@ class Along(Mapping[str, Any]):
             return _by_driver("qdd", self._without_friction(), k)
         rows = zip(self.q, self.qd, self.t.tolist(), self.states, strict=True)
         found = [_with_friction(system, float(q), float(qd), t, x) for q, qd, t, x in rows]
-        return {"qdd_0": np.array(found)}
+        return {"qdd_0": np.where(self.held[:, 0], 0.0, np.array(found))}
 
     def _without_friction(self) -> Floats:
         """(n,) or (n, k) from M q'' = Q - c."""
@@ -72,9 +73,10 @@ class Along(Mapping[str, Any]):
         samples = Samples(n, self.known | {f"qdd_{i}": np.zeros(n) for i in range(k)}, self.t)
         found = frictionless(mechanism, (*idle, mass), samples)
         if k == 1:
-            return np.asarray(-found[idle[0]] / found[mass])
+            return np.where(self.held[:, 0], 0.0, -found[idle[0]] / found[mass])
         right, M = -np.stack([found[name] for name in idle], axis=-1), found[mass]
-        return np.array([solved(*row) for row in zip(M, right, strict=True)])
+        rows = zip(M, right, self.held, strict=True)
+        return np.array([without(*row) if row[2].any() else solved(*row[:2]) for row in rows])
 
 
 def states_along(motion: Motion, t: Floats) -> dict[str, Floats]:

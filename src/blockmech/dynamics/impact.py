@@ -29,7 +29,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.estimate import TARGET
-from blockmech.dynamics.motion import Event, Floats, Impact, Motion, State, Track
+from blockmech.dynamics.motion import Event, Floats, Impact, Lying, Motion, State, Track
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.rest import first_beyond
 from blockmech.errors import refused
@@ -73,6 +73,8 @@ class Bounces:
     impacts: list[Impact] = field(default_factory=list)
     facts: dict[str, float] = field(default_factory=dict)
     held: dict[int, int] = field(default_factory=dict)
+    since: dict[int, float] = field(default_factory=dict)  # [s] that they lie
+    lying: list[Lying] = field(default_factory=list)
     flights: float = 0.0  # [s] sum of those to come
     apex: float = math.inf
     height: float = 0.0  # [rad or m] of the flight to come
@@ -203,6 +205,7 @@ class Bounces:
         """A driver comes to rest against its stop."""
         t = leg.t_end + (self.flights if before[i] else 0.0)
         self.facts["rest_time"] = t
+        self.since[i] = leg.t_end
         self.events.append(Event(ends.REST, t, leg.q_end, 0 * np.asarray(before)))
 
     def _lying(self, request: SimulationRequest) -> Motion:
@@ -236,6 +239,7 @@ class Bounces:
         else:
             (i,) = self.held
         del self.held[i]
+        self.lying.append(Lying(i, self.since.pop(i), leg.t_end))
         if len(q) > 1:
             self.system = replace(self.system, held=dict(self.held))
         self.events = [e for e in self.events if e.kind != ends.RELEASED]
@@ -272,6 +276,7 @@ class Bounces:
             track=Chain(np.array([leg.t_start for leg in moving]), tuple(x.track for x in moving)),
             events=tuple(sorted(self.events, key=lambda e: e.t)),
             impacts=tuple(self.impacts),
+            lying=(*self.lying, *(Lying(i, t, last.t_end) for i, t in self.since.items())),
             error=math.fsum(leg.error for leg in legs) + self.unseen,
             cost=self.system.cost,
             notes=tuple(notes),
@@ -285,6 +290,9 @@ def bounced(system: System, request: SimulationRequest, move: Move) -> Motion:
     Raises `RequestError` for goals that say nothing across a blow.
     """
     goal = request.until.goal
+    if len(system.signals.initial):
+        found = "signals with states, and end stops that let it bounce"
+        raise refused("stops", found, "leave the restitution out", code="stops")
     if goal in ("turns", "steady"):
         remedy = 'ask for "time=<s>", or leave the restitution out'
         raise refused("until", f'"{goal}" with end stops that let it bounce', remedy, code="until")

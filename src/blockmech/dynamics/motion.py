@@ -91,6 +91,14 @@ class Impact(NamedTuple):
     loss: float
 
 
+class Lying(NamedTuple):
+    """While a driver, by its number, lies against an end stop: from and to [s]."""
+
+    driver: int
+    begin: float
+    end: float
+
+
 class Track(Protocol):
     """Dense output: the state at any time of the run."""
 
@@ -122,6 +130,7 @@ class Motion(Told):
     track : dense output
     events : standstills and the user's events, in order
     impacts : blows on end stops, in order
+    lying : while which drivers lie against their stops
     error : estimated bound of the error of q over the run [rad or m]
     time_error : the same of ``t_end`` [s], where an event and not a time ends the run
     accuracy : the target of ``error``, None if none was given
@@ -145,6 +154,7 @@ class Motion(Told):
     end: str = "time"
     events: tuple[Event, ...] = ()
     impacts: tuple[Impact, ...] = ()
+    lying: tuple[Lying, ...] = ()
     error: float = 0.0
     time_error: float = 0.0
     cost: Cost = field(default_factory=Cost)
@@ -204,6 +214,13 @@ class Motion(Told):
         if states is None or not self.x_end:
             return np.array(end)
         return np.where((t == self.t_end)[:, None], end, states(t))
+
+    def held(self, t: Floats, drivers: int) -> Any:
+        """Whether each driver lies against a stop at times (n,) [s]; (n, drivers)."""
+        found = np.zeros((len(t), drivers), dtype=bool)
+        for i, begin, end in self.lying:
+            found[:, i] |= (begin <= t) & ((t < end) | (t == self.t_end))
+        return found
 
     def times(self, count: int) -> Floats:
         """That many times, equally spaced over the run [s]."""

@@ -351,9 +351,7 @@ class System:
         """Accelerations (k,) of the drivers by efforts; none of those that lie against a stop."""
         if not self.held:
             return solved(M, Q)
-        found, free = np.zeros(len(Q)), [i for i in range(len(Q)) if i not in self.held]
-        found[free] = solved(M[np.ix_(free, free)], Q[free])
-        return found
+        return without(M, Q, np.isin(np.arange(len(Q)), list(self.held)))
 
     def typical_inertia(self, q: float) -> float:
         """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""
@@ -422,6 +420,13 @@ def solved(M: Floats, Q: Floats) -> Floats:
         return np.asarray(np.linalg.solve(M, Q), dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.full(len(Q), math.nan)
+
+
+def without(M: Floats, Q: Floats, held: Any) -> Floats:
+    """The same of some drivers, while those of which (k,) ``held`` is true stand still."""
+    found, free = np.zeros(len(Q)), np.flatnonzero(~held)
+    found[free] = solved(M[np.ix_(free, free)], Q[free])
+    return found
 
 
 def least(values: Any) -> float:
