@@ -104,9 +104,9 @@ def test_several_drivers_have_a_mass_matrix():
 
 def test_result_is_a_mapping_of_what_was_wanted():
     r = ruiz().run(at=1.0, want=["dyad.C.*", "crank.drive"])
-    of_pin = ("p", "v", "a", "reaction", "friction", "slip", "friction_power")
+    of_pin = ("p", "v", "a", "reaction", "friction", "coordinate", "slip", "friction_power")
     assert list(r) == [*(f"dyad.C.{what}" for what in of_pin), "crank.drive"]
-    assert len(r) == 8
+    assert len(r) == 9
     assert "dyad.B.reaction" not in r
     assert r.get("dyad.B.reaction") is None
     assert dict(r)["crank.drive"] is r["crank.drive"]
