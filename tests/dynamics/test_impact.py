@@ -77,7 +77,7 @@ def test_a_stop_lets_go_where_it_would_have_to_pull(method):
     g.start("crank", q=2.0, rate=0.0)
     motion = g.compile().simulate("time=1.2", method=method).motion
     assert motion.facts["contact"] == pytest.approx(-1.5)
-    (free,) = [e for e in motion.events if e.kind == "released"]
+    (free,) = [e for e in motion.events if e.kind == "leaves its stop"]
     assert free.t == pytest.approx(math.acos(-0.5) / math.pi, rel=1e-12)  # 0.5 + cos(pi t) = 0
     s = 1.2
     rate = (0.5 * (s - free.t) + (math.sin(math.pi * s) - math.sin(math.pi * free.t)) / math.pi) / J
@@ -239,7 +239,7 @@ def test_a_five_bar_lies_against_its_stop_and_goes_on_moving():
     one, two = (mech.simulate("time=0.9", method=m, **ask) for m in ("dop853", "lsoda"))
     assert one["left.q"][-1] == pytest.approx(two["left.q"][-1], rel=1e-6)
     rest = one.time > one.motion.facts["rest_time"] + 1e-9
-    lying = [e.t for e in one.motion.events if e.kind == "released"] or [one.motion.t_end]
+    lying = [e.t for e in one.motion.events if e.kind == "leaves its stop"] or [one.motion.t_end]
     rest &= one.time < lying[0] - 1e-9
     assert rest.sum() > 5
     np.testing.assert_allclose(one["right.q"][rest], 2.6, rtol=1e-12)

@@ -13,7 +13,7 @@ INTERRUPTED: Final = "interrupted"  # by the user; what was done is kept
 TOO_MANY: Final = "more evaluations than allowed"
 SELF_LOCKED: Final = "self-locking in motion"  # no acceleration satisfies Coulomb's law
 AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
-RELEASED: Final = "released"  # a stop against which a driver lay
+LEAVES_STOP: Final = "leaves its stop"
 IMPACT: Final = "impact"
 UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 

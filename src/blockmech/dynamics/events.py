@@ -91,7 +91,7 @@ def general_rules(
     for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=True)):
         kind = ends.END_STOP if k == 1 else f"{ends.END_STOP} of {driver}"
         if i in system.held:
-            found.append(release_rule(system, i))
+            found.append(leaving_rule(system, i))
             continue
         pairs = zip(between, (-1, 1), strict=True)
         found += [driver_at(kind, q, way, i) for q, way in pairs if math.isfinite(q)]
@@ -103,7 +103,7 @@ def general_rules(
     return [*found, stands]
 
 
-def release_rule(system: System, i: int) -> EventRule:
+def leaving_rule(system: System, i: int) -> EventRule:
     """A stop no longer pushes a driver that lies against it."""
     at = StateLayout(len(system.drivers))
 
@@ -112,7 +112,7 @@ def release_rule(system: System, i: int) -> EventRule:
         force = M @ system.accelerations(M, Q - c) + c - Q
         return -system.held[i] * force[i]
 
-    return EventRule(ends.RELEASED, push, -1, index=i, parts=1)
+    return EventRule(ends.LEAVES_STOP, push, -1, index=i, parts=1)
 
 
 def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[EventRule]:

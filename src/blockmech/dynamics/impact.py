@@ -88,7 +88,7 @@ class Bounces:
             self.legs.append(leg)
             where = self._stop_of(leg)
             self.events += [e for e in leg.events if not (where and e.kind == leg.end)]
-            if leg.end == ends.RELEASED:
+            if leg.end == ends.LEAVES_STOP:
                 after = self._released(leg)
             elif where is not None and len(self.legs) < MOST:
                 after = self._struck(leg, *where)
@@ -224,7 +224,7 @@ class Bounces:
             late = math.ulp(until)
             while not away(until) > 0 and late < t_last - until:  # the root is either side of it
                 until, late = until + late, 2 * late
-            return replace(still, t_end=until, end=ends.RELEASED, status="ended")
+            return replace(still, t_end=until, end=ends.LEAVES_STOP, status="ended")
         if math.isfinite(t_last):
             return replace(still, t_end=t_last, end="time")
         return replace(still, end=ends.END_STOP + " at rest", status="ended")
@@ -242,8 +242,8 @@ class Bounces:
         self.lying.append(Lying(i, self.since.pop(i), leg.t_end))
         if len(q) > 1:
             self.system = replace(self.system, held=dict(self.held))
-        self.events = [e for e in self.events if e.kind != ends.RELEASED]
-        self.events.append(Event(ends.RELEASED, leg.t_end, leg.q_end, leg.qd_end))
+        self.events = [e for e in self.events if e.kind != ends.LEAVES_STOP]
+        self.events.append(Event(ends.LEAVES_STOP, leg.t_end, leg.q_end, leg.qd_end))
         return leg.qd_end
 
     def _plain(self, x: Floats) -> Any:
