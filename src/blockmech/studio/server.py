@@ -5,10 +5,12 @@ from __future__ import annotations
 import secrets
 import socket
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import panel as pn
 from tornado.httputil import HTTPHeaders, HTTPServerRequest
+from tornado.ioloop import IOLoop
 from tornado.routing import Matcher, PathMatches, Rule
 from tornado.web import OutputTransform, RequestHandler
 
@@ -17,6 +19,7 @@ from blockmech.studio.gallery import picture_of
 from blockmech.testing.files import gallery
 
 HOST = "127.0.0.1"
+DRAWING = ThreadPoolExecutor(1, "pictures")  # one after the other: each is drawn once
 UPLOAD = 32 << 20  # bytes of a file that is sent
 HEADERS = {
     # Bokeh makes functions of texts and Panel loads components as blobs
@@ -121,10 +124,11 @@ class Headers(OutputTransform):
 class Picture(RequestHandler):
     """Pictures of the gallery."""
 
-    def get(self, name: str) -> None:
-        """The picture of a mechanism of the gallery."""
+    async def get(self, name: str) -> None:
+        """The picture of a mechanism of the gallery, drawn beside what windows ask for."""
         if name not in gallery():
             self.set_status(404)
             return
+        picture = await IOLoop.current().run_in_executor(DRAWING, picture_of, name)
         self.set_header("Content-Type", "image/svg+xml")
-        self.finish(picture_of(name))
+        self.finish(picture)
