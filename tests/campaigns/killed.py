@@ -46,7 +46,7 @@ def left_of(started: int) -> list[int]:
     found = []
     for status in Path("/proc").glob("[0-9]*/stat"):
         try:
-            fields = status.read_text().rpartition(")")[2].split()
+            fields = status.read_text("utf-8").rpartition(")")[2].split()
         except OSError:
             continue
         if int(fields[2]) == started and fields[0] != "Z":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from blockmech import signals
+from blockmech.blocks.registry import REGISTRY
 from blockmech.signals import Signal, State
 from blockmech.testing.conformance import ConformanceError, conformance
 
@@ -29,6 +30,11 @@ BLOCKS = [
     signals.DCMotor(R=1.0, L=0.1, k=2.0),
     signals.Python(call=lambda a, b, t, m: (a * b + t + m, a - b), memory={"m": 0.5}),
 ]
+
+
+def test_every_signal_of_the_package_has_an_example_here():
+    own = {n for n in REGISTRY if REGISTRY[n].__module__.startswith("blockmech.signals")}
+    assert own - {b.type_name for b in BLOCKS} == set()
 
 
 @pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.type_name)
