@@ -46,12 +46,14 @@ class Reading(NamedTuple):
     parts : outputs of the graph that add up to it, each with its sign +1 or -1
     turn : [rad] what is added to an angle, which stays between -pi and pi
     between : the links that exert it and that it acts on, if it is other than the first part's
+    wrapped : whether the sum is an angle that has to be brought between -pi and pi
     """
 
     name: str
     parts: tuple[tuple[str, int], ...]
     turn: float = 0.0
     between: tuple[str, str] | None = None
+    wrapped: bool = False
 
 
 def outputs_by_link(
@@ -72,7 +74,7 @@ def outputs_by_link(
         if not parts:
             continue
         found = _sum(parts) if len(parts) > 1 or parts[0][1] < 0 else parts[0][0]
-        if reading.turn:
+        if reading.turn or reading.wrapped:
             found = _rotated(found, reading.turn)
         by, on = (said.get(link, link) for link in (found.by, found.on))
         if by and reading.between:
@@ -120,7 +122,9 @@ def _of_joints(
         yield Reading(f"joint.{pin}.{what}", ((f"{place}.{what}", 1),))
     for name, pair in pairs.items():
         for what in OF_JOINTS:
-            if f"{pair.joint}.{what}" in known:
+            if what == "coordinate" and structure.joint(pair.joint).rotary:
+                yield _coordinate(name, pair, structure, names)
+            elif f"{pair.joint}.{what}" in known:
                 own = _of_joint(what, pair, structure, names)
                 yield Reading(f"joint.{name}.{what}", own, between=pair.links)
     each = {ref for pair in pairs.values() for ref, _ in ((pair.joint, False), *pair.others)}
@@ -130,6 +134,21 @@ def _of_joints(
             two = sorted(names.of_links[LinkRef(ref.block, link)] for link in joint.links)
             name = pin if len(pairs) == 1 else ".".join([pin, *two])
             yield Reading(f"joint.{name}.transmission_angle", ((angle, 1),))
+
+
+def _coordinate(name: str, pair: JointName, structure: Structure, names: Names) -> Reading:
+    """Angle of the second link's axes against the first's; of a driven pin the driver's."""
+    what = f"joint.{name}.coordinate"
+    for driver, ref in structure.driven.items():
+        if ref == pair.joint:
+            return Reading(what, ((f"{driver}.q", 1),), between=pair.links)
+    parts, turn = list[tuple[str, int]](), 0.0
+    for link, sign in zip(pair.links, (-1, 1), strict=True):
+        if link in names.links:
+            at = names.links[link]
+            parts.append((f"{at.link}.angle", sign))
+            turn += sign * at.turn
+    return Reading(what, tuple(parts), turn, pair.links, wrapped=True)
 
 
 def _of_joint(

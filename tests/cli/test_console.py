@@ -30,6 +30,7 @@ DONE = {
     "assembly modes": ["modes", "FILE"],
     "extremes": ["extremes", "FILE", "dyad.transmission_angle"],
     "equilibria": ["equilibria", "FILE"],
+    "solutions of friction": ["solutions", "FILE", "--at", "1.0"],
     "modes of vibration": ["linearize", "FILE", "--at", "60deg"],
     "a record": ["identify", "FILE", "RECORD", "--to", "dyad.links.i.mass"],
     "checks": ["verify", "FILE"],

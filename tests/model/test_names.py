@@ -29,8 +29,8 @@ SAMPLES = 7
 ROUNDING = 1e-12
 """Of the largest output of a unit: what two ways of writing may differ by."""
 
-ON_SECOND = ("reaction", "N", "C", "friction", "slip")
-ALONG_GUIDE = ("N", "friction", "slip")
+ON_SECOND = ("reaction", "N", "C", "friction", "coordinate", "slip")
+ALONG_GUIDE = ("N", "friction", "coordinate", "slip")
 ALONG_DRIVER = ("q", "rate", "acceleration", "drive", "drive_by_reduction", "tau_red", "dJ_red")
 
 
@@ -72,7 +72,7 @@ def differing(one, other, sign=None, skip=()):
         got = np.asarray(other[name])
         assert (np.isnan(expected) == np.isnan(got)).all(), name
         off = float(np.nan_to_num(np.abs(expected - got)).max(initial=0.0))
-        if name.endswith(".angle"):
+        if name.endswith(".angle") or (name.endswith(".coordinate") and one.unit(name) == "rad"):
             turns = (expected - got) / (2 * math.pi)
             off = float(np.nan_to_num(np.abs(turns - np.round(turns))).max(initial=0.0))
         if off > ROUNDING * (scale[one.unit(name)] or 1.0):
@@ -127,7 +127,13 @@ def test_a_frame_that_is_moved_on_its_link_moves_its_own_outputs_only(name, link
     one, other = run(document), run(reframed(document, link, origin, turn))
     own = {f"link.{link}.{what}" for what in ("p", "v", "a", "angle")}
     drivers = {f"driver.{d}.q" for d in document["drivers"]}
-    assert differing(one, other, skip=own | drivers) == {}
+    pins = {n for n in one if n.endswith(".coordinate") and one.unit(n) == "rad"}
+    assert differing(one, other, skip=own | drivers | pins) == {}
+    for pin in pins:  # angles of one link's axes against another's
+        changes = np.exp(1j * (other[pin] - one[pin]))
+        options = [np.abs(changes - np.exp(1j * x)).max() for x in (0.0, turn, -turn)]
+        mine = link in document["joints"][pin.split(".")[1]]["links"]
+        assert (min(options) if mine else options[0]) <= ROUNDING, pin
     scale = largest(one)
     e = np.exp(1j * one[f"link.{link}.angle"])
     p = one[f"link.{link}.p"] + e * origin

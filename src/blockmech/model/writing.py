@@ -25,14 +25,15 @@ KEY_A_LINE = SECTIONS + 1  # levels that are opened one item a line: to the keys
 def plain(value: Any) -> Any:
     """A model as JSON data: what the author gave, under the names of the file.
 
-    The key by which a reader tells the kind of a model is always written.
+    The key by which a reader tells the kind of a model is always written, but for the kind that
+    data without it are.
     """
     if isinstance(value, Strictly):
         data = {}
         for name in field_order(type(value)):
             field, item = type(value).model_fields[name], getattr(value, name)
             given = name in value.model_fields_set and not (item is None and field.default is None)
-            if given or name == value.kind_key:
+            if given or (name == value.kind_key and item != value.plain_kind):
                 data[field.alias or name] = plain(item)
         return data
     if isinstance(value, Pair):
