@@ -18,7 +18,7 @@ QUICK = ("--samples", "51", "--budget", "5s")
 def test_a_trade_is_printed_with_its_recommendation(capsys) -> None:
     assert main(["trade", RUIZ, "--target", "1e-6", *QUICK]) == 0
     text = capsys.readouterr().out
-    assert "ruiz_fourbar, run: 96 outputs at 51 samples" in text
+    assert "ruiz_fourbar, run: 100 outputs at 51 samples" in text
     assert "the floor" in text
     assert text.strip().splitlines()[-1].startswith("for 1e-6, ")
 
