@@ -45,6 +45,19 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
+@pytest.fixture(autouse=True)
+def _own_registries():
+    """What a test registers is known to that test alone: messages list all that there is."""
+    from blockmech.blocks.registry import REGISTRY
+    from blockmech.friction.laws.contract import LAWS
+
+    before = [(registry, dict(registry._types)) for registry in (REGISTRY, LAWS)]
+    yield
+    for registry, types in before:
+        registry._types.clear()
+        registry._types.update(types)
+
+
 @pytest.fixture(scope="module")
 def one_repeat():
     """Trades time each setting once after its cold run: fewer say the same of its error."""

@@ -83,7 +83,10 @@ def test_what_is_no_name_is_refused_where_names_are_asked(odd: Any) -> None:
             lambda m, r: m.objective(["dyad.l_i"], want="max(crank.drive)", over=1.0)("x"),
             "x: got 'x'",
         ),
-        (lambda m, r: conformance(bm.RRR), "block: got <class .* a text or a block is meant"),
+        (
+            lambda m, r: conformance(bm.RRR),
+            "block: got <class .* a text or a block or a friction law",
+        ),
     ],
 )
 def test_what_a_signature_says_is_asked_of_every_call(ask: Any, said: str) -> None:

@@ -157,7 +157,7 @@ class Result(Exported):
 
         Samples without an answer stay NaN, and count no turn.
 
-        >>> run.unwrapped("dyad.C.coordinate")  # doctest: +SKIP
+        Raises `RequestError` for an output that was not computed.
         """
         angle = np.array(self[name], dtype=np.float64)
         known = np.isfinite(angle)

@@ -15,7 +15,11 @@ from tests.exchange.compiled_c import COMPILERS, NEEDS_C, Called, compiled, scal
 from tests.gallery import GRAPHS, SHORT, mechanism
 
 GENERAL = 1e-12  # of the largest number of a unit, over the smallest margin's root
-ANGLES = ("angle", "transmission_angle")  # NumPy's own atan2 is not the mathematical library's
+ANGLES = (
+    "angle",
+    "transmission_angle",
+    "coordinate",
+)  # NumPy's own atan2 is not the mathematical library's
 
 
 @NEEDS_C

@@ -203,8 +203,14 @@ def on_each_other() -> Iterator[Motion]:
         yield Motion(f"a slide of 1e-{k} kg on one of 1 kg", g, start, 1.0, stays)
 
 
+# [s] of the pump's steady turn, to more digits than a motion knows it by: J w w' + J' w^2 / 2 = tau
+# for the rate w(q), solved by Fourier collocation at 97 and 121 points in mpmath, which agree in
+# 31 digits, from the slider-crank's own closed form.
+PUMP_PERIOD = "0.1020467664516839220711779875373171"
+
+
 def long() -> Iterator[Motion]:
-    """The pump of the gallery for hours: ten seconds, and whole turns of what it does then."""
+    """The pump of the gallery for hours: ten seconds, and whole turns of its steady state."""
     g = bm.Graph.load(GRAPHS / "pump.json")
     made = g.compile()
 
@@ -218,10 +224,9 @@ def long() -> Iterator[Motion]:
 
         def turned(q: Any, rate: Any, t: Any) -> dict[str, Any]:
             early, turn = settled()
-            many, rest = divmod(float(t) - 10.0, turn.t_end)
-            way = math.copysign(2 * math.pi, early.qd_end)
-            last = mpf(float(turn.at(rest).q))
-            return {"crank": last + many * mpf(way)}
+            many, rest = divmod(mpf(t) - 10, mpf(PUMP_PERIOD))
+            last = mpf(float(turn.at(float(rest)).q))
+            return {"crank": last + many * 2 * mp.pi * math.copysign(1.0, early.qd_end)}
 
         start = {d: (x.q, x.rate) for d, x in made.scene.initial.items()}
         yield Motion(f"pump over 1e{k} s", g, start, 10.0**k, turned, k < 4)
