@@ -15,7 +15,7 @@ import blockmech as bm
 from blockmech.blocks.contract import Block
 from blockmech.blocks.registry import REGISTRY
 from blockmech.cli import COMMANDS
-from blockmech.values import Strictly
+from blockmech.values import StrictModel
 from docs.snippets import BrokenPage, run, workplace
 from tests.source import MODULES, TREES
 
@@ -88,7 +88,7 @@ def test_every_quantity_in_a_record_has_its_unit():
 MODELS = [
     cls
     for name in bm.__all__
-    if inspect.isclass(cls := getattr(bm, name)) and issubclass(cls, Strictly)
+    if inspect.isclass(cls := getattr(bm, name)) and issubclass(cls, StrictModel)
 ]
 NUMBERS = re.compile(r"float|Place|Vector|list")
 NO_QUANTITY = {"coefficient", "law", "branch", "angle", "dir", "markers", "at"}

@@ -14,7 +14,7 @@ from blockmech.compiled import Compiled
 from blockmech.errors import BlockmechError
 from blockmech.quality import Flag
 from blockmech.result import Result
-from blockmech.runnable import Later
+from blockmech.runnable import LazyMethod
 
 if TYPE_CHECKING:
     import blockmech.analysis.explain as explaining
@@ -79,34 +79,34 @@ class Mechanism(Compiled):
         velocity_ratio = instants.velocity_ratio
         verify = verifying.verify
     else:
-        available = Later("blockmech.studies.balance")
-        balance = Later("blockmech.draw.balance")
-        equilibria = Later("blockmech.draw.equilibria")
-        explain = Later("blockmech.analysis.explain")
-        extremes = Later("blockmech.analysis.extremes")
-        friction_solutions = Later("blockmech.draw.friction_solutions")
-        floquet = Later("blockmech.studies.linearize")
-        flywheel = Later("blockmech.draw.balance")
-        identify = Later("blockmech.draw.identify")
-        impulses = Later("blockmech.dynamics.impact")
-        instant_centre = Later("blockmech.analysis.instants")
-        limits = Later("blockmech.draw.arcs")
-        linearize = Later("blockmech.draw.linearize")
-        mechanical_advantage = Later("blockmech.analysis.instants")
-        modes = Later("blockmech.draw.arcs")
-        motor = Later("blockmech.draw.balance")
-        objective = Later("blockmech.studies.objective")
-        parameters = Later("blockmech.studies.family")
-        path_radius = Later("blockmech.analysis.instants")
-        sensitivity = Later("blockmech.draw.sensitivity")
-        simulate = Later("blockmech.dynamics.simulation")
-        stepper = Later("blockmech.dynamics.stepper")
-        stroke = Later("blockmech.analysis.stroke")
-        study = Later("blockmech.draw.study")
-        tolerance = Later("blockmech.draw.tolerance")
-        trade = Later("blockmech.draw.trade")
-        velocity_ratio = Later("blockmech.analysis.instants")
-        verify = Later("blockmech.studies.verified")
+        available = LazyMethod("blockmech.studies.balance")
+        balance = LazyMethod("blockmech.draw.balance")
+        equilibria = LazyMethod("blockmech.draw.equilibria")
+        explain = LazyMethod("blockmech.analysis.explain")
+        extremes = LazyMethod("blockmech.analysis.extremes")
+        friction_solutions = LazyMethod("blockmech.draw.friction_solutions")
+        floquet = LazyMethod("blockmech.studies.linearize")
+        flywheel = LazyMethod("blockmech.draw.balance")
+        identify = LazyMethod("blockmech.draw.identify")
+        impulses = LazyMethod("blockmech.dynamics.impact")
+        instant_centre = LazyMethod("blockmech.analysis.instants")
+        limits = LazyMethod("blockmech.draw.arcs")
+        linearize = LazyMethod("blockmech.draw.linearize")
+        mechanical_advantage = LazyMethod("blockmech.analysis.instants")
+        modes = LazyMethod("blockmech.draw.arcs")
+        motor = LazyMethod("blockmech.draw.balance")
+        objective = LazyMethod("blockmech.studies.objective")
+        parameters = LazyMethod("blockmech.studies.family")
+        path_radius = LazyMethod("blockmech.analysis.instants")
+        sensitivity = LazyMethod("blockmech.draw.sensitivity")
+        simulate = LazyMethod("blockmech.dynamics.simulation")
+        stepper = LazyMethod("blockmech.dynamics.stepper")
+        stroke = LazyMethod("blockmech.analysis.stroke")
+        study = LazyMethod("blockmech.draw.study")
+        tolerance = LazyMethod("blockmech.draw.tolerance")
+        trade = LazyMethod("blockmech.draw.trade")
+        velocity_ratio = LazyMethod("blockmech.analysis.instants")
+        verify = LazyMethod("blockmech.studies.verified")
 
     def _repr_svg_(self) -> str | None:
         """The mechanism over its range, or, where that is not known, with its drivers at zero."""

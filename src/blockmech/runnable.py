@@ -96,7 +96,7 @@ class Runnable(ABC):
         return found
 
 
-def giving(cls: type[R], function: Callable[P, Any]) -> Callable[P, R]:
+def wrap_result(cls: type[R], function: Callable[P, Any]) -> Callable[P, R]:
     """A function with its answer as a class that adds to it, e.g. a picture."""
 
     @functools.wraps(function)
@@ -108,7 +108,7 @@ def giving(cls: type[R], function: Callable[P, Any]) -> Callable[P, R]:
     return more
 
 
-class Later:
+class LazyMethod:
     """A method that is a function of a lower file, loaded when it is first asked for.
 
     So the function is declared once: `help`, type checkers and calls read the same.

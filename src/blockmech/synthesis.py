@@ -35,7 +35,7 @@ from blockmech.builders import Graph
 from blockmech.errors import refused
 from blockmech.export import aligned
 from blockmech.series import Floats
-from blockmech.told import DEGREES, Told, as_data
+from blockmech.told import DEGREES, TextReport, as_data
 from blockmech.typing import Progress
 
 __all__ = [
@@ -60,7 +60,7 @@ ALIKE = 1e-4  # of the path's size: two designs are one
 
 
 @dataclass(frozen=True, repr=False)
-class Design(Told):
+class Design(TextReport):
     """A mechanism that was found.
 
     Attributes
@@ -95,7 +95,7 @@ class Design(Told):
 
 
 @dataclass(frozen=True, repr=False)
-class Synthesis(Told, Sequence[Design]):
+class Synthesis(TextReport, Sequence[Design]):
     """Designs that were found, the best first.
 
     Attributes

@@ -26,7 +26,7 @@ def as_data(found: Any) -> dict[str, Any]:
     return plain
 
 
-class Told(ABC):
+class TextReport(ABC):
     """What is told as lines of text wherever it is shown."""
 
     @abstractmethod

@@ -245,7 +245,7 @@ def check_table(what: str, x: Sequence[float], values: Sequence[float]) -> None:
         raise mistake("bad-table", f'"{what}" must increase')
 
 
-class Kept(dict[Any, Any]):
+class FrozenDict(dict[Any, Any]):
     """A mapping inside a model, which does not change either."""
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
@@ -256,10 +256,10 @@ class Kept(dict[Any, Any]):
     clear = pop = popitem = setdefault = update = _refuse
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Kept, (dict(self),)
+        return FrozenDict, (dict(self),)
 
 
-class Strictly(BaseModel):
+class StrictModel(BaseModel):
     """Base of all models: frozen, mappings too, unknown keys refused, finite numbers only.
 
     Made in Python, a model refuses with a `GraphError`, one problem per mistake.
@@ -305,7 +305,7 @@ class Strictly(BaseModel):
         """Close the mappings."""
         for name, x in vars(self).items():
             if type(x) is dict:
-                vars(self)[name] = Kept(x)
+                vars(self)[name] = FrozenDict(x)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with some fields replaced; see pydantic."""
@@ -376,7 +376,7 @@ def default(value: Any) -> Any:
     return value
 
 
-class Marker(Strictly):
+class Marker(StrictModel):
     """A named place and direction on a link.
 
     ``at`` is in the link's frame; a guide adds ``angle`` [rad] or, exact for
@@ -419,7 +419,7 @@ class Marker(Strictly):
         return along
 
 
-class Link(Strictly):
+class Link(StrictModel):
     """What a user says of a link: mass properties and further markers.
 
     mass [kg], inertia [kg m2] about the centre of mass, cm [m] in the link's frame.

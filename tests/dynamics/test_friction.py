@@ -9,7 +9,7 @@ import pytest
 from mpmath import mp, mpf
 
 import blockmech as bm
-from blockmech.dynamics.ahead import Ahead
+from blockmech.dynamics.ahead import PanelBuilder
 from blockmech.errors import RequestError
 from tests.dynamics.motions import PIN_START, pin_swings
 from tests.gallery import changed, document
@@ -257,8 +257,8 @@ def test_a_load_that_does_not_change_has_no_kink(monkeypatch):
     wheel, pin = bm.Link(mass=2.0, inertia=0.5), bm.Coulomb(coefficient=0.2, radius=0.05)
     graph.add("crank", bm.Crank(length=0.1, links={"crank": wheel}, friction={"A": pin}))
     graph.connect("frame.A", "crank.A")
-    strict = np.errstate(all="raise")(Ahead._first_kink)
-    monkeypatch.setattr(Ahead, "_first_kink", strict)
+    strict = np.errstate(all="raise")(PanelBuilder._first_kink)
+    monkeypatch.setattr(PanelBuilder, "_first_kink", strict)
     motion = graph.compile().simulate("standstill", start={"crank": (0.0, 5.0)}).motion
     assert motion.events[-1].t == pytest.approx(5.0 * 0.5 / (0.2 * 0.05 * 2.0 * G), rel=1e-12)
 

@@ -9,7 +9,7 @@ import pytest
 import blockmech as bm
 from blockmech import compiled
 from blockmech.engines import llvm
-from blockmech.engines.llvm import LlvmEngine, OneByOne
+from blockmech.engines.llvm import LlvmEngine, SingleEvaluator
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.numpy import Whole
 from blockmech.engines.scalar import ScalarEngine
@@ -222,11 +222,11 @@ def test_a_study_of_many_designs_is_compiled(monkeypatch):
 def test_one_state_after_the_other_is_the_same_by_machine_code():
     mech = watt(spring=2.0).compile()
     program = mech.plan("crank.drive").program
-    fast, scalar = (OneByOne(program).engine(compiled) for compiled in (True, False))
+    fast, scalar = (SingleEvaluator(program).engine(compiled) for compiled in (True, False))
     states = [[0.1 * k + j for j in range(len(program.inputs))] for k in range(40)]
     assert [fast.one(x) for x in states] == [scalar.one(x) for x in states]
     assert (fast.name, scalar.name) == ("llvm", "scalar")
-    assert OneByOne(program_of(lambda x: math.sqrt(x), 1)).engine(True).name == "scalar"
+    assert SingleEvaluator(program_of(lambda x: math.sqrt(x), 1)).engine(True).name == "scalar"
 
 
 def test_machine_code_lives_as_long_as_the_engine_that_calls_it():

@@ -37,7 +37,7 @@ from blockmech.errors import refused
 from blockmech.plane import EPS
 from blockmech.series import DOUBLE_ROOT, SCANNED, Floats, Series, fit, panels
 from blockmech.settings import friction_asked
-from blockmech.told import DEGREES, Told, as_data, with_unit
+from blockmech.told import DEGREES, TextReport, as_data, with_unit
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ STARTS = 256  # for each of several drivers
 
 
 @dataclass(frozen=True, repr=False)
-class Equilibrium(Told):
+class Equilibrium(TextReport):
     """A pose in which the loads alone move nothing.
 
     Attributes
@@ -137,7 +137,7 @@ class Curve(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Equilibria(Told, Sequence[Equilibrium]):
+class Equilibria(TextReport, Sequence[Equilibrium]):
     """All equilibria that were found, in rising order of the first driver's coordinate.
 
     Attributes

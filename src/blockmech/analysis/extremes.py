@@ -18,7 +18,7 @@ from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import shown_place
 from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
 from blockmech.errors import held, listed, refused, shown
-from blockmech.told import DEGREES, Told, with_unit
+from blockmech.told import DEGREES, TextReport, with_unit
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class Range:
 
 
 @dataclass(frozen=True, repr=False)
-class Extremes(Told):
+class Extremes(TextReport):
     """Extremes of one output; of a vector those of x, y and its magnitude.
 
     ``minimum``, ``maximum`` and ``turns`` are those of a real output, or of a vector's

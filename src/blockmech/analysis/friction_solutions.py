@@ -39,7 +39,7 @@ from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Schedule
 from blockmech.result import Result
 from blockmech.samples import Samples
-from blockmech.told import DEGREES, Told, with_unit
+from blockmech.told import DEGREES, TextReport, with_unit
 from blockmech.typing import Coordinates, Numbers
 
 if TYPE_CHECKING:
@@ -325,7 +325,7 @@ def _tree(equations: Equations, taken: Samples, scale: Floats) -> Tree:
 
 
 @dataclass(frozen=True, repr=False)
-class FrictionSolutions(Told):
+class FrictionSolutions(TextReport):
     """All solutions of the friction equations at n poses.
 
     ``found["crank.drive"]`` is an array (s,), one number for each of s solutions; those of a

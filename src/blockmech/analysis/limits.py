@@ -32,7 +32,7 @@ from blockmech.errors import Problem, RequestError, among, listed, refused
 from blockmech.model.structure import Structure
 from blockmech.reach import shortfall
 from blockmech.series import DOUBLE_ROOT, SCANNED
-from blockmech.told import DEGREES, Told, as_data
+from blockmech.told import DEGREES, TextReport, as_data
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -81,7 +81,7 @@ class Arc:
 
 
 @dataclass(frozen=True, repr=False)
-class Limits(Told):
+class Limits(TextReport):
     """The feasible arcs of one driver.
 
     Attributes

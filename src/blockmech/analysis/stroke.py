@@ -26,7 +26,7 @@ from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turns import ALIKE, Signal, Turn, Turns, signal_of, turns_of
 from blockmech.errors import refused
 from blockmech.series import EPS, Floats, fit, panels
-from blockmech.told import DEGREES, Told, with_unit
+from blockmech.told import DEGREES, TextReport, with_unit
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ Velocity = Callable[[Floats], NDArray[np.complex128]]
 
 
 @dataclass(frozen=True, repr=False)
-class Stroke(Told):
+class Stroke(TextReport):
     """A stroke between two extreme positions.
 
     Attributes

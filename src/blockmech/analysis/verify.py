@@ -36,7 +36,7 @@ from blockmech.passes.signals import STATE
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 from blockmech.samples import Samples
-from blockmech.told import DEGREES, Told
+from blockmech.told import DEGREES, TextReport
 from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, Precision
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class Check:
 
 
 @dataclass(frozen=True, repr=False)
-class Verification(Told):
+class Verification(TextReport):
     """All checks of a mechanism.
 
     Attributes
@@ -171,7 +171,7 @@ def verify(
     taken = replace(taken, inputs={**taken.inputs, **_states(blocks, taken.n)})
     given["static"] = static
     asked = Evidence(blocks.answer(taken, EVERYTHING, given, None, **how, on_gap="mark"))
-    shaken = Evidence(_shaken(asked.run, how))
+    shaken = Evidence(_perturbed_run(asked.run, how))
     return _judged(mechanism, asked, [(asked, CHECKS), (shaken, CHECKS)])
 
 
@@ -224,7 +224,7 @@ def _states(mechanism: Compiled, n: int) -> dict[str, Any]:
     return {f"{STATE}{k}": x + np.cos(at + 2 * k) for k, x in enumerate(initial)}
 
 
-def _shaken(run: Result, how: Mapping[str, Any]) -> Result:
+def _perturbed_run(run: Result, how: Mapping[str, Any]) -> Result:
     """The same poses without friction, each with rates and accelerations of its own.
 
     Rates are between half of those asked for and those; none is zero. Accelerations are of the

@@ -18,13 +18,13 @@ from blockmech.blocks.joints import BuiltIn, Joint, Kernels
 from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import close_match, listed
 from blockmech.plane import has_arithmetic
-from blockmech.values import NAME_RULE, Link, Marker, Pair, Strictly, is_name, mistake
+from blockmech.values import NAME_RULE, Link, Marker, Pair, StrictModel, is_name, mistake
 
 Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
 """Where in a model, and what is wrong there."""
 
 
-class Block(Strictly):
+class Block(StrictModel):
     """Anything that stands in a graph. Concrete classes register under their ``type``."""
 
     model_config = {"ignored_types": (Joint, Kernels)}

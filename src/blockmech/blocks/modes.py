@@ -27,12 +27,12 @@ from blockmech.blocks.block import refuse
 from blockmech.blocks.contract import AssurGroup
 from blockmech.errors import shown
 from blockmech.typing import LinkPosition
-from blockmech.values import Axis, Branch, Number, Strictly, Units, mistake
+from blockmech.values import Axis, Branch, Number, StrictModel, Units, mistake
 
 FOLLOW = "follow"
 
 
-class BranchHome(Strictly):
+class BranchHome(StrictModel):
     """A pose of the mechanism, by its driver, and the branch of the dyad in it.
 
     drivers : the one driver that moves the dyad -> its coordinate [rad or m]

@@ -28,7 +28,7 @@ from blockmech.values import (
     Number,
     NumbersGiven,
     Positive,
-    Strictly,
+    StrictModel,
     Units,
     check_table,
     in_unit,
@@ -165,7 +165,7 @@ SINES = {
 RISES = {**{n: (Piece(0.0, c),) for n, c in POLYNOMIALS.items()}, **SINES}
 
 
-class Law(Strictly):
+class Law(StrictModel):
     """The driven coordinate as a function of x, twice differentiable."""
 
     kind_key: ClassVar[str] = "kind"
@@ -208,7 +208,7 @@ class Law(Strictly):
         return share * turns if exact else None
 
 
-class Segment(Strictly):
+class Segment(StrictModel):
     """A part of a law: by how much the driven coordinate rises over so much of x, and how.
 
     >>> Segment(motion="3-4-5", over=1.2, rise=0.01).rise

@@ -15,7 +15,7 @@ from blockmech.draw.sensitivity import THICK
 from blockmech.errors import refused
 from blockmech.modes.found import Arc, GroupModes, Modes
 from blockmech.modes.listing import modes as found_modes
-from blockmech.runnable import giving
+from blockmech.runnable import wrap_result
 from blockmech.told import DEGREES
 
 
@@ -55,10 +55,10 @@ class PlottedModes(Pictured, Modes):
         return _figure(bars, f"{self.prefix}{self.driver}.q", unit, said, degrees)
 
 
-limits = giving(PlottedLimits, found_limits)
+limits = wrap_result(PlottedLimits, found_limits)
 """`blockmech.analysis.limits.limits`, which can be drawn."""
 
-modes = giving(PlottedModes, found_modes)
+modes = wrap_result(PlottedModes, found_modes)
 """`blockmech.modes.listing.modes`, which can be drawn."""
 
 

@@ -10,7 +10,7 @@ from blockmech.draw import palette as ink
 from blockmech.draw.curves import abscissa, values
 from blockmech.draw.paper import captioned, legend_above, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured
-from blockmech.runnable import giving
+from blockmech.runnable import wrap_result
 from blockmech.studies.balance import Balance, Flywheel, MotorDemand
 from blockmech.studies.balance import balance as balance_of
 from blockmech.studies.balance import flywheel as flywheel_of
@@ -90,11 +90,11 @@ class PlottedMotorDemand(Pictured, MotorDemand):
         return figure
 
 
-balance = giving(PlottedBalance, balance_of)
+balance = wrap_result(PlottedBalance, balance_of)
 """`blockmech.studies.balance.balance`, which can be drawn."""
 
-flywheel = giving(PlottedFlywheel, flywheel_of)
+flywheel = wrap_result(PlottedFlywheel, flywheel_of)
 """`blockmech.studies.balance.flywheel`, which can be drawn."""
 
-motor = giving(PlottedMotorDemand, motor_of)
+motor = wrap_result(PlottedMotorDemand, motor_of)
 """`blockmech.studies.balance.motor`, which can be drawn."""

@@ -12,7 +12,7 @@ from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured
 from blockmech.errors import refused
-from blockmech.runnable import giving
+from blockmech.runnable import wrap_result
 from blockmech.told import DEGREES
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel
@@ -47,7 +47,7 @@ class PlottedEquilibria(Pictured, Equilibria):
 
 _MARKED = {"stable": "dot", "unstable": "triangle", "indifferent": "square"}
 
-equilibria = giving(PlottedEquilibria, found_of)
+equilibria = wrap_result(PlottedEquilibria, found_of)
 """`blockmech.analysis.equilibria.equilibria`, which can be drawn."""
 
 

@@ -12,7 +12,7 @@ from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, legend_above, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured
 from blockmech.errors import refused
-from blockmech.runnable import giving
+from blockmech.runnable import wrap_result
 from blockmech.told import DEGREES
 
 HEIGHT = 17 * ink.TEXT  # [pt] of the axes
@@ -41,7 +41,7 @@ class PlottedSolutions(Pictured, FrictionSolutions):
         return _map(self, q, words) if np.ptp(self.scale) > 0 else _curves(self, q, words)
 
 
-friction_solutions = giving(PlottedSolutions, found_solutions)
+friction_solutions = wrap_result(PlottedSolutions, found_solutions)
 """`blockmech.analysis.friction_solutions.friction_solutions`, which can be drawn."""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured
-from blockmech.runnable import giving
+from blockmech.runnable import wrap_result
 from blockmech.studies.identify import Identification
 from blockmech.studies.identify import identify as found_of
 
@@ -55,5 +55,5 @@ class PlottedIdentification(Pictured, Identification):
         return figure
 
 
-identify = giving(PlottedIdentification, found_of)
+identify = wrap_result(PlottedIdentification, found_of)
 """`blockmech.studies.identify.identify`, which can be drawn."""

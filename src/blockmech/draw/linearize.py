@@ -15,7 +15,7 @@ from blockmech.draw.pictured import Pictured
 from blockmech.draw.trade import log_ticks
 from blockmech.errors import refused
 from blockmech.files import AnyPath
-from blockmech.runnable import giving
+from blockmech.runnable import wrap_result
 from blockmech.studies.linearize import Linearization
 from blockmech.studies.linearize import linearize as found_of
 
@@ -97,5 +97,5 @@ class PlottedLinearization(Pictured, Linearization):
         return made if path is None else made.save(path)
 
 
-linearize = giving(PlottedLinearization, found_of)
+linearize = wrap_result(PlottedLinearization, found_of)
 """`blockmech.studies.linearize.linearize`, which can be drawn."""

@@ -7,7 +7,7 @@ from typing import Any
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured
-from blockmech.runnable import giving
+from blockmech.runnable import wrap_result
 from blockmech.studies.differentiate import sensitivity as derived
 from blockmech.studies.sensitivity import SHOWN, Effect, Sensitivity
 
@@ -36,7 +36,7 @@ class PlottedSensitivity(Pictured, Sensitivity):
         return figure
 
 
-sensitivity = giving(PlottedSensitivity, derived)
+sensitivity = wrap_result(PlottedSensitivity, derived)
 """`blockmech.studies.differentiate.sensitivity`, which can be drawn."""
 
 

@@ -16,7 +16,7 @@ from blockmech.draw.paper import captioned, scaled_unit, shown_name, text_width
 from blockmech.draw.pictured import Pictured
 from blockmech.errors import refused
 from blockmech.export import Column
-from blockmech.runnable import giving
+from blockmech.runnable import wrap_result
 from blockmech.studies.study import study as studied
 from blockmech.studies.table import Study
 
@@ -62,7 +62,7 @@ class PlottedStudy(Pictured, Study):
         return figure
 
 
-study = giving(PlottedStudy, studied)
+study = wrap_result(PlottedStudy, studied)
 
 
 def _label(name: str, unit: str, room: float) -> str:

@@ -11,7 +11,7 @@ from blockmech.draw.curves import abscissa, values
 from blockmech.draw.panels import Abscissa
 from blockmech.draw.paper import captioned, legend_above, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured
-from blockmech.runnable import giving
+from blockmech.runnable import wrap_result
 from blockmech.studies.tolerance import Tolerance
 from blockmech.studies.tolerance import tolerance as found_of
 
@@ -47,7 +47,7 @@ class PlottedTolerance(Pictured, Tolerance):
         return figure
 
 
-tolerance = giving(PlottedTolerance, found_of)
+tolerance = wrap_result(PlottedTolerance, found_of)
 """`blockmech.studies.tolerance.tolerance`, which can be drawn."""
 
 

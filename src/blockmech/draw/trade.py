@@ -15,7 +15,7 @@ from blockmech.analysis.trade import trade as measured
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, legend_above, shown_name
 from blockmech.draw.pictured import Pictured
-from blockmech.runnable import giving
+from blockmech.runnable import wrap_result
 
 PANEL = 22.5 * ink.TEXT  # [pt] height of a panel with what is below it
 MARKS = "osD^vPX*<>hp"
@@ -48,7 +48,7 @@ class PlottedTrade(Pictured, Trade):
         return figure
 
 
-trade = giving(PlottedTrade, measured)
+trade = wrap_result(PlottedTrade, measured)
 
 
 def _caption(trade: Trade) -> str:

@@ -27,8 +27,8 @@ from blockmech.dynamics.panels import (
     span,
 )
 from blockmech.dynamics.place import SHORT, SLIPS, TAU, J
-from blockmech.dynamics.road import CLOSE, Piece, Road
-from blockmech.dynamics.work import Acting, Work, of_friction, of_place, of_rate, settled
+from blockmech.dynamics.road import CLOSE, PathMesh, Piece
+from blockmech.dynamics.work import EffortFunction, Work, of_friction, of_place, of_rate, settled
 from blockmech.plane import EPS
 
 ROUGH = 1 / 64  # of a piece's inertia: what is below has two digits less
@@ -43,7 +43,7 @@ class At(NamedTuple):
     sign: int
 
 
-class Obstacle(NamedTuple):
+class PanelFailure(NamedTuple):
     """Why there is no panel: an end by its name, or "" where the road was made anew."""
 
     end: str = ""
@@ -51,19 +51,19 @@ class Obstacle(NamedTuple):
     friction_limit: float = math.nan
 
 
-class Ahead:
+class PanelBuilder:
     """Panels over a road, with as many nodes and resolved to the same tolerance.
 
     ``rounding``: what the inertia is made wrong by, relative to the largest of its piece.
     """
 
-    def __init__(self, road: Road, rounding: float = 0.0) -> None:
+    def __init__(self, road: PathMesh, rounding: float = 0.0) -> None:
         self.road, self.n, self.rounding = road, road.n, rounding
         self.system, self.tolerance = road.system, road.tolerance
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
         self.longest = math.inf  # [rad or m] that may be smooth: twice what was, if not all
 
-    def panel(self, at: At, piece: Piece, end: float) -> Panels | Obstacle:
+    def panel(self, at: At, piece: Piece, end: float) -> Panels | PanelFailure:
         """The next panel towards a place."""
         q, sign, whole = at.q, at.sign, abs(end - at.q)
         end, self.longest = q + sign * min(whole, self.longest), math.inf
@@ -72,7 +72,7 @@ class Ahead:
         while True:
             if abs(end - q) <= CLOSE * max(abs(q), abs(end)):
                 # What goes no further than rounding of its place, behind a strong damper, stands.
-                return self._too_short(at, end) if stop is None else Obstacle(STANDSTILL)
+                return self._too_short(at, end) if stop is None else PanelFailure(STANDSTILL)
             lies = span(q, end, at.K, PLAIN if at.K else FROM_REST)
             if piece.data.limit == sign and end == piece.end(sign) and at.K > 0:
                 lies = span(q, end, at.K, TO_LIMIT)
@@ -87,7 +87,7 @@ class Ahead:
             if stop is not None:
                 way = abs(stop - q)
                 if self._shortened(at, piece, way) or self.kept_clear(at, piece, way):
-                    return Obstacle()
+                    return PanelFailure()
                 found = self._to_standstill(at, piece, stop) if at.K else None
                 if found is not None:
                     return found
@@ -100,7 +100,7 @@ class Ahead:
             end = q + 0.5 * (end - q)
             rough = inertia.min() < ROUGH * piece.data.largest[J]
             if rough and self._shortened(at, piece, abs(end - q)):
-                return Obstacle()
+                return PanelFailure()
 
     def _shortened(self, at: At, piece: Piece, way: float) -> bool:
         """Whether a way that is short against its piece of the road got one of its own size."""
@@ -141,15 +141,15 @@ class Ahead:
 
     def _settled(
         self, work: Work, lies: Spans, guess: Floats | None = None
-    ) -> tuple[Acting, Floats]:
+    ) -> tuple[EffortFunction, Floats]:
         if not self.place_only:
             return settled(work, lies, self.n, guess)
         acting = work(np.empty(0))
         return acting, lies.energy[0] + lies.slopes(self.n)[0] @ acting.w
 
     def _resolved(
-        self, at: At, piece: Piece, lies: Spans, acting: Acting, K: Floats, inertia: Floats
-    ) -> Panels | Obstacle | None:
+        self, at: At, piece: Piece, lies: Spans, acting: EffortFunction, K: Floats, inertia: Floats
+    ) -> Panels | PanelFailure | None:
         """The panel of a solution, or what is before its end; None where it is too long."""
         lost = np.zeros((1, self.n)) + acting.lost
         panel = Panels(at.t, lies, acting.w[None], K[None], inertia[None, :-1], lost)
@@ -161,7 +161,7 @@ class Ahead:
             return None
         return self._until_kink(at, piece, panel, acting)
 
-    def _locked(self, at: At) -> Obstacle | None:
+    def _locked(self, at: At) -> PanelFailure | None:
         """Self-locking where the motion is: no acceleration satisfies Coulomb's law there."""
         friction = self.system.friction
         if friction is None:
@@ -172,11 +172,11 @@ class Ahead:
         if not found.locked:
             return None
         note = f"{SELF_LOCKED}: t = {at.t:.9g} s, q = {at.q:.9g}, rate = {rate:.9g}"
-        return Obstacle(SELF_LOCKED, note, found.limit)
+        return PanelFailure(SELF_LOCKED, note, found.limit)
 
-    def _too_short(self, at: At, end: float) -> Obstacle:
+    def _too_short(self, at: At, end: float) -> PanelFailure:
         """No panel is short enough: friction has no solution, or the loads are not smooth."""
-        rough = Obstacle(TOO_MANY, f"the loads are not smooth at q = {at.q:.12g}")
+        rough = PanelFailure(TOO_MANY, f"the loads are not smooth at q = {at.q:.12g}")
         return self._locked(at._replace(q=end)) or rough
 
     def _standstill(self, lies: Spans, along: Floats, K: Floats) -> float | None:
@@ -203,7 +203,7 @@ class Ahead:
         share = before / (before - float(K[i]))
         return float(begin + (end - begin) * (at_before + share * (u[i] - at_before)))
 
-    def _to_standstill(self, at: At, piece: Piece, guess: float) -> Panels | Obstacle | None:
+    def _to_standstill(self, at: At, piece: Piece, guess: float) -> Panels | PanelFailure | None:
         """The panel that ends at a standstill; None where it is not resolved.
 
         Its end is moved until the energy at its other end is that of the motion.
@@ -213,7 +213,7 @@ class Ahead:
         while True:
             length = at.sign * (guess - at.q)
             if abs(length) <= CLOSE * max(abs(at.q), abs(guess)):
-                return Obstacle(STANDSTILL)
+                return PanelFailure(STANDSTILL)
             if length <= 0 or at.sign * (guess - piece.end(at.sign)) > math.sqrt(EPS) * length:
                 return None
             lies = span(at.q, guess, 0.0, TO_REST)
@@ -237,7 +237,9 @@ class Ahead:
 
     # -- kinks of the loads on pairs -------------------------------------------
 
-    def _until_kink(self, at: At, piece: Piece, panel: Panels, acting: Acting) -> Panels | Obstacle:
+    def _until_kink(
+        self, at: At, piece: Piece, panel: Panels, acting: EffortFunction
+    ) -> Panels | PanelFailure:
         """The panel, or the part of it up to where the size of a load has a kink."""
         if self.system.friction is None:
             return panel

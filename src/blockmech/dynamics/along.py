@@ -25,7 +25,7 @@ SINGULAR = 1e-10  # margin of a dead centre itself, but for rounding
 STATIC = {"static": False}
 
 
-class Along(Mapping[str, Any]):
+class MotionInputs(Mapping[str, Any]):
     """Inputs of a program along a motion; accelerations are found when they are asked for.
 
     ``unknown`` (n,) : samples at which the rates of the drivers say nothing about other links
@@ -121,10 +121,10 @@ def result_along(
     unknown = t == motion.t_end
     if motion.end != ends.DEAD_CENTRE or _margin_at_end(mechanism, motion) > SINGULAR:
         unknown = np.zeros(len(t), bool)
-    given = Along(mechanism, how, motion, t, unknown)
+    given = MotionInputs(mechanism, how, motion, t, unknown)
     values, engine = mechanism.evaluate(plan, Samples(len(t), given, t))
     if unknown.any():
-        given = Along(mechanism, how, motion, t, slice(0))
+        given = MotionInputs(mechanism, how, motion, t, slice(0))
         rates = [mechanism.of_driver(d, "rate") for d in mechanism.drivers]
         known = {i: f"qd_{n}" for n, r in enumerate(rates) for i in plan.layout.get(r, ())}
         values = tuple(given[known[i]] if i in known else x for i, x in enumerate(values))

@@ -43,7 +43,7 @@ class Dop853(DOP853):  # type: ignore[misc]
         super().__init__(equation, t0, y0, bound, **how)
         self.equation = equation
 
-    def steps(self, road: tuple[float, float]) -> Taken | None:
+    def steps(self, road: tuple[float, float]) -> AcceptedSteps | None:
         """The next steps by machine code, up to one that may leave a road; None without any."""
         code, by = self.equation.code, scheme()
         if code is None:
@@ -63,10 +63,10 @@ class Dop853(DOP853):  # type: ignore[misc]
         self.h_abs, self.f = found.h, found.K[-1, self.n_stages].copy()
         self.h_previous = self.t - self.t_old
         self.status = "finished" if self.t >= self.t_bound else "running"
-        return Taken(found.t, found.y, Dense.of(found), found.calm)
+        return AcceptedSteps(found.t, found.y, Dense.of(found), found.calm)
 
 
-class Taken(NamedTuple):
+class AcceptedSteps(NamedTuple):
     """Steps, one after the other.
 
     t : (m + 1,) [s], y : (m + 1, n) where they begin, and where the last ends
@@ -79,11 +79,11 @@ class Taken(NamedTuple):
     dense: Callable[[Any], Any]
     calm: int = 0
 
-    def part(self, first: int, end: int) -> Taken:
+    def part(self, first: int, end: int) -> AcceptedSteps:
         """Some of them."""
         return self._replace(t=self.t[first : end + 1], y=self.y[first : end + 1])
 
-    def until(self, t: float, y: Any) -> Taken:
+    def until(self, t: float, y: Any) -> AcceptedSteps:
         """The same, the last to another end."""
         return self._replace(t=np.append(self.t[:-1], t), y=np.vstack([self.y[:-1], y]))
 

@@ -22,10 +22,10 @@ from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.rates import rates_of
 from blockmech.dynamics.system import System
-from blockmech.engines.stages import Stages
+from blockmech.engines.stages import CompiledStepper
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.friction import Resisted
+    from blockmech.dynamics.friction import FrictionState
 
 
 LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
@@ -106,7 +106,7 @@ class Equation:
     # -- machine code ------------------------------------------------------------
 
     @property
-    def code(self) -> Stages | None:
+    def code(self) -> CompiledStepper | None:
         """The rates as machine code, for the directions of slip as they are.
 
         None where there can be none, and where they are to be interpreted.
@@ -115,10 +115,10 @@ class Equation:
             return None
         if self._own[0] != self.sides or self._own[1] is None:
             self._own = self.sides, self._stages()
-        found: Stages | None = self._own[1]
+        found: CompiledStepper | None = self._own[1]
         return found
 
-    def _stages(self) -> Stages | None:
+    def _stages(self) -> CompiledStepper | None:
         friction, k = self.system.friction, tuple[float, ...]()
         of_program = type(self.system).one is System.one  # not of series near change points
         if not self.system.compiled_states or self.drivers > 1 or not of_program:
@@ -131,7 +131,7 @@ class Equation:
         kept, key = self.system.kept, ("rates", self.system.method)
         if key not in kept:
             kept[key] = rates_of(self.system.equation_program, friction, self.system.signals)
-        return None if kept[key] is None else Stages(kept[key], (0.0, 1.0, least, *k))
+        return None if kept[key] is None else CompiledStepper(kept[key], (0.0, 1.0, least, *k))
 
     def took(self, states: int) -> None:
         """Count states that machine code was asked for."""
@@ -207,7 +207,7 @@ class Equation:
             qdd = self.resisted(t, y).qdd if follows and self.sides else 0.0
         return self.system.one_of(q, qd, t, x, qdd)[1]
 
-    def resisted(self, t: float, y: Floats) -> Resisted:
+    def resisted(self, t: float, y: Floats) -> FrictionState:
         """Acceleration and friction of the pairs at a state."""
         assert self.system.friction is not None
         x = y[self.layout.signals] if self.layout.initial else None

@@ -35,7 +35,7 @@ PER_SWING = 64  # samples of a swing or period among which a user's event is loo
 
 
 @dataclass(frozen=True)
-class EventRule:
+class EventFunction:
     """An event that may happen: where ``value(t, y)`` changes sign.
 
     direction : sign of the change that counts, 0 for both
@@ -60,24 +60,24 @@ class EventRule:
     arrays: bool = False
 
 
-class Hit(NamedTuple):
+class EventHit(NamedTuple):
     """An event that happened."""
 
-    rule: EventRule
+    rule: EventFunction
     t: float
 
 
 # -- the table -----------------------------------------------------------------------------
 
 
-def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> EventRule:
+def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> EventFunction:
     """A driver's coordinate reaches q [rad or m]."""
-    return EventRule(kind, lambda t, y: y[driver] - q, direction, place=q, arrays=True)
+    return EventFunction(kind, lambda t, y: y[driver] - q, direction, place=q, arrays=True)
 
 
 def general_rules(
     system: System, request: SimulationRequest, closeness: Callable[[Any], Any]
-) -> list[EventRule]:
+) -> list[EventFunction]:
     """The rules that hold all along a run; ``closeness``: y -> (margin, relative inertia)."""
     k = len(system.drivers)
     found = [user_rule(w, StateLayout(k)) for w in request.watch]
@@ -87,7 +87,7 @@ def general_rules(
         def above(t: Any, y: Any, i: int = i, least: float = least) -> Any:
             return closeness(y)[i] - least
 
-        found.append(EventRule(kind, above, -1, parts=1, dips=True))
+        found.append(EventFunction(kind, above, -1, parts=1, dips=True))
     for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=True)):
         kind = ends.END_STOP if k == 1 else f"{ends.END_STOP} of {driver}"
         if i in system.held:
@@ -99,11 +99,11 @@ def general_rules(
         return found
     found += [driver_at(ends.GOAL, q) for q in request.places]
     ends_run = request.standstills < math.inf or system.friction is not None
-    stands = EventRule(ends.STANDSTILL, lambda t, y: y[1], terminal=ends_run, arrays=True)
+    stands = EventFunction(ends.STANDSTILL, lambda t, y: y[1], terminal=ends_run, arrays=True)
     return [*found, stands]
 
 
-def leaving_rule(system: System, i: int) -> EventRule:
+def leaving_rule(system: System, i: int) -> EventFunction:
     """A stop no longer pushes a driver that lies against it."""
     at = StateLayout(len(system.drivers))
 
@@ -112,10 +112,10 @@ def leaving_rule(system: System, i: int) -> EventRule:
         force = M @ system.accelerations(M, Q - c) + c - Q
         return -system.held[i] * force[i]
 
-    return EventRule(ends.LEAVES_STOP, push, -1, index=i, parts=1)
+    return EventFunction(ends.LEAVES_STOP, push, -1, index=i, parts=1)
 
 
-def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[EventRule]:
+def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[EventFunction]:
     """The next kinks in place above and below q, and the one it is on."""
     if period is not None:
         turn = math.floor(q / period)
@@ -130,7 +130,7 @@ def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[E
 
 def friction_rules(
     slips: Callable[[Any], Any], loads: Callable[[float, Any], Any], guides: Sequence[bool]
-) -> list[EventRule]:
+) -> list[EventFunction]:
     """Reversals of pairs with friction, and guides whose load goes over to the other side."""
     found = []
 
@@ -141,49 +141,51 @@ def friction_rules(
         return lambda t, y: bearing(complex(loads(t, y)[j]))[part]
 
     for j, guide in enumerate(guides):
-        found.append(EventRule(ends.REVERSAL, slip(j), parts=PARTS // 2, index=j))
+        found.append(EventFunction(ends.REVERSAL, slip(j), parts=PARTS // 2, index=j))
         if guide:
             kind = ends.GUIDE_SIDE
-            found += [EventRule(kind, side(j, part), parts=1, index=j) for part in range(2)]
+            found += [EventFunction(kind, side(j, part), parts=1, index=j) for part in range(2)]
     return found
 
 
-def signal_rules(kinks: Callable[[float, Any], Any], count: int) -> list[EventRule]:
+def signal_rules(kinks: Callable[[float, Any], Any], count: int) -> list[EventFunction]:
     """Kinks of signal blocks, such as a limit that is reached."""
 
     def value(i: int) -> Value:
         return lambda t, y: float(kinks(t, y)[i])
 
-    return [EventRule(ends.SIGNAL_KINK, value(i), parts=PARTS // 2, index=i) for i in range(count)]
+    return [
+        EventFunction(ends.SIGNAL_KINK, value(i), parts=PARTS // 2, index=i) for i in range(count)
+    ]
 
 
-def release_rule(excess: Value) -> EventRule:
+def release_rule(excess: Value) -> EventFunction:
     """The loads push a driver at rest beyond what joint friction holds."""
-    return EventRule(ends.RELEASED, excess, 1, parts=PARTS // 2, index=0)
+    return EventFunction(ends.RELEASED, excess, 1, parts=PARTS // 2, index=0)
 
 
-def user_rule(watch: Watch, layout: StateLayout) -> EventRule:
+def user_rule(watch: Watch, layout: StateLayout) -> EventFunction:
     """A user's event, of states of a layout."""
 
     def value(t: Any, y: Any) -> Any:
         return watch.surface(t, *(y[:2] if watch.arrays else layout.motion(y)))
 
     how = watch.direction, watch.terminal
-    return EventRule(watch.name, value, *how, own=True, arrays=watch.arrays)
+    return EventFunction(watch.name, value, *how, own=True, arrays=watch.arrays)
 
 
 # -- finding them --------------------------------------------------------------------------
 
 
 @dataclass
-class Lookout:
+class EventDetector:
     """Looks for the events of a table in one step after the other.
 
     parts : of a step that are looked at, at most
     spans : (k,) coordinates over which things change [rad or m], a turn of angles
     """
 
-    rules: Sequence[EventRule]
+    rules: Sequence[EventFunction]
     parts: int
     spans: Sequence[float]
     t: float  # [s] at the end of the last step, and the rules' values there
@@ -192,13 +194,13 @@ class Lookout:
     @classmethod
     def at(
         cls,
-        rules: Sequence[EventRule],
+        rules: Sequence[EventFunction],
         parts: int,
         spans: Sequence[float],
         t: float,
         y: Floats,
         happened: Collection[tuple[str, int]],
-    ) -> Lookout:
+    ) -> EventDetector:
         """Before the first step; what ``happened`` here (kind, index) is on its surface still."""
         values = [r.value(t, y) for r in rules]
         near = SAME * max(1.0, float(np.abs(y[0])))
@@ -219,7 +221,7 @@ class Lookout:
         below, above = (p for p in places if p < q), (p for p in places if p > q)
         return max(below, default=-math.inf), min(above, default=math.inf)
 
-    def within(self, steps: Floats, states: Floats, dense: Callable[[Any], Any]) -> list[Hit]:
+    def within(self, steps: Floats, states: Floats, dense: Callable[[Any], Any]) -> list[EventHit]:
         """Events within steps, in no order: of one, or of some if all rules are a user's.
 
         steps : (m + 1,) [s], states : (m + 1, n) where they begin, and where the last ends
@@ -240,7 +242,7 @@ class Lookout:
         alike = self.parts == 1 or (self.simple and self._steady(t1 - t0, y0, y1))
         if alike and all(quiet):
             return []
-        found: list[Hit] = []
+        found: list[EventHit] = []
         shares = np.arange(self.parts) / self.parts
         t = np.append(steps[:-1, None] + np.diff(steps)[:, None] * shares, t1)
         inner = t[1:-1], np.asarray(dense(t[1:-1]))
@@ -257,13 +259,13 @@ class Lookout:
             if (row.min() > 0 or row.max() < 0) and not dips:
                 continue
 
-            def value(s: float, rule: EventRule = rule) -> float:
+            def value(s: float, rule: EventFunction = rule) -> float:
                 return float(rule.value(s, dense(s)))
 
             times = crossings(rule.direction, t[::each], row, value)
             if dips and not times:
                 times = _dip(t[::each], row, value)
-            found += [Hit(rule, s) for s in times]
+            found += [EventHit(rule, s) for s in times]
         return found
 
     @staticmethod
@@ -274,7 +276,7 @@ class Lookout:
         return 0 < high < 2 * low or 0 > low > 2 * high
 
 
-def until_terminal(hits: list[Hit]) -> list[Hit]:
+def until_terminal(hits: list[EventHit]) -> list[EventHit]:
     """Events in order of time, up to the first terminal one."""
     hits = sorted(hits, key=lambda hit: hit.t)
     last = next((i for i, hit in enumerate(hits) if hit.rule.terminal), len(hits))
@@ -349,10 +351,10 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
     for rule in (user_rule(w, StateLayout(1)) for w in watches):
         values = [rule.value(s, y) for s, y in zip(t.tolist(), states, strict=True)]
 
-        def value(s: float, rule: EventRule = rule) -> float:
+        def value(s: float, rule: EventFunction = rule) -> float:
             return float(rule.value(s, state(s)))
 
-        hits += [Hit(rule, s) for s in crossings(rule.direction, t, values, value)]
+        hits += [EventHit(rule, s) for s in crossings(rule.direction, t, values, value)]
     hits = until_terminal(hits)
     events = [Event(hit.rule.kind, hit.t, *map(float, state(hit.t))) for hit in hits]
     if not (hits and hits[-1].rule.terminal):

@@ -50,7 +50,7 @@ class Motions(Protocol):
         ...
 
 
-class Lost(Exception):
+class MotionEnded(Exception):
     """A motion ended on the way, by something named: "dead centre", "end stop" ..."""
 
     def __init__(self, end: str, t: float = math.nan) -> None:
@@ -172,7 +172,7 @@ class Stroboscope:
             def change(x: Floats, n: int = n) -> Floats:
                 return self.wrapped(self.flow.after(x, n * self.T, FLOWS) - x)
 
-            with suppress(Lost):
+            with suppress(MotionEnded):
                 point = fixed_point(change, x, self.free, self.flow.size)
                 if point is not None:
                     yield Orbit(point, n, self.away(x, point.x) <= INWARD)

@@ -32,9 +32,9 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics.place import NOTHING
 from blockmech.engines.binding import bind_functions
-from blockmech.engines.llvm import OneByOne
+from blockmech.engines.llvm import SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
-from blockmech.engines.scalar import BySize
+from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.errors import refused
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
@@ -67,7 +67,7 @@ def bearing(load: Any) -> tuple[Any, Any]:
 
 
 @dataclass(frozen=True)
-class MotionProgram:
+class ForcePassProgram:
     """The force pass of one driver with friction as input, and the laws of its pairs.
 
     The program's values: the driving effort, the load of each pair, its relative rate, margins.
@@ -82,7 +82,7 @@ class MotionProgram:
     smooth: bool  # whether all laws are analytic in the speed
 
     @classmethod
-    def of(cls, compiled: Any) -> MotionProgram | None:
+    def of(cls, compiled: Any) -> ForcePassProgram | None:
         """The program of a mechanism; None where no pair has friction that can act."""
         structure = compiled.structure
         s = schedule(structure, compiled.scene, GIVEN)
@@ -123,9 +123,9 @@ class MotionProgram:
         return NumpyEngine(self.program)
 
     @cached_property
-    def single(self) -> OneByOne:
+    def single(self) -> SingleEvaluator:
         """The program at one state."""
-        return OneByOne(self.program)
+        return SingleEvaluator(self.program)
 
 
 def terms(s: Schedule, joints: Sequence[JointRef], rule: Callable[..., str]) -> list[str]:
@@ -151,7 +151,7 @@ class State(NamedTuple):
     x: Any = None  # states of signal blocks; None: the initial ones
 
 
-class Resisted(NamedTuple):
+class FrictionState(NamedTuple):
     """One state: the acceleration, and what the pairs do."""
 
     qdd: float
@@ -168,7 +168,7 @@ class Resisted(NamedTuple):
         return not self.outcome.solved and self.margin > 0
 
 
-class Resistance(NamedTuple):
+class FrictionSolution(NamedTuple):
     """What friction does, as numbers or batches of any engine.
 
     effort : [N m or N] of loads and friction together, J q''
@@ -184,7 +184,9 @@ class Resistance(NamedTuple):
     loads: Any  # (m,)
 
 
-def resistance(rows: Any, k: Any, drag: Any, guides: Any, solve: Any, options: Any) -> Resistance:
+def resistance(
+    rows: Any, k: Any, drag: Any, guides: Any, solve: Any, options: Any
+) -> FrictionSolution:
     """Friction from the program's values, with signed factors (m,) and drags (m,) or ().
 
     ``rows`` are those of the loads at the rate, of a unit of q'', of a unit of each friction.
@@ -205,7 +207,7 @@ def resistance(rows: Any, k: Any, drag: Any, guides: Any, solve: Any, options: A
     for x, t in zip(s, found.t, strict=True):
         effort, taken = effort + x * t, taken + abs(x * t)
     F = pair_loads(found.t, base, matrix)
-    return Resistance(effort, effort / J, found, s, taken, F)
+    return FrictionSolution(effort, effort / J, found, s, taken, F)
 
 
 def at_square(rest: Row, square: Row, qd2: Any) -> Row:
@@ -252,7 +254,7 @@ class JointFriction:
 
     def __init__(
         self,
-        program: MotionProgram,
+        program: ForcePassProgram,
         method: Friction,
         count: Callable[[int, bool], None],
         compiled: Callable[[], bool],
@@ -264,7 +266,7 @@ class JointFriction:
         self._rounding, self.rate_loads, self._initial = rounding, rate_loads, initial
         self.names = program.names
         self.guides = program.guides
-        self._laws = BySize(program.laws)
+        self._laws = AdaptiveEvaluator(program.laws)
         self.static = tuple(float(x[0]) for x in self._asked(np.zeros((len(self.names), 1)))[1])
         solver, options = solvers.SOLVERS[method.method]
         self.options = tuple(getattr(method, name) for name in options)
@@ -382,7 +384,7 @@ class JointFriction:
 
     # -- solutions ------------------------------------------------------------
 
-    def solve(self, rows: list[Row], sides: Sides, law: Sequence[Any]) -> Resistance:
+    def solve(self, rows: list[Row], sides: Sides, law: Sequence[Any]) -> FrictionSolution:
         """Friction at n states with these directions of slip, see `resistance`.
 
         ``law`` : (2 m,) factors and drags, see `law`
@@ -391,7 +393,7 @@ class JointFriction:
         k, drag = self.against(sides, [np.broadcast_to(x, n) for x in law])
         solve, resist = self._bound["solve"], self._bound["resistance"]
         with np.errstate(all="ignore"):
-            found: Resistance = resist(rows, k, drag, self.guides, solve, self.options)
+            found: FrictionSolution = resist(rows, k, drag, self.guides, solve, self.options)
         return found
 
     def against(self, sides: Sequence[Any], law: Sequence[Any]) -> tuple[Any, Any]:
@@ -401,7 +403,7 @@ class JointFriction:
         """
         return signed_terms(sides, law, self.program.drags)
 
-    def at(self, q: float, qd: float, t: float, sides: Sides, x: Any = None) -> Resisted:
+    def at(self, q: float, qd: float, t: float, sides: Sides, x: Any = None) -> FrictionState:
         """One state; x are states of signal blocks."""
         m = len(self.names)
         states = [State(qd=qd, share=1.0, t=t, x=x), State(qdd=1.0)]
@@ -416,12 +418,16 @@ class JointFriction:
             found = resistance(rows, *terms, self.guides, self.solver, self.options)
         except (ArithmeticError, ValueError):
             nothing = np.full(m, math.nan)
-            return Resisted(math.nan, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0)
+            return FrictionState(
+                math.nan, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0
+            )
         said, power = found.solution.outcome, found.taken * abs(qd)
         outcome = Outcome(int(said)) if said == said else Outcome.NOT_CONVERGED
         limit, solved = float(found.solution.limit), found.solution
         misfit = float(left_undone(solved.residual, solved.contraction))
-        return Resisted(found.qdd, power, np.array(found.loads), margin, outcome, limit, misfit)
+        return FrictionState(
+            found.qdd, power, np.array(found.loads), margin, outcome, limit, misfit
+        )
 
     def _inputs(self, q: float, state: State) -> list[float]:
         given = {"q_0": q, "qd_0": state.qd, "qdd_0": state.qdd, "t": state.t}

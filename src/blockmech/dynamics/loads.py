@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.engines.scalar import BySize
+from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.loads.contract import VELOCITY_READS, Element, Following
 from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.forward import argument, coordinate_of, link_velocity, marker_velocity
@@ -153,7 +153,7 @@ def _levels_passed(
     q = np.linspace(*within, SCANNED * max(1, round((within[1] - within[0]) / span)) + 1)
     if program.inputs != ("q_0",):
         return []
-    there = np.asarray(BySize(program).run({"q_0": q}, q.size)[0])
+    there = np.asarray(AdaptiveEvaluator(program).run({"q_0": q}, q.size)[0])
     if not np.isfinite(there).any():
         return []
     return _passings(program, levels(float(np.nanmin(there)), float(np.nanmax(there))), False, q)
@@ -175,7 +175,7 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
         return []
     from scipy.optimize import brentq
 
-    measure, found = BySize(program), []
+    measure, found = AdaptiveEvaluator(program), []
     values = np.asarray(measure.run({"q_0": q}, q.size)[0])
     for level in kinks:
 
@@ -221,7 +221,7 @@ def load_size(compiled: Any) -> Callable[..., Any]:
             if v not in (ZERO, NOUGHT):
                 terms.append(s.line(size_of, f"{ref}_size"))
     program = s.program([s.sum(terms, "size")])
-    engine = BySize(program)
+    engine = AdaptiveEvaluator(program)
 
     def size(q: Any, rate: float = 0.0) -> Any:
         known = {"q_0": q, "qd_0": rate + 0.0 * q}

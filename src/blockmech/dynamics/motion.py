@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.series import SCANNED
-from blockmech.told import DEGREES, Told
+from blockmech.told import DEGREES, TextReport
 
 Floats: TypeAlias = NDArray[np.float64]
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
@@ -114,7 +114,7 @@ def fact_unit(name: str, coordinate: str) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class Motion(Told):
+class Motion(TextReport):
     """The driver's motion from the start to what ended it.
 
     Attributes

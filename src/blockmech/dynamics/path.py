@@ -23,17 +23,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.ahead import Ahead, At, Obstacle
+from blockmech.dynamics.ahead import At, PanelBuilder, PanelFailure
 from blockmech.dynamics.estimate import ROUNDING, TARGET, difference, judged, stopped, with_rounding
 from blockmech.dynamics.motion import Event, Motion, Status, Still
 from blockmech.dynamics.panels import Panels, joined
 from blockmech.dynamics.place import RESOLVED
-from blockmech.dynamics.repetition import Repetition, swings, turns
+from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
-from blockmech.dynamics.road import CLOSE, PIECES, Piece, Road
+from blockmech.dynamics.road import CLOSE, PIECES, PathMesh, Piece
 from blockmech.dynamics.singular import time_left
-from blockmech.dynamics.swing import Swing
-from blockmech.dynamics.track import Leg, PathTrack, Pattern
+from blockmech.dynamics.swing import LibrationSolver
+from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
@@ -83,8 +83,8 @@ class PathRun:
         q, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
         self.q = q * (1 + self.off)
         # At a dead centre the cosine of a pose, from squares of lengths, squared again, is 1.
-        self.road = Road(self.system, self.q, self.n, tolerance, 4 * self.off)
-        self.next = Ahead(self.road, self.rounding if self.beside else 0.0)
+        self.road = PathMesh(self.system, self.q, self.n, tolerance, 4 * self.off)
+        self.next = PanelBuilder(self.road, self.rounding if self.beside else 0.0)
         self.place_only = self.next.place_only
 
     # -- the run ------------------------------------------------------------
@@ -189,7 +189,7 @@ class PathRun:
             goals.append(self.turned(self.system.period))
         goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
         goal = min(goals, key=lambda x: self.sign * x, default=self.sign * math.inf)
-        panel: Panels | Obstacle | None = self.at_once(piece, goal)
+        panel: Panels | PanelFailure | None = self.at_once(piece, goal)
         if panel is None:
             cuts = (x for x in piece.cuts if self.sign * (x - self.q) > 0 and not self.here(x))
             panel = self.next.panel(
@@ -226,9 +226,9 @@ class PathRun:
             if known is None:
                 break
             following = known
-        return Swing(self.next, self.at, pieces, end).panels() if pieces else None
+        return LibrationSolver(self.next, self.at, pieces, end).panels() if pieces else None
 
-    def obstructed(self, by: Obstacle) -> None:
+    def obstructed(self, by: PanelFailure) -> None:
         """The end, where no panel goes on."""
         if by.friction_limit == by.friction_limit:
             self.facts["friction_limit"] = by.friction_limit
@@ -317,13 +317,13 @@ class PathRun:
 
     # -- patterns ------------------------------------------------------------
 
-    def since_mark(self, **more: Any) -> Pattern:
+    def since_mark(self, **more: Any) -> RepeatedSegment:
         """What was since the mark, with times counted from there, as a pattern."""
         assert self.mark is not None
         first, at = self.mark
-        return Pattern(at.t, joined(self.panels[first:]).taken_from(0.0), **more)
+        return RepeatedSegment(at.t, joined(self.panels[first:]).taken_from(0.0), **more)
 
-    def repeat(self, by: Repetition) -> None:
+    def repeat(self, by: PeriodicContinuation) -> None:
         """A pattern takes the place of its first repetition, and tells what follows."""
         assert self.mark is not None
         first, start = self.mark

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from blockmech.dynamics.friction import bearing, resistance, signed_terms
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.nodes import Untraceable
-from blockmech.engines.stages import Rates
+from blockmech.engines.stages import CompiledRhs
 from blockmech.engines.trace import PRIMITIVES
 from blockmech.errors import MissingEngineError
 from blockmech.plane import NAN, minimum, where
@@ -85,7 +85,7 @@ def rubbing(
 
 def rates_of(
     program: Program, friction: JointFriction | None, signals: SignalProgram
-) -> Rates | None:
+) -> CompiledRhs | None:
     """The right-hand side compiled; None where that cannot be."""
     try:
         return _free(program, signals) if friction is None else _rubbing(friction, signals)
@@ -93,7 +93,7 @@ def rates_of(
         return None
 
 
-def _free(program: Program, signals: SignalProgram) -> Rates:
+def _free(program: Program, signals: SignalProgram) -> CompiledRhs:
     functions: dict[str, Any] = {"free": free, "acceleration": acceleration}
     bound = bind_functions(functions, PRIMITIVES)
     row, n = bound["free"], len(signals.initial)
@@ -108,7 +108,7 @@ def _free(program: Program, signals: SignalProgram) -> Rates:
             values = run(*(given[name] for name in program.inputs))
         return row(values, qd, zero, least, n, signals.kinks)
 
-    return Rates(program, body, 3 + n, 3, 3 + signals.kinks)
+    return CompiledRhs(program, body, 3 + n, 3, 3 + signals.kinks)
 
 
 def acceleration(values: Any, qd: Real) -> Real:
@@ -117,7 +117,7 @@ def acceleration(values: Any, qd: Real) -> Real:
     return (tau - 0.5 * dJ * qd * qd) / J
 
 
-def _rubbing(friction: JointFriction, signals: SignalProgram) -> Rates:
+def _rubbing(friction: JointFriction, signals: SignalProgram) -> CompiledRhs:
     own = friction.program
     m, n, inputs = len(own.names), len(signals.initial), own.whole.inputs
     first, kinks = 2 * m + signals.values, signals.kinks
@@ -162,4 +162,4 @@ def _rubbing(friction: JointFriction, signals: SignalProgram) -> Rates:
             rows, inert, solved, own.guides, qd, zero, least, more[:n], more[n:]
         )
 
-    return Rates(own.whole, body, 4 + n, 3 + m, 3 + m + 2 * sum(own.guides) + kinks)
+    return CompiledRhs(own.whole, body, 4 + n, 3 + m, 3 + m + 2 * sum(own.guides) + kinks)

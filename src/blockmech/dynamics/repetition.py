@@ -17,13 +17,13 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.motion import Status
 from blockmech.dynamics.panels import Floats
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.track import AT_ONCE, Pattern
+from blockmech.dynamics.track import AT_ONCE, RepeatedSegment
 from blockmech.series import tail
 
 MOST_TURNS = 2**21  # that gain energy, in a run; some seconds of work
 
 
-class Repetition(NamedTuple):
+class PeriodicContinuation(NamedTuple):
     """What comes of a pattern.
 
     facts : of the motion
@@ -32,7 +32,7 @@ class Repetition(NamedTuple):
     many : repetitions until it goes on otherwise
     """
 
-    pattern: Pattern
+    pattern: RepeatedSegment
     regime: str
     facts: Mapping[str, float]
     t: float
@@ -43,7 +43,7 @@ class Repetition(NamedTuple):
     note: str = ""
 
 
-def swings(swing: Pattern, request: SimulationRequest, done: int) -> Repetition:
+def swings(swing: RepeatedSegment, request: SimulationRequest, done: int) -> PeriodicContinuation:
     """From rest to rest: the motion goes to and fro for ever, as nothing takes energy.
 
     done : standstills until the end of the first swing
@@ -52,7 +52,7 @@ def swings(swing: Pattern, request: SimulationRequest, done: int) -> Repetition:
     facts = {"swing_time": span, "period": 2 * span}
     more = min(request.standstills - done, (request.span - swing.t0) / span - 1)
     if more == math.inf:
-        return Repetition(
+        return PeriodicContinuation(
             swing, regime, facts, swing.begins(2), f"never reached: {regime}", "ended"
         )
     last = int(more)
@@ -62,15 +62,17 @@ def swings(swing: Pattern, request: SimulationRequest, done: int) -> Repetition:
     stands = tuple((swing.begins(n + 1), places[n % 2]) for n in listed)
     t = request.span if request.span < math.inf else swing.begins(last + 1)
     note = f"of {last} further standstills {AT_ONCE} are listed" if last > AT_ONCE else ""
-    return Repetition(swing, regime, facts, t, request.until.goal, stands=stands, note=note)
+    return PeriodicContinuation(
+        swing, regime, facts, t, request.until.goal, stands=stands, note=note
+    )
 
 
 def turns(
-    turn: Pattern,
+    turn: RepeatedSegment,
     request: SimulationRequest,
     tolerance: float,
     told: Callable[[float], None],
-) -> Repetition | None:
+) -> PeriodicContinuation | None:
     """A turn that is followed by others like it; None where the next one has to tell.
 
     tolerance : to which panels are resolved; told : of the time [s] reached
@@ -92,15 +94,21 @@ def turns(
     t, goal = min([*met, (request.span, "time")])
     last = turn.begins(int(count)) if count < math.inf else math.inf
     if t <= last and t < math.inf:
-        return Repetition(turn, regime, facts, t, goal)
+        return PeriodicContinuation(turn, regime, facts, t, goal)
     if turn.gain >= 0 and request.span == math.inf and not ways:
-        return Repetition(turn, regime, facts, turn.begins(1), f"never reached: {regime}", "ended")
+        return PeriodicContinuation(
+            turn, regime, facts, turn.begins(1), f"never reached: {regime}", "ended"
+        )
     end = ends.TOO_MANY if turn.gain > 0 else ""
     note = f"{count} turns reach no further" if end else ""
-    return Repetition(turn, regime, facts, last, end, "failed", many=int(count), note=note)
+    return PeriodicContinuation(
+        turn, regime, facts, last, end, "failed", many=int(count), note=note
+    )
 
 
-def _starts(turn: Pattern, request: SimulationRequest, tolerance: float, told: Any) -> Floats:
+def _starts(
+    turn: RepeatedSegment, request: SimulationRequest, tolerance: float, told: Any
+) -> Floats:
     """When [s] turns like this one begin: while there is energy, or until the goal."""
     begin = float(turn.panels.spans.begin[0])
     ways = [abs(x - begin) for x in request.places]
@@ -123,7 +131,7 @@ def _starts(turn: Pattern, request: SimulationRequest, tolerance: float, told: A
     return np.concatenate(starts)
 
 
-def _resolved(turn: Pattern, tolerance: float) -> int:
+def _resolved(turn: RepeatedSegment, tolerance: float) -> int:
     """How many turns lose energy until they are slow somewhere, where panels do not resolve."""
     low, high = 0, int(float(turn.panels.K.min()) / -turn.gain)
     while high > low:

@@ -84,7 +84,7 @@ class Piece:
 
 
 @dataclass
-class Road:
+class PathMesh:
     """The pieces of a system's path about a start: n nodes each, resolved to a tolerance.
 
     ``beside``: share by which the ends that the mechanism has are off

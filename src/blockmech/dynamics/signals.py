@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from blockmech.engines.llvm import OneByOne
+from blockmech.engines.llvm import SingleEvaluator
 from blockmech.passes import friction, signals
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction
@@ -35,7 +35,7 @@ class SignalProgram(NamedTuple):
     initial: tuple[float, ...] = ()
     names: tuple[str, ...] = ()
     kinks: int = 0
-    update: OneByOne | None = None
+    update: SingleEvaluator | None = None
     updated: tuple[tuple[str, int], ...] = ()
 
     @property
@@ -72,6 +72,6 @@ def signal_program(compiled: Any) -> SignalProgram:
         structure.initial_states,
         tuple(f"{signals.STATE}{i}" for i in range(len(structure.initial_states))),
         len(signals.kinks(schedule(structure, compiled.scene, FREE))),
-        OneByOne(s.program(updated.values())) if updated else None,
+        SingleEvaluator(s.program(updated.values())) if updated else None,
         tuple((ref.block, structure.signal_states[ref]) for ref in updated),
     )

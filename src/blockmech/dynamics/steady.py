@@ -34,7 +34,7 @@ from blockmech.dynamics.forcing import (
     ELSEWHERE,
     INWARD,
     SETTLING,
-    Lost,
+    MotionEnded,
     Orbit,
     Stroboscope,
     forcing_period,
@@ -134,7 +134,7 @@ def _conserved(motion: Motion, request: SimulationRequest) -> Motion:
 # -- flows ---------------------------------------------------------------------------------
 
 
-class Passage(NamedTuple):
+class SectionReturn(NamedTuple):
     """A way to the next standstill, through a whole turn, or to rest under joint friction."""
 
     kind: str  # ends.STANDSTILL, TURN or ends.REST
@@ -196,13 +196,13 @@ class Flow:
     def after(self, x: Floats, time: float, tolerance: float = LOOSE) -> Floats:
         """The state some time [s] later."""
         if not (np.abs(x - self.x) <= FAR * self.size).all():  # a root search went astray
-            raise Lost("a way without end")
+            raise MotionEnded("a way without end")
         motion = self.run(self.asked(x, Until("time", time)), tolerance)
         if motion.end != "time":
-            raise Lost(motion.end, motion.t_end - motion.t_start)
+            raise MotionEnded(motion.end, motion.t_end - motion.t_start)
         return np.append(motion.q_end, motion.qd_end)
 
-    def passage(self, x: Floats, tolerance: float = LOOSE) -> Passage:
+    def passage(self, x: Floats, tolerance: float = LOOSE) -> SectionReturn:
         """The way of one driver to the next standstill or whole turn."""
         begin, period = float(x[0]), self.system.period
         stopped = any(map(math.isfinite, self.system.stops[0]))
@@ -214,10 +214,10 @@ class Flow:
         motion = self.run(self.asked(x, Until("standstill"), [Gone(TURN, gone)]), tolerance)
         time = motion.t_end - motion.t_start
         if motion.end == TURN and far != period:
-            raise Lost("a way without end")
+            raise MotionEnded("a way without end")
         if motion.end not in (ends.STANDSTILL, TURN, ends.REST):
-            raise Lost(motion.end, time)
-        return Passage(motion.end, np.append(motion.q_end, motion.qd_end), time)
+            raise MotionEnded(motion.end, time)
+        return SectionReturn(motion.end, np.append(motion.q_end, motion.qd_end), time)
 
     def once(self, x: Floats, until: Until) -> Motion:
         """A period of a periodic motion, with its error."""
@@ -246,7 +246,7 @@ def _forced(flow: Flow) -> Motion:
             best = orbit if best is None or orbit.point.kind == "stable" else best
             if orbit.point.kind != "unstable":
                 break
-    except Lost as lost:
+    except MotionEnded as lost:
         raise lost.after(0.0) from None
     if best is None:
         raise unfound(map_)
@@ -296,7 +296,7 @@ def _settled(flow: Flow) -> Motion:
             if found is not None:
                 return found
             x, clock = way.x, clock + way.time
-    except Lost as lost:
+    except MotionEnded as lost:
         raise lost.after(clock) from None
     others = "; with several drivers only rest, and motions under loads that repeat in time, are"
     raise no_steady(
@@ -353,7 +353,7 @@ def _stopping(flow: Flow, x: Floats, found: Equilibrium) -> Equilibrium:
     return found._replace(q=np.array([motion.q_end]), error=motion.error)
 
 
-def _friction_rest(flow: Flow, way: Passage) -> Motion | None:
+def _friction_rest(flow: Flow, way: SectionReturn) -> Motion | None:
     """Where joint friction holds the driver, by the motion from the start itself."""
     swings_out = flow.system.friction is not None and flow.system.depends_on <= {"q"}
     if way.kind != ends.REST and not (swings_out and way.kind == ends.STANDSTILL):
@@ -370,7 +370,7 @@ def _friction_rest(flow: Flow, way: Passage) -> Motion | None:
     return resting(flow.request, np.array([motion.q_end]), motion.error, motion.method, facts, note)
 
 
-def _cycle_from(flow: Flow, x: Floats, way: Passage) -> Motion | None:
+def _cycle_from(flow: Flow, x: Floats, way: SectionReturn) -> Motion | None:
     """The fixed point of the return map to which a motion moves, as a motion; or None.
 
     Between standstills the map takes the place of one to the next on the same side, between
@@ -439,5 +439,5 @@ def _ahead(change: Callable[[float], float], z: float, anchor: float) -> float |
             return float(brentq(change, last, following, rtol=LOOSE))
         last = following
     if not inward:
-        raise Lost("swings or turns that grow without bound")
+        raise MotionEnded("swings or turns that grow without bound")
     return anchor

@@ -14,14 +14,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.dynamics.ahead import ROUGH, Ahead, At
+from blockmech.dynamics.ahead import ROUGH, At, PanelBuilder
 from blockmech.dynamics.panels import FROM_REST, PLAIN, TO_REST, Floats, Panels, Spans, basis, rule
 from blockmech.dynamics.place import SHORT, TAU, J
 from blockmech.dynamics.road import CLOSE, Piece
 from blockmech.plane import EPS
 
 
-class Swing:
+class LibrationSolver:
     """A motion over pieces of the road, from a state to an end or a standstill before it.
 
     edges : (m + 1,) places where panels begin and end
@@ -29,7 +29,7 @@ class Swing:
     stands : whether the last edge is a standstill
     """
 
-    def __init__(self, ahead: Ahead, at: At, pieces: Sequence[Piece], end: float) -> None:
+    def __init__(self, ahead: PanelBuilder, at: At, pieces: Sequence[Piece], end: float) -> None:
         self.n, self.rounding, self.tolerance = ahead.n, ahead.rounding, ahead.tolerance
         self.at, self.stands = at, False
         self.edges = [at.q, *(p.end(at.sign) for p in pieces[:-1]), end]

@@ -25,13 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import loads
-from blockmech.dynamics.friction import JointFriction, MotionProgram, margins
+from blockmech.dynamics.friction import ForcePassProgram, JointFriction, margins
 from blockmech.dynamics.motion import Cost, Floats
 from blockmech.dynamics.signals import NO_SIGNALS, SignalProgram, signal_program
 from blockmech.dynamics.table import PlaceTable
-from blockmech.engines.llvm import WORTH, LlvmEngine, OneByOne
+from blockmech.engines.llvm import WORTH, LlvmEngine, SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine
-from blockmech.engines.scalar import BySize, ScalarEngine
+from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes import reduction, signals
@@ -93,15 +93,15 @@ class Terms(NamedTuple):
     margin: float
 
 
-def reduced(compiled: Source) -> BySize:
+def reduced(compiled: Source) -> AdaptiveEvaluator:
     """J, tau, then the margins, of one driver; no acceleration is computed."""
     s = schedule(compiled.structure, compiled.scene, FREE)
     (driver,) = compiled.structure.drivers
     values = [s.ask(reduction.inertia, driver, driver), s.ask(reduction.reduced_load, driver)]
-    return BySize(s.program([*values, *margins(s)]))
+    return AdaptiveEvaluator(s.program([*values, *margins(s)]))
 
 
-def equation(compiled: Source) -> OneByOne:
+def equation(compiled: Source) -> SingleEvaluator:
     """M, Q, c (one driver: dJ/dq), what signals add, then the margins, at one state."""
     s, drivers = schedule(compiled.structure, compiled.scene, FREE), compiled.structure.drivers
     M = [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
@@ -109,7 +109,7 @@ def equation(compiled: Source) -> OneByOne:
     rule = reduction.inertia_slope if len(drivers) == 1 else reduction.bias
     c = [s.ask(rule, k) for k in drivers]
     more = [*signals.rates(s), *signals.kinks(s)]
-    return OneByOne(s.program([*M, *Q, *c, *more, *margins(s)]))
+    return SingleEvaluator(s.program([*M, *Q, *c, *more, *margins(s)]))
 
 
 def load_inputs(compiled: Source) -> tuple[str, ...]:
@@ -256,7 +256,7 @@ class System:
         """Joint friction in motion; None where there is none or it is left out."""
         if self.method is None or self.method.method == "none":
             return None
-        program = self.compiled.once(MotionProgram.of)
+        program = self.compiled.once(ForcePassProgram.of)
         if program is None:
             return None
         states, rates = (lambda: self.compiled_states), self.depends_on != {"q"}
@@ -295,7 +295,9 @@ class System:
         margin = np.minimum.reduce([np.ones(q.size), *values[3 + self.signals.values :]])
         return np.array([*(np.broadcast_to(x, q.size) for x in values[:3]), margin])
 
-    def _batch(self, engine: BySize | NumpyEngine, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Any:
+    def _batch(
+        self, engine: AdaptiveEvaluator | NumpyEngine, q: Floats, qd: Any = 0.0, t: float = 0.0
+    ) -> Any:
         """Values (n,) of a program at states of one driver, flat."""
         self._count(q.size, True)
         rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()

@@ -15,14 +15,14 @@ import numpy as np
 from scipy.integrate import LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import ends, loads
-from blockmech.dynamics.dop853 import Dop853, Taken
+from blockmech.dynamics.dop853 import AcceptedSteps, Dop853
 from blockmech.dynamics.equation import Equation, TooMany, scales
 from blockmech.dynamics.estimate import TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
     PARTS,
-    EventRule,
-    Hit,
-    Lookout,
+    EventDetector,
+    EventFunction,
+    EventHit,
     friction_rules,
     general_rules,
     kink_rules,
@@ -104,7 +104,7 @@ class Run:
     facts: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     standstills: int = 0
-    fired: EventRule | None = None
+    fired: EventFunction | None = None
     turned: float = 0.0  # [J] largest work on the way
     left: float = 0.0  # [s] to a singular place that the run stops short of
 
@@ -193,7 +193,7 @@ class Run:
         assert self.system.friction is not None
         return self.system.friction.sides(float(self.y[0]), 1 if self.y[1] > 0 else -1)
 
-    def _rules(self) -> list[EventRule]:
+    def _rules(self) -> list[EventFunction]:
         equation, system = self.equation, self.system
         if equation.held:
             return [release_rule(self._excess), *signal_rules(equation.kinks, system.signals.kinks)]
@@ -228,7 +228,9 @@ class Run:
             length = loads.largest_length
             spans = [math.tau if turns else length(structure) for turns in self.system.rotary]
         rules, here = self._rules(), (parts, spans, self.t, self.y, self._happened())
-        lookouts = [Lookout.at([r for r in rules if r.own is x], *here) for x in (False, True)]
+        lookouts = [
+            EventDetector.at([r for r in rules if r.own is x], *here) for x in (False, True)
+        ]
         self.fired = None
         hit = self._integrated(bound, *lookouts)
         if isinstance(hit, Verdict):
@@ -276,11 +278,11 @@ class Run:
             solver.newton_tol = max(solver.newton_tol, math.sqrt(EPS / rtol))
         return solver
 
-    def _stepped(self, solver: Any, road: tuple[float, float] = ANYWHERE) -> Taken | None:
+    def _stepped(self, solver: Any, road: tuple[float, float] = ANYWHERE) -> AcceptedSteps | None:
         """One more step, or some of them at once by machine code; None where there is none."""
         with np.errstate(all="ignore"):
             if self.method == "dop853" and (found := solver.steps(road)):
-                return cast(Taken, found)
+                return cast(AcceptedSteps, found)
             y = solver.y
             try:
                 solver.step()
@@ -292,9 +294,11 @@ class Run:
             if solver.status == "failed" or not np.isfinite(solver.y).all():
                 return None
             t = np.array([solver.t_old, solver.t])
-            return Taken(t, np.array([y, solver.y]), solver.dense_output())
+            return AcceptedSteps(t, np.array([y, solver.y]), solver.dense_output())
 
-    def _integrated(self, bound: float, lookout: Lookout, own: Lookout) -> Hit | Verdict | None:
+    def _integrated(
+        self, bound: float, lookout: EventDetector, own: EventDetector
+    ) -> EventHit | Verdict | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""
         slope = np.asarray(self.equation(self.t, self.y), dtype=np.float64)
         if not np.isfinite(slope).all():  # from which SciPy's would never come back
@@ -309,7 +313,9 @@ class Run:
                 return met
         return None
 
-    def _over(self, steps: Taken, lookout: Lookout, own: Lookout) -> Hit | None:
+    def _over(
+        self, steps: AcceptedSteps, lookout: EventDetector, own: EventDetector
+    ) -> EventHit | None:
         """Go over steps, to the first terminal event in them; ``own`` looks for a user's."""
         m = len(steps.t) - 1
         found = own.within(*steps[:3])
@@ -327,12 +333,12 @@ class Run:
             self._took(taken)
         return hits[-1]
 
-    def _exactly(self, hit: Hit, step: Taken) -> list[Taken]:
+    def _exactly(self, hit: EventHit, step: AcceptedSteps) -> list[AcceptedSteps]:
         """Steps that end at an event in a step.
 
         The step beyond it is coarser in between, and has seen what a kink is for.
         """
-        t, t0, y0, steps = hit.t, float(step.t[0]), step.y[0], list[Taken]()
+        t, t0, y0, steps = hit.t, float(step.t[0]), step.y[0], list[AcceptedSteps]()
         coarse = [step.until(t, step.dense(t))]
         if not t > t0:
             return coarse
@@ -352,7 +358,7 @@ class Run:
         known = hit.rule.parts > 1 and abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
         return [*steps[:-1], steps[-1].until(t + late, moved)] if known else steps
 
-    def _took(self, steps: Taken) -> None:
+    def _took(self, steps: AcceptedSteps) -> None:
         """Go on over steps."""
         self.t, self.y = float(steps.t[-1]), np.array(steps.y[-1])
         if self.t > self.times[-1]:
@@ -373,7 +379,7 @@ class Run:
             return abs(float(self.y[0]) - q0), abs(value - q0)
         return self.t - self.request.start.t, value if goal == "time" else None
 
-    def _note(self, hits: list[Hit], dense: Any) -> None:
+    def _note(self, hits: list[EventHit], dense: Any) -> None:
         for hit in hits:
             if hit.rule.kind in (
                 ends.KINK,
@@ -391,7 +397,7 @@ class Run:
 
     # -- what was met ----------------------------------------------------------------------
 
-    def _met(self, hit: Hit) -> Verdict | None:
+    def _met(self, hit: EventHit) -> Verdict | None:
         """Why the run is over by the event that ended a segment, or None."""
         rule = self.fired = hit.rule
         if rule.kind == ends.KINK:
@@ -463,7 +469,9 @@ class Run:
             until = self.t_max if until is None else until
             still = self.y.copy()
             times, states = np.array([until, until]), np.array([still, still])  # no step at all
-            self._took(Taken(times, states, lambda t: np.multiply.outer(still, np.ones_like(t))))
+            self._took(
+                AcceptedSteps(times, states, lambda t: np.multiply.outer(still, np.ones_like(t)))
+            )
         self.equation.sides = friction.sides(q, 1 if -high >= low else -1)
         return None
 

@@ -16,7 +16,7 @@ AT_ONCE = 1024  # turns, times or steps that are worked on together: a megabyte 
 
 
 @dataclass(frozen=True)
-class Pattern:
+class RepeatedSegment:
     """Panels that follow each other again and again from t0 on.
 
     panels : of one repetition, their times counted from t0
@@ -91,7 +91,7 @@ class Pattern:
         return total
 
 
-Leg: TypeAlias = Panels | Pattern  # a part of the track
+Leg: TypeAlias = Panels | RepeatedSegment  # a part of the track
 
 
 @dataclass(frozen=True)

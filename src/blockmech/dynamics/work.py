@@ -24,7 +24,7 @@ FAST = 1 / 16  # by which a step falls while the matrix of Newton's method serve
 SLOWEST = math.sqrt(SMALLEST)  # [rad/s or m/s] only says in which direction loads of the rate act
 
 
-class Acting(NamedTuple):
+class EffortFunction(NamedTuple):
     """What acts at the nodes of a panel at some kinetic energy.
 
     w : (n,) dK/dq
@@ -37,7 +37,7 @@ class Acting(NamedTuple):
     loads: Any = None
 
 
-Work: TypeAlias = Callable[[Floats], Acting]  # from the kinetic energy (n,) at the nodes
+Work: TypeAlias = Callable[[Floats], EffortFunction]  # from the kinetic energy (n,) at the nodes
 
 
 def of_rate(system: System, q: Floats, rows: Floats, sign: int) -> Work:
@@ -47,10 +47,12 @@ def of_rate(system: System, q: Floats, rows: Floats, sign: int) -> Work:
     """
     line = rows[TAU], sign * rows[DAMPING] if len(rows) > DAMPING else None
 
-    def work(K: Floats) -> Acting:
+    def work(K: Floats) -> EffortFunction:
         rate = np.maximum(np.sqrt(2 * np.maximum(K, 0.0) / rows[J]), SLOWEST)
         tau, slope = line
-        return Acting(system.sample(q, sign * rate).tau if slope is None else tau + slope * rate)
+        return EffortFunction(
+            system.sample(q, sign * rate).tau if slope is None else tau + slope * rate
+        )
 
     return work
 
@@ -60,7 +62,7 @@ def of_friction(friction: JointFriction, q: Floats, rows: Floats, sign: int, sid
     rest, square, *responses = friction.responses(rows)
     slips = np.abs(rows[SLIPS : SLIPS + len(sides)])
 
-    def work(K: Floats) -> Acting:
+    def work(K: Floats) -> EffortFunction:
         qd2 = 2 * K / rows[J]  # beyond a standstill it goes on smoothly, with a negative square
         if friction.rate_loads:
             rate = np.maximum(np.sqrt(np.maximum(qd2, 0.0)), SLOWEST)
@@ -69,18 +71,18 @@ def of_friction(friction: JointFriction, q: Floats, rows: Floats, sign: int, sid
             acting = friction.at_square(rest, square, qd2)
         law = friction.law(slips * np.sqrt(np.maximum(qd2, 0.0)))
         found = friction.solve([acting, *responses], sides, law)
-        return Acting(found.effort + square[0] * qd2, found.taken, found.loads)
+        return EffortFunction(found.effort + square[0] * qd2, found.taken, found.loads)
 
     return work
 
 
 def of_place(rows: Floats) -> Work:
     """Loads of the place alone."""
-    acting = Acting(rows[TAU])
+    acting = EffortFunction(rows[TAU])
     return lambda K: acting
 
 
-def settled(work: Work, span: Spans, n: int, guess: Floats | None) -> tuple[Acting, Floats]:
+def settled(work: Work, span: Spans, n: int, guess: Floats | None) -> tuple[EffortFunction, Floats]:
     """What acts on a panel and K (n + 1,), which fit each other; NaN where none are found.
 
     Newton's method on  w = work(K), K = energy + G w; its matrix serves while steps fall fast.
@@ -108,4 +110,4 @@ def settled(work: Work, span: Spans, n: int, guess: Floats | None) -> tuple[Acti
         if not math.isfinite(size) or (new and size >= last):
             break
         new, last = size > FAST * last, size
-    return Acting(np.full(n, math.nan)), np.full(n + 1, math.nan)
+    return EffortFunction(np.full(n, math.nan)), np.full(n + 1, math.nan)

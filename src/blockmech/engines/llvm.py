@@ -209,7 +209,7 @@ def row_of(program: Program) -> Array:
     return np.array([*leaves(tuple(program.parameters.values())), 0.0])
 
 
-class OneByOne:
+class SingleEvaluator:
     """A program that is asked for one sample after the other, as an integrator asks."""
 
     def __init__(self, program: Program) -> None:

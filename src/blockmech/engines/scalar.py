@@ -51,7 +51,7 @@ class ScalarEngine:
         return tuple(_number(value) for value in self._arrays.run(columns, 1))
 
 
-class BySize:
+class AdaptiveEvaluator:
     """A program of real values: by Python's numbers for one sample, by NumPy's arrays for more."""
 
     def __init__(self, program: Program) -> None:

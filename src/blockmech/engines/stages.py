@@ -290,7 +290,7 @@ class Scheme(NamedTuple):
     E: Floats
 
 
-class Rates:
+class CompiledRhs:
     """A body of a program, as machine code for states and for steps.
 
     Its inputs are the components of the state, the time, and ``more`` numbers that are given; its
@@ -330,10 +330,10 @@ class Steps(NamedTuple):
     calm: int
 
 
-class Stages:
+class CompiledStepper:
     """Rates with numbers that are given."""
 
-    def __init__(self, rates: Rates, given: Sequence[float]) -> None:
+    def __init__(self, rates: CompiledRhs, given: Sequence[float]) -> None:
         self._rates = rates
         self._parameters = rates.numbers.ctypes.data
         self._state = np.array([0.0] * (rates.dimension + 1) + [*given])

@@ -77,7 +77,7 @@ class Outcome(enum.IntEnum):
         return self in (Outcome.CERTIFIED, Outcome.BY_CONTINUATION)
 
 
-class Aim:
+class StepTarget:
     """What a step goes to: some way ahead, or a place that the path passes."""
 
     FRESH = -1.0  # where it is: the tangent is unknown, at the start and behind a kink
@@ -88,7 +88,7 @@ class Aim:
     KINK = 4.0  # of a guide, and counted on: two for each
 
 
-class Course(NamedTuple):
+class ContinuationState(NamedTuple):
     """A path as far as it is followed, and the step that is tried."""
 
     v: tuple[Real, ...]  # last point: n, eta, lambda
@@ -133,7 +133,7 @@ class Path(NamedTuple):
 
 def course_from_zero(
     asked: Real, k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False
-) -> Course:
+) -> ContinuationState:
     """The path of the frictionless solution to full friction, of the samples asked for.
 
     Where the equations are ``solvable`` for every load (`blockmech.friction.existence`) it is
@@ -150,17 +150,17 @@ def course_from_zero(
     v = (*(zero for _ in k), zero + 1.0, zero)
     row = (*(zero for _ in k), zero, zero + 1.0)
     contacts = tuple((zero + 1.0, zero) if edge else () for edge in edges)
-    aim = zero + Aim.FRESH
+    aim = zero + StepTarget.FRESH
     solvable = (zero == 0.0) & solvable
     more = (*(zero,) * 4, solvable, zero > 0.0, asked)
-    start = Course(v, v, contacts, zero, zero, zero, aim, v, row, *more)
+    start = ContinuationState(v, v, contacts, zero, zero, zero, aim, v, row, *more)
     if any(edges):
         start = repeat(pressed, start, 1, k, edges, base, rows)
-    found: Course = repeat(follow, start, MOST, k, edges, base, rows)
+    found: ContinuationState = repeat(follow, start, MOST, k, edges, base, rows)
     return found
 
 
-def pressed(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Course:
+def pressed(at: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) -> ContinuationState:
     """The start with its contacts: where nothing presses yet, those that friction brings."""
     t = [kj * g for kj, g in zip(k, norms(base, edges), strict=True)]
     growth = loads(t, [mul(f, 0.0) for f in base], rows)
@@ -174,7 +174,7 @@ def pressed(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Course:
     return at._replace(contacts=tuple(contacts))
 
 
-def follow(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Course:
+def follow(at: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) -> ContinuationState:
     """One correction of Newton's method, and behind the last one of a step the next step.
 
     A corrected point is reached, and the path goes on from there; or a place is passed on the
@@ -187,17 +187,17 @@ def follow(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Course:
     new = corrected(at, k, edges, base, rows)
     limits = limits_of(at.contacts, edges, base, rows)
     event, share, row, level = passed(at, new, limits)
-    fresh = at.aim == Aim.FRESH
+    fresh = at.aim == StepTarget.FRESH
     gone = along(at.tangent, new.x) - along(at.tangent, at.v)
     smooth = (along(new.tangent, at.tangent) >= SHARPEST) & (gone > ROUNDING * EPS)
     good = new.settled & (fresh | smooth)
-    event = where(fresh, Aim.AHEAD, event)
-    landing, reached = good & (event > Aim.FOLD), good & (event == Aim.AHEAD)
+    event = where(fresh, StepTarget.AHEAD, event)
+    landing, reached = good & (event > StepTarget.FOLD), good & (event == StepTarget.AHEAD)
     correcting = where(new.settled | new.lost, False, True)
-    kinked = reached & (at.aim >= Aim.KINK)
+    kinked = reached & (at.aim >= StepTarget.KINK)
 
     up = new.tangent[-1]
-    folds = (good & (event == Aim.FOLD)) | (reached & (at.bend < 0.0))
+    folds = (good & (event == StepTarget.FOLD)) | (reached & (at.bend < 0.0))
     bent = (up - at.tangent[-1]) / where(gone > 0.0, gone, 1.0)
     bend = where(folds, bent, where(good & fresh, 0.0, at.bend))
     rate = where(bend < 0.0, -bend, 1.0)
@@ -216,13 +216,13 @@ def follow(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Course:
     outcome = where(ended, float(Outcome.NOT_CONVERGED), at.outcome)
     pole = 0.0 * count + float(Outcome.ASYMPTOTE)
     pole = where(at.solvable, float(Outcome.NOT_CONVERGED), pole)
-    outcome = where(reached & (at.aim == Aim.POLE), pole, outcome)
-    outcome = where(reached & (at.aim == Aim.FULL), float(Outcome.BY_CONTINUATION), outcome)
+    outcome = where(reached & (at.aim == StepTarget.POLE), pole, outcome)
+    outcome = where(reached & (at.aim == StepTarget.FULL), float(Outcome.BY_CONTINUATION), outcome)
     outcome = where(turned & where(at.solvable, False, True), float(Outcome.FOLD), outcome)
     ahead = tuple(a + step * b for a, b in zip(v, tangent, strict=True))
     there = tuple(a + share * (b - a) for a, b in zip(at.v, new.x, strict=True))
-    aim = where(kinked, Aim.FRESH, where(correcting, at.aim, Aim.AHEAD))
-    return Course(
+    aim = where(kinked, StepTarget.FRESH, where(correcting, at.aim, StepTarget.AHEAD))
+    return ContinuationState(
         v,
         tangent,
         switched(at, new.x, kinked, limits),
@@ -242,7 +242,7 @@ def follow(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Course:
     )
 
 
-def corrected(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Corrected:
+def corrected(at: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) -> Corrected:
     """A correction in the step's plane, and the tangent there in the direction of travel."""
     border = [*at.row, along(at.row, at.x) - at.level, 1.0]
     lines = homogeneous(at.x, at.contacts, k, edges, base, rows)
@@ -251,13 +251,13 @@ def corrected(at: Course, k: Any, edges: Any, base: Any, rows: Any) -> Corrected
     scale = way * sign(det) / sqrt(along(null, null))
     corrections = at.corrections + 1.0
     last = corrections >= NEWTON
-    allowed = where(at.aim == Aim.FULL, where(last, sqrt(EPS), 0.0), SETTLED * EPS)
+    allowed = where(at.aim == StepTarget.FULL, where(last, sqrt(EPS), 0.0), SETTLED * EPS)
     settled = largest_of(change) < allowed
     x = tuple(a - d for a, d in zip(at.x, change, strict=True))
     return Corrected(x, tuple(scale * y for y in null), way, corrections, settled, last)
 
 
-def passed(at: Course, new: Corrected, limits: Any) -> tuple[Real, Real, Any, Real]:
+def passed(at: ContinuationState, new: Corrected, limits: Any) -> tuple[Real, Real, Any, Real]:
     """What a step passes first, the share of it up to there, and the plane of that place.
 
     `Aim.AHEAD` where it passes nothing.
@@ -265,13 +265,13 @@ def passed(at: Course, new: Corrected, limits: Any) -> tuple[Real, Real, Any, Re
     nothing = [0.0] * (len(at.v) - 2)
     full, pole = [*nothing, 0.0, 1.0], [*nothing, 1.0, 0.0]
     ends = [
-        (Aim.FOLD, full, 0.0, at.tangent[-1], where(at.beyond, 1.0, new.tangent[-1]), 0.0),
-        (Aim.FULL, full, 1.0, 1.0 - at.v[-1], 1.0 - new.x[-1], 0.0),
-        (Aim.POLE, pole, 0.0, at.v[-2], new.x[-2], 0.0),
+        (StepTarget.FOLD, full, 0.0, at.tangent[-1], where(at.beyond, 1.0, new.tangent[-1]), 0.0),
+        (StepTarget.FULL, full, 1.0, 1.0 - at.v[-1], 1.0 - new.x[-1], 0.0),
+        (StepTarget.POLE, pole, 0.0, at.v[-2], new.x[-2], 0.0),
     ]
     for i, row in enumerate(limits):
         spare = along(row, at.v), along(row, new.x)
-        ends.append((Aim.KINK + i, row, 0.0, *spare, -ROUNDING * EPS))
+        ends.append((StepTarget.KINK + i, row, 0.0, *spare, -ROUNDING * EPS))
     event, share, plane, level = 0.0 * at.step, 0.0 * at.step + 2.0, at.row, at.level
     for aim, row, height, before, after, least in ends:
         after = where(at.aim == aim, before, after)
@@ -282,9 +282,9 @@ def passed(at: Course, new: Corrected, limits: Any) -> tuple[Real, Real, Any, Re
     return event, share, plane, level
 
 
-def switched(at: Course, x: Any, kinked: Real, limits: Any) -> tuple[Any, ...]:
+def switched(at: ContinuationState, x: Any, kinked: Real, limits: Any) -> tuple[Any, ...]:
     """The contacts behind a kink: a quarter turn further, or opposite where both limits end."""
-    found, aims = [], iter([(Aim.KINK + i, row) for i, row in enumerate(limits)])
+    found, aims = [], iter([(StepTarget.KINK + i, row) for i, row in enumerate(limits)])
     for contact in at.contacts:
         if contact:
             (left, one), (right, other) = next(aims), next(aims)
@@ -298,7 +298,7 @@ def switched(at: Course, x: Any, kinked: Real, limits: Any) -> tuple[Any, ...]:
     return tuple(found)
 
 
-def end_of(course: Course, k: Any, edges: Any, base: Any, rows: Any) -> Path:
+def end_of(course: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) -> Path:
     """The friction at the end of a path, if that is a solution."""
     *n, eta, limit = course.v
     factor, load = _scales(k, base)

@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from blockmech.friction.continuation import Course, Outcome, course_from_zero, end_of
+from blockmech.friction.continuation import ContinuationState, Outcome, course_from_zero, end_of
 from blockmech.friction.equations import (
     SETTLED,
     contraction_bound,
@@ -143,7 +143,7 @@ def iterate(
 
 
 def confirmed(
-    state: Any, course: Course, k: Any, edges: Any, base: Any, rows: Any, change: Real
+    state: Any, course: ContinuationState, k: Any, edges: Any, base: Any, rows: Any, change: Real
 ) -> Any:
     """Uncertified successive approximations: they stand if continuation agrees.
 
@@ -207,7 +207,9 @@ def newton_step(state: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
     return t, count + 1.0, _moved(step, k, g)
 
 
-def replaced(state: Any, course: Course, k: Any, edges: Any, base: Any, rows: Any) -> Any:
+def replaced(
+    state: Any, course: ContinuationState, k: Any, edges: Any, base: Any, rows: Any
+) -> Any:
     """Uncertified samples of Newton's method: continuation's answer in their place."""
     given, _ = state
     found = end_of(course, k, edges, base, rows)

@@ -25,7 +25,7 @@ from blockmech.values import (
     Number,
     NumbersGiven,
     Positive,
-    Strictly,
+    StrictModel,
     Units,
     check_table,
     default,
@@ -111,7 +111,7 @@ def harmonics(phase: Real, law: FourierNumbers) -> Real:
     return law.mean + total.real
 
 
-class Law(Strictly):
+class Law(StrictModel):
     """Size of a force [N] or moment [N m]. ``of`` is what it is a function of."""
 
     kind_key: ClassVar[str] = "kind"

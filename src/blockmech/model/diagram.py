@@ -15,7 +15,7 @@ from blockmech.model.expect import Expectation
 from blockmech.model.form import VERSION, Form, Section
 from blockmech.model.scene import Scene
 from blockmech.validation_errors import field_order
-from blockmech.values import Strictly
+from blockmech.values import StrictModel
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Wire:
 AnyBlock = Block | UnknownBlock
 
 
-class WireEnds(Strictly):
+class WireEnds(StrictModel):
     """From ``"block.marker"`` of an earlier link to ``"block.joint"`` of a later block.
 
     A signal goes from ``"block.output"`` or an output's name to ``"block.input"``.
@@ -53,7 +53,7 @@ class WireEnds(Strictly):
     target: str = Field(alias="to")
 
 
-class GraphDocument(Strictly):
+class GraphDocument(StrictModel):
     """A mechanism as a block diagram, in SI units and radians."""
 
     format: Literal["blockmech/graph"]

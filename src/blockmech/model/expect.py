@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from blockmech.values import NotNegative, Number, Positive, Strictly, mistake
+from blockmech.values import NotNegative, Number, Positive, StrictModel, mistake
 
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Series = Annotated[list[Number] | list[Pair], Field(min_length=1)]
@@ -18,7 +18,7 @@ Series = Annotated[list[Number] | list[Pair], Field(min_length=1)]
 Samples = Annotated[list[Number], Field(min_length=1)]
 
 
-class Simulation(Strictly):
+class Simulation(StrictModel):
     """A free motion from the scene's start: sampled at ``times`` [s], ended by ``until``.
 
     ``method`` is one of `Mechanism.simulate`, the one that fits best if it is left out.
@@ -29,7 +29,7 @@ class Simulation(Strictly):
     times: Samples
 
 
-class Expectation(Strictly):
+class Expectation(StrictModel):
     """Numbers that some outputs should have, and how near they must be.
 
     Parameters

@@ -25,7 +25,7 @@ from blockmech.errors import (
 )
 from blockmech.model.writing import plain
 from blockmech.validation_errors import validated
-from blockmech.values import NAME_RULE, Strictly, is_name
+from blockmech.values import NAME_RULE, StrictModel, is_name
 
 VERSION = 1
 """The version of files that this blockmech reads and writes."""
@@ -61,7 +61,7 @@ class Section(NamedTuple):
     kinds: Any
     key: str = ""
     said: str = "{}"
-    plain: type[Strictly] | None = None
+    plain: type[StrictModel] | None = None
     plain_said: str = ""
     first: tuple[str, ...] = ()
     prefix: str = ""
@@ -79,7 +79,7 @@ class Section(NamedTuple):
 
     def data(self, item: Any) -> dict[str, Any]:
         """An item as its file says it."""
-        if self.other and not isinstance(item, Strictly | Mapping):
+        if self.other and not isinstance(item, StrictModel | Mapping):
             return {self.key: item.type, **item.raw}  # of an unknown kind: word for word
         said: dict[str, Any] = plain(item)
         if self.key and self.key not in said and hasattr(item, "type_name"):
@@ -103,7 +103,7 @@ class Form:
 
     format: str
     said: str
-    model: type[Strictly]
+    model: type[StrictModel]
     always: tuple[str, ...]
     items: Callable[[], Mapping[str, Section]]
 

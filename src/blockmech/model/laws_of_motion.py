@@ -20,7 +20,7 @@ from blockmech.values import (
     Number,
     NumbersGiven,
     Positive,
-    Strictly,
+    StrictModel,
     Units,
     check_table,
 )
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
 
 
-class LawOfMotion(Strictly):
+class LawOfMotion(StrictModel):
     """Coordinate of a driver as a given function; [rad] for a crank, [m] for a slide."""
 
     model_config = ConfigDict(populate_by_name=True)

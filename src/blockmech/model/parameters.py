@@ -18,7 +18,7 @@ from blockmech.errors import Problem, RequestError, close_match, listed, path_te
 from blockmech.model.scene import Scene
 from blockmech.plane import apply
 from blockmech.validation_errors import field_order
-from blockmech.values import Axis, Marker, Pair, Strictly
+from blockmech.values import Axis, Marker, Pair, StrictModel
 
 Path = tuple[str | int, ...]
 BLOCKS = "blocks"  # the section whose items an address names without it
@@ -82,7 +82,7 @@ def _numbers(
 
     ``unit`` is one for all of them, or one for each place or name in the value.
     """
-    if isinstance(x, Strictly):
+    if isinstance(x, StrictModel):
         axis = x.axis(outside)
         units = x.units(axis)
         for name in field_order(type(x)):
@@ -187,7 +187,7 @@ def replaced(x: Any, values: Mapping[Path, Any]) -> Any:
     inside: dict[str | int, dict[Path, Any]] = {}
     for path, value in values.items():
         inside.setdefault(path[0], {})[path[1:]] = value
-    if isinstance(x, Strictly):
+    if isinstance(x, StrictModel):
         fields = type(x).model_fields
         names = {field.alias or name: name for name, field in fields.items()}
         update = {names[str(k)]: replaced(getattr(x, names[str(k)]), v) for k, v in inside.items()}

@@ -11,7 +11,7 @@ from blockmech.model.laws_of_motion import AnyLaw, OverRange
 from blockmech.values import (
     Axis,
     Number,
-    Strictly,
+    StrictModel,
     Units,
     Vector,
     VectorGiven,
@@ -21,7 +21,7 @@ from blockmech.values import (
 )
 
 
-class Initial(Strictly):
+class Initial(StrictModel):
     """Start of a free motion: coordinate [rad or m] and rate [rad/s or m/s] of a driver."""
 
     q: Number = 0.0
@@ -32,7 +32,7 @@ class Initial(Strictly):
         return {"q": axis.coordinate, "rate": axis.argument("rate")}
 
 
-class Stops(Strictly):
+class Stops(StrictModel):
     """End stops of a driver in free motion: its lowest and highest coordinate [rad or m].
 
     Either may be left out. A free motion ends at a stop, or bounces back where the stops have a
@@ -63,7 +63,7 @@ class Stops(Strictly):
         return low, math.inf if self.high is None else self.high
 
 
-class Scene(Strictly):
+class Scene(StrictModel):
     """What surrounds the mechanism. Gravity [m/s2] is off unless it is stated.
 
     ``drive`` gives the drivers' laws of motion; a free motion starts from ``initial`` and

@@ -15,7 +15,7 @@ from typing import Any
 from blockmech.errors import FormatError, Problem, path_text
 from blockmech.loads.functions import Function
 from blockmech.validation_errors import field_order
-from blockmech.values import Pair, Strictly
+from blockmech.values import Pair, StrictModel
 
 WIDTH = 100  # characters of a line
 SECTIONS = 2  # levels that are always open: the document and its sections
@@ -28,7 +28,7 @@ def plain(value: Any) -> Any:
     The key by which a reader tells the kind of a model is always written, but for the kind that
     data without it are.
     """
-    if isinstance(value, Strictly):
+    if isinstance(value, StrictModel):
         data = {}
         for name in field_order(type(value)):
             field, item = type(value).model_fields[name], getattr(value, name)

@@ -11,7 +11,7 @@ from typing import Any
 
 from blockmech.analysis.scan import shown_place
 from blockmech.errors import among
-from blockmech.told import DEGREES, Told, as_data, with_unit
+from blockmech.told import DEGREES, TextReport, as_data, with_unit
 
 TURN = 2 * math.pi
 DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
@@ -119,7 +119,7 @@ class GroupModes:
 
 
 @dataclass(frozen=True, repr=False)
-class Modes(Told):
+class Modes(TextReport):
     """The modes of a mechanism's groups.
 
     Attributes

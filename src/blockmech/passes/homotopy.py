@@ -33,7 +33,7 @@ from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import GraphError, Problem, listed
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
-from blockmech.passes.tracking import Stand, Tracker
+from blockmech.passes.tracking import GroupPose, Tracker
 from blockmech.plan import Friction, Schedule
 from blockmech.series import DOUBLE_ROOT, EPS
 
@@ -129,7 +129,7 @@ class Path:
         return np.array([self.group.home.drivers[d] for d in self.drivers], float)
 
     @cached_property
-    def at_home(self) -> Stand:
+    def at_home(self) -> GroupPose:
         """The refined pose at home, one sample; rates are those of a line that stands still.
 
         Raises `GraphError` where the links do not close there.
@@ -200,12 +200,14 @@ class Path:
         return not self.drivers or (len(self.drivers) == 1 and self.knots.turns == 1)
 
     @cached_property
-    def knots(self) -> Knots:
+    def knots(self) -> ContinuationNodes:
         """Poses along the axis of the only driver."""
-        return Knots(self)
+        return ContinuationNodes(self)
 
 
-def travel(path: Path, start: Array, stand: Stand, end: Array, one: bool) -> tuple[Array, Array]:
+def travel(
+    path: Path, start: Array, stand: GroupPose, end: Array, one: bool
+) -> tuple[Array, Array]:
     """Follow n samples from their start (n, k) to their end along straight lines.
 
     Returns places where they arrived, NaN where the line ends before, and the share of
@@ -240,7 +242,7 @@ def travel(path: Path, start: Array, stand: Stand, end: Array, one: bool) -> tup
     return stand.place, np.where(finite, gone, np.nan)
 
 
-def room_left(path: Path, here: Stand, found: Stand, first: Array) -> Array:
+def room_left(path: Path, here: GroupPose, found: GroupPose, first: Array) -> Array:
     """How much longer each step (n,) might have been; below 1 it was too long, 0 if lost."""
     with np.errstate(divide="ignore", invalid="ignore"):
         room = np.sqrt(CORRECTION * extent(path, found) / first)
@@ -250,7 +252,7 @@ def room_left(path: Path, here: Stand, found: Stand, first: Array) -> Array:
     return np.asarray(np.nan_to_num(room, nan=0.0, posinf=np.inf))
 
 
-def extent(path: Path, stand: Stand) -> Array:
+def extent(path: Path, stand: GroupPose) -> Array:
     """What corrections (n,) are measured by [-]: size and radian, more where slides are far out."""
     moved = (stand.place - path.at_home.place)[..., :2] * path.tracker.weights[:, :2]
     far = 1.0 + np.abs(moved).max(axis=(1, 2), initial=0.0)
@@ -288,7 +290,7 @@ def last_good(path: Path, q: Array) -> Array:
     return np.asarray(path.home + reached * (q - path.home))
 
 
-class Knots:
+class ContinuationNodes:
     """Poses of a path along its only driver, laid outward from home as far as asked."""
 
     def __init__(self, path: Path) -> None:
@@ -364,13 +366,13 @@ class Knots:
 class _Side:
     """Knots to one side of home; ``unit`` is what the driver is measured by [rad or m]."""
 
-    def __init__(self, path: Path, way: int, start: Stand, unit: float) -> None:
+    def __init__(self, path: Path, way: int, start: GroupPose, unit: float) -> None:
         self.path, self.way, self.unit = path, way, unit
         self.q = [float(path.home[0])]
         self.stands = [start]
         self.ended = False
         self.step = unit
-        self._laid: tuple[Array, Stand] | None = None
+        self._laid: tuple[Array, GroupPose] | None = None
 
     def follow(self, q: Array, away: Array, one: bool) -> tuple[Array, Array]:
         """Places and shares at driver values (n,) on this side."""
@@ -414,7 +416,7 @@ class _Side:
             self.step = step * float(growth(room)[0])
             self._laid = None
 
-    def _arrays(self) -> tuple[Array, Stand]:
+    def _arrays(self) -> tuple[Array, GroupPose]:
         if self._laid is None:
-            self._laid = np.array(self.q), Stand.joined(self.stands)
+            self._laid = np.array(self.q), GroupPose.joined(self.stands)
         return self._laid

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 
-class Stand(NamedTuple):
+class GroupPose(NamedTuple):
     """Poses of all m links of the g followed groups at n samples, with their rates.
 
     place : (n, m, 4) [m, -] origin and direction of each link
@@ -43,19 +43,19 @@ class Stand(NamedTuple):
     nearest: Array
     reach: Array
 
-    def at(self, samples: Any) -> Stand:
+    def at(self, samples: Any) -> GroupPose:
         """Some of the samples."""
-        return Stand(*(x[samples] for x in self))
+        return GroupPose(*(x[samples] for x in self))
 
-    def put(self, samples: Array, other: Stand) -> None:
+    def put(self, samples: Array, other: GroupPose) -> None:
         """Overwrite some of the samples."""
         for mine, theirs in zip(self, other, strict=True):
             mine[samples] = theirs
 
     @staticmethod
-    def joined(stands: Sequence[Stand]) -> Stand:
+    def joined(stands: Sequence[GroupPose]) -> GroupPose:
         """All their samples, one after the other."""
-        return Stand(*map(np.concatenate, zip(*stands, strict=True)))
+        return GroupPose(*map(np.concatenate, zip(*stands, strict=True)))
 
 
 class Tracker:
@@ -100,7 +100,7 @@ class Tracker:
 
         return NumpyEngine(self.program)
 
-    def at(self, q: Array, line: Array, place: Array, one: bool = False) -> tuple[Stand, Array]:
+    def at(self, q: Array, line: Array, place: Array, one: bool = False) -> tuple[GroupPose, Array]:
         """Corrected places with rates along the line, and first corrections (n,)."""
         n, m = len(q), len(self.links)
         data = {"q": q, "line": line, "place": place}
@@ -122,7 +122,7 @@ class Tracker:
             J[:, g, : own.shape[1], : own.shape[2]] = own
             nearest.append(_smallest(own))
             reach.append(rows.max(axis=-1))
-        return Stand(place, rate, J, np.stack(nearest, axis=1), np.max(reach, axis=0)), first
+        return GroupPose(place, rate, J, np.stack(nearest, axis=1), np.max(reach, axis=0)), first
 
     def _values(self, given: list[Array], n: int, one: bool) -> tuple[Any, ...]:
         if one:

@@ -46,7 +46,7 @@ from blockmech.studies.differentiate import chosen_numbers, sensitivity
 from blockmech.studies.family import Family, remade
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import size_of
-from blockmech.told import DEGREES, Told, as_data, with_unit
+from blockmech.told import DEGREES, TextReport, as_data, with_unit
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 BLOCK = 4096  # samples of a force at hand at a time
@@ -70,7 +70,7 @@ def left_of(y: Any) -> Left:
 
 
 @dataclass(frozen=True, repr=False)
-class Balance(Told):
+class Balance(TextReport):
     """Numbers that balance a mechanism best.
 
     Attributes
@@ -242,7 +242,7 @@ def _bounds(
 
 
 @dataclass(frozen=True, repr=False)
-class Flywheel(Told):
+class Flywheel(TextReport):
     """A flywheel on the driving crank, and the turn that it makes even.
 
     Attributes
@@ -370,7 +370,7 @@ def flywheel(mechanism: Compiled, speed: float, fluctuation: float) -> Flywheel:
 
 
 @dataclass(frozen=True, repr=False)
-class MotorDemand(Told):
+class MotorDemand(TextReport):
     """What a driver asks of its motor over the samples of a run.
 
     Attributes

@@ -52,7 +52,7 @@ from blockmech.studies.differentiate import chosen_numbers, program_numbers
 from blockmech.studies.family import remade
 from blockmech.studies.sensitivity import size_of
 from blockmech.studies.variation import Variation, of_links
-from blockmech.told import DEGREES, Told, as_data
+from blockmech.told import DEGREES, TextReport, as_data
 from blockmech.typing import FrictionMethod
 
 PART = 512  # samples of a long record that are fitted first
@@ -88,7 +88,7 @@ class Combination(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Identification(Told):
+class Identification(TextReport):
     """Numbers that were identified.
 
     Attributes

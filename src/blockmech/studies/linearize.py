@@ -39,7 +39,7 @@ from blockmech.errors import listed, needed, refused
 from blockmech.result import Result
 from blockmech.series import Floats
 from blockmech.studies.differentiate import sensitivity
-from blockmech.told import DEGREES, Told, as_data, with_unit
+from blockmech.told import DEGREES, TextReport, as_data, with_unit
 from blockmech.typing import Coordinates, FrictionMethod
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class Mode(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Linearization(Told):
+class Linearization(TextReport):
     """A mechanism about a state, as a linear system.
 
     Attributes
@@ -356,7 +356,7 @@ def _effort_by(
 
 
 @dataclass(frozen=True, repr=False)
-class Floquet(Told):
+class Floquet(TextReport):
     """What a period of a motion makes of small disturbances.
 
     Attributes

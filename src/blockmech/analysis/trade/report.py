@@ -13,7 +13,7 @@ from blockmech.analysis.trade.measure import Point, Reference, Skipped, front
 from blockmech.arguments import declared
 from blockmech.export import aligned, csv_of
 from blockmech.files import AnyPath
-from blockmech.told import DEGREES, Told, as_data
+from blockmech.told import DEGREES, TextReport, as_data
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
@@ -22,7 +22,7 @@ HEAD = ("", "method", "setting", "time", "spread", "evaluations", "error", "of")
 
 
 @dataclass(frozen=True, repr=False)
-class Trade(Told):
+class Trade(TextReport):
     """Speed against accuracy for one question, measured.
 
     Attributes

@@ -45,7 +45,7 @@ from blockmech.values import (
     Place,
     PlaceGiven,
     Sign,
-    Strictly,
+    StrictModel,
     Units,
     Vector,
     VectorOrNoneGiven,
@@ -62,7 +62,7 @@ PairType = Literal["R", "P"]
 SUPPORTS = "the supports"  # how counting and its messages call all earlier links
 
 
-class MayBeDriven(Strictly):
+class MayBeDriven(StrictModel):
     """Whether a pair is driven, the driver's name (else ``block.pair``), and how it counts.
 
     The coordinate of the pair, of the later link against the earlier one, is
@@ -144,7 +144,7 @@ GroupPair: TypeAlias = Annotated[
 ]
 
 
-class Home(Strictly):
+class Home(StrictModel):
     """A pose of the group and the driver values at which it stands.
 
     drivers : of every driver that moves the group or is inside it [rad or m]

@@ -114,7 +114,10 @@ class ClosedTrace(Trace):
 
 
 def _on_the_arc(x: Any, home: float, low: float, high: float, rotary: bool) -> tuple[Any, Any]:
-    """Where on an arc a driver stands, and the share of the path: as `Knots.follow` decides."""
+    """Where on an arc a driver stands, and the share of the path.
+
+    As `ContinuationNodes.follow` decides.
+    """
 
     def share(at: Any) -> Any:
         away = at - home

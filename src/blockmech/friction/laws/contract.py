@@ -38,7 +38,7 @@ from blockmech.errors import close_match, listed, shown
 from blockmech.plane import has_arithmetic
 from blockmech.registry import Registry
 from blockmech.typing import Real
-from blockmech.values import Strictly, mistake
+from blockmech.values import StrictModel, mistake
 
 LAWS = Registry("friction law", code="unknown-friction-law")
 """Every friction law by the name that files give it."""
@@ -54,7 +54,7 @@ class FrictionTerms(NamedTuple):
     drag: Real  # [N m] of a revolute pair, [N] of a prismatic one
 
 
-class FrictionLaw(Strictly):
+class FrictionLaw(StrictModel):
     """Friction of one pair.
 
     kinds : the pairs that may have it, "R" and "P"

@@ -29,7 +29,7 @@ from blockmech.values import (
     Marker,
     Number,
     Place,
-    Strictly,
+    StrictModel,
     Units,
     Vector,
     default,
@@ -70,7 +70,7 @@ class LinkGiven(Link):
 TWO = Field(min_length=2, max_length=2)
 
 
-class _Joint(Strictly):
+class _Joint(StrictModel):
     links: Annotated[list[str], Field(min_length=2)]
     at: Annotated[list[Place], Field(min_length=2)]
     friction: AnyFriction | None = None
@@ -140,17 +140,17 @@ JointGiven: TypeAlias = PinGiven | GuideGiven
 # Drivers take the keys of their law of motion, loads those of the block that they become.
 
 
-class _Made(Strictly):
+class _Made(StrictModel):
     """An item whose model is made when asked for: a pickle of it holds what of."""
 
-    made_by: ClassVar[tuple[Any, type[Strictly]]]
+    made_by: ClassVar[tuple[Any, type[StrictModel]]]
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _blank, type(self).made_by, self.__getstate__()
 
 
-def _blank(make: Any, of: type[Strictly]) -> Strictly:
-    model: type[Strictly] = make(of)
+def _blank(make: Any, of: type[StrictModel]) -> StrictModel:
+    model: type[StrictModel] = make(of)
     return model.__new__(model)
 
 
@@ -160,14 +160,14 @@ class _OfTheFile(_Made):
     model_config = ConfigDict(populate_by_name=False)
 
 
-class DriverGiven(Strictly):
+class DriverGiven(StrictModel):
     """A driver without a given motion: its joint alone."""
 
     joint: str
 
 
 @functools.cache
-def _driver_model(law: Any) -> type[Strictly]:
+def _driver_model(law: Any) -> type[StrictModel]:
     name, bases = f"{law.__name__}Driver", (law, _OfTheFile)
     found: Any = create_model(name, __base__=bases, __doc__=law.__doc__, joint=(str, ...))
     found.made_by = (_driver_model, law)
@@ -175,7 +175,7 @@ def _driver_model(law: Any) -> type[Strictly]:
 
 
 @functools.cache
-def _load_model(cls: type[Element]) -> type[Strictly]:
+def _load_model(cls: type[Element]) -> type[StrictModel]:
     """The model of a load: its element's keys, and the links it takes hold of."""
     kinds = [terminal.kind for terminal in cls.terminals.values()]
     points, number = "point" in kinds, len(kinds)
@@ -248,7 +248,7 @@ def sections() -> dict[str, Section]:
     }
 
 
-class JointsDocument(Strictly):
+class JointsDocument(StrictModel):
     """A mechanism as links and joints, in SI units and radians."""
 
     format: Literal["blockmech/joints"]

@@ -19,7 +19,7 @@ from blockmech.model.joints.contents import FRAME, LinkGiven
 from blockmech.model.joints.elements import elements
 from blockmech.model.joints.layout import Connection, Connections, Layout, Poses, Sums
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.making import GENERAL, End, Made, Seat, free_name, xy
+from blockmech.model.joints.making import GENERAL, BlockDraft, End, LinkPlacement, free_name, xy
 from blockmech.model.joints.varied import phase, settled
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.naming import JointName, LinkName, Names
@@ -61,7 +61,7 @@ class Diagram:
         self.drivers = linkage.driven  # driven pair -> driver
         self._blocks: dict[str, dict[str, Any]] = {}
         self._wires: list[tuple[MarkerRef, JointRef]] = []
-        self._seats: dict[str, Seat] = {}
+        self._seats: dict[str, LinkPlacement] = {}
         self._ends: dict[str, tuple[str, End]] = {}  # pair -> block and joint
         self._loads: dict[str, list[str]] = {}  # load -> its elements
         self._couplings: dict[str, str] = {}  # coupling -> its block
@@ -72,12 +72,12 @@ class Diagram:
         frame = free_name(FRAME, linkage.drivers)
         self._blocks[frame] = {"type": "frame", "markers": {}}
         self._taken[frame] = {FRAME}
-        self._seats[FRAME] = Seat(frame, FRAME)
+        self._seats[FRAME] = LinkPlacement(frame, FRAME)
         self._upstream[frame] = {}
 
     # -- blocks -----------------------------------------------------------
 
-    def add(self, unit: Unit, made: Made) -> None:
+    def add(self, unit: Unit, made: BlockDraft) -> None:
         """Add the block of a unit and wire its outer joints."""
         name = self._name_of(unit, made.type)
         pairs, general = self.found.pairs, made.type == GENERAL
@@ -164,7 +164,7 @@ class Diagram:
         holder.setdefault("markers", {})[wish] = data
         return MarkerRef(seat.block, seat.link, wish)
 
-    def _wire(self, block: str, made: Made, c: Connection) -> str:
+    def _wire(self, block: str, made: BlockDraft, c: Connection) -> str:
         """Wire an outer joint to its support; returns the support's block."""
         end, guide = made.ends[c.name], c.kind == "P"
         support = c.other(end.later)
@@ -284,7 +284,7 @@ class Diagram:
         return JointName(joint, flipped, turned, tuple(others), c.links)
 
 
-def _seated(value: Any, seat: Seat) -> Any:
+def _seated(value: Any, seat: LinkPlacement) -> Any:
     """A place, places or an angle of the document's frame of a link in that of its block."""
     if isinstance(value, float):
         return value - phase(seat.e)
@@ -297,7 +297,7 @@ def _seated(value: Any, seat: Seat) -> Any:
     return xy(seat.place(Place.parse(value).z))  # as a file may have it
 
 
-def _mass(given: LinkGiven, seat: Seat) -> dict[str, Any]:
+def _mass(given: LinkGiven, seat: LinkPlacement) -> dict[str, Any]:
     """Mass properties of a link in the frame of its block."""
     said, moved = given.model_fields_set, seat.o != 0 or seat.e != 1
     own: dict[str, Any] = {k: getattr(given, k) for k in ("mass", "inertia") if k in said}
@@ -306,7 +306,7 @@ def _mass(given: LinkGiven, seat: Seat) -> dict[str, Any]:
     return own
 
 
-def _reserved(made: Made) -> set[str]:
+def _reserved(made: BlockDraft) -> set[str]:
     """Names of markers that a block brings or may bring."""
     names = {seat.link for seat in made.seats.values()} | set(made.points.values())
     names |= {end.joint for end in made.ends.values()}

@@ -12,14 +12,14 @@ from typing import Any, TypeAlias
 
 from blockmech.model.joints.contents import FRAME, HOLDS
 from blockmech.model.joints.layout import Connection, Connections
-from blockmech.model.joints.making import Seat, xy
+from blockmech.model.joints.making import LinkPlacement, xy
 from blockmech.model.joints.varied import phase, remainder
 from blockmech.model.writing import plain
 
 Hold: TypeAlias = tuple[str, str, complex | None]
 """A terminal of an element, and the link and place that it takes hold of; None: the link."""
 
-Made: TypeAlias = tuple[str, dict[str, Any], Sequence[Hold]]
+BlockDraft: TypeAlias = tuple[str, dict[str, Any], Sequence[Hold]]
 """An element of the graph: its name, data and holds."""
 
 
@@ -40,7 +40,9 @@ def links_read_as_they_are(loads: Mapping[str, Any], pairs: Connections) -> set[
     return found - {FRAME}
 
 
-def elements(name: str, load: Any, pairs: Connections, seats: Mapping[str, Seat]) -> Iterator[Made]:
+def elements(
+    name: str, load: Any, pairs: Connections, seats: Mapping[str, LinkPlacement]
+) -> Iterator[BlockDraft]:
     """The element that a load becomes; two of them for a damped spring along a guide."""
     terminals = load.terminals
     data = {key: said for key, said in plain(load).items() if key not in HOLDS}
@@ -67,8 +69,8 @@ def elements(name: str, load: Any, pairs: Connections, seats: Mapping[str, Seat]
 
 
 def _along_guide(
-    name: str, load: Any, data: dict[str, Any], c: Connection, seats: Mapping[str, Seat]
-) -> Iterator[Made]:
+    name: str, load: Any, data: dict[str, Any], c: Connection, seats: Mapping[str, LinkPlacement]
+) -> Iterator[BlockDraft]:
     """A couple between the links of a P joint is a force along its guide."""
     holds: list[Hold] = [("a", c.first, c.at[0]), ("b", c.second, c.at[1])]
     along = _turned(c.along[0], seats[c.first])
@@ -90,5 +92,5 @@ def _along_guide(
         yield f"{name}_damping" if k else name, thrust(law, {}), holds
 
 
-def _turned(vector: complex, seat: Seat) -> list[float]:
+def _turned(vector: complex, seat: LinkPlacement) -> list[float]:
     return xy(seat.direction(vector))

@@ -40,7 +40,7 @@ DOUBTS: Mapping[str, str] = {
 """Kind of block -> what its joints do at a dead centre."""
 
 
-class Seat(NamedTuple):
+class LinkPlacement(NamedTuple):
     """Where a link of the document is in the graph."""
 
     block: str
@@ -66,7 +66,7 @@ class End(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Made:
+class BlockDraft:
     """A block made from links and joints.
 
     Attributes
@@ -81,14 +81,14 @@ class Made:
 
     type: str
     keys: dict[str, Any]
-    seats: Mapping[str, Seat]
+    seats: Mapping[str, LinkPlacement]
     ends: Mapping[str, End]
     points: Mapping[tuple[str, complex], str]
     drivers: tuple[str, ...] = ()
     doubt: str = ""
 
 
-def driving_link(c: Connection, own: str, pairs: Connections) -> Made:
+def driving_link(c: Connection, own: str, pairs: Connections) -> BlockDraft:
     """``driver.crank`` or ``driver.slide`` for a link that a driven pair places.
 
     A crank with a pin ahead of it on its x axis gets that length.
@@ -100,26 +100,26 @@ def driving_link(c: Connection, own: str, pairs: Connections) -> Made:
         ahead = [pin for pin in pins if (pin - at).imag == 0 and (pin - at).real > 0]
         if ahead:
             keys, points[own, ahead[0]] = {"length": (ahead[0] - at).real}, "B"
-        return Made(
+        return BlockDraft(
             "driver.crank",
             keys | ({"sign": -1} if flipped else {}),
-            {own: Seat("", "crank", at)},
+            {own: LinkPlacement("", "crank", at)},
             {c.name: End("A", own)},
             points,
             (c.name,),
         )
     u = c.guide(own)
-    return Made(
+    return BlockDraft(
         "driver.slide",
         {} if c.owner == own else {"slider": "earlier"},
-        {own: Seat("", "slider", at, -u if flipped else u)},
+        {own: LinkPlacement("", "slider", at, -u if flipped else u)},
         {c.name: End("S", own, flipped)},
         {(own, at): "S"},
         (c.name,),
     )
 
 
-def closed_form(unit: Unit, pairs: Connections, poses: Poses) -> Made | None:
+def closed_form(unit: Unit, pairs: Connections, poses: Poses) -> BlockDraft | None:
     """The closed-form block of a group; None where there is none for it.
 
     There is none for a cylinder whose driven line passes its pins.
@@ -159,7 +159,7 @@ def closed_form(unit: Unit, pairs: Connections, poses: Poses) -> Made | None:
     }
     branch, doubt = _mode(cls.model_construct(**settled(keys)), settled(seats), settled(at), poses)
     drivers = tuple(c.name for c in sliding)
-    return Made(cls.type_name, keys | branch, seats, ends, points, drivers, doubt)
+    return BlockDraft(cls.type_name, keys | branch, seats, ends, points, drivers, doubt)
 
 
 def _links(joint: Joint) -> list[str]:
@@ -168,13 +168,17 @@ def _links(joint: Joint) -> list[str]:
 
 def _seated(
     cls: type[AssurGroup], link_of: Mapping[str, str], at: Mapping[str, Connection]
-) -> tuple[dict[str, Any], dict[str, Seat], dict[tuple[str, complex], str]]:
+) -> tuple[dict[str, Any], dict[str, LinkPlacement], dict[tuple[str, complex], str]]:
     """Lengths, frames and markers of the links.
 
     The origin is at the outer pin, else at the inner one, else at the outer slider's point; the
     x axis points along the outer guide, else along the inner one, else to the other pin.
     """
-    keys, seats, points = dict[str, Any](), dict[str, Seat](), dict[tuple[str, complex], str]()
+    keys, seats, points = (
+        dict[str, Any](),
+        dict[str, LinkPlacement](),
+        dict[tuple[str, complex], str](),
+    )
     for name, link in link_of.items():
         here = [joint for joint in cls.joints.values() if name in _links(joint)]
         here.sort(key=lambda joint: not joint.outer)
@@ -183,7 +187,7 @@ def _seated(
         o, *others = pins or [guides[0].on(link)]
         arm = others[0] - o if others else 0j
         e = guides[0].guide(link) if guides else arm / (abs(arm) or 1.0) or 1 + 0j
-        seats[link] = Seat("", name, o, e)
+        seats[link] = LinkPlacement("", name, o, e)
         for marker, brought in cls.built_in.items():
             if brought.link == name:
                 points[link, others[0] if brought.along else o] = marker
@@ -194,7 +198,7 @@ def _seated(
 def _lines(
     cls: type[AssurGroup],
     at: Mapping[str, Connection],
-    seats: Mapping[str, Seat],
+    seats: Mapping[str, LinkPlacement],
     feet: Mapping[tuple[str, str], complex],
 ) -> dict[str, Any]:
     """Offsets and turns of the guide lines, and the sliders' points."""
@@ -218,7 +222,7 @@ def _lines(
 
 
 def _mode(
-    made: AssurGroup, seats: Mapping[str, Seat], at: Mapping[str, Connection], poses: Poses
+    made: AssurGroup, seats: Mapping[str, LinkPlacement], at: Mapping[str, Connection], poses: Poses
 ) -> tuple[dict[str, Any], str]:
     """The branch of the mode that stands nearest; why the pose does not tell it, if so."""
     supports: list[Any] = []
@@ -240,7 +244,7 @@ def _mode(
     return ({} if nearest.branch is None else {"branch": nearest.branch}), ""
 
 
-def general_group(unit: Unit, pairs: Connections) -> Made:
+def general_group(unit: Unit, pairs: Connections) -> BlockDraft:
     """The general block of a unit; its ``home`` and the drivers' names are added later.
 
     Links keep their frames. A driven pair of an outer link whose links the document names
@@ -276,9 +280,9 @@ def general_group(unit: Unit, pairs: Connections) -> Made:
         ends[c.name] = End(name, later, turned)
         marked = c.first if inner else later
         points.setdefault((marked, c.on(marked)), name)
-    seats = {link: Seat("", link) for link in unit.links}
+    seats = {link: LinkPlacement("", link) for link in unit.links}
     points.update({(link, 0j): link for link in unit.links})
-    return Made(GENERAL, {"pairs": data}, seats, ends, points, tuple(drivers))
+    return BlockDraft(GENERAL, {"pairs": data}, seats, ends, points, tuple(drivers))
 
 
 def xy(z: complex) -> list[float]:
