@@ -147,7 +147,7 @@ def _coordinate(name: str, pair: JointName, structure: Structure, names: Names) 
         if link in names.links:
             at = names.links[link]
             parts.append((f"{at.link}.angle", sign))
-            turn += sign * at.turn
+            turn = turn + sign * at.turn  # a dual number, too, where places vary
     return Reading(what, tuple(parts), turn, pair.links, wrapped=True)
 
 

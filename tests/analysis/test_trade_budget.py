@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
+import blockmech as bm
 from blockmech.analysis.trade.free_motion import FreeMotion
 from blockmech.analysis.trade.measure import Clock, Question, Reference, Setting, measured
 from blockmech.draw.trade import trade
-from tests.gallery import mechanism
+from tests.gallery import GRAPHS, mechanism
 from tests.wiring import chain, ruiz
 
 PLENTY = 90.0  # [s] budget that no setting misses, even on a machine that does much else
@@ -98,7 +99,8 @@ def test_settings_that_give_the_same_at_the_same_cost_are_one_row() -> None:
 
 def test_a_motion_that_does_not_end_in_time_is_compared_over_what_it_reaches(monkeypatch) -> None:
     monkeypatch.setattr("blockmech.analysis.trade.free_motion.SHARE", 0.005)  # 0.3 s
-    found = trade(mechanism("fivebar_falling"), "simulate", budget=60.0, until="time=1e6")
+    shaken = bm.Graph.load(GRAPHS / "motions" / "shaken_slider.json").compile()
+    found = trade(shaken, "simulate", budget=60.0, until="time=1e6")
     assert found.points
     assert "until time=1e6" not in found.question
     assert "the motion did not end within 0.3 s of computing" in found.notes[0]
