@@ -64,7 +64,7 @@ class Slow(Exception):
 
 
 def functions(module: ModuleType) -> Iterator[tuple[str, FunctionType]]:
-    """Functions and methods that a module defines, without closures."""
+    """Functions and methods whose text stands in a module."""
     for name, thing in vars(module).items():
         if inspect.isfunction(thing) and thing.__module__ == module.__name__:
             yield name, thing
@@ -107,7 +107,11 @@ def mutants(count: int, seed: int) -> Iterator[Mutant]:
         for name in rooms[:count]:
             module = importlib.import_module(f"blockmech.{name}")
             at_work = used(ROOMS[name])
-            own = [each for each in functions(module) if each[1].__code__ in at_work]
+            own = [
+                (called, target)
+                for called, target in functions(module)
+                if target.__code__ in at_work and target.__code__.co_filename == module.__file__
+            ]
             for _ in range(50 if own else 0):
                 called, target = chance.choice(own)
                 text = textwrap.dedent(inspect.getsource(target))
