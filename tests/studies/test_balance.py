@@ -168,5 +168,8 @@ def test_no_force_at_a_dead_centre_and_none_that_does_not_count():
 
 
 def test_pictures(tmp_path):
-    arm(100.0, 0.05).balance("spring.stiffness", at=POSES).plot(tmp_path / "a.png")
-    bm.Graph.load(GRAPHS / "engine.json").compile().flywheel(100.0, 0.02).plot(tmp_path / "b.png")
+    bed = arm(100.0, 0.05).balance("spring.stiffness", at=POSES).plot(tmp_path / "a.png")
+    engine = bm.Graph.load(GRAPHS / "engine.json").compile()
+    wheel = engine.flywheel(100.0, 0.02).plot(tmp_path / "b.png")
+    for picture in (bed, wheel):
+        assert picture.read_bytes().startswith(b"\x89PNG")

@@ -22,14 +22,8 @@ def constant(p: Any) -> tuple[Real]:
     return (p.value,)
 
 
-class Constant(Signal, type="signal.constant"):
-    """The same value always.
-
-    >>> Constant(value=10.0).output()(Constant(value=10.0).numbers())
-    (10.0,)
-    """
-
-    value: Number
+class Source(Signal):
+    """A signal whose value is one of its numbers, and that has no input."""
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -41,7 +35,17 @@ class Constant(Signal, type="signal.constant"):
         return constant
 
 
-class Input(Signal, type="signal.input"):
+class Constant(Source, type="signal.constant"):
+    """The same value always.
+
+    >>> Constant(value=10.0).output()(Constant(value=10.0).numbers())
+    (10.0,)
+    """
+
+    value: Number
+
+
+class Input(Source, type="signal.input"):
     """A value that comes from outside: what is fed to a `stepper`, elsewhere ``value``.
 
     >>> Input().states
@@ -51,25 +55,16 @@ class Input(Signal, type="signal.input"):
     value: Number = 0.0
 
     @property
-    def inputs(self) -> tuple[str, ...]:
-        """None."""
-        return ()
-
-    @property
     def discrete(self) -> bool:
         """It changes between steps alone."""
         return True
-
-    def output(self) -> Kernel:
-        """The value."""
-        return constant
 
     def held_first(self) -> float:
         """The value."""
         return self.value
 
 
-class Step(Signal, type="signal.step"):
+class Step(Source, type="signal.step"):
     """``before`` up to a time [s], ``value`` from then on.
 
     A discrete block with one instant: no step of the integration goes over the jump.
@@ -83,18 +78,9 @@ class Step(Signal, type="signal.step"):
     before: Number = 0.0
 
     @property
-    def inputs(self) -> tuple[str, ...]:
-        """None."""
-        return ()
-
-    @property
     def discrete(self) -> bool:
         """It switches once."""
         return True
-
-    def output(self) -> Kernel:
-        """The value, from the instant on."""
-        return constant
 
     def instant(self, t: float, after: bool = False) -> float:
         """The time of the step, if that is ahead."""
