@@ -63,7 +63,7 @@ def _real(name: str, unit: str, rule: Callable[..., str], *key: Any, **more: str
 
 
 def _vector(name: str, unit: str, rule: Callable[..., str], *key: Any, **more: str) -> Output:
-    return _real(name, unit, rule, *key, **more)._replace(kind="vector")
+    return Output(name, unit, "vector", lambda s: (s.ask(rule, *key),), _same, **more)
 
 
 def in_program(output: Output) -> Callable[..., str] | None:
@@ -453,7 +453,7 @@ class Catalogue(Mapping[str, Output]):
         entries = sorted(
             schedule.entries, key=lambda e: (STAGES.index(e.stage), order[e.block], e.driver)
         )
-        return Plan(names, tuple(entries), schedule.program(values), layout, tuple(schedule.shares))
+        return Plan(names, tuple(entries), schedule.graph, schedule.program(values), layout)
 
 
 def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:

@@ -79,7 +79,7 @@ def outputs_by_link(
         by, on = (said.get(link, link) for link in (found.by, found.on))
         if by and reading.between:
             by, on = (x or y for x, y in zip(reading.between, (by, on), strict=True))
-        yield found._replace(name=reading.name, by=by, on=on)
+        yield Output(reading.name, *found[1:5], by, on, found.words)
 
 
 def readings(structure: Structure, names: Names, known: Mapping[str, Output]) -> Iterator[Reading]:

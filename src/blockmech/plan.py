@@ -13,12 +13,12 @@ The program is readable Python; ``print(plan.program.source)`` shows what runs.
 
 from __future__ import annotations
 
-import ast
 import functools
 import re
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain
 from types import CodeType
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
@@ -35,6 +35,7 @@ ZERO, ONE, REST = "ZERO", "ONE", "REST"  # constants that every engine names: 0j
 NOUGHT = "0.0"  # a number that is known to be zero: nothing is computed with it
 LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
 NO_LETTER = re.compile(r"\W", re.ASCII)
+NAMES = re.compile(r"\.?[A-Za-z_]\w*", re.ASCII)  # in an expression; fields keep their dot
 STAGES = ("position", "velocity", "acceleration", "unit velocity", "unit acceleration", "force")
 
 TRAVELS = {  # stage -> what it hands on
@@ -63,19 +64,11 @@ class Entry(NamedTuple):
     block: str
     stage: str  # one of STAGES
     driver: str = ""  # of the unit-rate stages: which driver moves
-    value: str = ""  # name of what it gives in the program
 
     @property
     def node(self) -> Node:
         """The call in the graph of the plan: (block, stage), of unit rates with the driver."""
-        return self[:3] if self.driver else self[:2]
-
-
-class Share(NamedTuple):
-    """A block's share in what is reduced to a driver, and the block that has the driver."""
-
-    entry: Entry
-    head: str
+        return tuple(self) if self.driver else self[:2]
 
 
 @dataclass(frozen=True)
@@ -137,7 +130,12 @@ def _compiled(source: str) -> CodeType:
 
 
 class Schedule:
-    """A program under construction: asks, remembers, emits."""
+    """A program under construction: asks, remembers, emits.
+
+    Asking builds ``graph``, the directed graph of the kernel calls (`Plan.graph`): a rule asks
+    for what it needs before it emits, so the order of asking is a topological order of the
+    graph, and the program is emitted in it.
+    """
 
     def __init__(
         self,
@@ -149,19 +147,22 @@ class Schedule:
         guess: Guess,
     ) -> None:
         """``guess`` serves groups without closed form; see `passes.homotopy.schedule`."""
+        import networkx as nx
+
         self.structure = structure
         self.scene = scene
         self.friction = friction
         self.static = static
         self.guess = guess
         self.entries: list[Entry] = []
-        self.shares: list[Share] = []
+        self.graph = nx.DiGraph()
         self.lines: list[tuple[str, str]] = []  # name of a value and the expression for it
         self.functions: dict[str, Callable[..., Any]] = {}
         self.formulas: dict[str, Formula] = {}
         self.inputs: set[str] = set()
         self.angles: set[str] = set()
         self._answers: dict[Hashable, Any] = {}
+        self._calls: dict[str, tuple[Node, ...]] = {}  # value -> the calls that it comes from
         self._names: dict[str, int] = {}
         self._taken = {"P", ZERO, ONE, REST, "t", "program", "abs", *SCALAR_PRIMITIVES}
         self._slots: dict[Hashable, str] = {}
@@ -210,9 +211,7 @@ class Schedule:
         """Emit an expression of values and primitives of the plane; the same twice is one line."""
         key = ("line", text)
         if key not in self._answers:
-            value = self._fresh(name)
-            self.lines.append((value, text))
-            self._answers[key] = value
+            self._answers[key] = self._add(text, name)
         answer: str = self._answers[key]
         return answer
 
@@ -223,21 +222,23 @@ class Schedule:
             return nothing
         total = kept[0]
         for start in range(1, len(kept), LONGEST_SUM):
-            text = " + ".join((total, *kept[start : start + LONGEST_SUM]))
-            total = self._fresh(name)
-            self.lines.append((total, text))
+            total = self._add(" + ".join((total, *kept[start : start + LONGEST_SUM])), name)
         return total
 
     def kernel(self, entry: Entry, function: Callable[..., Any], *args: str, name: str) -> str:
         """Emit the call that an entry of the plan stands for."""
         value = self.emit(function, *args, name=name)
-        self.entries.append(entry._replace(value=value))
+        self.entries.append(entry)
+        self._add_call(entry.node, self._calls[value])
+        self._calls[value] = (entry.node,)
         return value
 
     def share(self, block: str, driver: str, value: str) -> str:
         """Note a value as a block's share of what is reduced to a driver."""
-        head = self.structure.driven[driver].block
-        self.shares.append(Share(Entry(block, "reduction", driver, value), head))
+        share = (block, "reduction", driver)
+        head = (self.structure.driven[driver].block, *share[1:])
+        self._add_call(share, self._calls.get(value, ()))
+        self._add_call(head, (share,))
         return value
 
     def parameter(self, key: Hashable, formula: Formula, name: str) -> str:
@@ -290,6 +291,24 @@ class Schedule:
             parameters,
             wanted,
         )
+
+    def _add(self, text: str, name: str) -> str:
+        value = self._fresh(name)
+        self.lines.append((value, text))
+        behind = [c for c in map(self._calls.get, NAMES.findall(text)) if c]
+        self._calls[value] = (
+            tuple(dict.fromkeys(chain(*behind))) if len(behind) > 1 else behind[0] if behind else ()
+        )
+        return value
+
+    def _add_call(self, call: Node, needed: Iterable[Node]) -> None:
+        """Add a call to the graph, and edges from the calls that it needs."""
+        self.graph.add_node(call, block=call[0], stage=call[1])
+        for other in needed:
+            if other != call:
+                kind = TRAVELS[other[1]]
+                way = "back" if kind in BACK else "forward"
+                self.graph.add_edge(other, call, kind=kind, way=way)
 
     def _function(self, function: Callable[..., Any]) -> str:
         name = _identifier(f"{function.__module__.rsplit('.', 1)[-1]}_{function.__name__}")
@@ -371,7 +390,7 @@ class Plan:
     ----------
     want : names of the wanted outputs
     entries : the kernel calls, by stage and formation order
-    shares : of blocks in what is reduced to a driver
+    dag : the calls and what travels between them; see `graph`
     program : the straight-line program
     layout : wanted output -> indices of the program's values
     engines : (engine, precision) -> the program made ready for it, when it was first run
@@ -379,9 +398,9 @@ class Plan:
 
     want: tuple[str, ...]
     entries: tuple[Entry, ...]
+    dag: nx.DiGraph = field(compare=False)
     program: Program
-    layout: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    shares: tuple[Share, ...] = ()
+    layout: Mapping[str, tuple[int, ...]]
     engines: dict[tuple[str, str], Any] = field(default_factory=dict, compare=False)
 
     def __repr__(self) -> str:
@@ -412,22 +431,7 @@ class Plan:
         what that is ("place", "velocity", "acceleration", "force and moment", "reduced inertia
         and effort"), and ``way`` whether it travels "forward" from the drivers or "back".
         """
-        import networkx as nx
-
-        graph = nx.DiGraph()
-        calls = {e.value: e.node for e in self.entries}
-        behind: dict[str, list[Node]] = {}  # value -> the calls that it comes from
-        for value, uses in _lines(self.program.source):
-            needed = [call for name in uses for call in behind.get(name, ())]
-            call = calls.get(value)
-            behind[value] = list(dict.fromkeys(needed)) if call is None else [call]
-            if call is not None:
-                _add_call(graph, call, needed)
-        for entry, head in self.shares:
-            _add_call(graph, entry.node, behind.get(entry.value, ()))
-            if entry.block != head:
-                _add_call(graph, entry._replace(block=head).node, [entry.node])
-        return graph
+        return self.dag.copy()
 
     def explain(self) -> str:
         """The schedule as text: per stage the blocks in order, and the kernel calls."""
@@ -442,22 +446,3 @@ class Plan:
             if blocks:
                 rows.append(f"  {stage:<18}{len(blocks):>4}  {', '.join(blocks)}")
         return "\n".join(rows)
-
-
-def _lines(source: str) -> Iterator[tuple[str, list[str]]]:
-    """Each value that a program makes, and the names it is made of."""
-    (program,) = ast.parse(source).body
-    assert isinstance(program, ast.FunctionDef)
-    for line in program.body:
-        if isinstance(line, ast.Assign) and isinstance(line.targets[0], ast.Name):
-            names = [x.id for x in ast.walk(line.value) if isinstance(x, ast.Name)]
-            yield line.targets[0].id, names
-
-
-def _add_call(graph: nx.DiGraph, call: Node, needed: Iterable[Node]) -> None:
-    """Add a call, and edges from the calls that it needs."""
-    graph.add_node(call, block=call[0], stage=call[1])
-    for other in needed:
-        if other != call:
-            kind = TRAVELS[other[1]]
-            graph.add_edge(other, call, kind=kind, way="back" if kind in BACK else "forward")
