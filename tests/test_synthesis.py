@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.synthesis import chains, mechanisms, path_generator, saved, three_positions
+from blockmech.synthesis import (
+    body_guidance,
+    burmester_pins,
+    chains,
+    function_generator,
+    mechanisms,
+    path_generator,
+    saved,
+    three_positions,
+)
+from blockmech.synthesis.fourbar import pose
 
 POINTS = np.array([0.5 + 2.2j, 0.9 + 2.9j, 0.4 + 3.2j, -0.4 + 3.1j, -1.2 + 2.6j, -1.6 + 2.0j])
 
@@ -54,9 +64,34 @@ def test_a_path_through_six_points_is_met():
         places, margin = passed(design)
         assert np.abs(places - POINTS) == pytest.approx(design.errors, abs=1e-9)
         assert margin.min() > 0  # no change of circuit or branch on the way
+        assert margin.min() == pytest.approx(design.margin, rel=1e-3)
         steps = np.diff(design.at)
         assert (steps > 0).all() or (steps < 0).all()
-    assert [d.miss for d in found] == sorted(d.miss for d in found)
+    assert [d.margin for d in found] == sorted((d.margin for d in found), reverse=True)
+
+
+def test_derivatives_of_the_pose_are_those_of_differences():
+    shape = np.array([[1.1, 0.3, 0.9, 1.0, 1.0, 1.2], [1.2, 1.3, 0.8, 0.7, -1.0, 0.2]])
+    theta, branch, h = np.array([[0.1, 1.3], [2.0, 2.9]]), np.array([1, -1]), 1e-6
+    here = pose(shape, theta, branch)
+    for k in range(7):
+        a, b = (
+            pose(shape + s * h * (np.arange(6) == k), theta + s * h * (k == 6), branch)
+            for s in (1, -1)
+        )
+        for name, by in (("point", "by_point"), ("coupler", "by_coupler"), ("rocker", "by_rocker")):
+            slope = (getattr(a, name) - getattr(b, name)) / (2 * h)
+            assert getattr(here, by)[..., k] == pytest.approx(slope, abs=1e-8)
+
+
+def test_a_closed_path_takes_a_full_turn():
+    """Ten points of an ellipse, the last the first (Acharyya & Mandal 2009, case 2)."""
+    x = [20, 17.66, 11.736, 5, 0.60307, 0.60307, 5, 11.736, 17.66, 20]
+    y = [10, 15.142, 17.878, 16.928, 12.736, 7.2638, 3.0718, 2.1215, 4.8577, 10]
+    design = path_generator(np.column_stack([x, y]), starts=2**13, count=1)[0]
+    assert abs(design.at[-1] - design.at[0]) == pytest.approx(2 * np.pi, abs=1e-12)
+    assert design.miss < 0.002
+    assert passed(design)[1].min() > 0
 
 
 def test_a_known_fourbar_is_found_again_from_its_timed_path():
@@ -78,6 +113,61 @@ def test_three_positions_are_met():
         assert np.diff(run["dyad.i.angle"]) == pytest.approx([0.4, 0.5], abs=1e-12)
 
 
+def body(angles, shape=(1.0986122886681098, 0.3, 0.9, 1.0, 1.0, 1.2)):
+    """Positions of the coupler of a known four-bar."""
+    at = pose(np.array(shape), np.asarray(angles), np.array(1))
+    return np.column_stack([at.point.real, at.point.imag, at.coupler])
+
+
+def test_pins_of_five_positions_stay_on_their_circles():
+    """Both pins of the four-bar are among them, and there are at most four (Burmester)."""
+    rows = body(np.linspace(0.2, 2.0, 5))
+    pins = burmester_pins(rows, np.random.default_rng(0))
+    assert 2 <= len(pins) <= 4
+    centres = np.array([m for _, m in pins])
+    assert np.abs(centres).min() < 1e-9  # the crank's pivot
+    assert np.abs(centres - 3 * np.exp(0.3j)).min() < 1e-9
+    for w, m in pins:
+        turn = np.exp(1j * (rows[:, 2] - rows[0, 2]))
+        z = rows[:, 0] + 1j * rows[:, 1]
+        assert np.ptp(np.abs(z + turn * (w - z[0]) - m)) < 1e-12
+
+
+@pytest.mark.parametrize("n", [3, 4, 5, 7])
+def test_three_and_more_positions_are_met(n):
+    rows = body(np.linspace(0.2, 2.0, n))
+    found = body_guidance(rows, tried=8)
+    assert len(found)
+    for design in found:
+        run = design.graph.run(at=design.at, want=["dyad.P.p", "dyad.i.angle"])
+        assert run["dyad.P.p"] == pytest.approx(rows[:, 0] + 1j * rows[:, 1], abs=1e-9)
+        turned = run["dyad.i.angle"] - rows[:, 2]
+        assert np.exp(1j * (turned - turned[0])) == pytest.approx(np.ones(n), abs=1e-9)
+        assert passed(design)[1].min() > 0
+
+
+def test_where_five_positions_have_no_fourbar_the_nearest_is_given():
+    rows = [(0, 0, 0.0), (1, 0.2, 0.9), (1.2, 1.1, 0.1), (0.4, 1.6, 0.7), (0.1, 2.4, 0.2)]
+    found = body_guidance(rows)
+    assert found[0].miss > 1e-3
+    run = found[0].graph.run(at=found[0].at, want="dyad.P.p")["dyad.P.p"]
+    assert (
+        np.abs(run - np.array([x + 1j * y for x, y, _ in rows])) <= found[0].errors + 1e-9
+    ).all()
+
+
+@pytest.mark.parametrize("n", [3, 5, 9])
+def test_a_function_is_followed(n):
+    """log x over 1 to 2, crank 60 degrees, rocker 90 (Hartenberg & Denavit, ch. 10)."""
+    x = np.linspace(1.0, 2.0, n)
+    phi, psi = np.radians(60) * (x - 1), np.radians(90) * np.log2(x)
+    design = function_generator(phi, psi)[0]
+    assert design.miss < {3: 1e-12, 5: 1e-12, 9: 2e-4}[n]
+    run = design.graph.run(at=phi, want="dyad.j.angle")["dyad.j.angle"]
+    off = np.abs(np.angle(np.exp(1j * (run - psi))))
+    assert off == pytest.approx(design.errors, abs=1e-12)
+
+
 def test_positions_on_a_line_have_no_pivot():
     with pytest.raises(bm.RequestError, match="straight line"):
         three_positions([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [0.0, 1.0])
@@ -89,12 +179,28 @@ def test_positions_on_a_line_have_no_pivot():
         ([1.0, 2.0], None, "three points or more"),
         ("abc", None, "points"),
         ([0.0, 1.0, 2j], [0.0, 1.0, 0.5], "rising or falling"),
-        ([0.0, 1.0, 2j], [0.0, 1.0], "one for each point"),
+        ([0.0, 1.0, 2j], [0.0, 1.0], "one for each position"),
     ],
 )
 def test_what_is_no_path_is_refused(points, angles, words):
     with pytest.raises(bm.RequestError, match=words):
         path_generator(points, angles)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: function_generator([0.0, 1.0], [0.0, 1.0]), "three angles or more"),
+        (lambda: function_generator([0.0, 1.0, 0.5], [0.0, 1.0, 2.0]), "rising or falling"),
+        (lambda: body_guidance([(0, 0, 0), (1, 0, 0)]), "give 3 or more rows"),
+        (lambda: body_guidance([(1, 1, 0.5)] * 4), "positions that differ"),
+        (lambda: three_positions([(0, 0, 0)] * 4, [0, 1]), "give 3 rows"),
+        (lambda: path_generator(POINTS, starts=0), "2 or more"),
+    ],
+)
+def test_what_is_no_task_is_refused(call, words):
+    with pytest.raises(bm.RequestError, match=words):
+        call()
 
 
 def test_every_candidate_is_a_file(tmp_path):

@@ -1,0 +1,36 @@
+"""Synthesis: mechanisms for a task, as graphs.
+
+`path_generator` (a coupler point passes points, with or without timing), `function_generator` (a
+rocker follows a function of the crank's angle) and `body_guidance` (a coupler passes positions)
+propose four-bars. `chains` are all kinematic chains of a number of links.
+
+Every design is judged: on the way from the first position to the last the crank turns one way,
+the linkage closes everywhere, and the dyad keeps its branch; others are left out.
+
+Sources: Sandor & Erdman, Advanced Mechanism Design, vol. 2, ch. 2 and 3; Norton, Design of
+Machinery, 6th ed., ch. 5 (circuit, branch and order defects).
+"""
+
+from __future__ import annotations
+
+from blockmech.assur.chains import chains, mechanisms
+from blockmech.synthesis.designs import Design, Synthesis, fourbar, saved
+from blockmech.synthesis.fourbar import coupler_point
+from blockmech.synthesis.function import function_generator
+from blockmech.synthesis.path import path_generator
+from blockmech.synthesis.positions import body_guidance, burmester_pins, three_positions
+
+__all__ = [
+    "Design",
+    "Synthesis",
+    "body_guidance",
+    "burmester_pins",
+    "chains",
+    "coupler_point",
+    "fourbar",
+    "function_generator",
+    "mechanisms",
+    "path_generator",
+    "saved",
+    "three_positions",
+]

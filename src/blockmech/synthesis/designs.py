@@ -1,0 +1,173 @@
+"""Designs: mechanisms that a synthesis proposes, and how well they do what is wanted of them."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from blockmech.builders import Graph
+from blockmech.export import aligned
+from blockmech.series import Floats
+from blockmech.synthesis.fourbar import SHAPE, coupler_point
+from blockmech.synthesis.search import Task, search
+from blockmech.told import DEGREES, TextReport, as_data
+from blockmech.typing import Progress
+
+ALIKE = 1e-4  # two designs are one
+MET = 1e-9  # of the size of what is wanted: nearer than that, the margin decides
+
+
+@dataclass(frozen=True, repr=False)
+class Design(TextReport):
+    """A mechanism, and how far it is from what is wanted.
+
+    Attributes
+    ----------
+    graph : the mechanism; `Graph.save` writes it, the studio opens it
+    at : (n,) coordinates [rad] of the driver at the positions
+    output : name of the output that is wanted
+    errors : (n,) [m or rad] distance from the positions
+    margin : least margin [-] of its groups on the way through them, 0 at a dead centre
+    """
+
+    graph: Graph
+    at: Floats
+    output: str
+    errors: Floats
+    margin: float
+
+    @property
+    def miss(self) -> float:
+        """The largest of the errors."""
+        return float(self.errors.max())
+
+    def text(self, degrees: bool = DEGREES) -> str:
+        """The miss, and where the driver stands at the positions."""
+        at = np.degrees(self.at) if degrees else self.at
+        places = ", ".join(f"{q:.6g}" for q in at)
+        unit = "deg" if degrees else "rad"
+        words = f"largest miss {self.miss:.6g}, least margin {self.margin:.3g}"
+        return f"{self.output}: {words}, at {places} {unit}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The design as a JSON object."""
+        row = {"output": self.output, "at": self.at.tolist(), "errors": self.errors.tolist()}
+        return as_data({**row, "margin": self.margin, "graph": self.graph.to_data()})
+
+
+@dataclass(frozen=True, repr=False)
+class Synthesis(TextReport, Sequence[Design]):
+    """Designs, the best first: by their miss, and where that is nothing by their margin.
+
+    Attributes
+    ----------
+    designs : the designs
+    tried : starting designs that were tried
+    left_out : refined designs that change circuit or branch on the way, or take the positions in
+        another order
+    """
+
+    designs: tuple[Design, ...]
+    tried: int
+    left_out: int
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.designs[index]
+
+    def __len__(self) -> int:
+        return len(self.designs)
+
+    def text(self, degrees: bool = DEGREES) -> str:
+        """The designs, one a line."""
+        rows = [(str(i), f"{d.miss:.6g}", f"{d.margin:.3g}") for i, d in enumerate(self.designs)]
+        last = f"{self.tried} starts tried, {self.left_out} left out for circuit, branch or order"
+        return "\n".join([*aligned(("design", "largest miss", "least margin"), rows), last])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The designs as a JSON object."""
+        rows = [d.to_dict() for d in self.designs]
+        return {"designs": rows, "tried": self.tried, "left_out": self.left_out}
+
+
+def proposed(
+    task: Task,
+    count: int,
+    starts: int,
+    seed: int,
+    progress: Progress | None,
+    made: Callable[[Floats, int, float], Design],
+) -> Synthesis:
+    """The best designs of a task. ``made(unknowns, branch, margin)`` is the design of a row."""
+    x, branch, least, left_out = search(task, count, starts, seed, progress)
+    designs: list[Design] = []
+    for row, side, margin in zip(x, branch.tolist(), least.tolist(), strict=True):
+        one = made(row, side, margin)
+        if all(_apart(one, other, task.size) for other in designs):
+            designs.append(one)
+    found = sorted(designs, key=lambda d: (max(d.miss, MET * task.size), -d.margin))[:count]
+    return Synthesis(tuple(found), starts, left_out)
+
+
+def _apart(one: Design, other: Design, size: float) -> bool:
+    gap = np.abs(one.at - other.at).max() + abs(one.miss - other.miss) / size
+    return bool(gap + abs(one.margin - other.margin) > ALIKE)
+
+
+def design_of_path(task: Task, name: str, x: Floats, branch: int, least: float) -> Design:
+    """The design of unknowns (k,) whose coupler point is wanted."""
+    assert task.points is not None
+    A, B = complex(*x[SHAPE : SHAPE + 2]), complex(*x[SHAPE + 2 : SHAPE + 4])
+    theta = x[SHAPE + 5 :]
+    miss = np.abs(A * coupler_point(x[:SHAPE], theta, np.asarray(branch)) + B - task.points)
+    return Design(fourbar(x[:SHAPE], A, B, branch, name), theta, "dyad.P.p", miss, least)
+
+
+def fourbar(shape: Any, A: complex, B: complex, branch: int, name: str = "fourbar") -> Graph:
+    """The graph of a four-bar: its shape with crank 1, then turned and scaled by A, moved by B."""
+    frame, turn, coupler, rocker, u, v = (float(x) for x in shape)
+    size, angle = abs(A), cmath.phase(A)
+    D = B + A * cmath.exp(frame + 1j * turn)
+    point = {"P": {"at": [size * u, size * v]}}
+    return Graph.from_data(
+        {
+            "format": "blockmech/graph",
+            "version": 1,
+            "name": name,
+            "blocks": {
+                "frame": {
+                    "type": "frame",
+                    "markers": {"A": {"at": [B.real, B.imag]}, "D": {"at": [D.real, D.imag]}},
+                },
+                "crank": {"type": "driver.crank", "length": size, "offset": angle},
+                "dyad": {
+                    "type": "dyad.rrr",
+                    "l_i": size * math.exp(coupler),
+                    "l_j": size * math.exp(rocker),
+                    "branch": int(branch),
+                    "links": {"i": {"markers": point}},
+                },
+            },
+            "wires": [
+                {"from": "frame.A", "to": "crank.A"},
+                {"from": "crank.B", "to": "dyad.B"},
+                {"from": "frame.D", "to": "dyad.D"},
+            ],
+            "scene": {"drive": {"crank": {"law": "constant_rate", "rate": 1.0}}},
+        }
+    )
+
+
+def saved(found: Sequence[Any], folder: Any) -> Iterator[Any]:
+    """Write the designs as files ``design_0.json``, ... into a folder, and give their paths."""
+    from pathlib import Path
+
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    for i, design in enumerate(found):
+        path = Path(folder) / f"design_{i}.json"
+        design.graph.save(path)
+        yield path

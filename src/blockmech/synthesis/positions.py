@@ -1,0 +1,308 @@
+r"""Body guidance: four-bars whose coupler passes three to five positions (Burmester).
+
+Position j takes a point w of the body in its first position to z_j = o_j + e_j w (o_1 = 0,
+e_1 = 1). A pin w with the pivot m on the frame keeps its distance, |z_j - m| = |w - m|:
+
+    |o_j|^2 + 2 Re(conj(o_j) e_j w) - 2 Re(conj(o_j) m) - 2 Re((e_j - 1) w conj(m)) = 0.
+
+That is linear in the six numbers w, m and w conj(m). Five positions leave a plane of solutions,
+and w conj(m) being the product of w and conj(m) two conics in it: they meet in the at most four
+pins of Burmester. Each position less is a condition that can be chosen; a linear one, drawn at
+random, gives points of the circle-point curve (four positions) or of the plane (three) by the
+same algebra.
+
+Sources: Burmester, Lehrbuch der Kinematik, 1888; Sandor & Erdman, Advanced Mechanism Design,
+vol. 2, ch. 3; McCarthy & Soh, Geometric Design of Linkages, 2nd ed., ch. 5.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from blockmech.arguments import declared
+from blockmech.errors import refused
+from blockmech.series import Floats
+from blockmech.synthesis.designs import (
+    ALIKE,
+    Design,
+    Synthesis,
+    design_of_path,
+    fourbar,
+    proposed,
+)
+from blockmech.synthesis.fourbar import SHAPE, Points, angles_and_point, coupler_point
+from blockmech.synthesis.search import STARTS, Task
+from blockmech.typing import Progress
+
+TRIED = 32  # conditions that are drawn where positions are lacking
+CLOSE = 1e-7  # relative: what is left of the conditions of a pin, and two pins that are one
+REAL = 1e-6  # relative: imaginary parts of rounding
+
+
+@declared
+def body_guidance(
+    positions: Any,
+    *,
+    count: int = 5,
+    tried: int = TRIED,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Synthesis:
+    """Four-bars whose coupler passes positions, those that move most easily first.
+
+    Three to five positions are met exactly where a four-bar without defects can; where none can,
+    and for more positions, the nearest designs are given.
+
+    Parameters
+    ----------
+    positions : three and more of (x, y, angle) [m, m, rad] of the body's own axes
+    count : designs that are returned
+    tried : random conditions on pins, where four or three positions leave a choice
+    seed : of these
+    progress : called with how far it is: ``progress(what, done, whole)``
+
+    Returns
+    -------
+    Synthesis of `Design`, whose graph has the body as link i of ``dyad`` and its origin as
+    ``dyad.P``. The error of a position is the distance of the origin and, of those that are not
+    met exactly, the angle times the size of the travel
+
+    Raises `RequestError` for what are not three positions or more
+
+    >>> found = body_guidance([(0.0, 0.0, 0.1), (1.0, 0.5, 0.5), (1.6, 1.4, 1.0)], tried=8)
+    >>> found[0].miss < 1e-9
+    True
+    """
+    rows, name = _positions(positions, 3, None), "body_guidance"
+    if len(rows) > 5:
+        return _near(rows, name, count, seed, progress)
+    size = _size(rows)
+    ways = 1 if len(rows) == 5 else tried
+    rng = np.random.default_rng(seed)
+    pins: list[tuple[complex, complex]] = []
+    for i in range(ways):
+        if progress is not None:
+            progress(f"{len(pins)} pins", i, ways)
+        pins += [
+            pin
+            for pin in burmester_pins(rows, rng)
+            if all(abs(pin[0] - w) + abs(pin[1] - m) > CLOSE * size for w, m in pins)
+        ]
+    pairs = [
+        (one, other)
+        for one, other in itertools.permutations(pins, 2)
+        if min(abs(one[0] - other[0]), abs(one[1] - other[1]), abs(one[0] - one[1])) > CLOSE * size
+    ]
+    made, sound, least = _judged(rows, pairs)
+    found: list[int] = []
+    for i in np.argsort(-np.where(sound, least, 0.0), kind="stable").tolist():
+        if len(found) == count or not sound[i]:
+            break
+        if all(abs(least[i] - least[j]) > ALIKE * least[i] for j in found):
+            found.append(i)
+    designs = tuple(_design(rows, made, i, float(least[i]), name) for i in found)
+    if designs:
+        return Synthesis(designs, len(pairs), int((~sound).sum()))
+    return _near(rows, name, count, seed, progress)
+
+
+def _near(rows: Floats, name: str, count: int, seed: int, progress: Progress | None) -> Synthesis:
+    """Four-bars that come as near to positions as any, by least squares."""
+    task = Task(points=rows[:, 0] + 1j * rows[:, 1], turns=rows[:, 2])
+
+    def made(x: Floats, branch: int, least: float) -> Design:
+        one = design_of_path(task, name, x, branch, least)
+        _, coupler, _ = angles_and_point(x[:SHAPE], one.at, np.asarray(branch))
+        turned = np.abs(np.angle(np.exp(1j * (coupler + x[SHAPE + 4] - rows[:, 2]))))
+        return replace(one, errors=one.errors + task.size * turned)
+
+    return proposed(task, count, STARTS, seed, progress, made)
+
+
+@declared
+def three_positions(positions: Any, moving: Any, *, name: str = "three_positions") -> Design:
+    """The four-bar whose coupler passes three positions with two pins that are chosen.
+
+    Parameters
+    ----------
+    positions : three of (x, y, angle) [m, rad] of the coupler's own axes
+    moving : two points [m], complex, in the coupler's axes: its pins to crank and rocker
+
+    Returns
+    -------
+    Design, whose graph has the coupler as link i of ``dyad``, and its origin as ``dyad.P``
+
+    Raises `RequestError` where a pin's three places lie on a straight line, or where the way
+    through the positions changes circuit, branch or order.
+    """
+    rows = _positions(positions, 3, 3)
+    pins = np.asarray(moving, complex)
+    if pins.shape != (2,) or not abs(pins[1] - pins[0]) > 0:
+        raise refused("moving", f"got {moving!r:.60}", "give two points of the coupler")
+    origin, turn = rows[:, 0] + 1j * rows[:, 1], np.exp(1j * rows[:, 2])
+    centres = [_centre(origin + turn * w) for w in pins]
+    for which, z in zip(("crank", "rocker"), centres, strict=True):
+        if z is None:
+            raise refused(which, "its three places lie on a straight line", "take another point")
+    w = origin[0] + turn[0] * pins
+    made, sound, least = _judged(rows, [[(w[i], centres[i]) for i in (0, 1)]])
+    if not sound[0]:
+        found = "on the way through the positions it changes circuit, branch or order"
+        raise refused("moving", found, "take other points of the coupler")
+    return _design(rows, made, 0, float(least[0]), name)
+
+
+def _positions(positions: Any, least: int, most: int | None) -> Floats:
+    """Rows (n, 3) of x, y, angle. Raises `RequestError` for others."""
+    try:
+        rows = np.asarray(positions, float)
+    except (TypeError, ValueError):
+        rows = np.empty(0)
+    shaped = rows.ndim == 2 and rows.shape[1] == 3 and np.isfinite(rows).all()
+    if not shaped or len(rows) < least or len(rows) > (most or len(rows)):
+        meant = f"give {least}{'' if most else ' or more'} rows x, y, angle"
+        raise refused("positions", f"got {positions!r:.60}", meant)
+    if not _size(rows) > 0:
+        raise refused("positions", "they are all the same", "give positions that differ")
+    return rows
+
+
+def _size(rows: Floats) -> float:
+    """Size of what is wanted: travel of the origin [m], or 1 where the body only turns."""
+    travel = float(np.abs(np.ptp(rows[:, :2], axis=0)).max())
+    return travel or float(np.ptp(rows[:, 2]) > 0)
+
+
+def burmester_pins(rows: Floats, rng: np.random.Generator) -> list[tuple[complex, complex]]:
+    """Pins of a body that passes three to five positions on circles, and the circles' centres.
+
+    Parameters
+    ----------
+    rows : (n, 3) of x, y [m], angle [rad]
+    rng : draws a linear condition on pin and centre for each position that lacks of five
+
+    Returns
+    -------
+    Pairs (w, m) [m]: the pin in the first position, in the frame's axes, and its centre
+    """
+    scale, place = _size(rows), complex(*rows[0, :2])
+    e = np.exp(1j * (rows[1:, 2] - rows[0, 2]))
+    z = (rows[1:, 0] + 1j * rows[1:, 1] - place) / scale
+    # unknowns: w, m and p = w conj(m) as real and imaginary parts, all by the scale
+    c = e - 1.0
+    M = np.column_stack(
+        [
+            2 * (z.conj() * e).real, -2 * (z.conj() * e).imag, -2 * z.real, -2 * z.imag,
+            -2 * c.real, 2 * c.imag,
+        ]
+    )  # fmt: skip
+    b = -(np.abs(z) ** 2)
+    lacking = 4 - len(z)
+    chosen = np.column_stack([rng.normal(size=(lacking, 4)), np.zeros((lacking, 2))])
+    M, b = np.vstack([M, chosen]), np.append(b, 2 * rng.normal(size=lacking))
+    _, sizes, vt = np.linalg.svd(M)
+    if not sizes[-1] > CLOSE * sizes[0]:
+        return []
+    start, basis = np.linalg.lstsq(M, b, rcond=None)[0], vt[4:]
+    found = []
+    for s, t in _conics_meet(*(_product(start, basis, part) for part in ("real", "imag"))):
+        x = start + s * basis[0] + t * basis[1]
+        w, m = complex(x[0], x[1]), complex(x[2], x[3])
+        if abs(w * m.conjugate() - complex(x[4], x[5])) <= CLOSE * (1 + abs(w) * abs(m)):
+            found.append((w * scale + place, m * scale + place))
+    return found
+
+
+def _product(start: Floats, basis: Floats, part: str) -> Floats:
+    """The conic (3, 3) in (1, s, t) that says that p is the product of w and conj(m)."""
+    rows = np.vstack([start, basis])
+    w, m = rows[:, 0] + 1j * rows[:, 1], rows[:, 2] + 1j * rows[:, 3]
+    products = w[:, None] * m.conj()[None, :]
+    one = np.zeros((3, 3), complex)
+    one[0] = rows[:, 4] + 1j * rows[:, 5]
+    whole = (products + products.T) / 2 - (one + one.T) / 2
+    return np.asarray(getattr(whole, part))
+
+
+def _conics_meet(A: Floats, B: Floats) -> list[tuple[float, float]]:
+    """Real points (s, t) in which two conics x^T A x = x^T B x = 0, x = (1, s, t), meet.
+
+    As quadratics in t their resultant is a quartic in s.
+    """
+    P = np.polynomial.Polynomial
+    q = [
+        (P([Q[2, 2]]), P([2 * Q[0, 2], 2 * Q[1, 2]]), P([Q[0, 0], 2 * Q[0, 1], Q[1, 1]]))
+        for Q in (A, B)
+    ]
+    (a2, a1, a0), (b2, b1, b0) = q
+    across, slope = a2 * b0 - a0 * b2, a2 * b1 - a1 * b2
+    quartic: Any = across**2 - slope * (a1 * b0 - a0 * b1)
+    found = []
+    for root in quartic.roots().tolist():
+        s = complex(root)
+        if abs(s.imag) > REAL * (1 + abs(s)) or not abs(slope(s.real)) > 0:
+            continue
+        x = np.array([1.0, s.real, -across(s.real) / slope(s.real)], float)
+        for _ in range(4):  # Newton's steps take away the rounding of the quartic
+            F = np.array([x @ A @ x, x @ B @ x])
+            J = 2 * np.array([(A @ x)[1:], (B @ x)[1:]])
+            x[1:] -= np.linalg.lstsq(J, F, rcond=None)[0]
+        found.append((float(x[1]), float(x[2])))
+    return found
+
+
+class _FourBars(NamedTuple):
+    """Four-bars (m) in their first position: shape, crank angles, branch, crank, its pivot."""
+
+    shape: Floats  # (m, 6)
+    theta: Floats  # (m, n)
+    branch: Any  # (m,)
+    crank: Points  # (m,)
+    pivot: Points  # (m,)
+
+
+def _judged(rows: Floats, pairs: Sequence[Any]) -> tuple[_FourBars, Any, Floats]:
+    """The four-bars of pairs of pins, whether they have no defect, and their least margins."""
+    ends = np.array(pairs, complex).reshape(-1, 2, 2)  # pair, pin, (place, centre)
+    (w, A), (v, D) = ends[:, 0].T, ends[:, 1].T
+    crank, link, arm = w - A, v - w, v - D
+    scale = np.abs(crank)
+    origin, turn = rows[:, 0] + 1j * rows[:, 1], np.exp(1j * (rows[:, 2] - rows[0, 2]))
+    one, other = (origin + turn * (z[:, None] - origin[0]) for z in (w, v))
+    sides = np.sign(((other - one).conj() * (D[:, None] - one)).imag)
+    theta = np.unwrap(np.angle((one - A[:, None]) / crank[:, None]), axis=1)
+    uv = (origin[0] - w) / link * np.abs(link) / scale
+    shape = np.column_stack(
+        [
+            np.log(np.abs(D - A) / scale), np.angle((D - A) / crank),
+            np.log(np.abs(link) / scale), np.log(np.abs(arm) / scale), uv.real, uv.imag,
+        ]
+    )  # fmt: skip
+    branch = np.where(sides[:, 0] > 0, -1, 1)
+    x = np.hstack([shape, np.zeros((len(shape), 5)), theta])
+    sound, least = np.zeros(len(x), bool), np.zeros(len(x))
+    same = np.flatnonzero((sides == sides[:, :1]).all(axis=1))
+    sound[same], least[same] = Task(turns=rows[:, 2]).sound(x[same], branch[same])
+    return _FourBars(shape, theta, branch, crank, A), sound, least
+
+
+def _design(rows: Floats, made: _FourBars, i: int, least: float, name: str) -> Design:
+    shape, theta, branch, crank, pivot = (x[i] for x in made)
+    at = coupler_point(shape, theta, branch) * crank + pivot
+    errors = np.abs(at - rows[:, 0] - 1j * rows[:, 1])
+    graph = fourbar(shape, complex(crank), complex(pivot), int(branch), name)
+    return Design(graph, theta, "dyad.P.p", errors, least)
+
+
+def _centre(z: Points) -> complex | None:
+    """Centre of the circle through three points; None where they lie on a line."""
+    a, b = z[1] - z[0], z[2] - z[0]
+    area = 2 * float((a.conjugate() * b).imag)
+    if abs(area) <= 1e-12 * abs(a) * abs(b):
+        return None
+    return complex(z[0] + 1j * (abs(b) ** 2 * a - abs(a) ** 2 * b) / area)
