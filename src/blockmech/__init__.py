@@ -58,6 +58,7 @@ from blockmech.values import Link, Marker
 
 if TYPE_CHECKING:
     from blockmech import draw, studio, synthesis
+    from blockmech.dynamics.along import SimulationResult
     from blockmech.dynamics.request import Until, Watch
     from blockmech.exchange.writing import write
     from blockmech.mechanism import Mechanism
@@ -105,6 +106,7 @@ __all__ = [
     "RequestError",
     "Result",
     "RollingBearing",
+    "SimulationResult",
     "SingularError",
     "SlideDrive",
     "Spring",
@@ -133,6 +135,7 @@ __version__ = "0.1.0"
 _LATER = {  # loaded when they are first asked for
     "Mechanism": "blockmech.mechanism",
     "Result": "blockmech.result",
+    "SimulationResult": "blockmech.dynamics.along",
     "Until": "blockmech.dynamics.request",
     "Watch": "blockmech.dynamics.request",
     "write": "blockmech.exchange.writing",

@@ -6,7 +6,7 @@ from cmath import isfinite
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -241,15 +241,15 @@ class Result(Exported):
         return self.output(name).unit
 
     @declared
-    def first(self, n: int) -> Result:
+    def first(self, n: int) -> Self:
         """The first n samples."""
         return self.at(np.arange(self.n)[:n])
 
-    def at(self, index: NDArray[np.intp]) -> Result:
+    def at(self, index: NDArray[np.intp]) -> Self:
         """The samples of these indices."""
         values = tuple(_cut(self._column(i), index) for i in range(len(self._values)))
         taken = self.samples.at(index)
-        cut = Result(
+        cut = type(self)(
             self.mechanism, self.plan, taken, values, self.engine, self.settings, self.motion
         )
         cut.accuracy = self.accuracy
@@ -329,11 +329,11 @@ class Result(Exported):
 
     def _again(
         self, mechanism: Any, want: tuple[str, ...], settings: Mapping[str, Any] | None = None
-    ) -> Result:
+    ) -> Self:
         settings = self.settings if settings is None else settings
         plan = mechanism.plan(want, **settings)
         values, engine = mechanism.evaluate(plan, self.samples, self.engine)
-        return Result(mechanism, plan, self.samples, values, engine, settings, self.motion)
+        return type(self)(mechanism, plan, self.samples, values, engine, settings, self.motion)
 
     @declared
     def wire(self, source: str, target: str | None = None) -> dict[str, Any]:

@@ -99,6 +99,12 @@ def _with_friction(system: System, q: float, qd: float, t: float, x: Floats) -> 
     return friction.at(q, qd, t, friction.sides(q, way), x).qdd if way else 0.0
 
 
+class SimulationResult(Result):
+    """The result of a simulation: outputs at times, and the ``motion`` that they are read from."""
+
+    motion: Motion
+
+
 def result_along(
     mechanism: Compiled,
     motion: Motion,
@@ -107,7 +113,7 @@ def result_along(
     friction: str | None = None,
     tolerance: float | None = None,
     iterations: int | None = None,
-) -> Result:
+) -> SimulationResult:
     """The wanted outputs at times (n,) [s] of a motion.
 
     Joint friction is that of the motion, if nothing else is said. In a dead centre itself, in
@@ -128,9 +134,8 @@ def result_along(
         rates = [mechanism.of_driver(d, "rate") for d in mechanism.drivers]
         known = {i: f"qd_{n}" for n, r in enumerate(rates) for i in plan.layout.get(r, ())}
         values = tuple(given[known[i]] if i in known else x for i, x in enumerate(values))
-    return Result(
-        mechanism, plan, Samples(len(t), given, t), values, engine, settings | STATIC, motion
-    )
+    samples = Samples(len(t), given, t)
+    return SimulationResult(mechanism, plan, samples, values, engine, settings | STATIC, motion)
 
 
 def _margin_at_end(mechanism: Compiled, motion: Motion) -> float:

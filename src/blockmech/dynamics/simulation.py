@@ -17,7 +17,12 @@ import numpy as np
 
 from blockmech.compiled import compiled_program
 from blockmech.dynamics import ends
-from blockmech.dynamics.along import frictionless, result_along, states_along
+from blockmech.dynamics.along import (
+    SimulationResult,
+    frictionless,
+    result_along,
+    states_along,
+)
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.impact import bounced
 from blockmech.dynamics.methods import move
@@ -41,7 +46,6 @@ from blockmech.dynamics.request import (
 )
 from blockmech.dynamics.system import System
 from blockmech.errors import listed, refused
-from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
 from blockmech.typing import EngineName, FrictionMethod, MotionMethod, Numbers, Progress
@@ -73,7 +77,7 @@ def simulate(
     iterations: int | None = None,
     engine: EngineName = "auto",
     progress: Progress | None = None,
-) -> Result:
+) -> SimulationResult:
     """Move a mechanism from its start until something ends the run.
 
     Parameters
@@ -97,7 +101,7 @@ def simulate(
 
     Returns
     -------
-    Result at the output times, with ``motion``: method, engine and why, error estimate,
+    SimulationResult at the output times, with ``motion``: method, engine and why, error estimate,
     events, cost, and what ended the run. Output times after the end are left out. An
     interrupted run (Ctrl-C) is returned as far as it came; its end is "interrupted".
 
@@ -193,7 +197,7 @@ def _at_times(
     wanted: Floats | None,
     want: Iterable[str] | str,
     settings: Mapping[str, Any],
-) -> Result:
+) -> SimulationResult:
     """The result at the wanted times, those after the end left out."""
     if wanted is None:
         wanted = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
