@@ -221,6 +221,10 @@ class Compiled(Runnable):
         """Outputs of a result that are rounding for the most part."""
 
     @abstractmethod
+    def simulated(self, **request: Any) -> Result:
+        """A motion under the loads, and the wanted outputs along it."""
+
+    @abstractmethod
     def stroke_of(self, result: Result, output: str) -> Any:
         """The stroke of an output, followed between the samples of a result."""
 

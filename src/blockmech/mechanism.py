@@ -129,6 +129,10 @@ class Mechanism(Compiled):
 
         return digits_lost(result)
 
+    def simulated(self, **request: Any) -> Result:
+        """A motion under the loads; see `blockmech.dynamics.simulation`."""
+        return self.simulate(**request)
+
     def stroke_of(self, result: Result, output: str) -> stroking.Stroke:
         """The stroke of an output over a result; see `blockmech.analysis.stroke`."""
         from blockmech.analysis.stroke import stroke

@@ -85,3 +85,25 @@ def one_of(**given: bool) -> None:
     asked = [f"--{name}" for name, on in given.items() if on]
     if len(asked) > 1:
         raise refused(" ".join(asked), "only one of them at a time", "--out writes all files")
+
+
+# of motions
+Until = Annotated[
+    str | None,
+    option(
+        "standstill, swings=3, turns=3, time=2, angle=6.28 or steady (what it settles to).", "GOAL"
+    ),
+]
+Start = Annotated[
+    list[str] | None,
+    option(
+        "Coordinate and rate at the start, e.g. crank=60deg or crank=1.2,-3 (rate 0 if left out); "
+        "once for each driver, the others start as the scene says.",
+        "[DRIVER=]Q[,RATE]",
+    ),
+]
+Method = Annotated[
+    str,
+    option("auto, energy, spectral, dop853, lsoda, radau, rk4 or euler_q.", "METHOD"),
+]
+Accuracy = Annotated[float | None, option("Target error of the driver [rad or m].", "X", min=0.0)]

@@ -11,12 +11,16 @@ from blockmech.builders import compiled
 from blockmech.cli.motions import motion_lines
 from blockmech.cli.numbers import starts, times
 from blockmech.cli.options import (
+    Accuracy,
     Explain,
     Friction,
     GraphFile,
     Iterations,
+    Method,
+    Start,
     Times,
     Tolerance,
+    Until,
     Want,
     names_of,
     option,
@@ -28,25 +32,6 @@ from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 from blockmech.told import DEGREES
 
-Until = Annotated[
-    str | None,
-    option(
-        "standstill, swings=3, turns=3, time=2, angle=6.28 or steady (what it settles to).", "GOAL"
-    ),
-]
-Start = Annotated[
-    list[str] | None,
-    option(
-        "Coordinate and rate at the start, e.g. crank=60deg or crank=1.2,-3 (rate 0 if left out); "
-        "once for each driver, the others start as the scene says.",
-        "[DRIVER=]Q[,RATE]",
-    ),
-]
-Method = Annotated[
-    str,
-    option("auto, energy, spectral, dop853, lsoda, radau, rk4 or euler_q.", "METHOD"),
-]
-Accuracy = Annotated[float | None, option("Target error of the driver [rad or m].", "X", min=0.0)]
 Step = Annotated[float | None, option("Step of rk4 [s] or euler_q [rad or m].", "X")]
 Engine = Annotated[str, option("Of the integrators: auto, scalar or llvm (compiled).", "ENGINE")]
 

@@ -9,16 +9,20 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from blockmech.builders import compiled
-from blockmech.cli.numbers import UNITS, coordinates, row, times
+from blockmech.cli.numbers import UNITS, coordinates, row, starts, times
 from blockmech.cli.options import (
+    Accuracy,
     At,
     Friction,
     GraphFile,
     Iterations,
+    Method,
     Samples,
+    Start,
     Static,
     Times,
     Tolerance,
+    Until,
     option,
 )
 from blockmech.cli.output import check_places, write_found
@@ -70,8 +74,15 @@ def sweep(
     plot: Plot = None,
     workers: Workers = None,
     dask: Dask = None,
+    until: Until = None,
+    start: Start = None,
+    method: Method = "auto",
+    accuracy: Accuracy = None,
 ) -> None:
-    """Run many designs: turn numbers of the file, and keep extremes or means of outputs."""
+    """Run many designs: turn numbers of the file, and keep extremes or means of outputs.
+
+    With --until each design moves under its loads, and what is kept is of its motion.
+    """
     with reading(file):
         mechanism = compiled(file)
     check_places(out, plot)
@@ -80,7 +91,15 @@ def sweep(
         raise refused(out, "a table is csv or parquet", remedy)
     in_parts = out is not None and not Path(out).suffix
     over = coordinates(mechanism, at or [])
-    asked: dict[str, Any] = {"over": over, "samples": samples, "times": times(at_times)}
+    moving: dict[str, Any] | None = None
+    if until is not None:
+        moving = {"until": until, "method": method, "accuracy": accuracy}
+        moving |= {"start": starts(mechanism, start or []), "times": times(at_times)}
+    elif start or method != "auto" or accuracy is not None:
+        where, remedy = "--start, --method, --accuracy", "say what ends it: --until standstill"
+        raise refused(where, "no design moves", remedy, code="useless-setting")
+    given = times(at_times) if moving is None else None
+    asked: dict[str, Any] = {"over": over, "samples": samples, "times": given, "simulate": moving}
     asked |= {"friction": friction, "tolerance": tolerance, "iterations": iterations}
     asked |= {"sampling": sampling, "count": count, "seed": seed, "static": static}
     asked |= {
@@ -118,7 +137,7 @@ def _client(address: str | None) -> Iterator[Any]:
 def _reduction(mechanism: Compiled, text: str) -> str:
     """A reduction with its pose as a plain number: ``at(crank.drive, 60deg)`` at 1.047 rad."""
     match = TEXT.fullmatch(text.strip())
-    if match is None or match["at"] is None or not mechanism.drivers:
+    if match is None or match["at"] is None or match["how"] != "at" or not mechanism.drivers:
         return text
     units = UNITS[mechanism.driver_joint(mechanism.drivers[0]).coordinate_unit]
     (q,) = row(f"--want {text}", match["at"], units)

@@ -20,11 +20,11 @@ from blockmech.dynamics.events import watched
 from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.motion import INTEGRATORS, Event, Motion, Status
 from blockmech.dynamics.path import along_path
-from blockmech.dynamics.request import WATCH, SimulationRequest
+from blockmech.dynamics.request import WATCH, SimulationRequest, check_method
 from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.signals import felt
 from blockmech.dynamics.system import System
-from blockmech.errors import RequestError, close_match, listed, refused
+from blockmech.errors import RequestError, listed, refused
 
 LOOKED_AT = 31  # states of a motion at which iterations of friction are judged
 WITHOUT = 'leave it out with friction="none" (--friction none)'
@@ -140,12 +140,9 @@ def check(system: System, request: SimulationRequest) -> None:
         if sensors:
             found = "it follows the friction of joints at once, so no signal in motion reads it"
             raise refused(listed(sensors), found, WITHOUT, code="friction-in-motion")
+    check_method(name)
     if name == "auto":
         return
-    if name not in METHODS:
-        names = ("auto", *METHODS)
-        hint, found = close_match(str(name), names), f'there is no method "{name}"'
-        raise refused("method", found, hint, f"valid: {listed(names)}", "method")
     why = _unfit(METHODS[name], system, request)
     if why:
         fit = (n for n, m in METHODS.items() if not _unfit(m, system, request))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.signals.functions import Python
-from blockmech.typing import Progress
+from blockmech.typing import MotionMethod, Numbers, Progress
 from blockmech.units import number_in, units_of
 
 Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
@@ -47,6 +47,8 @@ GOALS = {
     ),
     "event": GoalNumber("event"),
 }
+ENGINES = ("auto", "scalar", "llvm")
+OUTPUTS = 201  # output times where none are named
 ELSEWHERE = 0.125  # [rad or m, per s, s] or a signal: where a user's function is asked besides
 PAIRS = "give them by driver, like {pairs}"
 WATCH = 'blockmech.dynamics.request.Watch("name", lambda t, q, rate: ...)'
@@ -193,6 +195,62 @@ class SimulationRequest:
 
 
 # -- reading what a user gave --------------------------------------------------------------
+
+
+def request_of(
+    scene: Scene,
+    drivers: Sequence[str],
+    until: str | Until | None = None,
+    method: str = "auto",
+    accuracy: float | None = None,
+    step: float | None = None,
+    times: Numbers | None = None,
+    start: Pairs | None = None,
+    stops: Pairs | None = None,
+    watch: Sequence[Watch] = (),
+    engine: str = "auto",
+) -> tuple[SimulationRequest, Pairs, tuple[tuple[float, float], ...]]:
+    """What `simulate` is asked for, read; the starts, and the end stops of each driver.
+
+    Raises `RequestError` for what cannot be.
+    """
+    check_method(method)
+    if engine not in ENGINES:
+        found, valid = f'no engine "{engine}" of motions', f"engines: {listed(ENGINES)}"
+        raise refused("engine", found, valid=valid, code="unknown-engine")
+    shown = times_of(times)
+    goal = goal_of(until, shown)
+    starts = starts_of(scene, drivers, start)
+    target, size = size_of("accuracy", accuracy), size_of("step", step)
+    events = watches_of(watch)
+    bounds = stops_of(scene, starts, stops)
+    bouncy = restitution_of(scene, drivers)
+    if shown is None:
+        shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
+    request = SimulationRequest(
+        _start(starts),
+        goal,
+        target,
+        method,
+        size,
+        tuple(shown.tolist()),
+        events,
+        bouncy if any(e is not None for e in bouncy) else (),
+    )
+    return request, starts, bounds
+
+
+def _start(starts: Pairs) -> Start:
+    q, rate = (np.array([pair[i] for pair in starts.values()], dtype=float) for i in (0, 1))
+    return Start(float(q[0]), float(rate[0])) if q.size == 1 else Start(q, rate)
+
+
+def check_method(name: str) -> None:
+    """Raise `RequestError` for a method that there is not."""
+    names = get_args(MotionMethod)
+    if name not in names:
+        hint, found = close_match(str(name), names), f'there is no method "{name}"'
+        raise refused("method", found, hint, f"valid: {listed(names)}", "method")
 
 
 def goal_of(until: Any, times: Floats | None) -> Until:

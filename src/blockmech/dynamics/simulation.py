@@ -28,24 +28,19 @@ from blockmech.dynamics.impact import bounced
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.request import (
+    OUTPUTS,
     Pairs,
     SimulationRequest,
-    Start,
     Until,
     Watch,
-    goal_of,
     progress_of,
     refuse_memory,
     refuse_no_inertia,
-    restitution_of,
-    size_of,
-    starts_of,
-    stops_of,
+    request_of,
     times_of,
-    watches_of,
 )
 from blockmech.dynamics.system import System
-from blockmech.errors import listed, refused
+from blockmech.errors import listed
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
 from blockmech.typing import EngineName, FrictionMethod, MotionMethod, Numbers, Progress
@@ -53,8 +48,6 @@ from blockmech.typing import EngineName, FrictionMethod, MotionMethod, Numbers, 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-ENGINES = ("auto", "scalar", "llvm")
-OUTPUTS = 201  # output times where none are named
 ACTIONS = (".couple", ".force")  # outputs of a load
 AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to what is larger
 
@@ -111,44 +104,18 @@ def simulate(
     method does not apply, a number or engine cannot be; MissingEngineError without llvmlite
     """
     how = friction_asked(friction, tolerance, iterations)
-    if engine not in ENGINES:
-        found, valid = f'no engine "{engine}" of motions', f"engines: {listed(ENGINES)}"
-        raise refused("engine", found, valid=valid, code="unknown-engine")
     settings = {"friction": how.method, "tolerance": tolerance, "iterations": iterations}
     told = progress_of(progress)
-    wanted = times_of(times)
-    goal = goal_of(until, wanted)
-    starts = starts_of(mechanism.scene, mechanism.drivers, start)
-    target, size = size_of("accuracy", accuracy), size_of("step", step)
-    events = watches_of(watch)
-    bounds = stops_of(mechanism.scene, starts, stops)
-    bouncy = restitution_of(mechanism.scene, mechanism.drivers)
+    given = (until, method, accuracy, step, times, start, stops, watch, engine)
+    request, starts, bounds = request_of(mechanism.scene, mechanism.drivers, *given)
     refuse_no_inertia(mechanism.structure, mechanism.name)
     refuse_memory(mechanism.structure, starts)
-    shown = wanted
-    if shown is None:
-        shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
-    request = SimulationRequest(
-        _start(starts),
-        goal,
-        target,
-        method,
-        size,
-        tuple(shown.tolist()),
-        events,
-        bouncy if any(e is not None for e in bouncy) else (),
-    )
     system = system_of(mechanism, stops=bounds, method=how, progress=told, engine=engine)
     if engine == "llvm" and system.engine_of_states.name != engine:
         compiled_program(system.equation_program)  # says why it cannot be
     motion = with_undefined_loads(mechanism, _moved(system, request))
-    motion = replace(motion, notes=(*motion.notes, *_remarks(system, motion, goal)))
-    return _at_times(mechanism, motion, wanted, want, settings)
-
-
-def _start(starts: Pairs) -> Start:
-    q, rate = (np.array([pair[i] for pair in starts.values()], dtype=float) for i in (0, 1))
-    return Start(float(q[0]), float(rate[0])) if q.size == 1 else Start(q, rate)
+    motion = replace(motion, notes=(*motion.notes, *_remarks(system, motion, request.until)))
+    return _at_times(mechanism, motion, times_of(times), want, settings)
 
 
 def _moved(system: System, request: SimulationRequest) -> Motion:

@@ -18,12 +18,14 @@ from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError, listed, refused
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.family import Family, remade
+from blockmech.studies.motions import MotionRunner, runner_of
 from blockmech.studies.reductions import WHOLE
 from blockmech.studies.runner import Runner, poses_of
 from blockmech.studies.sampling import as_sequence
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 Array = NDArray[Any]
+STEP = 2.0**-10  # of a number, for differences of motions known to some 1e-12
 
 
 class Objective:
@@ -85,6 +87,39 @@ class Objective:
         return np.concatenate(rows)
 
 
+class MotionObjective(Objective):
+    """What is kept of a design's motion as a function of its numbers."""
+
+    def jacobian(self, x: Any) -> Array:
+        """Derivatives (k,) of one number, (r, k) of all, by differences of fourth order.
+
+        A motion has no dual numbers: where it ends, and which pairs slip, is found on the way. Its
+        numbers are known to some 1e-12, their derivatives so to some 1e-9. At a bound of a number,
+        where one side has no motion, the differences go to the other side. Raises `BlockmechError`
+        where neither has.
+        """
+        at = np.array([*self.numbers(x).values()])
+        slopes = [self._slope(at, k) for k in range(len(at))]
+        whole = np.stack(slopes, axis=-1)
+        return whole[0] if len(whole) == 1 else whole
+
+    def _slope(self, at: Array, k: int) -> Array:
+        step = STEP * (abs(at[k]) or 1.0)
+        rules = {
+            (-2, -1, 1, 2): (1.0, -8.0, 8.0, -1.0),
+            (0, 1, 2, 3, 4): (-25.0, 48.0, -36.0, 16.0, -3.0),
+            (0, -1, -2, -3, -4): (25.0, -48.0, 36.0, -16.0, 3.0),
+        }
+        for places, weights in rules.items():
+            rows = np.repeat(at[None], len(places), axis=0)
+            rows[:, k] += step * np.array(places)
+            values = np.array([np.atleast_1d(self(row)) for row in rows])
+            if np.isfinite(values).all():
+                return np.asarray(np.array(weights) @ values / (12.0 * step))
+        found = f"the motion has no answer near {self.addresses[k]} = {at[k]:.9g}"
+        raise refused(self.addresses[k], found, "start where designs move", code="no-derivative")
+
+
 @declared
 def objective(
     mechanism: Compiled,
@@ -99,20 +134,24 @@ def objective(
     tolerance: float | None = None,
     iterations: int | None = None,
     static: bool = False,
+    simulate: Mapping[str, Any] | None = None,
 ) -> Objective:
     """What is kept of a design as a function of some of its numbers, for `scipy.optimize`.
 
     Parameters
     ----------
     to : addresses of the numbers, in the order of the function's argument
-    want, over, at, samples, times, friction, tolerance, iterations, static : as those of a study
+    want, over, at, samples, times, friction, tolerance, iterations, static, simulate : as those of
+        a study. Derivatives of motions are differences of fourth order, see `MotionObjective`
 
     Raises `RequestError` for unknown names, or settings that do not fit.
     """
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
     family = Family(mechanism, as_sequence("to", to))
     poses: dict[str, Any] = {"at": poses_of(over, at), "samples": samples, "times": times}
-    runner = Runner.of(family, want, poses, how)
+    runner = runner_of(family, want, poses, how, simulate)
+    if isinstance(runner, MotionRunner):
+        return MotionObjective(mechanism, runner, poses)
     if whole := [w.label for w in runner.want if w.how == WHOLE]:
         found = "it is one number a turn, and has no derivative"
         raise RequestError([Problem("no-derivative", label, found) for label in whole])

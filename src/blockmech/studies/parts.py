@@ -27,6 +27,8 @@ Array = NDArray[Any]
 Span = tuple[int, int]  # the first design of some, and the first one behind them
 SUFFIX = ".parquet"
 WITHOUT = "to_csv needs nothing"
+NO_MOTION, ENDED_EARLY, NO_NUMBER = "no-motion", "ended-early", "no-number"
+REASONS = (*WORDS, NO_MOTION, ENDED_EARLY, NO_NUMBER)  # why designs have no answer; the first: ok
 WHY = ("status", "block", "pose", "poses")  # columns of why designs have no answer
 
 
@@ -34,8 +36,8 @@ class Block(NamedTuple):
     """What a study keeps of m designs.
 
     values : column's label -> (m,), or (m, n) of poses
-    word : (m,) index in `blockmech.quality.WORDS`: why a design has no answer, 0 if it has
-    place : (m,) the block of the mechanism that fails first
+    word : (m,) index in `REASONS`: why a design has no answer, 0 if it has
+    place : (m,) the block of the mechanism that fails first; of a motion what ended it
     pose : (m,) the first pose without an answer, -1 without one
     poses : (m,) number of such poses
     """
@@ -122,7 +124,7 @@ class Parts:
         for w in self.want:
             parts = components(w.label, found.values[w.label])
             columns += [(name, x, w.unit or None) for name, x in parts]
-        status = arrow.DictionaryArray.from_arrays(arrow.array(found.word), list(WORDS))
+        status = arrow.DictionaryArray.from_arrays(arrow.array(found.word), list(REASONS))
         block = arrow.array(found.place.tolist(), arrow.string()).dictionary_encode()
         columns += [("status", status, None), ("block", block, None)]
         columns += [("pose", found.pose, None), ("poses", found.poses, None)]
@@ -133,7 +135,7 @@ class Parts:
         """What was kept of the designs."""
         values = {w.label: self._column(w) for w in self.want}
         table = self._read(*WHY)
-        word = np.array([WORDS.index(x) for x in table["status"].to_pylist()], np.int8)
+        word = np.array([REASONS.index(x) for x in table["status"].to_pylist()], np.int8)
         return Block(values, word, *(table[name].to_numpy() for name in ("block", "pose", "poses")))
 
     def _names(self) -> tuple[str, ...]:

@@ -28,7 +28,7 @@ from blockmech.studies.sampling import as_sequence
 
 Array = NDArray[Any]
 TEXT = re.compile(r"(?P<how>\w+)\s*\((?P<output>[^,()]+)(?:,\s*(?P<at>[^,()]+))?\)")
-AT = re.compile(r"at\(\s*(?P<at>[^()]+)\s*\)")
+AT = re.compile(r"(?P<how>\w+)\(\s*(?P<at>[^()]+)\s*\)")
 WHOLE, POSES, STROKE = "value", "poses", "stroke"
 
 
@@ -45,8 +45,9 @@ SIMPLE: Mapping[str, Callable[[Array], Array]] = {
     "mean": mean,
     "rms": lambda x: np.sqrt(mean(x * x)),
 }
-OF_VECTORS = ("max_abs", "rms", "mean", "at", POSES, STROKE)
-VALID = f"{listed(SIMPLE)}, {STROKE}, at(coordinate), {POSES}"
+OF_VECTORS = ("max_abs", "rms", "mean", "at", "final", POSES, STROKE)
+Words = Mapping[str, Callable[[str, str], Any] | None]
+"""Reductions; of those that take a number, what reads it of a text, for the output of a name."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Wanted:
     label : how it is called, ``max_abs(crank.drive)``
     output : name of the output
     how : name of the reduction
-    sample : the pose, of ``at``
+    sample : the number of the reduction, read: of ``at`` the pose
     unit, kind : as the output's; "vector" only where the column is one
     vector : whether the output is one
     read : the program's values -> the output
@@ -69,9 +70,9 @@ class Wanted:
     how: str
     unit: str
     kind: str
-    sample: int = 0
+    sample: Any = 0
     vector: bool = False
-    read: Callable[..., Any] = field(default=lambda x: x, compare=False)
+    read: Callable[..., Any] = field(default=float, compare=False)
 
     def of(self, columns: Sequence[Any], shape: tuple[int, int], weights: Array) -> Array:
         """The column (m,), or (m, n) of poses, of program values that broadcast to (m, n)."""
@@ -143,17 +144,36 @@ def _finite(x: Any) -> Array:
 def wanted(
     want: Any, outputs: Catalogue, samples: Samples, drivers: Sequence[str]
 ) -> tuple[Wanted, ...]:
+    """The columns of runs at samples that a request names; see `columns`."""
+    words: Words = {
+        **dict.fromkeys((*SIMPLE, STROKE, POSES)),
+        "at": lambda text, name: _sample(text, name, samples, drivers),
+    }
+    return columns(want, outputs, lambda output, how: column(output, how, words))
+
+
+def columns(
+    want: Any,
+    outputs: Catalogue,
+    column: Callable[[Output, str], Wanted],
+    others: Mapping[str, Wanted] | None = None,
+) -> tuple[Wanted, ...]:
     """The columns that a request names: ``{"crank.drive": ["max_abs", "rms"]}`` or texts.
 
-    Patterns of names are as those of a run. Raises `RequestError` with all that is wrong.
+    Patterns of names are as those of a run; ``others`` are columns that are no outputs, by name.
+    Raises `RequestError` with all that is wrong.
     """
     found: dict[str, Wanted] = {}
     problems: list[Problem] = []
+    known = others or {}
     for name, how in _pairs(want, problems):
         try:
+            if name in known and how == WHOLE:
+                found[name] = known[name]
+                continue
             for output in outputs.match([name]):
-                column = _column(outputs[output], how, samples, drivers)
-                found[column.label] = column
+                made = column(outputs[output], how)
+                found[made.label] = made
         except RequestError as error:
             problems += error.problems
     if problems:
@@ -176,7 +196,8 @@ def _pairs(want: Any, problems: list[Problem]) -> Iterator[tuple[str, str]]:
         yield (match["output"].strip(), match["how"] + at) if match else (text.strip(), WHOLE)
 
 
-def _column(output: Output, how: str, samples: Samples, drivers: Sequence[str]) -> Wanted:
+def column(output: Output, how: str, words: Words) -> Wanted:
+    """The column of an output by one of some reductions. Raises `RequestError` for another."""
     called, vector = output.name, output.kind == "vector"
     if output.kind == "matrix":
         raise refused(called, "it is a matrix", "ask for the outputs of its drivers")
@@ -185,19 +206,21 @@ def _column(output: Output, how: str, samples: Samples, drivers: Sequence[str]) 
             raise refused(f"{how}({called})", "it is one number a design", f'ask for "{called}"')
         return Wanted(called, called, WHOLE, output.unit, "real", read=output.read)
     at = AT.fullmatch(how)
-    word = "at" if at else how
-    if word not in (*SIMPLE, "at", POSES, STROKE) or (word == "at" and not at):
+    word = at["how"] if at else how
+    reader = words.get(word)
+    if word not in words or (at and reader is None) or (word == "at" and not at):
         found = f'no reduction "{how}"' if how != WHOLE else "how it is reduced is not said"
-        remedy = close_match(how, [*SIMPLE, STROKE, POSES]) or f'e.g. "max_abs({called})"'
-        raise refused(called, found, remedy, f"reductions: {VALID}", "bad-value")
+        remedy = close_match(how, words) or f'e.g. "max_abs({called})"'
+        spelled = listed("at(coordinate)" if x == "at" else x for x in words)
+        raise refused(called, found, remedy, f"reductions: {spelled}", "bad-value")
     if vector and word == STROKE and not called.endswith(".p"):
         raise refused(f"{how}({called})", "it is no place of a marker", "name a place, or a part")
     if vector and word not in OF_VECTORS:
         remedy = f'ask for "{how}({called}.x)", or {listed(OF_VECTORS)}'
         raise refused(f"{how}({called})", "it is a vector", remedy)
-    sample = _sample(at["at"], called, samples, drivers) if at else 0
-    label = f"at({called}, {at['at']})" if at else f"{how}({called})"
-    kind = "vector" if vector and word in ("mean", "at", POSES) else "real"
+    sample = reader(at["at"] if at else "", called) if reader else 0
+    label = f"{word}({called}, {at['at']})" if at else f"{how}({called})"
+    kind = "vector" if vector and word in ("mean", "at", "final", POSES) else "real"
     return Wanted(label, called, word, output.unit, kind, sample, vector, output.read)
 
 

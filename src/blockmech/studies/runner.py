@@ -9,6 +9,7 @@ ones, and with them the last bit of each answer.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from blockmech.compiled import COMPILED_FROM, Compiled
 from blockmech.engines.numpy import CHUNK, Planar, Whole
 from blockmech.errors import BlockmechError, FormatError, refused
+from blockmech.export import counted
 from blockmech.model.parameters import Parameter
 from blockmech.plan import Plan
 from blockmech.quality import NO_ASSEMBLY, WORDS, at_most_one, failures
@@ -68,7 +70,7 @@ class Runner:
         What it takes of a number are intervals: so tried are the smallest and the largest value,
         zero, and one that is not whole.
         """
-        spans = self.spans(chosen.count, self.samples(self.family.mechanism).n)
+        spans = self.spans(chosen.count, self.samples_of_design())
         tried: dict[Parameter, Array] = {}
         for columns in chosen.given(spans):
             for p, x in zip(self.family.parameters, columns.values(), strict=True):
@@ -84,6 +86,34 @@ class Runner:
         """The poses. Raises `RequestError` where they are wrong."""
         return make_samples(mechanism.drivers, mechanism.scene, **self.over)
 
+    def samples_of_design(self) -> int:
+        """Number of poses."""
+        return self.samples(self.family.mechanism).n
+
+    @property
+    def coordinates(self) -> dict[str, Array]:
+        """Driver -> the poses (n,) [rad or m]."""
+        m = self.family.mechanism
+        taken = self.samples(m)
+        return {m.of_driver(d, "q"): taken.coordinate(i) for i, d in enumerate(m.drivers)}
+
+    @property
+    def words(self) -> str:
+        """What is done with a design."""
+        return f"at {counted(self.samples_of_design(), 'pose')}"
+
+    def question(self) -> dict[str, Any]:
+        """What is asked of a design, but settings and numbers."""
+        taken = self.samples(self.family.mechanism)
+        return {
+            "poses": {name: summary(np.asarray(x)) for name, x in taken.inputs.items()},
+            "times": None if taken.times is None else summary(taken.times),
+        }
+
+    def settled(self, count: int) -> Runner:
+        """Itself with the engine that is the same for all of so many designs."""
+        return replace(self, engine=self.prepared(count).engine.name)
+
     def size(self, n: int) -> int:
         """Designs of a block of n poses."""
         return 1 if self.family.alone else max(1, CHUNK // n)
@@ -97,11 +127,11 @@ class Runner:
         size = self.part(n)
         return tuple((k, min(k + size, count)) for k in range(0, count, size))
 
-    def prepared(self, count: int) -> _Planned:
+    def prepared(self, count: int) -> Any:
         """The plan that serves all of so many designs, or that of the first one."""
         return _Planned(self, self.family.general, 1 if self.family.alone else count)
 
-    def blocks(self, planned: _Planned, chosen: Designs) -> Iterator[Block]:
+    def blocks(self, planned: Any, chosen: Designs) -> Iterator[Block]:
         """All blocks of a part, one after the other."""
         made = chosen.columns(0, chosen.count)
         size = self.size(planned.samples.n) * planned.together
@@ -109,7 +139,7 @@ class Runner:
             rows = zip(self.family.parameters, made.values(), strict=True)
             yield self.block(planned, {p: x[k : k + size] for p, x in rows})
 
-    def block(self, planned: _Planned, columns: Mapping[Parameter, Array]) -> Block:
+    def block(self, planned: Any, columns: Mapping[Parameter, Array]) -> Block:
         """Some designs; one whose numbers do not make a mechanism is a row without answers."""
         m = len(next(iter(columns.values())))
         if not self.family.alone:
@@ -148,6 +178,16 @@ class Runner:
         said = f"{error.problems[0].where} ({error.problems[0].found})"
         word = np.array([WORDS.index(NO_ASSEMBLY)], np.int8)
         return Block(values, word, np.array([said], object), np.array([0]), np.array([n]))
+
+
+def summary(x: Any) -> str:
+    """Values or a distribution, in a word."""
+    return digest(x.tobytes()) if isinstance(x, np.ndarray) else repr(x)
+
+
+def digest(data: bytes) -> str:
+    """A word that tells data apart."""
+    return hashlib.blake2b(data, digest_size=8).hexdigest()
 
 
 def poses_of(over: Any, at: Any) -> Any:

@@ -15,6 +15,7 @@ from blockmech.compiled import Compiled
 from blockmech.errors import needed
 from blockmech.files import AnyPath
 from blockmech.studies.family import Family
+from blockmech.studies.motions import runner_of
 from blockmech.studies.parts import WITHOUT, Block, Parts, Span
 from blockmech.studies.runner import Runner, poses_of
 from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
@@ -45,6 +46,7 @@ def study(
     out: AnyPath | None = None,
     workers: int | None = None,
     client: Any = None,
+    simulate: Mapping[str, Any] | None = None,
 ) -> Study:
     """Run many designs and keep a few numbers of each.
 
@@ -71,6 +73,10 @@ def study(
     workers : number of processes of this machine that do it, in place of this one
     client : a `dask.distributed.Client`, whose workers do it; ``out`` is a folder of theirs, too
         The answer is the same to the last bit, whoever does it.
+    simulate : arguments of `simulate`, e.g. ``{"until": "standstill"}``
+        Each design moves, and what is wanted is reduced over the output times: also ``final``,
+        ``settling`` (2 % of the change, or ``settling(crank.q, 0.05)``) and numbers of the
+        motion such as ``"motion.t_end"``, ``"motion.fluctuation"``, ``"motion.time_to_rest"``
 
     Returns
     -------
@@ -88,20 +94,17 @@ def study(
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
     chosen = designs(vary, sampling, count, seed)
     family = Family(mechanism, vary)
-    runner = Runner.of(
-        family, want, {"at": poses_of(over, at), "samples": samples, "times": times}, how
-    )
+    poses = {"at": poses_of(over, at), "samples": samples, "times": times}
+    runner = runner_of(family, want, poses, how, simulate)
     spans = runner.checked(chosen)
-    runner = replace(runner, engine=engine)
-    runner = replace(runner, engine=runner.prepared(chosen.count).engine.name)  # the same for all
-    taken = runner.samples(mechanism)
+    runner = replace(runner, engine=engine).settled(chosen.count)
     return Study(
         mechanism.name,
         dict(zip(vary, family.parameters, strict=True)),
         runner.want,
         chosen,
         _rows(runner, chosen, spans, progress, out, workers, client),
-        {mechanism.of_driver(d, "q"): taken.coordinate(i) for i, d in enumerate(mechanism.drivers)},
+        runner.coordinates,
         family.alone,
         runner.engine,
         runner,

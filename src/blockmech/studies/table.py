@@ -18,8 +18,7 @@ from blockmech.export import Column, aligned, counted, csv_of
 from blockmech.export.data import dataframe
 from blockmech.files import AnyPath
 from blockmech.model.parameters import Parameter
-from blockmech.quality import WORDS
-from blockmech.studies.parts import WITHOUT, Block, Parts, write_parquet
+from blockmech.studies.parts import REASONS, WITHOUT, Block, Parts, write_parquet
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.studies.sampling import Designs
 
@@ -42,7 +41,7 @@ class Study(Mapping[str, Array]):
     columns : what was kept
     designs : those that were asked for
     rows : what was kept of those that were run, and why not; in memory or in a folder
-    poses : driver -> coordinates (n,) [rad or m]
+    poses : driver -> coordinates (n,) [rad or m]; of designs that move none
     alone : why each design was compiled by itself; "" where one program served all
     engine : the engine that was taken
     runner : what ran the designs, and can run them again
@@ -95,7 +94,7 @@ class Study(Mapping[str, Array]):
     @cached_property
     def status(self) -> tuple[str, ...]:
         """A word a design: "ok", or why some pose has no answer."""
-        return tuple(WORDS[k] for k in self.found.word)
+        return tuple(REASONS[k] for k in self.found.word)
 
     def reason(self, design: int) -> str:
         """Why a design has no answer, in words; "" where it has one."""
@@ -103,6 +102,8 @@ class Study(Mapping[str, Array]):
         if self.found.word[design] == 0:
             return ""
         place, count = self.found.place[design], int(self.found.poses[design])
+        if not count:  # a motion, or what is kept of it
+            return f"{word}: {place}"
         n, k = len(next(iter(self.poses.values()), ())), int(self.found.pose[design])
         at = ", ".join(f"{name} = {q[k]:.6g}" for name, q in self.poses.items())
         where = f" at {place}" if place else ""
@@ -216,5 +217,5 @@ class Study(Mapping[str, Array]):
 
     def _title(self) -> str:
         count = f"{self.n} of " * self.interrupted + counted(self.designs.count, "design")
-        n = counted(len(next(iter(self.poses.values()), (0,))), "pose")
-        return f"{self.name}: {count} at {n}, {counted(len(self.vary), 'number')} varied"
+        varied = counted(len(self.vary), "number")
+        return f"{self.name}: {count} {self.runner.words}, {varied} varied"

@@ -16,6 +16,7 @@ from blockmech.analysis.verify import verify as verified
 from blockmech.compiled import Compiled
 from blockmech.errors import refused
 from blockmech.studies.family import as_said, remade
+from blockmech.studies.motions import MotionRunner
 from blockmech.studies.table import Study
 
 P = ParamSpec("P")
@@ -41,6 +42,8 @@ def _made_again(mechanism: Compiled, found: Study) -> Verification:
     Errors are relative to the column's largest number, times the conditioning of the design.
     """
     runner, names = found.runner, [n for n in mechanism.outputs if n.endswith(".margin")]
+    if isinstance(runner, MotionRunner):
+        raise refused("at", "it is a study of motions", "verify a simulation of one of its designs")
     if runner.family.mechanism is not mechanism:
         raise refused("at", f"it is a study of another mechanism, {found.name}")
     plain = {"friction": "none", "tolerance": None, "iterations": None, "static": True}

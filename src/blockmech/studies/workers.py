@@ -8,7 +8,6 @@ part only, which another one does.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import pickle
@@ -23,12 +22,10 @@ from functools import cached_property, lru_cache
 from multiprocessing import get_context, parent_process
 from typing import Any
 
-import numpy as np
-
 from blockmech.errors import needed, refused
 from blockmech.model.document import EXTRAS
 from blockmech.studies.parts import Block, Parts, Span
-from blockmech.studies.runner import Runner
+from blockmech.studies.runner import Runner, digest, summary
 from blockmech.studies.sampling import Designs
 from blockmech.values import is_count
 
@@ -164,27 +161,21 @@ def fingerprint(runner: Runner, chosen: Designs) -> str:
     """A word that is the same for the same question only, in any process."""
     from importlib.metadata import version  # slow to load
 
-    m = runner.family.mechanism
-    taken = runner.samples(m)
+    m, part = runner.family.mechanism, runner.part(runner.samples_of_design())
     written = {} if m.document is None else m.document.to_data()
     question = {
         "version": version("blockmech"),
         "mechanism": {key: x for key, x in written.items() if key not in EXTRAS}
         or repr((m.structure, m.scene)),
-        "vary": {a: _said(x) for a, x in chosen.vary.items()},
-        "designs": (chosen.sampling, chosen.count, chosen.seed, runner.part(taken.n)),
+        "vary": {a: summary(x) for a, x in chosen.vary.items()},
+        "designs": (
+            chosen.sampling,
+            chosen.count,
+            chosen.seed,
+            part,
+        ),
         "want": [w.label for w in runner.want],
-        "poses": {name: _said(np.asarray(x)) for name, x in taken.inputs.items()},
-        "times": None if taken.times is None else _said(taken.times),
+        **runner.question(),
         "settings": dict(runner.settings),
     }
-    return _hash(json.dumps(question).encode())
-
-
-def _said(x: Any) -> str:
-    """Values or a distribution, in a word."""
-    return _hash(x.tobytes()) if isinstance(x, np.ndarray) else repr(x)
-
-
-def _hash(data: bytes) -> str:
-    return hashlib.blake2b(data, digest_size=8).hexdigest()
+    return digest(json.dumps(question).encode())

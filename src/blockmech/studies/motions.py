@@ -1,0 +1,284 @@
+"""Designs that move: what a study keeps of simulations, and a function of them.
+
+Each design is simulated; its outputs at the output times are reduced, and numbers of the motion
+itself, ``motion.t_end``, stand beside them. A design whose motion cannot be computed, or ends
+before its goal, has no numbers and says why; one that comes to rest has an answer.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.dynamics import ends
+from blockmech.dynamics.motion import FACT_UNITS, Motion, fact_unit
+from blockmech.dynamics.request import OUTPUTS, request_of
+from blockmech.errors import BlockmechError, close_match, listed, refused
+from blockmech.model.parameters import Parameter
+from blockmech.result import Result
+from blockmech.settings import friction_asked
+from blockmech.studies.family import Family, as_said, remade
+from blockmech.studies.parts import ENDED_EARLY, NO_MOTION, NO_NUMBER, REASONS, Block
+from blockmech.studies.reductions import POSES, SIMPLE, Wanted, Words, column, columns
+from blockmech.studies.runner import Runner
+
+Array = NDArray[Any]
+TOGETHER = 16  # designs between two words of progress
+WITHIN = 0.02  # of its change, within which an output has settled
+MOTION = "motion"  # what is reduced is the motion itself
+
+
+def _rested(motion: Motion) -> float:
+    """When it came to rest [s]; NaN where it did not."""
+    rests = [event.t for event in motion.events if event.kind == ends.REST]
+    stands = motion.status == "rest" or motion.end == ends.REST
+    return rests[-1] if rests else motion.t_end if stands else math.nan
+
+
+NUMBERS: Mapping[str, tuple[str, Callable[[Motion], float]]] = {
+    "t_end": ("s", lambda m: m.t_end),
+    "q_end": ("{q}", lambda m: m.q_end),
+    "rate_end": ("{q}/s", lambda m: m.qd_end),
+    "error": ("{q}", lambda m: m.error),
+    "time_error": ("s", lambda m: m.time_error),
+    "standstills": ("", lambda m: sum(e.kind == ends.STANDSTILL for e in m.events)),
+    "time_to_rest": ("s", _rested),
+    "fluctuation": ("", lambda m: m.fluctuation(m.t_start, m.t_start + _period(m))),
+}
+"""Numbers of a motion that are no facts: unit and reading, of the only driver."""
+
+
+def _period(motion: Motion) -> float:
+    """The period of a steady motion, else the whole of it [s]."""
+    return motion.facts.get("period", motion.t_end - motion.t_start)
+
+
+class Moved(NamedTuple):
+    """What a design is kept as: its columns, why it has none, and where."""
+
+    values: Mapping[str, Any]
+    word: str = ""
+    place: str = ""
+
+
+@dataclass(frozen=True)
+class MotionRunner(Runner):
+    """Simulates designs of a family.
+
+    Attributes
+    ----------
+    simulation : arguments of `simulate`, but outputs and friction
+    n : number of output times
+    """
+
+    simulation: Mapping[str, Any] = field(default_factory=dict)
+    n: int = OUTPUTS
+
+    @classmethod
+    def moving(
+        cls, family: Family, want: Any, simulation: Mapping[str, Any], settings: Mapping[str, Any]
+    ) -> MotionRunner:
+        """That of a request. Raises `RequestError` for what is unknown or does not fit."""
+        m = family.mechanism
+        known = [*inspect.signature(request_of).parameters][2:-1]  # the engine is the study's
+        for name in simulation:
+            if name not in known:
+                found, valid = "no such argument of a motion", f"arguments: {listed(known)}"
+                remedy = close_match(str(name), known) or "friction and outputs are the study's"
+                raise refused(f"simulate[{name}]", found, remedy, valid, "unknown-argument")
+        friction_asked(*_friction(settings).values())
+        request, *_ = request_of(m.scene, m.drivers, **simulation)
+        times = simulation.get("times")
+        spread = OUTPUTS if times is None else len(request.times)
+        own = cls(family, (), {}, settings, simulation=simulation, n=spread)
+        return replace(own, want=columns(want, family.general.outputs, own._column, own._numbers()))
+
+    def _column(self, output: Any, how: str) -> Wanted:
+        words: Words = {
+            **dict.fromkeys((*SIMPLE, "final", POSES)),
+            "settling": _share,
+        }
+        made = column(output, how, words)
+        return replace(made, unit="s") if made.how == "settling" else made
+
+    def _numbers(self) -> dict[str, Wanted]:
+        """Columns of the motion itself, by name."""
+        m = self.family.mechanism
+        alone = len(m.drivers) == 1
+        unit = m.driver_joint(m.drivers[0]).coordinate_unit if m.drivers else ""
+        units = {name: u.format(q=unit) for name, (u, _) in NUMBERS.items()}
+        units |= {name: fact_unit(name, unit) for name in FACT_UNITS} | {"multiplier": ""}
+        several = ("t_end", "error", "time_error")
+        return {
+            f"{MOTION}.{name}": Wanted(f"{MOTION}.{name}", name, MOTION, u, "real")
+            for name, u in units.items()
+            if alone or name in several
+        }
+
+    # -- what a study asks -----------------------------------------------------------------
+
+    def samples_of_design(self) -> int:
+        """Output times of a design."""
+        return self.n
+
+    def settled(self, count: int) -> MotionRunner:
+        """Itself: each motion chooses its engine. Raises `RequestError` for none of motions."""
+        m = self.family.mechanism
+        request_of(m.scene, m.drivers, engine=self.engine, **self.simulation)
+        return self
+
+    @property
+    def coordinates(self) -> dict[str, Array]:
+        """None: where designs are is what they are asked for."""
+        return {}
+
+    @property
+    def words(self) -> str:
+        """What is done with a design."""
+        return f"in motion, until {self.simulation.get('until') or 'its end'}"
+
+    def question(self) -> dict[str, Any]:
+        """What is asked of a design, but settings and numbers."""
+        return {"motion": {name: repr(x) for name, x in self.simulation.items()}}
+
+    def size(self, n: int) -> int:
+        """Designs of a block."""
+        return TOGETHER
+
+    def part(self, n: int) -> int:
+        """Designs handed out at a time."""
+        return 16 * TOGETHER
+
+    def prepared(self, count: int) -> None:
+        """Nothing that all designs share."""
+
+    def blocks(self, planned: Any, chosen: Any) -> Iterator[Block]:
+        """All blocks of a part, one after the other."""
+        made = chosen.columns(0, chosen.count)
+        for k in range(0, chosen.count, TOGETHER):
+            rows = zip(self.family.parameters, made.values(), strict=True)
+            yield self.block(planned, {p: x[k : k + TOGETHER] for p, x in rows})
+
+    def block(self, planned: Any, columns: Mapping[Parameter, Array]) -> Block:
+        """Some designs, each moved by itself."""
+        rows = zip(*columns.values(), strict=True)
+        found = [
+            self.moved({p.address: as_said(p, x) for p, x in zip(columns, row, strict=True)})
+            for row in rows
+        ]
+        nothing = {w.label: _nothing(w, self.n) for w in self.want}
+        values = {
+            w.label: np.array([x.values.get(w.label, nothing[w.label]) for x in found])
+            for w in self.want
+        }
+        word = np.array([REASONS.index(x.word) if x.word else 0 for x in found], np.int8)
+        place = np.array([x.place for x in found], object)
+        return Block(values, word, place, np.full(len(found), -1), np.zeros(len(found), np.int64))
+
+    # -- one design ------------------------------------------------------------------------
+
+    def moved(self, numbers: Mapping[str, float]) -> Moved:
+        """What is kept of a design. `KeyboardInterrupt` ends its motion and the study's."""
+        outputs = list(dict.fromkeys(w.output for w in self.want if w.how != MOTION))
+        try:
+            own = remade(self.family.mechanism, numbers)
+            how = {"engine": self.engine, **_friction(self.settings), **self.simulation}
+            result = own.simulated(want=outputs, **how)
+        except BlockmechError as error:
+            return Moved({}, NO_MOTION, f"{error.problems[0].where} ({error.problems[0].found})")
+        motion = result.motion
+        assert motion is not None
+        if motion.end == ends.INTERRUPTED:
+            raise KeyboardInterrupt
+        if motion.status == "failed":
+            return Moved({}, NO_MOTION, f"{motion.end}, after {motion.t_end:.9g} s")
+        if motion.status == "ended" and motion.end != ends.REST:
+            return Moved({}, ENDED_EARLY, f"{motion.end}, after {motion.t_end:.9g} s")
+        values = {w.label: self.value(w, result, motion) for w in self.want}
+        for label, x in values.items():
+            if not np.isfinite(x[: result.n] if np.ndim(x) else x).all():
+                return Moved(values, NO_NUMBER, label)
+        return Moved(values)
+
+    def value(self, w: Wanted, result: Result, motion: Motion) -> Any:
+        """One column of a motion."""
+        if w.how == MOTION:
+            own = NUMBERS.get(w.output)
+            return float(motion.facts.get(w.output, math.nan) if own is None else own[1](motion))
+        y = np.asarray(result[w.output])
+        if w.how == "final":
+            return y[-1]
+        if w.how == "settling":
+            return settling(np.asarray(result.time), y, w.sample)
+        if w.how == POSES:
+            row = np.full(self.n, _nothing(w, 1)[0])
+            row[: len(y)] = y
+            return row
+        return w.value(y)[0] if np.ndim(y) else y
+
+
+def settling(t: Array, y: Array, share: float = WITHIN) -> float:
+    """When an output y (n,) at times t (n,) [s] is near its last value for good [s].
+
+    Near is within a share of its largest distance from there; between samples it is a line.
+
+    >>> settling(np.array([0.0, 1.0, 2.0, 3.0]), np.array([1.0, 0.5, 0.0, 0.0]), 0.25)
+    1.5
+    """
+    off = np.abs(y - y[-1])
+    far = np.flatnonzero(off > share * off.max())
+    if not far.size:
+        return float(t[0])
+    i = int(far[-1])
+    fall = (off[i] - share * off.max()) / (off[i] - off[i + 1])
+    return float(t[i] + fall * (t[i + 1] - t[i]))
+
+
+def _share(text: str, name: str) -> float:
+    """The share of ``settling(output, share)``. Raises `RequestError` where it is none."""
+    try:
+        share = float(text or WITHIN)
+    except ValueError:
+        share = math.nan
+    if not 0.0 < share < 1.0:
+        found = f'"{text}" is no share of the change'
+        raise refused(f"settling({name}, {text})", found, "give a number between 0 and 1")
+    return share
+
+
+def _nothing(w: Wanted, n: int) -> Any:
+    """A column of a design without an answer."""
+    nan = complex(math.nan, math.nan) if w.kind == "vector" else math.nan
+    return np.full(n, nan) if w.how == POSES else nan
+
+
+def _friction(settings: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: settings[key] for key in ("friction", "tolerance", "iterations")}
+
+
+def runner_of(
+    family: Family,
+    want: Any,
+    poses: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    simulation: Mapping[str, Any] | None,
+) -> Runner:
+    """What runs designs at poses, or simulates them.
+
+    Raises `RequestError` for what is unknown or does not fit.
+    """
+    if simulation is None:
+        return Runner.of(family, want, poses, settings)
+    given = [name for name, x in poses.items() if x is not None]
+    given += ["static"] * bool(settings["static"])
+    if given:
+        found = "designs that move have no poses"
+        remedy = "name times as an argument of the motion: simulate={'times': ...}"
+        raise refused(listed(given), found, remedy, code="useless-setting")
+    return MotionRunner.moving(family, want, simulation, settings)

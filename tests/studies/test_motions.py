@@ -1,0 +1,198 @@
+"""A study of motions keeps of each design what a simulation of it alone says."""
+
+import math
+import os
+import signal
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.cli import main
+from blockmech.studies.family import remade
+from blockmech.studies.motions import settling
+from tests.dynamics.scenes import bare_rod, slide
+from tests.gallery import GRAPHS, mechanism
+
+MASS = "crank.links.crank.mass"
+FALL = {"until": "standstill"}
+
+
+def test_columns_are_those_of_single_simulations():
+    watt, masses = mechanism("watt_sixbar"), [0.5, 1.0, 2.0]
+    kept = ["max_abs(crank.rate)", "final(first.C.p)", "mean(mechanism.kinetic_energy)"]
+    own = ["motion.t_end", "motion.q_end", "motion.error", "motion.fluctuation"]
+    found = watt.study({MASS: masses}, want=[*kept, *own], simulate=FALL)
+    for k, mass in enumerate(masses):
+        outputs = ["crank.rate", "first.C.p", "mechanism.kinetic_energy"]
+        run = remade(watt, {MASS: mass}).simulate("standstill", want=outputs)
+        m = run.motion
+        assert found["max_abs(crank.rate)"][k] == np.abs(run["crank.rate"]).max()
+        assert found["final(first.C.p)"][k] == run["first.C.p"][-1]
+        energy = run["mechanism.kinetic_energy"]
+        assert found["mean(mechanism.kinetic_energy)"][k] == pytest.approx(energy.mean(), rel=1e-14)
+        one = [m.t_end, m.q_end, m.error, m.fluctuation(0.0, m.t_end)]
+        assert [found[name][k] for name in own] == one
+    assert found.status == ("ok",) * 3
+    assert found.unit("motion.t_end") == "s"
+    assert found.unit("final(first.C.p)") == "m"
+
+
+def test_the_period_of_a_pendulum_from_three_lengths():
+    """Swings of 5, 60 and 120 degrees: the period by the arithmetic-geometric mean."""
+    swings = np.radians([5.0, 60.0, 120.0])
+    rod = bare_rod()
+    rod.start("crank", q=0.0)
+    found = rod.compile().study(
+        {"scene.initial.crank.q": -math.pi / 2 + swings},
+        want=["motion.t_end", "poses(crank.q)"],
+        simulate={**FALL, "times": np.linspace(0.0, 3.0, 31)},
+    )
+    for swing, half, row in zip(
+        swings, found["motion.t_end"], found["poses(crank.q)"], strict=True
+    ):
+        a, b = 1.0, math.cos(swing / 2)
+        while abs(a - b) > 1e-15:
+            a, b = (a + b) / 2, math.sqrt(a * b)
+        exact = math.pi * math.sqrt(2 / 3 / 9.81) / a
+        assert half == pytest.approx(exact, rel=1e-12)
+        shown = np.linspace(0.0, 3.0, 31) <= half
+        assert np.isfinite(row).tolist() == shown.tolist()
+
+
+def test_time_to_rest_is_where_friction_stops_it():
+    data = bm.Graph.load(GRAPHS / "motions/pin_pendulum.json")
+    address = "crank.friction.A.coefficient"
+    found = data.compile().study(
+        {address: [0.6, 1.0]}, want=["motion.time_to_rest", "motion.standstills"],
+        simulate={"until": "time=60"},
+    )  # fmt: skip
+    for k, mu in enumerate((0.6, 1.0)):
+        motion = data.replace({address: mu}).compile().simulate("time=60", want=[]).motion
+        rests = [e.t for e in motion.events if e.kind == "rest"]
+        assert found["motion.time_to_rest"][k] == rests[-1]
+        stands = sum(e.kind == "standstill" for e in motion.events)
+        assert found["motion.standstills"][k] == stands
+
+
+def test_settling_of_a_damped_slide():
+    """A line through x'' + 2 d x' + w^2 x = 0: where the envelope's last swing leaves the band."""
+    t = np.linspace(0.0, 3.0, 3001)
+    want = ["settling(slider.q)", "settling(slider.q, 0.1)"]
+    found = slide(damping=4.0).study(
+        {"spring.damping": [4.0, 8.0]},
+        want=want,
+        simulate={"times": t, "start": {"slider": (0.2, 0.0)}},
+    )
+    for k, damping in enumerate((4.0, 8.0)):
+        d = damping / 4.0
+        w = math.sqrt(25.0 - d * d)
+        x = 0.2 * np.exp(-d * t) * (np.cos(w * t) + d / w * np.sin(w * t))
+        off = np.abs(x - x[-1])
+        for label, share in zip(want, (0.02, 0.1), strict=True):
+            last = t[np.flatnonzero(off > share * off.max())[-1]]
+            assert last <= found[label][k] <= last + 1e-3
+    assert settling(np.array([0.0, 1.0, 2.0, 3.0]), np.array([1.0, 0.5, 0.0, 0.0]), 0.25) == 1.5
+    assert settling(np.arange(3.0), np.ones(3)) == 0.0
+
+
+def test_a_design_without_a_motion_is_a_row_with_its_reason():
+    watt = mechanism("watt_sixbar")
+    found = watt.study(
+        {"first.l_i": [watt.parameters()["first.l_i"].value, 0.3]},
+        want=["motion.t_end", "max(crank.rate)"],
+        simulate=FALL,
+    )
+    assert found.status[0] == "ok"
+    assert found.status[1] in ("no-motion", "ended-early")
+    assert found.reason(1).startswith(found.status[1] + ": ")
+    assert np.isnan(found["motion.t_end"][1])
+    assert np.isnan(found["max(crank.rate)"][1])
+    assert not found.reason(0)
+    rod = bare_rod()
+    rod.start("crank", q=0.0)
+    rod.stop("crank", -1.0, 1.0)
+    stopped = rod.compile().study({MASS: [1.0]}, want="motion.t_end", simulate=FALL)
+    assert stopped.reason(0).startswith("ended-early: end stop, after 0.")
+    steady = bare_rod()
+    steady.start("crank", q=0.0)
+    none = steady.compile().study({MASS: [1.0]}, want="motion.time_to_rest", simulate=FALL)
+    assert none.reason(0) == "no-number: motion.time_to_rest"
+
+
+@pytest.mark.parametrize(
+    ("how", "text"),
+    [
+        ({"want": "motion.t_end", "simulate": {"untl": "standstill"}}, 'did you mean "until"'),
+        ({"want": "motion.t_end", "simulate": {"until": "swing"}}, "no stopping condition"),
+        ({"want": "motion.t_end", "simulate": {"method": "verlet"}}, "there is no method"),
+        ({"want": "motion.t_ends", "simulate": FALL}, "motion.t_ends"),
+        ({"want": "at(crank.q, 1.0)", "simulate": FALL}, "no reduction"),
+        ({"want": "settling(crank.q, 2)", "simulate": FALL}, "between 0 and 1"),
+        ({"want": "motion.t_end", "simulate": FALL, "samples": 10}, "samples"),
+        ({"want": "motion.t_end", "simulate": {**FALL, "want": "crank.q"}}, "no such argument"),
+        ({"want": "motion.t_end", "simulate": FALL, "engine": "numpy"}, "no engine"),
+    ],
+)
+def test_what_cannot_be_is_refused(how, text):
+    rod = bare_rod()
+    rod.start("crank", q=0.0)
+    with pytest.raises(bm.RequestError, match=text):
+        rod.compile().study({MASS: [1.0, 2.0]}, **how)
+
+
+def test_objective_has_derivatives_by_differences():
+    """Time of a fall from level to the other side does not hang on mass; on length by a root."""
+    rod = bare_rod()
+    rod.start("crank", q=0.0)
+    addresses = ["crank.links.crank.inertia", "scene.gravity.y"]
+    f = rod.compile().objective(addresses, want="motion.t_end", simulate=FALL)
+    inertia, g = f.start
+    t = f(f.start)
+    exact = [t / 2 / (inertia + 0.25), -t / 2 / g]  # t ~ sqrt((I + m l^2 / 4) / g)
+    np.testing.assert_allclose(f.jacobian(f.start), exact, rtol=1e-9)
+    assert f([-1.0, g]) == math.inf
+
+
+def test_parts_in_a_folder_and_by_processes(tmp_path):
+    pytest.importorskip("pyarrow", reason="the extra study is not installed")
+    rod = bare_rod()
+    rod.start("crank", q=0.0)
+    mech, masses = rod.compile(), np.linspace(1.0, 2.0, 300)
+    how = {"want": ["motion.t_end", "max_abs(crank.rate)"], "simulate": FALL}
+    here = mech.study({MASS: masses}, **how)
+    there = mech.study({MASS: masses}, out=tmp_path / "parts", workers=2, **how)
+    for label in how["want"]:
+        np.testing.assert_array_equal(here[label], there[label])
+    assert here.status == there.status
+    assert len(list((tmp_path / "parts").iterdir())) == 2
+    assert "300 designs in motion, until standstill" in repr(here)
+    here.to_csv(tmp_path / "table.csv")
+    assert (tmp_path / "table.csv").read_text("utf-8").count("\n") == 301
+
+
+def test_an_interrupted_study_keeps_what_is_done():
+    rod = bare_rod()
+    rod.start("crank", q=0.0)
+
+    def stop(what, done, whole):
+        if done >= 32:
+            os.kill(os.getpid(), signal.SIGINT) if os.name != "nt" else signal.raise_signal(2)
+
+    found = rod.compile().study(
+        {MASS: np.linspace(1.0, 2.0, 96)}, want="motion.t_end", simulate=FALL, progress=stop
+    )
+    assert found.interrupted
+    assert 32 <= found.n < 96
+    assert found.n % 16 == 0
+
+
+def test_sweep_on_the_command_line(capsys):
+    graph = str(GRAPHS / "watt_sixbar.json")
+    arguments = ["sweep", graph, "--vary", f"{MASS}=0.5:2:4", "--want", "motion.t_end"]
+    assert main([*arguments, "--until", "standstill"]) == 0
+    said = capsys.readouterr().out
+    assert "4 designs in motion, until standstill" in said
+    assert "1.42706" in said
+    assert main([*arguments, "--accuracy", "1e-6"]) == 2
+    assert "--until" in capsys.readouterr().err
