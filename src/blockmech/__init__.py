@@ -35,8 +35,11 @@ from blockmech.errors import (
 )
 from blockmech.friction.laws import (
     Coulomb,
+    Dahl,
+    ElastoPlastic,
     FrictionLaw,
     Hydrodynamic,
+    LuGre,
     Preload,
     RollingBearing,
     Stiction,
@@ -80,6 +83,8 @@ __all__ = [
     "Crank",
     "Cycloidal",
     "Cylinder",
+    "Dahl",
+    "ElastoPlastic",
     "Force",
     "FormatError",
     "Frame",
@@ -94,6 +99,7 @@ __all__ = [
     "Hydrodynamic",
     "Link",
     "Linkage",
+    "LuGre",
     "Marker",
     "Mechanism",
     "MissingEngineError",

@@ -274,7 +274,8 @@ class Compiled(Runnable):
     def _refuse_states(self, plan: Plan, known: Collection[str]) -> None:
         """Refuse a run of given motions that needs states of signal blocks."""
         needed = {i for i in self._states_needed(plan) if f"{STATE}{i}" not in known}
-        refs = [str(ref) for ref, i in self.structure.signal_states.items() if i in needed]
+        needed -= {self.structure.states[ref] for ref in self.structure.remembering}
+        refs = [str(ref) for ref, i in self.structure.states.items() if i in needed]
         if refs:
             found = f"the outputs depend on states of signal blocks: {listed(refs, 4)}"
             remedy = "ask simulate for them, or name others with want=[...]"

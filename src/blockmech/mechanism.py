@@ -15,6 +15,7 @@ from blockmech.errors import BlockmechError
 from blockmech.quality import Flag
 from blockmech.result import Result
 from blockmech.runnable import LazyMethod
+from blockmech.samples import Samples
 
 if TYPE_CHECKING:
     import blockmech.analysis.explain as explaining
@@ -116,6 +117,15 @@ class Mechanism(Compiled):
             with suppress(BlockmechError):
                 return mechanism_svg(self, at)
         return None
+
+    def samples(self, *asked: Any) -> Samples:
+        """Samples that a request names, with the states of friction laws along their motion."""
+        taken = super().samples(*asked)
+        if not self.structure.remembering:
+            return taken
+        from blockmech.analysis.deflections import with_deflections
+
+        return with_deflections(self, taken)
 
     def run_to(self, *request: Any) -> Result:
         """Run with the settings that an accuracy needs; see `blockmech.analysis.accuracy`."""

@@ -234,6 +234,9 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
     yield _coordinate(structure, ref, by, on)
     yield _real(f"{ref}.slip", f"{joint.coordinate_unit}/s", forward.slip, ref)
     yield _real(f"{ref}.friction_power", "W", energy.friction_power, ref)
+    if ref in structure.remembering:
+        yield _real(f"{ref}.deflection", joint.coordinate_unit, friction.deflection, ref)
+        yield _real(f"{ref}.stored_power", "W", energy.stored_power, ref)
 
 
 def _coordinate(structure: Structure, ref: JointRef, by: str, on: str) -> Output:

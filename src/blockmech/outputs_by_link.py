@@ -32,7 +32,10 @@ from blockmech.plan import Output
 
 OF_LINKS = ("angle", "omega", "alpha")
 OF_POINTS = ("p", "v", "a")
-OF_JOINTS = ("reaction", "N", "C", "friction", "coordinate", "slip", "friction_power")
+OF_JOINTS = (
+    *("reaction", "N", "C", "friction", "coordinate", "slip", "friction_power"),
+    *("deflection", "stored_power"),
+)
 OF_DRIVERS = (
     *("q", "rate", "acceleration", "drive", "drive_by_reduction"),
     *("power", "J_red", "tau_red", "dJ_red"),
@@ -158,7 +161,7 @@ def _of_joint(
     one = (f"{pair.joint}.{what}", -1 if pair.flipped else 1)
     if what == "reaction":
         return one, *((f"{ref}.{what}", -1 if back else 1) for ref, back in pair.others)
-    if what == "friction_power":
+    if what in ("friction_power", "stored_power"):
         return ((one[0], 1),)
     along = structure.joint(pair.joint).kind == "P" and what != "C"
     ends = {structure.earlier_link(pair.joint), structure.later_link(pair.joint)}

@@ -35,6 +35,8 @@ QUANTITIES: Mapping[str, str] = {
     " its position along the guide",
     "slip": "rate of the link that friction acts on against the other one",
     "friction_power": "power lost to friction",
+    "deflection": "state of the friction law: how far the bristles bend, as slip counts",
+    "stored_power": "part of friction_power that bends bristles and may come back",
     # groups
     "margin": "how far from a dead centre: 1 at the best, 0 there",
     "transmission_angle": "transmission angle of the dyad, between 0 and pi/2",

@@ -29,6 +29,10 @@ EXAMPLES = {
     "viscous": bm.Viscous(damping=0.3),
     "preload": bm.Preload(resistance=0.4),
     "rolling bearing": bm.RollingBearing(**BEARING),
+    "dahl": bm.Dahl(kinetic=0.2, stiffness=300.0, **PIN),
+    "lugre, pin": bm.LuGre(**STRIBECK, stiffness=1e3, damping=0.9, **PIN),
+    "lugre, guide": bm.LuGre(**STRIBECK, stiffness=1e4, damping=9.0, guide_length=0.3),
+    "elasto-plastic": bm.ElastoPlastic(**STRIBECK, stiffness=1e3, breakaway=0.1, **PIN),
     "hydrodynamic": bm.Hydrodynamic(**FILM),
 }
 
@@ -82,7 +86,9 @@ def test_files_keep_laws_and_their_numbers_have_addresses_and_units(name):
     known = graph.compile().parameters()
     own = {a.rpartition(".")[2]: p.unit for a, p in known.items() if ".friction.C." in a}
     assert own
-    units = {"stribeck_speed": "rad/s", "damping": "N m s/rad", "resistance": "N m"}
+    damping = "s/rad" if law.remembers else "N m s/rad"  # of a coefficient, or of a couple
+    units = {"stribeck_speed": "rad/s", "damping": damping, "resistance": "N m"}
+    units["stiffness"] = "1/rad"
     assert {key: own[key] for key in units if key in own}.items() <= units.items()
 
 
@@ -121,6 +127,11 @@ WRONG = {
     "exponent": ({"law": "stribeck", **STRIBECK, "exponent": 0.0, **PIN}, "wrong-value"),
     "no radius": ({"law": "stribeck", **STRIBECK}, "friction-mismatch"),
     "catalogue": ({"law": "rolling_bearing", **BEARING, "f0": 200.0}, "bad-friction"),
+    "breakaway": (
+        {"law": "elasto_plastic", **STRIBECK, "stiffness": 1e3, "breakaway": 0.2, **PIN},
+        "bad-friction",
+    ),
+    "soft": ({"law": "dahl", "kinetic": 0.2, "stiffness": 0.0, **PIN}, "wrong-value"),
     "film": ({"law": "hydrodynamic", **FILM, "clearance": 0.02}, "bad-friction"),
     "name": ({"law": "stribek", **STRIBECK, **PIN}, "unknown-friction-law"),
     "no name": ({"law": 3, **PIN}, "unknown-friction-law"),

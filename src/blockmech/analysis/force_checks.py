@@ -14,7 +14,6 @@ from blockmech.analysis.evidence import Evidence, Residual, plain, total
 from blockmech.analysis.free_bodies import Array
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import primitives
-from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.model.structure import JointRef
 from blockmech.plane import REST_SHARE
 
@@ -91,7 +90,14 @@ def friction(e: Evidence) -> Iterator[Residual]:
                 edges = 2 / law.edge_distance if law.edge_distance else 0.0
                 load = np.maximum(np.abs(r[f"{ref}.N"]), edges * np.abs(r[f"{ref}.C"]))
                 terms, way = size.force + edges * size.moment, 1.0
-            factor, drag = of_arrays(law, np.abs(slip))
+            if law.remembers:
+                k, d = bound_kernel(law.kernel())(slip, r[f"{ref}.deflection"], law.parameters())
+                scale = (np.abs(k) * terms + np.abs(d)) * e.condition(name)
+                if method in ("none", "newton"):
+                    left = t + (k * load + d if method == "newton" else 0.0)
+                    yield Residual("friction in", ref, np.abs(left), scale)
+                continue
+            factor, drag = law.sliding(bound_kernel)(np.abs(slip))
             bound = factor * load + drag if method != "none" else 0.0 * load
             scale = (factor * terms + drag) * e.condition(name)
             driven = np.maximum(t * np.sign(slip), 0.0)
@@ -104,10 +110,9 @@ def friction(e: Evidence) -> Iterator[Residual]:
                 yield Residual("friction in", ref, left, scale)
 
 
-def of_arrays(law: FrictionLaw, rates: Array) -> Any:
-    """What a law says at relative rates (n,)."""
-    kernel = bind_functions({"kernel": law.kernel()}, primitives(np.float64))["kernel"]
-    return kernel(*((rates,) if law.reads_speed else ()), law.parameters())
+def bound_kernel(kernel: Any) -> Any:
+    """A kernel of a law, for arrays (n,)."""
+    return bind_functions({"kernel": kernel}, primitives(np.float64))["kernel"]
 
 
 def reduction(e: Evidence) -> Iterator[Residual]:

@@ -220,7 +220,8 @@ def _relative(left: Any, scale: Any) -> float:
 
 def _states(mechanism: Compiled, n: int) -> dict[str, Any]:
     """States of signal blocks at n samples, each a number of its own: any will do."""
-    at, initial = np.arange(n), mechanism.structure.initial_states
+    structure, at = mechanism.structure, np.arange(n)
+    initial = structure.initial_states[: len(structure.states) - len(structure.remembering)]
     return {f"{STATE}{k}": x + np.cos(at + 2 * k) for k, x in enumerate(initial)}
 
 

@@ -162,8 +162,9 @@ class FollowingSystem(System):
 def system_of(compiled: Source, **given: Any) -> System:
     """The system of a mechanism, across its change points where dyads follow the motion.
 
-    With signal blocks a motion ends in a change point: their states are not read between poses.
+    With signal blocks or friction laws that have states, a motion ends in a change point: states
+    are not read between poses.
     """
     structure = compiled.structure
-    kind = FollowingSystem if structure.followed and not structure.signals else System
+    kind = FollowingSystem if structure.followed and not structure.states else System
     return kind(compiled, **given)

@@ -20,4 +20,5 @@ UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 # What an integration stops at, to go on with another equation or because its goal is met.
 KINK, GOAL = "kink", "goal"
 REVERSAL, GUIDE_SIDE = "joint reverses", "guide changes side"
+DEFLECTION_KINK = "bristles turn"  # a pair reverses whose friction law has a state
 SIGNAL_KINK, RELEASED = "signal kink", "released"  # from joint friction, by a signal

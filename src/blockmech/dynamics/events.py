@@ -129,9 +129,15 @@ def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[E
 
 
 def friction_rules(
-    slips: Callable[[Any], Any], loads: Callable[[float, Any], Any], guides: Sequence[bool]
+    slips: Callable[[Any], Any],
+    loads: Callable[[float, Any], Any],
+    guides: Sequence[bool],
+    remembers: Sequence[bool],
 ) -> list[EventFunction]:
-    """Reversals of pairs with friction, and guides whose load goes over to the other side."""
+    """Reversals of pairs with friction, and guides whose load goes over to the other side.
+
+    The friction of a pair whose law has a state goes on through a reversal, but has a kink there.
+    """
     found = []
 
     def slip(j: int) -> Value:
@@ -141,7 +147,8 @@ def friction_rules(
         return lambda t, y: bearing(complex(loads(t, y)[j]))[part]
 
     for j, guide in enumerate(guides):
-        found.append(EventFunction(ends.REVERSAL, slip(j), parts=PARTS // 2, index=j))
+        kind = ends.DEFLECTION_KINK if remembers[j] else ends.REVERSAL
+        found.append(EventFunction(kind, slip(j), parts=PARTS // 2, index=j))
         if guide:
             kind = ends.GUIDE_SIDE
             found += [EventFunction(kind, side(j, part), parts=1, index=j) for part in range(2)]

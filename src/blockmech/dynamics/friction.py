@@ -76,8 +76,9 @@ class ForcePassProgram:
     names: tuple[str, ...]  # (m,) pairs with friction
     guides: tuple[bool, ...]  # (m,) whether the load is the larger component of (N, 2 C / L)
     program: Program
-    laws: Program  # factors and drags (2 m,) at relative rates, then those at rest
+    laws: Program  # factors and drags (2 m,) at relative rates; that hold at rest; elastic ones
     whole: Program  # values of the first, what signals add, factors and drags at relative rates
+    remembers: tuple[bool, ...]  # (m,) whether a pair's law has a state of its own
     drags: bool  # whether a law has more than a factor
     smooth: bool  # whether all laws are analytic in the speed
 
@@ -102,17 +103,18 @@ class ForcePassProgram:
         values += [s.ask(forward.slip, ref) for ref in joints]
         values += margins(s)
         program = s.program(values)
-        apart, at_rest = schedule(structure, compiled.scene, GIVEN), friction.terms_at_rest
-        slipping = terms(apart, joints, friction.terms)
+        apart = schedule(structure, compiled.scene, GIVEN)
+        rules = friction.terms, friction.terms_at_rest, friction.terms_standing
+        said = [x for rule in rules for x in terms(apart, joints, rule)]
         laws = [structure.friction_law(ref) for ref in joints]
+        more = [*signals.rates(s), *friction.deflection_rates(s), *signals.kinks(s)]
         return cls(
             tuple(map(str, joints)),
             tuple(pairs.statics(s, ref).edges for ref in joints),
             program,
-            apart.program([*slipping, *terms(apart, joints, at_rest)]),
-            s.program(
-                [*values, *signals.rates(s), *signals.kinks(s), *terms(s, joints, friction.terms)]
-            ),
+            apart.program(said),
+            s.program([*values, *more, *terms(s, joints, friction.terms)]),
+            tuple(law.remembers for law in laws),
             any(law.drags for law in laws),
             all(law.smooth for law in laws),
         )
@@ -155,7 +157,7 @@ class FrictionState(NamedTuple):
     """One state: the acceleration, and what the pairs do."""
 
     qdd: float
-    power: float  # [W] that friction takes, never negative
+    power: float  # [W] that friction takes, see `power_taken`
     loads: Vectors  # (m,)
     margin: float
     outcome: Outcome
@@ -166,6 +168,17 @@ class FrictionState(NamedTuple):
     def locked(self) -> bool:
         """Whether no acceleration satisfies Coulomb's law, in a pose that is possible."""
         return not self.outcome.solved and self.margin > 0
+
+
+def power_taken(found: FrictionSolution, remembers: Sequence[bool], qd: Any) -> Any:
+    """Power [W] that friction takes: of laws with a state, which also store, with its sign."""
+    taken, along = found.taken, None
+    for s, t, stores in zip(found.slips, found.solution.t, remembers, strict=True):
+        if stores:
+            taken = taken - abs(s * t)
+            along = s * t if along is None else along + s * t
+    power = taken * abs(qd)
+    return power if along is None else power - along * qd
 
 
 class FrictionSolution(NamedTuple):
@@ -267,7 +280,8 @@ class JointFriction:
         self.names = program.names
         self.guides = program.guides
         self._laws = AdaptiveEvaluator(program.laws)
-        self.static = tuple(float(x[0]) for x in self._asked(np.zeros((len(self.names), 1)))[1])
+        still = np.zeros((len(self.names), 1))
+        self.static = tuple(float(x[0]) for x in self._asked(still)[1])  # (2 m,) that hold at rest
         solver, options = solvers.SOLVERS[method.method]
         self.options = tuple(getattr(method, name) for name in options)
         self.solver = solver
@@ -277,16 +291,28 @@ class JointFriction:
 
     # -- the laws ------------------------------------------------------------------------
 
-    def _asked(self, rates: Floats) -> tuple[Row, Row]:
-        """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n), and at rest."""
-        given = {f"slip_{j}": x for j, x in enumerate(rates)}
+    def _asked(self, rates: Floats, x: Any = None) -> list[Row]:
+        """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n), at rest, and elastic.
+
+        x are the states of signals and laws, by default the initial ones.
+        """
+        given = {f"slip_{j}": rate for j, rate in enumerate(rates)}
+        states = self._initial if x is None else x
+        given |= {f"{STATE}{k}": np.full(rates.shape[1], s) for k, s in enumerate(states)}
         inputs = self.program.laws.inputs
         found = list(self._laws.run({x: given[x] for x in inputs}, rates.shape[1]))
-        return found[: len(found) // 2], found[len(found) // 2 :]
+        n = 2 * len(self.names)
+        return [found[:n], found[n : 2 * n], found[2 * n :]]
 
-    def law(self, rates: Floats) -> Row:
-        """Factors and drags (2 m,) of arrays (n,) at magnitudes of relative rates (m, n)."""
-        return self._asked(rates)[0]
+    def law(self, rates: Floats, x: Any = None) -> Row:
+        """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n) and states x."""
+        return self._asked(rates, x)[0]
+
+    def standing(self, x: Any) -> tuple[float, ...]:
+        """Factors and drags (2 m,) at a standstill with states x: those of bristles are elastic."""
+        if not any(self.program.remembers):
+            return self.static
+        return tuple(float(y[0]) for y in self._asked(np.zeros((len(self.names), 1)), x)[2])
 
     # -- data of the force pass ------------------------------------------------------
 
@@ -367,11 +393,13 @@ class JointFriction:
     def sides(self, q: float, direction: int) -> Sides:
         """Signs (m,) of the relative rates just beyond q in a direction of motion.
 
+        1 of a pair whose law has a state, as the law says the sign itself.
         A slip that vanishes at q, as far as the next place tells, has the sign that it gets.
         """
         here, beyond, vanishes = self._beyond(q, direction)
         at = np.where(vanishes, beyond, here)
-        return tuple(int(x) for x in direction * np.sign(np.nan_to_num(at)))  # NaN: no pose
+        signs = direction * np.sign(np.nan_to_num(at))  # NaN: no pose
+        return tuple(int(x) for x in np.where(self.program.remembers, 1, signs))
 
     def reversing(self, q: float) -> list[int]:
         """Pairs whose slip vanishes at q, as far as the next place tells."""
@@ -412,8 +440,8 @@ class JointFriction:
         engine = self.program.single.engine(self._compiled())
         rows = [engine.one(self._inputs(q, state)) for state in states]
         margin = min([1.0, *rows[0][1 + 2 * m :]], key=lambda x: (x == x, x))
-        rates = np.abs([rows[0][1 + m : 1 + 2 * m]]).T
-        terms = self.against(sides, [float(x[0]) for x in self.law(rates)])
+        rates = np.array([rows[0][1 + m : 1 + 2 * m]]).T
+        terms = self.against(sides, [float(y[0]) for y in self.law(rates, x)])
         try:
             found = resistance(rows, *terms, self.guides, self.solver, self.options)
         except (ArithmeticError, ValueError):
@@ -421,7 +449,7 @@ class JointFriction:
             return FrictionState(
                 math.nan, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0
             )
-        said, power = found.solution.outcome, found.taken * abs(qd)
+        said, power = found.solution.outcome, power_taken(found, self.program.remembers, qd)
         outcome = Outcome(int(said)) if said == said else Outcome.NOT_CONVERGED
         limit, solved = float(found.solution.limit), found.solution
         misfit = float(left_undone(solved.residual, solved.contraction))
@@ -441,7 +469,8 @@ class JointFriction:
     def holding(self, q: Floats, t: float = 0.0) -> tuple[Floats, Floats]:
         """Lowest and highest driving efforts (n,) [N m or N] that hold the driver at places.
 
-        Infinite where nothing starts it. A pair whose slip is zero at a place does not help there.
+        Infinite where nothing starts it. A pair whose slip is zero at a place does not help there;
+        bristles help by the most that they carry.
         """
         states = [State(share=1.0, t=t), *(State(pair=k) for k in range(len(self.names)))]
         acting, *pairs = self._columns(q, states)
@@ -458,14 +487,15 @@ class JointFriction:
         return found[0], found[1]
 
     def rest(self, q: float, t: float = 0.0, x: Any = None) -> Rest:
-        """What a standstill at q leads to; x are states of signal blocks."""
+        """What a standstill at q leads to; x are states of signal blocks and laws."""
+        standing = self.standing(x)
         place, least = np.array([q]), self._rounding(q)
         states = [State(share=1.0, t=t, x=x), *(State(pair=k) for k in range(len(self.names)))]
         acting, *pairs = self._columns(place, states)
         still = [1.0, *[0j] * len(pairs)]  # a unit of q'' changes no load
         holding = []
         for direction in (-1, 1):
-            found = self.solve([acting, still, *pairs], self.sides(q, direction), self.static)
+            found = self.solve([acting, still, *pairs], self.sides(q, direction), standing)
             start = -float(found.effort[0])
             if math.isfinite(start):
                 least += 8 * EPS * float(found.taken[0])  # as of that of the loads

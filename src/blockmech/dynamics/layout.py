@@ -22,7 +22,7 @@ class StateLayout:
     ----------
     drivers : number k of drivers
     rubs : whether the work F that joint friction takes stands there
-    initial : states x of signal blocks where the motion starts
+    initial : states x of signal blocks and friction laws where the motion starts
 
     >>> layout = StateLayout(drivers=2, rubs=False)
     >>> layout.rate, layout.work, layout.size
@@ -65,7 +65,7 @@ class StateLayout:
 
     @cached_property
     def signals(self) -> slice:
-        """States of signal blocks, in the order of `Structure.signal_states`."""
+        """States of signal blocks and of friction laws, in the order of `Structure.states`."""
         return slice(self.work + 1 + self.rubs, self.size)
 
     @property

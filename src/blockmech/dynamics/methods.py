@@ -125,7 +125,7 @@ def check(system: System, request: SimulationRequest) -> None:
     if several and goal not in ("time", "event", "steady"):
         raise _unfitting("until", goal, "it needs one driver", ("time", "event", "steady"))
     if goal == "steady" and "state" in system.depends_on:
-        why = "the loads depend on states of signals, for which no steady state is looked for"
+        why = "signals or friction laws have states, for which no steady state is looked for"
         raise _unfitting("until", goal, why, ("time", "event"))
     if goal == "event" and not any(w.terminal for w in request.watch):
         remedy = f"give one in Python: watch=[{WATCH}]"
@@ -248,6 +248,7 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     in_steps = {
         "several drivers": len(system.drivers) > 1,
         "a user's event ends the run": request.until.goal == "event",
+        "a friction law has a state": system.remembers,
         "the loads depend on the states of signals": "state" in depends,
         "the loads depend on the time": "time" in depends,
         "a friction law is not smooth": not system.smooth_friction,

@@ -204,9 +204,9 @@ class Motion(TextReport):
         return State(*(x.reshape(shape) for x in found))
 
     def signal_states(self, t: Floats) -> Floats:
-        """States (n, m) of signal blocks at times (n,) [s] of the run.
+        """States (n, m) of signal blocks and friction laws at times (n,) [s] of the run.
 
-        They are in the order of `Structure.signal_states`; at an instant of a discrete block they
+        They are in the order of `Structure.states`; at an instant of a discrete block they
         are those before it.
         """
         end = np.broadcast_to(np.asarray(self.x_end, dtype=np.float64), (*t.shape, len(self.x_end)))

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from blockmech.dynamics.friction import bearing, resistance, signed_terms
+from blockmech.dynamics.friction import bearing, power_taken, resistance, signed_terms
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.stages import CompiledRhs
@@ -63,6 +63,7 @@ def rubbing(
     inert: Any,
     solved: Any,
     guides: Any,
+    remembers: Any,
     qd: Real,
     zero: Real,
     least: Real,
@@ -76,7 +77,7 @@ def rubbing(
     m = len(solved.slips)
     tau, J = inert[0] - rows[0][0], rows[1][0]
     margin = _least(rows[0][1 + 2 * m :], zero)
-    power = solved.taken * abs(qd)
+    power = power_taken(solved, remembers, qd)
     rates = _rates(margin, J, qd, solved.qdd, tau * qd, power, *states)
     parts = [x for F in solved.loads for x in (F.real, F.imag)]
     sides = [x for F, guide in zip(solved.loads, guides, strict=True) if guide for x in bearing(F)]
@@ -145,7 +146,7 @@ def _rubbing(friction: JointFriction, signals: SignalProgram) -> CompiledRhs:
             given = {"q_0": q, "qd_0": rate, "qdd_0": qdd, "t": t, "load_share": share}
             given |= {f"friction_{i}": one if i == pair else zero for i in range(m)}
             given |= dict(zip(signals.names, x, strict=True))
-            given |= {f"slip_{i}": abs(slip) for i, slip in enumerate(slips)}
+            given |= {f"slip_{i}": slip for i, slip in enumerate(slips)}
             found = run(*(given[x] for x in inputs))
             return found[: len(found) - first], found[len(found) - first :]
 
@@ -159,7 +160,7 @@ def _rubbing(friction: JointFriction, signals: SignalProgram) -> CompiledRhs:
         inert, _ = state(qd, zero, zero)
         more = state(qd, solved.qdd, one)[1][: signals.values] if signals.values else ()
         return bound["rubbing"](
-            rows, inert, solved, own.guides, qd, zero, least, more[:n], more[n:]
+            rows, inert, solved, own.guides, own.remembers, qd, zero, least, more[:n], more[n:]
         )
 
     return CompiledRhs(own.whole, body, 4 + n, 3 + m, 3 + m + 2 * sum(own.guides) + kinks)

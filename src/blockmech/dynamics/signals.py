@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from blockmech.engines.llvm import SingleEvaluator
@@ -16,7 +16,7 @@ FREE = Friction("none")
 
 
 class SignalProgram(NamedTuple):
-    """What signal blocks add to the programs of a system.
+    """What signal blocks, and friction laws with a state, add to the programs of a system.
 
     The rates of all states stand in the program of the equation of motion, then the values of
     which a change of sign is a kink.
@@ -25,6 +25,7 @@ class SignalProgram(NamedTuple):
     ----------
     blocks : the signal blocks
     initial : states where a motion starts
+    sizes : of states: 1, of friction laws the deflection in steady slip
     names : inputs of the states
     kinks : number of those values
     update : states that discrete blocks switch to at an instant; None without any
@@ -33,6 +34,7 @@ class SignalProgram(NamedTuple):
 
     blocks: Mapping[str, Signal] = {}
     initial: tuple[float, ...] = ()
+    sizes: tuple[float, ...] = ()
     names: tuple[str, ...] = ()
     kinks: int = 0
     update: SingleEvaluator | None = None
@@ -63,15 +65,33 @@ def felt(compiled: Any) -> tuple[str, ...]:
     return tuple(found)
 
 
+def program_with_deflections(compiled: Any) -> SignalProgram:
+    """The same, and the states of friction laws."""
+    found = compiled.once(signal_program)
+    structure, initial = compiled.structure, compiled.structure.initial_states
+    laws = [structure.friction_law(ref) for ref in structure.remembering]
+    bent = (abs(float(law.steady_kernel()(1.0, law.parameters()))) for law in laws)
+    more = {"initial": initial, "names": names_of(initial), "sizes": (*found.sizes, *bent)}
+    return SignalProgram(**{**found._asdict(), **more})
+
+
+def names_of(initial: Sequence[float]) -> tuple[str, ...]:
+    """Inputs of some states."""
+    return tuple(f"{signals.STATE}{i}" for i in range(len(initial)))
+
+
 def signal_program(compiled: Any) -> SignalProgram:
     """What the signal blocks of a mechanism add."""
     structure, s = compiled.structure, schedule(compiled.structure, compiled.scene, FREE)
     updated = s.ask(signals.updated)
+    initial = structure.initial_states
+    initial = initial[: len(initial) - len(structure.remembering)]
     return SignalProgram(
         structure.signals,
-        structure.initial_states,
-        tuple(f"{signals.STATE}{i}" for i in range(len(structure.initial_states))),
+        initial,
+        (1.0,) * len(initial),
+        names_of(initial),
         len(signals.kinks(schedule(structure, compiled.scene, FREE))),
         SingleEvaluator(s.program(updated.values())) if updated else None,
-        tuple((ref.block, structure.signal_states[ref]) for ref in updated),
+        tuple((ref.block, structure.states[ref]) for ref in updated),
     )

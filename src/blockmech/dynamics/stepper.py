@@ -75,7 +75,7 @@ class Stepper:
         self._plan = mechanism.plan(self.outputs, friction=method)  # type: ignore[arg-type]
         structure = mechanism.structure
         self._places = {
-            name: structure.signal_states[JointRef(name, f"{HELD}y")]
+            name: structure.states[JointRef(name, f"{HELD}y")]
             for name, block in structure.signals.items()
             if isinstance(block, Input)
         }

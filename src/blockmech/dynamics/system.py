@@ -27,14 +27,19 @@ from numpy.typing import NDArray
 from blockmech.dynamics import loads
 from blockmech.dynamics.friction import ForcePassProgram, JointFriction, margins
 from blockmech.dynamics.motion import Cost, Floats
-from blockmech.dynamics.signals import NO_SIGNALS, SignalProgram, signal_program
+from blockmech.dynamics.signals import (
+    NO_SIGNALS,
+    SignalProgram,
+    program_with_deflections,
+    signal_program,
+)
 from blockmech.dynamics.table import PlaceTable
 from blockmech.engines.llvm import WORTH, LlvmEngine, SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
-from blockmech.passes import reduction, signals
+from blockmech.passes import friction, reduction, signals
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Program
 from blockmech.plane import EPS
@@ -103,12 +108,22 @@ def reduced(compiled: Source) -> AdaptiveEvaluator:
 
 def equation(compiled: Source) -> SingleEvaluator:
     """M, Q, c (one driver: dJ/dq), what signals add, then the margins, at one state."""
+    return _equation(compiled, deflections=False)
+
+
+def equation_with_deflections(compiled: Source) -> SingleEvaluator:
+    """The same, with the rates of the states of friction laws behind those of signals."""
+    return _equation(compiled, deflections=True)
+
+
+def _equation(compiled: Source, deflections: bool) -> SingleEvaluator:
     s, drivers = schedule(compiled.structure, compiled.scene, FREE), compiled.structure.drivers
     M = [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
     Q = [s.ask(reduction.reduced_load, k) for k in drivers]
     rule = reduction.inertia_slope if len(drivers) == 1 else reduction.bias
     c = [s.ask(rule, k) for k in drivers]
-    more = [*signals.rates(s), *signals.kinks(s)]
+    more = [*signals.rates(s), *(friction.deflection_rates(s) if deflections else ())]
+    more += signals.kinks(s)
     return SingleEvaluator(s.program([*M, *Q, *c, *more, *margins(s)]))
 
 
@@ -155,7 +170,9 @@ class System:
     def __post_init__(self) -> None:
         if not self.stops:
             self.stops = ((-math.inf, math.inf),) * len(self.drivers)
-        if self.compiled.structure.signals:
+        if self.remembers:
+            self.signals = self.compiled.once(program_with_deflections)
+        elif self.compiled.structure.signals:
             self.signals = self.compiled.once(signal_program)
 
     # -- what it is ------------------------------------------------------------
@@ -171,9 +188,17 @@ class System:
         return tuple(self.compiled.structure.driver_joint(d).rotary for d in self.drivers)
 
     @cached_property
+    def remembers(self) -> bool:
+        """Whether joints have friction whose law has a state of its own."""
+        rubs = self.method is not None and self.method.method != "none"
+        return rubs and bool(self.compiled.structure.remembering)
+
+    @cached_property
     def depends_on(self) -> frozenset[str]:
-        """What the loads depend on, of {"q", "rate", "time", "state"}."""
+        """What loads and friction depend on, of {"q", "rate", "time", "state"}."""
         found = loads.depends_on(self.compiled.structure)
+        if self.remembers:
+            found |= {"state"}
         if not self.compiled.structure.signal_wires:
             return found
         of = {"qd": "rate", "t": "time", "x": "state"}
@@ -229,7 +254,11 @@ class System:
     @property
     def equation_program(self) -> Program:
         """The program of the equation of motion at one state."""
-        return self.compiled.once(equation).program
+        return self._equation.program
+
+    @property
+    def _equation(self) -> SingleEvaluator:
+        return self.compiled.once(equation_with_deflections if self.remembers else equation)
 
     @property
     def kept(self) -> dict[Any, Any]:
@@ -392,13 +421,18 @@ class System:
     @property
     def engine_of_states(self) -> ScalarEngine | LlvmEngine:
         """What says the equation of motion at single states."""
-        return self.compiled.once(equation).engine(self.compiled_states)
+        return self._equation.engine(self.compiled_states)
 
     @property
     def compiled_states(self) -> bool:
         """Whether machine code is asked for single states, where there can be some."""
         asked = self.kept.get("states", 0) + self.singles + self.states
         return self.engine == "llvm" or (self.engine == "auto" and asked > WORTH)
+
+    @property
+    def quick_states(self) -> bool:
+        """Whether machine code says single states, once many of them are asked for."""
+        return len(self.drivers) == 1 and self.engine != "scalar"
 
     def remember(self) -> None:
         """Count the states of this run among the mechanism's."""

@@ -65,6 +65,10 @@ def tangents(
     ``friction`` puts the friction of joints that slip into it; at rest it has no derivative.
     """
     refuse_signals(compiled)
+    if friction and compiled.structure.remembering:
+        found = "it has a friction law with a state, which stands beside the coordinates"
+        remedy = 'leave joint friction out with friction="none", or simulate the motion'
+        raise refused(str(compiled.structure.remembering[0]), found, remedy)
     engine = compiled.once(_with_friction if friction else _without)
     k = len(compiled.structure.drivers)
     q = np.asarray(q, float).reshape(-1, k)

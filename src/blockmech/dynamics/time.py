@@ -54,6 +54,8 @@ if TYPE_CHECKING:
 SOLVERS = dict(zip(INTEGRATORS, (Dop853, LSODA, Radau), strict=True))
 STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
+QUICKER = 8  # times as many states may a friction law with a state ask of machine code
+LOOKED_AT = EVALUATIONS / 16  # states by which it shows whether that is enough
 FINER = 20.0  # a second run is so much finer (numerics 14)
 SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
 ANYWHERE = (-math.inf, math.inf)
@@ -111,7 +113,8 @@ class Run:
     def __post_init__(self) -> None:
         q, rate, self.t = self.request.start
         self.times.append(self.t)
-        self.equation = Equation(self.system, q, EVALUATIONS)
+        quick = self.system.remembers and self.system.quick_states
+        self.equation = Equation(self.system, q, EVALUATIONS * (QUICKER if quick else 1))
         self.layout = self.equation.layout
         self.y = self.layout.start(q, rate)
         self.switched = math.nan  # when discrete signal blocks switched last
@@ -202,8 +205,9 @@ class Run:
             rules += kink_rules(float(self.y[0]), system.knots, system.period)
         rules += signal_rules(equation.kinks, system.signals.kinks)
         if system.friction is not None:
-            guides = system.friction.program.guides
-            rules += friction_rules(equation.slips, equation.pair_loads, guides)
+            own = system.friction.program
+            about = own.guides, own.remembers
+            rules += friction_rules(equation.slips, equation.pair_loads, *about)
         return rules
 
     def _segment(self) -> Verdict | None:
@@ -256,7 +260,10 @@ class Run:
         friction, fired = self.system.friction, self.fired
         found = set() if fired is None else {(fired.kind, fired.index)}
         if friction is not None:
-            found |= {(ends.REVERSAL, j) for j in friction.reversing(float(self.y[0]))}
+            kinds = [
+                ends.DEFLECTION_KINK if own else ends.REVERSAL for own in friction.program.remembers
+            ]
+            found |= {(kinds[j], j) for j in friction.reversing(float(self.y[0]))}
         return found
 
     def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
@@ -269,6 +276,7 @@ class Run:
             rtol[at.q] = FLOOR
         atol = np.full(at.size, tol)
         atol[at.rate], atol[at.works] = tol * speed, tol * work
+        atol[at.signals] = tol * np.array(self.system.signals.sizes)
         solver = SOLVERS[self.method](
             self.equation, t, y, bound, rtol=rtol, atol=atol, max_step=longest
         )
@@ -364,10 +372,24 @@ class Run:
         if self.t > self.times[-1]:
             self.times.append(self.t)
             self.pieces.append(steps.dense)
+        self._refuse_stiff()
         self.longest = max(self.longest, float(np.diff(steps.t).max()))
         self.turned = max(self.turned, float(np.abs(steps.y[1:, self.layout.work]).max()))
         if self.system.progress is not None:
             self.system.progress(self.name, *self._far())
+
+    def _refuse_stiff(self) -> None:
+        """Give up early where friction with a state is too stiff for an explicit method.
+
+        Bristles in a fast slip forget in so short a time all along, so what is done so far tells.
+        """
+        if not (self.system.remembers and self.method == "dop853"):
+            return
+        spent, start = self.equation.spent, self.request.start.t
+        if self.request.until.goal == "time" and spent > LOOKED_AT:
+            whole = spent * (self.t_max - start) / (self.t - start)
+            if whole > self.equation.most:
+                raise TooMany
 
     def _far(self) -> tuple[float, float | None]:
         """How far the run is on the way to its goal, and the whole way."""
@@ -387,6 +409,7 @@ class Run:
                 ends.GUIDE_SIDE,
                 ends.SIGNAL_KINK,
                 ends.RELEASED,
+                ends.DEFLECTION_KINK,
             ):
                 continue
             y = np.array(dense(hit.t))
@@ -417,7 +440,7 @@ class Run:
             return Verdict("ended", self._met_end(End(rule.kind, left)))
         elif rule.kind == ends.GOAL:
             return Verdict("reached", self.request.until.goal)
-        elif rule.kind not in (ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.RELEASED):
+        elif rule.kind not in (ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.DEFLECTION_KINK):
             own = any(rule.kind == w.name and w.terminal for w in self.request.watch)
             return Verdict("reached" if own else "ended", rule.kind)
         return None

@@ -51,7 +51,7 @@ class Binder:
         for name, f in functions.items():
             if f.__module__ == module:
                 space[name] = _copy(f, space)
-            elif not {"cross", "mul"}.isdisjoint(vars(sys.modules[f.__module__])):
+            elif not {"cross", "exp", "mul"}.isdisjoint(vars(sys.modules[f.__module__])):
                 # A kernel may use kernels of another module; those are bound as well.
                 space[name] = self._namespace(f.__module__)[f.__name__]
         space.update({n: p for n, p in self.primitives.items() if n in space})

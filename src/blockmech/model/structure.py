@@ -130,15 +130,22 @@ class Structure:
     sensors: Mapping[str, Any] = field(default_factory=dict)
 
     @cached_property
-    def signal_states(self) -> Mapping[JointRef, int]:
-        """State of a signal block -> its place among all of them."""
+    def remembering(self) -> tuple[JointRef, ...]:
+        """Pairs whose friction law has a state of its own."""
+        pairs = (JointRef(n, joint) for n, block in self.blocks.items() for joint in block.friction)
+        return tuple(ref for ref in pairs if self.friction_law(ref).remembers)
+
+    @cached_property
+    def states(self) -> Mapping[JointRef, int]:
+        """State of a signal block, or pair whose friction law has one -> its place among all."""
         names = (JointRef(n, x) for n, block in self.signals.items() for x in block.states)
-        return {ref: i for i, ref in enumerate(names)}
+        return {ref: i for i, ref in enumerate((*names, *self.remembering))}
 
     @cached_property
     def initial_states(self) -> tuple[float, ...]:
-        """Where the states of signal blocks begin, in that order."""
-        return tuple(x.initial for b in self.signals.values() for x in b.states.values())
+        """Where these states begin, in that order: deflections of pairs at 0."""
+        own = [x.initial for b in self.signals.values() for x in b.states.values()]
+        return (*own, *(0.0 for _ in self.remembering))
 
     @cached_property
     def driven(self) -> Mapping[str, JointRef]:

@@ -60,13 +60,26 @@ def potential(s: Schedule) -> str:
 
 
 def friction_power(s: Schedule, ref: JointRef) -> str:
-    """Power [W] that friction of a pair turns into heat, positive where energy is lost."""
+    """Power [W] that friction of a pair takes: heat, but for what a law with a state stores."""
     t = s.ask(forces.resisting, ref)
     return t if t == NOUGHT else s.line(f"-{t} * {s.ask(forward.slip, ref)}", f"{ref}_loss")
 
 
+def stored_power(s: Schedule, ref: JointRef) -> str:
+    """Power [W] of it that goes into the deflection of a pair whose law has a state.
+
+    It may come back; what is left of the power of friction is heat.
+    """
+    found = s.ask(forces.friction_at, ref)
+    if found is None:
+        return NOUGHT
+    elastic, rate = s.ask(friction.terms_standing, ref), s.ask(friction.deflection_rate, ref)
+    effort = f"({elastic}.factor * {found[0]}.g[{found[1]}] + {elastic}.drag)"
+    return s.line(f"{effort} * {rate}", f"{ref}_stored")
+
+
 def total_friction_power(s: Schedule) -> str:
-    """Power [W] lost in all pairs."""
+    """Power [W] that friction of all pairs takes."""
     joints = (ref for b in s.structure.blocks for ref in s.ask(friction.friction_joints, b))
     return s.sum((s.ask(friction_power, ref) for ref in joints), "friction_power")
 

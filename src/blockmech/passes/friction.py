@@ -16,6 +16,7 @@ from blockmech.passes.forward import (
     slip,
 )
 from blockmech.passes.resultants import active
+from blockmech.passes.signals import STATE
 from blockmech.plan import NOUGHT, REST, ZERO, Schedule
 from blockmech.plane import EPS, maximum, sign, where
 from blockmech.typing import Real
@@ -85,10 +86,14 @@ def knows_existence(structure: Structure, block: str, joints: tuple[JointRef, ..
 
 
 def rate(s: Schedule, ref: JointRef) -> str:
-    """Magnitude of the relative rate [rad/s] or [m/s], at which a law is asked."""
+    """Relative rate [rad/s] or [m/s] at which a law is asked: its size, or with its sign."""
     if s.friction.method == GIVEN:
-        return s.unknown(f"slip_{s.ask(given_joints).index(ref)}")
-    return s.line(f"abs({s.ask(slip, ref)})", f"{ref}_slip_rate")
+        signed = s.unknown(f"slip_{s.ask(given_joints).index(ref)}")
+    else:
+        signed = s.ask(slip, ref)
+    if s.structure.friction_law(ref).remembers:
+        return signed
+    return s.line(f"abs({signed})", f"{ref}_slip_rate")
 
 
 def terms(s: Schedule, ref: JointRef) -> str:
@@ -97,18 +102,47 @@ def terms(s: Schedule, ref: JointRef) -> str:
     The one place at which a law is asked, for runs and for motions.
     """
     law = s.structure.friction_law(ref)
-    asked = (s.ask(rate, ref),) if law.reads_speed else ()
+    asked = [s.ask(rate, ref)] if law.reads_speed or law.remembers else []
+    asked += [s.ask(deflection, ref)] if law.remembers else []
     return s.emit(law.kernel(), *asked, s.ask(numbers, ref), name=f"{ref}_law")
 
 
 def terms_at_rest(s: Schedule, ref: JointRef) -> str:
-    """What its law says of a pair that does not slip."""
+    """What its law says of a pair that does not slip: of one with a state at most."""
     law = s.structure.friction_law(ref)
     kernel = law.kernel_at_rest()
     if kernel is not None:
         return s.emit(kernel, s.ask(numbers, ref), name=f"{ref}_law_at_rest")
     asked = (NOUGHT,) if law.reads_speed else ()
     return s.emit(law.kernel(), *asked, s.ask(numbers, ref), name=f"{ref}_law_at_rest")
+
+
+def terms_standing(s: Schedule, ref: JointRef) -> str:
+    """The same, but of a pair with a state the elastic part: what its deflection carries."""
+    law = s.structure.friction_law(ref)
+    if not law.remembers:
+        return s.ask(terms_at_rest, ref)
+    args = NOUGHT, s.ask(deflection, ref), s.ask(numbers, ref)
+    return s.emit(law.kernel(), *args, name=f"{ref}_law_elastic")
+
+
+# -- the state of a law that remembers -----------------------------------------------------
+
+
+def deflection(s: Schedule, ref: JointRef) -> str:
+    """State of a pair's law [rad] or [m], an input of the program."""
+    return s.unknown(f"{STATE}{s.structure.states[ref]}")
+
+
+def deflection_rates(s: Schedule) -> list[str]:
+    """Those of all pairs, in the order of `Structure.remembering`."""
+    return [s.ask(deflection_rate, ref) for ref in s.structure.remembering]
+
+
+def deflection_rate(s: Schedule, ref: JointRef) -> str:
+    """Its rate; it follows the motion, not the load."""
+    args = s.ask(slip, ref), s.ask(deflection, ref), s.ask(numbers, ref)
+    return s.emit(s.structure.friction_law(ref).rate_kernel(), *args, name=f"{ref}_bending")
 
 
 def numbers(s: Schedule, ref: JointRef) -> str:
@@ -191,7 +225,9 @@ def slip_speed(s: Schedule, ref: JointRef) -> str:
 
 
 def against_slip(s: Schedule, ref: JointRef, part: str, name: str) -> str:
-    """A part of what a law says, against the slip; 0 at rest."""
+    """A part of what a law says, against the slip; 0 at rest, but of a law with a state."""
+    if s.structure.friction_law(ref).remembers:
+        return s.line(f"-{s.ask(terms, ref)}.{part}", name)
     speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
     args = (speed, top, f"{s.ask(terms, ref)}.{part}", s.ask(slip, ref), REST)
     return s.emit(resisting, *args, name=name)
@@ -217,6 +253,9 @@ def held(s: Schedule, ref: JointRef, load: str) -> str:
 
 
 def rest(s: Schedule, ref: JointRef) -> str:
-    """1 where a pair is at zero relative speed."""
-    speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
+    """1 where a pair is at zero relative speed; of one whose law has a state, where all are."""
+    top = s.ask(top_speed, ref.block)
+    if s.structure.friction_law(ref).remembers:
+        return s.emit(at_rest, top, NOUGHT, REST, name=f"{ref}_rest")
+    speed = s.ask(slip_speed, ref)
     return s.emit(at_rest, speed, top, REST, name=f"{ref}_rest")

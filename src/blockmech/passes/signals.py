@@ -1,6 +1,6 @@
 """The signals pass: what signal blocks say, as values of the same program as the mechanism.
 
-States are inputs ``x_0``, ``x_1``, ... in the order of `Structure.signal_states`. What a block
+States are inputs ``x_0``, ``x_1``, ... in the order of `Structure.states`. What a block
 reads of the mechanism is an output of it, answered by the same rule as anywhere else; so what
 a signal depends on follows from the inputs of the program.
 
@@ -33,7 +33,7 @@ def signal(s: Schedule, address: str) -> str:
 
 def state(s: Schedule, name: str, which: str) -> str:
     """A state of a signal block."""
-    return s.unknown(f"{STATE}{s.structure.signal_states[JointRef(name, which)]}")
+    return s.unknown(f"{STATE}{s.structure.states[JointRef(name, which)]}")
 
 
 def output(s: Schedule, name: str, port: str) -> str:

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from blockmech.analysis.deflections import refuse_deflections
 from blockmech.analysis.limits import limits
 from blockmech.analysis.scan import NODES, TURN
 from blockmech.arguments import declared
@@ -517,6 +518,7 @@ def available(
     name = mechanism.of_driver(own, "drive")
     taken = mechanism.samples(at, samples, None, rates, None)
     plan = family.general.plan([name], friction=friction, static=static)
+    refuse_deflections(mechanism, plan, "designs")
     engine, n = DualEngine(plan.program), taken.n
     given = {k: np.broadcast_to(np.asarray(x, float), n) for k, x in _inputs(taken, plan).items()}
     found = np.full(n, np.nan)

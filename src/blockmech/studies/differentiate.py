@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.analysis.deflections import refuse_deflections
 from blockmech.arguments import declared
 from blockmech.compiled import Compiled
 from blockmech.engines.derivatives import DualEngine
@@ -217,6 +218,7 @@ def _derived(
     (k, n) they rest and the number sets them going.
     """
     shape = len(chosen), result.n
+    refuse_deflections(result.mechanism, plan, "derivatives")
     given, own = result.samples.given(plan.program.inputs), result.mechanism.drivers
     inputs = dict(given)
     for (i, driver), x in itertools.product(enumerate(near.base.drivers), INPUTS.values()):

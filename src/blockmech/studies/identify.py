@@ -37,6 +37,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.analysis.deflections import refuse_deflections
 from blockmech.arguments import declared
 from blockmech.compiled import Compiled
 from blockmech.engines.derivatives import DualEngine
@@ -315,6 +316,7 @@ class _Fit:
         sizes = np.array([size_of(p, chosen.values()) for p in chosen.values()])
         seeds = np.diag(sizes)
         taken = self.record.samples.at(rows) if not isinstance(rows, slice) else self.record.samples
+        refuse_deflections(self.mechanism, plan, "derivatives")
         given = {k: np.asarray(v) for k, v in taken.given(plan.program.inputs).items()}
         shape = len(chosen), taken.n
         values = DualEngine(plan.program).run(

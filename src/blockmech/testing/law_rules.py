@@ -10,11 +10,10 @@ from collections.abc import Iterator
 import numpy as np
 from pydantic_core import PydanticCustomError
 
+from blockmech.analysis.force_checks import bound_kernel
 from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.rrp import RRP
-from blockmech.engines.binding import bind_functions
-from blockmech.engines.numpy import primitives
 from blockmech.friction.laws import FrictionLaw
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
@@ -28,7 +27,7 @@ IDLE = 1e-9  # [-] of the efforts: accelerations of a motion, and the drive that
 
 
 class LawRules(Checks):
-    """Rules 1 to 4 of a friction law, and that motions obey it as runs do."""
+    """Rules 1 to 4 and 7 of a friction law, and that motions obey it as runs do."""
 
     def __init__(self, law: FrictionLaw) -> None:
         super().__init__()
@@ -38,9 +37,7 @@ class LawRules(Checks):
 
     def _at(self, speeds: Array) -> tuple[Array, Array]:
         """Factors and drags at speeds."""
-        law = self.law
-        kernel = bind_functions({"kernel": law.kernel()}, primitives(np.float64))["kernel"]
-        found = kernel(*((speeds,) if law.reads_speed else ()), law.parameters())
+        found = self.law.sliding(bound_kernel)(speeds)
         factor, drag = (np.broadcast_to(np.asarray(x, float), speeds.shape) for x in found)
         return factor, drag
 
@@ -54,7 +51,9 @@ class LawRules(Checks):
                 yield from self.same(f"scalar {name}", scalar[name], batch[name], scale)
                 if not same_bits(alone[name], batch[name][4:5]):
                     yield f"{name} of a sample alone is not the same as in a batch"
-        if self.law.reads_speed and not np.isnan(self._at(np.array([np.nan]))).any():
+        if (self.law.reads_speed or self.law.remembers) and not np.isnan(
+            self._at(np.array([np.nan]))
+        ).any():
             yield "it says a number for a speed that is NaN"
 
     def resists(self) -> Iterator[str]:
@@ -85,6 +84,20 @@ class LawRules(Checks):
         for kind, rig in self.rigs.items():
             yield from self.verified(rig.verify(times=TIMES), f" in {kind}")
 
+    def state(self) -> Iterator[str]:
+        """A state of its own stands still at rest, and at the steady state of each rate."""
+        if not self.law.remembers:
+            return
+        law, p = self.law, self.law.parameters()
+        rate, steady = (bound_kernel(k) for k in (law.rate_kernel(), law.steady_kernel()))
+        slips = np.concatenate([-SPEEDS[1:], SPEEDS[1:]])
+        z = steady(slips, p)
+        yield from self.same("rate in steady slip", rate(slips, z, p) / slips, 0.0 * slips, 1.0)
+        if np.any(rate(0.0 * slips, z, p)):
+            yield "the state of a pair at rest changes"
+        if (z * slips <= 0).any():
+            yield "the steady state is not in the sense of the slip"
+
     def motion(self) -> Iterator[str]:
         """A motion obeys the law as a run does: with its accelerations no drive is left over."""
         for kind, rig in self.rigs.items():
@@ -98,7 +111,7 @@ class LawRules(Checks):
                 name = f"drive of the motion in {kind}"
                 yield from self.same(name, left, 0.0 * left, without or 1.0, IDLE)
 
-    rules = (kernel, resists, at_rest, drags, balances, motion)
+    rules = (kernel, resists, at_rest, drags, state, balances, motion)
 
 
 PAIRS = {"R": ("B", "C"), "P": ("S",)}

@@ -17,6 +17,13 @@ revolute pair, max(|N|, 2 |C| / guide length) of a prismatic one) the friction o
  5. ``smooth`` is False where factor or drag are not analytic in the speed, from 0 on: where they
     have a kink, or go with a fractional power. Motions are then integrated in time.
  6. A law does not depend on where the pair is, nor on the time.
+ 7. A law that ``remembers`` has a state of its own, the deflection z [rad] or [m] of the pair
+    before it slips, 0 where it was never loaded. Its kernel is ``kernel(slip, deflection, p)`` of
+    the rate with its sign, and friction is -(factor g + drag) in either sense. ``rate_kernel``
+    gives dz/dt, of the same arguments, and ``steady_kernel`` the z, of ``(slip, p)``, at which
+    that is zero. Its friction may drive for a while, by what the deflection stores: with dz/dt
+    the elastic part of it, that at slip 0, is the power that goes there. Rules 2, 4 and 5 are
+    of the friction that is left when it has slipped at one rate for long.
 
 Solvers, motion, `verify`, pictures and derivatives ask this one kernel.
 
@@ -28,7 +35,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections import namedtuple
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
@@ -45,6 +52,7 @@ LAWS = Registry("friction law", code="unknown-friction-law")
 
 PLAIN = "coulomb"  # the law of data that name none
 SPEED = "speed"  # what a kernel may read besides the law's numbers
+SLIP, DEFLECTION = "slip", "deflection"  # what that of a law with a state reads
 
 
 class FrictionTerms(NamedTuple):
@@ -59,6 +67,7 @@ class FrictionLaw(StrictModel):
 
     kinds : the pairs that may have it, "R" and "P"
     drags : whether some of it does not follow the load, see rule 4
+    remembers : whether it has a state of its own, see rule 7
     """
 
     kind_key: ClassVar[str] = "law"
@@ -67,6 +76,7 @@ class FrictionLaw(StrictModel):
     type_name: ClassVar[str] = ""
     kinds: ClassVar[tuple[str, ...]] = ("R", "P")
     drags: ClassVar[bool] = True
+    remembers: ClassVar[bool] = False
 
     @classmethod
     def __pydantic_init_subclass__(cls, **more: Any) -> None:
@@ -79,8 +89,13 @@ class FrictionLaw(StrictModel):
     def model_post_init(self, context: Any, /) -> None:
         """Hold the kernels against rule 1."""
         super().model_post_init(context)
-        _check(self.kernel(), (SPEED,))
-        _check(self.kernel_at_rest(), ())
+        _check(self.kernel_at_rest(), [()])
+        if self.remembers:
+            _check(self.kernel(), [(SLIP, DEFLECTION)])
+            _check(self.rate_kernel(), [(SLIP, DEFLECTION)])
+            _check(self.steady_kernel(), [(SLIP,)])
+        else:
+            _check(self.kernel(), [(SPEED,), ()])
 
     def kernel(self) -> Callable[..., FrictionTerms]:
         """The function of rule 1."""
@@ -89,6 +104,14 @@ class FrictionLaw(StrictModel):
     def kernel_at_rest(self) -> Callable[..., FrictionTerms] | None:
         """The function of rule 3, or None."""
         return None
+
+    def rate_kernel(self) -> Callable[..., Real]:
+        """dz/dt of rule 7, for laws that remember."""
+        raise TypeError(f"{type(self).__name__} declares no rate of its state")
+
+    def steady_kernel(self) -> Callable[..., Real]:
+        """z of rule 7 at a steady rate, for laws that remember."""
+        raise TypeError(f"{type(self).__name__} declares no steady state")
 
     @property
     def smooth(self) -> bool:
@@ -111,15 +134,23 @@ class FrictionLaw(StrictModel):
         return _record(type(self).__name__ + "Numbers", tuple(numbers))(*numbers.values())
 
     def at(self, speed: float) -> FrictionTerms:
-        """Factor and drag at a speed [rad/s or m/s].
+        """Factor and drag at a speed [rad/s or m/s], of a pair that has slipped at it for long.
 
         >>> from blockmech import Stribeck
         >>> law = Stribeck(static=0.3, kinetic=0.2, stribeck_speed=0.5, radius=0.05)
         >>> round(law.at(0.5).factor / 0.05, 6)
         0.236788
         """
-        more = (speed,) if self.reads_speed else ()
-        return self.kernel()(*more, self.parameters())
+        found: FrictionTerms = self.sliding()(speed)
+        return found
+
+    def sliding(self, bind: Callable[[Any], Any] = lambda kernel: kernel) -> Callable[..., Any]:
+        """The function behind `at`, of speeds of any number type that ``bind`` gives kernels."""
+        kernel, p = bind(self.kernel()), self.parameters()
+        if self.remembers:
+            steady = bind(self.steady_kernel())
+            return lambda speed: kernel(speed, steady(speed, p), p)
+        return lambda speed: kernel(*((speed,) if self.reads_speed else ()), p)
 
     def at_rest(self) -> FrictionTerms:
         """Factor and drag of a pair that does not slip: the half width of what holds it."""
@@ -146,13 +177,13 @@ class FrictionLaw(StrictModel):
             raise mistake("friction-mismatch", found, valid, f"laws for it: {listed(fit)}")
 
 
-def _check(kernel: Callable[..., Any] | None, readable: tuple[str, ...]) -> None:
-    """Raise `TypeError` for a kernel that reads what is not there."""
-    names = list(inspect.signature(kernel).parameters) if kernel is not None else ["p"]
-    if not names or not set(names[:-1]) <= set(readable):
+def _check(kernel: Callable[..., Any] | None, readable: Sequence[tuple[str, ...]]) -> None:
+    """Raise `TypeError` for a kernel that reads, before the law's numbers, what is not there."""
+    names = tuple(inspect.signature(kernel).parameters) if kernel is not None else ("p",)
+    if names[:-1] not in readable or not names:
         where = f"{kernel.__module__}.{kernel.__qualname__}" if kernel else ""
-        fit = " or ".join(f"({', '.join((*x, 'p'))})" for x in dict.fromkeys((readable, ())))
-        raise TypeError(f"{where}: a kernel of a friction law takes {fit}, not {tuple(names)}")
+        fit = " or ".join(f"({', '.join((*x, 'p'))})" for x in readable)
+        raise TypeError(f"{where}: a kernel of a friction law takes {fit}, not {names}")
 
 
 def _is_number(x: Any) -> bool:
