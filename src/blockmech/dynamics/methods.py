@@ -125,7 +125,7 @@ def check(system: System, request: SimulationRequest) -> None:
     if several and goal not in ("time", "event", "steady"):
         raise _unfitting("until", goal, "it needs one driver", ("time", "event", "steady"))
     if goal == "steady" and "state" in system.depends_on:
-        why = "signals or friction laws have states, for which no steady state is looked for"
+        why = "the loads depend on states of signals or friction, which no search for it follows"
         raise _unfitting("until", goal, why, ("time", "event"))
     if goal == "event" and not any(w.terminal for w in request.watch):
         remedy = f"give one in Python: watch=[{WATCH}]"
