@@ -178,7 +178,6 @@ NOT_FROM_FILES = {
     "not-json",  # data added in Python
     "not-wanted",  # read from a result
     "unknown-attribute",  # set in Python
-    "unknown-parameter",  # Graph.replace, studies
     "user-function",  # a law that is a function of Python
     "wrong-function",  # likewise
     "unreachable",  # a remark

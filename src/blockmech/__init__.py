@@ -54,6 +54,7 @@ from blockmech.model.laws_of_motion import (
     RateAcceleration,
     Table,
 )
+from blockmech.model.subgraph import Subgraph
 
 from blockmech import signals as signals  # isort: skip
 from blockmech.studies.sampling import normal, uniform
@@ -118,6 +119,7 @@ __all__ = [
     "Spring",
     "Stiction",
     "Stribeck",
+    "Subgraph",
     "Table",
     "Thrust",
     "TorsionSpring",

@@ -223,9 +223,9 @@ def _head(path: str | os.PathLike[str]) -> bytes:
         return b""
 
 
-def from_data(data: dict[str, Any]) -> Opened:
+def from_data(data: dict[str, Any], file: str | os.PathLike[str] | None = None) -> Opened:
     """The mechanism in the plain data of a file. Raises like `opened`."""
-    return _kind(data).from_data(data)
+    return _kind(data).from_data(data, (), os.fspath(file) if file else "")
 
 
 def _kind(raw: dict[str, Any]) -> type[Opened]:

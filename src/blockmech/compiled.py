@@ -95,7 +95,7 @@ class Compiled(Runnable):
         structure = graph.structure()
         refuse_open_homes(structure)
         source = (document or graph).snapshot()
-        return cls(structure, graph.scene, graph.name, names, source)
+        return cls(structure, graph.flat().scene, graph.name, names, source)
 
     def __setattr__(self, name: str, value: object) -> None:
         where, found = f"Mechanism.{name}", "a compiled mechanism does not change"

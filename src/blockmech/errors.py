@@ -273,7 +273,7 @@ LONGEST = 600  # characters of one part of a message
 def in_file(problems: Iterable[Problem], file: str) -> list[Problem]:
     """Problems as they are shown: each once, with the file, not endless."""
     once = list(dict.fromkeys(problems))
-    found = [replace(p, file=file) for p in once[:MOST]]
+    found = [replace(p, file=p.file or file) for p in once[:MOST]]
     if len(once) > MOST:
         found.append(Problem(once[MOST].code, "", f"and more after these {MOST}", file=file))
     return found

@@ -19,6 +19,7 @@ from blockmech.model.structure import Structure
 from blockmech.passes.homotopy import schedule
 from blockmech.passes.signals import NO_NAME, UNKNOWN
 from blockmech.plan import Friction, Output, Schedule
+from blockmech.values import split_address
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -42,7 +43,7 @@ def with_sensors(
     """
     sensors, problems = {}, list[Problem]()
     for ref, address in structure.signal_wires.items():
-        if address.partition(".")[0] in structure.signals:
+        if split_address(address, structure.signals)[0] in structure.signals:
             continue
         found = _sensor(outputs, read, address)
         if isinstance(found, Problem):
@@ -111,10 +112,10 @@ def _edges(
     """From what gives a value to what needs it at once; sensors and loads are nodes as well."""
     loads = {ref.block for ref in structure.signal_wires if ref.block in structure.elements}
     for ref, address in structure.signal_wires.items():
-        source = address.partition(".")[0]
+        source, port = split_address(address, structure.signals)
         if source in structure.signals:
             block = structure.signals[source]
-            at_once = address.partition(".")[2] in block.outputs and not block.discrete
+            at_once = port in block.outputs and not block.discrete
             source = source if at_once else ""
         else:
             source = address

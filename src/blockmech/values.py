@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from itertools import pairwise
 from numbers import Integral, Real
 from typing import (
@@ -228,6 +228,21 @@ def is_name(name: str) -> bool:
     return bool(name) and "." not in name and "/" not in name
 
 
+def split_address(address: str, blocks: Container[str]) -> tuple[str, str]:
+    """Block and port of an address: blocks inside of others have names with dots.
+
+    Without such a block the name before the first dot, whatever that is.
+
+    >>> split_address("leg.dyad.C", {"leg.dyad"})
+    ('leg.dyad', 'C')
+    """
+    name, _, port = first = address.partition(".")
+    while name not in blocks and "." in port:
+        more, _, port = port.partition(".")
+        name = f"{name}.{more}"
+    return (name, port) if name in blocks else (first[0], first[2])
+
+
 def mistake(
     code: LiteralString, found: str, valid: str = "", remedy: str = ""
 ) -> PydanticCustomError:
@@ -276,6 +291,7 @@ class StrictModel(BaseModel):
     kind_key: ClassVar[str] = ""  # the key by which a file tells this kind from others
     plain_kind: ClassVar[str] = ""  # the kind of data without that key
     remade: ClassVar[str] = "make a new one"  # what to do instead of setting a field
+    refers: ClassVar[tuple[str, ...]] = ()  # fields that name, or are keyed by, drivers or markers
 
     if not TYPE_CHECKING:  # type checkers read the fields instead
 

@@ -23,6 +23,12 @@ NOT_JSON = {"comment", "empty_file", "missing_comma", "single_quotes", "trailing
 BEYOND_A_SCHEMA = {  # what a schema cannot say: how parts of a file fit each other
     *(
         "bad_direction",
+        "bad_parameter",
+        "graph_in_itself",
+        "missing_graph",
+        "no_place_to_stand",
+        "unknown_parameter",
+        "unwired_inside",
         "bearing_of_no_catalogue",
         "bad_expectation",
         "bad_table",

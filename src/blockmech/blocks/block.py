@@ -82,7 +82,8 @@ class Block(StrictModel):
         """Place [m] of one of the block's markers, in the frame of the marker's link."""
         if isinstance(marker, Marker):
             return marker.at.z
-        return complex(getattr(self, marker.along) or 0.0) if marker.along else 0j
+        along: complex = (getattr(self, marker.along) or 0.0) + 0j if marker.along else 0j
+        return along
 
     @classmethod
     def parameter_names(cls) -> tuple[str, ...]:

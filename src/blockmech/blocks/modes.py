@@ -19,7 +19,7 @@ from __future__ import annotations
 import cmath
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -38,6 +38,8 @@ class BranchHome(StrictModel):
     drivers : the one driver that moves the dyad -> its coordinate [rad or m]
     branch : +1 | -1, the assembly mode there
     """
+
+    refers: ClassVar[tuple[str, ...]] = ("drivers",)
 
     drivers: Annotated[dict[str, Number], Field(min_length=1)]
     branch: Branch

@@ -108,6 +108,7 @@ class Coupling(Block):
 
     called: ClassVar[str] = 'a coupling such as Gear(driver="a", driven="b", teeth=(20, 40))'
     pairs: ClassVar[tuple[str, ...]] = ("RR", "RP", "PR", "PP")  # of the driver and the driven one
+    refers: ClassVar[tuple[str, ...]] = ("driver", "driven")
     meshes: ClassVar[bool] = True  # x is an angle between links, not the driver's coordinate
     fixed: ClassVar[bool] = False  # whether both pairs must have their markers on one link
 

@@ -22,11 +22,14 @@ from blockmech.errors import Problem, listed
 from blockmech.loads.contract import Element, Following
 from blockmech.model.couplings import couplings_of, driven_joints
 from blockmech.model.diagram import UnknownBlock, Wire
+from blockmech.model.flat import open_ports
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 from blockmech.model.signals import signal_ports, signal_wire
 from blockmech.model.structure import LinkRef, Structure
+from blockmech.model.subgraph import Subgraph
 from blockmech.signals.contract import Signal
+from blockmech.values import split_address
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class Port:
 class DrawnBlock:
     """A block as the diagram shows it.
 
-    ``kind`` is frame, driver, group, element, coupling, signal, unknown or missing.
+    ``kind`` is frame, driver, group, element, coupling, signal, graph, unknown or missing.
     """
 
     name: str
@@ -148,8 +151,11 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
     """What the diagram of a graph shows; ``names`` are those of links and joints."""
     words = Words.of(names, graph)
     # An address that is none at all leaves a part empty.
-    parts = (wire.source.partition(".") + wire.target.partition(".") for wire in graph.wires)
-    wires = [Ends(*ends) for p in parts if all(ends := (p[0], p[2], p[3], p[5]))]
+    parts = (
+        [part for end in wire.ends for part in split_address(end, graph.blocks)]
+        for wire in graph.wires
+    )
+    wires = [Ends(*ends) for ends in parts if all(ends)]
     wires += _drive_wires(graph)
     shown = list(dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))]))
     problems = graph.check()
@@ -176,6 +182,7 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
     )
 
 
+ON = "on"  # the port of a graph inside at which its frame stands
 COUPLED = "q"  # the port at which a driver's coordinate enters
 
 
@@ -185,10 +192,15 @@ def _drive_wires(graph: Graph) -> Iterator[Ends]:
     for name, coupling in couplings_of(graph.blocks).items():
         if coupling.driver in drivers:
             yield Ends(drivers[coupling.driver][0], "q", name, COUPLED)
-        elif all(address := coupling.driver.partition(".")):
-            yield Ends(address[0], address[2], name, COUPLED)
+        elif all(address := split_address(coupling.driver, graph.blocks)):
+            yield Ends(*address, name, COUPLED)
         if coupling.driven in drivers:
             yield Ends(name, "", drivers[coupling.driven][0], COUPLED)
+        elif coupling.driven.partition(".")[0] in graph.blocks:
+            yield Ends(name, "", *coupling.driven.split(".", 1))
+    for name, block in graph.blocks.items():
+        if isinstance(block, Subgraph) and block.on:
+            yield Ends(*split_address(block.on, graph.blocks), name, ON)
 
 
 def _complaint(problems: Sequence[Problem]) -> str:
@@ -235,6 +247,8 @@ def _block(
         case Signal():
             kind, under = "signal", block.type_name.rsplit(".", 1)[-1].replace("_", " ")
             declared = dict.fromkeys(block.inputs, "")
+        case Subgraph():
+            kind, under, declared = "graph", block.file or "graph", dict(open_ports(block))
         case UnknownBlock():
             kind, under = "unknown", f"{block.type}?"
         case _:

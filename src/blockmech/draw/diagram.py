@@ -41,6 +41,7 @@ FILLS = {
     "element": ink.ELEMENT_FILL,
     "coupling": ink.DRIVER_FILL,
     "signal": ink.PAPER,
+    "graph": ink.FRAME_FILL,
     "unknown": "none",
     "missing": ink.PAPER,
 }

@@ -197,6 +197,7 @@ class Following(Element):
     own_coordinate: ClassVar[str] = ""
     turning: ClassVar[bool] = False  # whether that is an angle in (-pi, pi]
     own_symbol: ClassVar[str] = ""
+    refers: ClassVar[tuple[str, ...]] = ("driver",)
 
     law: LawGiven
     driver: str | None = None

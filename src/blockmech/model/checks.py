@@ -23,7 +23,7 @@ from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
 from blockmech.model.scene import Scene
 from blockmech.model.signals import signal_ports, signal_wire, signal_wire_problems
 from blockmech.signals.contract import Signal
-from blockmech.values import NAME_RULE, Marker, is_name
+from blockmech.values import NAME_RULE, Marker, is_name, split_address
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -160,7 +160,7 @@ def _target_problems(
         found = f"already fed by {fed.source}, cannot also take {wire.source}"
         remedy = f"remove one of: {fed}; {wire}"
         yield Problem("double-wire", wire.target, found, "a joint has one source", remedy)
-    if str(wire.source).split(".")[0] == wire.target.split(".")[0]:
+    if split_address(str(wire.source), blocks)[0] == split_address(wire.target, blocks)[0]:
         found = f"fed by {wire.source} of the same block"
         valid = "a joint is fed by an earlier block"
         yield Problem("self-wire", wire.target, found, valid, "wire it to another block")
@@ -174,8 +174,12 @@ def _target_problems(
 
 def _end(blocks: Blocks, wire: Wire, end: str) -> Any:
     """The block at an end of a wire, if it is there, and the name after the dot."""
-    parts = end.split(".") if isinstance(end, str) else []
-    if len(parts) != 2 or not all(parts):
+    parts = split_address(end, blocks) if isinstance(end, str) else ("", "")
+    if "." in parts[1] and any(name.startswith(f"{parts[0]}.") for name in blocks):  # inside
+        name, _, port = end.rpartition(".")
+        parts = name, port
+    carried = parts[1] in getattr(blocks.get(parts[0]), "all_markers", ())
+    if not all(parts) or ("." in parts[1] and not carried):
         found, valid = f'not an address, in wire "{wire}"', '"block.joint" or "block.marker"'
         yield Problem("bad-address", str(end) or '""', found, f"an address is {valid}")
         return None, ""
@@ -302,7 +306,7 @@ def block_dag(blocks: Blocks, wires: Iterable[Wire]) -> nx.DiGraph:
         n for n, b in blocks.items() if not isinstance(b, Element | Coupling | Signal)
     )
     for wire in wires:
-        source, target = wire.source.split(".")[0], wire.target.split(".")[0]
+        source, target = (split_address(end, blocks)[0] for end in (wire.source, wire.target))
         fixed = isinstance(blocks.get(target), Frame)  # nothing can feed it
         if source in dag and target in dag and source != target and not fixed:
             dag.add_edge(source, target)

@@ -11,6 +11,7 @@ from blockmech.couplings.contract import Coupling
 from blockmech.errors import Problem, close_match, listed
 from blockmech.model.diagram import AnyBlock
 from blockmech.model.scene import Scene
+from blockmech.values import split_address
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -73,7 +74,7 @@ def coupling_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
 
 
 def _is_marker(blocks: Blocks, address: str) -> bool:
-    block, _, marker = address.partition(".")
+    block, marker = split_address(address, blocks)
     return marker in getattr(blocks.get(block), "all_markers", ())
 
 
@@ -83,7 +84,7 @@ def add_couplings(dag: nx.DiGraph, blocks: Blocks) -> None:
     for coupling in couplings_of(blocks).values():
         if coupling.driven in drivers:
             known = drivers.get(coupling.driver)
-            source = known[0] if known else coupling.driver.partition(".")[0]
+            source = known[0] if known else split_address(coupling.driver, blocks)[0]
             target = drivers[coupling.driven][0]
             if source in dag and source != target:
                 dag.add_edge(source, target)
@@ -98,7 +99,7 @@ def loop_problems(dag: nx.DiGraph, blocks: Blocks) -> Iterator[Problem]:
         if coupling.driven not in drivers:
             continue
         known = drivers.get(coupling.driver)
-        source = known[0] if known else coupling.driver.partition(".")[0]
+        source = known[0] if known else split_address(coupling.driver, blocks)[0]
         target = drivers[coupling.driven][0]
         if source not in dag or not (source == target or nx.has_path(dag, target, source)):
             continue

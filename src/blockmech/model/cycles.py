@@ -23,6 +23,7 @@ from blockmech.blocks.contract import Block, Joint, Moving
 from blockmech.blocks.general import GeneralGroup
 from blockmech.errors import Problem, listed
 from blockmech.model.diagram import AnyBlock, Wire
+from blockmech.values import split_address
 
 MOST_LINKS = 1000
 """Links that are diagnosed in one graph, so that any file is answered soon."""
@@ -41,7 +42,7 @@ def cycle_problem(
         inside = [
             f"{source} -> {target}"
             for target, source in sources.items()
-            if source.split(".")[0] in names and target.split(".")[0] in names
+            if all(split_address(end, blocks)[0] in names for end in (source, target))
         ]
         found += f": {listed(inside)}"
         ring = {name: b for name in names if isinstance(b := blocks[name], Moving)}
@@ -136,7 +137,7 @@ def _place(block: Moving, joint: Joint, link: str) -> complex | None:
 
 def _support(blocks: Mapping[str, AnyBlock], joint: Joint, source: str) -> End:
     """The link that carries a marker; a marker of nothing known is its own link."""
-    name, _, marker = source.partition(".")
+    name, marker = split_address(source, blocks)
     block = blocks.get(name)
     if not isinstance(block, Block) or marker not in block.all_markers:
         return source, 0j if joint.kind == "R" else 1 + 0j

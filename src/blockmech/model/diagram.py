@@ -36,6 +36,11 @@ class Wire:
     source: str
     target: str
 
+    @property
+    def ends(self) -> tuple[str, str]:
+        """Source and target."""
+        return self.source, self.target
+
     def __str__(self) -> str:
         return f"{self.source} -> {self.target}"
 
@@ -63,6 +68,10 @@ class GraphDocument(StrictModel):
     blocks: dict[str, Any]
     wires: list[WireEnds] = []
     scene: Scene = Scene()
+    parameters: Annotated[
+        dict[str, str | list[str]],
+        Field(description="numbers that a graph with this one inside sets by name: addresses"),
+    ] = {}
     view: Annotated[dict[str, Any], Field(description="places on a canvas; not computed with")] = {}
     expect: list[Expectation] = []
     source: str = ""

@@ -68,9 +68,9 @@ class Document:
         draft = Draft(cls.form, data, list(odd))
         made, given = cls(draft.said.name, title=draft.said.title), draft.said.model_fields_set
         made.extras.update({key: getattr(draft.said, key) for key in EXTRAS if key in given})
+        made.file = file
         made._fill(draft)
         draft.finish()
-        made.file = file
         return made
 
     @declared
@@ -84,10 +84,15 @@ class Document:
         """
         from blockmech.files import writing
 
-        text = self.to_json()
-        self.from_json(text)
+        where = os.fspath(path)
+        text = self.in_folder(os.path.dirname(where)).to_json()
+        self.from_data(*data_of(text), where)  # what a file does not hold is not written
         with writing(path) as stream:
             stream.write(text.encode())
+
+    def in_folder(self, folder: str) -> Self:
+        """The document as it stands in another folder: paths to other files lead there."""
+        return self
 
     def to_json(self) -> str:
         """The canonical text of the file. Raises `FormatError` for what JSON does not know."""
@@ -114,21 +119,25 @@ class Document:
         RequestError for addresses of nothing
         FormatError, GraphError for numbers that do not fit
         """
-        sections = self.sections()
-        given = named(parameters_of(sections), values)
-        numbers = {
-            p.path: x.item() if getattr(x, "ndim", 1) == 0 and hasattr(x, "item") else x
-            for p, x in given.items()
+        given = named(parameters_of(self.sections()), values)
+        return self.with_checked({p.path: x for p, x in given.items()})
+
+    def with_checked(self, numbers: Mapping[Path, float]) -> Self:
+        """A copy with other numbers at some paths, checked like a file; see `replace`."""
+        plain = {
+            path: x.item() if getattr(x, "ndim", 1) == 0 and hasattr(x, "item") else x
+            for path, x in numbers.items()
         }
-        data = self._written(replaced(sections, numbers))
+        data = self._written(replaced(self.sections(), plain))
         data.pop("expect", None)
         return self.from_data(data, (), self.file)
 
     def with_numbers(self, numbers: Mapping[Path, Any]) -> Self:
         """A copy with other numbers at some paths, unchecked: of any type with arithmetic."""
         other = copy.copy(self)
-        for section, content in replaced(self.sections(), numbers).items():
-            setattr(other, section, content)
+        found = replaced(self.sections(), numbers)
+        for section in {str(path[0]) for path in numbers}:
+            setattr(other, section, found[section])
         return other
 
     def snapshot(self) -> Self:

@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
+import copy
+import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextvars import ContextVar
+from dataclasses import replace
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from blockmech.arguments import declared
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.couplings.contract import Coupling
-from blockmech.errors import MOST, GraphError, Problem
+from blockmech.errors import MOST, FormatError, GraphError, Problem, RequestError
 from blockmech.loads.contract import Element
 from blockmech.model import checks
 from blockmech.model.diagram import GRAPH_FILE, AnyBlock, UnknownBlock, Wire, WireEnds, python_keys
 from blockmech.model.document import Document
-from blockmech.model.form import Draft
+from blockmech.model.flat import Flat, flattened
+from blockmech.model.form import VERSION, Draft
 from blockmech.model.laws_of_motion import LawOfMotion
+from blockmech.model.parameters import Path, interface, named
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.signals import signal_wire
 from blockmech.model.structure import JointRef, MarkerRef, Structure
+from blockmech.model.subgraph import Subgraph, found_file
 from blockmech.signals.contract import Signal
-from blockmech.values import Vector
+from blockmech.values import Vector, split_address
 
 if TYPE_CHECKING:
     import networkx as nx
+
+_OPEN: ContextVar[tuple[str, ...]] = ContextVar("files whose graphs are being read", default=())
 
 
 class Graph(Document):
@@ -45,6 +54,7 @@ class Graph(Document):
     form = GRAPH_FILE
     blocks: dict[str, AnyBlock]
     wires: list[Wire]
+    parameters: dict[str, str | list[str]]  # name -> addresses, for a graph with this one inside
     _scene: Scene
 
     @declared
@@ -59,6 +69,7 @@ class Graph(Document):
         super().__init__(name, title=title)
         self.blocks = {}
         self.wires = []
+        self.parameters = {}
         self.scene = Scene(gravity=gravity)  # type: ignore[arg-type]
         for driver, law in (drive or {}).items():
             self.drive(driver, law)
@@ -67,9 +78,16 @@ class Graph(Document):
 
     def _fill(self, draft: Draft) -> None:
         self.scene = draft.said.scene
+        self.parameters = dict(draft.said.parameters)
         draft.note(python_keys(self.scene, draft.raw))
         unread = set()
         for name, block in draft.items("blocks"):
+            if isinstance(block, Subgraph):
+                try:
+                    block = self._opened(name, block)
+                except (FormatError, GraphError) as error:
+                    draft.note(error.problems)
+                    block = None
             if block is None:  # a stand-in, so that wires to it are no problem
                 unread.add(name)
             self.blocks[name] = block or UnknownBlock("")
@@ -84,9 +102,14 @@ class Graph(Document):
         """
         fed: dict[str, Wire] = {}
         refused: set[str] = set()
+        flat = self._flattened()
         for end in ends:
             wire = Wire(end.source, end.target)
-            problems = list(checks.wire_problems(self.blocks, wire, fed.get(wire.target)))
+            if any(e.count(".") > 1 and e.partition(".")[0] in unread for e in wire.ends):
+                self.wires.append(wire)  # inside of what is unread
+                continue
+            there = Wire(*map(flat.address, wire.ends))
+            problems = list(checks.wire_problems(flat.blocks, there, fed.get(wire.target)))
             if problems:
                 refused |= {wire.target, wire.source}  # or the other way round
                 yield from problems
@@ -99,6 +122,7 @@ class Graph(Document):
                 "unwired-joint": problem.where in refused,
                 "unknown-driver": problem.where.rsplit(".", 1)[-1] in unread,
                 "no-frame": bool(unread),
+                "bad-address": problem.where.partition(".")[0] in unread,
             }
             if not follows.get(problem.code, False):
                 yield problem
@@ -106,7 +130,69 @@ class Graph(Document):
     def sections(self) -> dict[str, Any]:
         """Blocks, wires and scene."""
         wires = [{"from": wire.source, "to": wire.target} for wire in self.wires]
-        return {"blocks": self.blocks, "wires": wires, "scene": self.scene}
+        found = {"blocks": self.blocks, "wires": wires, "scene": self.scene}
+        return found | ({"parameters": self.parameters} if self.parameters else {})
+
+    # -- graphs inside ----------------------------------------------------
+
+    def flat(self) -> Self:
+        """The same mechanism with the blocks of graphs inside written out, as ``knee.dyad``.
+
+        A graph without others inside is itself.
+        """
+        if not any(isinstance(block, Subgraph) for block in self.blocks.values()):
+            return self
+        flat, found = self._flattened(), copy.copy(self)
+        found.blocks, found.wires, found.scene = flat.blocks, flat.wires, flat.scene
+        return found
+
+    def _flattened(self) -> Flat:
+        for name, block in self.blocks.items():
+            if isinstance(block, Subgraph) and block.content is None:
+                self.blocks[name] = self._opened(name, block)
+        return flattened(self)
+
+    def _opened(self, name: str, block: Subgraph) -> Subgraph:
+        """A block with the graph inside of it read and checked by itself.
+
+        Raises `FormatError`, `GraphError`, which say where inside.
+        """
+        where, folder = f"blocks.{name}", os.path.dirname(self.file)
+        if block.content is None and block.file:
+            path = found_file(block.file, folder, f"{where}.file")
+            way = (*_OPEN.get(), *([os.path.abspath(self.file)] if self.file else []))
+            if os.path.abspath(path) in way:
+                files = [os.path.basename(p) for p in (*way, path)]
+                found = f"it holds itself: {' -> '.join(files)}"
+                valid = "a graph is no part of itself"
+                raise FormatError(Problem("cycle", f"{where}.file", found, valid))
+            token = _OPEN.set(way)
+            try:
+                block = block.holding(Graph.load(path))
+            finally:
+                _OPEN.reset(token)
+        elif block.content is None:
+            data = {"format": self.form.format, "version": VERSION, **(block.graph or {})}
+            try:
+                block = block.holding(Graph.from_data(data, (), self.file))
+            except (FormatError, GraphError) as error:
+                raise type(error)(
+                    p if p.file else replace(p, where=f"{where}.graph.{p.where}".rstrip("."))
+                    for p in error.problems
+                ) from None
+        problems = list(_misfits(block, where))
+        if problems:
+            raise GraphError(problems)
+        return block
+
+    def in_folder(self, folder: str) -> Self:
+        """The document as it stands in another folder: paths to other files lead there from it."""
+        old = os.path.dirname(self.file)
+        other = self.snapshot()
+        for name, block in self.blocks.items():
+            if isinstance(block, Subgraph):
+                other.blocks[name] = block.seen_from(old, folder)
+        return other
 
     # -- the scene --------------------------------------------------------
 
@@ -136,15 +222,18 @@ class Graph(Document):
 
     # -- building ---------------------------------------------------------
 
-    def add(self, name: str, block: AnyBlock) -> None:
-        """Add a block under a name that is free.
+    def add(self, name: str, block: AnyBlock | Graph) -> None:
+        """Add a block under a name that is free; another graph becomes a block as it is now.
 
-        Raises `GraphError` for a taken or reserved name, or for what is not a block.
+        Raises `GraphError` for a taken or reserved name, or for what is not a block, and
+        `FormatError` for the file of a graph that cannot be read.
         """
+        if isinstance(block, Graph):
+            block = Subgraph(graph=block)  # type: ignore[arg-type]
         problem = checks.name_problem(self.blocks, name, block)
         if problem:
             raise GraphError(problem)
-        self.blocks[name] = block
+        self.blocks[name] = self._opened(name, block) if isinstance(block, Subgraph) else block
 
     def connect(self, source: str, target: str) -> None:
         """Wire a marker ``"block.marker"`` to a joint or terminal ``"block.joint"``.
@@ -156,11 +245,19 @@ class Graph(Document):
         joint that is fed already, an inner joint, a guide needed where there is none.
         """
         wire = Wire(source, target)
-        fed = next((w for w in self.wires if w.target == target), None)
-        problems = list(checks.wire_problems(self.blocks, wire, fed))
+        problems = self.problems_of(wire)
         if problems:
             raise GraphError(problems)
         self.wires.append(wire)
+
+    def problems_of(self, wire: Wire) -> list[Problem]:
+        """What is locally wrong with a wire that is to be added; see `connect`."""
+        heads = (str(end).partition(".")[0] for end in wire.ends)
+        inside = any(isinstance(self.blocks.get(head), Subgraph) for head in heads)
+        flat = self._flattened() if inside else Flat(self.blocks)
+        fed = next((w for w in self.wires if w.target == wire.target), None)
+        there = Wire(*map(flat.address, wire.ends)) if inside else wire
+        return list(checks.wire_problems(flat.blocks, there, fed))
 
     def drive(self, driver: str, law: LawOfMotion) -> None:
         """Give a driver its law of motion; replaces an earlier one.
@@ -201,24 +298,27 @@ class Graph(Document):
 
     def check(self) -> list[Problem]:
         """All problems of the wiring, as data; an empty list is a valid mechanism."""
-        problems = checks.all_problems(self.blocks, self.wires, self.scene)
-        if not problems and any(isinstance(b, Coupling) for b in self.blocks.values()):
+        parts = self._flattened()
+        flat = self.flat()
+        problems = [*parts.problems, *checks.all_problems(flat.blocks, flat.wires, flat.scene)]
+        if not problems and any(isinstance(b, Coupling) for b in flat.blocks.values()):
             try:
-                self._formed().check_couplings()
+                flat._formed().check_couplings()
             except GraphError as error:
                 problems = list(error.problems)
         return problems
 
     def remarks(self) -> list[Problem]:
         """Unused and unreachable things: not wrong, but perhaps forgotten."""
-        return checks.remarks(self.blocks, self.wires)
+        flat = self.flat()
+        return checks.remarks(flat.blocks, flat.wires)
 
     def structure(self) -> Structure:
         """The checked formation sequence. Raises `GraphError` with all problems."""
         problems = Graph.check(self)
         if problems:
             raise GraphError(problems)
-        return self._formed()
+        return self.flat()._formed()
 
     def _formed(self) -> Structure:
         import networkx as nx
@@ -231,11 +331,11 @@ class Graph(Document):
         holds: dict[JointRef, MarkerRef] = {}
         read: dict[JointRef, str] = {}
         for wire in self.wires:
-            block, joint = wire.target.split(".")
+            block, joint = split_address(wire.target, known)
             if signal_wire(self.blocks, wire):
                 read[JointRef(block, joint)] = wire.source
                 continue
-            source, marker = wire.source.split(".")
+            source, marker = split_address(wire.source, known)
             wires = holds if isinstance(known[block], Element) else feeds
             ref = MarkerRef(source, known[source].all_markers[marker][0], marker)
             wires[JointRef(block, joint)] = ref
@@ -278,3 +378,29 @@ class Graph(Document):
             f"<Graph {self.name}: {len(s.links) - 1} moving links, {s.pairs} pairs, "
             f"mobility {s.mobility}; {s.formula}>"
         )
+
+
+def _misfits(block: Subgraph, where: str) -> Iterator[Problem]:
+    """What is wrong with a graph as a part, and with the numbers that its block gives it."""
+    content: Any = block.content
+    frames = [n for n, b in content.blocks.items() if isinstance(b, Frame)]
+    if len(frames) > 1:
+        found = f"it has two frames: {frames[0]} and {frames[1]}"
+        valid = "a graph has one fixed link"
+        yield Problem("two-frames", where, found, valid, f"move the markers to {frames[0]}")
+    yield from (replace(p, where=f"{where}.{p.where}") for p in content._flattened().problems)
+    inside, known = where, {}
+    try:
+        known = interface(content)
+        inside = f"{where}.parameters"
+        given = named({address: p for address, (p, _) in known.items()}, block.given)
+    except RequestError as error:
+        yield from (replace(p, where=f"{inside}.{p.where}") for p in error.problems)
+        return
+    numbers: dict[Path, float] = {}
+    for p, x in given.items():
+        numbers |= dict.fromkeys(known[p.address][1], x)
+    try:
+        content.with_checked(numbers)
+    except (FormatError, GraphError) as error:
+        yield from (replace(p, where=inside, found=f"{p.where}: {p.found}") for p in error.problems)

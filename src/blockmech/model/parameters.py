@@ -9,13 +9,23 @@ from __future__ import annotations
 
 import typing
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
 from pydantic.fields import FieldInfo
 
 from blockmech.blocks.contract import Moving
-from blockmech.errors import Problem, RequestError, close_match, listed, path_text, refused
+from blockmech.errors import (
+    Problem,
+    RequestError,
+    as_names,
+    close_match,
+    listed,
+    path_text,
+    refused,
+)
 from blockmech.model.scene import Scene
+from blockmech.model.subgraph import Subgraph
 from blockmech.plane import apply
 from blockmech.validation_errors import field_order
 from blockmech.values import Axis, Marker, Pair, StrictModel
@@ -58,10 +68,49 @@ def parameters_of(sections: Mapping[str, Any]) -> dict[str, Parameter]:
             head = path_text(path[1:] if section == BLOCKS else path)
             unit = _unit(Scene.model_fields.get(section))
             axis = known.get(key, Axis())._replace(known=known)
+            if isinstance(item, Subgraph):
+                found |= {p.address: p for p in _of_graph(item, path, head)}
+                continue
             for parameter in _numbers(item, path, head, head, unit, axis):
                 if path != FIXED_LINK or parameter.path[2] == "markers":  # it has no mass
                     found.setdefault(parameter.address, parameter)
     return found
+
+
+def interface(graph: Any) -> dict[str, tuple[Parameter, tuple[Path, ...]]]:
+    """What can be set of a graph from outside: its named parameters, then its other numbers.
+
+    Each with the places of the numbers that it stands for.
+
+    Raises `RequestError` for named parameters that stand for nothing, or for what differs.
+    """
+    numbers = parameters_of(graph.sections())
+    found: dict[str, tuple[Parameter, tuple[Path, ...]]] = {}
+    problems: list[Problem] = []
+    for name, addresses in graph.parameters.items():
+        try:
+            own = list(named(numbers, dict.fromkeys(as_names(name, addresses))))
+        except RequestError as error:
+            problems += [replace(p, where=f"parameters.{name}") for p in error.problems]
+            continue
+        if len({(p.value, p.unit) for p in own}) > 1:
+            said = ", ".join(f"{p.address} = {p.value:g} {p.unit}".rstrip() for p in own)
+            valid = "a parameter stands for numbers of one value and unit"
+            problems.append(Problem("wrong-value", f"parameters.{name}", said, valid))
+        first, paths = own[0], tuple(p.path for p in own)
+        found[name] = first._replace(address=name, path=("parameters", name)), paths
+    if problems:
+        raise RequestError(problems)
+    taken = {path for _, paths in found.values() for path in paths}
+    taken |= {p.path for p in numbers.values() if p.path[:2] == ("scene", "gravity")}  # of all
+    return found | {a: (p, (p.path,)) for a, p in numbers.items() if p.path not in taken}
+
+
+def _of_graph(block: Subgraph, path: Path, head: str) -> Iterator[Parameter]:
+    """The numbers of a graph inside of another one, which its block can set."""
+    for address, (p, _) in interface(block.content).items() if block.content else ():
+        value = block.given.get(address, p.value)
+        yield Parameter(f"{head}.{address}", value, p.unit, (*path, "parameters", address))
 
 
 def _axes(sections: Mapping[str, Any]) -> Iterator[tuple[str, Axis]]:
@@ -69,6 +118,8 @@ def _axes(sections: Mapping[str, Any]) -> Iterator[tuple[str, Axis]]:
     for name, block in sections.get(BLOCKS, {}).items():
         for joint in block.driven if isinstance(block, Moving) else ():
             yield block.driver_name(name, joint.name), Axis.of(joint.kind)
+        if isinstance(block, Subgraph) and block.content:
+            yield from ((f"{name}.{d}", axis) for d, axis in _axes(block.content.sections()))
     joints = {name: Axis.of(joint.type) for name, joint in sections.get("joints", {}).items()}
     for name, driver in sections.get("drivers", {}).items():
         yield name, joints.get(driver.joint, Axis())
@@ -180,6 +231,19 @@ def number_at(data: Any, path: Path) -> Any:
     return data
 
 
+def value_at(x: Any, path: Path) -> Any:
+    """The number at a path inside of a value, as `parameters_of` finds it."""
+    for key in path:
+        if isinstance(x, StrictModel):
+            fields = type(x).model_fields
+            x = getattr(x, next(n for n, f in fields.items() if (f.alias or n) == key))
+        elif isinstance(x, Pair):
+            x = getattr(x.z, ("real", "imag")[PARTS.index(str(key))])
+        else:
+            x = x[key]
+    return x
+
+
 def replaced(x: Any, values: Mapping[Path, Any]) -> Any:
     """A value with other numbers at paths inside it, unchecked: of any type with arithmetic."""
     if () in values:
@@ -193,7 +257,7 @@ def replaced(x: Any, values: Mapping[Path, Any]) -> Any:
         update = {names[str(k)]: replaced(getattr(x, names[str(k)]), v) for k, v in inside.items()}
         return x.model_copy(update=update)
     if isinstance(x, Mapping):
-        return {**x, **{key: replaced(x[key], v) for key, v in inside.items()}}
+        return {**x, **{key: replaced(x.get(key), v) for key, v in inside.items()}}
     if isinstance(x, Pair):
         parts = zip(PARTS, (x.z.real, x.z.imag), strict=True)
         z = apply("planar", *(inside[part][()] if part in inside else own for part, own in parts))

@@ -17,17 +17,19 @@ from blockmech.friction.laws.coulomb import DryFriction
 from blockmech.model.diagram import GRAPH_FILE
 from blockmech.model.form import Form, Section
 from blockmech.model.joints.contents import FRAME, LINKAGE_FILE
+from blockmech.model.subgraph import HEAD, Subgraph
 from blockmech.validation_errors import InWrittenOrder
 
 NAME = {"pattern": r"^[^./]+$"}
 OUTPUT = {"type": "string", "pattern": r"^[^./]+(\.[^./]+)+$"}
-ADDRESS = {"type": "string", "pattern": r"^[^./]+\.[^./]+$"}
 
 
 def graph_schema() -> dict[str, Any]:
     """JSON Schema (2020-12) of a graph file, with every registered block type."""
     found = _schema(GRAPH_FILE)
-    found["$defs"]["WireEnds"]["properties"] |= {"from": OUTPUT, "to": ADDRESS}
+    found["$defs"]["WireEnds"]["properties"] |= {"from": OUTPUT, "to": OUTPUT}
+    sections = {n: {"$ref": f"#/properties/{n}"} for n in found["properties"] if n not in HEAD}
+    found["$defs"][Subgraph.type_name]["properties"]["graph"]["properties"] = sections
     return found
 
 

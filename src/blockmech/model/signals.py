@@ -9,6 +9,7 @@ from blockmech.errors import Problem, close_match, listed
 from blockmech.loads.contract import LAW, Element, Following
 from blockmech.model.diagram import AnyBlock, Wire
 from blockmech.signals.contract import Signal
+from blockmech.values import split_address
 
 Blocks: TypeAlias = Mapping[str, AnyBlock]
 VALID = "a signal goes from an output to an input of a signal block, or to the law of a load"
@@ -23,8 +24,9 @@ def signal_ports(block: AnyBlock) -> tuple[str, ...]:
 
 def signal_wire(blocks: Blocks, wire: Wire) -> bool:
     """Whether a wire has to do with signals: it ends or starts at a signal block, or at a law."""
-    ends = (str(end).partition(".") for end in (wire.source, wire.target))
-    (source, _, _), (target, _, port) = ends
+    (source, _), (target, port) = (
+        split_address(str(end), blocks) for end in (wire.source, wire.target)
+    )
     if isinstance(blocks.get(source), Signal) or isinstance(blocks.get(target), Signal):
         return True
     return isinstance(blocks.get(target), Element) and port == LAW
@@ -33,8 +35,8 @@ def signal_wire(blocks: Blocks, wire: Wire) -> bool:
 def signal_wire_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterator[Problem]:
     """What is wrong with a signal wire; whether an output is there, compiling finds."""
     for end in (wire.source, wire.target):
-        name, dot, port = str(end).partition(".")
-        if not (dot and name and port):
+        name, port = split_address(str(end), blocks)
+        if not (name and port):
             found, valid = f'not an address, in wire "{wire}"', '"block.output" or "block.input"'
             yield Problem("bad-address", str(end) or '""', found, f"an address is {valid}")
             return
@@ -48,7 +50,7 @@ def signal_wire_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterat
 
 
 def _source_problems(blocks: Blocks, wire: Wire) -> Iterator[Problem]:
-    name, _, port = wire.source.partition(".")
+    name, port = split_address(wire.source, blocks)
     block = blocks.get(name)
     if isinstance(block, Signal) and port not in block.ports:
         found, valid = f'no output "{port}"', f"outputs there: {listed(block.ports)}"
@@ -56,7 +58,7 @@ def _source_problems(blocks: Blocks, wire: Wire) -> Iterator[Problem]:
 
 
 def _target_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterator[Problem]:
-    name, _, port = wire.target.partition(".")
+    name, port = split_address(wire.target, blocks)
     block = blocks[name]
     ports = signal_ports(block)
     if isinstance(block, Following) and not ports:

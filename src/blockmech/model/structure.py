@@ -20,7 +20,7 @@ from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.loads.contract import Element
 from blockmech.signals.contract import Signal
 from blockmech.typing import Guide, LinkPosition
-from blockmech.values import Link, Marker
+from blockmech.values import Link, Marker, split_address
 
 STILL = Transmission(0.0, 0.0, 0.0)
 ROUNDED = 2.0**-40  # [-] of places that a file means to be one
@@ -188,7 +188,7 @@ class Structure:
         coupling = self.couplings[name]
         leader, ref = self.driven.get(coupling.driver), self.driven[coupling.driven]
         if leader is None:
-            block, _, marker = coupling.driver.partition(".")
+            block, marker = split_address(coupling.driver, {self.frame, *self.blocks})
             centre = MarkerRef(block, self.block(block).all_markers[marker][0], marker)
             link, support = centre.on, centre.on
         else:

@@ -14,6 +14,7 @@ import re
 from blockmech.model.structure import JointRef
 from blockmech.plan import Schedule
 from blockmech.signals.contract import HELD, Kernel, arguments
+from blockmech.values import split_address
 
 NO_NAME = re.compile(r"\W")
 UNKNOWN = "signal_"  # before the name of an input that stands for a signal that is not known
@@ -22,7 +23,7 @@ STATE = "x_"  # before the number of a state
 
 def signal(s: Schedule, address: str) -> str:
     """The value of an output of a signal block, or of the mechanism."""
-    name, _, port = address.partition(".")
+    name, port = split_address(address, s.structure.signals)
     if name in s.structure.signals:
         return s.ask(output, name, port)
     if address in s.structure.sensors:

@@ -30,6 +30,7 @@ from blockmech.studies.variation import (
     Variation,
     designed,
     graph_sections,
+    is_written_out,
     moves_drivers,
     of_links,
     planned_aside,
@@ -104,7 +105,7 @@ class Family:
         for p in self.parameters:
             if isinstance(p.value, int):
                 return f"{p.address} chooses between structures"
-            if moves_drivers(p.path):
+            if any(map(moves_drivers, (p.path, *self.places[p]))):
                 return f"{p.address} says how the drivers move"
             if not self.places[p]:
                 return f"{p.address} goes through the geometry of the document"
@@ -138,7 +139,7 @@ class Family:
     @cached_property
     def places(self) -> Mapping[Parameter, tuple[Path, ...]]:
         """Where each number of the document stands in the graph as it is; nowhere: ()."""
-        if of_links(self.mechanism):
+        if of_links(self.mechanism) or is_written_out(self.mechanism):
             return _passed_on(self.mechanism, self.parameters)
         return {p: (p.path,) for p in self.parameters}
 

@@ -52,7 +52,7 @@ from blockmech.series import Floats
 from blockmech.studies.differentiate import chosen_numbers, program_numbers
 from blockmech.studies.family import remade
 from blockmech.studies.sensitivity import size_of
-from blockmech.studies.variation import Variation, of_links
+from blockmech.studies.variation import Variation, is_written_out, of_links
 from blockmech.told import DEGREES, TextReport, as_data
 from blockmech.typing import FrictionMethod
 
@@ -299,7 +299,7 @@ class _Fit:
         """
         numbers = dict(zip(self.chosen, x.tolist(), strict=True))
         chosen = {a: p._replace(value=numbers[a]) for a, p in self.chosen.items()}
-        if of_links(self.mechanism):
+        if of_links(self.mechanism) or is_written_out(self.mechanism):
             other = replace(self, mechanism=remade(self.mechanism, numbers), chosen=chosen)
             return *other._near, chosen
         near, plan = self._near

@@ -19,7 +19,15 @@ from blockmech.compiled import Compiled
 from blockmech.engines.dual import Dual
 from blockmech.model.graph import Graph
 from blockmech.model.joints.varied import Varied, settled
-from blockmech.model.parameters import BLOCKS, Parameter, Path, number_at, parameters_of, replaced
+from blockmech.model.parameters import (
+    BLOCKS,
+    Parameter,
+    Path,
+    number_at,
+    parameters_of,
+    replaced,
+    value_at,
+)
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.outputs import Catalogue
@@ -41,6 +49,12 @@ def graph_sections(mechanism: Compiled) -> dict[str, Any]:
 def of_links(mechanism: Compiled) -> bool:
     """Whether a mechanism was made of a document of links and joints."""
     return mechanism.document is not None and not isinstance(mechanism.document, Graph)
+
+
+def is_written_out(mechanism: Compiled) -> bool:
+    """Whether a mechanism was made of a graph with others inside."""
+    given = mechanism.document
+    return isinstance(given, Graph) and given.flat() is not given
 
 
 def moves_drivers(path: Path) -> bool:
@@ -97,9 +111,13 @@ class Variation:
         given = list(parameters)
         seeds = zip(given, np.eye(len(given)), strict=True)
         numbers = {p.path: Varied(p.value, seed) for p, seed in seeds if p.path[0] != GIVEN}
+        document: Any = mechanism.document
+        if numbers and is_written_out(mechanism):
+            near, own = document.with_numbers(numbers).flat().sections(), graph_sections(mechanism)
+            values = {p.path: value_at(near, p.path) for p in parameters_of(own).values()}
+            return cls(mechanism, {p: x for p, x in values.items() if isinstance(x, Varied)})
         if not of_links(mechanism) or not numbers:
             return cls(mechanism, numbers)
-        document: Any = mechanism.document
         made = document.with_numbers(numbers).decompose()
         graph = Graph.from_data(settled(made.data))
         found = {}

@@ -20,7 +20,7 @@ from blockmech.draw.boxes import DrawnBlock, content_of, graph_of
 from blockmech.draw.layout import Ends
 from blockmech.draw.palette import ROW
 from blockmech.errors import BlockmechError, Problem
-from blockmech.model import checks, graph
+from blockmech.model import graph
 from blockmech.model.diagram import Wire
 from blockmech.model.schema import graph_schema
 from blockmech.studio import edits
@@ -94,8 +94,8 @@ def _kinds(known: tuple[str, ...]) -> list[tuple[str, str, str, str]]:
         try:
             alone.add(word, REGISTRY[kind](**starter(schema, schema["$defs"][kind])))
         except BlockmechError:  # links and pairs of a group are more than one field each
-            family = "signal" if kind.startswith("signal.") else "group"
-            instead = "" if family == "signal" else "draw links and joints, or "
+            family = kind.partition(".")[0]
+            instead = "draw links and joints, or " if family == "group" else ""
             why = f"{kind} has no simplest values: {instead}open a file with one"
             found.append((kind, family, word.replace("_", " "), why))
             continue
@@ -259,9 +259,8 @@ class Diagram:
 
     def _refusal(self, ends: dict[str, Any]) -> str | None:
         """Why a wire cannot be, in the words of `Graph.connect`; None where it can."""
-        wire, shown = Wire(*_ends(ends).split(" -> ")), self.sheet.document
-        fed = next((w for w in shown.wires if w.target == wire.target), None)
-        return " ".join(map(str, checks.wire_problems(shown.blocks, wire, fed))) or None
+        wire = Wire(*_ends(ends).split(" -> "))
+        return " ".join(map(str, self.sheet.document.problems_of(wire))) or None
 
     def _selected(self, event: dict[str, Any]) -> None:
         if len(names := event.get("nodes") or []) == 1:

@@ -21,7 +21,7 @@ from blockmech.studio.fields import starter, with_item
 Form = dict[str, Any]
 Places = Mapping[str, tuple[float, float]]  # [pt] of blocks on the canvas
 OF_DRIVERS = ("drive", "initial", "stops")  # sections of the scene, by driver
-NAMES_DRIVERS = ("driver", "driven")  # fields of blocks that name one
+NAMES_OTHERS = ("driver", "driven", "on")  # fields of blocks that name drivers or markers
 
 
 def markers_of(block: Any) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def renamed(form: Form, old: str, new: str) -> Form:
 
     blocks = {}
     for name, raw in form["blocks"].items():
-        named: dict[str, Any] = {key: end(raw[key]) for key in NAMES_DRIVERS if key in raw}
+        named: dict[str, Any] = {key: end(raw[key]) for key in NAMES_OTHERS if key in raw}
         if "drivers" in raw.get("home", {}):
             drivers = {end(driver): q for driver, q in raw["home"]["drivers"].items()}
             named["home"] = {**raw["home"], "drivers": drivers}

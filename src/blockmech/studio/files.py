@@ -67,6 +67,9 @@ class Filed(Sheet):
         document: Opened = self.document
         document.save(path)
         self.stamp = _stamp(path)
+        moved = document.in_folder(str(path.parent))
+        if moved.to_json() != document.to_json():  # paths to files inside are others there
+            self.begin(opened(path), path)
         self.keep(path)
 
 

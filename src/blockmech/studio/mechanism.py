@@ -110,7 +110,9 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         """Show the turn of the sheet's mechanism, or of the part of it that moves."""
         sheet = self.sheet
         try:
-            motion = shown_motion(sheet.form, sheet.mechanism, sheet.problems, *self._by_hand)
+            motion = shown_motion(
+                sheet.form, sheet.mechanism, sheet.problems, *self._by_hand, sheet.document.file
+            )
             self.play(*motion)
         except BlockmechError as error:
             self.play(None, str(error))

@@ -72,7 +72,7 @@ class Sheet(param.Parameterized):  # type: ignore[misc]  # param's own types say
         Raises `FormatError` or `GraphError` for a form that could not be read again, with
         all that is wrong; the sheet then stays as it is.
         """
-        document = from_data(form)
+        document = from_data(form, self.path)
         text = document.to_json()
         if text != canonical_text(self.form):
             self._done.append(Step(document.to_data(), said))
@@ -101,7 +101,7 @@ class Sheet(param.Parameterized):  # type: ignore[misc]  # param's own types say
         if len(back) <= least:
             return ""
         forth.append(back.pop())
-        self._show(from_data(self._done[-1].form), self.path)
+        self._show(from_data(self._done[-1].form, self.path), self.path)
         return forth[-1].said
 
     def _show(self, document: Opened, path: Path | None) -> None:

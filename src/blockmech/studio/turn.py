@@ -32,14 +32,17 @@ def shown_motion(
     problems: Iterable[Problem],
     moved: str,
     at: Mapping[str, float],
+    file: str = "",
 ) -> tuple[Motion | None, str]:
     """The `turn` of a sheet's mechanism, or of the part of it that closes; and what is wrong.
+
+    ``file`` is where the form is from: graphs inside of it are found from there.
 
     Raises `RequestError` where a law cannot be followed.
     """
     said, blamed = " ".join(map(str, problems)), blamed_blocks(form, problems)
     if mechanism is None:
-        mechanism = what_moves(form, blamed)
+        mechanism = what_moves(form, blamed, file)
     while mechanism is not None:
         motion = turn(mechanism, moved, at)
         if motion.feasible.any():
@@ -47,7 +50,7 @@ def shown_motion(
         closed = closing(motion)
         said = said or gaps_of(closed)[0].why
         blamed |= set(closed.quality.blame.values())
-        mechanism = what_moves(form, blamed)
+        mechanism = what_moves(form, blamed, file)
     return None, said
 
 
@@ -199,13 +202,13 @@ def blamed_blocks(form: Mapping[str, Any], problems: Iterable[Problem]) -> set[s
     return words & set(form.get("blocks", ()))
 
 
-def what_moves(form: Mapping[str, Any], failing: Iterable[str]) -> Mechanism | None:
+def what_moves(form: Mapping[str, Any], failing: Iterable[str], file: str = "") -> Mechanism | None:
     """The largest part of a graph without the failing blocks that is a mechanism, or None."""
     gone = set(failing)
     while gone and form.get("blocks"):
         form = part_of(form, gone)
         try:
-            graph = Graph.from_data(form)
+            graph = Graph.from_data(form, (), file)
             if not (problems := graph.check()):
                 return graph.compile()
         except BlockmechError as error:

@@ -69,6 +69,8 @@ class MayBeDriven(StrictModel):
     ``sign * q + offset`` [rad or m].
     """
 
+    refers: ClassVar[tuple[str, ...]] = ("driver",)
+
     driven: bool = False
     driver: str = ""
     sign: Sign = 1
@@ -150,6 +152,8 @@ class Home(StrictModel):
     drivers : of every driver that moves the group or is inside it [rad or m]
     poses : x [m], y [m] and angle [rad] of each link in ground axes; refined by Newton
     """
+
+    refers: ClassVar[tuple[str, ...]] = ("drivers",)
 
     drivers: dict[str, Number] = {}
     poses: dict[str, tuple[Number, Number, Number]]

@@ -1,0 +1,310 @@
+"""A graph as a block of another one equals its blocks written out, and says where inside."""
+
+from __future__ import annotations
+
+import json
+from random import Random
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.errors import FormatError, GraphError, RequestError
+from blockmech.model.flat import renamed
+from blockmech.testing.strategies import Options, random_mechanism
+
+BAR = bm.Link(mass=7.2, inertia=5.5, cm=(1.5, 0.3))
+
+
+def knee() -> bm.Graph:
+    """A dyad without supports; its shin and thigh have names."""
+    found = bm.Graph("knee")
+    found.add("dyad", bm.RRR(l_i=6, l_j=3, links={"j": BAR}))
+    found.parameters |= {"shin": "dyad.l_j", "thigh": ["dyad.l_i"]}
+    return found
+
+
+def two_knees(first, second, join=".") -> bm.Graph:
+    """A crank and two dyads in a row, which are parts ``a`` and ``b``."""
+    found = bm.Graph("legs", gravity=(0.0, -9.81))
+    found.add("frame", bm.Frame(markers={"A": (0, 0), "D": (5.5, 0), "E": (9, 0)}))
+    found.add("crank", bm.Crank(length=2, links={"crank": BAR}))
+    found.add(f"a{join}dyad" if join != "." else "a", first)
+    found.add(f"b{join}dyad" if join != "." else "b", second)
+    found.connect("frame.A", "crank.A")
+    found.connect("crank.B", f"a{join}dyad.B")
+    found.connect("frame.D", f"a{join}dyad.D")
+    found.connect(f"a{join}dyad.C", f"b{join}dyad.B")
+    found.connect("frame.E", f"b{join}dyad.D")
+    return found
+
+
+def same(found, wanted, called=lambda name: name.replace("a.", "a-", 1).replace("b.", "b-", 1)):
+    """Raise where an output of two runs differs in a bit."""
+    assert len(found.mechanism.outputs) == len(wanted.mechanism.outputs)
+    for name in found.mechanism.outputs:
+        a, b = found[name], wanted[called(name)]
+        assert np.array_equal(np.asarray(a), np.asarray(b), equal_nan=True), name
+
+
+def written_out():
+    second = bm.RRR(l_i=5.0, l_j=3.3, links={"j": BAR})
+    return two_knees(bm.RRR(l_i=6, l_j=3, links={"j": BAR}), second, "-")
+
+
+def test_one_library_twice_with_other_numbers_equals_its_blocks():
+    other = bm.Subgraph(graph=knee(), parameters={"shin": 3.3, "thigh": 5.0})
+    graph = two_knees(knee(), other)
+    assert graph.check() == []
+    same(graph.run(at=np.linspace(0, 1, 30)), written_out().run(at=np.linspace(0, 1, 30)))
+    again = bm.Graph.from_json(graph.to_json())
+    assert again.to_json() == graph.to_json()
+    same(again.run(at=[0.3]), graph.run(at=[0.3]), str)
+
+
+def test_files_are_found_from_the_document_and_follow_it_into_other_folders(tmp_path, monkeypatch):
+    (tmp_path / "legs").mkdir()
+    knee().save(tmp_path / "legs" / "knee.json")
+    monkeypatch.chdir(tmp_path)
+    other = bm.Subgraph(file="legs/knee.json", parameters={"shin": 3.3, "thigh": 5.0})
+    graph = two_knees(bm.Subgraph(file="legs/knee.json"), other)
+    (tmp_path / "far").mkdir()
+    graph.save(tmp_path / "far" / "robot.json")
+    monkeypatch.chdir(tmp_path / "legs")
+    loaded = bm.Graph.load(tmp_path / "far" / "robot.json")
+    assert loaded.blocks["a"].file == "../legs/knee.json"
+    same(loaded.run(at=[0.2, 0.4]), written_out().run(at=[0.2, 0.4]))
+    loaded.save(tmp_path / "robot.json")
+    assert bm.Graph.load(tmp_path / "robot.json").blocks["a"].file == "legs/knee.json"
+
+
+def test_libraries_are_found_by_folder_and_by_package(tmp_path, monkeypatch):
+    package = tmp_path / "acme_legs"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    knee().save(package / "knee.json")
+    point = tmp_path / "acme-1.0.dist-info"
+    point.mkdir()
+    (point / "METADATA").write_text("Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n")
+    (point / "entry_points.txt").write_text("[blockmech.libraries]\nacme = acme_legs\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    by_package = two_knees(knee(), bm.Subgraph(file="acme/knee.json"))
+    monkeypatch.setenv("BLOCKMECH_PATH", str(package))
+    by_folder = two_knees(knee(), bm.Subgraph(file="knee.json"))
+    same(by_package.run(at=[1.9]), by_folder.run(at=[1.9]), str)
+    by_folder.save(tmp_path / "robot.json")
+    assert bm.Graph.load(tmp_path / "robot.json").blocks["b"].file == "knee.json"
+
+
+def test_graphs_inside_of_graphs_inside(tmp_path):
+    leg = bm.Graph("leg")
+    leg.add("upper", knee())
+    leg.add("lower", bm.Subgraph(graph=knee(), parameters={"thigh": 5.0}))
+    leg.connect("upper.dyad.C", "lower.dyad.B")
+    leg.parameters["length"] = "lower.shin"
+    leg.save(tmp_path / "leg.json")
+    graph = bm.Graph("robot", gravity=(0.0, -9.81))
+    graph.add("frame", bm.Frame(markers={"A": (0, 0), "D": (5.5, 0), "E": (9, 0)}))
+    graph.add("crank", bm.Crank(length=2, links={"crank": BAR}))
+    graph.add("leg", bm.Subgraph(file=str(tmp_path / "leg.json"), parameters={"length": 3.3}))
+    graph.connect("frame.A", "crank.A")
+    graph.connect("crank.B", "leg.upper.dyad.B")
+    graph.connect("frame.D", "leg.upper.dyad.D")
+    graph.connect("frame.E", "leg.lower.dyad.D")
+    names = {"leg.upper.": "a-", "leg.lower.": "b-"}
+
+    def called(name):
+        for way, flat in names.items():
+            name = name.replace(way, flat)
+        return name
+
+    same(graph.run(at=[0.2, 0.9]), written_out().run(at=[0.2, 0.9]), called)
+    assert graph.compile().parameters()["leg.length"].value == 3.3
+    other = graph.replace({"leg.length": 3.5, "leg.upper.shin": 3.1})
+    assert other.flat().blocks["leg.lower.dyad"].l_j == 3.5
+    assert other.flat().blocks["leg.upper.dyad"].l_j == 3.1
+
+
+def arm() -> bm.Graph:
+    """An arm on its own frame: two such stand on each other."""
+    found = bm.Graph("arm", drive={"joint": bm.ConstantRate(rate=2.0)})
+    found.add("base", bm.Frame(markers={"O": (0.1, 0.2), "G": {"at": (0.0, 0.3), "angle": 0.4}}))
+    found.add("joint", bm.Crank(length=1.5, links={"crank": BAR}))
+    found.add("slider", bm.SlideDrive())
+    found.connect("base.O", "joint.A")
+    found.connect("base.G", "slider.S")
+    return found
+
+
+def test_a_frame_inside_stands_on_a_link_or_is_the_outer_frame():
+    graph = bm.Graph("arms")
+    graph.add("lower", arm())
+    graph.add("upper", bm.Subgraph(graph=arm(), on="lower.joint.B"))
+    assert graph.check() == []
+    drivers = ("lower.joint", "lower.slider", "upper.joint", "upper.slider")
+    assert graph.compile().drivers == drivers
+    at = dict(zip(drivers, (0.3, 0.7, 0.5, 0.2), strict=True))
+    run = graph.run(at={d: [x] for d, x in at.items()}, rates=dict.fromkeys(drivers, 1.0))
+    tip = (0.1 + 0.2j) + np.exp(0.3j) * (1.5 + (0.1 + 0.2j) + np.exp(0.5j) * 1.5)
+    assert abs(run["upper.joint.B.p"][0] - tip) < 1e-15
+    guide = (0.1 + 0.2j) + np.exp(0.3j) * (1.5 + 0.3j + 0.2 * np.exp(0.4j))
+    assert abs(run["upper.slider.slider.p"][0] - guide) < 1e-15
+    assert graph.compile().scene.drive["upper.joint"].rate == 2.0
+
+
+def test_frames_that_stand_on_each_other_are_one_problem():
+    graph = bm.Graph("arms")
+    graph.add("lower", bm.Subgraph(graph=arm(), on="upper.base.O"))
+    graph.add("upper", bm.Subgraph(graph=arm(), on="lower.base.O"))
+    assert [p.code for p in graph.check()] == ["cycle"]
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_any_blocks_of_a_mechanism_may_be_a_part(seed):
+    """Some moving blocks of a random mechanism inside of a graph: the same to the last bit."""
+    chance = Random(seed)
+    options = Options(drivers=(1, 2), groups=(2, 4), friction=bool(seed % 2), springs=True)
+    case = random_mechanism(chance, options)
+    own, part, graph, plain = case.graph, bm.Graph("part"), bm.Graph("whole"), bm.Graph("plain")
+    inside = {n for n in own.blocks if n != "frame" and chance.random() < 0.5} or {"drive1"}
+
+    def called(name, sign):
+        head, dot, rest = name.partition(".")
+        return f"part{sign}{head}{dot}{rest}" if head in inside else name
+
+    for g in (graph, plain):
+        g.gravity = own.gravity
+    graph.add("frame", own.blocks["frame"])
+    graph.blocks["part"] = bm.Subgraph(graph=part)
+    for name, block in own.blocks.items():
+        (part if name in inside else graph).blocks[name] = block
+        plain.blocks[called(name, "-")] = renamed(block, lambda d: called(d, "-"))
+    del graph.blocks["part"]
+    for name in list(graph.blocks):  # what is outside refers to what is inside by its way in
+        graph.blocks[name] = renamed(graph.blocks[name], lambda d: called(d, "."))
+    outer = []
+    for wire in own.wires:
+        heads = {end.partition(".")[0] for end in wire.ends}
+        (part.wires if heads <= inside else outer).append(wire)
+        plain.connect(called(wire.source, "-"), called(wire.target, "-"))
+    back = [w for w in outer if w.source.partition(".")[0] in inside]
+    graph.add("part", part)
+    for wire in outer:
+        graph.connect(called(wire.source, "."), called(wire.target, "."))
+    assert graph.check() == [], back
+
+    def request(sign):
+        at, rates, more = (
+            {called(d, sign): x for d, x in case.request[key].items()}
+            for key in ("at", "rates", "accelerations")
+        )
+        return {"at": at, "rates": rates, "accelerations": more, "on_gap": "mark"}
+
+    again = bm.Graph.from_json(graph.to_json())
+    names = lambda name: name.replace("part.", "part-")  # noqa: E731
+    same(again.run(**request(".")), plain.run(**request("-")), names)
+
+
+def test_studies_and_derivatives_reach_inside():
+    other = bm.Subgraph(graph=knee(), parameters={"shin": 3.3, "thigh": 5.0})
+    mech, plain = two_knees(knee(), other).compile(), written_out().compile()
+    found = mech.sensitivity("crank.drive", to=["b.shin", "a.thigh"], at=[1.3, 1.8])
+    wanted = plain.sensitivity("crank.drive", to=["b-dyad.l_j", "a-dyad.l_i"], at=[1.3, 1.8])
+    assert np.array_equal(found["crank.drive"], wanted["crank.drive"])
+
+
+def test_derivatives_follow_a_number_that_moves_a_frame():
+    graph = bm.Graph("arms")
+    graph.add("lower", arm())
+    graph.add("upper", bm.Subgraph(graph=arm(), on="lower.joint.B"))
+    at = {"lower.joint": [0.3], "lower.slider": 0.1, "upper.joint": 0.5, "upper.slider": 0.2}
+    want = "max(upper.joint.B.p.x)"
+    made = graph.compile().study({"lower.joint.length": [1.5, 2.0]}, want=want, at=at)
+    longer = graph.replace({"lower.joint.length": 2.0}).run(at=at)["upper.joint.B.p"][0]
+    assert abs(made[want][1] - longer.real) < 1e-14
+    slope = graph.compile().sensitivity(want, to="lower.joint.length", at=at)
+    assert abs(float(np.ravel(slope[want])[0]) - np.cos(0.3)) < 1e-14
+
+
+def refused(make) -> list[str]:
+    with pytest.raises((FormatError, GraphError, RequestError)) as caught:
+        make()
+    return [f"{p.code} {p.where}" for p in caught.value.problems]
+
+
+def test_each_mistake_is_one_message_that_says_where_inside(tmp_path):
+    def part(**how):
+        return lambda: bm.Graph("g").add("knee", bm.Subgraph(**how))
+
+    where = "blocks.knee"
+    assert refused(part(file="no.json")) == [f"no-file {where}.file"]
+    assert refused(part(graph=knee(), parameters={"shin": -1.0})) == [
+        f"wrong-value {where}.parameters"
+    ]
+    unknown = refused(part(graph=knee(), parameters={"shim": 1.0}))
+    assert unknown == [f"unknown-parameter {where}.parameters.shim"]
+    bad = {"blocks": {"dyad": {"type": "dyad.rrr", "l_i": -1.0, "l_j": 1.0}}}
+    assert refused(part(graph=bad)) == [f"wrong-value {where}.graph.blocks.dyad.l_i"]
+    bad = knee()
+    bad.parameters["hip"] = "dyad.hip"
+    assert refused(part(graph=bad)) == [f"unknown-parameter {where}.parameters.hip"]
+    bad.parameters["hip"] = ["dyad.l_i", "dyad.links.j.mass"]
+    assert refused(part(graph=bad)) == [f"wrong-value {where}.parameters.hip"]
+    graph = two_knees(knee(), knee())
+    graph.add("arm", bm.Subgraph(graph=arm(), on="a.dyad.X"))
+    assert [f"{p.code} {p.where}" for p in graph.check()] == ["unknown-marker arm.on"]
+
+
+def test_a_file_that_holds_itself_is_told(tmp_path):
+    for one, other in (("a", "b"), ("b", "a")):
+        text = {"format": "blockmech/graph", "version": 1, "name": one, "wires": []}
+        text["blocks"] = {"part": {"type": "graph", "file": f"{other}.json"}}
+        (tmp_path / f"{one}.json").write_text(json.dumps(text))
+    with pytest.raises(FormatError, match=r"a.json -> b.json -> a.json") as caught:
+        bm.Graph.load(tmp_path / "a.json")
+    assert len(caught.value.problems) == 1
+
+
+def test_wires_into_a_part_are_checked_like_others():
+    graph = two_knees(knee(), knee())
+    assert refused(lambda: graph.connect("frame.A", "a.dyad.C")) == ["unknown-joint a.dyad.C"]
+    assert refused(lambda: graph.connect("frame.A", "a.dyd.B")) == ["no-such-block a.dyd.B"]
+    assert refused(lambda: graph.connect("frame.A", "a.dyad.B")) == ["double-wire a.dyad.B"]
+    graph.wires.pop()
+    assert [f"{p.code} {p.where}" for p in graph.check()] == ["unwired-joint b.dyad.D"]
+
+
+def geared(join: str) -> bm.Graph:
+    """Two cranks that a gear pair couples, and a controller that holds the first one's rate."""
+    found = bm.Graph("drive", gravity=(0.0, -9.81))
+    parts = {
+        "frame": bm.Frame(markers={"A": (0, 0), "E": (0.3, 0)}),
+        "sun": bm.Crank(length=0.1, links={"crank": BAR}),
+        "planet": bm.Crank(length=0.2, links={"crank": BAR}),
+        "pair": bm.Gear(driver=f"{join}sun", driven=f"{join}planet", teeth=(20, 40)),
+        "motor": bm.Motor(law={"kind": "signal"}),
+        "pid": bm.signals.Pid(kp=20.0, ki=4.0),
+    }
+    for name, block in parts.items():
+        found.add(name if name == "frame" else f"{join}{name}", block)
+    wires = ["frame.A .sun.A", "frame.E .planet.A", "frame.A .motor.a", ".sun.crank .motor.b"]
+    wires += [".sun.rate .pid.u", ".pid.y .motor.law"]
+    for ends in wires:
+        found.connect(*(e.replace(".", join, 1) if e[0] == "." else e for e in ends.split()))
+    return found
+
+
+def test_couplings_signals_and_starts_inside_keep_their_names():
+    part = geared("")
+    part.start("sun", rate=3.0)
+    graph = bm.Graph("whole", gravity=(0.0, -9.81))
+    graph.add("frame", bm.Frame())
+    graph.add("unit", part)
+    plain = geared("unit-")
+    plain.start("unit-sun", rate=3.0)
+    assert graph.check() == plain.check() == []
+    how = {"method": "dop853", "times": [0.1, 0.5], "want": ["*"]}
+    runs = [g.compile().simulate("time=0.5", **how) for g in (graph, plain)]
+    for name in ("unit.planet.q", "unit.sun.rate", "unit.pid.y", "unit.planet.A.reaction"):
+        found, wanted = runs[0][name], runs[1][name.replace("unit.", "unit-")]
+        assert np.array_equal(found, wanted), name
