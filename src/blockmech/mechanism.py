@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     import blockmech.dynamics.stepper as stepping
     import blockmech.studies.balance as weighing
     import blockmech.studies.family as designing
-    import blockmech.studies.linearize as vibrating
+    import blockmech.studies.floquet as repeating
     import blockmech.studies.objective as optimising
     import blockmech.studies.verified as verifying
 
@@ -57,7 +57,7 @@ class Mechanism(Compiled):
         explain = explaining.explain
         extremes = extremal.extremes
         friction_solutions = rubbing.friction_solutions
-        floquet = vibrating.floquet
+        floquet = repeating.floquet
         flywheel = sizing.flywheel
         identify = identifying.identify
         impulses = striking.impulses
@@ -86,7 +86,7 @@ class Mechanism(Compiled):
         explain = LazyMethod("blockmech.analysis.explain")
         extremes = LazyMethod("blockmech.analysis.extremes")
         friction_solutions = LazyMethod("blockmech.draw.friction_solutions")
-        floquet = LazyMethod("blockmech.studies.linearize")
+        floquet = LazyMethod("blockmech.studies.floquet")
         flywheel = LazyMethod("blockmech.draw.balance")
         identify = LazyMethod("blockmech.draw.identify")
         impulses = LazyMethod("blockmech.dynamics.impact")

@@ -9,8 +9,10 @@ import pytest
 from scipy.linalg import expm
 
 import blockmech as bm
+from blockmech import laws, signals
 from tests.analysis.test_equilibria import in_pairs
 from tests.gallery import GRAPHS, document
+from tests.independent import controlled
 from tests.independent import multibody as mb
 
 DIGITS = 1e-9
@@ -193,3 +195,103 @@ def test_pictures(tmp_path):
     assert made.path.stat().st_size > 1000
     with pytest.raises(bm.RequestError, match="from 0 on"):
         found.animate(9)
+
+
+def wheel(sample=None):
+    """A wheel whose speed a PID controller keeps."""
+    g = bm.Graph("wheel")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    g.add("wheel", bm.Crank(links={"crank": bm.Link(inertia=2.0)}))
+    g.add("wish", signals.Step(value=10.0))
+    g.add("error", signals.Sum(signs="+-"))
+    g.add("pid", signals.Pid(kp=3.0, ki=5.0, kd=0.4, n=30.0, sample=sample))
+    g.add("drive", bm.Motor(law=laws.Signal()))
+    for a, b in (
+        ("frame.A", "wheel.A"), ("frame.A", "drive.a"), ("wheel.crank", "drive.b"),
+        ("wish.y", "error.u0"), ("wheel.rate", "error.u1"), ("error.y", "pid.u"),
+        ("pid.y", "drive.law"),
+    ):  # fmt: skip
+        g.connect(a, b)
+    g.start("wheel")
+    return g
+
+
+def test_a_controlled_wheel_has_the_transfer_function_of_the_textbook():
+    """C(s) = kp + ki/s + kd n s/(s + n) around 1/(J s): T = C G / (1 + C G)."""
+    found = (
+        wheel()
+        .compile()
+        .linearize(
+            {"wheel": 0.3},
+            rates={"wheel": 10.0},
+            inputs=["wish.y"],
+            outputs=["wheel.rate", "pid.y"],
+        )
+    )
+    assert found.inputs == ("wheel.drive", "wish.y")
+    assert dict(found.states) == pytest.approx({"pid.integral": 0.0, "pid.filtered": 0.0})
+    w = np.array([0.01, 1.0, 5.0, 200.0])
+    s = 1j * w
+    control, plant = 3.0 + 5.0 / s + 0.4 * 30.0 * s / (s + 30.0), 1 / (2.0 * s)
+    loop = control * plant
+    response = found.response(w)
+    assert response[:, 0, 1] == pytest.approx(loop / (1 + loop), rel=1e-11)
+    assert response[:, 0, 0] == pytest.approx(plant / (1 + loop), rel=1e-11)
+    assert response[:, 1, 1] == pytest.approx(control / (1 + loop), rel=1e-11)
+    space = found.to_statespace()
+    assert space.A.shape == (4, 4)
+
+
+def test_a_controlled_fourbar_is_that_of_three_angles_and_multipliers():
+    """A by fourth-order differences of equations that know nothing of blockmech."""
+    mech = bm.Graph.load(GRAPHS / "control/speed_controlled_fourbar.json").compile()
+    z0 = np.array([0.4, 3.0, 20.0, 0.3, 2.0])
+    states = dict(zip(("motor.current", "pid.integral", "pid.filtered"), z0[2:], strict=True))
+    found = mech.linearize({"crank": 0.4}, rates={"crank": 3.0}, states=states, inputs=["wish.y"])
+    assert found.states == states
+    linkage, motor = controlled.FourBar(), controlled.Motor()
+    kept_up = float(found.effort[0])  # what else the crank needs to keep its rate
+
+    def rates(z, wish=10.0):
+        q, w, i, total, filtered = z
+        angles = linkage.angles(q)
+        al = linkage.accelerations(angles, linkage.rates(angles, w), motor.k * i + kept_up)[0]
+        e = wish - w
+        u = 20.0 * e + 40.0 * total + 0.5 * 50.0 * (e - filtered)
+        return np.array(
+            [w, al, (u - motor.R * i - motor.k * w) / motor.L, e, 50.0 * (e - filtered)]
+        )
+
+    def slope(f, h):
+        return (f(-2 * h) - 8 * f(-h) + 8 * f(h) - f(2 * h)) / (12 * h)
+
+    A = np.column_stack([slope(lambda h, e=e: rates(z0 + h * e), 5e-4) for e in np.eye(5)])
+    assert np.abs(found.A - A).max() <= 1e-9 * np.abs(A).max()
+    assert found.A[1] == pytest.approx(A[1], rel=1e-9, abs=1e-9)
+    assert found.B[:, 1] == pytest.approx(slope(lambda h: rates(z0, 10.0 + h), 1e-3), abs=1e-8)
+
+
+def test_states_at_rest_are_looked_for():
+    """A crank that a controller holds against its weight: the integral carries it."""
+    data = wheel().to_data()
+    data["scene"]["gravity"] = [0.0, -9.81]
+    data["blocks"]["wheel"]["links"] = {"crank": {"mass": 1.0, "inertia": 2.0, "cm": [0.5, 0.0]}}
+    data["blocks"]["wish"]["value"] = 0.3
+    for wire in data["wires"]:
+        if wire["from"] == "wheel.rate":
+            wire["from"] = "wheel.q"
+    g = bm.Graph.from_data(data)
+    found = g.compile().linearize({"wheel": 0.3})
+    weight = 9.81 * 0.5 * math.cos(0.3)
+    assert found.states["pid.integral"] == pytest.approx(weight / 5.0, rel=1e-12)
+    assert found.effort == pytest.approx([0.0], abs=1e-12)
+    assert not found.notes
+
+
+def test_signals_that_do_not_fit_are_refused():
+    with pytest.raises(bm.RequestError, match="jumps at instants"):
+        wheel(sample=0.1).compile().linearize({"wheel": 0.0})
+    with pytest.raises(bm.RequestError, match=r"pid\.integral"):
+        wheel().compile().linearize({"wheel": 0.0}, states={"pid.integrl": 1.0})
+    with pytest.raises(bm.RequestError):
+        wheel().compile().linearize({"wheel": 0.0}, inputs=["wish.x"])

@@ -9,16 +9,12 @@ rounding, and f what is added to u0. From them natural frequencies and modes, th
 
     z' = A z + B f,    y = C z + D f,    z = (x, x'),
 
-with outputs and inputs by name, and its frequency response. A periodic motion has no such
-constant A; its disturbances grow or fade each period by the multipliers of Floquet, the
-eigenvalues of what one period makes of them,
-
-    Phi' = A(t) Phi,    Phi(0) = 1,
-
-integrated by Gauss's method of order eight from exact A(t).
+with outputs and inputs by name, and its frequency response. Where signal blocks drive loads,
+z = (x, x', s) has their states s, too: closed loops are in A, and what a block without inputs
+holds, ``wish.y``, is an input by its name.
 
 Sources: Shabana, Dynamics of Multibody Systems, 4th ed.; Meirovitch, Fundamentals of Vibrations,
-2001, ch. 7; Hairer, Norsett & Wanner, Solving ODEs I, II.7 (Gauss); Floquet 1883.
+2001, ch. 7; Ogata, Modern Control Engineering, 2010, section 2-7.
 """
 
 from __future__ import annotations
@@ -26,19 +22,25 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.equilibria import Equilibrium, companion, equilibria, natural_frequencies
+from blockmech.analysis.equilibria import Equilibrium, equilibria, natural_frequencies
 from blockmech.arguments import declared
-from blockmech.dynamics.tangents import tangents
-from blockmech.errors import listed, needed, refused
-from blockmech.result import Result
+from blockmech.errors import close_match, listed, needed, refused
 from blockmech.series import Floats
-from blockmech.studies.differentiate import sensitivity
+from blockmech.studies.derivatives_at import (
+    Derivatives,
+    derivatives_at,
+    initial_states,
+    refuse_sampled,
+    sources_of,
+    states_of,
+)
+from blockmech.studies.differentiate import chosen_numbers
 from blockmech.told import DEGREES, TextReport, as_data, with_unit
 from blockmech.typing import Coordinates, FrictionMethod
 
@@ -49,8 +51,7 @@ DECADES = 2.0  # of frequency below the lowest and above the highest mode that a
 SHOWN = 400  # frequencies of a response
 SAME = 1e-9  # relative: no oscillation, no growth
 NOUGHT = 1e-13  # relative: what eigenvalues leave of no damping
-STAGES = 4  # of Gauss's method: order eight
-STEPS = 256  # of a period
+ROUNDS = 25  # of Newton's method for states of signals at rest
 
 
 class Mode(NamedTuple):
@@ -59,7 +60,7 @@ class Mode(NamedTuple):
     value : eigenvalue [1/s]
     frequency : its magnitude [rad/s]; without damping the natural frequency
     damping : ratio [-], 1 and above where it does not swing, negative where it grows
-    shape : (k,) complex amplitudes of the drivers' coordinates, the largest 1
+    shape : (k,) complex amplitudes of the drivers' coordinates, the largest 1; 0 of signals alone
     """
 
     value: complex
@@ -78,7 +79,8 @@ class Linearization(TextReport):
     at, rates : driver -> coordinate [rad or m] and rate, about which it is linear
     effort : (k,) [N m or N] that keeps up the state: zero at an equilibrium
     M, damping, K : (k, k) by accelerations, rates and coordinates
-    A, B, C, D : of the state space, for z = (x, x'), inputs and outputs
+    A, B, C, D : of the state space, for z = (x, x', s), inputs and outputs
+    states : state of a signal block, ``pid.integral`` -> its value; their disturbances are s
     inputs, outputs : their names
     units : name of an input or output -> unit
     notes : what should be known
@@ -99,10 +101,11 @@ class Linearization(TextReport):
     outputs: tuple[str, ...]
     units: Mapping[str, str]
     notes: tuple[str, ...] = ()
+    states: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
-        """Eigenvalues (2k,) [1/s] of A, the least damped first."""
+        """Eigenvalues (2k + n,) [1/s] of A, the least damped first."""
         values = np.linalg.eigvals(self.A).astype(complex)
         return np.asarray(values[np.argsort(-values.real, kind="stable")])
 
@@ -128,7 +131,8 @@ class Linearization(TextReport):
             if value.imag < -SAME * abs(value):
                 continue
             shape = np.asarray(vector[:k], complex)
-            shape = shape / shape[np.argmax(np.abs(shape))]
+            largest = shape[np.argmax(np.abs(shape))]
+            shape = shape / largest if abs(largest) > NOUGHT else np.zeros(k, complex)
             size = abs(value)
             found.append(Mode(value, size, 0.0 - value.real / size if size else 0.0, shape))
         return tuple(sorted(found, key=lambda m: (m.frequency, m.value.real)))
@@ -179,6 +183,8 @@ class Linearization(TextReport):
             f"{m.of_driver(d, 'q')} = {with_unit(q, unit[d], degrees)}" for d, q in self.at.items()
         )
         yield f"about {', '.join(places)}"
+        if self.states:
+            yield f"with {', '.join(f'{n} = {x:.9g}' for n, x in self.states.items())}"
         for d, x in zip(self.at, self.effort.tolist(), strict=True):
             drive = m.of_driver(d, "drive")
             yield f"{drive} = {with_unit(x, m.outputs[drive].unit)} keeps it up"
@@ -201,7 +207,7 @@ class Linearization(TextReport):
         arrays = ("effort", "M", "damping", "K", "A", "B", "C", "D", "frequencies")
         found: dict[str, Any] = {name: getattr(self, name).tolist() for name in arrays}
         found["eigenvalues"] = [[z.real, z.imag] for z in self.eigenvalues.tolist()]
-        names = ("at", "rates", "inputs", "outputs", "units", "notes")
+        names = ("at", "rates", "states", "inputs", "outputs", "units", "notes")
         return as_data(found | {name: getattr(self, name) for name in names})
 
 
@@ -211,6 +217,7 @@ def linearize(
     at: Coordinates | Equilibrium | None = None,
     *,
     rates: Coordinates | None = None,
+    states: Mapping[str, float] | None = None,
     time: float = 0.0,
     inputs: Iterable[str] | str = (),
     outputs: Iterable[str] | str = (),
@@ -223,9 +230,12 @@ def linearize(
     at : driver -> coordinate [rad or m], or one of `equilibria`; by default the only stable
         equilibrium
     rates : driver -> rate [rad/s or m/s] of a motion that the drivers keep up; default rest
-    time : [s], where loads follow the time
+    states : ``pid.integral`` -> value, of signal blocks; those that are not given are such that
+        signals rest and the loads balance as far as they can
+    time : [s], where loads or signals follow the time
     inputs : besides the efforts of the drivers (``crank.drive``), which are always inputs:
-        addresses of numbers, e.g. ``push.force.x`` (`Mechanism.parameters`)
+        addresses of numbers, e.g. ``push.force.x`` (`Mechanism.parameters`), and outputs of
+        signal blocks that are held from outside, e.g. ``wish.y`` of a step
     outputs : names of outputs that are a number, e.g. ``dyad.C.p.x``; by default the
         coordinates of the drivers
     friction : as that of a run, for joints that slip at the rates; at rest joint friction has no
@@ -237,55 +247,117 @@ def linearize(
 
     Raises
     ------
-    RequestError for unknown names, a pose that is not said, or drivers that move no mass
+    RequestError for unknown names, a pose that is not given, drivers that move no mass, or
+    signal blocks that are sampled
     AssemblyError where the pose cannot be
     """
+    refuse_sampled(mechanism)
     q, qd = _state(mechanism, at, rates)
     slips = bool(qd.any()) and bool(mechanism.frictional_joints) and friction != "none"
-    of = tangents(mechanism, q[None], qd, t=time, friction=slips)
+    slips &= not mechanism.structure.remembering
     drivers = dict(zip(mechanism.drivers, q.tolist(), strict=True))
-    speeds = dict(zip(mechanism.drivers, qd.tolist(), strict=True))
-    if not of.margin[0] > 0:  # the run's own error says which group fails
-        mechanism.run(drivers, want=[mechanism.of_driver(d, "tau_red") for d in drivers])
-    M, C, K = of.M[0], of.C[0], of.K[0]
-    if np.linalg.matrix_rank(M) < len(M):
-        raise refused("linearize", "a driver moves no mass here", "give its links mass or inertia")
     efforts = [mechanism.of_driver(d, "drive") for d in mechanism.drivers]
-    wanted = _names(outputs) or tuple(mechanism.of_driver(d, "q") for d in mechanism.drivers)
+    wanted = _outputs(mechanism, _names(outputs))
+    sources, own = sources_of(mechanism), states_of(mechanism)
     extra = _names(inputs)
-    state = _tangent_of_outputs(mechanism, (*wanted,), extra, drivers, speeds)
-    inverse = np.linalg.inv(M)
-    A = companion(M, C, K)
-    B = np.vstack([np.zeros_like(M), inverse])
-    by_q, by_rate, by_acceleration, direct = _split(state, len(M))
-    moved = -by_acceleration @ inverse
-    Cy = np.hstack([by_q + moved @ K, by_rate + moved @ C])
-    D = -moved
-    if extra:
-        du = _effort_by(mechanism, extra, drivers, speeds)
-        B = np.hstack([B, np.vstack([np.zeros_like(du), -inverse @ du])])
-        D = np.hstack([D, direct + moved @ du])
-    known = mechanism.parameters() if extra else {}  # type: ignore[attr-defined]
-    units = {n: mechanism.outputs[e].unit for n, e in zip(efforts, efforts, strict=True)}
-    units |= {n: _unit(mechanism, n) for n in wanted} | {a: known[a].unit for a in extra}
-    notes = []
+    known = chosen_numbers(mechanism, [n for n in extra if n not in sources])
+    motion = q, qd, np.zeros_like(q)
+    x, notes = _signals(mechanism, motion, time, states or {}, slips)
+    of = derivatives_at(mechanism, motion, x, time, outputs=wanted, numbers=known, friction=slips)
+    if not of.margin > 0:  # the run's own error says which group fails
+        mechanism.run(drivers, want=[mechanism.of_driver(d, "tau_red") for d in drivers])
+    fed = [(n in sources, sources[n] if n in sources else [*known].index(n)) for n in extra]
+    space = _space(of, len(q), [*own.values()], fed)
+    k = len(q)
+    K, damping, M = (of.by[:k, i * k : (i + 1) * k] for i in range(3))
+    units = {n: mechanism.outputs[n].unit for n in (*efforts, *wanted)}
+    units |= {n: mechanism.outputs[n].unit if n in sources else known[n].unit for n in extra}
     if mechanism.frictional_joints and not slips:
-        notes.append("friction of joints is left out: what rests by it does not vibrate")
+        why = "it has a state of its own" if qd.any() else "what rests by it does not vibrate"
+        notes.append(f"friction of joints is left out: {why}")
+    speeds = dict(zip(mechanism.drivers, qd.tolist(), strict=True))
     return Linearization(
-        mechanism, drivers, speeds, of.effort[0], M, C, K, A, B, Cy, D,
-        (*efforts, *extra), wanted, units, tuple(notes),
+        mechanism, drivers, speeds, of.effort, M, damping, K, *space, (*efforts, *extra), wanted,
+        units, tuple(notes), {n: float(x[i]) for n, i in own.items()},
     )  # fmt: skip
+
+
+def _signals(
+    mechanism: Compiled,
+    motion: tuple[Floats, Floats, Floats],
+    t: float,
+    given: Mapping[str, float],
+    slips: bool,
+) -> tuple[Floats, list[str]]:
+    """States (n,) of all signal blocks, those that are not given at rest, and what to know."""
+    own, x = states_of(mechanism), initial_states(mechanism, t)
+    for name, number in given.items():
+        if name not in own:
+            remedy = close_match(name, [*own])
+            raise refused(f"states[{name}]", "no state has that name", remedy, listed(own))
+        x[own[name]] = float(number)
+    free = [i for n, i in own.items() if n not in given]
+    k = len(motion[0])
+    of: Derivatives | None = None
+    for _ in range(ROUNDS if free else 0):
+        of = derivatives_at(mechanism, motion, x, t, numbers={}, friction=slips)
+        y = np.concatenate([of.effort, of.rates])
+        step = np.linalg.lstsq(of.by[: len(y), [3 * k + i for i in free]], -y, rcond=None)[0]
+        x[free] += step
+        if np.abs(step).max() <= SAME * np.abs(x[free]).max(initial=SAME):
+            break
+    notes = []
+    if of is not None and np.abs(of.rates).max(initial=0.0) > SAME * (1 + np.abs(x).max()):
+        notes.append("signals do not rest in this state: the model holds while they stay near it")
+    return x, notes
+
+
+def _space(
+    of: Derivatives, k: int, own: list[int], extra: list[tuple[bool, int]]
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """A, B, C, D of z = (x, x', s) from derivatives by motion, signals and numbers.
+
+    With M x'' = f - K x - C x' - U s - V v of inputs f and v, accelerations go into all rows.
+    """
+    n = len(of.rates)
+    q, qd, qdd = (slice(i * k, (i + 1) * k) for i in range(3))
+    s = [3 * k + i for i in own]
+    v = [3 * k + i if held else 3 * k + n + i for held, i in extra]
+    u = of.by[:k]
+    if np.linalg.matrix_rank(u[:, qdd]) < k:
+        raise refused("linearize", "a driver moves no mass here", "give its links mass or inertia")
+    inverse = np.linalg.inv(u[:, qdd])
+    by_z = -inverse @ np.hstack([u[:, q], u[:, qd], u[:, s]])  # of the accelerations
+    by_in = inverse @ np.hstack([np.eye(k), -u[:, v]])
+
+    def rows(of_rows: Floats) -> tuple[Floats, Floats]:
+        direct = np.hstack([of_rows[:, q], of_rows[:, qd], of_rows[:, s]])
+        fed = np.hstack([np.zeros((len(of_rows), k)), of_rows[:, v]])
+        return direct + of_rows[:, qdd] @ by_z, fed + of_rows[:, qdd] @ by_in
+
+    size = 2 * k + len(s)
+    signals, fed = rows(of.by[k + np.array(own, int)])
+    A = np.vstack([np.eye(k, size, k), by_z, signals])
+    B = np.vstack([np.zeros_like(by_in), by_in, fed])
+    return A, B, *rows(of.by[k + n :])
+
+
+def _outputs(mechanism: Compiled, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of outputs, by default the coordinates. Raises `RequestError` for what is no number."""
+    if not names:
+        return tuple(mechanism.of_driver(d, "q") for d in mechanism.drivers)
+    found = tuple(mechanism.outputs.match(names))
+    for name in found:
+        kind = mechanism.outputs[name].kind
+        if kind == "vector":
+            raise refused(name, "it is a vector", f"name {name}.x or {name}.y")
+        if kind != "real":
+            raise refused(name, f"it is a {kind}", "name an output that is a number a pose")
+    return found
 
 
 def _names(given: Iterable[str] | str) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(given)
-
-
-def _unit(mechanism: Compiled, name: str) -> str:
-    head, _, tail = name.rpartition(".")
-    return mechanism.outputs[
-        head if tail in ("x", "y") and head in mechanism.outputs else name
-    ].unit
 
 
 def _state(mechanism: Compiled, at: Any, rates: Any) -> tuple[Floats, Floats]:
@@ -311,127 +383,3 @@ def _state(mechanism: Compiled, at: Any, rates: Any) -> tuple[Floats, Floats]:
     k = len(mechanism.drivers)
     q, qd = ([float(np.ravel(taken.inputs[f"{x}_{i}"])[0]) for i in range(k)] for x in ("q", "qd"))
     return np.array(q), np.array(qd)
-
-
-def _tangent_of_outputs(
-    mechanism: Compiled,
-    outputs: tuple[str, ...],
-    extra: tuple[str, ...],
-    at: Mapping[str, float],
-    rates: Mapping[str, float],
-) -> Floats:
-    """Derivatives (outputs, 3k + extra) by coordinates, rates, accelerations and numbers."""
-    motion = [
-        mechanism.of_driver(d, what)
-        for what in ("q", "rate", "acceleration")
-        for d in mechanism.drivers
-    ]
-    found = sensitivity(
-        mechanism, outputs, [*motion, *extra], dict(at), rates=dict(rates),
-        accelerations=dict.fromkeys(at, 0.0),
-    )  # fmt: skip
-    vectors = [n for n in outputs if np.iscomplexobj(found[n])]
-    if vectors:
-        raise refused(vectors[0], "it is a vector", f"name {vectors[0]}.x or {vectors[0]}.y")
-    return np.array([[found[n, a][0] for a in (*motion, *extra)] for n in outputs])
-
-
-def _split(rows: Floats, k: int) -> tuple[Floats, Floats, Floats, Floats]:
-    return rows[:, :k], rows[:, k : 2 * k], rows[:, 2 * k : 3 * k], rows[:, 3 * k :]
-
-
-def _effort_by(
-    mechanism: Compiled, extra: tuple[str, ...], at: Mapping[str, float], rates: Mapping[str, float]
-) -> Floats:
-    """Derivatives (k, extra) of the driving efforts by numbers."""
-    names = [mechanism.of_driver(d, "drive_by_reduction") for d in mechanism.drivers]
-    found = sensitivity(
-        mechanism, names, extra, dict(at), rates=dict(rates), friction="none",
-        accelerations=dict.fromkeys(at, 0.0),
-    )  # fmt: skip
-    return np.array([[found[n, a][0] for a in extra] for n in names])
-
-
-# -- periodic motions ----------------------------------------------------------------------
-
-
-@dataclass(frozen=True, repr=False)
-class Floquet(TextReport):
-    """What a period of a motion makes of small disturbances.
-
-    Attributes
-    ----------
-    period : [s]
-    monodromy : (2k, 2k), the disturbance (x, x') after a period by that before it
-    multipliers : (2k,) its eigenvalues, the largest first
-    """
-
-    period: float
-    monodromy: Floats
-    multipliers: NDArray[np.complex128]
-
-    @property
-    def exponents(self) -> NDArray[np.complex128]:
-        """Mean rates [1/s] at which disturbances grow: ln(multiplier) / period."""
-        with np.errstate(divide="ignore"):
-            return np.asarray(np.log(self.multipliers.astype(complex)) / self.period)
-
-    def text(self, degrees: bool = DEGREES) -> str:
-        """The multipliers, one a line."""
-        rows = [f"period {self.period:.9g} s"]
-        rows += [f"multiplier {_shown(complex(z))}" for z in self.multipliers.tolist()]
-        return "\n".join(rows)
-
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as a JSON object."""
-        rows = [[complex(z).real, complex(z).imag] for z in self.multipliers.tolist()]
-        return as_data({"period": self.period, "monodromy": self.monodromy.tolist()}) | {
-            "multipliers": rows
-        }
-
-
-def _shown(z: complex) -> str:
-    return f"{z.real:.9g}" if not z.imag else f"{abs(z):.9g} at {math.degrees(cmath.phase(z)):.4g}°"
-
-
-@declared
-def floquet(mechanism: Compiled, motion: Result, *, steps: int = STEPS) -> Floquet:
-    """Multipliers of Floquet of a periodic motion, from exact derivatives along it.
-
-    Parameters
-    ----------
-    motion : a steady state, ``mechanism.simulate("steady")``, whose motion has a period
-    steps : of the integration of a period, order eight
-
-    Raises `RequestError` for a motion without a period, and where joints have friction: their
-    effort jumps where a slip reverses.
-    """
-    found = motion.motion
-    if found is None or "period" not in found.facts:
-        raise refused("motion", "it has no period", 'give a steady state: simulate("steady")')
-    if mechanism.frictional_joints and motion.settings.get("friction") != "none":
-        raise refused(
-            "motion", "joint friction jumps where slips reverse", 'simulate with friction="none"'
-        )
-    period, k = float(found.facts["period"]), len(mechanism.drivers)
-    nodes, weights = np.polynomial.legendre.leggauss(STAGES)
-    c, b = (nodes + 1) / 2, weights / 2
-    powers = np.vander(c, STAGES, increasing=True)
-    a = (c[:, None] ** np.arange(1, STAGES + 1) / np.arange(1, STAGES + 1)) @ np.linalg.inv(powers)
-    h = period / steps
-    t = found.t_start + h * (np.arange(steps)[:, None] + c).ravel()
-    state = found.track.state(t)
-    q, qd = np.reshape(state.q, (-1, k)), np.reshape(state.qd, (-1, k))
-    resting = tangents(mechanism, q, qd, t=t)
-    qdd = -np.linalg.solve(resting.M, resting.effort[..., None])[..., 0]
-    of = tangents(mechanism, q, qd, qdd, t)
-    A = np.array([companion(*row) for row in zip(of.M, of.C, of.K, strict=True)])
-    A = A.reshape(steps, STAGES, 2 * k, 2 * k)
-    whole, one = np.eye(2 * k), np.eye(STAGES * 2 * k)
-    for step in A:
-        blocks = np.einsum("ij,jab->iajb", a, step).reshape(one.shape)
-        stages = np.linalg.solve(one - h * blocks, np.tile(whole, (STAGES, 1)))
-        rates = np.einsum("jab,jbc->jac", step, stages.reshape(STAGES, 2 * k, 2 * k))
-        whole = whole + h * np.einsum("j,jac->ac", b, rates)
-    values = np.linalg.eigvals(whole).astype(complex)
-    return Floquet(period, whole, values[np.argsort(-np.abs(values), kind="stable")])
