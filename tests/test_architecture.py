@@ -98,7 +98,6 @@ NEEDED_IN = {
     "pytest": "blockmech.testing.pytest_plugin",
     "bokeh": "studio",
     "panel": "studio",
-    "panel_reactflow": "studio",
     "param": "studio",
     "scipy": "dynamics",  # a room that nothing loads before a motion is asked for
 }

@@ -11,7 +11,7 @@ AXE = Path(__file__).parents[2] / ".ci" / "node_modules" / "axe-core" / "axe.min
 def show(page, studio, what):
     """Open an address of the studio and wait until the sheet stands."""
     page.goto(studio[0] + what)
-    page.wait_for_selector(".react-flow__pane")
+    page.wait_for_selector(".diagram svg")
     page.wait_for_function("Bokeh.documents[0].is_idle")
 
 
@@ -28,7 +28,7 @@ def fill(page, label, value):
 def rename(page, name):
     """Rename the block whose form is shown, and wait until the canvas shows it."""
     fill(page, "Name", name)
-    page.locator(f'.react-flow__node[data-id="{name}"]').wait_for()
+    page.locator(f'.block[data-id="{name}"]').wait_for()
 
 
 def choose(page, label, value):
@@ -48,7 +48,7 @@ def told(page, text):
 
 
 def blocks(page):
-    return page.locator(".react-flow__node")
+    return page.locator(".diagram .block")
 
 
 def add(page, word):
@@ -61,14 +61,14 @@ def add(page, word):
 def drop(page, kind, x, y):
     """Drag a kind of block from the palette to a place on the canvas."""
     count = blocks(page).count()
-    canvas = page.locator(".react-flow__pane")
+    canvas = page.locator(".diagram svg")
     page.locator(f'button[data-kind="{kind}"]').drag_to(canvas, target_position={"x": x, "y": y})
     blocks(page).nth(count).wait_for()
 
 
 def drag_block(page, name):
     """Drag a block of the canvas a little down; all blocks then stay where they are."""
-    x, y = middle(page.locator(f'.react-flow__node[data-id="{name}"]'))
+    x, y = middle(page.locator(f'.block[data-id="{name}"]'))
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x, y + 20, steps=4)
@@ -85,31 +85,29 @@ def connect(page, source, target):
 
 def port(page, side, address):
     block, name = address.split(".")
-    return page.locator(
-        f'.react-flow__handle.{side}[data-nodeid="{block}"][data-handleid="{name}"]'
-    )
+    return page.locator(f'.handle.{side}[data-block="{block}"][data-port="{name}"]')
 
 
 def wire_between(page, source, target):
-    return page.locator(f'.react-flow__edge[data-id="{source} -> {target}"]')
+    return page.locator(f'.wire[data-id="{source} -> {target}"]')
 
 
 def hidden_wires(page):
     """The wires that run behind a block on the canvas."""
-    return page.locator(".react-flow__viewport").evaluate(
+    return page.locator(".diagram svg").evaluate(
         """(view) => {
-            const areas = [...view.querySelectorAll(".react-flow__node")]
+            const areas = [...view.querySelectorAll(".body")]
                 .map((node) => node.getBoundingClientRect());
             const under = (path) => {
                 const [place, n] = [path.getScreenCTM(), path.getTotalLength()];
                 return Array.from({length: 200}, (_, k) => path.getPointAtLength(k * n / 199))
                     .map((point) => point.matrixTransform(place))
-                    .some(({x, y}) => areas.some((area) => x > area.left + 1 && x < area.right - 1
+                    .some(({x, y}) => areas.some((area) => x > area.left + 2 && x < area.right - 2
                         && y > area.top && y < area.bottom));
             };
-            return [...view.querySelectorAll(".react-flow__edge")]
-                .filter((edge) => under(edge.querySelector(".react-flow__edge-path")))
-                .map((edge) => edge.dataset.id);
+            return [...view.querySelectorAll(".wire")]
+                .filter((wire) => under(wire.querySelector(".line")))
+                .map((wire) => wire.dataset.id);
         }"""
     )
 
@@ -125,7 +123,7 @@ def drag_wire(page, source, target):
     port(page, "source", source).hover()  # as soon as nothing is before it
     page.mouse.down()
     page.mouse.move(*middle(end), steps=4)
-    said = end.and_(page.locator(".rf-handle-valid, .rf-handle-invalid"))
+    said = end.and_(page.locator(".valid, .refused"))
     said.wait_for()
     return said
 
@@ -134,42 +132,11 @@ def wire(page, source, target):
     """Draw a wire from a marker to a joint, as somebody who looks where the blocks are."""
     from playwright.sync_api import expect
 
-    whole_canvas(page)
-    end = drag_wire(page, source, target)
-    expect(end).to_have_class(re.compile("rf-handle-valid"))
-    for shift in (0, 2) * 200:  # it is looked at again where the pointer moves
-        x, y = middle(end)
-        page.mouse.move(x + shift, y)
-        if re.search("connectingto.* valid", end.get_attribute("class")):  # it would be wired
-            break
+    page.get_by_label("Fit View").click()
+    expect(drag_wire(page, source, target)).to_have_class(re.compile("valid"))
     page.mouse.up()
     wire_between(page, source, target).wait_for(state="attached")
     told(page, f"{source} -> {target}")  # the server knows it, and what it changed was sent
-
-
-def whole_canvas(page):
-    """Fit the view until all blocks are seen and none moves: a layout may be on its way."""
-    for _ in range(10):
-        page.get_by_label("Fit View").click()
-        if page.get_by_test_id("rf__wrapper").evaluate(ALL_SEEN):
-            return
-    pytest.fail("blocks stay outside the view")
-
-
-ALL_SEEN = """async (canvas) => {
-    const rectangle = (it) => it.getBoundingClientRect();
-    const seen = () => [...canvas.querySelectorAll(".react-flow__node")].map(rectangle);
-    const frame = () => new Promise(requestAnimationFrame);
-    const still = 10;
-    for (let last = "", n = 0; n < still; n++) {
-        const now = JSON.stringify(seen());
-        if (now !== last) [last, n] = [now, 0];
-        await frame();
-    }
-    const all = rectangle(canvas);
-    return seen().every((r) => r.left >= all.left && r.right <= all.right
-        && r.top >= all.top && r.bottom <= all.bottom);
-}"""
 
 
 def save(page, name):

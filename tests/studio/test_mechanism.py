@@ -398,7 +398,7 @@ def test_the_pose_and_the_motion_are_pictures(kind, head):
 def test_a_mechanism_plays_and_is_dragged_in_the_browser(page, studio):
     """Played, stopped, put to a pose by a tap on a curve, and a joint dragged there."""
     page.goto(studio[0] + "?example=ruiz_fourbar")
-    page.wait_for_selector(".react-flow__pane")
+    page.wait_for_selector(".diagram svg")
     page.wait_for_function("Bokeh.documents[0].is_idle")
     pose = page.get_by_role("slider").first
     page.get_by_role("button", name="▶ Play").click()

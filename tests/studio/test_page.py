@@ -235,7 +235,7 @@ def test_a_link_holds_the_document_and_opens_it_in_any_studio(page, browser, stu
     assert "#doc=" in link
     other = browser.new_page()
     other.goto(studio[0] + link.partition("#")[1] + link.partition("#")[2])
-    other.wait_for_selector(".react-flow__pane")
+    other.wait_for_selector(".diagram svg")
     assert "#doc" not in other.url
     save(other, "linked.json")
     other.goto(f"{studio[0]}#doc=AAAA")

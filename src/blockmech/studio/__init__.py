@@ -17,7 +17,7 @@ from blockmech.errors import needed
 
 def page() -> Any:
     """The page's module. Raises `MissingEngineError` where the extra is not installed."""
-    for package in ("panel", "panel_reactflow", "bokeh"):
+    for package in ("panel", "bokeh"):
         needed(package, "studio", "studio")
     return import_module("blockmech.studio.app")
 

@@ -62,7 +62,6 @@ class Page:
         self.answers = Answers(sheet, self.view)
         self.form = Form(sheet, self.say)
         self.diagram = Diagram(sheet, self.say, self.select, self.answers.wires)
-        self.diagram.flow.color_mode = "dark" if dark else "light"
         self.file = pn.widgets.TextInput(label="File", width=150)
         self.save = self._button("Save", lambda: self._save(False), button_type="primary")
         self.replace = self._button("Replace the file", lambda: self._save(True), visible=False)
@@ -111,7 +110,7 @@ class Page:
             *(*self.units, pn.pane.Bokeh(self.kept, visible=False)),
             pn.pane.Bokeh(self.packed, visible=False),
         )
-        flow = (blocks, self.diagram.palette, self.formula, self.diagram.flow)
+        flow = (blocks, self.formula, self.diagram.flow)
         ways = {
             "Links and joints": lambda: LinksSheet(self.sheet, self.dark, self.view).panel(),
             "Blocks": lambda: pn.Column(*flow, sizing_mode="stretch_both"),
@@ -173,7 +172,7 @@ class Page:
 
     def _chosen(self) -> list[str]:
         """Blocks that are selected on the canvas, or the one of the form."""
-        names = self.diagram.flow.selection["nodes"] or self.form.selected[1:]
+        names = self.diagram.flow.chosen or self.form.selected[1:]
         return [name for name in names if name in self.sheet.form.get("blocks", ())]
 
     def _picture(self) -> io.BytesIO:

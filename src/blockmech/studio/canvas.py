@@ -6,11 +6,8 @@ layout of the printed diagram knows where the wires of the canvas begin and end.
 
 from __future__ import annotations
 
-import json
-import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 from blockmech.draw.boxes import Content, DrawnBlock
@@ -18,12 +15,11 @@ from blockmech.draw.diagram import view_of
 from blockmech.draw.layout import Box, Ends, arrange
 from blockmech.draw.palette import ROW, SIZES, SMALL, TEXT
 from blockmech.draw.paper import text_width, wrapped
-from blockmech.draw.routing import Point, Rectangle, place, runs_through, way_between
+from blockmech.draw.routing import Point, Rectangle, place, way_between
 from blockmech.model.graph import Graph
 from blockmech.studio.edits import markers_of
 
 PIXELS = 13 / TEXT  # of the page for a point of a file's view: 13 px words in place of 8 pt ones
-ENDS = ("source", "sourceHandle", "target", "targetHandle")  # of a wire, in React Flow's words
 
 
 @dataclass(frozen=True)
@@ -31,7 +27,7 @@ class Canvas:
     """Words, handles and rectangles [pt] of blocks, and the ways of wires that were laid out."""
 
     words: Mapping[str, list[str]]
-    types: Mapping[str, dict[str, Any]]
+    handles: Mapping[str, dict[str, list[dict[str, str]]]]
     boxes: Mapping[str, Rectangle]
     ways: Mapping[int, list[Point]]
 
@@ -39,9 +35,9 @@ class Canvas:
     def of(cls, content: Content, shown: Graph, wrong: Mapping[str, str]) -> Canvas:
         """Blocks where the author put them, others where they follow from the wires."""
         at, wires = view_of(shown), [wire.ends for wire in content.wires]
-        words, types, boxes = {}, {}, []
+        words, handles, boxes = {}, {}, []
         for block in content.blocks:
-            spec = types[block.name] = _node_type(shown, block, wrong, wires)
+            spec = handles[block.name] = _handles(shown, block, wrong, wires)
             ports, markers = (tuple(h["id"] for h in spec[s]) for s in ("inputs", "outputs"))
             beside = max((text_width(x, SMALL) for x in (*ports, *markers)), default=0.0)
             words[block.name], width = _words(block, wrong.get(block.name))
@@ -56,32 +52,36 @@ class Canvas:
             below = max((y + sizes[name][1] for name, (_, y) in at.items()), default=0.0)
             at = {n: at.get(n, (r.x, r.y + below)) for n, r in made.boxes.items()}
             ways = {} if view_of(shown) else made.ways
-        return cls(words, types, {n: Rectangle(*at[n], *sizes[n]) for n in at}, ways)
+        return cls(words, handles, {n: Rectangle(*at[n], *sizes[n]) for n in at}, ways)
 
-    def edge(self, wire: int, ends: Ends) -> dict[str, Any]:
-        """A wire as React Flow draws it: right-angled, with one climb, through few blocks."""
-        a, b, free = self.boxes[ends.source], self.boxes[ends.target], SIZES.stub / 2
-        rows = (
-            [handle["id"] for handle in self.types[name][side]].index(pin) + 1
-            for name, side, pin in ((*ends[:1], "outputs", ends[1]), (ends[2], "inputs", ends[3]))
-        )
-        left, right = a.x + a.width, b.x
-        y, y2 = (r.y + ROW * row for r, row in zip((a, b), rows, strict=True))
-        way = self.ways.get(wire) or way_between((left, y), (right, y2), wire, self.boxes.values())
-        climbs = [x for (x, _), (x2, _) in pairwise(way) if x == x2] or [(left + right) / 2]
+    def blocks(self, content: Content, wrong: Collection[str]) -> list[dict[str, Any]]:
+        """The blocks as `diagram.js` draws them, in pixels."""
+        return [
+            {
+                "id": block.name,
+                "kind": block.kind,
+                "bad": block.name in wrong,
+                "lines": self.words[block.name],
+                **self.handles[block.name],
+                **{key: x * PIXELS for key, x in self.boxes[block.name]._asdict().items()},
+            }
+            for block in content.blocks
+        ]
 
-        def met(x: float) -> int:
-            tried = (left, y), (x, y), (x, y2), (right, y2)
-            return sum(runs_through(tried, r) for r in self.boxes.values())
-
-        x = min(climbs, key=met) if len(climbs) > 1 else climbs[0]
-        at = (x - left - free) / (right - left - 2 * free) if right > left + 2 * free else 0.5
+    def wire(self, k: int, ends: Ends) -> dict[str, Any]:
+        """A wire and its way [px]: as it was laid out, or a plain one through few blocks."""
+        boxes, sides = (self.boxes[ends.source], self.boxes[ends.target]), ("outputs", "inputs")
+        places = []
+        for r, side, name, pin in zip(boxes, sides, ends[::2], ends[1::2], strict=True):
+            row = [handle["id"] for handle in self.handles[name][side]].index(pin) + 1.5
+            places.append((r.x + r.width * (side == "outputs"), r.y + ROW * row))
+        begin, end = places
+        way = self.ways.get(k) or way_between(begin, end, k, self.boxes.values())
         return {
             "id": str(ends),
-            "type": "smoothstep",
-            "data": {},
-            **dict(zip(ENDS, ends, strict=True)),
-            "pathOptions": {"offset": free * PIXELS, "stepPosition": at},
+            "from": [ends.source, ends.marker],
+            "to": [ends.target, ends.port],
+            "way": [[x * PIXELS, y * PIXELS] for x, y in way],
         }
 
 
@@ -93,24 +93,22 @@ def _words(block: DrawnBlock, wrong: str | None) -> tuple[list[str], float]:
     return [*lines, *(wrapped(f"⚠ {wrong}", SMALL, inside) if wrong else ())], inside
 
 
-def _node_type(
-    shown: Graph,
-    block: DrawnBlock,
-    wrong: Mapping[str, str],
-    wires: Iterable[Ends],
-) -> dict[str, Any]:
+def _handles(
+    shown: Graph, block: DrawnBlock, wrong: Mapping[str, str], wires: Iterable[Ends]
+) -> dict[str, list[dict[str, str]]]:
     """Handles of a block: joints and terminals on the left, markers and guides on the right."""
-    inputs = []
-    for port in block.ports:
-        said = wrong.get(f"{block.name}.{port.name}")
-        label = f"{port.name} ⚠ {said}" if said else port.name
-        inputs.append({"id": port.name, "label": label, "type": port.pair or "load"})
+    inputs = [
+        {
+            "id": port.name,
+            "kind": port.pair or "load",
+            "said": wrong.get(f"{block.name}.{port.name}", ""),
+        }
+        for port in block.ports
+    ]
     outputs = []
     known = markers_of(shown.blocks.get(block.name))
     for name in dict.fromkeys((*known, *(w.marker for w in wires if w.source == block.name))):
         _, marker = known.get(name, ("", None))
         guide = getattr(marker, "angle", None) is not None or getattr(marker, "dir", None)
-        outputs.append({"id": name, "label": name, "type": "guide" if guide else "marker"})
-    # React Flow measures handles again where the type of a block changes: it says what they are
-    kind = f"handles{zlib.crc32(json.dumps([inputs, outputs]).encode()):08x}"
-    return {"type": kind, "label": "", "inputs": inputs, "outputs": outputs}
+        outputs.append({"id": name, "kind": "guide" if guide else "marker", "said": ""})
+    return {"inputs": inputs, "outputs": outputs}

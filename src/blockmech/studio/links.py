@@ -8,7 +8,6 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import panel as pn
@@ -19,6 +18,7 @@ from blockmech.draw import palette as ink
 from blockmech.errors import BlockmechError, GraphError
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio import sketching
+from blockmech.studio.component import Component, script, style
 from blockmech.studio.fields import Shown
 from blockmech.studio.looks import beside
 from blockmech.studio.plots import coloured
@@ -40,48 +40,8 @@ GUIDE = [
 ]
 STEP = 0.05  # of the drawing, by which a copy stands beside what it is of
 
-STYLE = """
-:host { display: block; min-height: 260px }
-.sketch { position: relative; width: 100%; height: 100%; overflow: hidden }
-svg { width: 100%; height: 100%; display: block; touch-action: none; user-select: none;
-  font: 12px system-ui, "DejaVu Sans", sans-serif; background: var(--bm-paper) }
-svg:focus-visible { outline: 2px solid var(--bm-blue); outline-offset: -2px }
-svg[data-tool]:not([data-tool=""]) { cursor: crosshair }
-text { fill: var(--bm-ink); paint-order: stroke; stroke: var(--bm-paper); stroke-width: 3px }
-.grid line { stroke: var(--bm-pale) } .grid text { fill: var(--bm-grey); font-size: 11px }
-.edge { stroke: var(--bm-ink); stroke-width: 13; stroke-linejoin: round; fill: var(--bm-ink) }
-.link { stroke: var(--fill); stroke-width: 10; stroke-linejoin: round; fill: var(--fill) }
-.new { stroke: var(--bm-blue); stroke-width: 8; stroke-linecap: round; opacity: 0.6 }
-.ring { fill: transparent } .dot { fill: var(--bm-paper); stroke: var(--bm-ink); stroke-width: 2 }
-.pin { pointer-events: none } .pin .ring { pointer-events: all; cursor: grab }
-.ring:hover, .chosen .ring { stroke: var(--bm-blue); stroke-width: 3 }
-.chosen .ring { fill: color-mix(in srgb, var(--bm-blue) 30%, transparent) }
-.cross, .hatch, .rail { stroke: var(--bm-ink); stroke-width: 1.6; fill: none }
-.ground, .block { fill: var(--bm-frame); stroke: var(--bm-ink); stroke-width: 1.6 }
-.arrow { stroke: var(--bm-blue); stroke-width: 2.2; fill: none }
-.wheel { fill: none; stroke: var(--bm-ink); stroke-dasharray: 9 4 2 4 }
-.spring { fill: none; stroke: var(--bm-ink); stroke-width: 1.6; stroke-linejoin: round }
-.force { stroke: var(--bm-alarm); fill: var(--bm-alarm); stroke-width: 2 }
-.force text { fill: var(--bm-alarm) }
-.dimension { fill: var(--bm-blue); cursor: text }
-.dimension:hover { text-decoration: underline }
-.dimension:focus-visible { outline: 2px solid var(--bm-blue) }
-.box { fill: color-mix(in srgb, var(--bm-blue) 15%, transparent); stroke: var(--bm-blue) }
-.typed, .bubble, .menu, .guide, .edit { position: absolute; font: 13px system-ui, sans-serif;
-  color: var(--bm-ink); background: var(--bm-group); border: 1px solid var(--bm-line);
-  border-radius: 4px; padding: 3px 7px; top: 0; left: 0 }
-[hidden] { display: none !important }
-.typed { pointer-events: none } .bubble { max-width: 280px; color: var(--bm-alarm) }
-.menu { padding: 3px; display: grid } .menu button { font: inherit; text-align: left; border: 0;
-  color: inherit; background: none; padding: 3px 12px; border-radius: 3px }
-.menu button:focus, .menu button:hover { background: var(--bm-driver) }
-.guide { position: absolute; inset: auto 12px 12px; padding: 8px 8px 8px 26px; top: auto;
-  pointer-events: none; margin: 0 }
-.edit { width: 90px; padding: 2px 4px; box-sizing: border-box; background: var(--bm-paper) }
-"""
 
-
-class Canvas(pn.custom.JSComponent):  # type: ignore[misc]  # as the sheet
+class Canvas(Component):
     """The drawing in the browser.
 
     ``chosen`` are pins, ``tool`` is what a gesture draws, "" for choosing; ``told`` is said
@@ -96,15 +56,8 @@ class Canvas(pn.custom.JSComponent):  # type: ignore[misc]  # as the sheet
     pairs = param.List(default=PAIRS)
     guide = param.List(default=GUIDE)
 
-    _esm = Path(__file__).with_name("sketch.js")
-    _stylesheets = [STYLE]
-
-    def __init__(self, meant: Callable[[dict[str, Any]], None], **given: Any) -> None:
-        super().__init__(**given)
-        self._meant = meant
-
-    def _handle_msg(self, msg: Any) -> None:
-        self._meant(msg)
+    _esm = script("sketch.js")
+    _stylesheets = [style("sketch.css")]
 
 
 def drawing_of(form: Form, pins: dict[str, Drawn], dark: bool, units: Shown) -> dict[str, Any]:

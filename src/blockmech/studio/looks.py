@@ -9,7 +9,6 @@ from typing import Any
 import panel as pn
 from bokeh.models import CustomJS
 from panel.theme import Inherit, Native
-from panel_reactflow import ReactFlow
 
 from blockmech.draw import palette as ink
 
@@ -25,47 +24,6 @@ color-scheme: dark;
 --bm-blue: #6cb8ea; --bm-alarm: #ff8a8a; --bm-pale: #3a3f45;
 --bm-frame: #2c3036; --bm-driver: #1d3a4f; --bm-group: #202327; --bm-element: #403523;
 """
-CANVAS = """
-.react-flow__node { --bm-fill: var(--bm-group); color: var(--bm-ink) !important;
-  background: color-mix(in srgb, var(--bm-fill) 70%, transparent) !important;
-  border: 1.2px solid var(--bm-line) !important; border-radius: 3px; box-shadow: none }
-.react-flow__node.bm-frame { --bm-fill: var(--bm-frame) }
-.react-flow__node.bm-driver { --bm-fill: var(--bm-driver) }
-.react-flow__node.bm-element { --bm-fill: var(--bm-element); border-style: dashed !important }
-.react-flow__node.bm-bad { border-color: var(--bm-alarm) !important }
-.react-flow__node.selected { outline: 2px solid var(--bm-blue); outline-offset: 1px }
-.rf-node-content { display: grid; grid: auto-flow dense var(--bm-row) / 1fr 1fr;
-  padding: calc(var(--bm-row) / 2) 0; min-width: 0; height: 100%; box-sizing: border-box }
-.rf-node-label { position: absolute; inset: 5px 0 auto; white-space: pre-line;
-  text-align: center; line-height: 1.25; font-weight: 400 !important; font-size: 12px;
-  margin: 0 !important }
-.rf-node-label::first-line { font-weight: 700; font-size: 13px }
-.react-flow__handle { position: relative; inset: 0 !important; transform: none;
-  grid-column: 1; place-self: center start; margin-left: -6px; box-sizing: border-box;
-  width: 11px; height: 11px; background: var(--bm-group); border: 1.6px solid var(--bm-ink) }
-.react-flow__handle.source { grid-column: 2; place-self: center end; margin: 0 -5px 0 0;
-  width: 9px; height: 9px; background: var(--bm-ink) }
-.react-flow__handle[aria-label$="(P)"], .react-flow__handle[aria-label$="(guide)"] {
-  border-radius: 0 }
-.react-flow__handle[aria-label$="(load)"] { transform: rotate(45deg); border-radius: 0;
-  width: 10px; height: 10px }
-.react-flow__handle[aria-label*="⚠"] { border-color: var(--bm-alarm); background: var(--bm-paper) }
-.react-flow__handle::before { content: attr(data-handleid); position: absolute; inset: 0 auto;
-  display: flex; align-items: center; font-size: 11px; color: var(--bm-ink);
-  pointer-events: none; white-space: nowrap }
-.react-flow__handle[aria-label$="(load)"]::before { transform: rotate(-45deg) }
-.react-flow__handle.target::before { left: 12px }
-.react-flow__handle.source::before { right: 11px }
-.react-flow__edge-path { stroke: var(--bm-blue); stroke-width: 1.5 }
-.react-flow__edge.selected .react-flow__edge-path { stroke-width: 3 }
-.react-flow { background: var(--bm-paper) !important }
-/* a hint is seen under the pointer: a thousand that are transparent are painted at each move */
-.react-flow__handle:not(:hover)::after { display: none }
-.react-flow__attribution { display: none }
-.react-flow__controls { flex-direction: row !important }
-"""
-"""Style inside of the canvas: ports named, R round, P and guides square; wires show through."""
-
 PAGE = """
 :host { min-height: 100vh; background: var(--bm-paper); color: var(--bm-ink);
   font: 13px/1.4 system-ui, "DejaVu Sans", sans-serif; --design-background-color: var(--bm-paper);
@@ -107,8 +65,6 @@ LINES = "pre { font: 12px system-ui, sans-serif; white-space: pre-wrap; margin: 
 
 NAMES = """
 const name = (root) => {
-  for (const port of root.querySelectorAll(".react-flow__handle:not([role])"))
-    port.setAttribute("role", "img");
   for (const thumb of root.querySelectorAll(".noUi-handle"))
     thumb.setAttribute("aria-label", root.querySelector(".bk-slider-title").textContent);
   for (const [word, way] of [["more", "up"], ["less", "down"]])
@@ -131,10 +87,7 @@ all(document);
 class Look(Native):  # type: ignore[misc]  # panel's own types say nothing of it
     """The studio's style on all parts of a page that is made after `begin`."""
 
-    modifiers = {
-        pn.viewable.Viewable: {"stylesheets": [Inherit, WIDGET]},
-        ReactFlow: {"stylesheets": [Inherit, CANVAS]},
-    }
+    modifiers = {pn.viewable.Viewable: {"stylesheets": [Inherit, WIDGET]}}
 
 
 class Plain(pn.pane.Str):  # type: ignore[misc]  # as the sheet

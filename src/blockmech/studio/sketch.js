@@ -6,34 +6,6 @@
 const NEAR = 13; // px within which a pointer takes hold of a pin
 const TURN = Math.PI / 12; // directions that a dragged link snaps to
 const LEAN = 0.05; // rad from such a direction
-const SVG = "http://www.w3.org/2000/svg";
-const STEPS = [1, 2, 5, 10];
-
-function nice(least) {
-  const ten = 10 ** Math.floor(Math.log10(least));
-  return STEPS.map((k) => k * ten).find((step) => step >= least * 0.999);
-}
-
-function put(parent, tag, given = {}, text = null) {
-  const made = document.createElementNS(SVG, tag);
-  for (const [name, value] of Object.entries(given)) made.setAttribute(name, value);
-  if (text !== null) made.textContent = text;
-  parent.append(made);
-  return made;
-}
-
-function element(parent, tag, name, text = "") {
-  const made = document.createElement(tag);
-  made.className = name;
-  made.textContent = text;
-  parent.append(made);
-  return made;
-}
-
-function rounded(x, digits = 4) {
-  return String(Number(x.toPrecision(digits)));
-}
-
 // A typed length and direction: "0.3", "0.3 @ 30", "@ 30"; null for what is none yet.
 export function typedVector(text, unit, degree) {
   const number = "[-+]?(?:\\d+\\.?\\d*|\\.\\d+)";

@@ -1,0 +1,32 @@
+"""Parts of the page that are our own: a text of JavaScript and one of CSS beside this file each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import panel as pn
+
+HERE = Path(__file__).parent
+
+
+def script(name: str) -> str:
+    """The text of a part, behind what all of them share."""
+    return "\n".join((HERE / file).read_text("utf-8") for file in ("shared.js", name))
+
+
+def style(name: str) -> str:
+    """The style of a part."""
+    return (HERE / name).read_text("utf-8")
+
+
+class Component(pn.custom.JSComponent):  # type: ignore[misc]  # panel's own types say nothing of it
+    """A part that draws what its parameters hold; ``meant`` gets what a gesture means."""
+
+    def __init__(self, meant: Callable[[dict[str, Any]], None], **given: Any) -> None:
+        super().__init__(**given)
+        self._meant = meant
+
+    def _handle_msg(self, msg: Any) -> None:
+        self._meant(msg)

@@ -1,0 +1,363 @@
+// The block diagram: what the hand does is drawn here, what it means the server knows.
+//
+// Places are pixels of a canvas that is moved and scaled as a whole; `drawing` has blocks with
+// their handles, and wires with their ways. Every gesture ends in one message {act, ...}.
+
+const NEAR = 16; // px of the screen within which a wire takes hold of a handle
+const FAR = 4; // px by which a pointer has moved before it drags
+const EDGE = 14; // px around all that is shown
+const KINDS = "application/blockmech"; // what the palette gives to a drag
+
+export function render({ model, el }) {
+  const box = element(el, "div", "diagram");
+  const palette = element(box, "div", "chips");
+  const area = element(box, "div", "area");
+  const svg = put(area, "svg", { tabindex: 0, role: "application", "aria-label": "block diagram" });
+  const all = put(svg, "g", { class: "all" });
+  const band = put(svg, "rect", { class: "band", width: 0, height: 0 });
+  const tip = element(area, "div", "tip");
+  const zoom = element(area, "div", "zoom");
+  tip.hidden = true;
+
+  const view = { scale: 1, x: 0, y: 0 };
+  let drag = null; // what the hand does now
+  let told = 0;
+  let ids = "";
+  let over = ""; // the wire under the pointer
+
+  const tell = (act, more = {}) => model.send_msg({ act, ...more });
+  const blocks = () => model.drawing.blocks;
+  const block = (name) => blocks().find((one) => one.id === name);
+  const chosen = () => model.chosen;
+  const place = ({ clientX, clientY }) => {
+    const rectangle = svg.getBoundingClientRect();
+    return { x: clientX - rectangle.x, y: clientY - rectangle.y };
+  };
+  const canvas = ({ x, y }) => ({ x: (x - view.x) / view.scale, y: (y - view.y) / view.scale });
+  const at = (one) => drag?.moved?.[one.id] ?? one;
+
+  function show() {
+    all.setAttribute("transform", `translate(${view.x} ${view.y}) scale(${view.scale})`);
+  }
+
+  function fit() {
+    const { width, height } = svg.getBoundingClientRect();
+    if (!width || !blocks().length) return;
+    const ways = model.drawing.wires.flatMap((wire) => wire.way);
+    const [xs, ys] = [
+      [...blocks().flatMap((b) => [b.x, b.x + b.width]), ...ways.map(([x]) => x)],
+      [...blocks().flatMap((b) => [b.y, b.y + b.height]), ...ways.map(([, y]) => y)],
+    ];
+    const [left, top] = [xs, ys].map((row) => row.reduce((a, b) => Math.min(a, b)));
+    const [right, bottom] = [xs, ys].map((row) => row.reduce((a, b) => Math.max(a, b)));
+    view.scale = Math.min(1, (width - 2 * EDGE) / (right - left), (height - 2 * EDGE) / (bottom - top));
+    view.x = (width - (left + right) * view.scale) / 2;
+    view.y = (height - (top + bottom) * view.scale) / 2;
+    show();
+  }
+
+  function zoomed(factor, p) {
+    const z = canvas(p);
+    view.scale = Math.min(2, Math.max(0.02, view.scale * factor));
+    [view.x, view.y] = [p.x - z.x * view.scale, p.y - z.y * view.scale];
+    show();
+  }
+
+  // -- the picture -------------------------------------------------------------------------
+
+  function end(side, id) {
+    const [name, port] = id;
+    const one = block(name);
+    const row = one?.[side].findIndex((handle) => handle.id === port) ?? -1;
+    if (row < 0) return null;
+    const { x, y } = at(one);
+    return [x + (side === "outputs" ? one.width : 0), y + (row + 1.5) * model.drawing.row];
+  }
+
+  // The way of a wire; of a block that is dragged a plain one until the server has laid it.
+  function way(wire) {
+    const [a, b] = [end("outputs", wire.from), end("inputs", wire.to)];
+    if (!a || !b || !drag?.moved) return wire.way;
+    if (!drag.moved[wire.from[0]] && !drag.moved[wire.to[0]]) return wire.way;
+    const x = (a[0] + b[0]) / 2;
+    return [a, [x, a[1]], [x, b[1]], b];
+  }
+
+  const line = (points) => `M${points.map((z) => z.join(" ")).join("L")}`;
+
+  function draw() {
+    all.replaceChildren();
+    const front = put(all, "g"); // blocks; wires pass before their pale ground, as in print
+    for (const one of blocks()) drawBlock(front, one);
+    for (const wire of model.drawing.wires) {
+      const [d, own] = [line(way(wire)), put(all, "g", { class: "wire", "data-id": wire.id })];
+      own.classList.toggle("chosen", chosen().includes(wire.id));
+      put(own, "path", { d, class: "wide" });
+      put(own, "path", { d, class: "line" });
+    }
+    if (drag?.from) put(all, "path", { d: line([drag.start, drag.end]), class: "new" });
+    show();
+  }
+
+  function drawBlock(parent, one) {
+    const { x, y } = at(one);
+    const own = put(parent, "g", {
+      class: `block ${one.kind}`, transform: `translate(${x} ${y})`, "data-id": one.id,
+      tabindex: 0, role: "button", "aria-label": one.lines.join(", "),
+    });
+    own.classList.toggle("bad", one.bad);
+    own.classList.toggle("chosen", chosen().includes(one.id));
+    put(own, "rect", { width: one.width, height: one.height, rx: 3, class: "body" });
+    one.lines.forEach((text, k) => {
+      const look = k ? "words" : "name";
+      put(own, "text", { x: one.width / 2, y: 18 + 15 * k, class: look, "text-anchor": "middle" }, text);
+    });
+    for (const [side, x0] of [["inputs", 0], ["outputs", one.width]])
+      one[side].forEach((handle, k) => drawHandle(own, one, side, handle, x0, (k + 1.5) * model.drawing.row));
+  }
+
+  function drawHandle(parent, one, side, handle, x, y) {
+    const into = side === "inputs";
+    const word = handle.said ? `${handle.id} \u26a0 ${handle.said}` : handle.id;
+    const given = {
+      class: `handle ${into ? "target" : "source"}`, "data-block": one.id, "data-port": handle.id,
+      role: "img", "aria-label": `${word} (${handle.kind})`,
+    };
+    const square = handle.kind === "P" || handle.kind === "guide";
+    const made = square || handle.kind === "load"
+      ? put(parent, "rect", { ...given, x: x - 5, y: y - 5, width: 10, height: 10,
+        ...(square ? {} : { transform: `rotate(45 ${x} ${y})` }) })
+      : put(parent, "circle", { ...given, cx: x, cy: y, r: into ? 5 : 4 });
+    made.classList.toggle("wrong", Boolean(handle.said));
+    const name = { x: x + (into ? 10 : -9), y: y + 4, "text-anchor": into ? "start" : "end" };
+    put(parent, "text", { ...name, class: "port" }, handle.id);
+  }
+
+  // -- what the pointer does -----------------------------------------------------------------
+
+  const path = (event) => event.composedPath().filter((part) => part.dataset);
+  const under = (event, name) => path(event).find((part) => part.classList?.contains(name));
+  const handles = (side) => [...all.querySelectorAll(`.handle.${side}`)];
+
+  function middle(handle) {
+    const [r, s] = [handle.getBoundingClientRect(), svg.getBoundingClientRect()];
+    return { x: r.x + r.width / 2 - s.x, y: r.y + r.height / 2 - s.y };
+  }
+
+  function nearest(p, side) {
+    let [best, least] = [null, NEAR];
+    for (const handle of handles(side)) {
+      const z = middle(handle);
+      const off = Math.hypot(z.x - p.x, z.y - p.y);
+      if (off < least) [best, least] = [handle, off];
+    }
+    return best;
+  }
+
+  function choose(names, more) {
+    const known = chosen().filter((name) => !names.includes(name));
+    const all_in = names.every((name) => chosen().includes(name));
+    model.chosen = more ? [...known, ...(all_in ? [] : names)] : names;
+    draw();
+  }
+
+  svg.addEventListener("pointerdown", (event) => {
+    if (event.button > 1) return;
+    const p = place(event);
+    const [handle, own, wire] = ["handle", "block", "wire"].map((name) => under(event, name));
+    const begun = { begun: p, more: event.ctrlKey || event.shiftKey || event.metaKey };
+    svg.setPointerCapture(event.pointerId);
+    hide();
+    if (handle && model.drawing.editable && event.button === 0) {
+      const z = canvas(middle(handle));
+      drag = { kind: "wire", from: handle, start: [z.x, z.y], end: [z.x, z.y], ...begun };
+      drag.side = handle.classList.contains("source") ? "target" : "source";
+    } else if (own && event.button === 0) drag = { kind: "block", name: own.dataset.id, ...begun };
+    else if (wire) drag = { kind: "line", name: wire.dataset.id, ...begun };
+    else if (event.shiftKey) drag = { kind: "box", ...begun };
+    else drag = { kind: "pan", last: p, ...begun };
+  });
+
+  svg.addEventListener("pointermove", (event) => {
+    const p = place(event);
+    if (!drag) return hover(event);
+    if (!drag.far && Math.hypot(p.x - drag.begun.x, p.y - drag.begun.y) < FAR) return;
+    drag.far = true;
+    if (drag.kind === "pan") {
+      [view.x, view.y, drag.last] = [view.x + p.x - drag.last.x, view.y + p.y - drag.last.y, p];
+      show();
+    } else if (drag.kind === "block" && model.drawing.editable) {
+      const names = chosen().includes(drag.name) ? chosen().filter(block) : [drag.name];
+      const by = [p.x - drag.begun.x, p.y - drag.begun.y].map((d) => d / view.scale);
+      drag.moved = Object.fromEntries(names.map((name) => [name,
+        { x: block(name).x + by[0], y: block(name).y + by[1] }]));
+      draw();
+    } else if (drag.kind === "wire") {
+      const onto = nearest(p, drag.side);
+      const z = canvas(onto ? middle(onto) : p);
+      drag.end = [z.x, z.y];
+      if (onto?.dataset.port !== drag.onto?.port || onto?.dataset.block !== drag.onto?.block) {
+        drag.onto = onto ? { ...onto.dataset } : null;
+        hide();
+        if (onto) tell("may", ends());
+      }
+      draw();
+      judge();
+    } else if (drag.kind === "box") {
+      const [x, y] = [Math.min(p.x, drag.begun.x), Math.min(p.y, drag.begun.y)];
+      const size = { width: Math.abs(p.x - drag.begun.x), height: Math.abs(p.y - drag.begun.y) };
+      drag.box = { x, y, ...size };
+      for (const [key, value] of Object.entries(drag.box)) band.setAttribute(key, value);
+    }
+  });
+
+  function ends() {
+    const both = [drag.from.dataset, drag.onto].map(({ block: b, port }) => `${b}.${port}`);
+    const [from, to] = drag.side === "target" ? both : both.reverse();
+    return { from, to };
+  }
+
+  // What the server has said of the wire that is dragged: whether it may be, or why not.
+  function judge() {
+    if (drag?.kind !== "wire" || !drag.onto) return;
+    const { from, to } = ends();
+    if (model.may.wire !== `${from} -> ${to}`) return;
+    const handle = handles(drag.side).find((one) =>
+      one.dataset.block === drag.onto.block && one.dataset.port === drag.onto.port);
+    handle?.classList.add(model.may.said ? "refused" : "valid");
+    if (model.may.said) hint(model.may.said, middle(handle));
+  }
+
+  svg.addEventListener("pointerup", (event) => {
+    const done = drag;
+    if (done?.kind === "wire" && done.onto) tell("wire", ends());
+    drag = null;
+    if (done?.kind === "box") for (const key of ["width", "height"]) band.setAttribute(key, 0);
+    if (!done) return;
+    if (!done.far) choose(done.name === undefined ? [] : [done.name], done.more);
+    else if (done.moved) {
+      for (const [name, z] of Object.entries(done.moved)) Object.assign(block(name), z);
+      tell("move", { at: done.moved });
+    } else if (done.box) {
+      const [low, high] = [done.box, { x: done.box.x + done.box.width, y: done.box.y + done.box.height }].map(canvas);
+      choose(blocks().filter((b) => b.x >= low.x && b.y >= low.y && b.x + b.width <= high.x
+        && b.y + b.height <= high.y).map((b) => b.id), done.more);
+    }
+    if (!done.far && done.kind === "block") tell("select", { name: done.name });
+    draw();
+    svg.focus();
+    event.preventDefault();
+  });
+  svg.addEventListener("pointercancel", () => { drag = null; draw(); });
+  svg.addEventListener("pointerleave", () => { if (!drag) hide(); });
+  svg.addEventListener("wheel", (event) => {
+    zoomed(Math.exp(-event.deltaY / 500), place(event));
+    event.preventDefault();
+  }, { passive: false });
+
+  function hover(event) {
+    const [wire, handle] = [under(event, "wire")?.dataset.id ?? "", under(event, "handle")];
+    if (handle?.classList.contains("wrong")) hint(handle.getAttribute("aria-label"), place(event));
+    else if (wire !== over && wire) tell("hover", { wire, at: place(event) });
+    else if (!wire) hide();
+    over = wire;
+  }
+
+  function hint(text, { x, y }) {
+    const { width } = svg.getBoundingClientRect();
+    tip.textContent = text;
+    tip.style.transform = `translate(${Math.max(Math.min(x + 12, width - 320), 0)}px, ${y + 14}px)`;
+    tip.hidden = !text;
+  }
+
+  function hide() { tip.hidden = true; }
+
+  // -- palette, keys, and what the server says -----------------------------------------------
+
+  for (const [kind, family, words, why] of model.kinds) {
+    const chip = element(palette, "button", family, words);
+    Object.assign(chip, { type: "button", draggable: true, title: why || kind, disabled: Boolean(why) });
+    chip.dataset.kind = kind;
+    chip.setAttribute("aria-label", `Add ${words}`);
+    chip.addEventListener("dragstart", (event) => event.dataTransfer.setData(KINDS, kind));
+    chip.addEventListener("click", () => tell("add", { kind, at: null }));
+  }
+  svg.addEventListener("dragover", (event) => event.preventDefault());
+  svg.addEventListener("drop", (event) => {
+    event.preventDefault();
+    const kind = event.dataTransfer.getData(KINDS);
+    if (kind) tell("add", { kind, at: canvas(place(event)) });
+  });
+
+  const centre = () => {
+    const { width, height } = svg.getBoundingClientRect();
+    return { x: width / 2, y: height / 2 };
+  };
+  const buttons = [["+", "Zoom in", () => zoomed(1.25, centre())],
+    ["\u2212", "Zoom out", () => zoomed(0.8, centre())], ["\u2922", "Fit View", fit]];
+  for (const [text, name, act] of buttons) {
+    const button = element(zoom, "button", "", text);
+    button.type = "button";
+    button.setAttribute("aria-label", name);
+    button.title = name;
+    button.addEventListener("click", act);
+  }
+
+  const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+  svg.addEventListener("keydown", (event) => {
+    const focused = under(event, "block")?.dataset.id;
+    const names = chosen().length ? chosen() : focused ? [focused] : [];
+    const command = event.ctrlKey || event.metaKey;
+    if ((event.key === "Enter" || event.key === " ") && focused) {
+      choose([focused], event.shiftKey);
+      tell("select", { name: focused });
+      [...all.querySelectorAll(".block")].find((one) => one.dataset.id === focused)?.focus();
+    } else if (event.key === "Escape") { choose([]); hide(); }
+    else if (event.key === "f") fit();
+    else if (command && event.key === "a") choose(blocks().map((one) => one.id));
+    else if (command && event.key === "z") tell(event.shiftKey ? "redo" : "undo");
+    else if (!model.drawing.editable || !names.length) return;
+    else if (event.key === "Delete" || event.key === "Backspace") tell("delete", { names });
+    else if (command && event.key === "d") tell("duplicate", { names });
+    else if (ARROWS[event.key]) {
+      const [dx, dy] = ARROWS[event.key].map((k) => (k * model.drawing.row) / (event.shiftKey ? 1 : 4));
+      const moved = names.filter(block).map((name) => [name, { x: block(name).x + dx, y: block(name).y + dy }]);
+      tell("move", { at: Object.fromEntries(moved) });
+    } else return;
+    event.preventDefault();
+    event.stopPropagation();
+  });
+
+  function renew() {
+    palette.hidden = !model.drawing.editable;
+    const { width, height } = svg.getBoundingClientRect();
+    const now = blocks().map((one) => one.id).join();
+    const [low, high] = [canvas({ x: 0, y: 0 }), canvas({ x: width, y: height })];
+    const inside = (b) => b.x >= low.x && b.y >= low.y && b.x + b.width <= high.x && b.y + b.height <= high.y;
+    if (now !== ids && (!ids || !blocks().every(inside))) fit();
+    ids = now;
+    draw();
+    judge();
+  }
+
+  function say() {
+    const { text, count, at: where } = model.told;
+    if (!count || count === told) return;
+    told = count;
+    hint(text, where);
+  }
+
+  model.on("drawing", renew);
+  model.on("chosen", draw);
+  model.on("may", judge);
+  model.on("told", say);
+  let known = 0;
+  const watcher = new ResizeObserver(() => {
+    const { width } = svg.getBoundingClientRect();
+    if (width && !known) { fit(); renew(); }
+    known = width;
+  });
+  watcher.observe(svg);
+  model.on("remove", () => watcher.disconnect());
+  return box;
+}
