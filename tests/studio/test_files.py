@@ -30,14 +30,13 @@ def test_a_value_that_cannot_be_is_told_under_its_field():
     form = Form(sheet, said.append)
     form.selected = ("blocks", "crank")
     before = sheet.form
-    form.rows["length",].widget.value = "-2"
-    wrong = "length must be &gt; 0 m, got -2"
-    assert wrong in form.rows["length",].wrong.object
+    form.typed(("length",), "-2")
+    assert "length must be > 0 m, got -2" in form.wrong["length",]
     assert said == [""]  # nothing is left to be told elsewhere
     assert sheet.form is before
-    form.rows["length",].widget.value = "2.5"
+    form.typed(("length",), "2.5")
     assert sheet.form["blocks"]["crank"]["length"] == 2.5
-    assert form.rows["length",].wrong.object == ""
+    assert form.wrong["length",] == ""
 
 
 def test_a_file_is_saved_as_it_was_read(folder):
@@ -117,9 +116,9 @@ def test_a_friction_law_is_chosen_where_there_was_none():
     sheet = Filed(bm.Graph.load(GRAPHS / "slider_crank.json"))
     form = Form(sheet, print)
     form.selected = ("blocks", "crank")
-    form.rows["friction", "A", "law"].widget.value = "stiction"
+    form.typed(("friction", "A", "law"), "stiction")
     assert sheet.form["blocks"]["crank"]["friction"]["A"]["law"] == "stiction"
-    assert ("friction", "A", "kinetic") in form.rows
+    assert ("friction", "A", "kinetic") in form.fields
 
 
 def test_a_coupling_follows_the_new_name_of_its_driver():

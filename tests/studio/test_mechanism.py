@@ -11,6 +11,7 @@ import blockmech as bm
 from blockmech.builders import opened
 from blockmech.draw import palette
 from blockmech.draw.shapes import Stage
+from blockmech.studio.component import script
 from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.film import SHOWN, names_of, scene_of
 from blockmech.studio.mechanism import MechanismView
@@ -24,6 +25,7 @@ from blockmech.studio.turn import (
     turn,
     what_moves,
 )
+from tests.studio.page import press, show
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 GALLERY = sorted(path.stem for path in GRAPHS.glob("*.json"))
@@ -70,9 +72,9 @@ def test_links_stand_where_the_run_says():
     view = MechanismView(sheet_of())
     view.pose = 77
     (x, y) = next(
-        (data["x"][i], data["y"][i])
-        for data in (source.data for _, source in view.figure._layers)
-        for i, what in enumerate(data["name"])
+        (layer.at(77)["x"][i], layer.at(77)["y"][i])
+        for layer in view.figure.layers
+        for i, what in enumerate(layer.looks["name"])
         if what == "pin:C"
     )
     run = view.sheet.mechanism.run(samples=361, want=["dyad.C.p"], friction="none")
@@ -111,28 +113,14 @@ def test_no_name_stands_on_a_link():
     assert np.median(bad) <= 0.01
 
 
-def test_shapes_change_after_all_words():
-    """Bokeh cannot paint sources that it is about to change; see `MechanismFigure.draw`."""
-    view, told = MechanismView(sheet_of()), []
-    form = copy.deepcopy(view.sheet.form)
-    form["wires"] = [w for w in form["wires"] if w["to"] != "couple.on"]
-    view._said.on_change("text", lambda attr, old, new: told.append("words"))
-    for _, source in view.figure._layers:
-        source.on_change("data", lambda attr, old, new: told.append("xs" if "xs" in new else "x"))
-    view.sheet.change(form, "a load unwired")
-    assert told.count("words") == 1
-    assert told[0] == "words"
-    assert "xs" in told
-
-
 def test_friction_circles_say_how_much_larger_they_are_drawn():
     view = MechanismView(sheet_of())
     view.show = ["friction circles"]
-    said = view.figure._words.text
+    said = view.figure.words
     many = float(re.fullmatch(r"friction circles (\d+) times as large", said)[1])
     drawn = next(
-        np.ptp(source.data["xs"][i]) / 2
-        for layer, source in view.figure._layers
+        np.ptp(layer.at(0)["xs"][i]) / 2
+        for layer in view.figure.layers
         for i, what in enumerate(layer.looks["name"])
         if what.startswith("friction:dyad.C")
     )
@@ -148,17 +136,22 @@ def test_a_gap_has_its_sentence_and_its_mark():
     assert "too large" in why
     for pose, there in ((0, False), (first - 1, False), (first, True), (180, True)):
         view.pose = pose
-        assert (why.split(":")[0] in view._caption()) == there
+        assert (why.split(":")[0] in words_of(view)) == there
         assert (marked(view) == {"gap:dyad"}) == there
+
+
+def words_of(view):
+    """The words below the shown pose."""
+    return " ".join(words for words, _ in view.figure.picture.said)
 
 
 def marked(view):
     """The gaps that are drawn in the shown pose."""
     return {
         what
-        for layer, source in view.figure._layers
+        for layer in view.figure.layers
         for i, what in enumerate(layer.looks["name"])
-        if what.startswith("gap") and np.isfinite(source.data["xs"][i]).all()
+        if what.startswith("gap") and np.isfinite(layer.at(view.pose)["xs"][i]).all()
     }
 
 
@@ -199,42 +192,31 @@ def test_dead_centres_are_those_of_limits():
         assert ends[near] == name
     view = MechanismView(sheet)
     view.pose = round(passed[0][0])
-    assert f"nearest dead centre: {passed[0][1]} at crank.q = " in view._caption()
+    assert f"nearest dead centre: {passed[0][1]} at crank.q = " in words_of(view)
+    view.margins()
     labels = [x.text for x in view._margins.figure.center if hasattr(x, "text")]
     assert labels == [name for _, name in passed]
 
 
 def test_each_of_several_drivers_has_a_slider():
     view = MechanismView(sheet_of("excavator"))
-    assert list(view._drivers) == ["boom", "arm", "curl"]
+    sliders = view.figure.picture.drivers
+    assert [slider["name"] for slider in sliders] == ["boom", "arm", "curl"]
     laws = view.motion
     view.pose = 100
-    assert [s.value for s in view._drivers.values()] == list(view.coordinates.values())
+    assert [s["values"][100] for s in sliders] == list(view.coordinates.values())
     assert view.motion is laws
     before = view.coordinates
-    view._drivers["arm"].value = 3.21
+    view.meant({"act": "drive", "driver": "arm", "value": 3.21})
     step = np.ptp(view.motion.q["arm"]) / 360
     assert view.coordinates == before | {"arm": pytest.approx(3.21, abs=step / 2)}
     moved = view.motion
     assert view.along.words == "arm.q [m]"
-    view._drivers["arm"].value = 3.1
+    view.meant({"act": "drive", "driver": "arm", "value": 3.1})
     assert view.motion is moved
     assert view.coordinates["arm"] == pytest.approx(3.1, abs=step / 2)
     view.turn()
     assert np.ptp(view.motion.q["boom"]) > 0
-
-
-@pytest.mark.parametrize(("name", "pose"), [("ruiz_fourbar", 90), ("excavator", 269)])
-def test_a_motion_is_played_round_or_to_and_fro(monkeypatch, name, pose):
-    """One and a quarter of it; a browser that has not drawn the last pose gets no other."""
-    view = MechanismView(sheet_of(name), seconds=2.0)
-    monkeypatch.setattr("time.perf_counter", lambda: 1.25 * 2.0)
-    view._said.tags = [view.pose + 1]
-    view._tick()
-    assert view.pose == 0
-    view._said.tags = [view.pose]
-    view._tick()
-    assert view.pose == pose
 
 
 def test_a_driver_without_a_law_moves_over_its_arc():
@@ -367,17 +349,17 @@ def test_what_cannot_be_dragged_says_why():
     view = MechanismView(sheet)
     before = sheet.text()
     view.drag("C", 0.1 + 0.1j)
-    assert "cannot be dragged" in view._said.text
+    assert "cannot be dragged" in words_of(view)
     assert sheet.text() == before
 
 
 def test_forces_that_cannot_be_known_are_told_while_they_are_asked_for():
     view = MechanismView(sheet_of("motions/shaken_slider"))
     view.show = ["reactions"]
-    assert "a load follows the time" in view._said.text
+    assert "a load follows the time" in words_of(view)
     view.pose = 20
     view.show = ["paths"]
-    assert "a load follows the time" not in view._said.text
+    assert "a load follows the time" not in words_of(view)
 
 
 # -- files and the browser -------------------------------------------------------------------
@@ -395,23 +377,34 @@ def test_the_pose_and_the_motion_are_pictures(kind, head):
     assert view._picture().getvalue().startswith(head)
 
 
+def test_a_motion_is_played_round_or_to_and_fro(page):
+    """One and a quarter of it: the frames as the browser counts them."""
+    page.goto("about:blank")
+    found = page.evaluate(
+        """async (text) => {
+            const blob = new Blob([text], { type: "text/javascript" });
+            const { frameAt } = await import(URL.createObjectURL(blob));
+            return [[1.25, 361, true], [1.25, 361, false], [0, 1, true]].map((x) => frameAt(...x));
+        }""",
+        script("mechanism.js"),
+    )
+    assert found == [90, 269, 0]
+
+
 def test_a_mechanism_plays_and_is_dragged_in_the_browser(page, studio):
     """Played, stopped, put to a pose by a tap on a curve, and a joint dragged there."""
-    page.goto(studio[0] + "?example=ruiz_fourbar")
-    page.wait_for_selector(".diagram svg")
-    page.wait_for_function("Bokeh.documents[0].is_idle")
-    pose = page.get_by_role("slider").first
-    page.get_by_role("button", name="▶ Play").click()
-    page.wait_for_function("at => at.ariaValueNow > 3", arg=pose.element_handle())
-    page.get_by_role("button", name="❚❚ Pause").click()
-    page.mouse.click(*screen(page, "crank.q [rad]", np.pi / 2, 0))
-    page.wait_for_function("at => Math.abs(at.ariaValueNow - 90) < 3", arg=pose.element_handle())
-    k = int(float(pose.get_attribute("aria-valuenow")))
-    assert abs(k - 90) < 3
+    show(page, studio, "?example=ruiz_fourbar")
+    pose = page.get_by_label("Pose", exact=True)
+    press(page, "▶ Play")
+    page.wait_for_function("at => Number(at.value) > 3", arg=pose.element_handle())
+    press(page, "❚❚ Pause")
+    page.mouse.click(*on_curve(page, "crank.q [rad]", np.pi / 2, 0))
+    page.wait_for_function("at => Math.abs(at.value - 90) < 3", arg=pose.element_handle())
+    k = int(pose.input_value())
     run = sheet_of().mechanism.run(samples=361, want=["crank.drive", "dyad.C.p"])
     page.get_by_text(f"crank.drive = {run['crank.drive'][k]:.6g} N m").wait_for()
     C = run["dyad.C.p"][k]
-    x, y = screen(page, "x [m]", C.real, C.imag)
+    x, y = page.locator("canvas.picture").evaluate("(it, z) => it.screen(z)", [C.real, C.imag])
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + 40, y - 30, steps=3)
@@ -419,8 +412,8 @@ def test_a_mechanism_plays_and_is_dragged_in_the_browser(page, studio):
     page.get_by_role("button", name="Undo").and_(page.locator(":enabled")).wait_for()
 
 
-def screen(page, axis, x, y):
-    """Where a place of the last figure with an axis is on the screen [px]."""
+def on_curve(page, axis, x, y):
+    """Where a place of a curve is on the screen [px]."""
     return page.evaluate(
         """([axis, x, y]) => {
             const all = (views) => [...views].flatMap((v) => [v, ...all(v.child_views ?? [])]);

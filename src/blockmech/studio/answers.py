@@ -153,7 +153,7 @@ class Answers:
         return {
             "Curves": curves,
             "Motion": lambda: beside(self.until, simulate, turn),
-            "Margins": lambda: self.view.strip,
+            "Margins": self.view.margins,
             "Methods": lambda: pn.Column(beside(cost, compare), self.costs, **wide),
         }
 

@@ -117,7 +117,7 @@ class Page:
         }
         drawn = either(ways, list(ways)[not isinstance(self.sheet.document, Linkage)])
         below = {"sizing_mode": "stretch_width", "height": BELOW, "scroll": "y-auto"}
-        left = drawn, self.status, pn.Column(self.form.column, **below)
+        left = drawn, self.status, pn.Column(self.form.page, **below)
         head = beside(self.answers.work.stop, self.answers.said, sizing_mode="stretch_width")
         right = self.view.panel(), either(self.answers.tabs(), "Curves", head)
         right[-1].param.update(**below)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import panel as pn
+import param
 
 HERE = Path(__file__).parent
 
@@ -22,11 +23,20 @@ def style(name: str) -> str:
 
 
 class Component(pn.custom.JSComponent):  # type: ignore[misc]  # panel's own types say nothing of it
-    """A part that draws what its parameters hold; ``meant`` gets what a gesture means."""
+    """A part that draws what its parameters hold; ``meant`` gets what a gesture means.
+
+    ``done`` counts the messages that were followed: a browser that moves something quickly sends
+    the next one when the last was.
+    """
+
+    done = param.Integer(default=0)
 
     def __init__(self, meant: Callable[[dict[str, Any]], None], **given: Any) -> None:
         super().__init__(**given)
         self._meant = meant
 
     def _handle_msg(self, msg: Any) -> None:
-        self._meant(msg)
+        try:
+            self._meant(msg)
+        finally:
+            self.done += 1

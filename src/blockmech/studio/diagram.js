@@ -103,7 +103,7 @@ export function render({ model, el }) {
     const { x, y } = at(one);
     const own = put(parent, "g", {
       class: `block ${one.kind}`, transform: `translate(${x} ${y})`, "data-id": one.id,
-      tabindex: 0, role: "button", "aria-label": one.lines.join(", "),
+      tabindex: 0, role: "group", "aria-label": one.lines.join(", "),
     });
     own.classList.toggle("bad", one.bad);
     own.classList.toggle("chosen", chosen().includes(one.id));

@@ -6,13 +6,10 @@ then what is wrong stands under the fields, and the sheet stays as it was.
 
 from __future__ import annotations
 
-import html
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
-from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
-import panel as pn
 import param
 
 from blockmech.blocks.registry import REGISTRY
@@ -20,9 +17,9 @@ from blockmech.builders import Graph
 from blockmech.errors import BlockmechError, Problem
 from blockmech.model.parameters import parameters_of
 from blockmech.model.schema import graph_schema, joints_schema
+from blockmech.studio.component import Component, script, style
 from blockmech.studio.edits import markers_of, ports_of, renamed, wired
 from blockmech.studio.fields import Field, Path, Shown, fields_of, item_at, schema_at, with_item
-from blockmech.studio.looks import beside
 from blockmech.studio.session import follow, together
 from blockmech.studio.sheet import Sheet
 
@@ -32,16 +29,16 @@ MECHANISM: Path = ()
 ITEMS = ("blocks", "links", "joints", "drivers", "loads")  # each of them has a form
 ASIDE = (*ITEMS, "version", "wires", "view", "expect")  # in no form of the document
 HINTS = {"place": "x, y or r @ angle", "pair": "x, y", "json": "JSON", "map": ""}
-LINE = 148  # px of a field: three or four beside each other in half a window
+NOTHING = {"parts": [], "selected": 0, "name": None, "kind": "", "words": "", "groups": []}
 
 
-class Row(NamedTuple):
-    """A field on the page: where a value is typed, and what is wrong with it."""
+class Fields(Component):
+    """The form in the browser."""
 
-    field: Field
-    widget: Any
-    wrong: Any
-    panel: Any
+    shown = param.Dict(default={})
+
+    _esm = script("form.js")
+    _stylesheets = [style("form.css")]
 
 
 class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
@@ -54,16 +51,10 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
         super().__init__()
         self.sheet, self.say = sheet, say
         self.draft: dict[str, Any] = {}
-        self.rows: dict[Path, Row] = {}  # by path within what is selected
-        self.headings: dict[str, Any] = {}
-        self.edit = pn.widgets.Select(label="Edit", width=LINE)
-        self.called = pn.widgets.TextInput(label="Name", width=LINE)
-        self.about = pn.pane.HTML("", sizing_mode="stretch_width")
-        self.head = pn.Row(self.edit, self.called, self.about, sizing_mode="stretch_width")
-        self.body = beside(sizing_mode="stretch_width", margin=0)
-        self.column = pn.Column(self.head, self.body, sizing_mode="stretch_width")
-        self.edit.param.watch(lambda event: self.param.update(selected=event.new), "value")
-        self.called.param.watch(lambda event: self._rename(event.new.strip()), "value")
+        self.fields: dict[Path, Field] = {}  # by path within what is selected
+        self.wrong: dict[Path, str] = {}
+        self.parts: list[Path] = []
+        self.page = Fields(self.meant, shown=NOTHING, sizing_mode="stretch_width")
         self.param.watch(lambda *_: self.renew(), ["selected", "shown"])
         follow(sheet, self.renew, "form", "problems")
         self.renew()
@@ -77,37 +68,30 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
         if self.selected and item_at(self.draft, self.selected) is None:
             self.selected = MECHANISM
             return
-        parts = [(part, name) for part in ITEMS for name in self.draft.get(part, ())]
-        words = {at: at[1] if at[0] == "blocks" else f"{at[0][:-1]} {at[1]}" for at in parts}
-        options = {"mechanism": MECHANISM, **{word: at for at, word in words.items()}}
-        self.edit.param.update(options=options, value=self.selected)
-        kind = (item_at(self.draft, self.selected) or {}).get("type", "") if self.selected else ""
-        said = (getattr(REGISTRY.get(kind), "__doc__", None) or "").split("\n")[0]
-        self.about.object = f"<h2>{html.escape(kind)}</h2><p>{html.escape(said)}</p>"
-        self.called.visible = self.selected[:1] == ("blocks",)
-        self.called.value = self.selected[-1] if self.selected else ""
-        self._show()
-        self._tell(self.sheet.problems)
+        self._show(self.sheet.problems)
 
-    def _show(self) -> None:
-        """Show the fields of the draft; those that were there stay, with what they hold now."""
-        rows = {}
-        for field in self._fields():
-            own = _within(self.selected, field.path)
-            row = self.rows.get(own)
-            row = self._row(own, field) if row is None or row.field.kind != field.kind else row
-            rows[own] = row._replace(field=field)
-        old, self.rows = self.rows, rows
-        for row in rows.values():
-            self._set(row)
-        if [row.panel for row in old.values()] != [row.panel for row in rows.values()]:
-            lines: dict[str, list[Any]] = {}
-            for own, row in rows.items():
-                group = own[0] if own[1:] or row.field.kind == "map" else ""
-                lines.setdefault(group, []).append(row.panel)
-            self.headings = {name: self.headings.get(name) or _heading(name) for name in lines}
-            parts = ((self.headings[name], *panels) for name, panels in lines.items())
-            self.body.objects = list(chain(*parts))  # the page is laid out at each change
+    def _show(self, problems: Iterable[Problem]) -> list[Problem]:
+        """Show the fields of the draft, with what is wrong under each; what is left of it."""
+        self.parts = [MECHANISM, *((p, name) for p in ITEMS for name in self.draft.get(p, ()))]
+        self.fields = {_within(self.selected, field.path): field for field in self._fields()}
+        told = [(p.where, _words(p)) for p in problems]
+        groups: dict[str, list[dict[str, Any]]] = {}
+        for own, field in self.fields.items():
+            where = field.path[1] if field.path[0] == "wires" else ".".join(field.path)
+            self.wrong[own] = " ".join(words for at, words in told if at == where)
+            group = own[0] if own[1:] or field.kind == "map" else ""
+            groups.setdefault(group, []).append(self._row(own, field))
+        kind = (item_at(self.draft, self.selected) or {}).get("type", "") if self.selected else ""
+        parts = [name if of == "blocks" else f"{of[:-1]} {name}" for of, name in self.parts[1:]]
+        self.page.shown = {
+            "parts": ["mechanism", *parts],
+            "selected": self.parts.index(self.selected),
+            "name": self.selected[1] if self.selected[:1] == ("blocks",) else None,
+            "kind": kind,
+            "words": (getattr(REGISTRY.get(kind), "__doc__", None) or "").split("\n")[0],
+            "groups": [{"name": name, "rows": rows} for name, rows in groups.items()],
+        }
+        return [p for p in problems if _words(p) not in self.wrong.values()]
 
     def _fields(self) -> Iterator[Field]:
         """The fields of what is selected, and of the wires to a block."""
@@ -127,40 +111,26 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
             for port in ports_of(graph.blocks[at[1]]):
                 yield ends._replace(path=("wires", f"{at[1]}.{port}"))
 
-    def _row(self, own: Path, field: Field) -> Row:
-        kind = pn.widgets.Select if field.kind == "choice" else pn.widgets.TextInput
-        wide = field.kind in ("text", "json") and len(own) == 1
-        widget = kind(width=LINE * (1 + wide), margin=(2, 4))
-        widget.param.watch(lambda event: self._typed(own, event.new), "value")
-        wrong = pn.pane.HTML("", width=LINE, margin=(0, 4))
-        line = pn.Row(widget, margin=0) if field.kind == "map" else widget
-        return Row(field, widget, wrong, pn.Column(line, margin=0))
-
-    def _set(self, row: Row) -> None:
-        """Show what the draft holds for a field, in the chosen units."""
-        field, value = row.field, self._value(row.field)
-        unit, own = self.shown.unit(field.unit), _within(self.selected, field.path)
-        label = _label(own, field.kind) + (unit and f" [{unit}]")
+    def _row(self, own: Path, field: Field) -> dict[str, Any]:
+        """A field as the browser shows it, in the chosen units."""
+        value, unit, empty = self._value(field), self.shown.unit(field.unit), ""
+        row = {
+            "path": list(own),
+            "kind": field.kind if field.kind in ("choice", "map") else "text",
+            "label": _label(own, field.kind) + (unit and f" [{unit}]"),
+            "about": field.said or "",
+            "wrong": self.wrong[own],
+            "wide": field.kind in ("text", "json") and len(own) == 1,
+            "keys": list(value or ()) if field.kind == "map" else [],
+        }
         if field.kind == "choice":
             empty = "" if field.default is None else f"{field.default} (default)"
-            known = {str(c): c for c in field.choices}
-            options = known if value is not None and not empty else {empty: "", **known}
-            look = {"options": options, "value": "" if value is None else value}
-        elif field.kind == "map":
-            look = {"value": ""}
-            keys, line = list(value or ()), row.panel[0]
-            if [button.label for button in line[1:]] != [f"Remove {key}" for key in keys]:
-                line.objects = [row.widget, *(self._removing(own, key) for key in keys)]
-        else:
-            default = self.shown.text(field, field.default) or HINTS.get(field.kind, "")
-            look = {"value": self.shown.text(field, value), "placeholder": default}
-        row.widget.param.update(label=label, description=field.said or None, **look)
-
-    def _removing(self, own: Path, key: str) -> Any:
-        """A button that takes an item of a section away."""
-        button = pn.widgets.Button(label=f"Remove {key}", align="end", margin=(2, 4))
-        button.on_click(lambda _: self._take((*self.rows[own].field.path, key), None))
-        return button
+            known = [(str(c), str(c)) for c in field.choices if c != ""]
+            first = [] if value is not None and not empty else [("", empty)]
+            return {**row, "options": first + known, "value": "" if value is None else str(value)}
+        default = self.shown.text(field, field.default) or HINTS.get(field.kind, "")
+        shown = "" if field.kind == "map" else self.shown.text(field, value)
+        return {**row, "hint": default, "value": shown}
 
     def _value(self, field: Field) -> Any:
         """What the draft holds for a field: of a joint, the marker that is wired to it."""
@@ -168,28 +138,26 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
             return item_at(self.draft, field.path)
         return next((w["from"] for w in self.draft["wires"] if w["to"] == field.path[1]), None)
 
-    def _tell(self, problems: tuple[Problem, ...]) -> list[Problem]:
-        """Say under each field what is wrong with it; what is left."""
-        left = list(problems)
-        for row in self.rows.values():
-            path = row.field.path
-            where = path[1] if path[0] == "wires" else ".".join(path)
-            words = [html.escape(_words(p)) for p in problems if p.where == where]
-            row.wrong.object = "".join(f"<p role=alert>{said}</p>" for said in words)
-            shown = [row.panel[0], row.wrong] if words else [row.panel[0]]
-            if row.panel.objects != shown:  # a page is drawn the faster the less is on it
-                row.panel.objects = shown
-            left = [p for p in left if p.where != where]
-        return left
-
     # -- what is done -----------------------------------------------------
 
-    def _typed(self, own: Path, said: Any) -> None:
+    def meant(self, msg: dict[str, Any]) -> None:
+        """Do what was done to the form."""
+        own = tuple(msg.get("path", ()))
+        if msg["act"] == "edit":
+            self.selected = self.parts[msg["index"]]
+        elif msg["act"] == "rename":
+            self._rename(msg["value"].strip())
+        elif own in self.fields and msg["act"] == "remove":
+            self._take((*self.fields[own].path, msg["key"]), None)
+        elif own in self.fields:
+            self.typed(own, msg["value"])
+
+    def typed(self, own: Path, said: str) -> None:
         """Something was typed or chosen; nothing is done where it is what the draft holds."""
-        if own not in self.rows:
-            return
-        field = self.rows[own].field
-        value = said if field.kind == "choice" else self.shown.value(field, said)
+        field = self.fields[own]
+        value = self.shown.value(field, said)
+        if field.kind == "choice":
+            value = {str(choice): choice for choice in field.choices}.get(said)
         if field.kind == "map":
             if value:
                 self._take((*field.path, value), field.starter)
@@ -218,8 +186,7 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
             if self.sheet.form is before:
                 self.renew()
         except BlockmechError as error:
-            self._show()
-            self.say("; ".join(map(str, self._tell(error.problems)[:3])))
+            self.say("; ".join(map(str, self._show(error.problems)[:3])))
 
     def _rename(self, new: str) -> None:
         if not self.selected or new == self.selected[-1]:
@@ -236,11 +203,6 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
 def _schema(of_blocks: bool, known: tuple[str, ...]) -> Any:
     """The schema of documents of blocks, or of links and joints, with the known kinds."""
     return graph_schema() if of_blocks else joints_schema()
-
-
-def _heading(name: str) -> Any:
-    """The heading of a part of the form, on a line of its own."""
-    return pn.pane.HTML(f"<h3>{html.escape(name)}</h3>", styles={"flex": "0 0 100%"}, margin=0)
 
 
 def _within(selected: Path, path: Path) -> Path:

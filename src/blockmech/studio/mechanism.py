@@ -6,18 +6,14 @@ A whole turn is computed when the sheet changes; a pose is a row of it. Looks co
 
 from __future__ import annotations
 
-import html
 import io
-import math
-import time
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 import panel as pn
 import param
-from bokeh.models import Div, HoverTool
+from bokeh.models import HoverTool
 
 from blockmech.draw.animation import MOVING, Animation
 from blockmech.draw.curves import abscissa
@@ -28,7 +24,6 @@ from blockmech.draw.paper import rendered
 from blockmech.draw.simulation import FRAME, screen_time
 from blockmech.errors import BlockmechError, refused
 from blockmech.result import Result
-from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.curves import CURVE, Plot, labels_of, margins_of
 from blockmech.studio.dragging import dragged
 from blockmech.studio.fields import Shown
@@ -39,8 +34,6 @@ from blockmech.studio.session import follow, heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import closing, dead_centres, gaps_of, shown_motion, travel
 
-SEEN = "requestAnimationFrame(() => { said.tags = [cb_obj.value] })"
-"""The browser tells which pose it has drawn: a slow one is not sent the next before."""
 PICTURES = (".svg", ".png", ".pdf", *MOVING)
 
 
@@ -70,10 +63,8 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self.along = Abscissa("sample", np.zeros(1))
         self._by_hand: tuple[str, dict[str, float]] = ("", {})
         self._margins: Plot | None = None
-        self._drivers: dict[str, Any] = {}
-        self._clock: Any = None
-        self._begun = 0.0
-        self.figure = MechanismFigure(dark, self.drag)
+        self._closed: Result | None = None
+        self.figure = MechanismFigure(dark, self.meant)
         self._make_controls()
         follow(sheet, self.renew, "form", "mechanism")
         self.param.watch(lambda *_: self._draw(), ["show"])
@@ -82,15 +73,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self.renew()
 
     def _make_controls(self) -> None:
-        self._said = Div(text="", sizing_mode="stretch_width", styles={"min-height": "2.6em"})
-        self.slider = pn.widgets.IntSlider.from_param(
-            self.param.pose, label="Pose", start=0, show_value=False, sizing_mode="stretch_width"
-        )
-        self.slider.jscallback(value=SEEN, args={"said": self._said})
-        self._play = pn.widgets.Toggle(label="▶ Play", width=90, align="end")
-        self._play.param.watch(lambda event: self._toggled(event.new), "value")
-        self._sliders = pn.Row(sizing_mode="stretch_width")
-        self.strip = pn.pane.Bokeh(sizing_mode="stretch_width")
+        self.strip: Any = None
         self.kind = pn.widgets.Select(label="Picture as", options=list(PICTURES), width=80)
         self.picture = pn.widgets.FileDownload(
             callback=self._picture, filename="mechanism.svg", label="Picture", align="end"
@@ -143,21 +126,30 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         gaps = [] if closed is None else gaps_of(closed)
         self.param.update(gaps=gaps, said=said, pose=min(self.pose, last))
         self.motion = motion
-        self.slider.param.update(end=max(last, 1), disabled=not last)
         self.picture.disabled = motion is None
-        self._show_margins(closed)
-        self._show_drivers()
+        self._closed = closed
+        self._show_margins()
         self._draw()
 
     @together
     def _draw(self) -> None:
         """Compute what is drawn in all poses."""
         whole = self.sheet.mechanism and self.sheet.mechanism.structure
+        self.figure.seconds = 1.0 if self.motion is None else self._seconds
         self.figure.draw(self.motion, self.show, whole)
+        self.figure.picture.drivers = self.drivers()
         self._show_pose()
 
-    def _show_margins(self, closed: Result | None) -> None:
-        """How far every group is from its dead centres, along the poses."""
+    def margins(self) -> Any:
+        """How far every group is from its dead centres, along the poses; made when it is shown."""
+        self.strip = self.strip or pn.pane.Bokeh(sizing_mode="stretch_width")
+        self._show_margins()
+        return self.strip
+
+    def _show_margins(self) -> None:
+        if self.strip is None:
+            return
+        closed = self._closed
         self.strip.visible = closed is not None and bool(closed.quality.margin)
         if closed is not None and self.strip.visible:
             panel = margins_of(closed)
@@ -169,38 +161,18 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
                 self.strip.object = self._margins.figure
             self._margins.show(panel, self.along, self.spans)
 
-    def _show_drivers(self) -> None:
-        """A slider for each of several drivers; the only one has that of the pose."""
-        motion = self.motion
-        drivers = motion.mechanism.drivers if motion is not None and len(motion.q) > 1 else ()
-        if tuple(self._drivers) != drivers:
-            look = {"sizing_mode": "stretch_width", "min_width": 90}
-            self._drivers = {d: pn.widgets.FloatSlider(**look) for d in drivers}
-            for driver, slider in self._drivers.items():
-                slider.param.watch(partial(self._driven, driver), "value")
-            self._sliders.objects = list(self._drivers.values())
-        for driver, slider in self._drivers.items():
+    def drivers(self) -> list[dict[str, Any]]:
+        """A slider for each of several drivers, as the browser shows it."""
+        motion, found = self.motion, []
+        for driver in motion.mechanism.drivers if motion is not None and len(motion.q) > 1 else ():
             low, high = travel(motion.mechanism, driver, self.coordinates)
             si = motion.mechanism.driver_joint(driver).coordinate_unit
-            start, end = self.shown.factor(si) * low, self.shown.factor(si) * high
-            slider.param.update(
-                label=f"{motion.mechanism.of_driver(driver, 'q')} [{self.shown.unit(si)}]",
-                start=start,
-                end=max(end, start + math.ulp(start)),
-                step=(end - start) / (DEFAULT_SAMPLES - 1) or 1.0,
-                disabled=not low < high,
-            )
-
-    def _told(self, driver: str) -> float:
-        """Where a driver is in the shown pose, in the chosen unit."""
-        joint = self.motion.mechanism.driver_joint(driver)
-        return float(self.shown.factor(joint.coordinate_unit) * self.coordinates[driver])
-
-    def _driven(self, driver: str, event: Any) -> None:
-        """A driver's slider was moved, by a user or by the pose."""
-        if event.new != self._told(driver):
-            joint = self.motion.mechanism.driver_joint(driver)
-            self.drive(driver, event.new / self.shown.factor(joint.coordinate_unit))
+            factor = self.shown.factor(si)
+            slider = {"name": driver, "start": factor * low, "end": factor * high}
+            slider["label"] = f"{motion.mechanism.of_driver(driver, 'q')} [{self.shown.unit(si)}]"
+            values = (factor * motion.q[driver]).tolist()
+            found.append({**slider, "values": values, "disabled": not low < high})
+        return found
 
     # -- poses -----------------------------------------------------------------------------
 
@@ -232,26 +204,6 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         simulated = self.motion.result.motion is not None
         return screen_time(float(np.ptp(self.motion.time))) if simulated else self.seconds
 
-    def _toggled(self, playing: bool) -> None:
-        self._play.label = "❚❚ Pause" if playing else "▶ Play"
-        if playing and self.motion is not None:
-            n = len(self.motion.samples)
-            self._begun = time.perf_counter() - self._seconds * self.pose / n
-            self._said.tags = []
-            self._clock = pn.state.add_periodic_callback(self._tick, period=round(1e3 * FRAME))
-        elif self._clock is not None:
-            self._clock.stop()
-            self._clock = None
-
-    @together
-    def _tick(self) -> None:
-        """Show the pose of the moment: round, or to and fro where the motion does not return."""
-        if self.motion is not None and self._said.tags in ([], [self.pose]):
-            n = len(self.motion.samples)
-            k = int((time.perf_counter() - self._begun) / self._seconds * n)
-            forward = self.motion.result.motion is not None or self.motion.returns
-            self.pose = k % n if forward else n - 1 - abs(n - 1 - k % max(2 * n - 2, 1))
-
     # -- the page --------------------------------------------------------------------------
 
     def panel(self) -> Any:
@@ -259,10 +211,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         choice = pn.widgets.CheckButtonGroup.from_param(self.param.show, label="Show")
         return pn.Column(
             beside(choice, self.kind, self.picture),
-            pn.pane.Bokeh(self.figure.figure, sizing_mode="stretch_both", min_height=220),
-            pn.Row(self._play, self.slider, sizing_mode="stretch_width"),
-            self._sliders,
-            self._said,
+            self.figure.picture,
             sizing_mode="stretch_both",
         )
 
@@ -282,15 +231,15 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     @together
     def _show_pose(self) -> None:
         """Put everything where it is in the shown pose."""
-        for driver, slider in self._drivers.items():
-            slider.value = self._told(driver)
-        self._said.text = self._caption()
-        self.figure.put(self.pose)
+        self.figure.picture.param.update(said=self.caption(), pose=self.pose)
         if self._margins is not None:
             self._margins.cursor.location = float(self.along.values[self.pose])
 
-    def _caption(self) -> str:
-        """Where the drivers are, the dead centre nearest to the pose, and why there is a gap."""
+    def caption(self) -> list[tuple[str, bool]]:
+        """Where the drivers are, the dead centre nearest to the pose, and why there is a gap.
+
+        Each with whether it is something wrong.
+        """
         said, told = [words for words in (self.said, self.figure.said) if words], []
         motion, k = self.motion, self.pose
         if motion is not None:
@@ -303,8 +252,23 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
                 where, _, unit = self.along.words.partition(" [")
                 told.append(f"nearest dead centre: {name} at {where} = {at:.4g} {unit[:-1]}")
             said += [gap.why for gap in self.gaps if gap.first <= k <= gap.last and not said]
-        bold = [f"<b>{html.escape(words)}</b>" for words in said]
-        return "<br>".join([html.escape("; ".join(told)), *bold])
+        return [("; ".join(told), False), *((words, True) for words in said)]
+
+    @together
+    def meant(self, msg: dict[str, Any]) -> None:
+        """Do what was done to the picture."""
+        if msg["act"] == "scale":
+            self.figure.scaled(msg["scale"])
+        elif self.motion is None:
+            return
+        elif msg["act"] == "pose":
+            self.pose = min(max(msg["pose"], 0), len(self.motion.samples) - 1)
+        elif msg["act"] == "drive":
+            joint = self.motion.mechanism.driver_joint(msg["driver"])
+            q = msg["value"] / self.shown.factor(joint.coordinate_unit)
+            self.drive(msg["driver"], q)
+        elif msg["act"] == "drag" and msg["name"] in self.figure.handles:
+            self.drag(msg["name"], complex(*msg["to"]))
 
     @together
     def drag(self, name: str, new: complex) -> None:
