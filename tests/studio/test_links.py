@@ -270,6 +270,59 @@ def test_gears_let_one_driver_follow_another():
     assert "couplings" not in pane.sheet.form
 
 
+def test_a_rack_turns_the_pinion_that_reaches_it():
+    """The pinion rolls on the rack: its angle is the way over the drawn radius."""
+    pane = sketch()
+    for z in (0j, 0.5j, 2 - 0.5j, 3 - 0.5j):
+        pane.add(z)
+    act(pane, "Link", "A", "B")
+    act(pane, "Link", "C", "D")
+    act(pane, "To the frame", "A", "C")
+    act(pane, "Slider", "C")
+    act(pane, "Rack", "C", "A")
+    assert pane.sheet.problems == ()
+    (rack,) = pane.sheet.form["couplings"].values()
+    assert rack["radius"] == 0.5
+    assert [wheel["radius"] for wheel in pane.canvas.drawing["wheels"]] == [0.5]
+    motor = rack["driver"]
+    found = pane.sheet.mechanism.run(
+        at={motor: [0.2]}, rates={motor: 1.0}, want=["link.link.omega"]
+    )
+    v = 1.0  # of the rack along +x; the point of the pinion below its centre moves with it
+    assert found["link.link.omega"][0] * 0.5 == pytest.approx(v, rel=1e-12)
+
+
+def test_a_cam_lifts_a_valve_as_its_law_says():
+    """Half a turn lifts by a tenth of the drawn distance, a whole one puts it back."""
+    pane = sketch()
+    for z in (0j, 0.3 + 0j, 2j, 3j):
+        pane.add(z)
+    act(pane, "Link", "A", "B")
+    act(pane, "Link", "C", "D")
+    act(pane, "To the frame", "A", "C")
+    pane.angle.value = 90.0
+    act(pane, "Slider", "C")
+    act(pane, "Cam", "A", "C")
+    assert pane.sheet.problems == ()
+    (cam,) = pane.sheet.form["couplings"].values()
+    motor = cam["driver"]
+    q = [0.0, math.pi / 2, math.pi, 2 * math.pi]
+    found = pane.sheet.mechanism.run(at={motor: q}, rates={motor: 1.0}, want=["link.link1.p"])
+    height = found["link.link1.p"].imag - 2.0
+    assert height == pytest.approx([0.0, 0.1, 0.2, 0.0], abs=1e-12)
+    act(pane, "Cam", "C", "A")
+    assert "in this order" in pane.said.object
+
+
+def test_an_angle_is_typed_about_a_pin():
+    pane = fourbar()
+    pane.meant({"act": "angle", "pins": ["A", "B"], "value": math.pi / 2})
+    assert pane.drawn["B"].z == pytest.approx(2j)
+    pane.meant({"act": "angle", "pins": ["A", "B", "C"], "value": math.pi / 2})
+    assert (pane.drawn["C"].z - 2j).imag == pytest.approx(0.0, abs=1e-12)
+    assert (pane.drawn["C"].z - 2j).real > 0
+
+
 def test_a_spring_is_at_rest_as_drawn_and_a_force_goes_with_its_link():
     pane = fourbar()
     act(pane, "Spring", "A", "C")

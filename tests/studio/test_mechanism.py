@@ -377,9 +377,9 @@ def test_the_pose_and_the_motion_are_pictures(kind, head):
     assert view._picture().getvalue().startswith(head)
 
 
-def test_a_motion_is_played_round_or_to_and_fro(page):
+def test_a_motion_is_played_round_or_to_and_fro(page, studio):
     """One and a quarter of it: the frames as the browser counts them."""
-    page.goto("about:blank")
+    page.goto(studio[0])
     found = page.evaluate(
         """async (text) => {
             const blob = new Blob([text], { type: "text/javascript" });

@@ -22,6 +22,7 @@ from blockmech.dynamics.simulation import simulate
 from blockmech.errors import BlockmechError
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
+from blockmech.studio.analyses import Analyses, Asked
 from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of
 from blockmech.studio.looks import LINES, Plain, beside
 from blockmech.studio.session import heard, together
@@ -134,6 +135,7 @@ class Answers:
             pn.widgets.Button(label=name, width=100, on_click=lambda _, act=act: act())
             for name, act in zip(("Simulate", "Turn", "Cost", "Trade"), acts, strict=True)
         ]
+        self.analyses = Analyses(self._asked, lambda: self.view.along)
         for widget in (self.names, self.friction, self.accuracy):
             widget.param.watch(lambda _: self.renew(), "value")
         view.param.watch(lambda _: self._begin(), "motion")
@@ -154,6 +156,7 @@ class Answers:
             "Curves": curves,
             "Motion": lambda: beside(self.until, simulate, turn),
             "Margins": self.view.margins,
+            "Analyses": self.analyses.panel,
             "Methods": lambda: pn.Column(beside(cost, compare), self.costs, **wide),
         }
 
@@ -169,6 +172,7 @@ class Answers:
             drives = (motion.mechanism.of_driver(d, "drive") for d in motion.mechanism.drivers)
             chosen = [name for name in drives if name in offered]
         self.costs.object = ""
+        self.analyses.renew()
         same = chosen == self.names.value
         self.find.options = offered
         self.names.param.update(options=chosen, value=chosen)
@@ -219,6 +223,14 @@ class Answers:
             shown = [(name, x.unit) for name, x in outputs if x.kind in ("real", "vector")]
             lines = [_told(name, result[name][k], unit) for name, unit in shown]
         self.values.text = "<br>".join(map(html.escape, lines))
+
+    def _asked(self) -> Asked | None:
+        """What the analyses are of: the first chosen output at the samples that are shown."""
+        motion, names = self.view.motion, self.names.value
+        if motion is None or not names:
+            return None
+        result = motion.result
+        return Asked(result.mechanism, result.samples, motion.q, names[0], self.friction.value)
 
     def _csv(self) -> io.StringIO:
         """The shown curves as text."""

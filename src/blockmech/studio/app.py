@@ -32,6 +32,7 @@ LEAVING = "window.onbeforeunload = (e) => { if (!kept.active) e.preventDefault()
 """Whoever leaves a sheet that is not saved is asked by the browser."""
 
 COPY = """
+if (!packed.text) return;
 const link = `${location.origin}/${packed.text}`;
 navigator.clipboard.writeText(link).catch(() => prompt("the link", link));
 """
@@ -72,8 +73,8 @@ class Page:
         )
         self.share = pn.widgets.Button(label="Copy link")
         self.packed = Div(text="", visible=False)
-        self.share.js_on_click(args={"packed": self.packed}, code=COPY)
-        self.share.on_click(lambda _: self.say("the link with the document is copied"))
+        self.packed.js_on_change("text", CustomJS(args={"packed": self.packed}, code=COPY))
+        self.share.on_click(lambda _: self._share())
         self.kept = Toggle(label="saved", visible=False)
         if pn.state.curdoc is not None:
             asks = CustomJS(args={"kept": self.kept}, code=LEAVING)
@@ -150,7 +151,6 @@ class Page:
         self.redo.param.update(disabled=not sheet.redoable, description=sheet.redoable or None)
         self.save.label = "Saved" if sheet.saved and sheet.path else "Save"
         self.kept.active = sheet.saved
-        self.packed.text = packed(sheet.text())
         if isinstance(sheet.graph, Graph):
             said = html.escape(sheet.graph.structure().formula.replace("->", "→"))
             self.formula.object = f"<p tabindex=0>{said}</p>"  # so that keys scroll it
@@ -169,6 +169,12 @@ class Page:
             return
         self.replace.visible = False
         self.say(f"wrote {self.file.value}")
+
+    def _share(self) -> None:
+        """Pack the document into the link, which the browser then copies."""
+        self.packed.text = ""
+        self.packed.text = packed(self.sheet.text())
+        self.say("the link with the document is copied")
 
     def _chosen(self) -> list[str]:
         """Blocks that are selected on the canvas, or the one of the form."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import panel as pn
@@ -27,8 +28,9 @@ from blockmech.studio.sheet import Sheet
 from blockmech.studio.sketching import Drawn, Form, outlines_of, sides_of
 from blockmech.values import Place
 
-PAIRS = ["Link", "Cylinder", "Gears", "Spring"]
+PAIRS = ["Link", "Cylinder", "Gears", "Rack", "Cam", "Belt", "Spring"]
 """What is drawn from one pin to another."""
+COUPLED = {"Gears": "gear", "Rack": "rack", "Cam": "cam", "Belt": "belt"}
 MENU = ["To the frame", "Slider", "Driver", "Force", "Copy", "Delete"]
 """What is offered at a pin."""
 GUIDE = [
@@ -72,7 +74,7 @@ def drawing_of(form: Form, pins: dict[str, Drawn], dark: bool, units: Shown) -> 
                 "name": name,
                 "at": _pair(pin.z),
                 "ground": FRAME in pin.links,
-                "guide": _guide(form, name) if pin.kind == "P" else None,
+                "guide": sketching.guide_of(form, name) if pin.kind == "P" else None,
                 "driven": pin.driven,
                 "loose": not pin.links,
             }
@@ -107,13 +109,6 @@ def _pair(z: complex) -> list[float]:
     return [z.real, z.imag]
 
 
-def _guide(form: Form, name: str) -> float:
-    """The direction [rad] of a guide in the drawing."""
-    joint = form["joints"][name]
-    own = (joint.get("angle") or [_turn(complex(*d)) for d in joint.get("dir") or [(1, 0)]])[0]
-    return float(own) + _turn(sketching.pose_of(form, joint["links"][0])[1])
-
-
 def _loads(form: Form) -> Iterator[dict[str, Any]]:
     """Forces with their places, springs with their ends."""
     for name, load in form.get("loads", {}).items():
@@ -130,15 +125,24 @@ def _loads(form: Form) -> Iterator[dict[str, Any]]:
             yield {"name": name, "at": places, "force": force}
 
 
-def _wheels(form: Form, gear: Form) -> Iterator[dict[str, Any]]:
-    """The pitch circles of two wheels whose centres keep their distance."""
+def _wheels(form: Form, given: Form) -> Iterator[dict[str, Any]]:
+    """The pitch circles of two wheels, of a pinion, or the base circle of a cam."""
     pins, of = sketching.pins_of(form), form.get("drivers", {})
-    ends = [of.get(gear["driver"], {}).get("joint"), of.get(gear["driven"], {}).get("joint")]
-    if gear.get("type") == "gear" and all(end in pins for end in ends):
-        a, b = (pins[end].z for end in ends)
-        teeth = [abs(z) for z in gear["teeth"]]
-        for z, own in ((a, teeth[0]), (b, teeth[1])):
-            yield {"at": _pair(z), "radius": abs(b - a) * own / sum(teeth)}
+    ends = [of.get(given[end], {}).get("joint") for end in ("driver", "driven")]
+    if not all(end in pins for end in ends):
+        return
+    apart, radii = abs(pins[ends[1]].z - pins[ends[0]].z), [0.0, 0.0]
+    if "teeth" in given:
+        radii = [apart * abs(z) / sum(map(abs, given["teeth"])) for z in given["teeth"]]
+    elif "radii" in given:
+        radii = given["radii"]
+    elif given["type"] == "rack":
+        radii = [given["radius"] * (pins[end].kind == "R") for end in ends]
+    elif given["type"] == "cam":
+        radii = [apart - given.get("roller", 0.0), given.get("roller", 0.0)]
+    for end, radius in zip(ends, radii, strict=True):
+        if radius > 0:
+            yield {"at": _pair(pins[end].z), "radius": radius}
 
 
 class LinksSheet:
@@ -162,7 +166,7 @@ class LinksSheet:
             ),
             "Driver": self._driven,
             "Cylinder": sketching.cylinder,
-            "Gears": sketching.geared,
+            **{w: partial(sketching.coupled, kind=kind) for w, kind in COUPLED.items()},
             "Spring": lambda form, pins: sketching.loaded(form, pins, "spring"),
             "Force": lambda form, pins: sketching.loaded(form, pins, "force"),
             "Masses": sketching.weighed,
@@ -323,6 +327,9 @@ class LinksSheet:
             elif act == "dimension":
                 a, b = msg["ends"]
                 self._change(sketching.dimensioned(form, a, b, msg["value"]), f"{a} to {b}")
+            elif act == "angle":
+                pins = [name for name in msg["pins"] if name in self.drawn]
+                self._change(sketching.turned(form, pins, msg["value"]), f"angle {', '.join(pins)}")
             elif act in ("undo", "redo"):
                 getattr(self.sheet, act)()
             else:

@@ -33,6 +33,7 @@ export function render({ model, el }) {
   let pointer = { x: 60, y: 60 }; // px, where something is said
   let drag = null; // what the hand does now
   let said = 0;
+  let taken = []; // where words stand
 
   const across = (x) => view.x + x * view.scale;
   const down = (y) => view.y - y * view.scale;
@@ -111,6 +112,7 @@ export function render({ model, el }) {
 
   function draw() {
     svg.replaceChildren();
+    taken = pins().map((one) => [across(at(one)[0]) - 8, down(at(one)[1]) - 8, 16, 16]);
     const { width, height } = svg.getBoundingClientRect();
     if (!view.scale || !width) return;
     drawGrid(width, height);
@@ -132,6 +134,7 @@ export function render({ model, el }) {
     }
     for (const one of [...pins()].reverse()) drawPin(one); // a block below its pin
     if (!drag) for (const dim of model.drawing.dimensions) drawDimension(dim);
+    if (!drag) drawAngle();
     if (drag?.kind === "box" && drag.now) {
       const [a, b] = [drag.begun, drag.now];
       put(svg, "rect", {
@@ -160,6 +163,15 @@ export function render({ model, el }) {
     put(lines, "text", { x: width - 6, y: 14, "text-anchor": "end" }, `[${model.drawing.length}]`);
   }
 
+  // The first of some places of a word where no other word stands; [left, top, width, height].
+  function roomy(places, area) {
+    const free = ([x, y, w, h]) => taken.every(([x2, y2, w2, h2]) =>
+      x + w <= x2 || x2 + w2 <= x || y + h <= y2 || y2 + h2 <= y);
+    const found = places.find((place) => free(area(place))) ?? places[0];
+    taken.push(area(found));
+    return found;
+  }
+
   function drawPin(one) {
     const [x, y] = [across(at(one)[0]), down(at(one)[1])];
     const own = put(svg, "g", { class: "pin", transform: `translate(${x} ${y})`, "data-pin": one.name });
@@ -178,7 +190,10 @@ export function render({ model, el }) {
     if (one.loose) put(own, "path", { d: "M-5-5L5 5M-5 5L5-5", class: "cross" });
     else put(own, "circle", { r: 5, class: "dot" });
     if (one.driven) put(own, "path", { d: "M-13-9A16 16 0 0 1 13-9m1-7l-1 7l-7-1", class: "arrow" });
-    put(own, "text", { x: 10, y: -10, class: "name" }, one.name);
+    const width = 8 * one.name.length;
+    const [dx, dy] = roomy([[10, -10], [10, 18], [-10 - width, -10], [-10 - width, 18], [-width / 2, -18], [-width / 2, 28]],
+      ([ax, ay]) => [x + ax, y + ay - 11, width, 13]);
+    put(own, "text", { x: dx, y: dy, class: "name" }, one.name);
   }
 
   function drawLoad(load) {
@@ -210,37 +225,69 @@ export function render({ model, el }) {
     const away = 13 + 4 * text.length * Math.abs(b[1] - a[1]) / size; // a number is wide
     const off = [(-(b[1] - a[1]) / size) * away, ((b[0] - a[0]) / size) * away];
     const up = off[1] > 0 ? -1 : 1;
-    const [x, y] = [(a[0] + b[0]) / 2 + up * off[0], (a[1] + b[1]) / 2 + up * off[1]];
+    const middle = (side, share) => [0, 1].map((k) => a[k] + share * (b[k] - a[k]) + side * off[k]);
+    const tried = [0.5, 0.3, 0.7].flatMap((share) => [middle(up, share), middle(-up, share)]);
+    const [x, y] = roomy(tried, ([cx, cy]) => [cx - 4 * text.length, cy - 8, 8 * text.length, 15]);
+    const name = `distance ${dim.a} to ${dim.b}`;
+    number(x, y, text, name, model.drawing.length, () => edit(x, y, {
+      value: dim.value * model.drawing.unit, name: `new ${name} in ${model.drawing.length}`,
+      wrong: "is no length; a length is a number above 0", least: 0,
+      take: (value) => tell("dimension", { ends: [dim.a, dim.b], value: value / model.drawing.unit }),
+    }));
+  }
+
+  // The angle of the second of two chosen pins from the x axis, or of the last of three about
+  // the second from the first.
+  function drawAngle() {
+    const names = chosen();
+    if (names.length < 2 || names.length > 3) return;
+    const [m, b] = names.slice(-2).map((name) => pin(name).at);
+    const turn = (z) => Math.atan2(z[1] - m[1], z[0] - m[0]);
+    const base = names.length === 3 ? turn(pin(names[0]).at) : 0;
+    const angle = Math.atan2(Math.sin(turn(b) - base), Math.cos(turn(b) - base));
+    const [x0, y0, r] = [across(m[0]), down(m[1]), 36];
+    const on = (share, radius) => [x0 + radius * Math.cos(base + share * angle), y0 - radius * Math.sin(base + share * angle)];
+    put(svg, "path", { d: `M${on(0, r)}A${r} ${r} 0 0 ${angle > 0 ? 0 : 1} ${on(1, r)}`, class: "arc" });
+    const text = `${rounded(angle * model.drawing.degree)}${model.drawing.angle}`;
+    const [x, y] = roomy([on(0.5, 58), on(0.5, 78), on(1.4, 58)], ([cx, cy]) => [cx - 20, cy - 8, 40, 15]);
+    number(x, y, text, `angle of ${names.join(", ")}`, "", () => edit(x, y, {
+      value: angle * model.drawing.degree, name: `new angle of ${names.join(", ")}`,
+      wrong: "is no angle", least: -Infinity,
+      take: (value) => tell("angle", { pins: names, value: value / model.drawing.degree }),
+    }));
+  }
+
+  // A number of the picture that is edited by a click or with Enter.
+  function number(x, y, text, name, unit, change) {
     const label = put(svg, "text", {
       x, y: y + 4, class: "dimension", tabindex: 0, role: "button", "text-anchor": "middle",
-      "aria-label": `distance ${dim.a} to ${dim.b} ${text} ${model.drawing.length}`,
+      "aria-label": `${name} ${text} ${unit}`,
     }, text);
     label.addEventListener("pointerdown", (event) => event.stopPropagation());
-    label.addEventListener("click", () => edit(dim, x, y));
+    label.addEventListener("click", change);
     label.addEventListener("keydown", (event) => {
-      if (event.key === "Enter") edit(dim, x, y);
+      if (event.key === "Enter") change();
       event.stopPropagation();
     });
   }
 
   // A number of the picture, edited where it stands.
-  function edit(dim, x, y) {
+  function edit(x, y, { value: old, name, wrong, least, take }) {
     const field = element(box, "input", "edit");
     field.style.left = `${x - 45}px`;
     field.style.top = `${y - 13}px`;
-    field.value = rounded(dim.value * model.drawing.unit, 12);
-    field.setAttribute("aria-label", `new distance ${dim.a} to ${dim.b} in ${model.drawing.length}`);
+    field.value = rounded(old, 12);
+    field.setAttribute("aria-label", name);
     field.select();
     field.focus();
-    const end = (take) => {
-      const value = Number(field.value.replace(",", ".")) / model.drawing.unit;
-      const typed = field.value;
+    const end = (done) => {
+      const [typed, value] = [field.value, Number(field.value.replace(",", "."))];
       field.onblur = null;
       field.remove();
       svg.focus();
-      if (!take || value === dim.value) return;
-      if (value > 0 && Number.isFinite(value)) tell("dimension", { ends: [dim.a, dim.b], value });
-      else tell("wrong", { said: `${typed || "nothing"} is no length; a length is a number above 0` });
+      if (!done || value === Number(rounded(old, 12))) return;
+      if (typed && value > least && Number.isFinite(value)) take(value);
+      else tell("wrong", { said: `${typed || "nothing"} ${wrong}` });
     };
     field.onblur = () => end(true);
     field.addEventListener("keydown", (event) => {

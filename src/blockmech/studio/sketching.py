@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import cmath
 import copy
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 from string import ascii_uppercase
 from typing import Any, NamedTuple
 
+from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import listed, refused
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio.fields import Path, item_at, with_item
@@ -22,6 +24,8 @@ from blockmech.values import Place
 Form = dict[str, Any]
 LOOSE = ("view", "pins")  # where pins stand that no link carries yet
 BAR = 1.0  # [kg/m] of a bar whose mass nobody has said
+CAM = 10.0  # distance of a cam's follower from its shaft, over rise and roller of a new one
+PAIRS = {"R": "a joint that turns", "P": "a joint that slides"}
 SAME = 1e-9  # of the drawing's size, within which two pins stand on one place: it has 3 digits
 
 
@@ -223,24 +227,67 @@ def cylinder(form: Form, names: Iterable[str]) -> Form:
     return driven(with_item(form, ("joints", guide), made), [guide])
 
 
-def geared(form: Form, names: Iterable[str]) -> Form:
-    """With gear wheels on two joints: the first one's driver turns the second, 1 : 1."""
-    ends = two(names)
+def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
+    """With a gear, rack, cam or belt between two joints: the first one's driver moves the second.
+
+    Sizes are those of the drawing: wheels of equal size that meet, a pinion that reaches the
+    rack, a cam whose roller stands at the follower's joint. Raises `RequestError` for joints of
+    other kinds, and for one that follows another already.
+    """
+    ends, known = list(two(names)), form.get("couplings", {})
+    pairs = REGISTRY[f"coupling.{kind}"].pairs
+    held = "".join(form["joints"].get(name, {}).get("type", "-") for name in ends)
+    if held not in pairs:
+        needed = " or ".join(" and ".join(PAIRS[kind] for kind in pair) for pair in pairs)
+        raise refused(listed(ends), f"a {kind} needs {needed}, in this order", "choose two such")
     for name in ends:
-        joint = form["joints"].get(name)
-        if joint is None or joint["type"] != "R":
-            raise refused(name, "a wheel needs a joint that turns", "choose two such joints")
         if not pins_of(form)[name].driven:
             form = driven(form, [name])
     of = {given["joint"]: driver for driver, given in form["drivers"].items()}
-    known = form.get("couplings", {})
     for driver in (of[end] for end in ends):
-        if driver in {gear["driven"] for gear in known.values()}:
-            raise refused(driver, "it follows another wheel already", "choose another joint")
+        if driver in {given["driven"] for given in known.values()}:
+            raise refused(driver, "it follows another joint already", "choose another joint")
     form = with_item(form, ("drivers", of[ends[1]]), {"joint": ends[1]})  # it has no own law
-    gear = {"type": "gear", "driver": of[ends[0]], "driven": of[ends[1]], "teeth": [20, 20]}
-    made: Form = with_item(form, ("couplings", free(known, ["gears"], "gears")), gear)
-    return made
+    sizes = _sizes(form, ends, held, kind)
+    made = {"type": kind, "driver": of[ends[0]], "driven": of[ends[1]], **sizes}
+    word = {"gear": "gears"}.get(kind, kind)
+    form = with_item(form, ("couplings", free(known, [word], word)), made)
+    return form
+
+
+def _sizes(form: Form, ends: list[str], held: str, kind: str) -> Form:
+    """Sizes of a coupling as it is drawn."""
+    a, b = (pins_of(form)[name].z for name in ends)
+    if kind == "gear":
+        return {"teeth": [20, 20]}
+    if kind == "belt":
+        return {"radii": [abs(b - a) / 4] * 2}
+    if kind == "rack":
+        along = cmath.rect(1.0, guide_of(form, ends[held.index("P")]))
+        off = ((b - a) * along.conjugate()).imag
+        return {"radius": abs(off) or abs(b - a), "side": 1 if (off > 0) == (held == "PR") else -1}
+    rise = abs(b - a) / CAM
+    up = {"motion": "4-5-6-7", "over": math.pi, "rise": rise}
+    law = {"kind": "segments", "segments": [up, {**up, "rise": -rise}]}
+    return {"law": law, "follower": "roller", "roller": rise}
+
+
+def guide_of(form: Mapping[str, Any], name: str) -> float:
+    """The direction [rad] of a guide in the drawing."""
+    joint = form["joints"][name]
+    given = joint.get("angle") or [cmath.phase(complex(*d)) for d in joint.get("dir") or [(1, 0)]]
+    return float(given[0]) + cmath.phase(pose_of(form, joint["links"][0])[1])
+
+
+def turned(form: Form, names: Iterable[str], angle: float) -> Form:
+    """With the last of three pins at an angle [rad] to the first about the second.
+
+    Of two pins the angle of the second about the first is counted from the x axis.
+    """
+    names, pins = list(names), pins_of(form)
+    *first, middle, last = (pins[name].z for name in names)
+    base = cmath.phase(first[0] - middle) if first else 0.0
+    return moved(form, {names[-1]: middle + cmath.rect(abs(last - middle), base + angle)})
 
 
 def loaded(form: Form, names: Iterable[str], kind: str) -> Form:
