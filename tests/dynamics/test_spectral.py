@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.dynamics.ahead import PanelBuilder
 from blockmech.dynamics.request import Start
 from tests.dynamics.linkages import motored
 from tests.dynamics.synthetic import Synthetic, move
@@ -138,3 +139,25 @@ def _rocker():
         "scene": {"initial": {"crank": {"q": 0.9, "rate": 6.0}}},
     }  # fmt: skip
     return bm.Graph.from_json(json.dumps(document)).compile()
+
+
+def test_a_turn_under_motor_and_dampers_is_solved_as_a_whole(monkeypatch):
+    """Place data say all that acts, so no panel is made by itself."""
+    alone = []
+    monkeypatch.setattr(PanelBuilder, "panel", lambda *given: alone.append(given))
+    motion = _pump().simulate("time=0.5", want=[]).motion
+    assert motion.reached
+    assert not alone
+
+
+@pytest.mark.parametrize("damping", [1.0, 30.0, 1e3])
+def test_however_strong_the_damping_the_integrators_agree(damping):
+    """From a few hundredths of the energy left after a turn to none at all after a degree."""
+    brake = {"type": "load.torsion_spring", "stiffness": 0.0, "damping": damping}
+    wires = [{"from": "frame.O", "to": "brake.a"}, {"from": "crank.crank", "to": "brake.b"}]
+    mech = _pump(blocks={"brake": brake}, wires=wires)
+    asked = {"start": {"crank": (0.3, 40.0)}, "want": []}
+    along = mech.simulate("time=0.2", method="spectral", **asked).motion
+    other = mech.simulate("time=0.2", method="radau", accuracy=1e-9, **asked).motion
+    assert along.reached
+    assert abs(along.q_end - other.q_end) <= along.error + other.error

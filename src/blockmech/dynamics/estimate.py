@@ -10,8 +10,9 @@ agree, and says so.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -53,10 +54,10 @@ class Difference(NamedTuple):
     states: State
 
 
-def common_times(a: Motion, b: Motion, wanted: Sequence[float]) -> Floats:
+@lru_cache(maxsize=8)
+def common_times(start: float, last: float, wanted: tuple[float, ...]) -> Floats:
     """Times [s] at which two runs are compared."""
-    last = min(a.t_end, b.t_end)
-    return np.union1d(spread(a.t_start, last), [t for t in wanted if a.t_start <= t <= last])
+    return np.union1d(spread(start, last), [t for t in wanted if start <= t <= last])
 
 
 def spread(start: float, end: float) -> Floats:
@@ -66,10 +67,10 @@ def spread(start: float, end: float) -> Floats:
 
 
 def difference(
-    coarse: Motion, fine: Motion, rotary: tuple[bool, ...], wanted: Sequence[float] = ()
+    coarse: Motion, fine: Motion, rotary: tuple[bool, ...], wanted: tuple[float, ...] = ()
 ) -> Difference:
     """How far two runs of one motion are apart; ``rotary`` (k,): whose coordinate is an angle."""
-    times = common_times(coarse, fine, wanted)
+    times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
     q, qd = states = fine.at(times)
     apart = np.abs(coarse.at(times).q - q).max(axis=0)
     same = coarse.end == fine.end and coarse.status == fine.status
@@ -129,7 +130,7 @@ def refined(
     finer: Callable[[Setting, float], Setting | None],
     target: float,
     rotary: tuple[bool, ...],
-    wanted: Sequence[float] = (),
+    wanted: tuple[float, ...] = (),
 ) -> Motion:
     """A motion whose error is estimated, and meets the target if a setting does.
 
@@ -157,12 +158,12 @@ def refined(
     return replace(coarse, error=math.inf, time_error=math.inf) if best is None else best
 
 
-def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: Sequence[float]) -> Motion:
+def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: tuple[float, ...]) -> Motion:
     """The finer of two runs with its error, or what both know of the motion."""
     if apart.agree:
         late = 0.0 if fine.end == "time" else apart.t
         return replace(fine, error=apart.q, time_error=fine.time_error + late)
-    times = common_times(coarse, fine, wanted)
+    times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
     off = np.abs(coarse.at(times).q - fine.at(times).q)
     one = off.ndim == 1
     parted = np.flatnonzero(~(off <= apart.near if one else (off <= apart.near).all(axis=1)))

@@ -32,6 +32,7 @@ SMALLEST = math.ulp(0.0)  # the smallest number above zero
 PLAIN, FROM_REST, TO_REST, TO_LIMIT = range(4)
 P = np.array([1, 2, 2, 2])  # exponents of their maps
 HALVINGS = range(60)  # of an interval: a double has no more digits
+NEAR = EPS ** (1 / 3) / 8  # relative, of a step of third order behind which there is rounding only
 
 
 def basis(v: Any, n: int) -> Any:
@@ -70,6 +71,8 @@ class Rule(NamedTuple):
     clock : (n + 1, n) coefficients of a series -> those of its integral from v = 0
     known : (n + 2, n + 1) polynomials at 0, the nodes, and 1
     known_first : (n + 1,) the nodes, and 0
+    at_zero : (n,) polynomials at 0
+    slope : (n, n) coefficients of a series -> those of its derivative by v
     """
 
     v: Floats
@@ -80,6 +83,8 @@ class Rule(NamedTuple):
     clock: Floats
     known: Floats
     known_first: Floats
+    at_zero: Floats
+    slope: Floats
 
 
 @cache
@@ -117,6 +122,8 @@ def rule(n: int) -> Rule:
         np.asarray(chebyshev.chebint(np.eye(n), lbnd=-1) / 2),
         narrow(basis(places, n + 1)),
         narrow(np.append(v, 0)),
+        narrow((-1.0) ** np.arange(n)),
+        np.vstack([chebyshev.chebder(np.eye(n)) * 2, np.zeros(n)]),
     )
 
 
@@ -127,6 +134,11 @@ def _gauss(n: int) -> tuple[Any, Any]:
     x, slope = legendre.leggauss(n)[0].astype(np.longdouble), legendre.legder(p)
     x = x - legendre.legval(x, p) / legendre.legval(x, slope)
     return x, 2 / ((1 - x * x) * legendre.legval(x, slope) ** 2)
+
+
+def leading(good: NDArray[np.bool_]) -> int:
+    """How many of (m,) are true before the first that is not."""
+    return len(good) if good.all() else int(good.argmin())
 
 
 def roots(series: Floats) -> Floats:
@@ -181,6 +193,15 @@ class Spans:
         """dK/dw (m, n + 1, n) at the nodes, and at the end that is not known."""
         return np.asarray(self.way[:, None, None] * rule(n).energy[self.kind])
 
+    def gains(self, w: Floats) -> Floats:
+        """[J] (m, n + 1) by which w = dK/dq (m, n) raises K at the nodes and that end."""
+        energy = rule(w.shape[1]).energy
+        found: Floats = w @ energy[PLAIN].T
+        for i in np.flatnonzero(self.kind).tolist():  # few, if any
+            found[i] = energy[self.kind[i]] @ w[i]
+        found *= self.way[:, None]
+        return found
+
 
 def span(begin: float, end: float, energy: float, kind: int = PLAIN) -> Spans:
     """A single one."""
@@ -226,9 +247,25 @@ class Panels:
         return np.asarray((self.w * bounded) @ r.to_series.T)
 
     @cached_property
+    def durations(self) -> Floats:
+        """(m,) [s] that each takes."""
+        return np.asarray(self.rate @ rule(self.w.shape[1]).clock.sum(axis=0))
+
+    def durations_with(self, energies: Floats) -> Floats:
+        """(k, m) [s] that each takes with so much more kinetic energy (k,) [J]."""
+        r, found = rule(self.w.shape[1]), np.empty((energies.size, len(self.w)))
+        kind, way = self.spans.kind, np.abs(self.spans.way)[:, None]
+        weights = r.average[-1] * r.powers[kind] * P[kind][:, None] * way * np.sqrt(self.J / 2)
+        for i, (K, weight) in enumerate(zip(self.K[:, :-1], weights, strict=True)):
+            found[:, i] = (1 / np.sqrt(K + energies[:, None])) @ weight
+        return found
+
+    @cached_property
     def times(self) -> Floats:
         """(m + 1,) [s] when they begin, and when the last ends."""
-        return np.asarray(self.t0 + np.append(0.0, np.cumsum(self.clock.sum(axis=1))))
+        found = np.empty(len(self.w) + 1)
+        found[0], found[1:] = 0.0, np.cumsum(self.durations)
+        return self.t0 + found
 
     @property
     def t1(self) -> float:
@@ -247,14 +284,25 @@ class Panels:
 
     def taken_from(self, t0: float, energy: float = 0.0) -> Panels:
         """The same panels at another time and with more kinetic energy [J]."""
-        spans = replace(self.spans, energy=self.spans.energy + energy)
-        return replace(self, t0=t0, spans=spans, K=self.K + energy)
+        if energy:
+            spans = replace(self.spans, energy=self.spans.energy + energy)
+            return replace(self, t0=t0, spans=spans, K=self.K + energy)
+        found = replace(self, t0=t0)
+        found.__dict__.update(
+            (x, y) for x, y in self.__dict__.items() if x in ("rate", "durations")
+        )
+        return found
 
     def first(self, count: int) -> Panels:
         """The first ones of them."""
-        x, w, K, J, lost = self.spans, self.w, self.K, self.J, self.lost
-        spans = Spans(x.begin[:count], x.end[:count], x.energy[:count], x.kind[:count])
-        return Panels(self.t0, spans, w[:count], K[:count], J[:count], lost[:count])
+        return self if count == len(self.w) else self.some(slice(count))
+
+    def some(self, which: Any, energy: Any = 0.0) -> Panels:
+        """Those of a slice or of indices (k,), each with more kinetic energy (k,) [J]."""
+        x, more = self.spans, np.asarray(energy)
+        spans = Spans(x.begin[which], x.end[which], x.energy[which] + more, x.kind[which])
+        K = self.K[which] + more[..., None]
+        return Panels(self.t0, spans, self.w[which], K, self.J[which], self.lost[which])
 
     def smooth(self, J0: Floats, tolerance: float, work: bool, largest: Any) -> NDArray[np.bool_]:
         """Whether the time of each (m,), and its work, are smooth enough for its nodes.
@@ -263,22 +311,31 @@ class Panels:
         there, else a layer hides between the nodes.
         largest : (m,) efforts [N m or N], whose rounding the energy cannot be smoother than
         """
-        r, kind = rule(self.w.shape[1]), self.spans.kind
+        r, kind, way = rule(self.w.shape[1]), self.spans.kind, np.abs(self.spans.way)
+        K, size = self.K[:, :-1], np.abs(self.rate)
         with np.errstate(all="ignore"):
-            doubt = (r.v * r.powers[kind] / self.K[:, :-1]).max(axis=1) * np.abs(self.spans.way)
-        known = np.maximum(tolerance, EPS * largest * doubt)
-        good = (self.K[:, :-1] > 0).all(axis=1) & (tail(self.rate) <= known)
+            doubt = (r.v * r.powers[kind] / K).max(axis=1) * way
+            known = way * np.sqrt(J0 / (2 * self.spans.energy))
+        good = (K.min(axis=1) > 0) & (
+            tail(self.rate) <= np.maximum(tolerance, EPS * largest * doubt)
+        )
         if work:
             good &= tail(self.work) <= tolerance
-        size = np.abs(self.rate)
-        with np.errstate(all="ignore"):
-            known = np.abs(self.spans.way) * np.sqrt(J0 / (2 * self.spans.energy))
-            begins = self.rate[:, ::2].sum(axis=1) - self.rate[:, 1::2].sum(axis=1)
-            left = np.maximum(size[:, -(size.shape[1] // 4) :].max(axis=1), tolerance * size.max(1))
-            fits = np.abs(begins - known) <= size.shape[1] * left
-        return np.asarray(good & (fits | (self.spans.kind != PLAIN)))
+        left = np.maximum(size[:, -(size.shape[1] // 4) :].max(axis=1), tolerance * size.max(1))
+        fits = np.abs(self.rate @ r.at_zero - known) <= size.shape[1] * left
+        return np.asarray(good & (fits | (kind != PLAIN)))
 
     # -- the state at a time -------------------------------------------------------
+
+    @cached_property
+    def _series(self) -> Floats:
+        """Coefficients (m, 4, n + 1) of the time since v = 0 and its derivatives by v."""
+        m, n = self.rate.shape
+        found, by_v = np.zeros((m, 4, n + 1)), rule(n).slope.T
+        found[:, 0], found[:, 1, :n] = self.clock, self.rate
+        found[:, 2, :n] = self.rate @ by_v
+        found[:, 3, :n] = found[:, 2, :n] @ by_v
+        return found
 
     @cached_property
     def _table(self) -> tuple[Floats, Floats, Floats]:
@@ -301,32 +358,46 @@ class Panels:
         bend = (1 - s) * (h * rise[j] - dv) - s * (h * rise[j + 1] - dv)
         return np.asarray(np.clip(v[j] + s * (dv + (1 - s) * bend), 0.0, 1.0))
 
-    def _found(self, t: Floats) -> tuple[Ints, Floats, Floats]:
-        """At times (k,): the panels, v, and dt/dv, by Newton's method kept within a bracket."""
-        i = np.searchsorted(self.times[1:-1], t, "right")
-        duration = self.clock.sum(axis=1)[i]
-        since = np.where(self.spans.backward[i], self.times[i + 1] - t, t - self.times[i])
-        since = np.clip(since, 0.0, duration)
-        clock, rate = self.clock[i], self.rate[i]
+    def _found(self, i: Ints, since: Floats) -> tuple[Floats, Floats]:
+        """In panels i (k,), some time (k,) [s] from their anchors: v and dt/dv.
+
+        By Newton's method kept within a bracket.
+        """
+        duration = self.durations[i]
+        since = np.minimum(np.maximum(since, 0.0), duration)
+        series = self._series[i]
         v = self._near(2.0 * i + since / np.maximum(duration, SMALLEST))
         low, high = np.zeros(since.shape), np.ones(since.shape)
         for _ in HALVINGS:
-            known = basis(v, clock.shape[1])
-            miss = np.einsum("kn,kn->k", known, clock) - since
-            slope = np.einsum("kn,kn->k", known[:, :-1], rate)
+            known = series @ basis(v, series.shape[2])[..., None]
+            time, slope, rise, bend = known[..., 0].T
+            miss = time - since
             low, high = np.where(miss <= 0, v, low), np.where(miss >= 0, v, high)
-            with np.errstate(all="ignore"):
-                new = v - miss / slope
+            with np.errstate(all="ignore"):  # Halley's step: of third order
+                step = miss / slope
+                step /= 1 - step * rise / (2 * slope)
+                new = v - step
             new = np.where((new >= low) & (new <= high), new, (low + high) / 2)
-            near = np.abs(new - v) <= math.sqrt(EPS) * v + EPS  # the next step is below rounding
-            v = new
-            if near.all():
+            step, v = new - v, new
+            if (np.abs(step) <= NEAR * v + EPS).all():  # the next one is below rounding
                 break
-        return i, v, np.einsum("kn,kn->k", basis(v, rate.shape[1]), rate)
+        return v, slope + step * (rise + step / 2 * bend)
+
+    def _at(self, t: Any) -> tuple[Ints, Floats]:
+        """At times (k,) [s]: which panels, and the time since or until their anchors."""
+        i = np.searchsorted(self.times[1:-1], t, "right")
+        return i, np.where(self.spans.backward[i], self.times[i + 1] - t, t - self.times[i])
 
     def state(self, t: Floats) -> tuple[Floats, Floats]:
         """Driver coordinate and rate (k,) at times (k,) [s]; after the end those of the end."""
-        i, v, slope = self._found(t)
+        i, since = self._at(t)
+        return self.state_in(i, since)
+
+    def state_in(self, i: Ints, since: Floats, energy: Any = 0.0) -> tuple[Floats, Floats]:
+        """The same in panels i (k,), so long since or until their anchors, with more energy."""
+        if np.ndim(energy):
+            return self.some(i, energy).state_in(np.arange(len(i)), since)
+        v, slope = self._found(i, since)
         kind, way = self.spans.kind[i], self.spans.way[i]
         lead = np.where(kind == PLAIN, 1.0, v)
         with np.errstate(all="ignore"):
@@ -343,7 +414,8 @@ class Panels:
         density = self.lost * r.powers[kind] * (P[kind] * way)[:, None]
         series = density @ r.to_series.T @ r.clock.T
         whole = series.sum(axis=1)
-        (i,), v, _ = self._found(np.array([t]))
+        (i,), since_anchor = self._at(np.array([t]))
+        v, _ = self._found(np.array([i]), since_anchor)
         since = float((basis(v, series.shape[1]) @ series[i])[0])
         return float(whole[:i].sum()) + (
             float(whole[i]) - since if self.spans.backward[i] else since

@@ -24,7 +24,15 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.ahead import At, PanelBuilder, PanelFailure
-from blockmech.dynamics.estimate import ROUNDING, TARGET, difference, judged, stopped, with_rounding
+from blockmech.dynamics.estimate import (
+    ROUNDING,
+    TARGET,
+    common_times,
+    difference,
+    judged,
+    stopped,
+    with_rounding,
+)
 from blockmech.dynamics.motion import Event, Motion, Status, Still
 from blockmech.dynamics.panels import Panels, joined
 from blockmech.dynamics.place import RESOLVED
@@ -32,7 +40,7 @@ from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
 from blockmech.dynamics.road import CLOSE, PIECES, PathMesh, Piece
 from blockmech.dynamics.singular import time_left
-from blockmech.dynamics.swing import LibrationSolver
+from blockmech.dynamics.stretch import Stretch
 from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment
 
 if TYPE_CHECKING:
@@ -58,6 +66,7 @@ class PathRun:
     request: SimulationRequest
     n: int
     beside: bool = False
+    one_turn: bool = False  # whether a whole turn ends it
     t: float = 0.0
     q: float = 0.0
     K: float = 0.0
@@ -211,10 +220,10 @@ class PathRun:
             self.obstructed(panel)
 
     def at_once(self, piece: Piece, goal: float) -> Panels | None:
-        """All panels until a standstill or a goal; None where that is not for all at once."""
+        """All panels until a standstill or a goal; None where place data do not say all of it."""
         sign, end, following = self.sign, self.q, piece
         pieces: list[Piece] = []
-        while self.place_only and len(pieces) <= len(self.road.pieces):
+        while self.next.by_place and len(pieces) <= len(self.road.pieces):
             if following.data.limit or following.what_ends(sign):
                 break
             pieces.append(following)
@@ -226,7 +235,7 @@ class PathRun:
             if known is None:
                 break
             following = known
-        return LibrationSolver(self.next, self.at, pieces, end).panels() if pieces else None
+        return Stretch(self.next, self.at, pieces, end).panels() if pieces else None
 
     def obstructed(self, by: PanelFailure) -> None:
         """The end, where no panel goes on."""
@@ -346,6 +355,9 @@ class PathRun:
         gains are rounding, and fall no more where turns to come are counted.
         """
         assert self.mark is not None
+        if self.one_turn:
+            self.stop(ends.TURN, "reached")
+            return
         start = self.mark[1]
         turn = self.since_mark(step=self.sign * period, gain=self.K - start.K)
         some = abs(turn.gain) <= 16 * self.rounding * turn.panels.size  # of some panels
@@ -372,7 +384,8 @@ class PathRun:
         if self.events and self.events[-1].t == self.t:
             q, qd = self.events[-1].q, self.events[-1].qd
         else:
-            q, qd = (float(x[0]) for x in track.state(np.array([t0 + self.t])))
+            times = common_times(t0, t0 + self.t, request.times)
+            q, qd = (float(x[-1]) for x in track.state(times))
         if self.end == request.until.goal and any(map(self.here, self.request.places)):
             q = self.q
         if system.friction is not None:

@@ -75,7 +75,11 @@ class Piece:
         near = CLOSE * max(abs(a), abs(b))
         if data.limit or abs(a - low) > near or abs(b - high) > near:
             return None
-        return data.forward if begin < end else data.backward
+        return self.over_all(1 if begin < end else -1)
+
+    def over_all(self, sign: int) -> Floats:
+        """Place data (r, n + 1) of a plain panel over all of it in a direction; see `whole`."""
+        return self.data.forward if sign > 0 else self.data.backward
 
     def shifted(self, by: float) -> Piece:
         """The same some periods further on."""
