@@ -4,6 +4,7 @@ from typing import Final
 
 STANDSTILL: Final = "standstill"
 REST: Final = "rest"
+TURN: Final = "turn"  # of a return map
 END_STOP: Final = "end stop"
 DEAD_CENTRE: Final = "dead centre"
 IMPOSSIBLE: Final = "impossible pose"

@@ -42,7 +42,7 @@ from blockmech.dynamics.forcing import (
     unfound,
 )
 from blockmech.dynamics.motion import Floats, Motion
-from blockmech.dynamics.path import along_path
+from blockmech.dynamics.path import COARSE, FINE, PathRun, along_path
 from blockmech.dynamics.periodic import (
     FLOWS,
     NONE,
@@ -65,7 +65,6 @@ if TYPE_CHECKING:
 LOOSE = 1e-8  # tolerance of the flow by which a motion is followed
 SMALL = 1e-4  # amplitude, relative to the span or to that of the start, that counts as rest
 FAR = 1e4  # spans that a driver without turns may go without a standstill, or a search
-TURN = "turn"
 OWN = "all loads depend on the coordinate alone, so every motion is its own, and none attracts"
 FAMILY = (
     "no load dissipates, so every motion near by is periodic too: this is the one from the "
@@ -137,7 +136,7 @@ def _conserved(motion: Motion, request: SimulationRequest) -> Motion:
 class SectionReturn(NamedTuple):
     """A way to the next standstill, through a whole turn, or to rest under joint friction."""
 
-    kind: str  # ends.STANDSTILL, TURN or ends.REST
+    kind: str  # ends.STANDSTILL, ends.TURN or ends.REST
     x: Floats
     time: float
 
@@ -206,18 +205,34 @@ class Flow:
         """The way of one driver to the next standstill or whole turn."""
         begin, period = float(x[0]), self.system.period
         stopped = any(map(math.isfinite, self.system.stops[0]))
+        by_place = self.system.damped and self.system.friction is None and period is not None
+        if by_place and not stopped:
+            found = self._along_path(x, FINE if tolerance <= FLOWS else COARSE)
+            if found is not None:
+                return found
         far = FAR * self.system.span if stopped or period is None else period
 
         def gone(t: Any, q: Any, qd: Any) -> Any:
             return np.abs(q - begin) - far
 
-        motion = self.run(self.asked(x, Until("standstill"), [Gone(TURN, gone)]), tolerance)
+        motion = self.run(self.asked(x, Until("standstill"), [Gone(ends.TURN, gone)]), tolerance)
         time = motion.t_end - motion.t_start
-        if motion.end == TURN and far != period:
+        if motion.end == ends.TURN and far != period:
             raise MotionEnded("a way without end")
-        if motion.end not in (ends.STANDSTILL, TURN, ends.REST):
+        if motion.end not in (ends.STANDSTILL, ends.TURN, ends.REST):
             raise MotionEnded(motion.end, time)
         return SectionReturn(motion.end, np.append(motion.q_end, motion.qd_end), time)
+
+    def _along_path(self, x: Floats, nodes: int) -> SectionReturn | None:
+        """The same by place data, to rounding; None where the path ends otherwise."""
+        run = PathRun(self.system, self.asked(x, Until("standstill")), nodes, one_turn=True)
+        run.run()
+        if run.end == ends.INTERRUPTED:
+            raise KeyboardInterrupt
+        if run.end not in (ends.STANDSTILL, ends.TURN):
+            return None
+        rate = 0.0 if run.end == ends.STANDSTILL else run.rate()
+        return SectionReturn(run.end, np.array([run.q, rate]), run.t)
 
     def once(self, x: Floats, until: Until) -> Motion:
         """A period of a periodic motion, with its error."""
