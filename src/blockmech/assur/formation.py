@@ -135,7 +135,9 @@ def _give(need: Sequence[int], edges: Sequence[Edge]) -> _Given:
     tails = np.concatenate([np.full(len(edges), source), n + along, np.arange(n)])
     heads = np.concatenate([np.arange(n, source), into, np.full(n, source + 1)])
     most = np.concatenate([number, number[along], np.array(need, dtype=np.int32)])
-    network = coo_array((most, (tails, heads)), shape=(source + 2, source + 2)).tocsr()
+    # SciPy's flow takes 32-bit indices alone, and before 1.14 does not convert others.
+    places = (tails.astype(np.int32), heads.astype(np.int32))
+    network = coo_array((most, places), shape=(source + 2, source + 2)).tocsr()
     flow = maximum_flow(network, source, source + 1).flow.tocoo()
     waits: nx.DiGraph[int] = nx.DiGraph()
     waits.add_nodes_from(range(n))
