@@ -1,10 +1,10 @@
-"""The format ``fmu``: model exchange and co-simulation of FMI 2.0, with its sources.
+"""The format ``fmu``: model exchange and co-simulation of FMI 2.0 or 3.0, with its sources.
 
 Sources are always inside; the machine's C compiler, where there is one, makes the binary for this
 platform. States are the drivers' coordinates and rates, inputs the efforts on the drivers, outputs
 what is wanted.
 
-Source: Functional Mock-up Interface 2.0, Modelica Association, 2014.
+Sources: Functional Mock-up Interface 2.0 and 3.0, Modelica Association, 2014 and 2022.
 """
 
 from __future__ import annotations
@@ -16,20 +16,26 @@ import subprocess
 import tempfile
 import uuid
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import blockmech
-from blockmech.errors import printable, refused
+from blockmech.errors import printable, refused, shown
 from blockmech.exchange.c.program import CProgram
 from blockmech.exchange.formats import Order, Writer
 from blockmech.files import writing
 from blockmech.runnable import EVERYTHING
 
 COMPILERS = ("cc", "gcc", "clang")
-PLATFORMS = {"Linux": ("linux", ".so"), "Darwin": ("darwin", ".dylib"), "Windows": ("win", ".dll")}
+SUFFIXES = {"Linux": ".so", "Darwin": ".dylib", "Windows": ".dll"}
+PLATFORMS = {  # version of FMI -> system -> folder of its binaries
+    "2": {"Linux": "linux64", "Darwin": "darwin64", "Windows": "win64"},
+    "3": {"Linux": "{}-linux", "Darwin": "{}-darwin", "Windows": "{}-windows"},
+}
+MACHINES = {"AMD64": "x86_64", "arm64": "aarch64", "ARM64": "aarch64"}  # names of FMI 3
+TIME = 0x7FFFFFFF  # value reference of FMI 3's independent variable, as in unit.h
 STEP = 1e-3  # [s] of the co-simulation's own integration
 
 
@@ -38,9 +44,12 @@ class Unit:
 
     def __init__(self, order: Order) -> None:
         self.mechanism = mechanism = order.mechanism
-        if not mechanism.drivers or mechanism.structure.followers:
-            found = "a unit is a free motion of drivers, without couplings between them"
+        if not mechanism.drivers:
+            found = "a unit is a free motion of drivers, and the mechanism has none"
             raise refused("--to fmu", found, "write C text instead")
+        self.fmi = str(order.options.get("fmi", "2"))
+        if self.fmi not in PLATFORMS:
+            raise refused("fmi", f"got {shown(order.options['fmi'])}", valid="2 or 3")
         drivers = mechanism.drivers
         self.of = {d: mechanism.of_driver(d, "")[:-1] for d in drivers}
         many = len(drivers) > 1
@@ -74,8 +83,18 @@ class Unit:
             found[driver] = first if initial is None else (float(initial.q), float(initial.rate))
         return [x[i] for i in (0, 1) for x in found.values()]
 
-    def wrapper(self) -> str:
-        """Text of ``fmi2.c``."""
+    def sources(self) -> dict[str, str]:
+        """The texts in C, by the names of their files."""
+        p, here = self.program, files("blockmech.exchange.fmu")
+        interface = f"fmi{self.fmi}.c"
+        own = (here / interface).read_text("utf-8")
+        return {f"{p.name}.h": p.header, f"{p.name}.c": p.source} | {
+            "unit.h": self._unit_text(),
+            interface: own,
+        }
+
+    def _unit_text(self) -> str:
+        """Text of ``unit.h``."""
         p, drivers = self.program, list(self.mechanism.drivers)
         inputs = []
         for name, member in zip(p.plan.program.inputs, p.inputs, strict=True):
@@ -106,91 +125,137 @@ class Unit:
             "START": ", ".join(map(repr, self.start())),
             "STEP": repr(self.step),
         }
-        text = (files("blockmech.exchange.fmu") / "fmi2.c").read_text("utf-8")
+        text = (files("blockmech.exchange.fmu") / "unit.h").read_text("utf-8")
         for word, content in texts.items():
             text = text.replace(f"@{word}@", content)
         return text
 
+    def _variables(self) -> Iterator[dict[str, str]]:
+        """Attributes of each variable; of derivatives the reference of the state."""
+        k, start = len(self.mechanism.drivers), self.start()
+        for i, name in enumerate([*self.variables, *self.outputs]):
+            found = {"name": printable(name), "valueReference": str(i), "variability": "continuous"}
+            kind, of = divmod(i, k)
+            if kind == 3:
+                yield found | {"causality": "input", "start": "0"}
+                continue
+            found |= {"causality": "output", "initial": "exact" if kind < 2 else "calculated"}
+            if kind < 2:
+                found["start"] = repr(start[i])
+            if kind in (1, 2):
+                found["derivative"] = str((kind - 1) * k + of)
+            yield found
+
     def description(self) -> str:
         """Text of ``modelDescription.xml``."""
-        p, k = self.program, len(self.mechanism.drivers)
-        start = self.start()
-        name = quoteattr(printable(self.mechanism.name))
-        sources = f'<SourceFiles><File name="{p.name}.c"/><File name="fmi2.c"/></SourceFiles>'
-        lines = [
-            '<?xml version="1.0" encoding="UTF-8"?>',
-            f'<fmiModelDescription fmiVersion="2.0" modelName={name} guid="{self.guid}"'
-            f' generationTool="blockmech {blockmech.__version__}"'
-            ' variableNamingConvention="structured" numberOfEventIndicators="0">',
-            f'<ModelExchange modelIdentifier="{p.name}" canGetAndSetFMUstate="true"'
-            f' canSerializeFMUstate="true">{sources}</ModelExchange>',
-            f'<CoSimulation modelIdentifier="{p.name}"'
-            ' canHandleVariableCommunicationStepSize="true"'
-            f' canGetAndSetFMUstate="true" canSerializeFMUstate="true">{sources}</CoSimulation>',
-            "<ModelVariables>",
+        p, k, two = self.program, len(self.mechanism.drivers), self.fmi == "2"
+        states = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
+        if not two:
+            states = {name.replace("state", "State"): x for name, x in states.items()}
+        own = {"modelIdentifier": p.name, **states}
+        steps = {"canHandleVariableCommunicationStepSize": "true"}
+        about = {
+            "fmiVersion": f"{self.fmi}.0",
+            "modelName": printable(self.mechanism.name),
+            "guid" if two else "instantiationToken": self.guid,
+            "generationTool": f"blockmech {blockmech.__version__}",
+            "variableNamingConvention": "structured",
+        }
+        inside = f"<SourceFiles>{self._files()}</SourceFiles>" if two else ""
+        lines = ['<?xml version="1.0" encoding="UTF-8"?>', _open("fmiModelDescription", about)]
+        lines += [
+            f"{_open(kind, own | more)}{inside}</{kind}>"
+            for kind, more in (("ModelExchange", {}), ("CoSimulation", steps))
         ]
-        for i, variable in enumerate(self.variables):
-            kind, of = divmod(i, k)
-            if kind < 2:
-                rest = f' start="{start[i]!r}"' + (f' derivative="{of + 1}"' if kind == 1 else "")
-                how = 'causality="output" initial="exact"'
-            elif kind == 2:
-                rest, how = f' derivative="{k + of + 1}"', 'causality="output" initial="calculated"'
-            else:
-                rest, how = ' start="0"', 'causality="input"'
-            lines.append(_variable(variable, i, how, rest))
+        lines.append("<ModelVariables>")
+        for variable in self._variables():
+            if not two:
+                lines.append(_open("Float64", variable, "/>"))
+                continue
+            real = {x: variable.pop(x) for x in ("start", "derivative") if x in variable}
+            if "derivative" in real:
+                real["derivative"] = str(int(real["derivative"]) + 1)  # counts from 1
+            inner = _open("Real", real, "/>")
+            lines.append(f"{_open('ScalarVariable', variable)}{inner}</ScalarVariable>")
+        if not two:
+            time = {"name": "time", "valueReference": str(TIME)}
+            time |= {"causality": "independent", "variability": "continuous"}
+            lines.append(_open("Float64", time, "/>"))
         first = len(self.variables)
-        for j, output in enumerate(self.outputs):
-            how = 'causality="output" initial="calculated"'
-            lines.append(_variable(output, first + j, how, ""))
-        shown = [*range(3 * k), *range(first, first + len(self.outputs))]
-        computed = [*range(k, 3 * k), *range(first, first + len(self.outputs))]
-        lines += ["</ModelVariables>", "<ModelStructure>", "<Outputs>", *_unknowns(shown)]
-        lines += ["</Outputs>", "<Derivatives>", *_unknowns(range(k, 3 * k)), "</Derivatives>"]
-        initial = [x for x in computed if x >= 2 * k]
-        lines += ["<InitialUnknowns>", *_unknowns(initial), "</InitialUnknowns>"]
+        more = range(first, first + len(self.outputs))
+        unknowns = {
+            "Output": [*range(3 * k), *more],
+            "ContinuousStateDerivative": range(k, 3 * k),
+            "InitialUnknown": [*range(2 * k, 3 * k), *more],
+        }
+        lines += ["</ModelVariables>", "<ModelStructure>", *_structure(unknowns, two)]
         return "\n".join([*lines, "</ModelStructure>", "</fmiModelDescription>"]) + "\n"
 
+    def build_description(self) -> str:
+        """Text of ``sources/buildDescription.xml`` of FMI 3."""
+        build = _open("BuildConfiguration", {"modelIdentifier": self.program.name})
+        files = _open("SourceFileSet", {"language": "C99", "compiler": "gcc"}) + self._files()
+        library = _open("Library", {"name": "m"}, "/>")
+        return (
+            '<?xml version="1.0" encoding="UTF-8"?>\n'
+            f"{_open('fmiBuildDescription', {'fmiVersion': '3.0'})}\n{build}\n"
+            f"{files}</SourceFileSet>\n{library}\n</BuildConfiguration>\n</fmiBuildDescription>\n"
+        )
 
-def _variable(name: str, reference: int, how: str, rest: str) -> str:
-    text = quoteattr(printable(name))
-    return (
-        f'<ScalarVariable name={text} valueReference="{reference}" variability="continuous" {how}>'
-        f"<Real{rest}/></ScalarVariable>"
-    )
+    def _files(self) -> str:
+        return "".join(
+            f"<{'File' if self.fmi == '2' else 'SourceFile'} name={quoteattr(name)}/>"
+            for name in (f"{self.program.name}.c", f"fmi{self.fmi}.c")
+        )
 
 
-def _unknowns(indices: Iterable[int]) -> Iterator[str]:
-    for i in indices:
-        yield f'<Unknown index="{i + 1}"/>'
+def _open(tag: str, attributes: Mapping[str, str], end: str = ">") -> str:
+    """The start of an element, or with ``/>`` the whole one."""
+    return f"<{tag}{''.join(f' {k}={quoteattr(x)}' for k, x in attributes.items())}{end}"
 
 
-def binary(sources: dict[str, str], name: str) -> tuple[str, bytes] | None:
+def _structure(unknowns: Mapping[str, Iterable[int]], two: bool) -> Iterator[str]:
+    """The parts of a model's structure: of FMI 2 by index in lists, of FMI 3 by reference."""
+    lists = {"Output": "Outputs", "ContinuousStateDerivative": "Derivatives"}
+    for kind, references in unknowns.items():
+        if not two:
+            yield from (f'<{kind} valueReference="{i}"/>' for i in references)
+            continue
+        inside = "".join(f'<Unknown index="{i + 1}"/>' for i in references)
+        name = lists.get(kind, "InitialUnknowns")
+        yield f"<{name}>{inside}</{name}>"
+
+
+def binary(sources: Mapping[str, str], name: str, fmi: str) -> tuple[str, bytes] | None:
     """The place in the unit and the bytes of the library for this platform; None without a C
     compiler. Raises `RequestError` where the compiler fails."""
     compiler = next((c for c in COMPILERS if shutil.which(c)), None)
-    if compiler is None or platform.system() not in PLATFORMS:
+    system = platform.system()
+    if compiler is None or system not in SUFFIXES:
         return None
-    system, suffix = PLATFORMS[platform.system()]
+    suffix = SUFFIXES[system]
+    machine = MACHINES.get(platform.machine(), platform.machine())
+    place = PLATFORMS[fmi][system].format(machine)
     with tempfile.TemporaryDirectory() as folder:
         for file, text in sources.items():
             Path(folder, file).write_text(text, "utf-8")
         made = Path(folder, name + suffix)
-        how = [] if system == "win" else ["-fPIC", "-fvisibility=hidden"]
+        how = [] if system == "Windows" else ["-fPIC", "-fvisibility=hidden"]
         command = [compiler, "-std=c99", "-O2", "-ffp-contract=off", "-shared", *how]
         command += [f for f in sources if f.endswith(".c")] + ["-lm", "-o", str(made)]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode:
             raise refused("--to fmu", f"{compiler} fails: {done.stderr.strip()[:300]}", "report it")
-        return f"binaries/{system}64/{name}{suffix}", made.read_bytes()
+        return f"binaries/{place}/{name}{suffix}", made.read_bytes()
 
 
 def write_fmu(order: Order, path: Path) -> list[Path]:
     """One file ``.fmu``: description, sources, and the binary if a C compiler is at hand."""
     unit = Unit(order)
-    p = unit.program
-    sources = {f"{p.name}.h": p.header, f"{p.name}.c": p.source, "fmi2.c": unit.wrapper()}
-    made = binary(sources, p.name)
+    sources = unit.sources()
+    made = binary(sources, unit.program.name, unit.fmi)
+    if unit.fmi == "3":
+        sources |= {"buildDescription.xml": unit.build_description()}
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("modelDescription.xml", unit.description())
@@ -204,8 +269,11 @@ def write_fmu(order: Order, path: Path) -> list[Path]:
 
 
 WRITER = Writer(
-    "FMU (FMI 2.0): model exchange and co-simulation, sources and binary",
+    "FMU (FMI 2.0 or 3.0): model exchange and co-simulation, sources and binary",
     (".fmu",),
     write_fmu,
-    {"step": "of the co-simulation's own Runge-Kutta steps, at most [s]; default 1e-3"},
+    {
+        "fmi": "2 (default) or 3, the version of the standard",
+        "step": "of the co-simulation's own Runge-Kutta steps, at most [s]; default 1e-3",
+    },
 )
