@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
+import subprocess
 from html.parser import HTMLParser
 from itertools import pairwise
 
+import matplotlib
 import numpy as np
 import pytest
 from PIL import Image
@@ -14,6 +17,7 @@ from PIL import Image
 import blockmech as bm
 from blockmech.draw import Animation, animate, draw
 from blockmech.draw.animation import player_data
+from blockmech.errors import RequestError
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
 from tests.wiring import ruiz, watt
 
@@ -140,3 +144,36 @@ def test_a_notebook_shows_the_player():
 def test_numbers_without_sense_are_refused(wrong):
     with pytest.raises(bm.RequestError, match=next(iter(wrong))):
         animate(ruiz(), **wrong)
+
+
+def ffmpeg():
+    """A program ffmpeg: the machine's, or that of a package made for tests."""
+    if (found := shutil.which("ffmpeg")) is not None:
+        return found
+    return pytest.importorskip("imageio_ffmpeg", reason="no ffmpeg here").get_ffmpeg_exe()
+
+
+def test_a_film_has_its_time_and_its_pictures(tmp_path, monkeypatch):
+    program = ffmpeg()
+    monkeypatch.setitem(matplotlib.rcParams, "animation.ffmpeg_path", program)
+    made = animate(ruiz(), frames=FRAMES, seconds=1.2)
+    path = made.save(tmp_path / "a.mp4").path
+    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    shown = subprocess.run([program, "-v", "error", "-i", path, *raw], capture_output=True)
+    height, width, _ = made.pictures[0].shape
+    size = (height // 2 * 2, width // 2 * 2, 3)
+    frames = np.frombuffer(shown.stdout, np.uint8).reshape(-1, *size).astype(float)
+    assert len(frames) == 36  # 1.2 s of 30 pictures a second
+    for k in (0, 17, 35):
+        wanted = made.pictures[made.order[k * len(made.order) // 36]][: size[0], : size[1]]
+        assert np.abs(frames[k] - wanted).mean() < 4  # of 255: the film is compressed
+        other = made.pictures[made.order[(k * len(made.order) // 36 + 8) % len(made.order)]]
+        moved = np.abs(frames[k] - other[: size[0], : size[1]]).mean()
+        assert moved > 1.1 * np.abs(frames[k] - wanted).mean()
+
+
+def test_without_ffmpeg_a_film_is_refused_and_nothing_is_written(tmp_path, monkeypatch):
+    monkeypatch.setitem(matplotlib.rcParams, "animation.ffmpeg_path", "no_such_program")
+    with pytest.raises(RequestError, match=r"written by ffmpeg.*install ffmpeg.*\.gif or \.html"):
+        animate(ruiz(), tmp_path / "a.mp4", frames=4)
+    assert not list(tmp_path.iterdir())

@@ -62,8 +62,8 @@ def draw(
     Parameters
     ----------
     subject : graph (for a diagram it need not be complete), linkage or mechanism
-    path : .png, .svg or .pdf; .gif or .html for an animation
-    kind : "diagram" (default), "mechanism" at poses, "animation" (default for .gif, .html),
+    path : .png, .svg or .pdf; .gif, .html or .mp4 (by ffmpeg) for an animation
+    kind : "diagram" (default), "mechanism" at poses, "animation" (default for those),
         "schedule" of the kernel calls that some outputs take
     at : float or (n,) [rad or m], or a mapping driver -> (n,)
         Driver coordinates of the poses, the first in full; by default over the range
@@ -129,7 +129,8 @@ def animate(
     Parameters
     ----------
     subject : graph, linkage, mechanism or result
-    path : .gif or .html (one file, nothing is loaded from elsewhere); None only shows it
+    path : .gif, .mp4 (by ffmpeg) or .html (one file, nothing is loaded from elsewhere); None only
+        shows it
     at : driver coordinates of the frames, see `draw`
     frames : number of frames over the range, 2 to 2000
     seconds : time [s] that one cycle lasts on the screen

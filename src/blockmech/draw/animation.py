@@ -1,6 +1,6 @@
-"""The mechanism in motion: a GIF, or one HTML file with its own player.
+"""The mechanism in motion: a GIF, a film, or one HTML file with its own player.
 
-Both show the shapes of `blockmech.draw.shapes`, frame by frame. Axes and scale are
+All show the shapes of `blockmech.draw.shapes`, frame by frame. Axes and scale are
 fixed over the whole motion; names keep their places beside their joints while those are
 free. Only poses that close are frames; a motion that does not end where it began is
 played to and fro.
@@ -12,6 +12,9 @@ import html
 import io
 import json
 import math
+import shutil
+import subprocess
+import tempfile
 from collections.abc import Iterable
 from functools import cached_property
 from importlib import resources
@@ -28,11 +31,13 @@ from blockmech.draw.page import Page, Shape, move
 from blockmech.draw.paper import scaled_unit, shown_name, styled, suffix_of
 from blockmech.draw.shapes import Stage, shapes_of
 from blockmech.draw.sketch import Sketch, sketch_of
+from blockmech.errors import refused
 from blockmech.files import AnyPath, writing
 from blockmech.result import Result
 from blockmech.told import DEGREES
 
-MOVING = (".gif", ".html")
+MOVING = (".gif", ".html", ".mp4")
+FPS = 30  # of a film
 NAMES = 12  # joints up to which all are named
 SEEN = 24  # frames in which names look for a free place; between them they slide
 FRICTION_POWER = "mechanism.friction_power"
@@ -100,16 +105,28 @@ class Animation:
         return template.replace("__TITLE__", title).replace("__DATA__", data)
 
     @cached_property
+    def pictures(self) -> list[Any]:
+        """The frames as arrays (height, width, 3) of bytes."""
+        return _pictures(self)
+
+    @cached_property
     def gif(self) -> bytes:
         """A GIF that repeats for ever."""
         return _gif(self)
 
+    @cached_property
+    def mp4(self) -> bytes:
+        """A film of H.264; needs ffmpeg. Raises `RequestError` where there is none."""
+        return _film(self)
+
     @declared
     def save(self, path: AnyPath) -> Animation:
-        """Write a .gif or .html file; raises the errors of `draw`."""
+        """Write a .gif, .html or .mp4 file; raises the errors of `draw`."""
         suffix = suffix_of(path, "an animation", MOVING)
+        content = {".gif": "gif", ".mp4": "mp4"}.get(suffix)
+        data = self.html.encode() if content is None else getattr(self, content)
         with writing(path) as stream:
-            stream.write(self.html.encode() if suffix == ".html" else self.gif)
+            stream.write(data)
         self.path = Path(path)
         return self
 
@@ -143,17 +160,14 @@ def rests(run: Result, time: float, rates: Iterable[float]) -> bool:
     return bool(stops) and time >= min(stops) and not any(rates)
 
 
-# -- GIF -----------------------------------------------------------------------------------
+# -- GIF and film --------------------------------------------------------------------------
 
 
-def _gif(film: Animation) -> bytes:
-    """The frames as a GIF.
+def _pictures(film: Animation) -> list[Any]:
+    """The frames, drawn once each.
 
-    matplotlib's own writer draws the axes again for every frame, which takes four times as
-    long, and gives each frame colours of its own, which flicker.
+    matplotlib's own writers draw the axes again for every frame, which takes four times as long.
     """
-    from PIL import Image
-
     page, figure = film.page, film.page.figure
     with styled():
         figure.set_dpi(110 if page.wide else 150)
@@ -174,10 +188,20 @@ def _gif(film: Animation) -> bytes:
                 artist.set_position((z.real, z.imag))
             for artist in [*(a for a, _ in [*moving, *names]), page.write_caption(text)]:
                 figure.draw_artist(artist)
-            pictures.append(Image.fromarray(np.array(figure.canvas.buffer_rgba())[..., :3]))
-    some = [np.asarray(p) for p in pictures[:: math.ceil(len(pictures) / 4)]]
+            pictures.append(np.array(figure.canvas.buffer_rgba())[..., :3])
+    return pictures
+
+
+def _gif(film: Animation) -> bytes:
+    """The frames as a GIF with one palette: with colours of its own each would flicker."""
+    from PIL import Image
+
+    pictures = film.pictures
+    some = pictures[:: math.ceil(len(pictures) / 4)]
     colours = Image.fromarray(np.concatenate(some)).quantize(method=Image.Quantize.MAXCOVERAGE)
-    plain = [p.quantize(palette=colours, dither=Image.Dither.NONE) for p in pictures]
+    plain = [
+        Image.fromarray(p).quantize(palette=colours, dither=Image.Dither.NONE) for p in pictures
+    ]
     first, *others = (plain[k] for k in film.order)
     # Tens of milliseconds; browsers honour no fewer than two of them.
     ticks = max(round(1000 * film.seconds / len(film.order), -1), 20)
@@ -185,6 +209,33 @@ def _gif(film: Animation) -> bytes:
     forever: dict[str, Any] = {"save_all": True, "loop": 0, "duration": int(ticks)}
     first.save(buffer, "GIF", append_images=others, optimize=False, **forever)
     return buffer.getvalue()
+
+
+def _film(film: Animation) -> bytes:
+    """The frames through ffmpeg, each shown at its time."""
+    import matplotlib
+
+    program = matplotlib.rcParams["animation.ffmpeg_path"]
+    if shutil.which(program) is None:
+        remedy = "install ffmpeg and have it on the PATH, or name the file .gif or .html"
+        raise refused("draw", f'a film is written by ffmpeg, and there is no "{program}"', remedy)
+    # H.264 with the colours that every player knows needs an even number of rows and columns.
+    frames = [p[: p.shape[0] // 2 * 2, : p.shape[1] // 2 * 2] for p in film.pictures]
+    height, width, _ = frames[0].shape
+    count = max(round(film.seconds * FPS), 1)
+    shown = (film.order[k * len(film.order) // count] for k in range(count))
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder, "film.mp4")
+        raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(FPS)]
+        coded = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart", str(made)]
+        command = [program, "-v", "error", "-y", *raw, "-i", "-", *coded]
+        done = subprocess.run(
+            command, input=b"".join(frames[k].tobytes() for k in shown), capture_output=True
+        )
+        if done.returncode:
+            words = done.stderr.decode(errors="replace").strip()[:300]
+            raise refused("draw", f"ffmpeg fails: {words}", "name the file .gif or .html")
+        return made.read_bytes()
 
 
 # -- HTML ----------------------------------------------------------------------------------

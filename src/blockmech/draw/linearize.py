@@ -77,7 +77,7 @@ class PlottedLinearization(Pictured, Linearization):
         Parameters
         ----------
         mode : which of `modes`
-        path : a .gif or .html file
+        path : a .gif, .html or .mp4 file
         amplitude : [rad or m] of the driver that swings most
 
         Raises `RequestError` for a mode that there is not, and the errors of a run where the

@@ -172,7 +172,7 @@ class Unit:
             if not two:
                 lines.append(_open("Float64", variable, "/>"))
                 continue
-            real = {x: variable.pop(x) for x in ("start", "derivative") if x in variable}
+            real = {str(x): variable.pop(x) for x in ("start", "derivative") if x in variable}
             if "derivative" in real:
                 real["derivative"] = str(int(real["derivative"]) + 1)  # counts from 1
             inner = _open("Real", real, "/>")
