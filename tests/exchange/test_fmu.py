@@ -49,7 +49,7 @@ def test_it_moves_as_simulate_does(name, kind, fmi, tmp_path):
     more = {"solver": "CVode", "relative_tolerance": 1e-11} if kind == "ModelExchange" else {}
     names = [mech.of_driver(d, "q") for d in mech.drivers]
     if not mech.scene.initial:
-        more["start_values"] = {n: 0.5 for n in names} | {
+        more["start_values"] = dict.fromkeys(names, 0.5) | {
             mech.of_driver(d, "rate"): 2.0 for d in mech.drivers
         }
     found = fmpy.simulate_fmu(

@@ -145,6 +145,9 @@ READERS: Formats[Reader] = Formats(
         "linkage": "blockmech.exchange.linkage2:READER",
         "pylinkage": "blockmech.exchange.pylinkage:READER",
         "mjcf": "blockmech.exchange.mujoco:READER",
+        "asmt": "blockmech.exchange.asmt:READER",
+        "dxf": "blockmech.exchange.sketches:DXF",
+        "svg": "blockmech.exchange.sketches:SVG",
     },
 )
 """Formats that are read, in the order in which they are tried."""
