@@ -200,7 +200,45 @@ def test_what_cannot_be_taken_is_a_note_with_its_name():
     jansen = jansen.replace("</linkage2>", '<ratios><ratio type="gears"/></ratios></linkage2>')
     notes = bm.read(jansen).extras["notes"]
     assert "link link_3 joins fixed points: it is part of the frame" in notes
-    assert "gears between links: left out" in notes
+    assert "gears_1 joins no links: left out" in notes
+
+
+@pytest.mark.parametrize(
+    ("kind", "ratio"), [("gears", -40 / 20), ("chain", 40 / 20)], ids=["gears", "chain"]
+)
+@pytest.mark.parametrize("first", [0, 1])
+def test_wheels_of_linkage_turn_by_their_sizes(kind, ratio, first):
+    points = {0: (0, 0), 1: (60, 0), 2: (20, 10), 3: (70, 15), 4: (40, 70)}
+    text = linkage_xml([0, 1], {first: 30}, points, [[0, 2], [1, 3], [2, 4], [3, 4]], {})
+    sizes = '<link id="0" size="40"/><link id="1" size="20"/>'
+    pair = f'<ratios><ratio type="{kind}">{sizes}</ratio></ratios></linkage2>'
+    linkage = bm.read(text.replace("</linkage2>", pair))
+    assert not linkage.check()
+    if first:
+        ratio = 1 / ratio
+    q = np.linspace(0.0, 0.3, 7)
+    found = places(linkage, q)
+    ends = [complex(*points[k]) for k in (first, 1 - first)]
+    tips = [complex(*points[k + 2]) for k in (first, 1 - first)]
+    turns = [np.exp(1j * q), np.exp(1j * ratio * q)]
+    a, b = (e + (t - e) * z for e, t, z in zip(ends, tips, turns, strict=True))
+    names = [str(first + 2), str(3 - first)]
+    assert np.abs(found[names[0]] * 1e3 - a).max() < 1e-9
+    assert np.abs(found[names[1]] * 1e3 - b).max() < 1e-9
+    for end in (a, b):  # and the five-bar closes on both
+        lengths = np.abs(found["4"] * 1e3 - end)
+        assert np.ptp(lengths) < 1e-9 * lengths[0]
+
+
+def test_a_planetary_set_of_linkage_turns_on_its_arm():
+    points = {0: (0, 0), 1: (30, 0), 2: (35, 8), 3: (5, 5)}
+    text = linkage_xml([0], {0: 10}, points, [[0, 1], [1, 2], [0, 3]], {})
+    sizes = '<link id="1" size="12"/><link id="2" size="18"/>'
+    text = text.replace(
+        "</linkage2>", f'<ratios><ratio type="gears">{sizes}</ratio></ratios></linkage2>'
+    )
+    notes = bm.read(text).extras["notes"]
+    assert any(note.startswith("gears_1: no wheel of it is driven") for note in notes)
 
 
 def test_a_slide_becomes_a_pin_in_a_slot_and_an_actuator_a_driven_length():

@@ -21,6 +21,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any, NamedTuple
 
 from blockmech.errors import FormatError, Problem, listed
@@ -28,6 +29,7 @@ from blockmech.errors import FormatError, Problem, listed
 FRAME = "frame"
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 TURN = (0.0, math.tau)
+MOST_TEETH = 1000  # of a wheel whose size is a ratio
 
 
 class Slot(NamedTuple):
@@ -65,6 +67,16 @@ class Guide(NamedTuple):
     second_at: complex | None = None
 
 
+class Wheels(NamedTuple):
+    """Two links that turn as gear wheels or by a chain, with their sizes: teeth or radii."""
+
+    name: str
+    first: str
+    second: str
+    sizes: tuple[float, float]
+    chain: bool = False
+
+
 class Load(NamedTuple):
     """A force [N] at a place of a link."""
 
@@ -88,6 +100,7 @@ class Drawing:
     slots: dict[str, list[Slot]] = field(default_factory=dict)
     sliders: set[str] = field(default_factory=set)  # links that are sliders themselves
     guides: list[Guide] = field(default_factory=list)
+    wheels: list[Wheels] = field(default_factory=list)
     drives: dict[str, Drive] = field(default_factory=dict)
     inertias: dict[str, Inertia] = field(default_factory=dict)
     loads: list[Load] = field(default_factory=list)
@@ -123,6 +136,7 @@ class _Making:
         self.links: dict[str, dict[str, Any]] = {}
         self.joints: dict[str, dict[str, Any]] = {}
         self.drivers: dict[str, dict[str, Any]] = {}
+        self.couplings: dict[str, dict[str, Any]] = {}
         self.names: dict[str, str] = {FRAME: FRAME}
 
     def _unit(self, unit: str | None) -> float:
@@ -148,6 +162,7 @@ class _Making:
             self._point(point)
         for guide in drawing.guides:
             self._guide(guide)
+        self._couple()
         self._markers()
         if not self.joints:
             what = "it has no links that a joint joins"
@@ -162,6 +177,7 @@ class _Making:
             "links": self.links,
             "joints": self.joints,
             "drivers": self.drivers,
+            "couplings": self.couplings,
             "loads": self._loads(),
             "source": drawing.source,
             "notes": list(drawing.notes),
@@ -218,6 +234,8 @@ class _Making:
         if point in drawing.slots:
             self._slotted(point, members, drive)
             return
+        turning = {x for pair in drawing.wheels for x in (pair.first, pair.second)}
+        members = sorted(members, key=lambda name: name in turning)  # a wheel turns on the others
         ends = [FRAME, *members] if point in drawing.fixed else members
         if drive is not None:
             if len(ends) < 2:
@@ -306,6 +324,66 @@ class _Making:
                 start, stop = -start, -stop
             own |= {"law": "constant_rate", "rate": rate, "from": start, "to": stop}
         self.drivers[self._driver_name(joint)] = own
+
+    def _couple(self) -> None:
+        """A coupling for each pair of wheels, from those that are driven on.
+
+        Both turn on one link, the first of their pins; the driven one gets a driver that follows.
+        """
+        waiting = list(self.drawing.wheels)
+        going = True
+        while going:
+            going = False
+            for pair in list(waiting):
+                ends = self._axles(pair)
+                leading = next((k for k, end in enumerate(ends) if self._driver_of(end)), None)
+                if leading is None:
+                    continue
+                waiting.remove(pair)
+                going = True
+                if self._driver_of(ends[1 - leading]):
+                    self.drawing.note(f"{pair.name}: both wheels are driven already: left out")
+                else:
+                    self._follow(pair, ends, leading)
+        for pair in waiting:
+            self.drawing.note(f"{pair.name}: no wheel of it is driven, or they have no common arm")
+
+    def _axles(self, pair: Wheels) -> tuple[str, str]:
+        """The pins of two wheels on one link, which stands first in both; "" without any."""
+        found: list[dict[str, str]] = []
+        for wheel in (pair.first, pair.second):
+            own = [(j, d["links"]) for j, d in self.joints.items() if d["type"] == "R"]
+            found.append({a: j for j, (a, b) in own if b == self.names.get(wheel)})
+        arm = next((link for link in found[0] if link in found[1]), None)
+        return (found[0][arm], found[1][arm]) if arm is not None else ("", "")
+
+    def _driver_of(self, joint: str) -> str | None:
+        return next((d for d, own in self.drivers.items() if own["joint"] == joint), None)
+
+    def _follow(self, pair: Wheels, ends: tuple[str, str], leading: int) -> None:
+        driven = ends[1 - leading]
+        name = self._driver_name(driven)
+        self.drivers[name] = {"joint": driven}
+        sizes = pair.sizes if not leading else pair.sizes[::-1]
+        made: dict[str, Any] = {"type": "gear"}
+        if pair.chain:
+            a, b = (complex(*self.joints[end]["at"][0]) for end in ends)
+            radii = [size * self.scale for size in sizes]
+            if sum(radii) > abs(a - b):  # sizes that are teeth: the ratio is what counts
+                radii = [size * abs(a - b) / (2 * sum(sizes)) for size in sizes]
+                self.drawing.note(f"{pair.name}: radii from the ratio and the distance of the pins")
+            made = {"type": "belt", "radii": radii}
+        else:
+            ratio = Fraction(sizes[0] / sizes[1]).limit_denominator(MOST_TEETH)
+            made["teeth"] = [ratio.numerator, ratio.denominator]
+        made |= {"driver": self._driver_of(ends[leading]), "driven": name}
+        self.couplings[self._coupling_name(pair.name)] = made
+
+    def _coupling_name(self, text: str) -> str:
+        name = _clean(text) or "gears"
+        while name in {*self.couplings, *self.links, *self.drivers, *self.joints}:
+            name += "_"
+        return name
 
     def _driver_name(self, joint: str) -> str:
         name = "motor"

@@ -2,7 +2,8 @@
 
 Lengths are those of the drawing times its scale, y points up, ``rpm`` counts clockwise. A
 connector that slides has two limits, between which its line lies: a slot in the link of both, or
-in the frame. An actuator is a link that changes its length.
+in the frame. An actuator is a link that changes its length. A ratio of type ``gears`` or ``chain``
+couples two links that turn on one: sizes are teeth or radii, what counts is their ratio.
 
 Source: rectorsquid/Linkage, ``LinkageDoc.cpp`` (reading and writing) and its examples.
 """
@@ -14,7 +15,8 @@ import math
 import re
 from xml.etree.ElementTree import Element
 
-from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Slot, direction
+from blockmech.errors import listed
+from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Slot, Wheels, direction
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import number, wrong, xml_of
 
@@ -41,17 +43,33 @@ def read(text: str, where: str) -> Drawing:
         _link(raw, where, scale, found)
     for key, limits in slides:
         _slot(key, limits, found, where)
+    _ratios(root, where, found)
+    turning = {wheel for pair in found.wheels for wheel in (pair.first, pair.second)}
     for name, points in list(found.links.items()):
-        if len(points) > 1 or name.endswith(("_barrel", "_rod")):
+        if len(points) > 1 or name.endswith(("_barrel", "_rod")) or name in turning:
             continue
         if points[0] in found.slots:
             found.sliders.add(name)
         else:
             del found.links[name]
             found.note(f"{name} has one connector, {points[0]}: left out")
-    for raw in root.findall("ratios/ratio"):
-        found.note(f"{raw.get('type', 'gears')} between links: left out")
     return found
+
+
+def _ratios(root: Element, where: str, found: Drawing) -> None:
+    """Gear pairs and chains between links, their sizes as they are written."""
+    for k, raw in enumerate(root.findall("ratios/ratio"), 1):
+        kind = raw.get("type", "gears")
+        at, name = f"{where}, ratio {k}", f"{kind}_{k}"
+        ends = raw.findall("link")
+        links = [f"link_{end.get('id')}" for end in ends]
+        if len(links) != 2 or any(link not in found.links for link in links):
+            found.note(f"{name} joins {listed(links) or 'no links'}: left out")
+            continue
+        one, two = (number(end.get("size"), at, 1.0) for end in ends)
+        if not min(one, two) > 0:
+            raise wrong(at, f"sizes {one:g} and {two:g}", "sizes above 0")
+        found.wheels.append(Wheels(name, links[0], links[1], (one, two), kind == "chain"))
 
 
 def _is(raw: Element, word: str) -> bool:
@@ -92,8 +110,6 @@ def _link(raw: Element, where: str, scale: float, found: Drawing) -> None:
     while name in found.links:
         count += 1
         name = f"{base}_{count}"
-    if _is(raw, "gear"):
-        found.note(f"{name} is a gear: its teeth were left out")
     if raw.find("fastenconnector") is not None or raw.find("fastenlink") is not None:
         found.note(f"{name} is fastened to another part: that was left out")
     if _is(raw, "actuator") and len(points) == 2:
