@@ -44,10 +44,8 @@ def test_friction_is_as_good_as_its_data_allow_or_says_why_not(
 ) -> None:
     cell = found(press, precision)
     assert (cell.status == "ok") == cell.balanced
-    if "zero-relative-speed" in cell.flags:  # in single precision the ram stands
-        assert precision == "complex64"
-        assert press.q <= 1e-8
-    elif cell.balanced:
+    assert "zero-relative-speed" not in cell.flags
+    if cell.balanced:
         assert cell.error <= max(TIMES_FORCED * cell.forced, floor(precision))
 
 

@@ -473,3 +473,22 @@ def test_a_motion_is_told_of_its_digits_without_accelerations_that_nobody_asked_
     moved = graph.compile().simulate("time=0.1", start={"crank": (0.0, 5.0)}, want="crank.q")
     assert moved.digits_lost == ()
     assert "accelerations" not in vars(moved.samples.inputs)
+
+
+def test_iterations_of_friction_that_are_cut_short_say_how_far_off_they_are():
+    """Beside the numbers: as text, as a column of a spreadsheet, as data; of a motion too."""
+    mech = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").compile()
+    run = mech.run(at=[1.0, 2.0], friction="single", want="crank.drive")
+    exact = mech.run(at=[1.0, 2.0], want=["crank.drive", "dyad.*.friction"])
+    largest = np.max([np.abs(exact[f"dyad.{joint}.friction"]) for joint in "BCD"], axis=0)
+    single = mech.run(at=[1.0, 2.0], friction="single", want="dyad.*.friction")
+    for joint in "BCD":
+        off = np.abs(single[f"dyad.{joint}.friction"] - exact[f"dyad.{joint}.friction"])
+        assert (off <= run.friction_error * largest).all()
+    assert "friction error [-]" in run.to_csv().partition("\n")[0]
+    assert "friction error" not in exact.to_csv().partition("\n")[0]
+    assert max(run.to_dict()["quality"]["friction_error"]["dyad"]) == run.friction_error.max()
+    how = {"start": {"crank": (1.0, 10.0)}, "times": [0.0, 0.1], "want": "crank.q"}
+    moved = mech.simulate("time=0.1", friction="single", **how)
+    assert moved.friction_error[0] == moved.motion.facts["friction_misfit"] > 1e-6
+    assert f"{moved.friction_error[0]:.1e}" in str(moved)

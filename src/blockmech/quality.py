@@ -84,6 +84,12 @@ class Quality:
         """Samples without an answer."""
         return tuple(sorted(self.blame))
 
+    @property
+    def friction_error(self) -> dict[str, NDArray[Any]]:
+        """Block -> bound (n,) [-] of what its pairs miss their laws by, of its largest friction."""
+        found = self.residual.items()
+        return {name: left_undone(x, self.contraction[name]) for name, x in found}
+
     def to_dict(self) -> dict[str, Any]:
         """The ``quality`` section of a result."""
         return {
@@ -91,6 +97,7 @@ class Quality:
             "margin": _columns(self.margin),
             "iterations": {k: [int(x) for x in v] for k, v in self.iterations.items()},
             "residual": _columns(self.residual),
+            "friction_error": _columns(self.friction_error),
             "contraction": _columns(self.contraction),
             "existence": _columns(self.existence),
             "flags": [f.to_dict() for f in self.flags],

@@ -16,7 +16,7 @@ from blockmech.engines.numpy import Planar, Whole
 from blockmech.errors import held, listed, refused
 from blockmech.export import Exported
 from blockmech.plan import Output, Plan
-from blockmech.quality import OK, Flag, Quality, assess, left_undone
+from blockmech.quality import OK, Flag, Quality, assess
 from blockmech.samples import Samples
 from blockmech.wires import on_wires
 
@@ -262,19 +262,30 @@ class Result(Exported):
         said = [f"digits lost to rounding: {listed(lost, 4)}{why}"] if lost else []
         return said + self._left_of_friction() + self._without_inertia()
 
+    @property
+    def friction_error(self) -> NDArray[np.float64] | None:
+        """Bound (n,) [-] of what pairs miss their laws by, of the largest friction of their group.
+
+        Of iterations that are cut short, ``single`` and ``successive``; None of others. Infinite
+        where the certificate of a group is 1 or more.
+        """
+        if self.motion is not None and "friction_misfit" in self.motion.facts:
+            return np.full(self.n, self.motion.facts["friction_misfit"])
+        found = self.quality.friction_error
+        if self.settings["friction"] in ("none", "newton") or not found:
+            return None
+        return np.max([np.broadcast_to(x, self.n) for x in found.values()], axis=0)
+
     def _left_of_friction(self) -> list[str]:
         """What a reader must know of iterations that are cut short: how far off they may be."""
-        method, found = self.settings["friction"], self.quality
-        if method in ("none", "newton") or not found.residual:
+        bounds = self.friction_error
+        if bounds is None:
             return []
-        good = np.array([status == OK for status in found.status])
-        bounds = [
-            np.max(left_undone(found.residual[b], found.contraction[b])[good], initial=0.0)
-            for b in found.residual
-        ]
-        said = f"pairs are within about {max(bounds):.1e} of the largest friction of their group"
-        said = said if np.isfinite(max(bounds)) else "it has no bound where its certificate is 1"
-        return [f'friction "{method}": {said}']
+        good = np.array([status == OK for status in self.quality.status])
+        most = np.max(bounds[good], initial=0.0)
+        said = f"pairs are within about {most:.1e} of the largest friction of their group"
+        said = said if np.isfinite(most) else "it has no bound where its certificate is 1"
+        return [f'friction "{self.settings["friction"]}": {said}']
 
     def _without_inertia(self) -> list[str]:
         """What a reader of forces must know: that links which turn have no inertia."""

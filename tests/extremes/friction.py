@@ -118,7 +118,7 @@ def found(press: Press, precision: str) -> Found:
         engine="numpy", precision=precision, on_gap="mark",
     )  # fmt: skip
     with mp.workdps(DIGITS):
-        truth = press.moment(None, dtype)
+        truth = press.moment()  # what its numbers say, which doubtful friction is computed with
         error = forced = np.nan
         if truth is not None:
             error = float(abs(mpf(float(run["crank.drive"][0])) / truth - 1))

@@ -1,4 +1,4 @@
-"""A slider-crank with Stribeck friction in all pins and in its guide, by us and by the judge."""
+"""A slider-crank and a four-bar with Stribeck friction in all pairs, by us and by the judge."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from tests.independent import multibody as mb
 from tests.independent.rubbing import moved, stribeck
 
 CURVE = {"static": 0.3, "kinetic": 0.18, "stribeck_speed": 1.5, "exponent": 2.0, "viscous": 0.004}
+GROUND = 0.035  # [m] radius of the four-bar's fourth pin, in the place of the guide
 RADII = {"O": 0.03, "A": 0.025, "B": 0.02}
 DOCUMENT = {
     "format": "blockmech/joints",
@@ -41,12 +42,25 @@ DOCUMENT = {
 }
 
 
-def rubbing(q, rate, t_end, exponent):
+FOURBAR = copy.deepcopy(DOCUMENT) | {"name": "rubbing four-bar"}
+FOURBAR["links"] |= {
+    "rod": {"mass": 1.2, "inertia": 0.02, "cm": [0.25, 0.01], "pose": [0.115, 0.097, 0.3]},
+    "ram": {"mass": 2.0, "inertia": 0.06, "cm": [0.15, 0.0], "pose": [0.5, -0.05, 1.4]},
+}
+FOURBAR["joints"] = {
+    **{name: DOCUMENT["joints"][name] for name in "OA"},
+    "B": {"type": "R", "links": ["rod", "ram"], "at": [[0.5, 0.0], [0.35, 0.0]]},
+    "guide": {"type": "R", "links": ["frame", "ram"], "at": [[0.5, -0.05], [0.0, 0.0]]},
+}
+
+
+def rubbing(document, q, rate, t_end, exponent):
     """Crank angle and rate after a time by the judge, and the reversals."""
-    system = mb.read(DOCUMENT)
+    system = mb.read(document)
     curve = [CURVE[x] for x in ("static", "kinetic", "stribeck_speed")]
     laws = {name: stribeck(*curve, exponent, CURVE["viscous"], r) for name, r in RADII.items()}
-    laws["guide"] = stribeck(*curve, exponent, CURVE["viscous"], 1.0)
+    arm = 1.0 if document["joints"]["guide"]["type"] == "P" else GROUND
+    laws["guide"] = stribeck(*curve, exponent, CURVE["viscous"], arm)
     poses = mb.assemble(system, system.home, [q])
     rates = mb.rates(system, poses, [rate])
     poses, rates, reversals = moved(system, poses, rates, laws, t_end)
@@ -54,14 +68,23 @@ def rubbing(q, rate, t_end, exponent):
 
 
 @pytest.mark.parametrize("exponent", [1.0, 2.0])
-@pytest.mark.parametrize(("q", "rate", "t_end"), [(0.7, 9.0, 0.5), (2.5, -6.0, 0.4)])
-def test_a_slider_crank_moves_as_maximal_coordinates_say(q, rate, t_end, exponent):
-    document = copy.deepcopy(DOCUMENT)
+@pytest.mark.parametrize(
+    ("source", "q", "rate", "t_end"),
+    [
+        pytest.param(DOCUMENT, 0.7, 9.0, 0.5, id="slider-crank"),
+        pytest.param(DOCUMENT, 2.5, -6.0, 0.4, id="slider-crank, back"),
+        pytest.param(FOURBAR, 0.7, 9.0, 0.5, id="four-bar"),
+        pytest.param(FOURBAR, 2.5, -6.0, 0.4, id="four-bar, back"),
+    ],
+)
+def test_a_mechanism_moves_as_maximal_coordinates_say(source, q, rate, t_end, exponent):
+    document = copy.deepcopy(source)
     for name, joint in document["joints"].items():
-        shape = {"radius": RADII[name]} if name in RADII else {}
+        arm = RADII | ({"guide": GROUND} if joint["type"] == "R" else {})
+        shape = {"radius": arm[name]} if name in arm else {}
         joint["friction"] = {"law": "stribeck", **CURVE, "exponent": exponent, **shape}
     mech = bm.Linkage.from_data(document).compile()
-    angle, speed, reversals = rubbing(q, rate, t_end, exponent)
+    angle, speed, reversals = rubbing(source, q, rate, t_end, exponent)
     assert reversals >= 2
     for method in ("spectral", "dop853"):
         motion = mech.simulate(

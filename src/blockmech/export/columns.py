@@ -85,6 +85,11 @@ class Labelled(Mapping[str, NDArray[Any]]):
     def notes(self) -> list[str]:
         """What a reader must know of the model to read the numbers."""
 
+    @property
+    def friction_error(self) -> Array | None:
+        """Bound (n,) [-] of what an iteration of friction leaves undone, where it is cut short."""
+        return None
+
     @abstractmethod
     def unit_of_driver(self, name: str) -> str:
         """Unit of a driver coordinate."""

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic_core import to_json
 
 from blockmech.errors import Problem, RequestError, printable
-from blockmech.export.columns import AnyPath, Labelled, columns
+from blockmech.export.columns import AnyPath, Column, Labelled, columns
 from blockmech.files import writing
 
 ROWS = 2000  # rows that are turned into text at once
@@ -25,6 +25,7 @@ def to_csv(
 ) -> str:
     """CSV text: driver coordinates, time, wanted outputs, status; written if a path is given.
 
+    Where an iteration of friction is cut short, ``friction error [-]`` bounds what it leaves.
     Columns are headed ``name [unit]``, a vector has two. Numbers read back to the
     last bit; a cell without an answer is empty and ``status``, the last column, says
     why. A name that a spreadsheet would take for a formula begins with a quotation mark.
@@ -89,7 +90,9 @@ def csv_of(
 
 
 def _chunks(result: Labelled, separator: str, decimal: str, degrees: bool) -> Iterator[str]:
-    found = columns(result, degrees)
+    found, bound = columns(result, degrees), result.friction_error
+    if bound is not None:
+        found.append(Column("friction error", "", np.where(np.isfinite(bound), bound, np.nan), ""))
     yield csv_of([*(column.head for column in found), "status"], (), separator=separator)
     status = result.quality.status
     for start in range(0, result.n, ROWS):
