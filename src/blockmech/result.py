@@ -274,7 +274,10 @@ class Result(Exported):
         found = self.quality.friction_error
         if self.settings["friction"] in ("none", "newton") or not found:
             return None
-        return np.max([np.broadcast_to(x, self.n) for x in found.values()], axis=0)
+        worst: NDArray[np.float64] = np.max(
+            [np.broadcast_to(x, self.n) for x in found.values()], axis=0
+        )
+        return worst
 
     def _left_of_friction(self) -> list[str]:
         """What a reader must know of iterations that are cut short: how far off they may be."""
