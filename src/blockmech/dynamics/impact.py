@@ -21,7 +21,7 @@ Mechanical Impact Dynamics, 1991.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -32,15 +32,22 @@ from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.motion import Event, Floats, Impact, Lying, Motion, State, Track
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.rest import first_beyond
+from blockmech.dynamics.stops import Stop
 from blockmech.errors import refused
-from blockmech.values import Vector
+from blockmech.loads import Motor, Thrust
+from blockmech.loads.contract import Element
+from blockmech.model.structure import COORDINATE, JointRef, MarkerRef, Structure
+from blockmech.values import Marker, Place, Vector, split_address
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.dynamics.system import System
+    from blockmech.result import Result
 
 Move: TypeAlias = Callable[["System", SimulationRequest], Motion]
 LOW = 0.1  # of the accuracy: the height of a bounce from which on they are summed up
+IMPULSES = ("reaction", "N", "C", "drive")  # outputs whose impulses are asked for
+STRUCK = "/stop"  # name of what no user can name
 MOST = 10_000  # flights of a run
 RUBS = "joint friction is left out during impacts: the slips reverse in them"
 
@@ -117,11 +124,15 @@ class Bounces:
             return None
         driver = leg.end.partition(" of ")[2] or self.system.drivers[0]
         i = self.system.drivers.index(driver)
-        if self.request.restitution[i] is None:
-            return None
         low, high = self.system.stops[i]
         q = float(np.atleast_1d(leg.q_end)[i])
-        return i, 1 if abs(q - high) < abs(q - low) else -1
+        way = 1 if abs(q - high) < abs(q - low) else -1
+        return None if self._stop(i, way).restitution is None else (i, way)
+
+    def _stop(self, i: int, way: int) -> Stop:
+        """The highest or lowest stop of a driver."""
+        found: Stop = self.request.stops[i][way > 0]
+        return found
 
     def _left(self, leg: Motion) -> Until | None:
         """What still ends the run; None where its time is over."""
@@ -148,7 +159,8 @@ class Bounces:
         """The rates after a blow."""
         q, before = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
         q[i] = self.system.stops[i][way > 0]
-        e = self.request.restitution[i]
+        stop = self._stop(i, way)
+        e = stop.restitution
         assert e is not None
         M, _ = self._matrix(q, before, leg.t_end)
         row = np.linalg.inv(self._free(M))[:, i]
@@ -166,8 +178,8 @@ class Bounces:
             self._lies(leg, i, before)
         if speed:
             loss = (1 - e * e) * speed**2 / (2 * row[i])
-            name = self.system.drivers[i]
-            found = Impact(leg.t_end, name, q, before, after, float(impulse), float(loss))
+            along = float(impulse) / stop.slope
+            found = Impact(leg.t_end, stop.name, q, before, after, along, float(loss))
             self.impacts.append(found)
             self.events.append(Event(ends.IMPACT, leg.t_end, self._plain(q), self._plain(after)))
         self.legs[-1] = replace(leg, q_end=self._plain(q), qd_end=self._plain(after))
@@ -211,12 +223,13 @@ class Bounces:
     def _lying(self, request: SimulationRequest) -> Motion:
         """The only driver lies against its stop until the loads let it go, or the run ends."""
         (way,), system = self.held.values(), self.system
+        stop = self._stop(0, way)
         q, _, t = request.start
 
         def away(s: float) -> float:
             return -way * float(system.one(q, 0.0, s).tau)
 
-        self.facts["contact"] = away(t) * way
+        self.facts["contact"] = away(t) * way / stop.slope
         t_last = t + request.span
         until, _ = first_beyond(system, away, t, t_last)
         still = replace(request.standing, method=self.legs[0].method, regime=ends.REST)
@@ -309,19 +322,65 @@ def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
     Returns
     -------
     reactions, guide couples and driving impulses under the names of the outputs; that of the
-    driver whose stop was struck is the stop's, the others are nothing
+    driver whose stop was struck is the stop's, the others are nothing. The stop of another pair
+    strikes both of its links
     """
     bare = replace(mechanism.structure, elements={}, holds={})
-    scene = mechanism.scene.model_copy(update={"gravity": Vector(0j)})
-    names = mechanism.names and replace(mechanism.names, loads={})
-    alone = type(mechanism)(bare, scene, mechanism.name, names)
-    want = [n for n in alone.outputs if n.rpartition(".")[2] in ("reaction", "N", "C", "drive")]
     at, jump, none = (
         dict(zip(mechanism.drivers, map(float, row), strict=True))
         for row in (impact.q, impact.after - impact.before, 0 * impact.q)
     )
-    found, tensioned = (
-        alone.run(at=at, rates=none, accelerations=x, want=want, friction="none")
-        for x in (jump, none)
-    )
-    return {name: found[name][0] - tensioned[name][0] for name in want}
+
+    def run(structure: Structure, accelerations: Mapping[str, float]) -> Result:
+        scene = mechanism.scene.model_copy(update={"gravity": Vector(0j), "stops": {}})
+        names = mechanism.names and replace(mechanism.names, loads={})
+        alone = type(mechanism)(structure, scene, mechanism.name, names)
+        want = [n for n in alone.outputs if n.rpartition(".")[2] in IMPULSES]
+        how: dict[str, Any] = {"want": want, "friction": "none"}
+        return alone.run(at=at, rates=none, accelerations=accelerations, **how)
+
+    moved, tensioned = run(bare, jump), run(bare, none)
+    found = {name: moved[name][0] - tensioned[name][0] for name in moved.plan.want}
+    if impact.driver in mechanism.drivers:
+        return found
+    struck = run(_struck_at(mechanism, bare, impact.driver), none)
+    (driver,) = mechanism.drivers
+    drive = mechanism.of_driver(driver, "drive")
+    unit = {name: struck[name][0] - tensioned[name][0] for name in found}
+    size = -found[drive] / unit[drive]  # of the impulse that leaves nothing to the driver
+    return {name: x + size * unit[name] for name, x in found.items()}
+
+
+def _struck_at(mechanism: Compiled, structure: Structure, coordinate: str) -> Structure:
+    """A structure with a unit load along the coordinate of a pair, on both of its links."""
+    pair = coordinate.removesuffix(f".{COORDINATE}")
+    ref = JointRef(*split_address(pair, structure.blocks))
+    if mechanism.names is not None:
+        ref = mechanism.names.joints[pair.partition(".")[2]].joint
+    joint, block = structure.joint(ref), structure.blocks[ref.block]
+    ends = structure.earlier_link(ref), structure.later_link(ref)
+    if joint.driven:
+        return structure
+    if joint.rotary:
+        load: Element = Motor(law={"kind": "constant", "value": 1.0})
+        at = tuple(MarkerRef(*link, link.link) for link in ends)
+    else:
+        links = block.links_or_default()
+        own = [e.link for e in ends if e.block == ref.block]
+        lines = {link: block.guide_line(joint.name, link) for link in own}
+        for link in own:
+            place, along = lines[link]
+            place = block.slider_place(joint.name, link) if link == joint.later else place
+            here = Marker.model_construct(at=Place(place), angle=None, dir=Vector(along))
+            marked = {**links[link].markers, STRUCK: here}
+            links[link] = links[link].model_copy(update={"markers": marked})
+        changed = block.model_copy(update={"links": links})
+        structure = replace(structure, blocks={**structure.blocks, ref.block: changed})
+        at = tuple(MarkerRef(*link, STRUCK) for link in ends)
+        if joint.outer:
+            at = structure.feeds[ref], at[1]
+        guide = structure.marker(at[0])
+        along = guide.direction if isinstance(guide, Marker) else 1 + 0j
+        load = Thrust(law={"kind": "constant", "value": 1.0}, direction=(along.real, along.imag))
+    holds = dict(zip((JointRef(STRUCK, "a"), JointRef(STRUCK, "b")), at, strict=True))
+    return replace(structure, elements={STRUCK: load}, holds=holds)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from blockmech.dynamics.motion import Floats, Motion, Still
-from blockmech.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.errors import RequestError, close_match, listed, refused
 from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
@@ -153,7 +153,7 @@ class SimulationRequest:
     step : of ``rk4`` [s] and ``euler_q`` [rad or m]
     times : further times [s] at which the answer is wanted
     watch : the user's events
-    restitution : of each driver's end stops [-], None where a motion ends at them
+    stops : the lowest and the highest `Stop` of each driver, where one lets it bounce
     apex : [s] about the middle of a flight that begins at the start, so that no step is longer
     why : why this method, recorded in the result
     """
@@ -165,7 +165,7 @@ class SimulationRequest:
     step: float | None = None
     times: tuple[float, ...] = ()
     watch: tuple[Watch, ...] = ()
-    restitution: tuple[float | None, ...] = ()
+    stops: tuple[Any, ...] = ()
     apex: float = math.inf
     why: str = ""
 
@@ -209,8 +209,8 @@ def request_of(
     stops: Pairs | None = None,
     watch: Sequence[Watch] = (),
     engine: str = "auto",
-) -> tuple[SimulationRequest, Pairs, tuple[tuple[float, float], ...]]:
-    """What `simulate` is asked for, read; the starts, and the end stops of each driver.
+) -> tuple[SimulationRequest, Pairs]:
+    """What `simulate` is asked for, read, but for its end stops; and the starts.
 
     Raises `RequestError` for what cannot be.
     """
@@ -223,8 +223,7 @@ def request_of(
     starts = starts_of(scene, drivers, start)
     target, size = size_of("accuracy", accuracy), size_of("step", step)
     events = watches_of(watch)
-    bounds = stops_of(scene, starts, stops)
-    bouncy = restitution_of(scene, drivers)
+    pairs_of("stops", stops, STOPS)  # where they are, the mechanism says: see `stops_of`
     if shown is None:
         shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
     request = SimulationRequest(
@@ -235,9 +234,8 @@ def request_of(
         size,
         tuple(shown.tolist()),
         events,
-        bouncy if any(e is not None for e in bouncy) else (),
     )
-    return request, starts, bounds
+    return request, starts
 
 
 def _start(starts: Pairs) -> Start:
@@ -331,39 +329,6 @@ def _same_again(call: Callable[..., Any], given: Sequence[float]) -> bool:
         for step in (0.0, ELSEWHERE, 0.0):
             answers.append(np.asarray(call(*(x + step for x in given)), dtype=np.float64))
     return len(answers) < 3 or np.array_equal(answers[0], answers[2], equal_nan=True)
-
-
-def stops_of(scene: Scene, starts: Pairs, stops: Any) -> tuple[tuple[float, float], ...]:
-    """(Lowest, highest) coordinate of each driver [rad or m]: those given, else the scene's.
-
-    Raises `RequestError` for a driver that is none, stops in the wrong order, or a start
-    that is not between them.
-    """
-    given = pairs_of("stops", stops, STOPS)
-    found = {d: s.bounds for d, s in scene.stops.items()} if given is None else given
-    problems = []
-    for driver, (low, high) in found.items():
-        where = scene.address("stops", driver) if given is None else f"stops.{driver}"
-        if driver not in starts:
-            none, valid = f'no driver "{driver}"', f"drivers: {listed(starts)}"
-            problems.append(Problem("unknown-driver", where, none, valid))
-        elif not low < high:
-            order = f"the lowest must be below the highest, got {low:.9g} and {high:.9g}"
-            problems.append(Problem("bad-value", where, order))
-        elif not low <= starts[driver][0] <= high:
-            q = starts[driver][0]
-            outside = f"the start {driver}.q = {q:.9g} is not between the end stops"
-            valid, remedy = f"{low:.9g} to {high:.9g}", "start between them, or move them"
-            problems.append(Problem("start-outside-stops", where, outside, valid, remedy))
-    if problems:
-        raise RequestError(problems)
-    free = (-math.inf, math.inf)
-    return tuple((float(low), float(high)) for low, high in (found.get(d, free) for d in starts))
-
-
-def restitution_of(scene: Scene, drivers: Iterable[str]) -> tuple[float | None, ...]:
-    """Of each driver's end stops, those of the scene; None where they do not let it bounce."""
-    return tuple(scene.stops[d].restitution if d in scene.stops else None for d in drivers)
 
 
 def pairs_of(where: str, given: Any, example: str) -> dict[str, tuple[float, float]] | None:

@@ -39,6 +39,7 @@ from blockmech.dynamics.request import (
     request_of,
     times_of,
 )
+from blockmech.dynamics.stops import bouncing, bounds_of, stops_of
 from blockmech.dynamics.system import System
 from blockmech.errors import listed
 from blockmech.samples import Samples
@@ -83,7 +84,8 @@ def simulate(
     step : of the fixed-step methods: time [s] for rk4, driver coordinate for euler_q
     times : (n,) output times [s]; by default 201 over the whole run
     start : driver -> (q [rad or m], rate); by default the scene's ``initial``
-    stops : driver -> (lowest, highest) coordinate [rad or m]; by default the scene's
+    stops : driver, or with one driver the coordinate of a pair such as ``"rod.S.coordinate"``
+        -> (lowest, highest) [rad or m]; by default the scene's
     watch : the user's events
     want : outputs at the output times
     friction : of the joints: "none", "single", "successive" or "newton" (default)
@@ -107,10 +109,14 @@ def simulate(
     settings = {"friction": how.method, "tolerance": tolerance, "iterations": iterations}
     told = progress_of(progress)
     given = (until, method, accuracy, step, times, start, stops, watch, engine)
-    request, starts, bounds = request_of(mechanism.scene, mechanism.drivers, *given)
+    request, starts = request_of(mechanism.scene, mechanism.drivers, *given)
+    between = stops_of(mechanism, starts, stops)
+    request = replace(request, stops=between if bouncing(between) else ())
     refuse_no_inertia(mechanism.structure, mechanism.name)
     refuse_memory(mechanism.structure, starts)
-    system = system_of(mechanism, stops=bounds, method=how, progress=told, engine=engine)
+    system = system_of(
+        mechanism, stops=bounds_of(between), method=how, progress=told, engine=engine
+    )
     if engine == "llvm" and system.engine_of_states.name != engine:
         compiled_program(system.equation_program)  # says why it cannot be
     motion = with_undefined_loads(mechanism, _moved(system, request))
@@ -120,7 +126,7 @@ def simulate(
 
 def _moved(system: System, request: SimulationRequest) -> Motion:
     try:
-        return move(system, request) if not request.restitution else bounced(system, request, move)
+        return move(system, request) if not request.stops else bounced(system, request, move)
     except KeyboardInterrupt:  # before there was anything but the start
         steady = request.until.goal == "steady"
         notes = ("interrupted before a steady state was found",) if steady else ()

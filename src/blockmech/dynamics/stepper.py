@@ -26,8 +26,8 @@ from blockmech.dynamics.request import (
     refuse_no_inertia,
     size_of,
     starts_of,
-    stops_of,
 )
+from blockmech.dynamics.stops import bounds_of, stops_of
 from blockmech.dynamics.system import System
 from blockmech.dynamics.time import Run
 from blockmech.errors import as_names, close_match, listed, refused
@@ -249,7 +249,7 @@ def stepper(
             "copies", f"{copies!r} is no number of copies", valid="a whole number from 1 on"
         )
     starts = starts_of(mechanism.scene, mechanism.drivers, start)
-    bounds = stops_of(mechanism.scene, starts, stops)
+    bounds = bounds_of(stops_of(mechanism, starts, stops))
     refuse_no_inertia(mechanism.structure, mechanism.name)
     refuse_memory(mechanism.structure, starts)
     how = friction_asked(friction, None, None)

@@ -22,6 +22,7 @@ from blockmech.model.couplings import add_couplings, coupling_problems, loop_pro
 from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
 from blockmech.model.scene import Scene
 from blockmech.model.signals import signal_ports, signal_wire, signal_wire_problems
+from blockmech.model.structure import COORDINATE
 from blockmech.signals.contract import Signal
 from blockmech.values import NAME_RULE, Marker, is_name, split_address
 
@@ -233,10 +234,18 @@ def _driver_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
         if isinstance(block, Following) and block.driver is not None:
             named.append((f"{name}.driver", block.driver))
     for where, driver in named:
-        if driver not in drivers:
+        coordinate = where.startswith("scene.stops.") and _is_coordinate(blocks, driver)
+        if driver not in drivers and not coordinate:
             known = f"drivers: {listed(drivers) or 'none'}"
             found, remedy = f'no driver "{driver}"', close_match(driver, drivers)
             yield Problem("unknown-driver", where, found, known, remedy)
+
+
+def _is_coordinate(blocks: Blocks, name: str) -> bool:
+    """Whether a name is that of the coordinate of a pair, ``block.joint.coordinate``."""
+    pair, _, last = name.rpartition(".")
+    block, joint = split_address(pair, blocks)
+    return last == COORDINATE and joint in getattr(blocks.get(block), "joints", ())
 
 
 def _branch_problems(blocks: Blocks, wires: Iterable[Wire]) -> Iterator[Problem]:

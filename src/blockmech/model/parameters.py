@@ -118,6 +118,8 @@ def _axes(sections: Mapping[str, Any]) -> Iterator[tuple[str, Axis]]:
     for name, block in sections.get(BLOCKS, {}).items():
         for joint in block.driven if isinstance(block, Moving) else ():
             yield block.driver_name(name, joint.name), Axis.of(joint.kind)
+        for joint in block.joints.values() if isinstance(block, Moving) else ():
+            yield f"{name}.{joint.name}.coordinate", Axis.of(joint.kind)
         if isinstance(block, Subgraph) and block.content:
             yield from ((f"{name}.{d}", axis) for d, axis in _axes(block.content.sections()))
     joints = {name: Axis.of(joint.type) for name, joint in sections.get("joints", {}).items()}

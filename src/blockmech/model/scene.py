@@ -67,7 +67,8 @@ class Scene(StrictModel):
     """What surrounds the mechanism. Gravity [m/s2] is off unless it is stated.
 
     ``drive`` gives the drivers' laws of motion; a free motion starts from ``initial`` and
-    ends at the ``stops`` if it gets there.
+    ends at the ``stops`` if it gets there: those of drivers, and with one driver those of
+    pairs by their coordinate, ``"rod.S.coordinate"``.
     """
 
     remade: ClassVar[str] = "on a graph set gravity, and call drive(), start() and stop()"

@@ -22,6 +22,7 @@ from blockmech.signals.contract import Signal
 from blockmech.typing import Guide, LinkPosition
 from blockmech.values import Link, Marker, split_address
 
+COORDINATE = "coordinate"  # last word of the outputs that are coordinates of pairs
 STILL = Transmission(0.0, 0.0, 0.0)
 ROUNDED = 2.0**-40  # [-] of places that a file means to be one
 SAME_CARRIER = "give both pairs markers of one link"

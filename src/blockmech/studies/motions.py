@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from blockmech.dynamics import ends
 from blockmech.dynamics.motion import FACT_UNITS, Motion, fact_unit
 from blockmech.dynamics.request import OUTPUTS, request_of
+from blockmech.dynamics.stops import stops_of
 from blockmech.errors import BlockmechError, close_match, listed, refused
 from blockmech.model.parameters import Parameter
 from blockmech.result import Result
@@ -93,7 +94,8 @@ class MotionRunner(Runner):
                 remedy = close_match(str(name), known) or "friction and outputs are the study's"
                 raise refused(f"simulate[{name}]", found, remedy, valid, "unknown-argument")
         friction_asked(*_friction(settings).values())
-        request, *_ = request_of(m.scene, m.drivers, **simulation)
+        request, starts = request_of(m.scene, m.drivers, **simulation)
+        stops_of(m, starts, simulation.get("stops"))
         times = simulation.get("times")
         spread = OUTPUTS if times is None else len(request.times)
         own = cls(family, (), {}, settings, simulation=simulation, n=spread)

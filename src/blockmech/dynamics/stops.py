@@ -1,0 +1,208 @@
+"""End stops: of drivers, and of the coordinates of other pairs, a slider's way or a pin's angle.
+
+The only driver of a mechanism moves each pair along one path, so a stop of any pair is a stop of
+the driver: at the place x where the pair's coordinate phi gets to its bound. A blow there with
+restitution e turns phi' = phi_x x' to -e phi', and with it x' to -e x'; the impulse along the
+pair's coordinate is the driver's over phi_x.
+
+Source: Pfeiffer & Glocker, Multibody Dynamics with Unilateral Contacts, 1996, ch. 8.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from blockmech.dynamics.loads import largest_length
+from blockmech.dynamics.request import STOPS, Pairs, pairs_of
+from blockmech.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.model.structure import COORDINATE
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
+
+SAMPLES = 721  # of a turn, or of the reach of a slide, between which a bound is looked for
+REACH = 8.0  # of a slide's coordinate, in largest lengths
+TURNS = 64  # beyond which the stop of a pin that turns on is not looked for
+LEAST_SLOPE = 1e-8  # of a pair's coordinate by the driver's, where it still strikes a stop
+
+
+class Stop(NamedTuple):
+    """An end stop as the driver gets to it.
+
+    name : of the driver, or of the pair's coordinate, whose stop it is
+    q : coordinate of the driver there [rad or m], infinite where there is none
+    restitution : [-], None where a motion ends there
+    slope : of the coordinate whose stop it is by the driver's
+    """
+
+    name: str
+    q: float
+    restitution: float | None = None
+    slope: float = 1.0
+
+
+Between = tuple[Stop, Stop]
+
+
+def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, ...]:
+    """The lowest and the highest stop of each driver: those given, else the scene's.
+
+    Raises `RequestError` for names of nothing, stops in the wrong order, or a start that is
+    not between them.
+    """
+    given, scene = pairs_of("stops", stops, STOPS), mechanism.scene
+    bounds = {d: s.bounds for d, s in scene.stops.items()} if given is None else given
+    problems: list[Problem] = []
+    found: dict[str, Between] = {}
+    for driver in starts:
+        low, high = bounds.get(driver, (-math.inf, math.inf))
+        e = scene.stops[driver].restitution if driver in scene.stops else None
+        found[driver] = Stop(driver, float(low), e), Stop(driver, float(high), e)
+    for name, (low, high) in bounds.items():
+        where = scene.address("stops", name) if given is None else f"stops.{name}"
+        if name not in starts and not _is_coordinate(mechanism, name):
+            none, known = f'no driver "{name}"', [n for n in mechanism.outputs if _ends_so(n)]
+            valid = f"drivers: {listed(starts)}; coordinates of pairs: {listed(known, 8)}"
+            remedy = close_match(name, [*starts, *known])
+            problems.append(Problem("unknown-driver", where, none, valid, remedy))
+        elif not low < high:
+            order = f"the lowest must be below the highest, got {low:.9g} and {high:.9g}"
+            problems.append(Problem("bad-value", where, order))
+        elif name not in starts:
+            try:
+                between = found[next(iter(starts))]
+                found[next(iter(starts))] = _narrower(
+                    between, tuple(_of_pair(mechanism, name, (low, high), starts, where))
+                )
+            except RequestError as error:
+                problems += error.problems
+        elif not low <= (q := starts[name][0]) <= high:
+            problems.append(_outside(where, f"{name}.q", q, low, high))
+    if problems:
+        raise RequestError(problems)
+    return tuple(found.values())
+
+
+def _outside(where: str, name: str, value: float, low: float, high: float) -> Problem:
+    outside = f"the start {name} = {value:.9g} is not between the end stops"
+    valid, remedy = f"{low:.9g} to {high:.9g}", "start between them, or move them"
+    return Problem("start-outside-stops", where, outside, valid, remedy)
+
+
+def _ends_so(name: str) -> bool:
+    return name.endswith(f".{COORDINATE}")
+
+
+def _is_coordinate(mechanism: Compiled, name: str) -> bool:
+    return _ends_so(name) and name in mechanism.outputs
+
+
+def _narrower(between: Between, more: tuple[Stop, ...]) -> Between:
+    low, high = between
+    for stop, way in zip(more, (-1, 1), strict=True):
+        if way < 0 and stop.q > low.q:
+            low = stop
+        elif way > 0 and stop.q < high.q:
+            high = stop
+    return low, high
+
+
+def _of_pair(
+    mechanism: Compiled, name: str, bounds: tuple[float, float], starts: Pairs, where: str
+) -> Iterator[Stop]:
+    """The places of the only driver, below and above its start, at which a pair gets to a bound."""
+    if len(starts) > 1:
+        found = f"{name} has end stops, and there are {len(starts)} drivers"
+        valid = "of several drivers each has stops of its own"
+        raise refused(where, found, "give the drivers stops", valid, "stops")
+    ((driver, (q0, _)),) = starts.items()
+    phi = _Coordinate(mechanism, driver, name, q0)
+    low, high = bounds
+    turn = math.tau * round((min(max(phi.start, low), high) - phi.start) / math.tau)
+    if phi.rotary:  # it is known but for whole turns, of which the stops say how many
+        phi.shift = turn
+    if not low <= phi.start + phi.shift <= high:
+        raise RequestError(_outside(where, name, phi.start + phi.shift, low, high))
+    stop = mechanism.scene.stops.get(name)
+    for way in (-1, 1):
+        q = phi.reaches(low, high, way)
+        slope = phi.slope(q) if math.isfinite(q) else 1.0
+        yield Stop(name, q, stop.restitution if stop else None, slope)
+
+
+class _Coordinate:
+    """Coordinate of a pair along the only driver, continued from where that starts."""
+
+    shift = 0.0  # [rad] whole turns that it is counted from
+
+    def __init__(self, mechanism: Compiled, driver: str, name: str, q0: float) -> None:
+        self.mechanism, self.driver, self.name, self.q0 = mechanism, driver, name, q0
+        self.rotary = mechanism.outputs[name].unit == "rad"
+        self.turns = mechanism.driver_joint(driver).rotary
+        self.start = float(self.along(np.array([q0]))[0])
+
+    def along(self, q: Any) -> Any:
+        """Values (n,) at places (n,) in a row; NaN where the mechanism does not close."""
+        run = self.mechanism.run(at={self.driver: q}, want=[self.name], on_gap="mark")
+        found = np.asarray(run[self.name], dtype=float)
+        if self.rotary:
+            good = np.isfinite(found)
+            found[good] = np.unwrap(found[good])
+        return found + self.shift
+
+    def reaches(self, low: float, high: float, way: int) -> float:
+        """The first place in a direction at which it gets to a bound; infinite for none."""
+        from scipy.optimize import brentq
+
+        size = math.tau if self.turns else REACH * largest_length(self.mechanism.structure)
+        q, before = self.q0, self.start + self.shift
+        for _ in range(TURNS if self.turns else 1):
+            places = q + way * np.linspace(0.0, size, SAMPLES)
+            values = self.along(places)
+            if self.rotary:
+                values += math.tau * np.round((before - values[0]) / math.tau)
+            out = np.flatnonzero(~((values >= low) & (values <= high)))
+            out = out[out > 0]
+            if out.size:
+                i = int(out[0])
+                if math.isnan(values[i]):  # a dead centre comes before
+                    return way * math.inf
+                bound = high if values[i] > high else low
+                near = values[i - 1] - bound
+
+                def beyond(x: float, near: float = near, bound: float = bound) -> float:
+                    value = float(self.along(np.array([x]))[0]) - bound
+                    return value + (
+                        math.tau * round((near - value) / math.tau) if self.rotary else 0
+                    )
+
+                ends = sorted((places[i - 1], places[i]))
+                return float(brentq(beyond, *ends, xtol=1e-15, rtol=1e-15 * 4))
+            if not self.rotary or abs(values[-1] - before) < math.pi:  # it comes back every turn
+                break
+            q, before = float(places[-1]), float(values[-1])
+        return way * math.inf
+
+    def slope(self, q: float) -> float:
+        """Its derivative by the driver's coordinate."""
+        rate = f"{self.name.removesuffix(COORDINATE)}slip"
+        run = self.mechanism.run(at={self.driver: [q]}, rates={self.driver: 1.0}, want=[rate])
+        found = float(run[rate][0])
+        if abs(found) < LEAST_SLOPE:
+            said = f"{self.name} turns back where it touches its stop, at {self.driver}.q = {q:.9g}"
+            raise refused(f"stops.{self.name}", said, "move the stop", code="stops")
+        return found
+
+
+def bouncing(stops: tuple[Between, ...]) -> bool:
+    """Whether one of the stops lets it bounce."""
+    return any(stop.restitution is not None for between in stops for stop in between)
+
+
+def bounds_of(stops: tuple[Between, ...]) -> tuple[tuple[float, float], ...]:
+    """Lowest and highest coordinate of each driver [rad or m]."""
+    return tuple((low.q, high.q) for low, high in stops)
