@@ -65,10 +65,8 @@ def tangents(
     ``friction`` puts the friction of joints that slip into it; at rest it has no derivative.
     """
     refuse_signals(compiled)
-    if friction and compiled.structure.remembering:
-        found = "it has a friction law with a state, which stands beside the coordinates"
-        remedy = 'leave joint friction out with friction="none", or simulate the motion'
-        raise refused(str(compiled.structure.remembering[0]), found, remedy)
+    if friction:
+        refuse_friction_states(compiled)
     engine = compiled.once(_with_friction if friction else _without)
     k = len(compiled.structure.drivers)
     q = np.asarray(q, float).reshape(-1, k)
@@ -94,6 +92,14 @@ def refuse_signals(compiled: Any) -> None:
     if compiled.structure.signals:
         found = "loads follow signals, whose states stand beside the coordinates"
         raise refused("signals", found, "take the signals out, or simulate the motion")
+
+
+def refuse_friction_states(compiled: Any) -> None:
+    """Raise `RequestError` where a joint has a friction law that remembers."""
+    if compiled.structure.remembering:
+        found = "it has a friction law with a state, which stands beside the coordinates"
+        remedy = 'leave joint friction out with friction="none", or simulate the motion'
+        raise refused(str(compiled.structure.remembering[0]), found, remedy)
 
 
 def _without(compiled: Any) -> DualEngine:

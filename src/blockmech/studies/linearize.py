@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from blockmech.analysis.equilibria import Equilibrium, equilibria, natural_frequencies
 from blockmech.arguments import declared
+from blockmech.dynamics.tangents import refuse_friction_states
 from blockmech.errors import close_match, listed, needed, refused
 from blockmech.series import Floats
 from blockmech.studies.derivatives_at import (
@@ -254,7 +255,8 @@ def linearize(
     refuse_sampled(mechanism)
     q, qd = _state(mechanism, at, rates)
     slips = bool(qd.any()) and bool(mechanism.frictional_joints) and friction != "none"
-    slips &= not mechanism.structure.remembering
+    if slips:
+        refuse_friction_states(mechanism)
     drivers = dict(zip(mechanism.drivers, q.tolist(), strict=True))
     efforts = [mechanism.of_driver(d, "drive") for d in mechanism.drivers]
     wanted = _outputs(mechanism, _names(outputs))
@@ -273,8 +275,7 @@ def linearize(
     units = {n: mechanism.outputs[n].unit for n in (*efforts, *wanted)}
     units |= {n: mechanism.outputs[n].unit if n in sources else known[n].unit for n in extra}
     if mechanism.frictional_joints and not slips:
-        why = "it has a state of its own" if qd.any() else "what rests by it does not vibrate"
-        notes.append(f"friction of joints is left out: {why}")
+        notes.append("friction of joints is left out: what rests by it does not vibrate")
     speeds = dict(zip(mechanism.drivers, qd.tolist(), strict=True))
     return Linearization(
         mechanism, drivers, speeds, of.effort, M, damping, K, *space, (*efforts, *extra), wanted,

@@ -19,9 +19,19 @@ from blockmech.synthesis.fourbar import coupler_point
 from blockmech.synthesis.function import function_generator
 from blockmech.synthesis.path import path_generator
 from blockmech.synthesis.positions import body_guidance, burmester_pins, three_positions
+from blockmech.synthesis.structures import (
+    Candidate,
+    Candidates,
+    Structure,
+    path_over_structures,
+    structures,
+)
 
 __all__ = [
+    "Candidate",
+    "Candidates",
     "Design",
+    "Structure",
     "Synthesis",
     "body_guidance",
     "burmester_pins",
@@ -31,6 +41,8 @@ __all__ = [
     "function_generator",
     "mechanisms",
     "path_generator",
+    "path_over_structures",
     "saved",
+    "structures",
     "three_positions",
 ]

@@ -7,11 +7,8 @@ from typing import Any
 import numpy as np
 
 from blockmech.arguments import declared
-from blockmech.errors import refused
-from blockmech.series import Floats
 from blockmech.synthesis.designs import Synthesis, design_of_path, proposed
-from blockmech.synthesis.fourbar import Points
-from blockmech.synthesis.search import STARTS, Task, monotonic
+from blockmech.synthesis.search import STARTS, Task, path_of
 from blockmech.typing import Progress
 
 
@@ -48,24 +45,10 @@ def path_generator(
     >>> found[0].graph.name
     'path_generator'
     """
-    P, theta = _path(points, angles)
+    P, theta = path_of(points, angles)
     closed = theta is None and abs(P[-1] - P[0]) <= 1e-12 * float(np.abs(P).max())
     task = Task(points=P, angles=theta, closed=bool(closed))
     name = "path_generator"
     return proposed(
         task, count, starts, seed, progress, lambda *row: design_of_path(task, name, *row)
     )
-
-
-def _path(points: Any, angles: Any) -> tuple[Points, Floats | None]:
-    """Points and angles of a request. Raises `RequestError` for what is none."""
-    try:
-        P = np.asarray(points)
-        P = P[:, 0] + 1j * P[:, 1] if P.ndim == 2 and P.shape[1] == 2 else P.astype(complex)
-    except (TypeError, ValueError, IndexError):
-        raise refused(
-            "points", f"got {points!r:.60}", "give complex numbers, or rows x, y"
-        ) from None
-    if P.ndim != 1 or len(P) < 3 or not np.isfinite(P).all() or not np.ptp(np.abs(P - P[0])) > 0:
-        raise refused("points", f"got {points!r:.60}", "give three points or more")
-    return P, None if angles is None else monotonic("angles", angles, len(P))

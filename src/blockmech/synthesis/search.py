@@ -273,3 +273,17 @@ def monotonic(name: str, angles: Any, n: int) -> Floats:
     if theta.shape != (n,) or not ((steps > 0).all() or (steps < 0).all()):
         raise refused(name, f"got {angles!r:.60}", "one for each position, rising or falling")
     return theta
+
+
+def path_of(points: Any, angles: Any) -> tuple[Points, Floats | None]:
+    """Points and angles of a request. Raises `RequestError` for what is none."""
+    try:
+        P = np.asarray(points)
+        P = P[:, 0] + 1j * P[:, 1] if P.ndim == 2 and P.shape[1] == 2 else P.astype(complex)
+    except (TypeError, ValueError, IndexError):
+        raise refused(
+            "points", f"got {points!r:.60}", "give complex numbers, or rows x, y"
+        ) from None
+    if P.ndim != 1 or len(P) < 3 or not np.isfinite(P).all() or not np.ptp(np.abs(P - P[0])) > 0:
+        raise refused("points", f"got {points!r:.60}", "give three points or more")
+    return P, None if angles is None else monotonic("angles", angles, len(P))

@@ -1,0 +1,578 @@
+r"""Synthesis over structures: every linkage of a number of links, each tried and refined.
+
+The structures are the kinematic chains of 4, 6, ... links up to isomorphism, each with every
+frame, crank and tracing link that its symmetries leave different, as far as their formation
+sequence is a crank and dyads, all of which the tracing link needs. Each becomes a graph; random
+designs of it run in batches through one program (`Mechanism.study`), the best are laid over the
+points by size, turn and place, and refined on exact derivatives of the whole mechanism
+(dual numbers), crank angles too where the timing is free.
+
+Sources: Mruthyunjaya, Mechanism and Machine Theory 38 (2003) (chains); Norton, Design of
+Machinery, 6th ed., ch. 4 (defects).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import math
+import time as clock
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from blockmech.arguments import declared
+from blockmech.assur.chains import Chain, chains, mechanisms
+from blockmech.assur.formation import formation
+from blockmech.assur.pairs import Pair
+from blockmech.builders import Graph, Linkage
+from blockmech.engines.derivatives import DualEngine
+from blockmech.engines.dual import Dual, slope, value
+from blockmech.errors import BlockmechError
+from blockmech.export import aligned
+from blockmech.files import AnyPath, writing
+from blockmech.model.joints.varied import Varied
+from blockmech.plan import Plan
+from blockmech.series import Floats
+from blockmech.studies.variation import Variation
+from blockmech.synthesis.designs import MET, Design
+from blockmech.synthesis.fourbar import Points
+from blockmech.synthesis.search import FAR, HIGH, LOW, path_of, similar
+from blockmech.told import DEGREES, TextReport, as_data
+from blockmech.typing import Progress
+
+if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
+
+STARTS = 1024  # random designs of each structure, assembly mode and timing
+TRIED = 3  # of them are refined
+TIMINGS = (0.3, -0.3, 0.55, -0.55, 0.85, -0.85)  # turns from the first point to the last
+STEPS = 200  # of the refinement
+SMALL, LARGE = 0.02, 30.0  # of the size of the path: numbers of a design
+DEAD = 1e-6  # margin: a design that is at a dead centre
+WAY = 181  # poses on the way, at which designs are judged
+
+
+class Structure(NamedTuple):
+    """A linkage without lengths: a chain, its frame, crank and tracing link.
+
+    chain : networkx graph, vertices 0, 1, ... are links, edges revolute pairs
+    frame, crank, tracer : three of its links
+    dyads : the dyads in formation order, links (i, j) each
+    """
+
+    chain: Chain
+    frame: int
+    crank: int
+    tracer: int
+    dyads: tuple[tuple[int, int], ...]
+
+    @property
+    def links(self) -> int:
+        """Number of links."""
+        return int(self.chain.number_of_nodes())
+
+    @property
+    def name(self) -> str:
+        """The links that each link is joined to, and the three that count."""
+        joined = "".join(f"-{a}{b}" for a, b in sorted(tuple(sorted(e)) for e in self.chain.edges))
+        return f"{self.links}bar{joined}-f{self.frame}c{self.crank}t{self.tracer}"
+
+
+def structures(links: int) -> tuple[Structure, ...]:
+    """All linkages of a number of links whose groups are a crank and dyads, up to isomorphism.
+
+    The tracing link is one that turns about no pin of the frame, and needs all the dyads.
+
+    Raises `RequestError` for a number of links that has no chains.
+
+    >>> [len(structures(n)) for n in (4, 6)]
+    [1, 8]
+    """
+    import networkx as nx
+
+    found: list[Structure] = []
+    for chain in chains(links):
+        for frame, crank in mechanisms(chain):
+            seen: list[Any] = []
+            for tracer in sorted(set(chain) - {frame, crank} - set(chain[frame])):
+                dyads = _dyads(chain, frame, crank, tracer)
+                roles = chain.copy()
+                nx.set_node_attributes(roles, dict.fromkeys(roles, ""), "role")
+                for v, role in ((frame, "frame"), (crank, "crank"), (tracer, "tracer")):
+                    roles.nodes[v]["role"] = role
+                if dyads and not any(
+                    nx.is_isomorphic(roles, other, lambda a, b: a["role"] == b["role"])
+                    for other in seen
+                ):
+                    seen.append(roles)
+                    found.append(Structure(chain, frame, crank, tracer, dyads))
+    return tuple(found)
+
+
+def _dyads(chain: Chain, frame: int, crank: int, tracer: int) -> tuple[tuple[int, int], ...]:
+    """The dyads in formation order; () unless there are dyads alone, and the tracer needs all."""
+    name = {v: f"{v:02d}" for v in chain}
+    pairs = [Pair(f"{name[a]}-{name[b]}", name[a], name[b]) for a, b in
+             (sorted(e) for e in chain.edges)]  # fmt: skip
+    motor = "-".join(name[v] for v in sorted((frame, crank)))
+    made = formation(name.values(), pairs, {name[frame]}, {motor})
+    if not made.complete or any(u.kind != "RRR" for u in made.units[1:]):
+        return ()
+    dyads = [(int(u.links[0]), int(u.links[1])) for u in made.units[1:]]
+    needed, left = {tracer}, []
+    for i, j in reversed(dyads):
+        if needed & {i, j}:
+            needed |= set(chain[i]) | set(chain[j])
+            left.append((i, j))
+    return tuple(dyads) if len(left) == len(dyads) else ()
+
+
+# -- a structure as a graph ----------------------------------------------------------------
+
+
+def blank(structure: Structure, seed: int = 0) -> Graph:
+    """The graph of a structure with joints at random places; ``P`` marks the tracing point."""
+    rng = np.random.default_rng(seed)
+    s, places = structure, {}
+    name = {v: "frame" if v == s.frame else f"link{v}" for v in s.chain}
+    joints: dict[str, Any] = {}
+    for a, b in (sorted(e) for e in s.chain.edges):
+        places[a, b] = rng.normal(size=2).tolist()
+        joints[f"J{a}_{b}"] = {"type": "R", "links": [name[a], name[b]], "at": [places[a, b]] * 2}
+    links: dict[str, Any] = {name[v]: {"pose": [0.0, 0.0, 0.0]} for v in s.chain if v != s.frame}
+    links[name[s.tracer]]["markers"] = {"P": {"at": rng.normal(size=2).tolist()}}
+    motor = "J{}_{}".format(*sorted((s.frame, s.crank)))
+    drivers = {"crank": {"joint": motor, "law": "constant_rate", "rate": 1.0}}
+    data = Linkage.from_data(
+        {"format": "blockmech/joints", "version": 1, "name": s.name, "links": links,
+         "joints": joints, "drivers": drivers}
+    ).decompose().data  # fmt: skip
+    for block in data["blocks"].values():
+        for owner in (block, *block.get("links", {}).values()):
+            owner["markers"] = {
+                m: {"at": x["at"]} for m, x in owner.get("markers", {}).items() if m[0] in "JP"
+            }
+            if not owner["markers"]:
+                del owner["markers"]
+    return Graph.from_data(data)
+
+
+class _Family:
+    """The designs of a structure in one assembly mode."""
+
+    def __init__(self, graph: Graph, branches: Sequence[int]) -> None:
+        dyads = [name for name, b in graph.blocks.items() if hasattr(b, "branch")]
+        modes = {f"{d}.branch": b for d, b in zip(dyads, branches, strict=True)}
+        self.graph = graph.replace(modes)
+        self.mechanism: Mechanism = self.graph.compile()
+        known = self.mechanism.parameters()
+        self.lengths = [a for a in known if a.endswith((".l_i", ".l_j"))]
+        self.places = [
+            a[:-2]
+            for a in known
+            if a.endswith(".x") and ".links." not in a and not a.startswith("scene")
+        ]
+        self.output = next(o for o in self.mechanism.outputs if o.endswith(".P.p"))
+        self.margins = [f"{d}.margin" for d in dyads]
+
+    @property
+    def addresses(self) -> list[str]:
+        """Lengths, then places by x and y."""
+        return [*self.lengths, *(f"{a}.{x}" for a in self.places for x in "xy")]
+
+    def random(self, draw: Floats) -> Floats:
+        """Numbers (m, k) of designs from Sobol's points (m, k)."""
+        from scipy.stats import norm
+
+        n = len(self.lengths)
+        lengths = np.exp(LOW + (HIGH - LOW) * draw[:, :n])
+        return np.hstack([lengths, 1.5 * norm.ppf(np.clip(draw[:, n:], 1e-9, 1 - 1e-9))])
+
+    def laid(self, x: Floats, A: complex, B: complex) -> Floats:
+        """Numbers of a design that is turned and scaled by A, and moved by B."""
+        n, found = len(self.lengths), x * abs(A)
+        z = x[n::2] + 1j * x[n + 1 :: 2]
+        for i, a in enumerate(self.places):
+            head = a.partition(".")[0]
+            at = A * z[i] + B if head == "frame" else A * z[i] if head == "crank" else abs(A) * z[i]
+            found[n + 2 * i : n + 2 * i + 2] = at.real, at.imag
+        return found
+
+    def tried(self, x: Floats, theta: Floats) -> Points:
+        """The tracing point (m, n) of designs at crank angles, NaN where they do not close."""
+        column = f"poses({self.output})"
+        vary = dict(zip(self.addresses, x.T, strict=True))
+        made = self.mechanism.study(vary, want=column, at=theta, sampling="paired", friction="none")
+        return np.asarray(made[column])
+
+    @cached_property
+    def _near(self) -> tuple[Variation, Plan]:
+        """The mechanism as its numbers vary, and the plan of the tracing point."""
+        known = self.mechanism.parameters()
+        near = Variation.of(self.mechanism, [known[a] for a in self.addresses])
+        return near, near.general.plan((self.output,), friction="none")
+
+    def traced(self, x: Floats, theta: Floats) -> tuple[Points, Any]:
+        """The tracing point (n,) at crank angles, and derivatives (n, k + 1) by numbers and angle.
+
+        NaN where the design does not close.
+        """
+        near, plan = self._near
+        k, n = len(x), len(theta)
+        seeds = np.eye(k + 1, k)
+        rows = zip(near.numbers, x.tolist(), np.eye(k), strict=True)
+        here = replace(near, numbers={path: Varied(v, e) for path, v, e in rows})
+        angle = np.zeros((k + 1, n))
+        angle[-1] = 1.0
+        with np.errstate(all="ignore"):
+            values = DualEngine(plan.program).run(
+                {"q_0": Dual(theta, angle)}, plan.program.values(*here.design(seeds)), n, k + 1
+            )
+            made = here.outputs(seeds)[self.output].read(
+                *(values[i] for i in plan.layout[self.output])
+            )
+            z = value(made.real) + 1j * value(made.imag)
+            return z, np.asarray(slope(made.real) + 1j * slope(made.imag)).T
+
+    def refined(
+        self, x: Floats, theta: Floats, wanted: Points, free: bool
+    ) -> tuple[Floats, Floats]:
+        """Numbers and crank angles nearest to the points, by least squares."""
+        from scipy.optimize import least_squares
+
+        size, k = _size(wanted), len(x)
+        last: dict[str, Any] = {}
+
+        def at(u: Floats) -> tuple[Floats, Floats]:
+            if last.get("u") != u.tobytes():
+                z, d = self.traced(u[:k], np.append(theta[0], u[k:]) if free else theta)
+                d = np.hstack([d[:, :k], np.diag(d[:, k])[:, 1:]]) if free else d[:, :k]
+                closes = np.isfinite(z) & np.isfinite(d).all(axis=1)
+                gap = np.where(closes, z - wanted, FAR * size) / size
+                d = np.where(closes[:, None], d, 0.0) / size
+                r, J = np.concatenate([gap.real, gap.imag]), np.vstack([d.real, d.imag])
+                last.update(u=u.tobytes(), r=r, J=J)
+            return last["r"], last["J"]
+
+        low, high = self._bounds(wanted, size)
+        start = np.clip(x, low, high)
+        if free:
+            turns = np.full(len(theta) - 1, np.inf)
+            start, low, high = (
+                np.append(u, v) for u, v in ((start, theta[1:]), (low, -turns), (high, turns))
+            )
+        found = least_squares(
+            lambda u: at(u)[0], start, lambda u: at(u)[1], bounds=(low, high), x_scale="jac",
+            max_nfev=STEPS, xtol=1e-12, ftol=1e-12, gtol=1e-14,
+        )  # fmt: skip
+        return found.x[:k], np.append(theta[0], found.x[k:]) if free else theta
+
+    def _bounds(self, wanted: Points, size: float) -> tuple[Floats, Floats]:
+        """Lowest and highest numbers (k,): what can be built about a path of a size [m]."""
+        n, middle = len(self.lengths), wanted.mean()
+        low, high = np.full((2, n), [[SMALL * size], [LARGE * size]])
+        for a in self.places:
+            at = middle if a.startswith("frame.") else 0j
+            low = np.append(low, np.array([at.real, at.imag]) - LARGE * size)
+            high = np.append(high, np.array([at.real, at.imag]) + LARGE * size)
+        return low, high
+
+    def judged(
+        self, x: Floats, theta: Floats, wanted: Points, load: _Load
+    ) -> tuple[Design, float] | None:
+        """A design and its largest driving moment; None where it has a defect on the way."""
+        steps = np.diff(theta)
+        if not ((steps > 0).all() or (steps < 0).all()) or abs(theta[-1] - theta[0]) > math.tau:
+            return None
+        graph = self.graph.replace(dict(zip(self.addresses, x.tolist(), strict=True)))
+        graph = _with_bars(graph, load.density, load.gravity)
+        way = np.linspace(theta[0], theta[-1], WAY)
+        try:
+            run = graph.run(at=way, rates=load.rate, accelerations=0.0,
+                            want=["crank.drive", *self.margins])  # fmt: skip
+            z = graph.run(at=theta, want=self.output)[self.output]
+        except BlockmechError:
+            return None
+        least = min(float(run[m].min()) for m in self.margins)
+        if not least > DEAD:
+            return None
+        moment = float(np.abs(run["crank.drive"]).max())
+        return Design(graph, theta, self.output, np.abs(z - wanted), least), moment
+
+
+def _size(wanted: Points) -> float:
+    return float(np.abs(wanted - wanted.mean()).max())
+
+
+class _Load(NamedTuple):
+    """What the drive is judged by: bars [kg/m], rate [rad/s], gravity [m/s2]."""
+
+    density: float
+    rate: float
+    gravity: tuple[float, float]
+
+
+def _with_bars(graph: Graph, density: float, gravity: tuple[float, float]) -> Graph:
+    """The graph with links that are bars of a mass per length [kg/m]."""
+    data = graph.to_data()
+    data.setdefault("scene", {})["gravity"] = [*gravity]
+    for name, block in data["blocks"].items():
+        own = block.setdefault("links", {}) if name != "frame" else {}
+        ends = {k: complex(block[f"l_{k}"]) for k in "ij" if f"l_{k}" in block}
+        if name == "crank":
+            marks = [complex(*m["at"]) for m in own["crank"]["markers"].values()]
+            ends = {"crank": max(marks, key=abs)}
+        for link, end in ends.items():
+            mass = density * abs(end)
+            bar = {"mass": mass, "inertia": mass * abs(end) ** 2 / 12}
+            own[link] = {**own.get(link, {}), **bar, "cm": [end.real / 2, end.imag / 2]}
+    return Graph.from_data(data)
+
+
+# -- the search ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, repr=False)
+class Candidate(TextReport):
+    """A design of a structure.
+
+    Attributes
+    ----------
+    structure : its name
+    links : number of its links
+    design : the design
+    moment : largest driving moment [N m] on the way
+    met : error [m] below which designs are alike
+    """
+
+    structure: str
+    links: int
+    design: Design
+    moment: float
+    met: float
+
+    @property
+    def graph(self) -> Graph:
+        """The mechanism."""
+        return self.design.graph
+
+    @property
+    def measures(self) -> tuple[float, ...]:
+        """What is better where it is less: error [m], moment [N m], -margin, links."""
+        error = max(self.design.miss, self.met)
+        return error, self.moment, -self.design.margin, float(self.links)
+
+    def text(self, degrees: bool = DEGREES) -> str:
+        """Structure, moment and design."""
+        return f"{self.structure}: moment {self.moment:.4g} N m, {self.design.text(degrees)}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The candidate as a JSON object."""
+        row = {"structure": self.structure, "links": self.links, "moment": self.moment}
+        return as_data({**row, "design": self.design.to_dict()})
+
+
+@dataclass(frozen=True, repr=False)
+class Candidates(TextReport, Sequence[Candidate]):
+    """Designs over structures, those with the least error first.
+
+    Attributes
+    ----------
+    candidates : all designs without a defect
+    tried : structure -> random designs of it that were tried
+    unfinished : structures that the budget left out
+    """
+
+    candidates: tuple[Candidate, ...]
+    tried: Mapping[str, int]
+    unfinished: tuple[str, ...] = ()
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.candidates[index]
+
+    def __len__(self) -> int:
+        return len(self.candidates)
+
+    @property
+    def pareto(self) -> tuple[Candidate, ...]:
+        """Those that no other one beats in error, moment, margin and links at once."""
+        return tuple(
+            c
+            for c in self.candidates
+            if not any(
+                other.measures != c.measures
+                and all(a <= b for a, b in zip(other.measures, c.measures, strict=True))
+                for other in self.candidates
+            )
+        )
+
+    def text(self, degrees: bool = DEGREES) -> str:
+        """A table; * marks those that no other one beats."""
+        best = {id(c) for c in self.pareto}
+        rows = [
+            (f"{i}{'*' * (id(c) in best)}", f"{c.design.miss:.4g}", f"{c.moment:.4g}",
+             f"{c.design.margin:.3g}", str(c.links), c.structure)
+            for i, c in enumerate(self.candidates)
+        ]  # fmt: skip
+        head = ("design", "error [m]", "moment [N m]", "margin", "links", "structure")
+        last = f"{sum(self.tried.values())} designs of {len(self.tried)} structures tried"
+        left = [f"not tried: {', '.join(self.unfinished)}"] if self.unfinished else []
+        return "\n".join([*aligned(head, rows), last, *left])
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as a JSON object."""
+        rows = [c.to_dict() for c in self.candidates]
+        return as_data({"tried": self.tried, "unfinished": self.unfinished}) | {"designs": rows}
+
+
+@declared
+def path_over_structures(
+    points: Any,
+    angles: Any = None,
+    *,
+    links: Iterable[int] = (4, 6),
+    starts: int = STARTS,
+    refined: int = TRIED,
+    density: float = 1.0,
+    rate: float = 1.0,
+    gravity: tuple[float, float] = (0.0, -9.81),
+    seed: int = 0,
+    budget: float = math.inf,
+    out: AnyPath | None = None,
+    progress: Progress | None = None,
+) -> Candidates:
+    """Linkages of all structures whose point passes through points, as a Pareto table.
+
+    Parameters
+    ----------
+    points, angles : as those of `path_generator`
+    links : numbers of links, 4, 6 or 8, whose structures are tried (`structures`)
+    starts : random designs of each structure, assembly mode and timing
+    refined : of each structure so many are refined
+    density : [kg/m] of the links, which are bars, for the driving moment
+    rate : [rad/s] of the crank, for the driving moment
+    gravity : [m/s2]
+    seed : of the random designs
+    budget : [s] after which no structure is begun
+    out : folder in which the designs of each structure are kept, each a file that the studio
+        opens; asked again, a search goes on where it stopped
+    progress : called with how far it is: ``progress(what, done, whole)``
+
+    Returns
+    -------
+    Candidates, those with the least error first; after Ctrl-C those of the structures that are done
+
+    Raises `RequestError` for points or angles that are none
+
+    >>> found = path_over_structures([0.0, 1.0, 2.0 + 0.1j], links=[4], starts=64, refined=1)
+    >>> found[0].links
+    4
+    """
+    P, theta = path_of(points, angles)
+    chosen = [s for n in links for s in structures(n)]
+    load = _Load(density, rate, gravity)
+    asked = [P.tolist(), None if theta is None else theta.tolist(), starts, refined, load, seed]
+    question = hashlib.sha256(repr(asked).encode()).hexdigest()
+    found: list[Candidate] = []
+    tried: dict[str, int] = {}
+    end = clock.monotonic() + budget
+    try:
+        for i, s in enumerate(chosen):
+            if progress is not None:
+                progress(f"{s.name}, {len(found)} designs", i, len(chosen))
+            kept = None if out is None else _kept(Path(out), s, question)
+            if kept is None:
+                if clock.monotonic() > end:
+                    break
+                count, rows = _of_structure(s, P, theta, starts, refined, load, seed)
+                if out is not None:
+                    _keep(Path(out), s, question, count, rows)
+            else:
+                count, rows = kept
+            tried[s.name] = count
+            found += rows
+    except KeyboardInterrupt:
+        pass
+    left = tuple(s.name for s in chosen if s.name not in tried)
+    return Candidates(tuple(sorted(found, key=lambda c: c.measures)), tried, left)
+
+
+def _of_structure(
+    s: Structure,
+    P: Points,
+    theta: Floats | None,
+    starts: int,
+    refined: int,
+    load: _Load,
+    seed: int,
+) -> tuple[int, list[Candidate]]:
+    """How many designs of a structure were tried, and the best ones refined."""
+    from scipy.stats import qmc
+
+    graph = blank(s, seed)
+    along = np.append(0.0, np.cumsum(np.abs(np.diff(P))))
+    timings = [theta] if theta is not None else [math.tau * p * along / along[-1] for p in TIMINGS]
+    rows: list[tuple[float, _Family, Floats, Floats]] = []
+    count = 0
+    for modes in itertools.product((1, -1), repeat=len(s.dyads)):
+        family = _Family(graph, modes)
+        sobol = qmc.Sobol(len(family.addresses), seed=np.random.default_rng(seed))
+        for at in timings:
+            x = family.random(sobol.random(starts))
+            z = family.tried(x, at)
+            A, B = similar(z, P)
+            with np.errstate(invalid="ignore"):
+                cost = (np.abs(A[:, None] * z + B[:, None] - P) ** 2).mean(axis=1)
+            count += len(x)
+            best = np.argsort(np.where(np.isfinite(cost), cost, np.inf), kind="stable")[:refined]
+            rows += [
+                (float(cost[i]), family, family.laid(x[i], complex(A[i]), complex(B[i])), at)
+                for i in best
+                if np.isfinite(cost[i])
+            ]
+    made: list[Candidate] = []
+    for _, family, x, at in sorted(rows, key=lambda row: row[0])[:refined]:
+        numbers, angles = family.refined(x, at, P, theta is None)
+        judged = family.judged(numbers, angles, P, load)
+        if judged is not None:
+            made.append(Candidate(s.name, s.links, *judged, MET * _size(P)))
+    return count, made
+
+
+def _keep(out: Path, s: Structure, question: str, count: int, rows: Sequence[Candidate]) -> None:
+    """Write the designs of a structure, then what they are; so it is there whole or not at all."""
+    out.mkdir(parents=True, exist_ok=True)
+    for i, c in enumerate(rows):
+        c.graph.save(out / f"{s.name}-{i}.json")
+    told = [
+        {"at": c.design.at.tolist(), "errors": c.design.errors.tolist(), "met": c.met,
+         "moment": c.moment,
+         "margin": c.design.margin, "output": c.design.output}
+        for c in rows
+    ]  # fmt: skip
+    text = json.dumps({"question": question, "tried": count, "designs": told}, indent=1)
+    with writing(out / f"{s.name}.designs") as stream:
+        stream.write(text.encode())
+
+
+def _kept(out: Path, s: Structure, question: str) -> tuple[int, list[Candidate]] | None:
+    """The designs of a structure that are in a folder already; None where they are not."""
+    try:
+        data = json.loads((out / f"{s.name}.designs").read_text(encoding="utf-8"))
+        if data["question"] != question:
+            return None
+        rows = []
+        for i, row in enumerate(data["designs"]):
+            graph = Graph.load(out / f"{s.name}-{i}.json")
+            at, errors = np.array(row["at"]), np.array(row["errors"])
+            design = Design(graph, at, row["output"], errors, row["margin"])
+            rows.append(Candidate(s.name, s.links, design, row["moment"], row["met"]))
+    except (OSError, ValueError, KeyError, BlockmechError):
+        return None
+    return int(data["tried"]), rows
