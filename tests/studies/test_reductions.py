@@ -129,3 +129,76 @@ def test_a_result_is_a_dataset():
     assert found["crank.drive"].attrs["units"] == "N m"
     assert np.array_equal(found["dyad.C.p"].values, run["dyad.C.p"])
     assert float(found["crank.drive"].sel({"crank.q": POSES[3]})) == run["crank.drive"][3]
+
+
+# -- where a design rests ------------------------------------------------------------------
+
+
+def lamp():
+    g = bm.Graph("lamp", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0), "W": (0.05, 0.3)}))
+    arm = bm.Link(mass=0.9, inertia=0.02, cm=(0.32, 0.0), markers={"S": (0.12, 0.0)})
+    g.add("arm", bm.Crank(length=0.4, links={"crank": arm}))
+    g.add("spring", bm.Spring(stiffness=300.0, free_length=0.05))
+    for a, b in (("frame.O", "arm.A"), ("frame.W", "spring.a"), ("arm.S", "spring.b")):
+        g.connect(a, b)
+    return g
+
+
+RESTING = ["arm.q", "arm.B.p.y", "spring.length", "mechanism.potential_energy", "arm.A.reaction.y"]
+
+
+@pytest.mark.parametrize("output", [n for n in RESTING if n in lamp().compile().outputs])
+def test_where_a_design_rests_is_kept_with_exact_derivatives(output):
+    """Against equilibria of rebuilt mechanisms."""
+    g, label = lamp(), f"rest({output})"
+    mech = g.compile()
+    to = ["spring.stiffness", "frame.W.y", "arm.links.crank.mass", "spring.free_length"]
+
+    def rebuilt(address, x):
+        other = g.replace({address: x}).compile()
+        (e,) = other.equilibria().stable
+        q = e.q[0] + 2 * np.pi * round((0.3 - e.q[0]) / (2 * np.pi))
+        return other.run(at=[q], want=output, rates=0.0, accelerations=0.0)[output][0]
+
+    found = mech.sensitivity(label, to=to, at=[0.3])
+    for address in to:
+        x = mech.parameters()[address].value
+        h = 1e-3 * x
+        f = {k: rebuilt(address, x + k * h) for k in (-3, -2, -1, 0, 1, 2, 3)}
+        wanted = (45 * (f[1] - f[-1]) - 9 * (f[2] - f[-2]) + (f[3] - f[-3])) / (60 * h)
+        assert found.value(label)[0] == pytest.approx(f[0], rel=1e-12)
+        assert found[label, address][0] == pytest.approx(wanted, rel=1e-9, abs=1e-9 * abs(f[0] / x))
+
+
+def test_a_study_and_an_objective_take_where_it_rests():
+    """A lamp whose spring holds it level is found by its derivative."""
+    mech = lamp().compile()
+    rows = mech.study({"spring.stiffness": [200.0, 300.0]}, want="rest(arm.q)", at=[0.3])
+    for k, q in zip((200.0, 300.0), rows["rest(arm.q)"], strict=True):
+        (e,) = lamp().replace({"spring.stiffness": k}).compile().equilibria().stable
+        assert np.exp(1j * q) == pytest.approx(np.exp(1j * e.q[0]), abs=1e-12)
+    f = mech.objective(["spring.stiffness"], want="rest(arm.q)", at=[0.3])
+    x = np.array([100.0])
+    for _ in range(12):
+        x = x - f(x) / f.jacobian(x)
+    assert f(x) == pytest.approx(0.0, abs=1e-12)
+    arm = np.array([0.12, 0.0])
+    spring = np.hypot(0.12 - 0.05, 0.3)
+    moment = x[0] * (spring - 0.05) * arm[0] * 0.3 / spring  # of the spring about the pin
+    assert moment == pytest.approx(0.9 * 9.81 * 0.32, rel=1e-10)
+
+
+def test_where_nothing_rests_is_a_row_without_a_number():
+    g = bm.Graph("wheel")
+    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
+    g.add("arm", bm.Crank(length=0.4, links={"crank": bm.Link(mass=1.0, inertia=0.1)}))
+    g.add("push", bm.Motor(law=bm.laws.Constant(value=2.0)))
+    g.connect("frame.O", "arm.A")
+    g.connect("frame.O", "push.a")
+    g.connect("arm.crank", "push.b")
+    mech = g.compile()
+    rows = mech.study({"arm.length": [0.4]}, want="rest(arm.q)", at=[0.0])
+    assert np.isnan(rows["rest(arm.q)"]).all()
+    with pytest.raises(bm.RequestError, match="no stable equilibrium"):
+        mech.sensitivity("rest(arm.q)", to=["arm.length"], at=[0.0])

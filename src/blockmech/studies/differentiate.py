@@ -30,7 +30,8 @@ from blockmech.plane import REST_SHARE
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 from blockmech.studies.family import parameters
-from blockmech.studies.reductions import POSES, STROKE, WHOLE, Wanted, is_reduction, wanted
+from blockmech.studies.reductions import POSES, REST, STROKE, WHOLE, Wanted, is_reduction, wanted
+from blockmech.studies.rests import rest_slopes
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import Sensitivity, size_of
 from blockmech.studies.variation import GIVEN, Variation, moves_drivers
@@ -139,8 +140,8 @@ def _of_reductions(
         [n for n in asked_for if is_reduction(n)], mechanism.outputs, taken, mechanism.drivers
     )
     if numbers := [w.label for w in columns if w.how == WHOLE]:
-        found = "it is one number a turn, and has no derivative"
-        raise RequestError([Problem("no-derivative", label, found) for label in numbers])
+        why = "it is one number a turn, and has no derivative"
+        raise RequestError([Problem("no-derivative", label, why) for label in numbers])
     names = [*plain, *dict.fromkeys(w.output for w in columns)]
     base = sensitivity(mechanism, names, to, at, on_gap=on_gap, **given)
     kept = _differentiable(mechanism, plain) if plain else ()
@@ -152,6 +153,9 @@ def _of_reductions(
         if w.how == STROKE:
             values[label], slopes = _stroke_slopes(base, w, given)
             ahead[label], behind[label] = slopes
+        elif w.how == REST:
+            found = rest_slopes(mechanism, taken, w.output, tuple(base.parameters))
+            values[label], (ahead[label], behind[label]) = found
         else:
             values[label] = w.value(y)
             ahead[label] = w.slopes(y, base.ahead[w.output])

@@ -2,7 +2,8 @@
 
 A want is an output and a reduction, ``max_abs(crank.drive)``. Reductions of a vector are those
 of its length; a mean and a single pose are vectors. All are of the poses, but a stroke, which is
-followed between them (`blockmech.analysis.stroke`).
+followed between them (`blockmech.analysis.stroke`), and ``rest(crank.q)``, an output where the
+design comes to rest (`blockmech.studies.rests`).
 
 Derivatives are those of the reduction: of a largest value that of the pose where it is, of
 several that are alike the one that leads.
@@ -29,7 +30,7 @@ from blockmech.studies.sampling import as_sequence
 Array = NDArray[Any]
 TEXT = re.compile(r"(?P<how>\w+)\s*\((?P<output>[^,()]+)(?:,\s*(?P<at>[^,()]+))?\)")
 AT = re.compile(r"(?P<how>\w+)\(\s*(?P<at>[^()]+)\s*\)")
-WHOLE, POSES, STROKE = "value", "poses", "stroke"
+WHOLE, POSES, STROKE, REST = "value", "poses", "stroke", "rest"
 
 
 def mean(x: Array) -> Array:
@@ -45,7 +46,7 @@ SIMPLE: Mapping[str, Callable[[Array], Array]] = {
     "mean": mean,
     "rms": lambda x: np.sqrt(mean(x * x)),
 }
-OF_VECTORS = ("max_abs", "rms", "mean", "at", "final", POSES, STROKE)
+OF_VECTORS = ("max_abs", "rms", "mean", "at", "final", POSES, STROKE, REST)
 Words = Mapping[str, Callable[[str, str], Any] | None]
 """Reductions; of those that take a number, what reads it of a text, for the output of a name."""
 
@@ -76,8 +77,8 @@ class Wanted:
 
     def of(self, columns: Sequence[Any], shape: tuple[int, int], weights: Array) -> Array:
         """The column (m,), or (m, n) of poses, of program values that broadcast to (m, n)."""
-        if self.how == STROKE:  # which is followed design by design
-            return np.full(shape[0], np.nan)
+        if self.how in (STROKE, REST):  # which are followed design by design
+            return np.full(shape[0], complex(np.nan, np.nan) if self.kind == "vector" else np.nan)
         if self.how == WHOLE:
             rows = [np.broadcast_to(x, shape) for x in columns]
             return np.array([self.read(*row, weights) for row in zip(*rows, strict=True)])
@@ -146,7 +147,7 @@ def wanted(
 ) -> tuple[Wanted, ...]:
     """The columns of runs at samples that a request names; see `columns`."""
     words: Words = {
-        **dict.fromkeys((*SIMPLE, STROKE, POSES)),
+        **dict.fromkeys((*SIMPLE, STROKE, REST, POSES)),
         "at": lambda text, name: _sample(text, name, samples, drivers),
     }
     return columns(want, outputs, lambda output, how: column(output, how, words))
@@ -220,7 +221,7 @@ def column(output: Output, how: str, words: Words) -> Wanted:
         raise refused(f"{how}({called})", "it is a vector", remedy)
     sample = reader(at["at"] if at else "", called) if reader else 0
     label = f"{word}({called}, {at['at']})" if at else f"{how}({called})"
-    kind = "vector" if vector and word in ("mean", "at", "final", POSES) else "real"
+    kind = "vector" if vector and word in ("mean", "at", "final", POSES, REST) else "real"
     return Wanted(label, called, word, output.unit, kind, sample, vector, output.read)
 
 

@@ -21,7 +21,15 @@ from numpy.typing import NDArray
 from blockmech.analysis.deflections import refuse_deflections
 from blockmech.compiled import COMPILED_FROM, Compiled
 from blockmech.engines.numpy import CHUNK, Planar, Whole
-from blockmech.errors import BlockmechError, FormatError, refused
+from blockmech.errors import (
+    AssemblyError,
+    BlockmechError,
+    FormatError,
+    FrictionError,
+    GraphError,
+    SingularError,
+    refused,
+)
 from blockmech.export import counted
 from blockmech.model.parameters import Parameter
 from blockmech.plan import Plan
@@ -30,7 +38,8 @@ from blockmech.samples import Samples, make_samples
 from blockmech.settings import check_switch, friction_asked
 from blockmech.studies.family import Family, as_said, remade
 from blockmech.studies.parts import Block, Span
-from blockmech.studies.reductions import POSES, STROKE, WHOLE, Wanted, wanted
+from blockmech.studies.reductions import POSES, REST, STROKE, WHOLE, Wanted, wanted
+from blockmech.studies.rests import rest_value
 from blockmech.studies.sampling import Designs
 
 Array = NDArray[Any]
@@ -146,26 +155,29 @@ class Runner:
         if not self.family.alone:
             program = planned.plan.program
             design = self.family.design({p: x[:, None] for p, x in columns.items()})
-            return self._with_strokes(planned.block(program.values(*design), m), columns)
+            return self._with_followed(planned.block(program.values(*design), m), columns)
         numbers = {p.address: as_said(p, x[0]) for p, x in columns.items()}
         try:
             own = _Planned(self, remade(self.family.mechanism, numbers), 1)
         except BlockmechError as error:
             return self._without(planned.samples.n, error)
         found = own.block(tuple(own.plan.program.parameters.values()), 1)
-        return self._with_strokes(found, columns)
+        return self._with_followed(found, columns)
 
-    def _with_strokes(self, block: Block, columns: Mapping[Parameter, Array]) -> Block:
-        """Designs with their strokes, each followed between the poses; NaN where there is none."""
-        wanted = [w for w in self.want if w.how == STROKE]
+    def _with_followed(self, block: Block, columns: Mapping[Parameter, Array]) -> Block:
+        """Designs with their strokes and where they rest, one by one; NaN where there is none."""
+        wanted = [w for w in self.want if w.how in (STROKE, REST)]
         if not wanted:
             return block
         values = dict(block.values)
         for i, row in enumerate(zip(*columns.values(), strict=True)):
             numbers = {p.address: as_said(p, x) for p, x in zip(columns, row, strict=True)}
             for w in wanted:
-                with suppress(BlockmechError):
+                with suppress(FormatError, GraphError, AssemblyError, SingularError, FrictionError):
                     other = remade(self.family.mechanism, numbers)
+                    if w.how == REST:
+                        values[w.label][i] = rest_value(other, self.samples(other), w.output)
+                        continue
                     run = other.run(want=w.output, **self.over, **self.settings)
                     values[w.label][i] = other.stroke_of(run, w.output).length
         return block._replace(values=values)

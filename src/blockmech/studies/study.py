@@ -57,7 +57,8 @@ def study(
     want : ``{"crank.drive": ["max_abs", "rms"], "dyad.margin": "min"}``, or texts such as
         ``"max_abs(crank.drive)"``
         Reductions over the poses: min, max, max_abs, range, mean, rms, at(coordinate), and
-        poses for all of them; stroke is followed between the poses.
+        poses for all of them; stroke is followed between the poses, and rest is an output at the
+        stable equilibrium nearest to the first pose.
     at : driver -> poses (n,) [rad or m]; by default the range of the drivers' laws
     over : another name for ``at``
     samples, times : as those of a run, in place of ``at``
