@@ -12,15 +12,13 @@ Source: Shabana, Dynamics of Multibody Systems, 4th ed.; the implicit function t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.equilibria import equilibria
-from blockmech.analysis.scan import TURN
-from blockmech.compiled import Compiled
 from blockmech.errors import refused
 from blockmech.samples import Samples
 from blockmech.series import Floats
@@ -46,7 +44,7 @@ class Rest(NamedTuple):
         return {"at": poses, "rates": none, "accelerations": none, "friction": "none"}
 
 
-def rest_of(mechanism: Compiled, samples: Samples) -> Rest | None:
+def rest_of(mechanism: Any, samples: Samples) -> Rest | None:
     """The stable equilibrium nearest to the first of some poses; None where there is none.
 
     Raises `RequestError` where loads follow the time or signals.
@@ -58,11 +56,11 @@ def rest_of(mechanism: Compiled, samples: Samples) -> Rest | None:
     time = None if samples.times is None else float(samples.times[0])
 
     def near(q: Floats) -> Floats:
-        turned = first + np.mod(q - first + TURN / 2, TURN) - TURN / 2
+        turned = first + np.mod(q - first + math.pi, math.tau) - math.pi
         return np.where(rotary & ~stops, turned, q)
 
     places = [
-        (near(e.q), e) for e in equilibria(mechanism, friction="none", time=time)
+        (near(e.q), e) for e in mechanism.equilibria(friction="none", time=time)
         if e.kind == "stable"
     ]  # fmt: skip
     if not places:
@@ -71,7 +69,7 @@ def rest_of(mechanism: Compiled, samples: Samples) -> Rest | None:
     return Rest(dict(zip(drivers, q.tolist(), strict=True)), e.stop, e.jump)
 
 
-def rest_value(mechanism: Compiled, samples: Samples, output: str) -> Any:
+def rest_value(mechanism: Any, samples: Samples, output: str) -> Any:
     """An output where a mechanism rests; NaN where it does not."""
     rest = rest_of(mechanism, samples)
     if rest is None:
@@ -80,14 +78,12 @@ def rest_value(mechanism: Compiled, samples: Samples, output: str) -> Any:
 
 
 def rest_slopes(
-    mechanism: Compiled, samples: Samples, output: str, to: Sequence[str]
+    mechanism: Any, samples: Samples, output: str, to: Sequence[str]
 ) -> tuple[Array, tuple[Array, Array]]:
     """An output where a mechanism rests, and its derivatives (k, 1) to both sides.
 
     Raises `RequestError` where there is no stable equilibrium, or the effort jumps there.
     """
-    from blockmech.studies.differentiate import sensitivity  # which asks for this
-
     rest = rest_of(mechanism, samples)
     label = f"rest({output})"
     if rest is None:
@@ -98,7 +94,7 @@ def rest_slopes(
     drivers = mechanism.drivers
     efforts = [mechanism.of_driver(d, "tau_red") for d in drivers]
     places = [mechanism.of_driver(d, "q") for d in drivers]
-    of = sensitivity(mechanism, [output, *efforts], [*to, *places], **rest.still)
+    of = mechanism.sensitivity([output, *efforts], [*to, *places], **rest.still)
     sides = []
     for d in (of.ahead, of.behind):
         slopes, k = np.asarray(d[output])[:, 0], len(to)
