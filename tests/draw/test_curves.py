@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
@@ -11,7 +12,7 @@ from PIL import Image
 import blockmech as bm
 from blockmech.draw import plot, run_pictures
 from blockmech.draw.curves import abscissa, chosen_panels, pictures_of
-from blockmech.draw.panels import Abscissa, Panel, draw_panels
+from blockmech.draw.panels import Abscissa, Panel, draw_panels, of_pi
 from blockmech.draw.paper import scaled_unit, styled
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
 from tests.wiring import chain, ruiz, toggle, watt
@@ -66,9 +67,29 @@ def test_figure_13_shows_what_friction_takes_in_all_and_at_each_joint():
 
 def test_figure_14_shows_the_size_of_every_reaction():
     result = ruiz().run(samples=37)
-    (axes,) = drawn(result, "reactions").axes
-    assert line(axes, "dyad.D") == pytest.approx(KILO * np.abs(result["dyad.D.reaction"]))
+    bare = ruiz(radius=0.0).run(samples=37)
+    axes, lower = drawn(result, "reactions").axes
+    size = np.abs(result["dyad.D.reaction"])
+    assert line(axes, "dyad.D") == pytest.approx(KILO * size)
     assert sum(x.get_label() == "without friction" for x in axes.lines) == 4
+    assert lower.get_ylabel() == "due to friction [N]"
+    assert line(lower, "dyad.D") == pytest.approx(size - np.abs(bare["dyad.D.reaction"]))
+
+
+def test_angles_are_multiples_of_pi_in_radians_and_degrees_where_asked():
+    result = ruiz().run(samples=37)
+    for degrees, wanted in ((False, ["0", "π/3", "2π/3", "π"]), (True, ["0", "60", "120", "180"])):
+        panels = pictures_of(result)["drive"]
+        made = draw_panels(panels, abscissa(result, degrees=degrees))
+        made.canvas.draw()
+        ticks = [t.get_text() for t in made.axes[-1].get_xticklabels()]
+        assert [t for t in ticks if t in wanted] == wanted
+    assert [of_pi(x * math.pi) for x in (-0.5, 1, 1.5, 2)] == [
+        "\N{MINUS SIGN}π/2",
+        "π",
+        "3π/2",
+        "2π",
+    ]
 
 
 def test_a_curve_that_is_alone_in_its_panel_says_whose_it_is():

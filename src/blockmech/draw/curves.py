@@ -7,6 +7,7 @@ Sources: [R10] Ruiz, Durango & Calle 2010.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Literal
 
@@ -22,6 +23,7 @@ from blockmech.told import DEGREES
 Axis = Literal["auto", "coordinate", "time"]
 Panels = tuple[Panel, ...]
 NOTHING: Mapping[str, Array] = {}
+TURNS = {"°": 360.0, "rad": math.tau}
 
 TOGETHER = 6  # curves that share a panel; more get a panel for each block
 KINEMATICS = {
@@ -83,9 +85,15 @@ def friction_panels(result: Result) -> Panels:
 
 
 def reaction_panels(result: Result, twin: Result | None) -> Panels:
-    """The magnitude of every joint's reaction ([R10] Fig. 14)."""
+    """The magnitude of every joint's reaction ([R10] Fig. 14), and what friction adds to it."""
     bare = NOTHING if twin is None else _named(twin, ".reaction")
-    return _split("reaction", "N", _alive(_named(result, ".reaction")), bare)
+    panels = _split("reaction", "N", _alive(_named(result, ".reaction")), bare)
+    # Often too small to be seen between two curves, as with the drive.
+    return panels + tuple(
+        Panel("due to friction", panel.unit, {n: panel.curves[n] - y for n, y in lines.items()})
+        for panel in panels
+        if (lines := panel.without)
+    )
 
 
 def kinematic_panels(result: Result) -> Panels:
@@ -201,7 +209,7 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = DEGREES) -> Ab
     (driver,) = moving
     unit = next(unit for unit, row in rows.items() if driver in row)
     words = f"{shown_name(result.mechanism.of_driver(driver, 'q'))} [{unit}]"
-    return Abscissa(words, rows[unit][driver], angle=unit == "°")
+    return Abscissa(words, rows[unit][driver], turn=TURNS.get(unit, 0.0))
 
 
 def by_unit(result: Result, what: str, degrees: bool) -> dict[str, dict[str, Array]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,7 @@ class Abscissa:
 
     words: str
     values: Array
-    angle: bool = False  # in degrees
+    turn: float = 0.0  # of an angle: a whole turn in its unit
     events: tuple[tuple[float, str], ...] = ()
 
 
@@ -117,7 +118,7 @@ def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
     axes.set_ylabel(f"{panel.quantity} [{unit or '–'}]", labelpad=3)
     axes.margins(x=0.01 if len(x) > 1 else 0.5)
     axes.grid(True)
-    _set_ticks(axes, np.ptp(x) if along.angle and len(x) else 0.0)
+    _set_ticks(axes, np.ptp(x) if len(x) else 0.0, along.turn)
     if panel.peak:
         scale, prefixed = scaled_unit(panel.unit, panel.peak)
         axes.plot([], [], " ", label=f"cut-off peaks up to {panel.peak * scale:.3g} {prefixed}")
@@ -144,13 +145,25 @@ def _shade_gaps(axes: Any, x: Array, rows: Array) -> None:
         axes.axvspan(left, right, zorder=0.5, label="no answer", **style)
 
 
-def _set_ticks(axes: Any, degrees: float) -> None:
-    """Round numbers, and steps of a turn where so many degrees are drawn over."""
-    from matplotlib.ticker import MaxNLocator, MultipleLocator
+def _set_ticks(axes: Any, span: float, turn: float) -> None:
+    """Round numbers; parts of a turn where enough of one is drawn over."""
+    from matplotlib.ticker import FuncFormatter, MaxNLocator, MultipleLocator
 
     steps = [1, 2, 2.5, 5, 10]
-    turns = [step for step in DEGREES if degrees <= 7 * step and degrees >= 90]
+    degrees = 360 * span / turn if turn else 0.0
+    parts = [step * turn / 360 for step in DEGREES if 90 <= degrees <= 7 * step]
     axes.xaxis.set_major_locator(
-        MultipleLocator(turns[0]) if turns else MaxNLocator(7, steps=steps)
+        MultipleLocator(parts[0]) if parts else MaxNLocator(7, steps=steps)
     )
+    if parts and turn == math.tau:
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: of_pi(x)))
     axes.yaxis.set_major_locator(MaxNLocator(6, steps=steps))
+
+
+def of_pi(x: float) -> str:
+    """An angle [rad] as a multiple of pi, e.g. 3π/4."""
+    share = Fraction(x / math.pi).limit_denominator(36)
+    over = f"/{share.denominator}" if share.denominator > 1 else ""
+    size = abs(share.numerator)
+    sign = "\N{MINUS SIGN}" if share < 0 else ""
+    return f"{sign}{size if size != 1 else ''}π{over}" if size else "0"
