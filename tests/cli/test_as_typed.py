@@ -136,3 +136,48 @@ def test_there_is_completion_for_each_shell(call, shell, capsys, monkeypatch):
         call("--show-completion")
     assert ended.value.code == 0
     assert "_BLOCKMECH_COMPLETE" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("sensitivity", "--want", "crank.drive", "--samples", "3", "--to", "dyad.l_i"),
+        ("solutions", "--at", "1"),
+    ],
+    ids=["sensitivity", "solutions"],
+)
+def test_csv_of_other_commands_goes_where_that_of_run_goes(call, ruiz, tmp_path, words):
+    asked = (words[0], ruiz, *words[1:], "--csv")
+    said = call(*asked, tmp_path / "a.xlsx")
+    assert (said.code, said.out) == (2, "")
+    assert "CSV is not written to .xlsx" in said.err
+    assert call(*asked, tmp_path).code == 0
+    written = (tmp_path / "results.csv").read_text("utf-8-sig")
+    printed = call(*asked, "-")
+    assert printed.code == 0
+    assert printed.out.replace("\r\n", "\n") == written.replace("\r\n", "\n")
+    assert not (tmp_path / "-").exists()
+
+
+def test_a_trade_is_printed_as_csv(call, ruiz, tmp_path):
+    asked = ("trade", ruiz, "--want", "crank.drive", "--samples", "7", "--budget", "500ms", "--csv")
+    said = call(*asked, "-")
+    assert said.code == 0
+    first, *rows = csv.reader(said.out.splitlines())
+    assert "seconds [s]" in first
+    assert rows
+    assert call(*asked, tmp_path / "t.xlsx").code == 2
+    assert call(*asked, tmp_path).code == 0
+    assert (tmp_path / "results.csv").exists()
+
+
+def test_plain_numbers_take_units_too(call, ruiz):
+    words = ("run", ruiz, "--samples", "3", "--want", "crank.drive", "--json")
+    how = ("--friction", "successive", "--tolerance")
+    assert call(*words, *how, "1e3").out == call(*words, *how, "1kN").out
+    said = call(*words, *how, "3 mm")
+    assert (said.code, said.out) == (2, "")
+    assert "--tolerance 3 mm: it is not a number. a number, in SI or with N, kN" in said.err
+    moved = ("simulate", ruiz, "--start", "60°,300rpm", "--until", "time=1ms", "--method", "rk4")
+    assert call(*moved, "--step", "0.1ms").out == call(*moved, "--step", "1e-4").out
+    assert call(*moved, "--step", "nan").code == 2

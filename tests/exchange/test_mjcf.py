@@ -125,7 +125,10 @@ def test_a_model_with_quaternions_and_degrees_in_the_upright_plane(tmp_path):
     ("text", "said"),
     [
         ("<mujoco/>", "no worldbody"),
-        ("<mujoco><worldbody><body><freejoint/><joint/></body></worldbody></mujoco>", "freedoms"),
+        (
+            "<mujoco><worldbody><body><freejoint/><joint/></body></worldbody></mujoco>",
+            "degrees of freedom",
+        ),
         ('<mujoco><worldbody><body><joint axis="1 1 0"/></body></worldbody></mujoco>', "oblique"),
         ('<mujoco><worldbody><body pos="a 0 0"><joint/></body></worldbody></mujoco>', "number"),
     ],

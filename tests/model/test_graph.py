@@ -115,7 +115,8 @@ PROBLEMS |= {
             f"G0, G1 hold them once too often. {MOVE_A_PAIR}",
             "[too-few-drivers] group.pairs: mobility 1, drivers 0: 1 driver too few. "
             f"{MOVE_A_PAIR}",
-            "[loose-links] group.pairs: leg1 can still move with every driver held: 1 freedom. "
+            "[loose-links] group.pairs: leg1 can still move with every driver held: 1 degree of "
+            "freedom. "
             f"{MOVE_A_PAIR}",
         ],
     ),

@@ -27,7 +27,8 @@ TEXTS: Mapping[str, str] = {
     "locked-driver": "{drivers} moves nothing: {pairs} cannot move, {links} form a rigid "
     "structure{state}",
     "conflicting-drivers": "{drivers} prescribe the motion of {links} {times} too often{state}",
-    "loose-links": "{links} can still move with every driver held: {number} freedom{s}{state}",
+    "loose-links": "{links} can still move with every driver held: {number} degree{s} of "
+    "freedom{state}",
 }
 """Every reason why a structure cannot work, in a sentence."""
 
@@ -40,7 +41,7 @@ class Finding:
     ----------
     code : one of `TEXTS`
     links, pairs : what it is about, by name, sorted; of wrong numbers of drivers the driven pairs
-    number : redundant conditions, drivers too many or too few, or freedoms left
+    number : redundant conditions, drivers too many or too few, or degrees of freedom left
     """
 
     code: str

@@ -18,6 +18,7 @@ from blockmech.cli.options import (
     names_of,
     one_of,
     option,
+    quantity,
     si_only,
 )
 from blockmech.cli.output import check_places, write_found
@@ -31,7 +32,10 @@ def equilibria(
     file: GraphFile,
     friction: Friction = None,
     time: Annotated[
-        float | None, option("Time at which loads that follow it are held [s].", "X")
+        float | None,
+        option(
+            "Time at which loads that follow it are held [s].", "X", parser=quantity("time", "s")
+        ),
     ] = None,
     plot: Plot = None,
     deg: DegreesOfText = DEGREES,

@@ -3,19 +3,37 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from blockmech.cli.numbers import MOST
-from blockmech.errors import close_match, refused
+from blockmech.errors import close_match, listed, refused
 from blockmech.testing.files import gallery
+from blockmech.units import number_in, units_of
 
 
 def option(help: str, metavar: str | None = None, **more: Any) -> Any:
     """An option with a value."""
     return typer.Option(help=help, metavar=metavar, **more)
+
+
+def quantity(name: str, *units: str) -> Callable[[str], float]:
+    """What reads an option's number, which may end in a unit of these kinds: 2kN, 5ms."""
+    known = {word: x for unit in units for word, x in units_of(unit).items()}
+
+    def read(text: str) -> float:
+        if (x := number_in(text, known)) is not None:
+            return x
+        names = listed([unit for unit in known if unit], 20)
+        raise refused(
+            f"--{name} {text}", "it is not a number", valid=f"a number, in SI or with {names}"
+        )
+
+    read.__name__ = "number"
+    return read
 
 
 def switch(name: str, help: str) -> Any:
@@ -61,7 +79,12 @@ Want = Annotated[
     list[str] | None, option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")
 ]
 Friction = Annotated[str | None, option("none, single, successive or newton.", "METHOD")]
-Tolerance = Annotated[float | None, option("Stop of successive approximations [N].", "X")]
+Tolerance = Annotated[
+    float | None,
+    option(
+        "Stop of successive approximations [N], e.g. 1mN.", "X", parser=quantity("tolerance", "N")
+    ),
+]
 Iterations = Annotated[int | None, option("Fixed number of successive approximations.", "K")]
 Static = Annotated[bool, switch("static", "Leave inertia out.")]
 Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
@@ -106,4 +129,7 @@ Method = Annotated[
     str,
     option("auto, energy, spectral, dop853, lsoda, radau, rk4 or euler_q.", "METHOD"),
 ]
-Accuracy = Annotated[float | None, option("Target error of the driver [rad or m].", "X", min=0.0)]
+Accuracy = Annotated[
+    float | None,
+    option("Target error of the driver [rad or m].", "X", parser=quantity("accuracy", "rad", "m")),
+]

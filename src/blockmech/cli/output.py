@@ -9,7 +9,16 @@ from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
 from blockmech.cli.options import one_of, option, si_only, switch
-from blockmech.cli.terminal import UNDRAWN, Interrupted, note, pour, progress_bar, saving, say
+from blockmech.cli.terminal import (
+    UNDRAWN,
+    Interrupted,
+    answer,
+    note,
+    pour,
+    progress_bar,
+    saving,
+    say,
+)
 from blockmech.errors import refused
 from blockmech.export import csv_chunks, json_chunks, table, write_csv
 from blockmech.files import folder, refuse_spared, writing
@@ -38,27 +47,41 @@ PICTURES = (
 TEXTS = (".csv", ".tsv", ".txt", ".dat", "")
 
 
-def csv_place(path: str) -> str:
-    """Where CSV text goes: in a folder to results.csv."""
-    return str(Path(path) / NUMBERS[0]) if os.path.isdir(path) else path
+def csv_place(path: str | None) -> str | None:
+    """Where CSV text goes: in a folder to results.csv, "-" is standard output.
 
-
-def refuse_other_formats(path: str) -> None:
-    """Raise `RequestError` for a name that says another format than CSV."""
+    Raises `RequestError` for a name that says another format than CSV.
+    """
+    if path is None or path == "-":
+        return path
+    if os.path.isdir(path):
+        return str(Path(path) / NUMBERS[0])
     suffix = Path(path).suffix.lower()
-    if suffix in TEXTS or path == "-" or (os.path.exists(path) and not os.path.isfile(path)):
-        return
-    remedy = f"name it .csv; blockmech export list says what is written as {suffix}"
-    raise refused(f"--csv {path}", f"CSV is not written to {suffix}", remedy)
+    refuse_spared(path)
+    if suffix not in TEXTS and (os.path.isfile(path) or not os.path.exists(path)):
+        remedy = f"name it .csv; blockmech export list says what is written as {suffix}"
+        raise refused(f"--csv {path}", f"CSV is not written to {suffix}", remedy)
+    return path
 
 
 def check_places(table: str | None, plot: str | None) -> None:
     """Raise `RequestError`, before anything is computed, where files cannot be written."""
     from blockmech.draw.paper import suffix_of
 
-    refuse_spared(*filter(None, (table, plot)))
+    refuse_spared(*(x for x in (table, plot) if x not in (None, "-")))
     if plot is not None:
         suffix_of(plot)
+
+
+def show_found(
+    file: str, found: Any, text: str, json: bool, csv: str | None, plot: str | None
+) -> None:
+    """Print what was found as text, JSON or with ``-`` as CSV; or write its table or picture."""
+    if csv == "-":
+        pour([found.to_csv()])
+        return
+    answer(file, json, found.to_dict(), text)
+    write_found(found, csv, plot)
 
 
 def write_found(found: Any, table: str | None, plot: str | None) -> None:
@@ -90,16 +113,13 @@ class Output:
     def __post_init__(self) -> None:
         asked = {name: getattr(self, name) is not None for name in ("out", "csv", "plot")}
         one_of(json=self.json, **asked)
-        if self.csv is not None:
-            object.__setattr__(self, "csv", csv_place(self.csv))
         si_only(self.json, self.degrees)
 
     def check(self) -> None:
-        """Raise `RequestError`, before anything is computed, where the input would be written."""
+        """Raise `RequestError`, before anything is computed, where files cannot be written."""
+        object.__setattr__(self, "csv", csv_place(self.csv))
         inside = (Path(self.out or "") / name for name in (*NUMBERS, *PICTURES))
         refuse_spared(*filter(None, (self.csv, self.plot)), *(inside if self.out else ()))
-        if self.csv is not None:
-            refuse_other_formats(self.csv)
 
     @property
     def is_table(self) -> bool:

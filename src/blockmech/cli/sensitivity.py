@@ -18,8 +18,8 @@ from blockmech.cli.options import (
     one_of,
     option,
 )
-from blockmech.cli.output import check_places, write_found
-from blockmech.cli.terminal import answer, progress_bar, reading
+from blockmech.cli.output import check_places, csv_place, show_found
+from blockmech.cli.terminal import progress_bar, reading
 from blockmech.runnable import EVERYTHING
 
 Wants = Annotated[list[str], option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")]
@@ -27,7 +27,9 @@ To = Annotated[
     list[str] | None,
     option('Numbers or patterns, e.g. "dyad.l_*",crank.q; by default all numbers.', "A,B"),
 ]
-Csv = Annotated[str | None, option("Write all derivatives at all samples (csv).", "FILE")]
+Csv = Annotated[
+    str | None, option("Write all derivatives at all samples (csv); - prints them.", "FILE")
+]
 Plot = Annotated[str | None, option("Draw the ranking (png, svg, pdf).", "FILE")]
 
 
@@ -48,11 +50,10 @@ def sensitivity(
     with reading(file):
         mechanism = compiled(file)
     one_of(json=json, csv=csv is not None, plot=plot is not None)
-    check_places(csv, plot)
+    check_places(csv := csv_place(csv), plot)
     poses = coordinates(mechanism, at or [])
     asked: dict[str, Any] = {"at": poses, "samples": samples, "times": times(at_times)}
     asked |= {"to": names_of(to) or EVERYTHING, "friction": friction, "static": static}
     with progress_bar("differentiating"):
         found = mechanism.sensitivity(names_of(want), **asked)
-    answer(file, json, found.to_dict(), found.text())
-    write_found(found, csv, plot)
+    show_found(file, found, found.text(), json, csv, plot)

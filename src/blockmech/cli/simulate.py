@@ -24,6 +24,7 @@ from blockmech.cli.options import (
     Want,
     names_of,
     option,
+    quantity,
 )
 from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
 from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, reading, say
@@ -32,7 +33,14 @@ from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 from blockmech.told import DEGREES
 
-Step = Annotated[float | None, option("Step of rk4 [s] or euler_q [rad or m].", "X")]
+Step = Annotated[
+    float | None,
+    option(
+        "Step of rk4 [s] or euler_q [rad or m], e.g. 1ms.",
+        "X",
+        parser=quantity("step", "s", "rad", "m"),
+    ),
+]
 Engine = Annotated[str, option("Of the integrators: auto, scalar or llvm (compiled).", "ENGINE")]
 
 DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted

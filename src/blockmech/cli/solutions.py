@@ -22,12 +22,12 @@ from blockmech.cli.options import (
     option,
     si_only,
 )
-from blockmech.cli.output import check_places, write_found
-from blockmech.cli.terminal import NO_ANSWER, answer, progress_bar, reading
+from blockmech.cli.output import check_places, csv_place, show_found
+from blockmech.cli.terminal import NO_ANSWER, progress_bar, reading
 from blockmech.told import DEGREES
 
 Scale = Annotated[str, option("Factor of all friction, e.g. 1.5 or 0.5:3:51.", "NUMBERS")]
-Csv = Annotated[str | None, option("Write all solutions (csv).", "FILE")]
+Csv = Annotated[str | None, option("Write all solutions (csv); - prints them.", "FILE")]
 Plot = Annotated[str | None, option("Draw them over the driver (png, svg, pdf).", "FILE")]
 
 
@@ -50,15 +50,14 @@ def solutions(
     """
     one_of(json=json, csv=csv is not None, plot=plot is not None)
     si_only(json, deg)
-    check_places(csv, plot)
     with reading(file):
         mechanism = compiled(file)
+    check_places(csv := csv_place(csv), plot)
     asked: dict[str, Any] = {"samples": samples, "times": times(at_times), "static": static}
     asked |= {"want": names_of(want) or None, "scale": row(f"--scale {scale}", scale, {"": 1.0})}
     poses = coordinates(mechanism, at or [])
     with progress_bar("searching"):
         found = mechanism.friction_solutions(poses, **asked)
-    answer(file, json, found.to_dict(), found.text(degrees=deg))
-    write_found(found, csv, plot)
+    show_found(file, found, found.text(degrees=deg), json, csv, plot)
     if not found.complete.all():
         raise typer.Exit(NO_ANSWER)

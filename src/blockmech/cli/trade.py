@@ -20,7 +20,8 @@ from blockmech.cli.options import (
     option,
     switch,
 )
-from blockmech.cli.terminal import UNDRAWN, Interrupted, progress_bar, reading, saving, say
+from blockmech.cli.output import check_places, csv_place
+from blockmech.cli.terminal import UNDRAWN, Interrupted, pour, progress_bar, reading, saving, say
 from blockmech.errors import refused
 from blockmech.files import folder, refuse_spared, writing
 
@@ -43,6 +44,7 @@ Start = Annotated[
 ]
 Friction = Annotated[str | None, option("Of simulate: one method of joint friction.", "METHOD")]
 Json = Annotated[bool, switch("json", "Print the trade as JSON.")]
+Csv = Annotated[str | None, option("Write the points (csv); - prints them.", "FILE")]
 Out = Annotated[str | None, option("Write trade.csv, trade.json and trade.png.", "DIR")]
 Plot = Annotated[str | None, option("Draw it (png, svg, pdf).", "FILE")]
 
@@ -64,24 +66,24 @@ def trade(
     friction: Friction = None,
     static: Static = False,
     json: Json = False,
+    csv: Csv = None,
     out: Out = None,
     plot: Plot = None,
 ) -> None:
     """Measure speed against accuracy for this mechanism, and recommend a setting."""
-    from blockmech.draw.paper import suffix_of
     from blockmech.draw.trade import trade as traded
 
-    one_of(json=json, out=out is not None, plot=plot is not None)
+    one_of(json=json, csv=csv is not None, out=out is not None, plot=plot is not None)
+    csv = csv_place(csv)
     with reading(file):
         mechanism = compiled(file)
     wants: list[Any] = [names_of([text]) for text in want or ()] or [None]
-    if len(wants) > 1 and (out is not None or plot is not None):
+    if len(wants) > 1 and any(place is not None for place in (csv, out, plot)):
         raise refused("--want", "pictures and files are of one request", "give --want once")
     # What is wrong is said before anything is measured.
     places = [Path(out) / name for name in FILES] if out is not None else []
-    refuse_spared(*filter(None, [plot]), *places)
-    if plot is not None:
-        suffix_of(plot)
+    refuse_spared(*places)
+    check_places(csv, plot)
     for names in wants:
         mechanism.outputs.match(names or ())
     request: dict[str, Any] = {
@@ -105,12 +107,14 @@ def trade(
     if json:
         rows = [t.to_dict() for t in found]
         say(text_of.dumps(rows[0] if len(rows) == 1 else rows, indent=2))
+    elif csv == "-":
+        pour([found[0].to_csv()])
     else:
         say("\n\n".join(t.text() for t in found))
         if len(found) > 1:
             say("\n\nrequests compared")
             say("\n".join(f"  {t.question}: {t.recommendation}" for t in found))
-        say("".join(f"wrote {path}\n" for path in _written(found[0], out, plot)), end="")
+        say("".join(f"wrote {path}\n" for path in _written(found[0], csv, out, plot)), end="")
     if _interrupted(found[-1]):
         raise Interrupted("what was measured is kept")
 
@@ -119,24 +123,27 @@ def _interrupted(found: Trade) -> bool:
     return any(s.why == "interrupted" for s in found.skipped)
 
 
-def _written(found: PlottedTrade, out: str | None, plot: str | None) -> list[Path]:
+def _written(found: PlottedTrade, csv: str | None, out: str | None, plot: str | None) -> list[Path]:
     """The files that are asked for, written: first the numbers, then the picture."""
+    if csv is not None:
+        found.to_csv(csv)
+        return [Path(csv)]
     if out is None:
         with progress_bar("drawing"):
             return [found.plot(plot)] if plot is not None else []
     home = Path(out)
-    csv, json, picture = (home / name for name in FILES)
+    table, json, picture = (home / name for name in FILES)
     outdated = FILES if os.path.exists(json) else ()
     with saving() as saved, folder(out, outdated) as draft:
-        found.to_csv(draft / csv.name)
+        found.to_csv(draft / table.name)
         with writing(draft / json.name) as stream:
             for text in saved([text_of.dumps(found.to_dict(), indent=2)]):
                 stream.write(text.encode())
     if _interrupted(found):
-        return [csv, json]
+        return [table, json]
     try:
         with progress_bar("drawing"):
-            return [csv, json, found.plot(picture)]
+            return [table, json, found.plot(picture)]
     except KeyboardInterrupt:
         raise Interrupted(UNDRAWN) from None
 

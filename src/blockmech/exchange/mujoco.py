@@ -120,7 +120,7 @@ class _Reading:
         self.frames[name] = o, angle
         joints = body.findall("joint")
         if body.find("freejoint") is not None or len(joints) > 1:
-            raise wrong(at, "it has several freedoms", "one hinge or slide a body")
+            raise wrong(at, "it has several degrees of freedom", "one hinge or slide a body")
         if not joints:
             self.links[name] = self.links[parent]
         else:
