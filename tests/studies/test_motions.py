@@ -10,7 +10,7 @@ import pytest
 import blockmech as bm
 from blockmech.cli import main
 from blockmech.studies.family import remade
-from blockmech.studies.motions import settling
+from blockmech.studies.motions import MotionRunner, settling
 from tests.dynamics.scenes import bare_rod, slide
 from tests.gallery import GRAPHS, mechanism
 
@@ -171,6 +171,117 @@ def test_parts_in_a_folder_and_by_processes(tmp_path):
     assert (tmp_path / "table.csv").read_text("utf-8").count("\n") == 301
 
 
+# -- side by side ----------------------------------------------------------------------
+
+
+def fallen(gravity=9.81):
+    rod = bare_rod(gravity)
+    rod.start("crank", q=0.3)
+    return rod.compile()
+
+
+SIDE_BY_SIDE = {
+    "to a standstill": (lambda: mechanism("watt_sixbar"), MASS, (0.5, 2.0), FALL),
+    "some swings": (lambda: mechanism("watt_sixbar"), MASS, (0.5, 2.0), {"until": "swings=3"}),
+    "to a place": (lambda: mechanism("watt_sixbar"), MASS, (0.5, 2.0), {"until": "angle=-1.5"}),
+    "with a rate": (
+        lambda: mechanism("watt_sixbar"),
+        "scene.gravity.y",
+        (-12.0, -2.0),
+        {"until": "time=1", "start": {"crank": (1.0, 2.0)}},
+    ),
+    "squeezed": (
+        lambda: mechanism("andrews_squeezer"),
+        "crank.links.crank.inertia",
+        (2e-6, 6e-6),
+        {"until": "time=0.01"},
+    ),
+    "damped": (
+        slide,
+        "spring.damping",
+        (0.0, 9.0),
+        {"until": "time=2", "start": {"slider": (0.2, 0.0)}},
+    ),
+    "rubbed to rest": (
+        lambda: bm.Graph.load(GRAPHS / "motions/pin_pendulum.json").compile(),
+        "crank.friction.A.coefficient",
+        (0.5, 1.5),
+        {"until": "time=20", "accuracy": 1e-7},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SIDE_BY_SIDE)
+def test_motions_side_by_side_are_the_single_ones_within_their_errors(name, monkeypatch):
+    pytest.importorskip("llvmlite", reason="the extra fast is not installed")
+    make, address, ends, request = SIDE_BY_SIDE[name]
+    mech, moved_alone = make(), []
+    single = MotionRunner.moved
+    monkeypatch.setattr(
+        MotionRunner, "moved", lambda self, row: moved_alone.append(row) or single(self, row)
+    )
+    own = ("t_end", "q_end", "error", "time_error", "standstills")
+    outputs = [f"poses({mech.drivers[0]}.{what})" for what in ("q", "rate")]
+    want = [*(f"motion.{x}" for x in own), *outputs]
+    values = np.linspace(*ends, 16)
+    found = mech.study({address: values}, want=want, simulate=request)
+    assert not moved_alone
+    few = [0, 7, 15]
+    alone = mech.study({address: values[few]}, want=want, simulate=request)
+    assert len(moved_alone) == len(few)
+    assert alone.status == ("ok",) * 3
+    error = found["motion.error"][few] + alone["motion.error"]
+    late = found["motion.time_error"][few] + alone["motion.time_error"]
+    assert (found["motion.error"] <= (request.get("accuracy") or 1e-9)).all()
+    assert (np.abs(found["motion.q_end"][few] - alone["motion.q_end"]) <= error).all()
+    assert (np.abs(found["motion.t_end"][few] - alone["motion.t_end"]) <= late).all()
+    assert (found["motion.standstills"][few] == alone["motion.standstills"]).all()
+    moved = np.abs(found[outputs[0]][few] - alone[outputs[0]])
+    assert (np.nanmax(moved, axis=1) <= error).all()
+    assert (np.isnan(found[outputs[0]][few]) == np.isnan(alone[outputs[0]])).all()
+
+
+def test_time_to_rest_side_by_side_is_that_of_the_closed_form():
+    pytest.importorskip("llvmlite", reason="the extra fast is not installed")
+    graph = GRAPHS / "motions/pin_pendulum.json"
+    exact = 28.084229257323663  # tests/dynamics/motions.py, in 30 digits
+    address = "crank.friction.A.coefficient"
+    found = (
+        bm.Graph.load(graph)
+        .compile()
+        .study(
+            {address: np.append(0.2, np.linspace(0.3, 1.0, 20))},
+            want=["motion.time_to_rest", "motion.q_end", "motion.error"],
+            simulate={"until": "time=100"},
+        )
+    )
+    assert found["motion.time_to_rest"][0] == pytest.approx(exact, abs=1e-8)
+    assert abs(found["motion.q_end"][0] + 1.5570362062188914) <= found["motion.error"][0]
+
+
+def test_what_arrays_cannot_decide_goes_by_itself():
+    """A start in balance, an end stop, a method by name: as single simulations say."""
+    pytest.importorskip("llvmlite", reason="the extra fast is not installed")
+    address = "scene.gravity.y"
+    g = np.append(np.linspace(-9.0, -8.0, 15), 0.0)  # without gravity the rod stays
+    found = fallen().study({address: g}, want="motion.t_end", simulate=FALL)
+    assert found.status == ("ok",) * 16
+    assert found["motion.t_end"][-1] == 0.0
+    rod = bare_rod()
+    rod.start("crank", q=0.0)
+    rod.stop("crank", -1.0, 1.0)
+    stopped = rod.compile().study(
+        {MASS: np.linspace(1.0, 2.0, 16)}, want="motion.t_end", simulate=FALL
+    )
+    assert set(stopped.status) == {"ended-early"}
+    assert stopped.reason(3).startswith("ended-early: end stop, after 0.")
+    masses, want = np.linspace(1.0, 2.0, 16), ["motion.t_end", "max_abs(crank.rate)"]
+    together = fallen().study({MASS: masses}, want=want, simulate=FALL)
+    by_name = fallen().study({MASS: masses}, want=want, simulate={**FALL, "method": "energy"})
+    np.testing.assert_allclose(together["motion.t_end"], by_name["motion.t_end"], atol=1e-9)
+    assert (together["motion.t_end"] != by_name["motion.t_end"]).any()
+
+
 def test_an_interrupted_study_keeps_what_is_done():
     rod = bare_rod()
     rod.start("crank", q=0.0)
@@ -180,7 +291,11 @@ def test_an_interrupted_study_keeps_what_is_done():
             os.kill(os.getpid(), signal.SIGINT) if os.name != "nt" else signal.raise_signal(2)
 
     found = rod.compile().study(
-        {MASS: np.linspace(1.0, 2.0, 96)}, want="motion.t_end", simulate=FALL, progress=stop
+        {MASS: np.linspace(1.0, 2.0, 96)},
+        want="motion.t_end",
+        simulate=FALL,
+        progress=stop,
+        engine="scalar",
     )
     assert found.interrupted
     assert 32 <= found.n < 96

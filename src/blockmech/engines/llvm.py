@@ -133,10 +133,7 @@ class LlvmEngine:
         ``values`` are those of `Program.values`, numbers of designs as columns (m, 1); inputs
         are (n,). A design's numbers are those that it has alone.
         """
-        rows = [*leaves(values), 0.0]
-        slots = np.empty((max(np.size(x) for x in rows), len(rows)))
-        for k, x in enumerate(rows):
-            slots[:, k] = x if np.size(x) == 1 else np.ravel(x)
+        slots = slots_of(values)
         n = max((np.size(inputs[x]) for x in self.program.inputs), default=1)
         return self._together(inputs, n, slots)
 
@@ -207,6 +204,15 @@ def _whole_blocks(column: Array) -> Array:
 def row_of(program: Program) -> Array:
     """The numbers of a program in the order of its trace; never none."""
     return np.array([*leaves(tuple(program.parameters.values())), 0.0])
+
+
+def slots_of(values: tuple[Any, ...]) -> Array:
+    """The numbers (m, k) of m designs in the order of a trace, as `row_of` has one's."""
+    rows = [*leaves(values), 0.0]
+    slots = np.empty((max(np.size(x) for x in rows), len(rows)))
+    for k, x in enumerate(rows):
+        slots[:, k] = x if np.size(x) == 1 else np.ravel(x)
+    return slots
 
 
 class SingleEvaluator:

@@ -31,6 +31,7 @@ from blockmech.engines.trace import FOLLOWED, Body, Trace
 from blockmech.plan import Program
 
 Floats = NDArray[np.float64]
+FLEET = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 13, *[ctypes.c_int64] * 9)
 KIND = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 11, *[ctypes.c_int64] * 6)
 STEPS = """
 declare double @llvm.sqrt.f64(double)
@@ -275,6 +276,55 @@ doubtful:
 done:
   ret i64 %m
 }
+
+define void @fleet(ptr %x, ptr %numbers, ptr %blocks, ptr %states, ptr %state, ptr %A, ptr %C,
+    ptr %E, ptr %tolerances, ptr %controls, ptr %times, ptr %given, ptr %counts, i64 %most, i64 %n,
+    i64 %width, i64 %ends, i64 %all, i64 %watched, i64 %slots, i64 %more, i64 %designs) {
+start:
+  %bytes = mul i64 %n, 8
+  %more.bytes = mul i64 %more, 8
+  %clock = getelementptr double, ptr %state, i64 %n
+  %held = getelementptr double, ptr %clock, i64 1
+  %rows = add i64 %most, 1
+  %states.each = mul i64 %rows, %n
+  %row.each = mul i64 %all, %width
+  %block.each = mul i64 %rows, %row.each
+  %two = mul i64 %n, 2
+  br label %test
+test:
+  %d = phi i64 [ 0, %start ], [ %d.next, %one ]
+  %go = icmp slt i64 %d, %designs
+  br i1 %go, label %one, label %done
+one:
+  %P.place = mul i64 %d, %slots
+  %P = getelementptr double, ptr %numbers, i64 %P.place
+  %K.place = mul i64 %d, %block.each
+  %K = getelementptr double, ptr %blocks, i64 %K.place
+  %y.place = mul i64 %d, %states.each
+  %y = getelementptr double, ptr %states, i64 %y.place
+  %tol.place = mul i64 %d, %two
+  %tol = getelementptr double, ptr %tolerances, i64 %tol.place
+  %control.place = mul i64 %d, 6
+  %control = getelementptr double, ptr %controls, i64 %control.place
+  %t.place = mul i64 %d, %rows
+  %t = getelementptr double, ptr %times, i64 %t.place
+  %given.place = mul i64 %d, %more
+  %own = getelementptr double, ptr %given, i64 %given.place
+  call void @llvm.memcpy.p0.p0.i64(ptr %state, ptr %y, i64 %bytes, i1 0)
+  %t.now = load double, ptr %t
+  store double %t.now, ptr %clock
+  call void @llvm.memcpy.p0.p0.i64(ptr %held, ptr %own, i64 %more.bytes, i1 0)
+  call double @fill(ptr %x, ptr %P, ptr %K, i64 1, i64 1, i64 0, i64 1)
+  %made = call i64 @steps(ptr %x, ptr %P, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, ptr %E,
+    ptr %tol, ptr %control, ptr %t, i64 %most, i64 %n, i64 %width, i64 %ends, i64 %all,
+    i64 %watched)
+  %count.at = getelementptr i64, ptr %counts, i64 %d
+  store i64 %made, ptr %count.at
+  %d.next = add i64 %d, 1
+  br label %test
+done:
+  ret void
+}
 """
 
 
@@ -308,8 +358,61 @@ class CompiledRhs:
             raise Untraceable(FOLLOWED)
         self.rows: list[Any] = [*trace.values]
         text = Text(1).fill(self.inputs, self.rows) + STEPS
-        self.at, self.steps = machine_code(text, ("fill", FILL), ("steps", KIND))
+        kinds = ("fill", FILL), ("steps", KIND), ("fleet", FLEET)
+        self.at, self.steps, self._fleet = machine_code(text, *kinds)
+        self.program = program
         self.numbers = row_of(program)
+
+    def fleet(
+        self,
+        by: Scheme,
+        slots: Floats,
+        given: Floats,
+        begin: tuple[Floats, Floats],
+        control: Floats,
+        tolerances: Floats,
+        most: int,
+    ) -> FleetSteps:
+        """Steps of m designs, each from its own ``begin`` (t (m,), y (m, n)), at most so many.
+
+        slots : (m, k) numbers of the program, given : (m, p) of the right-hand side
+        control : (m, 6) step to try, bound, longest step, 0, and the road (`CompiledStepper`)
+        tolerances : (m, 2, n) relative and absolute ones
+        """
+        m, n, width, stages = len(slots), self.dimension, len(self.rows), len(by.C)
+        t, y = np.zeros((m, most + 1)), np.zeros((m, most + 1, n))
+        t[:, 0], y[:, 0] = begin
+        K, counts = np.empty((m, most + 1, stages, width)), np.zeros(m, np.int64)
+        state = np.zeros(self.inputs)
+        size = state.itemsize
+        first = state.ctypes.data
+        x = (ctypes.c_void_p * self.inputs)(*range(first, first + size * self.inputs, size))
+        slots, given, control, tolerances = map(
+            np.ascontiguousarray, (slots, given, control, tolerances)
+        )
+        arrays = slots, K, y, state, by.A, by.C, by.E, tolerances, control, t, given, counts
+        ends, own = by.E.shape[1], given.shape[1]
+        numbers = most, n, width, ends, stages, self.watched, slots.shape[1], own, m
+        self._fleet(x, *(a.ctypes.data for a in arrays), *numbers)
+        return FleetSteps(t, y, K, np.abs(counts), counts < 0, control[:, 0], control[:, 3])
+
+
+class FleetSteps(NamedTuple):
+    """Steps of m designs.
+
+    t : (m, s + 1) [s], y : (m, s + 1, n) where they begin, and where the last ends
+    K : (m, s + 1, stages, r) rows of the program at their stages; of no step that of the start
+    made : (m,) how many steps, doubtful : (m,) whether something may happen in the last one
+    h : (m,) [s] the step to try next, tried : (m,) how many were tried
+    """
+
+    t: Floats
+    y: Floats
+    K: Floats
+    made: NDArray[np.int64]
+    doubtful: NDArray[np.bool_]
+    h: Floats
+    tried: Floats
 
 
 class Steps(NamedTuple):

@@ -79,6 +79,11 @@ def _unreadable(kernel: Callable[..., Any], name: str) -> TypeError:
     return TypeError(f"{where}: its parameter {name!r} names nothing that can be read. {VALID}")
 
 
+def acts(x: Any) -> bool:
+    """Whether a number is not zero; of many designs, (m, 1), whether one's is not."""
+    return bool(x.any()) if hasattr(x, "any") else bool(x)
+
+
 class Kinks(NamedTuple):
     """Where a load is not smooth in place.
 

@@ -15,7 +15,7 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from blockmech.loads.contract import Element, Kinks, Terminal
+from blockmech.loads.contract import Element, Kinks, Terminal, acts
 from blockmech.plane import angle, dot, expi, hyp, mul, where
 from blockmech.typing import Complex, Real
 from blockmech.values import Angle, Axis, NotNegative, Number, Units, in_unit
@@ -74,19 +74,19 @@ class Spring(Element, type="load.spring"):
     @property
     def conservative(self) -> bool:
         """Without damping."""
-        return not self.damping
+        return not acts(self.damping)
 
     def rate_degree(self) -> float:
         """Damping is a straight line in the rates."""
-        return 1.0 if self.damping else 0.0
+        return 1.0 if acts(self.damping) else 0.0
 
     def kernel(self) -> Callable[..., Any]:
         """With damping where there is any: only that asks for velocities."""
-        return pull_and_damp if self.damping else pull
+        return pull_and_damp if acts(self.damping) else pull
 
     def energy(self) -> Callable[..., Any] | None:
         """The stored energy, if it is elastic."""
-        return stored if self.stiffness else None
+        return stored if acts(self.stiffness) else None
 
 
 def twist(e_a: Complex, e_b: Complex, p: TorsionSpring) -> Real:
@@ -143,22 +143,22 @@ class TorsionSpring(Element, type="load.torsion_spring"):
     @property
     def conservative(self) -> bool:
         """Without damping."""
-        return not self.damping
+        return not acts(self.damping)
 
     def rate_degree(self) -> float:
         """Damping is a straight line in the rates."""
-        return 1.0 if self.damping else 0.0
+        return 1.0 if acts(self.damping) else 0.0
 
     def kinks(self) -> Kinks | None:
         """The half turn from rest, where the moment changes its sign."""
-        return Kinks(twist, (math.pi,), turning=True) if self.stiffness else None
+        return Kinks(twist, (math.pi,), turning=True) if acts(self.stiffness) else None
 
     def kernel(self) -> Callable[..., Any]:
         """The cheapest form that says the same."""
-        if not self.damping:
+        if not acts(self.damping):
             return turn_back
-        return turn_back_and_damp if self.stiffness else damp
+        return turn_back_and_damp if acts(self.stiffness) else damp
 
     def energy(self) -> Callable[..., Any] | None:
         """The stored energy, if it is elastic."""
-        return stored_by_turning if self.stiffness else None
+        return stored_by_turning if acts(self.stiffness) else None

@@ -17,11 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
+from blockmech.dynamics.batch import Motions, moved, rates_for
 from blockmech.dynamics.motion import FACT_UNITS, Motion, fact_unit
-from blockmech.dynamics.request import OUTPUTS, request_of
+from blockmech.dynamics.request import (
+    OUTPUTS,
+    SimulationRequest,
+    refuse_no_inertia,
+    request_of,
+)
 from blockmech.dynamics.stops import stops_of
+from blockmech.dynamics.system import System
+from blockmech.engines.stages import CompiledRhs
 from blockmech.errors import BlockmechError, close_match, listed, refused
 from blockmech.model.parameters import Parameter
+from blockmech.quality import OK
 from blockmech.result import Result
 from blockmech.settings import friction_asked
 from blockmech.studies.family import Family, as_said, remade
@@ -30,7 +39,8 @@ from blockmech.studies.reductions import POSES, SIMPLE, Wanted, Words, column, c
 from blockmech.studies.runner import Runner
 
 Array = NDArray[Any]
-TOGETHER = 16  # designs between two words of progress
+FEW = 16  # designs between two words of progress, and for which nothing is compiled
+TOGETHER = 256  # designs that move side by side: their steps stay in some megabytes
 WITHIN = 0.02  # of its change, within which an output has settled
 MOTION = "motion"  # what is reduced is the motion itself
 
@@ -58,6 +68,19 @@ NUMBERS: Mapping[str, tuple[str, Callable[[Motion], float]]] = {
 def _period(motion: Motion) -> float:
     """The period of a steady motion, else the whole of it [s]."""
     return motion.facts.get("period", motion.t_end - motion.t_start)
+
+
+OF_BATCH: Mapping[str, Callable[[Motions], Array]] = {
+    "t_end": lambda m: m.t,
+    "q_end": lambda m: m.q,
+    "rate_end": lambda m: m.rate,
+    "error": lambda m: m.error,
+    "time_error": lambda m: m.time_error,
+    "standstills": lambda m: m.stands,
+    "time_to_rest": lambda m: m.rest,
+    "friction_work": lambda m: m.taken,
+}
+"""Numbers that motions side by side know."""
 
 
 class Moved(NamedTuple):
@@ -155,33 +178,35 @@ class MotionRunner(Runner):
 
     def part(self, n: int) -> int:
         """Designs handed out at a time."""
-        return 16 * TOGETHER
+        return TOGETHER
 
-    def prepared(self, count: int) -> None:
-        """Nothing that all designs share."""
+    def prepared(self, count: int) -> Together | None:
+        """What moves designs side by side; None where each is moved by itself."""
+        return None if count < FEW or self.family.alone else Together.of(self)
 
-    def blocks(self, planned: Any, chosen: Any) -> Iterator[Block]:
+    def blocks(self, planned: Together | None, chosen: Any) -> Iterator[Block]:
         """All blocks of a part, one after the other."""
-        made = chosen.columns(0, chosen.count)
-        for k in range(0, chosen.count, TOGETHER):
+        made, size = chosen.columns(0, chosen.count), FEW if planned is None else TOGETHER
+        for k in range(0, chosen.count, size):
             rows = zip(self.family.parameters, made.values(), strict=True)
-            yield self.block(planned, {p: x[k : k + TOGETHER] for p, x in rows})
+            yield self.block(planned, {p: x[k : k + size] for p, x in rows})
 
-    def block(self, planned: Any, columns: Mapping[Parameter, Array]) -> Block:
-        """Some designs, each moved by itself."""
-        rows = zip(*columns.values(), strict=True)
-        found = [
-            self.moved({p.address: as_said(p, x) for p, x in zip(columns, row, strict=True)})
-            for row in rows
-        ]
-        nothing = {w.label: _nothing(w, self.n) for w in self.want}
-        values = {
-            w.label: np.array([x.values.get(w.label, nothing[w.label]) for x in found])
-            for w in self.want
-        }
-        word = np.array([REASONS.index(x.word) if x.word else 0 for x in found], np.int8)
-        place = np.array([x.place for x in found], object)
-        return Block(values, word, place, np.full(len(found), -1), np.zeros(len(found), np.int64))
+    def block(self, planned: Together | None, columns: Mapping[Parameter, Array]) -> Block:
+        """Some designs, side by side, and each by itself where that cannot be."""
+        m = len(next(iter(columns.values())))
+        values = {w.label: np.array([_nothing(w, self.n)] * m) for w in self.want}
+        word, place = np.zeros(m, np.int8), np.full(m, "", object)
+        alone = range(m) if planned is None else planned.into(values, columns).tolist()
+        for i in alone:
+            row = {p.address: as_said(p, x[i]) for p, x in columns.items()}
+            found = self.moved(row)
+            for label, x in found.values.items():
+                values[label][i] = x
+            word[i], place[i] = REASONS.index(found.word or OK), found.place
+        for label, x in values.items():
+            bad = (word == 0) & np.isnan(x if x.ndim == 1 else x[:, 0])
+            word[bad], place[bad] = REASONS.index(NO_NUMBER), label
+        return Block(values, word, place, np.full(m, -1), np.zeros(m, np.int64))
 
     # -- one design ------------------------------------------------------------------------
 
@@ -202,27 +227,87 @@ class MotionRunner(Runner):
             return Moved({}, NO_MOTION, f"{motion.end}, after {motion.t_end:.9g} s")
         if motion.status == "ended" and motion.end != ends.REST:
             return Moved({}, ENDED_EARLY, f"{motion.end}, after {motion.t_end:.9g} s")
-        values = {w.label: self.value(w, result, motion) for w in self.want}
-        for label, x in values.items():
-            if not np.isfinite(x[: result.n] if np.ndim(x) else x).all():
-                return Moved(values, NO_NUMBER, label)
-        return Moved(values)
+        return Moved({w.label: self.value(w, result, motion) for w in self.want})
 
     def value(self, w: Wanted, result: Result, motion: Motion) -> Any:
         """One column of a motion."""
         if w.how == MOTION:
             own = NUMBERS.get(w.output)
             return float(motion.facts.get(w.output, math.nan) if own is None else own[1](motion))
-        y = np.asarray(result[w.output])
-        if w.how == "final":
-            return y[-1]
-        if w.how == "settling":
-            return settling(np.asarray(result.time), y, w.sample)
-        if w.how == POSES:
-            row = np.full(self.n, _nothing(w, 1)[0])
-            row[: len(y)] = y
-            return row
-        return w.value(y)[0] if np.ndim(y) else y
+        return reduced(w, np.asarray(result.time), np.asarray(result[w.output]), self.n)
+
+
+@dataclass(frozen=True)
+class Together:
+    """Moves designs of a family side by side, see `blockmech.dynamics.batch`.
+
+    Attributes
+    ----------
+    runner : what is asked of each
+    system, request : of the mechanism whose program serves all
+    rates : that program's right-hand side
+    """
+
+    runner: MotionRunner
+    system: System
+    request: SimulationRequest
+    rates: CompiledRhs
+
+    @classmethod
+    def of(cls, runner: MotionRunner) -> Together | None:
+        """That of a request; None where single motions know more, or nothing can be compiled."""
+        m = runner.family.mechanism
+        states = {m.of_driver(d, what) for d in m.drivers for what in ("q", "rate")}
+        known = (w.output in (OF_BATCH if w.how == MOTION else states) for w in runner.want)
+        if not all(known):
+            return None
+        given = {"engine": runner.engine, **runner.simulation}
+        request, starts = request_of(m.scene, m.drivers, **given)
+        stops = stops_of(m, starts, runner.simulation.get("stops"))
+        if any(math.isfinite(stop.q) for between in stops for stop in between):
+            return None  # where a pair's stop is, each design says for itself
+        refuse_no_inertia(runner.family.general.structure, m.name)
+        how = friction_asked(*_friction(runner.settings).values())
+        system = System(runner.family.general, method=how, engine=runner.engine)
+        rates = rates_for(system, request)
+        return None if rates is None else cls(runner, system, request, rates)
+
+    def into(self, values: dict[str, Array], columns: Mapping[Parameter, Array]) -> Array:
+        """Put what is known of designs into their columns; which are to be moved by themselves."""
+        runner, request = self.runner, self.request
+        m, own = len(next(iter(columns.values()))), runner.family.mechanism
+        design = runner.family.design({p: x[:, None] for p, x in columns.items()})
+        found = moved(self.system, request, self.rates, self.rates.program.values(*design), m)
+        some = np.flatnonzero(~found.alone)
+        times = np.array(runner.simulation.get("times", ()), dtype=float)
+        t0, rates = request.start.t, own.of_driver(own.drivers[0], "rate")
+        t = t0 + np.linspace(0.0, 1.0, runner.n) * (found.t - t0)[:, None]
+        if times.size or request.until.goal == "time":
+            t = np.tile(request.times, (m, 1))
+        shown = t <= found.t[:, None]
+        states = found.track.state(np.minimum(t, found.t[:, None]))
+        for w in runner.want:
+            if w.how == MOTION:
+                values[w.label][some] = OF_BATCH[w.output](found)[some]
+                continue
+            y = states[..., int(w.output == rates)]
+            for i in some.tolist():
+                n = int(shown[i].sum())
+                values[w.label][i] = reduced(w, t[i, :n], y[i, :n], runner.n)
+        return np.flatnonzero(found.alone)
+
+
+def reduced(w: Wanted, t: Array, y: Array, n: int) -> Any:
+    """The reduction of an output y at times t [s] of a motion; of all poses n numbers."""
+    if w.how == "final":
+        return y[-1]
+    if w.how == "settling":
+        return settling(t, y, w.sample)
+    if w.how == POSES:
+        row = np.full(n, _nothing(w, 1)[0])
+        row[: len(y)] = y
+        return row
+    return w.value(y)[0] if np.ndim(y) else y
 
 
 def settling(t: Array, y: Array, share: float = WITHIN) -> float:

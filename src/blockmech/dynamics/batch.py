@@ -1,0 +1,538 @@
+r"""Motions of many designs side by side: machine code over all of them, decisions as arrays.
+
+All designs of a structure share the right-hand side as machine code (`rates`), each with its own
+numbers; no end stops are in their way. They go on together, some steps of each at a time; what
+interrupts a step is looked at for all of them at once. Two things may: a standstill, after which
+joint friction acts the other way or holds, and a goal in place. A design in which anything else
+may happen (a margin or inertia that comes near to zero, a pair that reverses, a start near
+equilibrium) is left out: who asked moves it by itself.
+
+Two runs that differ in accuracy alone give the error of each motion, as of single ones
+(`estimate`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+
+from blockmech.dynamics.dop853 import scheme
+from blockmech.dynamics.equation import LEAST_INERTIA
+from blockmech.dynamics.estimate import PARTED, ROUNDING, TARGET, spread
+from blockmech.dynamics.motion import EVALUATIONS, Floats
+from blockmech.dynamics.rates import rates_of
+from blockmech.engines.llvm import slots_of
+from blockmech.engines.stages import CompiledRhs, FleetSteps
+from blockmech.plane import EPS
+from blockmech.quality import NEAR as LEAST_MARGIN
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.request import SimulationRequest
+    from blockmech.dynamics.system import System
+
+Bools = NDArray[np.bool_]
+TOGETHER = 16  # steps of a design between two looks at it
+FINER, FLOOR = 20.0, 100 * EPS
+SHORTER = FINER ** (-1 / 8)  # the longest step of a finer run, as of single motions
+HALVED, SECANTS = 10, 4  # how often the bracket of a place in a step is halved; what finds it then
+UNSURE = 1e-9  # of the accelerations at a standstill: what is smaller is decided by itself
+MARGIN, SLIPS = 0, 3  # columns of what is watched, see `rates`
+TIME, GOAL, REST = range(3)  # why a motion is over
+
+
+def compiled_rates(compiled: Any) -> dict[Any, CompiledRhs | None]:
+    """The right-hand sides of a mechanism's family, by how friction is solved."""
+    return {}
+
+
+def rates_for(system: System, request: SimulationRequest) -> CompiledRhs | None:
+    """The right-hand side that all designs share; None where motions go one by one."""
+    structure, goal = system.compiled.structure, request.until.goal
+    if request.method not in ("auto", "dop853") or system.engine == "scalar":
+        return None
+    if goal not in ("standstill", "swings", "time", "angle") or len(structure.drivers) > 1:
+        return None
+    if request.watch or structure.signals or structure.followed:
+        return None
+    friction = system.friction
+    if not system.depends_on <= {"q", "rate"} or system.knots:
+        return None
+    if friction and any(friction.guides):
+        return None
+    laws = [law for b in structure.blocks.values() for law in b.friction.values()]
+    if friction and any(law.acts and law.kernel_at_rest() is not None for law in laws):
+        return None
+    kept = system.compiled.once(compiled_rates)
+    if system.method not in kept:
+        kept[system.method] = rates_of(system.equation_program, friction, system.signals)
+    return kept[system.method]
+
+
+class Motions(NamedTuple):
+    """Motions of m designs, arrays (m,).
+
+    alone : whether a design is to be moved by itself; the other columns then say nothing
+    end : `TIME`, `GOAL` or `REST`
+    rest : [s] when friction stopped it for good, NaN where it did not
+    stands : number of standstills
+    taken : [J] work of joint friction
+    error, time_error : [rad or m], [s], as those of a `Motion`
+    track : states at any times
+    """
+
+    alone: Bools
+    end: NDArray[np.int64]
+    t: Floats
+    q: Floats
+    rate: Floats
+    rest: Floats
+    stands: NDArray[np.int64]
+    taken: Floats
+    error: Floats
+    time_error: Floats
+    track: Track
+
+    def merged(self, other: Motions, where: Bools) -> Motions:
+        """These, and another's where it says so."""
+        rows = zip(self[:-1], other[:-1], strict=True)
+        pieces = self.track.some(~where), other.track.some(where)
+        track = Track.of(pieces, self.track.m)
+        return Motions._make([*(np.where(where, b, a) for a, b in rows), track])
+
+
+@dataclass(frozen=True)
+class Track:
+    """Dense output of all designs: steps in order of design, then of time.
+
+    m : number of designs
+    design, t0, t1 : (s,) whose, from and to [s]
+    series : (8, s, 2) of coordinate and rate, see `Dense`
+    """
+
+    m: int
+    design: NDArray[np.intp]
+    t0: Floats
+    t1: Floats
+    series: Floats
+
+    @classmethod
+    def of(cls, pieces: Sequence[tuple[Any, ...]], m: int) -> Track:
+        """From pieces (design, t0, t1, series), those of a design in the order of time."""
+        none = np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty((8, 0, 2))
+        design, t0, t1 = (np.concatenate([p[i] for p in (none, *pieces)]) for i in range(3))
+        order = np.argsort(design, kind="stable")
+        series = np.concatenate([p[3] for p in (none, *pieces)], axis=1)[:, order]
+        return cls(m, design[order], t0[order], t1[order], series)
+
+    def some(self, which: Bools) -> tuple[Any, ...]:
+        """The piece of some designs."""
+        kept = which[self.design]
+        return self.design[kept], self.t0[kept], self.t1[kept], self.series[:, kept]
+
+    def state(self, t: Floats) -> Floats:
+        """Coordinates and rates (m, p, 2) of the designs at times (m, p) [s]."""
+        found = np.full((*t.shape, 2), np.nan)
+        if not self.t0.size:
+            return found
+        some = np.bincount(self.design, minlength=self.m) > 0
+        begin, span = self.t0.min(), np.ptp(np.append(self.t1, self.t0)) or 1.0
+
+        def place(design: Any, at: Any) -> Any:
+            """A number in the order of designs, and of a design's times."""
+            return design + np.clip((at - begin) / span, 0.0, 1.0) / 2
+
+        rows = np.flatnonzero(some)
+        wanted = t[rows]
+        i = place(self.design, self.t0).searchsorted(place(rows[:, None], wanted), side="right") - 1
+        i = np.maximum(i, np.searchsorted(self.design, rows)[:, None])  # a time before the start
+        x = (wanted - self.t0[i]) / np.maximum(self.t1[i] - self.t0[i], 1e-300)
+        values = powers_of(x.ravel(), self.series[:, i.ravel()])
+        found[rows] = values.reshape(*wanted.shape, 2)
+        return found
+
+
+def powers_of(x: Any, series: Floats) -> Floats:
+    """Dense output at shares x (p,) of steps, from their series (8, p, n)."""
+    factors, found = (1 - x[:, None], x[:, None]), np.array(series[0])
+    for k, row in enumerate(series[1:], start=1):  # of z z z x, z z z, z z x, ..., z = x (1 - x)
+        found = found * factors[k % 2] + row
+    return found
+
+
+def moved(
+    system: System, request: SimulationRequest, rates: CompiledRhs, values: tuple[Any, ...], m: int
+) -> Motions:
+    """The motions of m designs, whose numbers of the program are ``values``, with their errors."""
+    slots = slots_of(values)
+    slots = np.ascontiguousarray(np.broadcast_to(slots, (m, slots.shape[1])))
+    target = request.accuracy or TARGET
+    tolerance = np.full(m, max(target / 10, FLOOR * FINER))
+    whole = _Run(system, request, rates, slots, tolerance, np.full(m, math.inf))
+    coarse, best = whole.motions(), None
+    open_, longest = ~coarse.alone, whole.longest
+    while open_.any():
+        off = np.full(m, np.nan) if best is None else best.error
+        share = np.fmin(1 / FINER, 0.3 * target / np.where(off > 0, off, np.nan))
+        following = np.maximum(tolerance * share, FLOOR)
+        run = _Run(system, request, rates, slots, following, SHORTER * longest, ~open_)
+        fine = _judged(system, request, coarse, run.motions(), open_)
+        best = fine if best is None else best.merged(fine, open_)
+        done = (best.error <= target) | best.alone | (following <= FLOOR)
+        coarse, tolerance, longest = fine, following, run.longest
+        open_ = open_ & ~done
+    if best is None:
+        return coarse
+    if request.accuracy is not None:
+        best.alone[best.error > target] = True
+    return best
+
+
+def _judged(
+    system: System, request: SimulationRequest, coarse: Motions, fine: Motions, judged: Bools
+) -> Motions:
+    """The finer motions with their errors; those of which two runs disagree are alone."""
+    same = (coarse.end == fine.end) & (coarse.stands == fine.stands) & ~coarse.alone & ~fine.alone
+    same &= np.isnan(coarse.rest) == np.isnan(fine.rest)
+    last, t0 = np.minimum(coarse.t, fine.t), request.start.t
+    share = (spread(0.0, 1.0)[None, :]) * (last - t0)[:, None] + t0
+    wanted = np.array([t for t in request.times if t0 <= t], dtype=float)
+    times = np.sort(np.hstack([share, np.minimum(wanted[None, :], last[:, None])]), axis=1)
+    times = np.where(same[:, None], times, t0)
+    with np.errstate(invalid="ignore"):
+        a, b = coarse.track.state(times), fine.track.state(times)
+        apart = np.fmax.reduce(np.abs(a - b)[..., 0], axis=1, initial=0.0)
+        apart = np.fmax(apart, np.abs(coarse.q - fine.q))
+        late, span = np.abs(coarse.t - fine.t), fine.t - t0
+        size = np.fmax.reduce(np.abs(b[..., 0]), axis=1) + fine.t * np.fmax.reduce(
+            np.abs(b[..., 1]), axis=1
+        )
+        reach = np.ptp(b[..., 0], axis=1)
+        near = PARTED * np.minimum(reach, 1.0 if system.rotary[0] else math.inf) + ROUNDING * size
+        agree = same & (apart <= near) & (late <= PARTED * span)
+        unknown = _rounding(system, request, times, b)
+        clock = np.where(fine.end == TIME, 0.0, late + unknown[1])
+    alone = fine.alone | (judged & ~agree)
+    return fine._replace(alone=alone, error=apart + unknown[0], time_error=clock)
+
+
+def _rounding(
+    system: System, request: SimulationRequest, t: Floats, states: Floats
+) -> tuple[Floats, Floats]:
+    """What rounding leaves unknown of places and of the end's time: see `with_rounding`.
+
+    The start is that of all, and the effort by which they start from rest is of a size.
+    """
+    q, rate, _ = request.start
+    share = ROUNDING * system.inertia_rounding(float(q))
+    if not rate:
+        share = max(ROUNDING, 2 * system.push_rounding(float(q), 0.0))
+    late = share * np.abs(t)
+    off = late * np.abs(states[..., 1]) + ROUNDING * np.abs(states[..., 0])
+    return np.fmax.reduce(off, axis=1), late[:, -1]
+
+
+class _Run:
+    """One run of all designs, each at its tolerance (m,)."""
+
+    def __init__(
+        self,
+        system: System,
+        request: SimulationRequest,
+        rates: CompiledRhs,
+        slots: Floats,
+        tolerance: Floats,
+        longest: Floats,
+        left_out: Bools | None = None,
+    ) -> None:
+        m, n = len(slots), rates.dimension
+        self.system, self.request, self.rates, self.slots = system, request, rates, slots
+        q, rate, t = request.start
+        self.t, self.y = np.full(m, float(t)), np.zeros((m, n))
+        self.y[:, 0], self.y[:, 1] = q, rate
+        self.most_step, self.longest, self.m, self.n = longest, np.zeros(m), m, n
+        self.alone = np.zeros(m, bool) if left_out is None else left_out.copy()
+        self.over, self.end = np.zeros(m, bool), np.full(m, TIME)
+        self.rest, self.stands = np.full(m, np.nan), np.zeros(m, np.int64)
+        self.spent, self.pieces = np.zeros(m), list[tuple[Any, ...]]()
+        pairs = rates.inputs - n - 4
+        self.rubs = pairs > 0
+        self.given = np.zeros((m, 3 + pairs))
+        self.given[:, 1] = 1.0
+        self._begin(tolerance)
+
+    # -- the start ---------------------------------------------------------------------------
+
+    def _begin(self, tolerance: Floats) -> None:
+        """Usual inertia, directions of slip, scales of the tolerances and first steps."""
+        every = np.arange(self.m)
+        self.given[:, 3:] = 1.0
+        q = self.y[:, 0].copy()
+        around = self.system.span * np.linspace(0.0, 1.0, 8, endpoint=False)
+        J = np.array([self._rows(every, q + x, 0.0)[:, self.n + 1] for x in around])
+        with np.errstate(all="ignore"):
+            self.usual = np.nan_to_num(np.nanmedian(np.where(J > 0, J, np.nan), axis=0), nan=1.0)
+        self.given[:, 2] = LEAST_INERTIA * self.usual
+        rate = float(self.request.start.rate)
+        if rate and self.rubs:
+            self._slip(every, np.full(self.m, math.copysign(1.0, rate)))
+        elif not rate:
+            self._leave(every)
+        row = self._rows(every, self.y[:, 0], self.y[:, 1])
+        J, push = row[:, self.n + 1], np.abs(row[:, 1])
+        good = (row[:, self.n] > LEAST_MARGIN) & (self.given[:, 2] < J) & np.isfinite(push)
+        self.alone |= ~good
+        speed = abs(rate) + np.sqrt(2 * push * min(self.system.span, 1.0))
+        speed = np.where(speed > 0, speed, 1.0)
+        work = 0.5 * J * speed**2
+        self.tolerances = np.empty((self.m, 2, self.n))
+        self.tolerances[:, 0] = np.maximum(tolerance, FLOOR)[:, None]
+        self.tolerances[:, 0, 0] = FLOOR
+        self.tolerances[:, 1] = tolerance[:, None]
+        self.tolerances[:, 1, 1] *= speed
+        self.tolerances[:, 1, 2:] *= np.where(work > 0, work, 1.0)[:, None]
+        with np.errstate(all="ignore"):
+            short = 0.1 * tolerance**0.125 * speed / push
+        self.h = np.fmin(short, self.system.span / speed)
+
+    def _rows(self, which: Any, q: Any, rate: Any) -> Floats:
+        """Rows (s, r) of the program of some designs at coordinates and rates."""
+        y = self.y[which]
+        y[:, 0], y[:, 1] = q, rate
+        control = np.zeros((len(which), 6))
+        found = self.rates.fleet(
+            scheme(),
+            self.slots[which],
+            self.given[which],
+            (self.t[which], y),
+            control,
+            np.ones((len(which), 2, self.n)),
+            0,
+        )
+        self.spent[which] += 1
+        return found.K[:, 0, 0]
+
+    def _slip(self, which: Any, way: Floats) -> Floats:
+        """Set the directions of slip of designs that move in a direction; the row then."""
+        row = self._rows(which, self.y[which, 0], 0.0)
+        slips = row[:, -self.rates.watched + SLIPS :]
+        self.given[which, 3:] = way[:, None] * np.sign(slips)
+        self.alone[which] |= ~(np.abs(slips) > math.sqrt(EPS)).all(axis=1)
+        return self._rows(which, self.y[which, 0], 0.0)
+
+    def _leave(self, which: Any) -> None:
+        """From a standstill: the direction in which designs start; those that rest are over."""
+        if not len(which):
+            return
+        if not self.rubs:
+            row = self._rows(which, self.y[which, 0], 0.0)
+            push = self.system.rounding(float(self.request.start.q)) / UNSURE
+            self.alone[which] |= ~(np.abs(row[:, 1]) * row[:, self.n + 1] > push)
+            return
+        back = self._slip(which, np.full(len(which), -1.0))[:, 1]
+        ahead = self._slip(which, np.full(len(which), 1.0))[:, 1]
+        least = UNSURE * (np.abs(back) + np.abs(ahead))
+        unsure = ~((np.abs(back) > least) & (np.abs(ahead) > least))
+        self.alone[which] |= unsure | ((ahead > 0) & (back < 0))
+        starts_back = which[back < 0]
+        if len(starts_back):
+            self._slip(starts_back, np.full(len(starts_back), -1.0))
+        self._stay(which[(ahead <= 0) & (back >= 0) & ~self.alone[which]])
+
+    def _stay(self, which: Any) -> None:
+        """Designs that friction holds from now on."""
+        self.rest[which], self.over[which] = self.t[which], True
+        span = self.request.span
+        self.end[which] = TIME if span < math.inf else REST
+        if span < math.inf and len(which):
+            until = np.full(len(which), self.request.start.t + span)
+            series = np.zeros((8, len(which), 2))
+            series[7, :, 0] = self.y[which, 0]
+            self.pieces.append((which, self.t[which].copy(), until, series))
+            self.t[which] = until
+
+    # -- steps ---------------------------------------------------------------------------------
+
+    def motions(self) -> Motions:
+        """Go on until all are over, or alone."""
+        while len(which := np.flatnonzero(~self.over & ~self.alone)):
+            self._round(which)
+        track = Track.of(self.pieces, self.m)
+        taken = self.y[:, 3] if self.rubs else np.zeros(self.m)
+        nothing = np.zeros(self.m)
+        state = self.end, self.t, self.y[:, 0], self.y[:, 1], self.rest, self.stands, taken
+        return Motions(self.alone, *state, nothing, nothing, track)
+
+    def _steps(self, which: Any, bound: Floats, h: Floats, longest: Floats, most: int) -> Any:
+        """Steps of designs from where they are, and their dense output's series (8, m, s, n)."""
+        q, control = self.y[which, 0], np.zeros((len(which), 6))
+        control[:, 0], control[:, 1], control[:, 2] = h, bound, longest
+        control[:, 4], control[:, 5] = -math.inf, math.inf
+        for x in self.request.places if most > 1 else ():
+            control[:, 4] = np.where(x < q, np.maximum(control[:, 4], x), control[:, 4])
+            control[:, 5] = np.where(x > q, np.minimum(control[:, 5], x), control[:, 5])
+        return self.rates.fleet(
+            scheme(),
+            self.slots[which],
+            self.given[which],
+            (self.t[which], self.y[which]),
+            control,
+            self.tolerances[which],
+            most,
+        )
+
+    def _round(self, which: Any) -> None:
+        """Some steps of designs, and what happens in the last of them."""
+        bound = np.full(len(which), min(self.request.start.t + self.request.span, 1 / EPS))
+        found = self._steps(which, bound, self.h[which], self.most_step[which], TOGETHER)
+        self.spent[which] += found.tried * len(scheme().C)
+        last = np.maximum(found.made - 1, 0)
+        row = np.arange(len(which))
+        alone = (found.made == 0) | (self.spent[which] > EVALUATIONS)
+        series = _series(found)
+        K, y0, y1 = found.K[row, last], found.y[row, last], found.y[row, last + 1]
+        watched = K[:, :, -self.rates.watched :]
+        in_doubt = found.doubtful & ~alone
+        close = _may_dip(watched[..., MARGIN] + LEAST_MARGIN) | _may_dip(K[:, :, self.n + 1])
+        slips = watched[..., SLIPS:]
+        turns = (slips * slips[:, -1:] <= 0).any(axis=(1, 2)) if slips.shape[2] else False
+        alone |= in_doubt & (close | turns)
+        share, kind = np.ones(len(which)), np.zeros(len(which), np.int64)
+        d = np.flatnonzero(in_doubt)
+        share[d], kind[d] = self._event(series[:, d, last[d]], y0[d], y1[d])
+        alone |= kind < 0
+        alone |= ~np.isfinite(found.y[row, found.made]).all(axis=1)
+        self.alone[which] |= alone
+        stands = (kind == 1) & ~alone
+        self.stands[which] += stands
+        ends_step = self.rubs or self.request.standstills < math.inf
+        hit = (stands & ends_step) | ((kind == 2) & ~alone)
+        keep = np.where(hit, last, found.made)
+        keep[alone] = 0
+        self._keep(which, found, series, keep)
+        self.h[which] = found.h
+        h = found.t[row, last + 1] - found.t[row, last]
+        self._met(which[hit], share[hit], h[hit], kind[hit])
+        span = self.request.start.t + self.request.span
+        ended = ~self.over[which] & (self.t[which] >= span * (1 - 2 * EPS))
+        self.over[which[ended]], self.end[which[ended]] = True, TIME
+
+    def _event(self, series: Floats, y0: Floats, y1: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """Shares of the last steps at which something happens, and what.
+
+        0: nothing, 1: a standstill, 2: the goal's place, -1: more than can be told apart.
+        """
+        inner = np.linspace(0.0, 1.0, 9)
+        at = np.array([powers_of(np.full(len(y0), x), series) for x in inner])  # (9, m, 2)
+        kind, share = np.zeros(len(y0), np.int64), np.ones(len(y0))
+        rate = at[..., 1].copy()
+        rate[0] = np.where(y0[:, 1] == 0.0, rate[1], y0[:, 1])
+        rate[-1] = y1[:, 1]
+        changes = (rate[1:] * rate[:-1] <= 0).sum(axis=0)
+        kind[changes == 1], kind[changes > 1] = 1, -1
+        one = np.flatnonzero(changes == 1)
+        share[one] = _root(series[:, one, 1:], np.zeros(len(one)), y1[one, 1])
+        for x in self.request.places:
+            crosses = ((y0[:, 0] - x) * (y1[:, 0] - x) < 0) | (y1[:, 0] == x)
+            crosses &= y0[:, 0] != x
+            if crosses.any():
+                there = _root(series[..., :1], np.full(len(y0), x), y1[:, 0] - x)
+                kind = np.where(crosses, np.where(kind == 0, 2, -1), kind)
+                share = np.where(crosses, there, share)
+        return share, kind
+
+    def _keep(self, which: Any, found: Any, series: Floats, count: Any) -> None:
+        """Designs go on over their first steps."""
+        d, s = np.nonzero(np.arange(found.t.shape[1] - 1)[None, :] < count[:, None])
+        if d.size:
+            t0, t1 = found.t[d, s], found.t[d, s + 1]
+            self.pieces.append((which[d], t0, t1, series[:, d, s]))
+            np.maximum.at(self.longest, which[d], t1 - t0)
+        row = np.arange(len(which))
+        self.t[which], self.y[which] = found.t[row, count], found.y[row, count]
+
+    def _met(self, which: Any, share: Floats, h: Floats, kind: Any) -> None:
+        """Go on to what happens in a step: with steps that end there, and by Newton's rule."""
+        if not len(which):
+            return
+        to = share * h
+        bound, finer = self.t[which] + to, np.isfinite(self.most_step[which])
+        longest = np.where(finer, SHORTER * to, math.inf)
+        found = self._steps(which, bound, to, longest, TOGETHER // 4)
+        row, made = np.arange(len(which)), found.made
+        reached = (made > 0) & (found.t[row, made] >= bound)
+        self.alone[which] |= ~reached
+        series = _series(found)
+        self._keep(which, found, series, np.where(reached, made, 0))
+        slope = self._rows(which, self.y[which, 0], self.y[which, 1])[:, : self.n]
+        value = np.where(kind == 1, self.y[which, 1], self.y[which, 0] - self._place(which))
+        rise = np.where(kind == 1, slope[:, 1], slope[:, 0])
+        with np.errstate(all="ignore"):
+            late = -value / rise
+        known = np.abs(late) <= to / 8
+        self.alone[which] |= ~known
+        late = np.where(known, late, 0.0)
+        self.t[which] += late
+        self.y[which] += late[:, None] * slope
+        stood = which[(kind == 1) & ~self.alone[which]]
+        self.y[stood, 1] = 0.0
+        done = stood[self.stands[stood] >= self.request.standstills]
+        goal = which[(kind == 2) & ~self.alone[which]]
+        for ended in (done, goal):
+            self.over[ended], self.end[ended] = True, GOAL
+        self._leave(stood[~self.over[stood]])
+
+    def _place(self, which: Any) -> Floats:
+        """The goal's place [rad or m] that is nearest to where designs are."""
+        places = np.array(self.request.places or [0.0])
+        q = self.y[which, 0]
+        return np.asarray(places[np.abs(q[:, None] - places).argmin(axis=1)])
+
+
+def _series(found: FleetSteps) -> Floats:
+    """Dense output (8, m, s, 2) of coordinate and rate, of all steps; of none that is not made."""
+    h, K = np.diff(found.t, axis=1)[..., None], found.K[:, :-1, :, :2]
+    with np.errstate(all="ignore"):
+        moved = np.diff(found.y[..., :2], axis=1)
+        first, last = h * K[:, :, 0], h * K[:, :, DOP853.n_stages]
+        high = np.moveaxis(h[..., None] * np.tensordot(K, DOP853.D[::-1], (2, 1)), -1, 0)
+        low = 2 * moved - last - first, first - moved, moved, found.y[:, :-1, :2]
+    whole: Floats = np.concatenate([high, np.array(low)])
+    return whole
+
+
+def _may_dip(x: Floats) -> Bools:
+    """Whether values (m, s) at the stages of steps may fall to zero between two of them.
+
+    They cannot where they change by less than the least of them from there to its neighbours.
+    """
+    x = x[:, np.argsort(scheme().C, kind="stable")]
+    least, row = x.argmin(axis=1), np.arange(len(x))
+    beside = np.maximum(x[row, np.maximum(least - 1, 0)], x[row, (least + 1) % x.shape[1]])
+    beside = np.where(least == x.shape[1] - 1, x[row, least - 1], beside)
+    return np.asarray(~((x[row, least] > 0) & (beside < 2 * x[row, least])))
+
+
+def _root(series: Floats, level: Floats, last: Floats) -> Floats:
+    """Shares (m,) of steps at which a component, of series (8, m, 1), passes a level."""
+
+    def value(x: Floats) -> Floats:
+        return np.sign(last) * (powers_of(x, series)[:, 0] - level)
+
+    low, high = np.zeros(len(level)), np.ones(len(level))
+    for _ in range(HALVED):
+        x = (low + high) / 2
+        beyond = value(x) > 0
+        low, high = np.where(beyond, low, x), np.where(beyond, x, high)
+    a, b, at_a, at_b = low, high, value(low), value(high)
+    for _ in range(SECANTS):
+        with np.errstate(all="ignore"):
+            x = b - at_b * (b - a) / (at_b - at_a)
+        x = np.clip(np.where(np.isfinite(x), x, b), low, high)
+        a, at_a, b, at_b = b, at_b, x, value(x)
+    return b
