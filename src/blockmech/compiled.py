@@ -187,7 +187,12 @@ class Compiled(Runnable):
 
     def samples(self, *asked: Any) -> Samples:
         """Samples that a request names: at, samples, times, rates, accelerations."""
-        return make_samples(self.drivers, self.scene, *asked)
+        taken = make_samples(self.drivers, self.scene, *asked)
+        return self.with_deflections(taken) if self.structure.remembering else taken
+
+    @abstractmethod
+    def with_deflections(self, taken: Samples) -> Samples:
+        """Samples with the states of friction laws along their motion."""
 
     def answer(
         self,
@@ -250,6 +255,11 @@ class Compiled(Runnable):
         check_chunk(chunk)
         if engine == "auto":
             engine = self._chosen(plan, taken.n) if precision == "complex128" else "numpy"
+        known = taken.inputs
+        if any(
+            f"{STATE}{self.structure.states[x]}" not in known for x in self.structure.remembering
+        ):
+            taken = self.with_deflections(taken)
         inputs = taken.given(plan.program.inputs)
         states = self._states_at_start(plan, inputs, taken.n)
         inputs = {**inputs, **states} if states else inputs

@@ -118,11 +118,8 @@ class Mechanism(Compiled):
                 return mechanism_svg(self, at)
         return None
 
-    def samples(self, *asked: Any) -> Samples:
-        """Samples that a request names, with the states of friction laws along their motion."""
-        taken = super().samples(*asked)
-        if not self.structure.remembering:
-            return taken
+    def with_deflections(self, taken: Samples) -> Samples:
+        """Samples with the states of friction laws; see `blockmech.analysis.deflections`."""
         from blockmech.analysis.deflections import with_deflections
 
         return with_deflections(self, taken)

@@ -323,3 +323,19 @@ def test_links_and_joints_know_the_deflection():
 def test_what_takes_one_design_for_another_is_refused(ask):
     with pytest.raises(RequestError, match="friction laws with a state"):
         ask(four_bar())
+
+
+def test_all_solutions_have_the_friction_of_the_run():
+    mech = four_bar()
+    run = mech.run(at=[1.0, 2.0, 4.0], want="dyad.*.friction")
+    found = mech.friction_solutions([1.0, 2.0, 4.0], want="dyad.*.friction")
+    assert len(found) == 3
+    for name in run:
+        assert found[name] == pytest.approx(run[name], rel=1e-12)
+
+
+def test_ways_of_trade_keep_the_states_and_newton_is_exact():
+    assert "friction single" in str(four_bar().trade(samples=9))
+    run = four_bar().run(samples=9, accuracy=1e-8, want="crank.drive")
+    exact = four_bar().run(samples=9, want="crank.drive")
+    assert run["crank.drive"] == pytest.approx(exact["crank.drive"], rel=1e-7)

@@ -157,7 +157,7 @@ class Equations:
             taken.n, columns | dict.fromkeys(names, np.zeros(taken.n)), columns.get("t")
         )
         values = self.at(still, np.arange(taken.n), np.zeros((taken.n, len(names))))
-        slips = (np.broadcast_to(abs(values[i]), taken.n) for i in self.slips)
+        slips = (np.broadcast_to(values[i], taken.n) for i in self.slips)
         return replace(still, inputs=columns | dict(zip(names, slips, strict=True)))
 
     def inputs(self, poses: Samples, pose: Indices, t: Floats) -> dict[str, Any]:
