@@ -23,13 +23,20 @@ Picture = Annotated[
 ]
 Kind = Annotated[
     str | None,
-    option("diagram, mechanism, animation or schedule; by default what the others say.", "KIND"),
+    option(
+        "diagram, mechanism, animation, schedule, structure or centrodes; by default what the "
+        "others say.",
+        "KIND",
+    ),
 ]
 
 
 Want = Annotated[
     list[str] | None,
-    typer.Option(metavar="NAMES", help="Outputs of a schedule, patterns allowed; default all."),
+    typer.Option(
+        metavar="NAMES",
+        help="Outputs of a schedule, patterns allowed; default all. Links of centrodes.",
+    ),
 ]
 
 
@@ -56,11 +63,11 @@ def draw(
         kind = "animation" if moving else "mechanism" if at or trace else "diagram"
     with reading(file):
         subject: Any = opened(file)
-        if kind in ("mechanism", "animation", "schedule"):
+        if kind not in (None, "diagram"):
             subject = compiled_of(subject, file)
     refuse_spared(picture)
     given: Any = at  # which a diagram refuses
-    if kind in ("mechanism", "animation"):
+    if kind in ("mechanism", "animation") or (kind == "centrodes" and at):
         given = coordinates(subject, at or [])
     with progress_bar("drawing"):
         asked: dict[str, Any] = {"kind": kind, "at": given, "degrees": deg}

@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from blockmech.arguments import declared
+from blockmech.compiled import Compiled
 from blockmech.draw.animation import MOVING, Animation
 from blockmech.draw.boxes import graph_of
+from blockmech.draw.centrodes import centrodes
 from blockmech.draw.curves import Axis, abscissa, chosen_panels, pictures_of
 from blockmech.draw.diagram import draw_diagram
 from blockmech.draw.mechanism import draw_mechanism
@@ -21,6 +23,7 @@ from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.panels import draw_panels
 from blockmech.draw.paper import STILL, rendered, suffix_of, write_figure
 from blockmech.draw.schedule import draw_schedule
+from blockmech.draw.structural import draw_structural_graph
 from blockmech.errors import Problem, RequestError, as_names, close_match, listed, refused
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
@@ -43,14 +46,22 @@ __all__ = [
 Subject: TypeAlias = Runnable
 """A graph, a linkage or a mechanism."""
 
-KINDS = {"diagram": STILL, "mechanism": STILL, "animation": MOVING, "schedule": STILL}
+KINDS = {
+    "diagram": STILL,
+    "mechanism": STILL,
+    "animation": MOVING,
+    "schedule": STILL,
+    "structure": STILL,
+    "centrodes": STILL,
+}
+Kind: TypeAlias = Literal["diagram", "mechanism", "animation", "schedule", "structure", "centrodes"]
 
 
 @declared
 def draw(
     subject: Subject,
     path: AnyPath,
-    kind: Literal["diagram", "mechanism", "animation", "schedule"] | None = None,
+    kind: Kind | None = None,
     at: Any = None,
     *,
     trace: Iterable[str] | None = None,
@@ -64,13 +75,15 @@ def draw(
     subject : graph (for a diagram it need not be complete), linkage or mechanism
     path : .png, .svg or .pdf; .gif, .html or .mp4 (by ffmpeg) for an animation
     kind : "diagram" (default), "mechanism" at poses, "animation" (default for those),
-        "schedule" of the kernel calls that some outputs take
+        "schedule" of the kernel calls that some outputs take, "structure": a vertex a group,
+        with its number of links and the freedoms it adds, "centrodes" of links that ``want``
+        names, over ``at`` or the driver's range
     at : float or (n,) [rad or m], or a mapping driver -> (n,)
         Driver coordinates of the poses, the first in full; by default over the range
         of the drivers' laws of motion.
     trace : names of markers whose paths are drawn; by default the user's markers
     degrees : angles in the picture in degrees
-    want : outputs of a schedule
+    want : outputs of a schedule; links whose centrodes are drawn
 
     Raises
     ------
@@ -89,6 +102,8 @@ def draw(
         animate(subject, path, at, trace=trace, degrees=degrees)
         return Path(path)
     suffix = suffix_of(path, f"a {kind}", STILL)
+    if kind == "centrodes":
+        return write_figure(_centrodes_figure(subject.compile(), at, want, degrees), path, suffix)
     if kind == "mechanism":
         return write_figure(_mechanism_figure(subject, at, trace, degrees), path, suffix)
     useless = "at" if at is not None else "trace" if trace is not None else ""
@@ -98,6 +113,8 @@ def draw(
         raise refused(useless, found, remedy, code="useless-setting")
     if kind == "diagram":
         return write_figure(_diagram_figure(subject), path, suffix)
+    if kind == "structure":
+        return write_figure(draw_structural_graph(subject.compile()), path, suffix)
     return write_figure(draw_schedule(subject.compile().plan(want)), path, suffix)
 
 
@@ -220,6 +237,19 @@ def _diagram_figure(subject: Subject) -> Any:
         return draw_diagram(subject).figure
     mechanism = subject.compile()
     return draw_diagram(graph_of(mechanism), mechanism.names).figure
+
+
+def _centrodes_figure(mechanism: Compiled, at: Any, want: Any, degrees: bool) -> Any:
+    links = as_names("want", want)
+    if links == ("*",):
+        raise refused("want", "it is not said of which link", 'e.g. want=["rod.i"]')
+    curves = {
+        name if len(links) == 1 else f"{name} of {link}": curve
+        for link in links
+        for name, curve in centrodes(mechanism, link, at).items()
+    }
+    taken = mechanism.samples(at, None if at is not None else 2, None, None, None)
+    return draw_mechanism(mechanism, float(taken.inputs["q_0"][0]), None, degrees, curves).figure
 
 
 def _mechanism_figure(subject: Subject, at: Any, trace: Iterable[str] | None, degrees: bool) -> Any:

@@ -25,7 +25,7 @@ import numpy as np
 
 from blockmech.arguments import declared
 from blockmech.draw import palette as ink
-from blockmech.draw.mechanism import caption, joint_labels, load_text, page_of, paths_of
+from blockmech.draw.mechanism import caption, joint_labels, load_text, page_of, paths_of, worded
 from blockmech.draw.motion import Complex, Motion
 from blockmech.draw.page import Page, Shape, move
 from blockmech.draw.paper import scaled_unit, shown_name, styled, suffix_of
@@ -82,7 +82,7 @@ class Animation:
         self.path: Path | None = None
         self.captions = [_caption(motion, sketch, k, degrees) for k in range(len(good))]
         with styled():
-            self.page = page_of(sketch, motion, paths, self.captions)
+            self.page = page_of(sketch, motion, worded(paths), self.captions)
         self.paths = paths
         stage = Stage(sketch, motion, self.page.unit)
         self.shapes = sorted(shapes_of(stage), key=lambda shape: shape.order)

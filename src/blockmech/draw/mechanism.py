@@ -50,7 +50,11 @@ class Picture:
 
 
 def draw_mechanism(
-    mechanism: Compiled, at: Any = None, trace: Iterable[str] | None = None, degrees: bool = DEGREES
+    mechanism: Compiled,
+    at: Any = None,
+    trace: Iterable[str] | None = None,
+    degrees: bool = DEGREES,
+    curves: Paths | None = None,
 ) -> Picture:
     """Draw a mechanism at poses: the first in full, the others faintly.
 
@@ -61,6 +65,7 @@ def draw_mechanism(
     trace : names of markers whose paths are drawn, where the range is known; by
         default the user's markers, or inner joints if there are none
     degrees : angles in the caption in degrees
+    curves : name -> places (n,) [m] to be drawn in place of paths
 
     Raises `RequestError` where the range is not known and no pose is named, and the
     errors of `Compiled.run` where the first pose cannot be reached.
@@ -71,6 +76,7 @@ def draw_mechanism(
     motion = motion.only(_poses(motion, named=at is not None))
     sketch = sketch_of(sweep if sweep is not None and sweep.feasible.any() else motion)
     paths = paths_of(sweep, trace) if sweep is not None and sweep.result.n > 1 else {}
+    paths = worded(paths) if curves is None else curves
     text = caption(motion, range(len(motion.samples)), degrees)
     with styled():
         page = page_of(sketch, motion, paths, [text] * bool(text))
@@ -163,6 +169,11 @@ def paths_of(motion: Motion, names: Iterable[str] | None) -> Paths:
     names = _usual_paths(motion.mechanism, moving) if names is None else names
     names = among(moving, "moving marker", names, "unknown-marker")
     return {n: motion.at(moving[n].on, marker_place(motion.structure, moving[n])) for n in names}
+
+
+def worded(paths: Paths) -> Paths:
+    """Paths of markers with the words of a legend."""
+    return {f"path of {shown_name(name)}": path for name, path in paths.items()}
 
 
 def _markers(mechanism: Compiled) -> dict[str, MarkerRef]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from blockmech.draw import palette as ink
 from blockmech.draw.labels import Crowd, Place
 from blockmech.draw.palette import SIZES
-from blockmech.draw.paper import new_figure, shown_name, wrapped
+from blockmech.draw.paper import new_figure, wrapped
 
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
 
@@ -105,7 +105,7 @@ class Page:
         axes.locator_params(nbins=6)
         axes.grid(True)
         for i, (name, path) in enumerate(paths.items()):
-            look = {"lw": 0.9, "zorder": 4.9, "label": f"path of {shown_name(name)}"}
+            look = {"lw": 0.9, "zorder": 4.9, "label": name}
             axes.plot(path.real, path.imag, **ink.curve_style(i), **look)
         if paths:
             axes.legend(ncols=4 if self.wide else 2, bbox_to_anchor=(0.0, 1.0))

@@ -1,0 +1,46 @@
+"""Centrodes of a link: where its instant centre goes, on the frame and on the link itself.
+
+The moving centrode, drawn in the first pose, rolls on the fixed one.
+
+Source: Hunt, Kinematic Geometry of Mechanisms, 1978, ch. 2.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from blockmech.analysis.instants import instant_centre
+from blockmech.compiled import Compiled
+from blockmech.draw.page import Paths
+
+WINDOW = 2.0  # sizes of the mechanism, beyond which a centrode is not drawn
+SWEEP = 721  # samples of the range
+
+
+def centrodes(mechanism: Compiled, link: str, at: Any = None) -> Paths:
+    """The fixed and the moving centrode (n,) of a link [m], the latter in the first pose.
+
+    Parameters
+    ----------
+    at : coordinates of the driver [rad or m]; by default the range of its law of motion
+
+    Raises `RequestError` for a link that there is not, or a mechanism of several drivers.
+    """
+    (driver,) = mechanism.drivers if len(mechanism.drivers) == 1 else ("",)
+    if at is None and driver:
+        taken = mechanism.samples(None, SWEEP, None, None, None)
+        at = taken.inputs["q_0"]
+    centre = instant_centre(mechanism, link, at=at)
+    name = link if mechanism.names is None else f"link.{link}"
+    run = mechanism.run(at=at, want=[f"{name}.p", f"{name}.angle"], on_gap="mark")
+    o, e = run[f"{name}.p"], np.exp(1j * run[f"{name}.angle"])
+    moving = o[0] + e[0] * np.conj(e) * (centre - o)
+    with np.errstate(invalid="ignore"):
+        sizes = (block.largest_length() for block in mechanism.structure.blocks.values())
+        near = np.abs(centre - np.nanmean(o)) <= WINDOW * (max(sizes) or 1.0)
+    return {
+        "fixed centrode": np.where(near, centre, np.nan),
+        "moving centrode": np.where(near, moving, np.nan),
+    }
