@@ -188,6 +188,25 @@ def test_several_drivers_are_solved_by_all_of_them():
         assert all(any(np.allclose(x.q, y.q, atol=1e-9) for y in found) for x in again)
 
 
+def test_curves_lead_from_one_equilibrium_to_the_others():
+    """Two hanging arms have four equilibria; a handful of starts and the curves find them all."""
+    g = bm.Graph("double", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (3.0, 0.0)}))
+    for name, at in (("one", "A"), ("two", "D")):
+        arm = bm.Link(mass=1.0, inertia=0.1, cm=(0.5, 0.0))
+        g.add(name, bm.Crank(length=1.0, links={"crank": arm}))
+        g.connect(f"frame.{at}", f"{name}.A")
+    g.add("tie", bm.Spring(stiffness=2.0, free_length=3.0))
+    g.connect("one.B", "tie.a")
+    g.connect("two.B", "tie.b")
+    mech = g.compile()
+    few, many = mech.equilibria(starts=2), mech.equilibria(starts=512)
+    assert len(few) == len(many) == 4
+    for a, b in zip(few, many, strict=True):
+        assert a.q == pytest.approx(b.q, abs=1e-9)
+    assert len(few.stable) == 1
+
+
 def test_a_stop_that_the_loads_push_against_holds():
     graph = bm.Graph.load(GRAPHS / "watt_sixbar.json")
     graph.stop("crank", 1.6, 3.0)
@@ -206,7 +225,7 @@ def test_loads_of_the_time_need_a_time():
 def test_loads_that_follow_signals_are_refused():
     graph = next((GRAPHS / "control").glob("*.json"))
     mech = bm.Graph.load(graph).compile()
-    for ask in (mech.equilibria, lambda: mech.linearize(1.0), lambda: mech.flywheel(1.0, 0.1)):
+    for ask in (mech.equilibria, lambda: mech.flywheel(1.0, 0.1)):
         with pytest.raises(bm.RequestError, match="loads follow signals"):
             ask()
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.equilibria import Equilibria
 from blockmech.analysis.equilibria import equilibria as found_of
+from blockmech.analysis.equilibrium import Equilibria
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured

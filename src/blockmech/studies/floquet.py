@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.equilibria import companion
+from blockmech.analysis.equilibrium import companion
 from blockmech.arguments import declared
 from blockmech.dynamics.tangents import tangents
 from blockmech.errors import refused

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.equilibria import Equilibrium, equilibria, natural_frequencies
+from blockmech.analysis.equilibrium import Equilibrium, natural_frequencies
 from blockmech.arguments import declared
 from blockmech.dynamics.tangents import refuse_friction_states
 from blockmech.errors import close_match, listed, needed, refused
@@ -367,7 +367,9 @@ def _state(mechanism: Compiled, at: Any, rates: Any) -> tuple[Floats, Floats]:
         raise refused("linearize", "the mechanism has no driver", "what does not move has no modes")
     if at is None:
         found = [
-            e for e in equilibria(mechanism, friction="none") if e.kind == "stable" and not e.stop
+            e
+            for e in mechanism.equilibria(friction="none")  # type: ignore[attr-defined]
+            if e.kind == "stable" and not e.stop
         ]
         if len(found) != 1:
             words = f"there are {len(found)} stable equilibria"

@@ -1,0 +1,310 @@
+r"""Equilibria of one driver: all roots of the effort of the loads over its range.
+
+The effort becomes a series on each arc on which the mechanism closes, in a share in which also
+what grows like the root at a dead centre is smooth, and all its roots are found. Its integral is
+the potential where the loads follow the coordinate alone.
+
+Source: numerics of `blockmech.series`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from blockmech.analysis.equilibrium import (
+    NONE,
+    Curve,
+    Equilibria,
+    Equilibrium,
+    Kind,
+    equilibrium_of,
+)
+from blockmech.analysis.held import held_intervals, interval_about
+from blockmech.analysis.limits import limits
+from blockmech.analysis.scan import NODES, TURN, Span, bisect
+from blockmech.dynamics import loads
+from blockmech.dynamics.system import System
+from blockmech.dynamics.tangents import tangents
+from blockmech.plane import EPS
+from blockmech.series import DOUBLE_ROOT, SCANNED, Floats, Series, fit, panels
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
+
+STEPS = 60  # of Newton's method, from far away
+SAME = 1e-7  # [rad] or share of the span: two equilibria are one
+ASIDE = 10 * DOUBLE_ROOT  # [rad or m] of change points, where rounding hides poses
+
+
+class _Piece(NamedTuple):
+    """An arc of the only driver: its ends, whether it is a closed turn, and its smooth parts."""
+
+    low: float
+    high: float
+    closed: bool
+    cuts: tuple[float, ...]
+    spans: tuple[Span, ...]
+
+
+@dataclass(frozen=True)
+class Line:
+    """The only driver along the arcs on which it is looked for, at a time [s]."""
+
+    mechanism: Compiled
+    system: System
+    t: float
+
+    def effort(self, q: Floats) -> Floats:
+        """Effort (n,) of the loads at rest; NaN where there is no pose."""
+        found = self.system.sample(q, 0.0, self.t)
+        return np.where(found.possible, found.tau, np.nan)
+
+    def arcs(self) -> Iterator[_Piece]:
+        """Each arc between the end stops."""
+        (stop_low, stop_high), rotary = self.system.stops[0], self.system.rotary[0]
+        found = limits(self.mechanism)
+        free = math.isinf(stop_low) and math.isinf(stop_high)
+        far = loads.REACH * loads.largest_length(self.mechanism.structure)
+        for arc in found.arcs:
+            low, high = (min(max(end.q, -far), far) for end in (arc.start, arc.end))
+            passed = [point.q for point in arc.change_points]
+            if found.whole_turn and free:
+                yield self._cut(low, low + (self.system.period or TURN), True, passed)
+                continue
+            shifts = [0]
+            if rotary and not free:  # as the stops name it, any number of turns away
+                a, b = max(stop_low, low - TURN), min(stop_high, high + TURN)
+                shifts = [*range(math.floor((a - high) / TURN), math.ceil((b - low) / TURN) + 1)]
+                if found.whole_turn:
+                    low, high, shifts = a, b, [0]
+            for shift in shifts:
+                a, b = max(low + TURN * shift, stop_low), min(high + TURN * shift, stop_high)
+                if a < b:
+                    yield self._cut(a, b, False, passed)
+
+    def _cut(self, low: float, high: float, closed: bool, passed: list[float]) -> _Piece:
+        """An arc cut at the kinks of the loads and, a little aside, at change points."""
+        kinks = _repeated(self.system.knots, self.system.period, low, high)
+        passed = _repeated(passed, TURN if self.system.rotary[0] else None, low, high)
+        aside = {q: ASIDE if any(abs(q - p) <= ASIDE for p in passed) else 0.0
+                 for q in (low, high, *kinks, *passed)}  # fmt: skip
+        cuts = _distinct(sorted({low, high, *kinks, *passed}), 4 * ASIDE, 0.0)
+        long = not self.system.rotary[0] and high - low > 4 * self.system.span
+        size, last = self.system.span if long else math.inf, len(cuts) - 2
+        spans = tuple(
+            Span(a + aside[a], b - aside[b], turn=True)
+            if closed or 0 < i < last
+            else Span(a + aside[a], b - aside[b], size=size)
+            for i, (a, b) in enumerate(itertools.pairwise(cuts))
+        )
+        return _Piece(low, high, closed, tuple(cuts), spans)
+
+    def series(self, span: Span) -> Series:
+        """The effort by the share of a span: what the loads do is its integral."""
+
+        def function(u: Floats) -> Floats:
+            return self.effort(span.place(u)) * span.slope(u)
+
+        edges = panels(0.0, 1.0, max(2, math.ceil((span.high - span.low) / self.system.span * 11)))
+        return fit(function, edges[:-1] if len(edges) > SCANNED else edges, n=NODES)
+
+    def roots(self, span: Span, series: Series) -> Iterator[float]:
+        """Places at which the effort of the loads vanishes, to rounding."""
+        broken = [] if series.resolved.all() else self._between_samples(span)
+        for place in [*span.place(series.roots()).tolist(), *broken]:
+            q = self._polished(place)
+            if q is not None and span.low - EPS <= q <= span.high + EPS:
+                yield q
+
+    def jump(self, q: float) -> int:
+        """The sign [-] of the effort beyond a place at which it jumps to the other one, else 0."""
+        aside = ASIDE * np.array([-20.0, -2.0, 2.0, 20.0])
+        y = self.effort(q + aside)
+        settled = np.abs(y[[1, 2]]) > np.abs(y[[0, 3]]) / 2
+        return int(np.sign(y[2])) if y[1] * y[2] < 0 and settled.all() else 0
+
+    def _between_samples(self, span: Span) -> Iterator[float]:
+        """Changes of sign where there is no series."""
+        q = span.place(np.linspace(0.0, 1.0, 4 * SCANNED + 3)[1:-1])
+        y = self.effort(q)
+        for i in np.flatnonzero(y[:-1] * y[1:] < 0).tolist():
+            before = y[i] > 0
+
+            def same(x: float, before: bool = before) -> bool:
+                return bool((self.effort(np.array([x]))[0] > 0) == before)
+
+            yield bisect(same, q[i], q[i + 1])
+
+    def _polished(self, q: float) -> float | None:
+        """A root by Newton's method with the exact slope; None where it is none."""
+        span = self.system.span
+        for _ in range(STEPS):
+            here = tangents(self.mechanism, [[q]], t=self.t)
+            slope = float(here.K[0, 0, 0])
+            step = -float(here.effort[0, 0]) / slope if slope else 0.0
+            if not (math.isfinite(step) and here.margin[0] > 0 and abs(step) < SAME * span * 1e4):
+                return None
+            q += step
+            if abs(step) <= 4 * EPS * max(abs(q), span):
+                return q
+        noise = float(self.system.rounding(np.array([q]))[0])
+        small = abs(float(self.effort(np.array([q]))[0])) <= 64 * noise
+        return q if small or abs(step) <= SAME * span else None
+
+
+def equilibria_of_one(line: Line) -> Equilibria:
+    """All equilibria of the only driver, where friction holds it, and the curves."""
+    mechanism, system = line.mechanism, line.system
+    driver = mechanism.drivers[0]
+    name, unit = mechanism.of_driver(driver, "q"), mechanism.driver_joint(driver).coordinate_unit
+    has_potential = system.depends_on <= {"q", "time"}
+    found: list[Equilibrium] = []
+    rests: list[tuple[float, float]] = []
+    balanced: list[tuple[float, float]] = []
+    curves: list[Curve] = []
+    for low, high, closed, cuts, spans in line.arcs():
+        rows = [line.series(span) for span in spans]
+        curve = _curve(line, spans, rows, has_potential)
+        curves.append(curve)
+        places: list[float] = []
+        jumps: list[float] = []
+        if np.all(np.abs(np.nan_to_num(curve.effort)) <= 8 * system.rounding(curve.q)):
+            balanced.append((low, high))
+        else:
+            roots = [
+                q for span, one in zip(spans, rows, strict=True) for q in line.roots(span, one)
+            ]
+            places = _distinct(sorted(roots), SAME * system.span, (high - low) * closed)
+            ends = cuts[:-1] if closed else cuts[1:-1]  # dead centres are no jumps
+            jumps = [q for q in ends if line.jump(q)]
+        held = held_intervals(system, line.effort, line.t, low, high, closed, places)
+        rests += held
+        at = tangents(mechanism, np.array([*places, *jumps])[:, None], t=line.t)
+        energy = _potentials(spans, rows, places) if has_potential else [None] * len(places)
+        massless = at.M[:, 0, 0] <= NONE**2 * system.typical_inertia(low)
+        at.M[massless] = 0.0
+        found += [
+            equilibrium_of(
+                {name: q}, {name: unit}, at, i, energy[i], interval_about(q, held, closed)
+            )
+            for i, q in enumerate(places)
+        ]
+        for i, q in enumerate(jumps, start=len(places)):
+            kind: Kind = "unstable" if line.jump(q) > 0 else "stable"
+            of = at.M[i], at.C[i], at.K[i]
+            found.append(Equilibrium({name: q}, {name: unit}, kind, *of, np.empty(0), jump=True))
+        found += _at_stops(line, name, unit, (low, high), closed)
+    order = sorted(found, key=lambda e: e.q[0])
+    notes = tuple(_notes(line, curves))
+    return Equilibria(
+        tuple(order), tuple(sorted(rests)), tuple(balanced), tuple(curves), name, unit, notes
+    )
+
+
+def _curve(line: Line, spans: Sequence[Span], rows: list[Series], has_potential: bool) -> Curve:
+    """The effort along an arc, and less the integral of it."""
+    u = np.linspace(0.0, 1.0, max(9, SCANNED // 2 // len(spans)) + 1)
+    q = np.concatenate([span.place(u) for span in spans])
+    work, total = [], 0.0
+    for one in rows:
+        integral = _whole(one).integral()(u)
+        work.append(total + integral)
+        total += float(integral[-1])
+    whole = -np.concatenate(work)
+    potential = whole if has_potential and np.isfinite(whole).all() else None
+    return Curve(q, line.effort(q), potential)
+
+
+def _potentials(
+    spans: Sequence[Span], rows: list[Series], places: list[float]
+) -> list[float | None]:
+    """Potential [J] at places of an arc, from the lowest of them."""
+    from scipy.optimize import brentq
+
+    found: list[float] = []
+    total = 0.0
+    for span, one in zip(spans, rows, strict=True):
+        integral = _whole(one).integral()
+        for q in places:
+            if span.low <= q <= span.high and len(found) <= places.index(q):
+
+                def off(u: float, span: Span = span, q: float = q) -> float:
+                    return float(span.place(np.array([u]))[0]) - q
+
+                u = (
+                    brentq(off, 0.0, 1.0, xtol=EPS)
+                    if off(0.0) * off(1.0) < 0
+                    else float(q > span.low)
+                )
+                found.append(-(total + float(integral(np.array([u]))[0])))
+        total += float(integral(np.array([1.0]))[0])
+    lowest = min(found, default=0.0)
+    made = [x - lowest if math.isfinite(x - lowest) else None for x in found]
+    return made + [None] * (len(places) - len(made))
+
+
+def _repeated(
+    places: Iterable[float], period: float | None, low: float, high: float
+) -> list[float]:
+    """Places between two ends, repeated with a period if there is one."""
+    found = {
+        float(q + k * (period or 0.0))
+        for q in places
+        for k in (
+            range(math.floor((low - q) / period), math.ceil((high - q) / period) + 1)
+            if period
+            else (0,)
+        )
+    }
+    return sorted(q for q in found if low <= q <= high)
+
+
+def _whole(one: Series) -> Series:
+    """A series without the panels around a change point, which are too short to count."""
+    bad = np.asarray(~np.isfinite(one.c).all(axis=1))
+    if not bad.any() or np.diff(one.edges)[bad].sum() > SAME:
+        return one
+    return replace(one, c=np.where(bad[:, None], 0.0, one.c))
+
+
+def _distinct(rising: list[float], apart: float, turn: float) -> list[float]:
+    """Places without those that are said twice; of a closed arc the last is the first."""
+    kept: list[float] = []
+    for q in rising:
+        if not kept or q - kept[-1] > apart:
+            kept.append(q)
+    if turn and len(kept) > 1 and kept[0] + turn - kept[-1] <= apart:
+        kept.pop()
+    return kept
+
+
+def _at_stops(
+    line: Line, name: str, unit: str, ends: tuple[float, float], closed: bool
+) -> Iterator[Equilibrium]:
+    """End stops that the loads push against."""
+    for side, q, stop in zip((-1, 1), ends, line.system.stops[0], strict=True):
+        if closed or q != stop:
+            continue
+        of = tangents(line.mechanism, [[q]], t=line.t)
+        if -side * float(of.effort[0, 0]) > float(line.system.rounding(np.array([q]))[0]):
+            none = np.empty(0)
+            yield Equilibrium(
+                {name: q}, {name: unit}, "stable", of.M[0], of.C[0], of.K[0], none, stop=True
+            )
+
+
+def _notes(line: Line, curves: Iterable[Curve]) -> Iterator[str]:
+    far = loads.REACH * loads.largest_length(line.mechanism.structure)
+    ends = np.abs([q for curve in curves for q in (curve.q[0], curve.q[-1])])
+    if not line.system.rotary[0] and np.isclose(ends, far).any():
+        yield f"looked for from {-far:.6g} to {far:.6g} m: no group ends the travel"
+    if "time" in line.system.depends_on:
+        yield f"loads follow the time, which is held at {line.t:.9g} s"
+    if line.system.friction is None and line.mechanism.frictional_joints:
+        yield "friction of joints is left out: with it the mechanism rests in intervals"

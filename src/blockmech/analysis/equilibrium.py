@@ -1,0 +1,232 @@
+r"""Equilibria as records: a pose, what disturbances of it do, and all of them together.
+
+Small disturbances x of an equilibrium obey M x'' + C x' + K x = 0: it is stable where all roots of
+det(M s^2 + C s + K) stay left of or on the imaginary axis.
+
+Source: Shabana, Dynamics of Multibody Systems, 4th ed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, overload
+
+import numpy as np
+
+from blockmech.dynamics.tangents import Tangents
+from blockmech.plane import EPS
+from blockmech.series import Floats
+from blockmech.told import DEGREES, TextReport, as_data, with_unit
+
+Kind = Literal["stable", "unstable", "indifferent"]
+
+NONE = 1e-9  # relative: what roots and eigenvalues leave of nothing
+
+
+@dataclass(frozen=True, repr=False)
+class Equilibrium(TextReport):
+    """A pose in which the loads alone move nothing.
+
+    Attributes
+    ----------
+    at : ``"crank.q"`` -> coordinate [rad or m]
+    units : ``"crank.q"`` -> its unit
+    kind : "stable", "unstable" or "indifferent"; without friction of joints
+    M, C, K : (k, k) by accelerations, rates and coordinates of the drivers
+    values : (2k,) eigenvalues [1/s] of disturbances, the least damped first; empty where a
+        driver moves no mass
+    potential : [J] of loads that follow the only driver's coordinate, from the lowest
+        equilibrium of its arc; else None
+    interval : (low, high) [rad or m] about it in which friction holds the only driver, or None
+    stop : whether it is an end stop that the loads push against
+    jump : whether the effort of the loads jumps there from one sign to the other
+    """
+
+    at: Mapping[str, float]
+    units: Mapping[str, str]
+    kind: Kind
+    M: Floats
+    C: Floats
+    K: Floats
+    values: Any
+    potential: float | None = None
+    interval: tuple[float, float] | None = None
+    stop: bool = False
+    jump: bool = False
+
+    @property
+    def q(self) -> Floats:
+        """Coordinates (k,) [rad or m] of the drivers."""
+        return np.array([*self.at.values()])
+
+    @property
+    def stiffness(self) -> float:
+        """K of the only driver [N m/rad or N/m], of several the smallest of its symmetric part."""
+        return float(np.linalg.eigvalsh((self.K + self.K.T) / 2)[0])
+
+    @property
+    def frequencies(self) -> Floats:
+        """Natural frequencies [rad/s] of small oscillations, rising; those without damping."""
+        return natural_frequencies(self.M, self.K) if len(self.values) else np.empty(0)
+
+    def text(self, degrees: bool = DEGREES) -> str:
+        """The equilibrium as a line."""
+        at = ", ".join(f"{d} = {with_unit(q, self.units[d], degrees)}" for d, q in self.at.items())
+        if self.stop:
+            return f"{at}  pushed against the end stop"
+        rows = [f"{at}  {self.kind}" + (", where the effort jumps" if self.jump else "")]
+        w = self.frequencies
+        if self.kind == "unstable" and len(self.values):
+            rows.append(f"disturbances grow as exp({float(self.values[0].real):.6g} t)")
+        elif len(w):
+            rows.append(f"frequency {', '.join(f'{x:.6g}' for x in w)} rad/s")
+        if self.potential is not None:
+            rows.append(f"potential {self.potential:.6g} J")
+        if self.interval is not None:
+            rows.append(f"friction holds it {_between(self.interval, self._unit, degrees)}")
+        return ", ".join(rows)
+
+    @property
+    def _unit(self) -> str:
+        return next(iter(self.units.values()))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The equilibrium as a JSON object."""
+        values = [[float(z.real), float(z.imag)] for z in self.values]
+        names = ("at", "kind", "potential", "interval", "stop", "jump")
+        found = {name: getattr(self, name) for name in names}
+        found |= {name: getattr(self, name).tolist() for name in ("M", "C", "K")}
+        return as_data({**found, "values": values, "frequencies": self.frequencies.tolist()})
+
+
+class Curve(NamedTuple):
+    """An arc of the only driver: places (n,), the effort of the loads, their potential or None."""
+
+    q: Floats
+    effort: Floats
+    potential: Floats | None
+
+
+@dataclass(frozen=True, repr=False)
+class Equilibria(TextReport, Sequence[Equilibrium]):
+    """All equilibria that were found, in rising order of the first driver's coordinate.
+
+    Attributes
+    ----------
+    found : the equilibria without friction of joints, and the end stops
+    rests : (low, high) [rad or m] of the only driver: where joint friction holds it, also where
+        there is no equilibrium without it; empty without friction
+    balanced : (low, high) of arcs of the only driver on which the loads are balanced everywhere
+    curves : of each arc of the only driver the effort of the loads and their potential
+    coordinate, unit : of the only driver, e.g. "crank.q"; "" of several
+    notes : what should be known
+    """
+
+    found: tuple[Equilibrium, ...]
+    rests: tuple[tuple[float, float], ...] = ()
+    balanced: tuple[tuple[float, float], ...] = ()
+    curves: tuple[Curve, ...] = ()
+    coordinate: str = ""
+    unit: str = ""
+    notes: tuple[str, ...] = ()
+
+    @overload
+    def __getitem__(self, index: int) -> Equilibrium: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Equilibrium, ...]: ...
+    def __getitem__(self, index: Any) -> Any:
+        return self.found[index]
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    @property
+    def stable(self) -> tuple[Equilibrium, ...]:
+        """Those at which it stays."""
+        return tuple(e for e in self.found if e.kind == "stable")
+
+    def text(self, degrees: bool = DEGREES) -> str:
+        """One equilibrium a line, then the intervals of rest."""
+        return "\n".join(self._lines(degrees))
+
+    def _lines(self, degrees: bool) -> Iterator[str]:
+        yield from (e.text(degrees) for e in self.found)
+        if not self.found and not self.balanced:
+            yield "no equilibrium"
+        for one in self.balanced:
+            yield f"balanced everywhere {_between(one, self.unit, degrees)}"
+        for one in self.rests:
+            yield f"friction holds {self.coordinate} {_between(one, self.unit, degrees)}"
+        yield from self.notes
+
+    def to_dict(self) -> dict[str, Any]:
+        """All of it as a JSON object."""
+        rows = [e.to_dict() for e in self.found]
+        more = {"rests": self.rests, "balanced": self.balanced, "notes": self.notes}
+        return {"equilibria": rows, **as_data(more)}
+
+
+def _between(ends: tuple[float, float], unit: str, degrees: bool) -> str:
+    low, high = (with_unit(x, unit, degrees) for x in ends)
+    return f"from {low} to {high}"
+
+
+# -- what a pose is ------------------------------------------------------------------------
+
+
+def natural_frequencies(M: Floats, K: Floats) -> Floats:
+    """Natural frequencies (r,) [rad/s] of M x'' + K x = 0, rising; none of what does not swing."""
+    try:
+        w2 = np.linalg.eigvals(np.linalg.solve(M, K))
+    except np.linalg.LinAlgError:
+        return np.empty(0)
+    size = float(np.abs(w2).max(initial=0.0))
+    good = (w2.real > NONE * size) & (np.abs(w2.imag) <= math.sqrt(NONE) * size)
+    return np.sort(np.sqrt(w2[good].real))
+
+
+def companion(M: Floats, C: Floats, K: Floats) -> Floats:
+    """The matrix A (2k, 2k) of (x, x')' = A (x, x'). Raises `LinAlgError` without inertia."""
+    k = len(M)
+    left = np.hstack([np.linalg.solve(M, K), np.linalg.solve(M, C)])
+    return np.vstack([np.eye(k, 2 * k, k), -left])
+
+
+def kind_of(M: Floats, C: Floats, K: Floats) -> tuple[Kind, Any]:
+    """The kind of an equilibrium and the eigenvalues of its disturbances, least damped first.
+
+    Without damping and with a symmetric K the smallest eigenvalue of K tells; an eigenvalue that
+    is rounding of the largest one is none. A driver without mass follows K and C alone.
+    """
+    size = float(np.abs(K).max(initial=0.0))
+    values: Any = np.empty(0)
+    if M.any() and np.linalg.cond(M) < 1 / EPS:
+        values = np.linalg.eigvals(companion(M, C, K))
+        values = values[np.argsort(-values.real, kind="stable")]
+    symmetric = np.abs(K - K.T).max() <= NONE * size
+    if symmetric or not len(values):
+        least = float(np.linalg.eigvalsh((K + K.T) / 2)[0])
+        if symmetric and least < -NONE * size:
+            return "unstable", values
+        if not np.abs(C).max() > 0 or not len(values):
+            return ("stable" if least > NONE * size else "indifferent"), values
+    slowest, largest = float(values[0].real), float(np.abs(values).max())
+    if slowest > NONE * largest:
+        return "unstable", values
+    still = float(np.abs(np.linalg.eigvals(np.linalg.solve(M, K))).min()) <= NONE * largest**2
+    return ("indifferent" if still else "stable"), values
+
+
+def equilibrium_of(
+    at: Mapping[str, float],
+    units: Mapping[str, str],
+    of: Tangents,
+    i: int,
+    potential: float | None = None,
+    interval: tuple[float, float] | None = None,
+) -> Equilibrium:
+    """The equilibrium at row i of tangents."""
+    kind, values = kind_of(of.M[i], of.C[i], of.K[i])
+    return Equilibrium(at, units, kind, of.M[i], of.C[i], of.K[i], values, potential, interval)
