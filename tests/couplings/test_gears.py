@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
@@ -273,3 +274,20 @@ def test_a_load_may_follow_a_driven_wheel():
     g.connect("two.crank", "drag.b")
     run = g.compile().run(at=0.3, rates=3.0)
     assert run["drag.b.couple"][0] == pytest.approx(-2.0 * -2.0)
+
+
+def test_teeth_whose_period_nobody_lives_to_see():
+    motion = pair((60, 2**61 + 1)).compile().simulate("time=0.1", start={"one": (0.0, 1.0)}).motion
+    assert motion.status == "reached"
+
+
+@pytest.mark.parametrize("frame", [None, {}, {"markers": {"Q": {"at": [0.0, 0.0]}}}])
+def test_a_wheel_without_its_centre_is_named(frame):
+    data = json.loads((GRAPHS / "joints" / "planetary_hoist.json").read_text("utf-8"))
+    data["links"] |= {"frame": frame}
+    if frame is None:
+        del data["links"]["frame"]
+    with pytest.raises(bm.FormatError) as caught:
+        bm.Linkage.from_json(json.dumps(data))
+    (problem,) = caught.value.problems
+    assert (problem.code, problem.where) == ("unknown-marker", "couplings.ring.driver")

@@ -28,6 +28,7 @@ from blockmech.series import SCANNED
 FREE = Friction("none")
 RATE_READS = frozenset({*VELOCITY_READS, "qd"})
 SAME = 1e-12  # relative distance of two places or periods that are one: files have 12 digits
+LONGEST = 10_000  # turns of a period: what takes longer repeats nothing that a run sees
 REACH = 3.0  # lengths of a mechanism on either side in which kinks of a slide are looked for
 
 
@@ -84,7 +85,7 @@ def period_of(structure: Structure, driver: str) -> float | None:
         if not more:  # a coupled driver's coordinate counts, or nobody knows which one
             return None
         turns = math.lcm(turns, more)
-    return math.tau * turns
+    return math.tau * turns if turns <= LONGEST else None
 
 
 def _turns(period: float) -> int:

@@ -65,6 +65,7 @@ def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
             remedy = "write the pin as joints of two links each"
             if number > 2:
                 yield Problem("wrong-value", path_text(path), found, "", remedy)
+    yield from _wheels(linkage)
     by_joint: dict[str, list[str]] = defaultdict(list)
     for name, driver in linkage.drivers.items():
         by_joint[driver.joint].append(name)
@@ -74,6 +75,17 @@ def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
             where = path_text(("drivers", drivers[1]))
             remedy = f"remove {drivers[1]}"
             yield Problem("conflicting-drivers", where, found, "a joint has one driver", remedy)
+
+
+def _wheels(linkage: Any) -> Iterator[Problem]:
+    """Centres of wheels that are fixed to a link, where the link has no such marker."""
+    for name, coupling in linkage.couplings.items():
+        link, _, marker = coupling.driver.partition(".")
+        known = linkage.links[link].markers if link in linkage.links else {}
+        if marker and marker not in known and (link in linkage.links or link == FRAME):
+            where, remedy = path_text(("couplings", name, "driver")), close_match(marker, known)
+            valid = f"markers of {link}: {listed(known) or 'none'}"
+            yield Problem("unknown-marker", where, f'no marker "{marker}"', valid, remedy)
 
 
 def _links(linkage: Any) -> Iterator[Problem]:
