@@ -169,10 +169,12 @@ class Compiled(Runnable):
 
         Raises `RequestError` for unknown names or settings that do not fit.
         """
-        names = as_names("want", want)
         check_switch("static", static)
-        how = friction_asked(friction, tolerance, iterations)
-        return self._planned(names, how, static)
+        return self.planned(want, friction_asked(friction, tolerance, iterations), static)
+
+    def planned(self, want: Iterable[str] | str, how: Friction, static: bool = False) -> Plan:
+        """The same, by friction settings that are checked."""
+        return self._planned(as_names("want", want), how, static)
 
     def plan_at(
         self, taken: Samples, want: Iterable[str] | str, *, static: bool, **how: Any

@@ -79,11 +79,14 @@ class Friction:
     tolerance [N] : largest change of a reaction at which ``successive`` stops; by default
         1e-7 of the largest one
     iterations : fixed number of iterations of ``successive``, or None
+    sticking : whether the friction of pairs that stick is an input, as along a motion of several
+        drivers: ``sticks_j`` 1 or 0, ``held_j`` its friction or 0
     """
 
     method: str = "newton"
     tolerance: float | None = None
     iterations: int | None = None
+    sticking: bool = False
 
 
 @dataclass(frozen=True)

@@ -229,17 +229,6 @@ def test_methods_without_friction_refuse_it(method):
         pendulum().simulate("time=1", start={"crank": (0.5, 0.0)}, method=method)
 
 
-def test_several_drivers_with_friction_are_refused_by_name():
-    data = document("fivebar_falling")
-    law = {"law": "coulomb", "coefficient": 0.2, "radius": 0.01}
-    data["blocks"]["left"]["friction"] = {"A": law}
-    mech = changed(data)
-    with pytest.raises(RequestError, match="one driver") as caught:
-        mech.simulate("time=0.1")
-    assert "left.A" in str(caught.value)
-    assert mech.simulate("time=0.01", friction="none").motion.end == "time"
-
-
 @pytest.mark.parametrize(("coefficient", "time"), [(0.2, 1.0), (0.5, 0.3), (0.7, 1.0), (0.9, 0.1)])
 def test_what_friction_takes_is_what_energy_misses_wherever_the_run_ends(coefficient, time):
     mechanism, start = pendulum(1.0, coefficient), (LOWEST, 8.0)

@@ -85,7 +85,11 @@ def friction(e: Evidence) -> Iterator[Residual]:
             ref = JointRef(name, joint)
             t, slip = r[f"{ref}.friction"], r[f"{ref}.slip"]
             if block.joints[joint].kind == "R":
-                load, terms, way = np.abs(r[f"{ref}.reaction"]), size.force, block.largest_length()
+                load, terms, way = (
+                    np.abs(r[f"{ref}.reaction"]),
+                    size.force,
+                    block.characteristic_length(),
+                )
             else:
                 edges = 2 / law.edge_distance if law.edge_distance else 0.0
                 load = np.maximum(np.abs(r[f"{ref}.N"]), edges * np.abs(r[f"{ref}.C"]))
@@ -100,13 +104,15 @@ def friction(e: Evidence) -> Iterator[Residual]:
             factor, drag = law.sliding(bound_kernel)(np.abs(slip))
             bound = factor * load + drag if method != "none" else 0.0 * load
             scale = (factor * terms + drag) * e.condition(name)
-            driven = np.maximum(t * np.sign(slip), 0.0)
+            # a thousand times: the solver measures speed and size of the group alone
+            rests = np.abs(slip) * way <= 1e3 * REST_SHARE * np.maximum(speed, turning * way)
+            driven = np.where(rests, 0.0, np.maximum(t * np.sign(slip), 0.0))
             yield Residual("friction in", ref, driven, scale)
             if method in ("none", "newton"):
+                still = law.at_rest()
+                most = still.factor * load + still.drag if method != "none" else 0.0 * load
                 left = np.abs(np.abs(t) - bound)
-                # a thousand times: the solver measures speed and size of the group alone
-                rests = np.abs(slip) * way <= 1e3 * REST_SHARE * np.maximum(speed, turning * way)
-                left = np.where(rests, np.minimum(left, np.abs(t)), left)
+                left = np.where(rests, np.maximum(np.abs(t) - most, 0.0), left)
                 yield Residual("friction in", ref, left, scale)
 
 

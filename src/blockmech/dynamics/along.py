@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.motion import Floats, Motion
+from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System, solved, without
 from blockmech.passes.signals import STATE
 from blockmech.plan import Friction
@@ -39,9 +41,23 @@ class MotionInputs(Mapping[str, Any]):
         self.qd[unknown] = np.nan
         self.mechanism, self.how, self.t = mechanism, how, t
         self.held = motion.held(t, k)
-        self.known = _by_driver("q", self.q, k) | _by_driver("qd", self.qd, k)
-        self.known |= states_along(motion, t)
         self.states = motion.signal_states(t)
+        self.several: dict[str, Floats] = {}
+        if motion.slips and how.method != "none":
+            self._with_several(motion)
+        self.known = _by_driver("q", self.q, k) | _by_driver("qd", self.qd, k)
+        self.known |= states_along(motion, t) | self.several
+
+    def _with_several(self, motion: Motion) -> None:
+        """Rates and accelerations of several drivers, and friction of pairs that stick."""
+        friction = system_of(self.mechanism, method=self.how).friction
+        assert isinstance(friction, SeveralFriction)
+        sides = motion.sides(self.t)
+        found = friction.along(self.q, self.qd, self.t, self.states, sides, ~self.held)
+        self.qd, self.several = found[0], _by_driver("qdd", found[1], found[1].shape[1])
+        for j, t in enumerate(found[2].T):
+            stuck = found[3][:, j]
+            self.several |= {f"sticks_{j}": 1.0 * stuck, f"held_{j}": np.where(stuck, t, 0.0)}
 
     def __getitem__(self, name: str) -> Any:
         return self.known[name] if name in self.known else self.accelerations[name]
@@ -122,8 +138,10 @@ def result_along(
     """
     friction = friction or ("newton" if "friction_work" in motion.facts else "none")
     settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
-    plan = mechanism.plan(want, **settings)  # type: ignore[arg-type]
     how = friction_asked(friction, tolerance, iterations)
+    if motion.slips and how.method != "none":
+        how = replace(how, sticking=True)
+    plan = mechanism.planned(want, how)
     unknown = t == motion.t_end
     if motion.end != ends.DEAD_CENTRE or _margin_at_end(mechanism, motion) > SINGULAR:
         unknown = np.zeros(len(t), bool)

@@ -22,4 +22,5 @@ UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 KINK, GOAL = "kink", "goal"
 REVERSAL, GUIDE_SIDE = "joint reverses", "guide changes side"
 DEFLECTION_KINK = "bristles turn"  # a pair reverses whose friction law has a state
+STICKS, SLIPS, REVERSES = "sticking", "slipping", "reversal"  # of a pair, with several drivers
 SIGNAL_KINK, RELEASED = "signal kink", "released"  # from joint friction, by a signal

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ import numpy as np
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.rates import rates_of
+from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
 from blockmech.engines.stages import CompiledStepper
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 
 LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
+LOOKED_AT = 64  # states of a step and more at which the relative rates of pairs are kept
 
 
 class TooMany(Exception):
@@ -49,6 +51,7 @@ class Equation:
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
     _own: tuple[Any, Any] = (None, None)  # directions of slip, machine code with them
+    _rates: dict[bytes, Floats] = field(default_factory=dict)  # of states looked at last
 
     @cached_property
     def layout(self) -> StateLayout:
@@ -156,16 +159,21 @@ class Equation:
         self.spend(1)
         q, qd = self.layout.motion(y)
         more: Any = ()
+        known = self.resisted(t, y) if self.sides else None
         if self.system.signals.values:
-            found, more = self.system.terms_of(q, qd, t, y[self.layout.signals])
+            x, qdd = y[self.layout.signals], None if known is None else known.qdd
+            found, more = self.system.terms_of(q, qd, t, x, qdd)
         else:
             found = self.system.terms(q, qd, t)
         M, c, Q, margin = found
         self._last = tuple(q), margin, math.nan
         if not margin > 0:
             return np.full(self.layout.size, math.nan)
-        acc = self.system.accelerations(M, Q - c)
-        return np.concatenate([qd, acc, [Q @ qd], more[: len(self.layout.initial)]])
+        works = [Q @ qd]
+        if self.layout.rubs:
+            works.append(0.0 if known is None else known.power)
+        acc = self.system.accelerations(M, Q - c) if known is None else known.qdd
+        return np.concatenate([qd, acc, works, more[: len(self.layout.initial)]])
 
     def switched(self, t: float, y: Floats, due: Collection[str]) -> Floats:
         """A state after the discrete signal blocks named ``due`` have switched."""
@@ -201,7 +209,8 @@ class Equation:
         q, qd = self.layout.motion(y)
         x = y[self.layout.signals]
         if self.drivers > 1:
-            return self.system.terms_of(q, qd, t, x)[1]
+            rubbed = self.resisted(t, y).qdd if self.sides else None
+            return self.system.terms_of(q, qd, t, x, rubbed)[1]
         if qdd is None and self.system.friction is not None:
             follows = "qdd_0" in self.system.equation_program.inputs and not self.held
             qdd = self.resisted(t, y).qdd if follows and self.sides else 0.0
@@ -209,9 +218,19 @@ class Equation:
 
     def resisted(self, t: float, y: Floats) -> FrictionState:
         """Acceleration and friction of the pairs at a state."""
-        assert self.system.friction is not None
+        friction = self.system.friction
+        assert friction is not None
         x = y[self.layout.signals] if self.layout.initial else None
-        return self.system.friction.at(*self.layout.motion(y), t, self.sides, x)
+        if isinstance(friction, SeveralFriction):
+            return friction.at(*self.layout.motion(y), t, self.sides, x, self.system.free)
+        return friction.at(*self.layout.motion(y), t, self.sides, x)
+
+    def stop_force(self, i: int, t: float, y: Floats) -> float:
+        """What a stop gives a driver that lies against it [N m or N], on its coordinate."""
+        if self.sides:
+            return float(self.resisted(t, y).idle[i])
+        M, c, Q, _ = self.system.terms(*self.layout.motion(y), t)
+        return float((M @ self.system.accelerations(M, Q - c) + c - Q)[i])
 
     def pair_loads(self, t: float, y: Floats) -> Any:
         """Loads on the pairs with friction."""
@@ -231,6 +250,17 @@ class Equation:
             known = None if row is None else row[first : first + m]
             self._slips = q, known or self.system.friction.slips(np.array([q]))[0]
         return self._slips[1]
+
+    def relative_rates(self, y: Floats) -> Floats:
+        """Relative rates (m,) of the pairs with friction, with several drivers, at a state."""
+        friction = self.system.friction
+        assert isinstance(friction, SeveralFriction)
+        key = y[: self.layout.moving].tobytes()
+        if key not in self._rates:
+            if len(self._rates) > LOOKED_AT:
+                self._rates.clear()
+            self._rates[key] = friction.rates(*self.layout.motion(y))
+        return self._rates[key]
 
     def know(self, q: float, margin: float, J: float) -> None:
         """Keep what was computed elsewhere at a place of the only driver."""

@@ -76,9 +76,15 @@ def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> Event
 
 
 def general_rules(
-    system: System, request: SimulationRequest, closeness: Callable[[Any], Any]
+    system: System,
+    request: SimulationRequest,
+    closeness: Callable[[Any], Any],
+    stop_force: Callable[..., float],
 ) -> list[EventFunction]:
-    """The rules that hold all along a run; ``closeness``: y -> (margin, relative inertia)."""
+    """The rules that hold all along a run; ``closeness``: y -> (margin, relative inertia).
+
+    ``stop_force`` : (driver, t, y) -> what its stop gives it
+    """
     k = len(system.drivers)
     found = [user_rule(w, StateLayout(k)) for w in request.watch]
     limits = ((ends.DEAD_CENTRE, LEAST_MARGIN), (ends.NO_INERTIA, LEAST_INERTIA))
@@ -91,7 +97,7 @@ def general_rules(
     for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=True)):
         kind = ends.END_STOP if k == 1 else f"{ends.END_STOP} of {driver}"
         if i in system.held:
-            found.append(leaving_rule(system, i))
+            found.append(leaving_rule(i, system.held[i], stop_force))
             continue
         pairs = zip(between, (-1, 1), strict=True)
         found += [driver_at(kind, q, way, i) for q, way in pairs if math.isfinite(q)]
@@ -103,14 +109,11 @@ def general_rules(
     return [*found, stands]
 
 
-def leaving_rule(system: System, i: int) -> EventFunction:
+def leaving_rule(i: int, way: int, stop_force: Callable[..., float]) -> EventFunction:
     """A stop no longer pushes a driver that lies against it."""
-    at = StateLayout(len(system.drivers))
 
     def push(t: Any, y: Any) -> Any:
-        M, c, Q, _ = system.terms(*at.motion(y), t)
-        force = M @ system.accelerations(M, Q - c) + c - Q
-        return -system.held[i] * force[i]
+        return -way * stop_force(i, t, y)
 
     return EventFunction(ends.LEAVES_STOP, push, -1, index=i, parts=1)
 
@@ -133,14 +136,19 @@ def friction_rules(
     loads: Callable[[float, Any], Any],
     guides: Sequence[bool],
     remembers: Sequence[bool],
+    sides: Sequence[int] = (),
 ) -> list[EventFunction]:
     """Reversals of pairs with friction, and guides whose load goes over to the other side.
 
     The friction of a pair whose law has a state goes on through a reversal, but has a kink there.
+    ``sides`` : with several drivers, the senses in which pairs slip; 0: it sticks. ``slips`` are
+    then relative rates of a state, else of a place.
     """
     found = []
 
     def slip(j: int) -> Value:
+        if sides:
+            return lambda t, y: slips(y)[j]
         return lambda t, y: slips(y[0])[j]
 
     def side(j: int, part: int) -> Value:
@@ -148,7 +156,10 @@ def friction_rules(
 
     for j, guide in enumerate(guides):
         kind = ends.DEFLECTION_KINK if remembers[j] else ends.REVERSAL
-        found.append(EventFunction(kind, slip(j), parts=PARTS // 2, index=j))
+        way = -sides[j] if sides and not remembers[j] else 0
+        if sides and sides[j] == 0:
+            continue
+        found.append(EventFunction(kind, slip(j), way, parts=PARTS // 2, index=j))
         if guide:
             kind = ends.GUIDE_SIDE
             found += [EventFunction(kind, side(j, part), parts=1, index=j) for part in range(2)]

@@ -22,7 +22,7 @@ driving moments that hold it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
@@ -68,9 +68,10 @@ def bearing(load: Any) -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class ForcePassProgram:
-    """The force pass of one driver with friction as input, and the laws of its pairs.
+    """The force pass with friction as input, and the laws of the pairs.
 
-    The program's values: the driving effort, the load of each pair, its relative rate, margins.
+    The program's values: the driving efforts, the load of each pair, its relative rate (with
+    several drivers also its relative acceleration), margins.
     """
 
     names: tuple[str, ...]  # (m,) pairs with friction
@@ -94,13 +95,14 @@ class ForcePassProgram:
             if coupling.sided:
                 remedy = 'friction="none", no pressure angle, or a belt under tension'
                 raise refused("friction", SIDED.format(name), remedy)
-        (driver,) = structure.drivers
-        values = [s.ask(forces.drive, driver)]
+        values = [s.ask(forces.drive, driver) for driver in structure.drivers]
         for ref in joints:
             pair = s.ask(forces.reaction, ref)
             assert pair is not None  # such a block is active
             values.append(pairs.statics(s, ref).measure(s, ref, pair))
         values += [s.ask(forward.slip, ref) for ref in joints]
+        if len(structure.drivers) > 1:
+            values += [s.ask(forward.slip_acceleration, ref) for ref in joints]
         values += margins(s)
         program = s.program(values)
         apart = schedule(structure, compiled.scene, GIVEN)
@@ -145,24 +147,25 @@ def margins(s: Schedule) -> list[str]:
 class State(NamedTuple):
     """One column of inputs of the program, besides q: what is let act."""
 
-    qd: Any = 0.0
+    qd: Any = 0.0  # a number or (n,); of several drivers (k,) or (n, k)
     qdd: Any = 0.0
     share: float = 0.0  # of the applied loads
     pair: int = -1  # the one with a unit of friction; -1: none
-    t: float = 0.0
+    t: Any = 0.0
     x: Any = None  # states of signal blocks; None: the initial ones
 
 
 class FrictionState(NamedTuple):
     """One state: the acceleration, and what the pairs do."""
 
-    qdd: float
+    qdd: Any  # of several drivers (k,)
     power: float  # [W] that friction takes, see `power_taken`
     loads: Vectors  # (m,)
     margin: float
     outcome: Outcome
     limit: float
     misfit: float = 0.0  # [-] bound of what an iteration left undone, of the largest friction
+    idle: Any = 0.0  # (k,) [N m or N] what several drivers that lie against stops get from these
 
     @property
     def locked(self) -> bool:
@@ -257,7 +260,7 @@ def signed_terms(sides: Any, law: Any, drags: bool) -> tuple[Any, Any]:
 
 
 class JointFriction:
-    """Friction of all pairs of a mechanism with one driver.
+    """Friction of all pairs of a mechanism with one driver; `sticking` has that of several.
 
     ``count`` is told of evaluations (samples, whether they are a batch); ``compiled`` says whether
     single states are machine code's; ``rounding`` [N m or N] is what that leaves unknown at a
@@ -317,20 +320,27 @@ class JointFriction:
     # -- data of the force pass ------------------------------------------------------
 
     def _columns(self, q: Floats, states: list[State]) -> list[Row]:
-        """The program at n places in each of some states."""
-        m, n, size = len(self.names), q.size, len(states) * q.size
+        """The program at places (n,), or (n, k) of k drivers, in each of some states."""
+        m, n, size = len(self.names), len(q), len(states) * len(q)
         self._count(size, True)
-        given = {
-            "q_0": np.tile(q, len(states)),
-            "qd_0": np.concatenate([np.broadcast_to(s.qd, n) for s in states]),
-            "qdd_0": np.concatenate([np.broadcast_to(s.qdd, n) for s in states]),
-            "t": np.repeat([s.t for s in states], n),
-            "load_share": np.repeat([s.share for s in states], n),
-        }
+
+        def column(values: Iterable[Any]) -> Floats:
+            """An input, one state after the other."""
+            return np.concatenate([np.broadcast_to(x, n) for x in values])
+
+        def of(i: int, x: Any) -> Any:
+            """The values of one driver."""
+            return x[..., i] if q.ndim > 1 and np.ndim(x) else x
+
+        given = {"t": column(s.t for s in states), "load_share": column(s.share for s in states)}
+        for i in range(1 if q.ndim == 1 else q.shape[1]):
+            given[f"q_{i}"] = np.tile(of(i, q), len(states))
+            given[f"qd_{i}"] = column(of(i, s.qd) for s in states)
+            given[f"qdd_{i}"] = column(of(i, s.qdd) for s in states)
         for k in range(m):
-            given[f"friction_{k}"] = np.repeat([float(s.pair == k) for s in states], n)
+            given[f"friction_{k}"] = column(float(s.pair == k) for s in states)
         for k, x in enumerate(self._initial):
-            given[f"{STATE}{k}"] = np.repeat([x if s.x is None else s.x[k] for s in states], n)
+            given[f"{STATE}{k}"] = column(x if s.x is None else s.x[..., k] for s in states)
         program = self.program.program
         with np.errstate(all="ignore"):
             values = self.program.batch.run({x: given[x] for x in program.inputs}, size)
@@ -457,9 +467,12 @@ class JointFriction:
             found.qdd, power, np.array(found.loads), margin, outcome, limit, misfit
         )
 
-    def _inputs(self, q: float, state: State) -> list[float]:
-        given = {"q_0": q, "qd_0": state.qd, "qdd_0": state.qdd, "t": state.t}
-        given["load_share"] = state.share
+    def _inputs(self, q: Any, state: State) -> list[float]:
+        return self._in_order({"q_0": q, "qd_0": state.qd, "qdd_0": state.qdd}, state)
+
+    def _in_order(self, given: dict[str, Any], state: State) -> list[float]:
+        """Inputs of the program; ``given`` are those of the drivers."""
+        given |= {"t": state.t, "load_share": state.share}
         signals = self._initial if state.x is None else state.x
         given |= {f"{STATE}{k}": float(x) for k, x in enumerate(signals)}
         inputs = self.program.program.inputs

@@ -289,6 +289,7 @@ class Bounces:
             track=Chain(np.array([leg.t_start for leg in moving]), tuple(x.track for x in moving)),
             events=tuple(sorted(self.events, key=lambda e: e.t)),
             impacts=tuple(self.impacts),
+            slips=tuple(s for leg in legs for s in leg.slips),
             lying=(*self.lying, *(Lying(i, t, last.t_end) for i, t in self.since.items())),
             error=math.fsum(leg.error for leg in legs) + self.unseen,
             cost=self.system.cost,

@@ -23,6 +23,7 @@ from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import WATCH, SimulationRequest, check_method
 from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.signals import felt
+from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
 from blockmech.errors import RequestError, listed, refused
 
@@ -95,16 +96,25 @@ def _with_misfit(system: System, motion: Motion) -> Motion:
     how = system.method
     if how is None or how.method in ("none", "newton"):
         return motion
-    friction = None if len(system.drivers) > 1 else system.friction
+    friction = system.friction
     if friction is None or motion.t_end == motion.t_start:
         return motion
     times = np.linspace(motion.t_start, motion.t_end, LOOKED_AT + 2)[1:-1]
     states = zip(*motion.at(times), times.tolist(), strict=True)
-    left = [
-        friction.at(float(q), float(qd), t, friction.sides(float(q), 1 if qd > 0 else -1)).misfit
-        for q, qd, t in states
-        if qd
-    ]
+    if isinstance(friction, SeveralFriction):
+        sides = motion.sides(times).tolist()
+        left = [
+            friction.at(q, qd, t, tuple(side)).misfit
+            for (q, qd, t), side in zip(states, sides, strict=True)
+        ]
+    else:
+        left = [
+            friction.at(
+                float(q), float(qd), t, friction.sides(float(q), 1 if qd > 0 else -1)
+            ).misfit
+            for q, qd, t in states
+            if qd
+        ]
     if not left:
         return motion
     worst = max(left)
@@ -130,11 +140,9 @@ def check(system: System, request: SimulationRequest) -> None:
     if goal == "event" and not any(w.terminal for w in request.watch):
         remedy = f"give one in Python: watch=[{WATCH}]"
         raise refused("until", '"event": no event is given that ends the run', remedy, code="until")
-    if several and system.method is not None and system.method.method != "none":
-        joints = system.compiled.frictional_joints
-        found = "joint friction in motion needs a mechanism with one driver"
-        if joints:
-            raise refused(listed(joints), found, WITHOUT, code="friction-in-motion")
+    if several and goal == "steady" and system.friction is not None:
+        why = "with joint friction and several drivers no steady state is looked for"
+        raise _unfitting("until", goal, why, ("time", "event"))
     if system.signals.initial and system.friction is not None:
         sensors = system.compiled.once(felt)
         if sensors:
@@ -217,6 +225,8 @@ def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
 
 def _push(system: System, request: SimulationRequest, i: int) -> float:
     """Which way a driver at rest would start."""
+    if isinstance(system.friction, SeveralFriction):
+        return float(system.friction.from_state(*request.start, system.free).qdd[i])
     if system.friction is not None:
         return system.friction.rest(float(request.start.q), request.start.t).moves
     if len(system.drivers) == 1:

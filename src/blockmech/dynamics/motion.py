@@ -91,6 +91,16 @@ class Impact(NamedTuple):
     loss: float
 
 
+class Slips(NamedTuple):
+    """From a time [s] on: how each pair with friction slips, by its number.
+
+    sides : +1 with its coordinate, -1 against it, 0 where it sticks
+    """
+
+    begin: float
+    sides: tuple[int, ...]
+
+
 class Lying(NamedTuple):
     """While a driver, by its number, lies against an end stop: from and to [s]."""
 
@@ -131,6 +141,7 @@ class Motion(TextReport):
     events : standstills and the user's events, in order
     impacts : blows on end stops, in order
     lying : while which drivers lie against their stops
+    slips : with joint friction and several drivers, which pairs stick and slip from when on
     error : estimated bound of the error of q over the run [rad or m]
     time_error : the same of ``t_end`` [s], where an event and not a time ends the run
     accuracy : the target of ``error``, None if none was given
@@ -155,6 +166,7 @@ class Motion(TextReport):
     events: tuple[Event, ...] = ()
     impacts: tuple[Impact, ...] = ()
     lying: tuple[Lying, ...] = ()
+    slips: tuple[Slips, ...] = ()
     error: float = 0.0
     time_error: float = 0.0
     cost: Cost = field(default_factory=Cost)
@@ -214,6 +226,12 @@ class Motion(TextReport):
         if states is None or not self.x_end:
             return np.array(end)
         return np.where((t == self.t_end)[:, None], end, states(t))
+
+    def sides(self, t: Floats) -> Any:
+        """How each pair with friction slips (n, m) at times (n,) [s]; see `slips`."""
+        begins = [s.begin for s in self.slips]
+        which = np.maximum(np.searchsorted(begins, t, "right") - 1, 0)
+        return np.array([s.sides for s in self.slips])[which]
 
     def held(self, t: Floats, drivers: int) -> Any:
         """Whether each driver lies against a stop at times (n,) [s]; (n, drivers)."""

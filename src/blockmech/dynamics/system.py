@@ -33,6 +33,7 @@ from blockmech.dynamics.signals import (
     program_with_deflections,
     signal_program,
 )
+from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.table import PlaceTable
 from blockmech.engines.llvm import WORTH, LlvmEngine, SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine
@@ -62,6 +63,10 @@ class Source(Protocol):
     @property
     def frictional_joints(self) -> tuple[str, ...]:
         """Names of the joints that have friction."""
+
+    @property
+    def joint_names(self) -> Mapping[str, str]:
+        """Joint of the graph -> its name in a joint-based document."""
 
     def once(self, make: Callable[[Any], T]) -> T:
         """What is made of it, made once and kept."""
@@ -282,7 +287,10 @@ class System:
 
     @cached_property
     def friction(self) -> JointFriction | None:
-        """Joint friction in motion; None where there is none or it is left out."""
+        """Joint friction in motion, of several drivers a `SeveralFriction`.
+
+        None where there is none or it is left out.
+        """
         if self.method is None or self.method.method == "none":
             return None
         program = self.compiled.once(ForcePassProgram.of)
@@ -290,7 +298,19 @@ class System:
             return None
         states, rates = (lambda: self.compiled_states), self.depends_on != {"q"}
         initial, count = self.signals.initial, self._count
-        return JointFriction(program, self.method, count, states, self.rounding, rates, initial)
+        kind = JointFriction if len(self.drivers) == 1 else SeveralFriction
+        return kind(program, self.method, count, states, self.rounding, rates, initial)
+
+    @property
+    def free(self) -> Any:
+        """(k,) drivers that do not lie against a stop."""
+        return ~np.isin(np.arange(len(self.drivers)), list(self.held))
+
+    def pair_name(self, j: int) -> str:
+        """A pair with friction by its number, in the words of the document."""
+        assert self.friction is not None
+        name = self.friction.names[j]
+        return self.compiled.joint_names.get(name, name)
 
     @property
     def smooth_friction(self) -> bool:
@@ -361,19 +381,21 @@ class System:
         """The equation of motion of several drivers at one state, signal blocks at the start."""
         return self.terms_of(q, qd, t)[0]
 
-    def terms_of(self, q: Floats, qd: Floats, t: float, x: Any = None) -> tuple[Terms, Any]:
+    def terms_of(
+        self, q: Floats, qd: Floats, t: float, x: Any = None, qdd: Floats | None = None
+    ) -> tuple[Terms, Any]:
         """The equation of motion of several drivers at one state, and the rest as of `one_of`."""
         k = len(self.drivers)
         given: dict[str, float] = {"t": t}
         for i in range(k):
             given[f"q_{i}"], given[f"qd_{i}"] = float(q[i]), float(qd[i])
-            given[f"qdd_{i}"] = 0.0
+            given[f"qdd_{i}"] = 0.0 if qdd is None else float(qdd[i])
         values = self._single(given, x)
         M = np.array(values[: k * k]).reshape(k, k)
         Q, c = np.array(values[k * k : k * k + k]), np.array(values[k * k + k : k * k + 2 * k])
         first = k * k + 2 * k
         last = first + self.signals.values
-        if last > first and "qdd_0" in self.equation_program.inputs:
+        if last > first and qdd is None and "qdd_0" in self.equation_program.inputs:
             qdd = solved(M, Q - c)
             values = self._single(given | {f"qdd_{i}": float(qdd[i]) for i in range(k)}, x)
         return Terms(M, c, Q, least(values[last:])), values[first:last]

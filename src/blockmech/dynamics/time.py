@@ -8,6 +8,7 @@ the state is looked at.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -38,13 +39,15 @@ from blockmech.dynamics.motion import (
     Event,
     Floats,
     Motion,
+    Slips,
     State,
     Status,
     Still,
 )
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.rest import released
+from blockmech.dynamics.rest import first_beyond, released
 from blockmech.dynamics.singular import AHEAD, PAST, End, time_left, what_is_ahead
+from blockmech.dynamics.sticking import Settled, SeveralFriction
 from blockmech.plane import EPS
 from blockmech.signals.contract import at_once
 
@@ -103,10 +106,13 @@ class Run:
     times: list[float] = field(default_factory=list)
     pieces: list[Any] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
+    slips: list[Slips] = field(default_factory=list)
     facts: dict[str, float] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
     standstills: int = 0
     fired: EventFunction | None = None
+    zero: Sequence[int] = ()  # pairs without relative rate when sides were settled last
+    settled: float = math.nan  # [s] when that was
     turned: float = 0.0  # [J] largest work on the way
     left: float = 0.0  # [s] to a singular place that the run stops short of
 
@@ -144,7 +150,9 @@ class Run:
         q, qd = self.layout.motion(self.y)
         self._balance(start)
         if verdict.end in (ends.SELF_LOCKED, ends.AMBIGUOUS):
-            self.notes.append(f"{verdict.end}: t = {self.t:.9g} s, q = {q:.9g}, rate = {qd:.9g}")
+            where = (", ".join(f"{x:.9g}" for x in np.atleast_1d(part)) for part in (q, qd))
+            at = "t = {:.9g} s, q = {}, rate = {}".format(self.t, *where)
+            self.notes.append(f"{verdict.end}: {at}")
         if self.method != self.asked and verdict.status == "reached":
             self.notes.append(f"{self.asked} gave up on the way, {self.method} went on")
         solution = OdeSolution(self.times, self.pieces) if self.pieces else None
@@ -161,6 +169,7 @@ class Run:
             x_end=tuple(self.y[self.layout.signals].tolist()),
             track=Still(q, qd) if solution is None else Steps(self.layout, solution),
             events=tuple(self.events),
+            slips=tuple(self.slips),
             error=math.inf,
             time_error=2 * self.left,
             cost=self.system.cost,
@@ -187,6 +196,8 @@ class Run:
         """Settle directions of slip at the start."""
         if self.system.friction is None:
             return None
+        if self.several is not None:
+            return self._settle(())
         if self.y[1] == 0.0:
             return self._from_rest()
         self.equation.sides = self._sides()
@@ -200,13 +211,18 @@ class Run:
         equation, system = self.equation, self.system
         if equation.held:
             return [release_rule(self._excess), *signal_rules(equation.kinks, system.signals.kinks)]
-        rules = general_rules(system, self.request, equation.closeness)
+        rules = general_rules(system, self.request, equation.closeness, equation.stop_force)
         if equation.drivers == 1:
             rules += kink_rules(float(self.y[0]), system.knots, system.period)
         rules += signal_rules(equation.kinks, system.signals.kinks)
-        if system.friction is not None:
+        if self.several is not None:
+            own, sides = self.several.program, equation.sides
+            about = own.guides, own.remembers, sides
+            rules += friction_rules(equation.relative_rates, equation.pair_loads, *about)
+            rules += [release_rule(self._excess)] if 0 in sides else []
+        elif system.friction is not None:
             own = system.friction.program
-            about = own.guides, own.remembers
+            about = own.guides, own.remembers, ()
             rules += friction_rules(equation.slips, equation.pair_loads, *about)
         return rules
 
@@ -217,7 +233,8 @@ class Run:
             return Verdict("reached", "time")
         structure = self.system.compiled.structure
         self._switch()
-        if self.equation.held and self._excess(self.t, self.y) > 0:
+        stuck = self.equation.held or (0 in self.equation.sides and self.settled != self.t)
+        if stuck and self._excess(self.t, self.y) > 0:
             return self._released()
         kink = loads.next_time_kink(structure, self.t)
         bound = min(self.t_max, kink, self.system.signals.next_time(self.t))
@@ -259,6 +276,9 @@ class Run:
         """Events (kind, index) at this very place: several pairs may reverse at once."""
         friction, fired = self.system.friction, self.fired
         found = set() if fired is None else {(fired.kind, fired.index)}
+        if self.several is not None:
+            found -= {(ends.RELEASED, 0)}
+            return found | {(ends.REVERSAL, j) for j in self.zero if self.settled == self.t}
         if friction is not None:
             kinds = [
                 ends.DEFLECTION_KINK if own else ends.REVERSAL for own in friction.program.remembers
@@ -402,15 +422,12 @@ class Run:
         return self.t - self.request.start.t, value if goal == "time" else None
 
     def _note(self, hits: list[EventHit], dense: Any) -> None:
+        unsaid = {ends.KINK, ends.GOAL, ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.RELEASED}
+        unsaid.add(ends.DEFLECTION_KINK)
+        if self.several is not None:  # it says which pair, once it is known what that does
+            unsaid.add(ends.REVERSAL)
         for hit in hits:
-            if hit.rule.kind in (
-                ends.KINK,
-                ends.GOAL,
-                ends.GUIDE_SIDE,
-                ends.SIGNAL_KINK,
-                ends.RELEASED,
-                ends.DEFLECTION_KINK,
-            ):
+            if hit.rule.kind in unsaid:
                 continue
             y = np.array(dense(hit.t))
             if hit.rule.kind == ends.STANDSTILL:
@@ -425,6 +442,9 @@ class Run:
         rule = self.fired = hit.rule
         if rule.kind == ends.KINK:
             self._past_kink()
+        elif rule.kind == ends.REVERSAL and self.several is not None:
+            stuck = [j for j, side in enumerate(self.equation.sides) if side == 0]
+            return self._settle((*stuck, rule.index))
         elif rule.kind == ends.REVERSAL:  # and whatever pairs reverse at the same place
             old, beyond = self.equation.sides[rule.index], self._sides()
             self.equation.sides = tuple(
@@ -490,25 +510,89 @@ class Run:
             if until is None and span == math.inf:
                 return Verdict("ended" if self.pieces else "rest", ends.REST)
             until = self.t_max if until is None else until
-            still = self.y.copy()
-            times, states = np.array([until, until]), np.array([still, still])  # no step at all
-            self._took(
-                AcceptedSteps(times, states, lambda t: np.multiply.outer(still, np.ones_like(t)))
-            )
+            self._wait(until)
         self.equation.sides = friction.sides(q, 1 if -high >= low else -1)
         return None
 
+    def _wait(self, until: float) -> None:
+        """Stand still until a time [s]."""
+        still = self.y.copy()
+        times, states = np.array([until, until]), np.array([still, still])  # no step at all
+        self._took(
+            AcceptedSteps(times, states, lambda t: np.multiply.outer(still, np.ones_like(t)))
+        )
+
     def _excess(self, t: float, y: Floats) -> float:
-        """By how much the loads push beyond what joint friction holds at rest [N m or N]."""
+        """By how much the loads push beyond what joint friction holds at rest: [N m or N] of one
+        driver, [-] of the share of what pairs that stick hold, of several.
+        """
         friction = self.system.friction
         assert friction is not None
+        if isinstance(friction, SeveralFriction):
+            at, sides = self._instant(t, y), self.equation.sides
+            return friction.share(at, sides, friction.respond(at, sides)) - 1.0
         low, high = friction.rest(float(y[0]), t, y[self.layout.signals]).holding
         return max(low, -high)
+
+    # -- pairs that stick, with several drivers -----------------------------------------
+
+    @property
+    def several(self) -> SeveralFriction | None:
+        """Joint friction of several drivers; None where there is none."""
+        friction = self.system.friction
+        return friction if isinstance(friction, SeveralFriction) else None
+
+    def _instant(self, t: float, y: Floats) -> Any:
+        assert self.several is not None
+        x = y[self.layout.signals] if self.layout.initial else None
+        return self.several.instant(*self.layout.motion(y), t, x, self.system.free)
+
+    def _settle(self, standing: Sequence[int], released: bool = False) -> Verdict | None:
+        """Which pairs stick from here on, and in which sense others slip; see `sticking`."""
+        friction = self.several
+        assert friction is not None
+        at = self._instant(self.t, self.y)
+        self.zero, self.settled = friction.without_slip(at, standing), self.t
+        sides = friction.sides_at(at, self.zero)
+        found = friction.settled(at, sides, self.zero, released)
+        if found.end:
+            goes = found.end == ends.SELF_LOCKED and self.pieces
+            return Verdict("ended" if goes else "failed", found.end)
+        self.y = self.y.copy()
+        self.y[self.layout.rate] = friction.kept(at, found.sides)
+        q, qd = self.layout.motion(self.y)
+        for j, (old, new) in enumerate(zip(self.equation.sides, found.sides, strict=False)):
+            if old != new:
+                kind = ends.REVERSES if old and new else ends.SLIPS if new else ends.STICKS
+                self.events.append(Event(f"{kind} of {self.system.pair_name(j)}", self.t, q, qd))
+        self.equation.sides = found.sides
+        self.slips = [s for s in self.slips if s.begin < self.t]
+        self.slips.append(Slips(self.t, found.sides))
+        return self._stand(found) if friction.holds_all(at, found.sides) else None
+
+    def _stand(self, found: Settled) -> Verdict | None:
+        """Stay where all pairs stick, until loads of the time push beyond what they hold."""
+        friction, system = self.several, self.system
+        assert friction is not None
+        q, qd = self.layout.motion(self.y)
+        self.events.append(Event(ends.REST, self.t, q, qd))
+        self.facts["holding_share"] = found.share
+        if "state" in system.depends_on:
+            return None
+        t_last, still = self.request.start.t + self.request.span, self.y.copy()
+        until, _ = first_beyond(system, lambda s: self._excess(s, still), self.t, t_last)
+        if until is None and t_last == math.inf:
+            return Verdict("ended" if self.pieces else "rest", ends.REST)
+        self._wait(self.t_max if until is None else until)
+        return None if until is None else self._released()
 
     def _released(self) -> Verdict | None:
         """Start the driver that joint friction held, in the direction in which it is pushed."""
         friction, q = self.system.friction, float(self.y[0])
         assert friction is not None
+        if self.several is not None:
+            stuck = [j for j, side in enumerate(self.equation.sides) if side == 0]
+            return self._settle(stuck, True)
         found = friction.rest(q, self.t, self.y[self.layout.signals])
         if found.ambiguous:
             return Verdict("failed", ends.AMBIGUOUS)

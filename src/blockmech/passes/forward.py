@@ -432,6 +432,25 @@ def slip(s: Schedule, ref: JointRef, mode: str = ACTUAL) -> str:
     return s.line(f"{later} - {earlier}", f"{ref}_slip{_suffix(mode)}")
 
 
+def slip_acceleration(s: Schedule, ref: JointRef) -> str:
+    """Rate of a pair's relative rate: [rad/s2] for R, [m/s2] along the guide for P.
+
+    A slider's is that of a point of the later link less that of the point of the earlier link
+    where it is: Coriolis' acceleration is across the guide.
+    """
+    later, earlier = s.structure.later_link(ref), s.structure.earlier_link(ref)
+    a, al = s.ask(link_acceleration, later)
+    a_support, al_support = s.ask(link_acceleration, earlier)
+    if s.structure.joint(ref).kind == "R":
+        return al if al_support == NOUGHT else s.line(f"{al} - {al_support}", f"{ref}_slip_a")
+    if earlier != s.structure.frame_link:
+        om = s.ask(link_velocity, earlier).scalar
+        o, support = s.ask(link_position, later).vector, s.ask(link_position, earlier).vector
+        arm = s.line(f"{o} - {support}", f"{ref}_slip_arm")
+        a += f" - ({a_support} + imul({arm}, {al_support}) - mul({arm}, {om} * {om}))"
+    return s.line(f"dot({a}, {s.ask(guide_direction, ref)})", f"{ref}_slip_a")
+
+
 def guide_direction(s: Schedule, ref: JointRef) -> str:
     """Direction u of a prismatic pair, shared by both links."""
     joint = s.structure.joint(ref)

@@ -230,7 +230,15 @@ def against_slip(s: Schedule, ref: JointRef, part: str, name: str) -> str:
         return s.line(f"-{s.ask(terms, ref)}.{part}", name)
     speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
     args = (speed, top, f"{s.ask(terms, ref)}.{part}", s.ask(slip, ref), REST)
-    return s.emit(resisting, *args, name=name)
+    found = s.emit(resisting, *args, name=name)
+    if not s.friction.sticking:
+        return found
+    return s.line(f"{found} * (1.0 - {s.ask(sticks, ref)})", f"{name}_slipping")
+
+
+def sticks(s: Schedule, ref: JointRef) -> str:
+    """Input: 1 where a pair sticks, else 0."""
+    return s.unknown(f"sticks_{s.ask(given_joints).index(ref)}")
 
 
 def resistance(s: Schedule, ref: JointRef) -> str:
@@ -239,10 +247,16 @@ def resistance(s: Schedule, ref: JointRef) -> str:
 
 
 def drag(s: Schedule, ref: JointRef) -> str:
-    """Friction of a pair on the later link, whatever the load: couple [N m] or force [N]."""
-    if not s.structure.friction_law(ref).drags:
-        return NOUGHT
-    return s.ask(against_slip, ref, "drag", f"{ref}_drag")
+    """Friction of a pair on the later link, whatever the load: couple [N m] or force [N].
+
+    Of one that sticks it is all that it takes.
+    """
+    drags = s.structure.friction_law(ref).drags
+    found = s.ask(against_slip, ref, "drag", f"{ref}_drag") if drags else NOUGHT
+    if not s.friction.sticking:
+        return found
+    held = s.unknown(f"held_{s.ask(given_joints).index(ref)}")
+    return held if found == NOUGHT else s.line(f"{found} + {held}", f"{ref}_drag_or_held")
 
 
 def held(s: Schedule, ref: JointRef, load: str) -> str:
@@ -258,4 +272,7 @@ def rest(s: Schedule, ref: JointRef) -> str:
     if s.structure.friction_law(ref).remembers:
         return s.emit(at_rest, top, NOUGHT, REST, name=f"{ref}_rest")
     speed = s.ask(slip_speed, ref)
-    return s.emit(at_rest, speed, top, REST, name=f"{ref}_rest")
+    found = s.emit(at_rest, speed, top, REST, name=f"{ref}_rest")
+    if not s.friction.sticking:
+        return found
+    return s.line(f"maximum({found}, {s.ask(sticks, ref)})", f"{ref}_rests")

@@ -1,0 +1,518 @@
+r"""Joint friction with several drivers: some pairs stick while others slip.
+
+At a state, with q the drivers' coordinates and S_j q'' + b_j the relative acceleration of pair j,
+
+    M q'' = push + S^T t,        F_j = f_j + G_j q'' + sum_i R_ji t_i
+
+    slips one way (side_j = +-1)     t_j = -side_j (c_j |F_j| + d_j)
+    sticks (side_j = 0)              S_j q'' + b_j = 0,     |t_j| <= c_j |F_j| + d_j  at rest
+
+A pair whose relative rate is not zero slips in its sense. Of those whose rate is zero, any may
+stick or start in either sense: **every pattern of sides that relative accelerations can have is
+tried** (`patterns`), and one is right where what sticks is held by no more than its law allows,
+and what slips starts in its own sense. A law that holds more at rest than in motion must be
+overcome first, so pairs that start are asked for what they say at rest. No right pattern: no
+acceleration satisfies the laws; two of them with different accelerations: the start is ambiguous.
+
+Where more pairs stick than balance needs (all pairs of a closed loop), mechanics leaves open what
+each takes. They hold where in some distribution none needs more than its law allows; of all that
+balance the one whose largest share is least is taken.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from blockmech.dynamics import ends
+from blockmech.dynamics.friction import FrictionState, JointFriction, Sides, State
+from blockmech.dynamics.motion import Floats
+from blockmech.dynamics.patterns import affine_patterns, rays, signs
+from blockmech.engines.numpy import Planar
+from blockmech.friction.continuation import Outcome
+from blockmech.friction.equations import loads as pair_loads
+from blockmech.friction.solvers import with_drag
+from blockmech.plane import EPS
+from blockmech.quality import left_undone
+
+RANK = 1e-10  # [-] of the largest eigenvalue: rows below it depend on the others
+SETTLED = 1e-9  # [-] by which a law may be missed where pairs start or stay: rounding of a state
+LOCATED = 1e-6  # [-] the same where an event was located on a dense output
+APART = 1e-5  # [-] accelerations that differ by more are two
+BEYOND = 1e-4  # [rad or m] how far beyond a place the sense of a pair shows
+BALANCED = 200  # iterations of the shares of pairs that stick, of which any contraction needs fewer
+
+
+class Instant(NamedTuple):
+    """What loads, accelerations and friction do at a state, or at n of them (leading axis)."""
+
+    q: Floats  # (..., k)
+    rate: Floats  # (..., k)
+    M: Floats  # (..., k, k)
+    push: Floats  # (..., k) efforts of the loads, less what the rates take
+    S: Floats  # (..., m, k) relative rate of a pair per rate of a driver
+    b: Floats  # (..., m) relative acceleration without any of the drivers'
+    w: Floats  # (..., m) relative rate
+    f: Any  # (..., m) loads on the pairs without accelerations of drivers and without friction
+    G: Any  # (..., m, k)
+    R: Any  # (..., m, m)
+    law: Floats  # (..., 2 m) factors and drags at these rates
+    margin: Any
+    free: Any  # (k,) drivers that do not lie against a stop
+
+    def norms(self, loads: Any, guides: Sequence[bool]) -> Floats:
+        """Loads (..., m) as friction is of them [N]."""
+        larger = np.maximum(np.abs(loads.real), np.abs(loads.imag))
+        return np.asarray(np.where(guides, larger, np.abs(loads)))
+
+
+class Response(NamedTuple):
+    """Accelerations and friction at an instant, for some sides."""
+
+    qdd: Floats  # (..., k)
+    t: Floats  # (..., m)
+    loads: Any  # (..., m)
+    outcome: Any
+    limit: Any
+    misfit: Any
+
+
+class Settled(NamedTuple):
+    """What the pairs do from an instant on.
+
+    end : why there is no going on; empty where there is
+    share : [-] of what their laws allow, that pairs which stick need at most
+    """
+
+    sides: Sides
+    response: Response
+    share: float
+    end: str = ""
+
+
+class SeveralFriction(JointFriction):
+    """Friction of all pairs of a mechanism with k drivers."""
+
+    _last: tuple[Any, Any] = (None, None)
+
+    @cached_property
+    def weights(self) -> Floats:
+        """(m,) what a pair holds at rest under a unit load: its part where many stick."""
+        m = len(self.names)
+        static = np.array(self.static)
+        return np.where(static[:m] > 0, static[:m], static[m:])
+
+    # -- an instant ------------------------------------------------------------
+
+    def _states(self, qd: Any, t: Any, x: Any, k: int) -> list[State]:
+        """Columns of inputs: loads and rates, a unit of each acceleration, of each friction."""
+        units = [State(qd=np.zeros(k), qdd=row) for row in np.eye(k)]
+        pairs = [State(qd=np.zeros(k), qdd=np.zeros(k), pair=j) for j in range(len(self.names))]
+        return [State(qd=qd, qdd=np.zeros(k), share=1.0, t=t, x=x), *units, *pairs]
+
+    def _instant(
+        self, values: Any, margin: Any, q: Floats, qd: Floats, x: Any, free: Any
+    ) -> Instant:
+        """From values (..., states, values) of the program; x are states, (..., n) or None."""
+        m, k = len(self.names), qd.shape[-1]
+        drives, loads = values[..., :k].real, values[..., k : k + m]
+        slips, rise = (values[..., k + i * m : k + (i + 1) * m].real for i in (1, 2))
+        w = slips[..., 0, :]
+        asked = self.law(w.reshape(-1, m).T, None if x is None else np.transpose(x))
+        rows = np.array([np.broadcast_to(x, w.size // m) for x in asked]).T
+        law = rows.reshape(*w.shape[:-1], -1)
+
+        def of(x: Any, first: int, count: int) -> Any:
+            return np.swapaxes(x[..., first : first + count, :], -1, -2)
+
+        M, S, G, R = of(drives, 1, k), of(rise, 1, k), of(loads, 1, k), of(loads, 1 + k, m)
+        S = np.where(np.abs(S) <= 8 * EPS * np.abs(S).max(axis=(-1, -2), keepdims=True), 0.0, S)
+        push, b, f = -drives[..., 0, :], rise[..., 0, :], loads[..., 0, :]
+        return Instant(q, qd, M, push, S, b, w, f, G, R, law, margin, free)
+
+    def instant(self, q: Floats, qd: Floats, t: float, x: Any, free: Any) -> Instant:
+        """One state; x are states of signal blocks, None the initial ones."""
+        key = (t, q.tobytes(), qd.tobytes(), None if x is None else x.tobytes())
+        if self._last[0] != key:
+            k, m = len(q), len(self.names)
+            states = self._states(qd, t, x, k)
+            self._count(len(states), False)
+            engine = self.program.single.engine(self._compiled())
+            rows = [engine.one(self._inputs(q, state)) for state in states]
+            margin = min([1.0, *rows[0][k + 3 * m :]], key=lambda x: (x == x, x))
+            values = np.array([row[: k + 3 * m] for row in rows], dtype=np.complex128)
+            self._last = key, self._instant(values, margin, q, qd, x, free)
+        found: Instant = self._last[1]
+        return found
+
+    def _inputs(self, q: Any, state: State) -> list[float]:
+        given: dict[str, Any] = {}
+        for i in range(len(q)):
+            given |= {f"q_{i}": q[i], f"qd_{i}": state.qd[i], f"qdd_{i}": state.qdd[i]}
+        return self._in_order(given, state)
+
+    def rates(self, q: Floats, qd: Floats) -> Floats:
+        """Relative rates (m,) of the pairs."""
+        k, m = len(q), len(self.names)
+        engine = self.program.single.engine(self._compiled())
+        self._count(1, False)
+        row = engine.one(self._inputs(q, State(qd=qd, qdd=np.zeros(k))))
+        return np.array(row[k + m : k + 2 * m], dtype=np.float64)
+
+    # -- for given sides ---------------------------------------------------------
+
+    def _linear(self, at: Instant, sides: Sides, share: Floats) -> tuple[Floats, Floats]:
+        """q'' (..., k, 1 + a) and t (..., m, 1 + a): of loads, and of a unit in each that slips.
+
+        ``share`` (m,) is friction of pairs that stick, beside that of the least squares.
+        """
+        stuck, slips = ([j for j, s in enumerate(sides) if (s == 0) is x] for x in (True, False))
+        S, inverse = at.S[..., at.free], np.linalg.inv(at.M[..., at.free, :][..., at.free])
+        weights = self.weights[stuck][:, None]
+        held, turned = weights * S[..., stuck, :], np.swapaxes(S[..., slips, :], -1, -2)
+        back = inverse @ np.swapaxes(held, -1, -2)
+        yields = np.linalg.pinv(held @ back, rcond=RANK, hermitian=True)
+        push = at.push[..., at.free] + share @ S
+        free = inverse @ np.concatenate([push[..., None], turned], axis=-1)
+        drift = held @ free
+        drift[..., 0] += weights[:, 0] * at.b[..., stuck]
+        force = -yields @ drift
+        n = at.rate.shape[:-1]
+        qdd = np.zeros((*n, at.rate.shape[-1], 1 + len(slips)))
+        qdd[..., at.free, :] = free + back @ force
+        t = np.zeros((*n, len(sides), 1 + len(slips)))
+        t[..., stuck, :] = weights * force
+        t[..., 0] += share
+        t[..., slips, range(1, 1 + len(slips))] = 1.0
+        return qdd, t
+
+    def respond(self, at: Instant, sides: Sides, law: Any = None) -> Response:
+        """Accelerations and friction for some sides; ``law`` (..., 2 m) in place of that there."""
+        law = at.law if law is None else law
+        found = self._balance(at, sides, law, np.zeros(len(sides)))
+        if at.q.ndim > 1 or not self._surplus(at, sides):
+            return found
+        for _ in range(BALANCED):  # friction of what slips may follow what sticks
+            last, share = (
+                found,
+                np.where(np.array(sides) == 0, self._shared(at, sides, found)[1], 0),
+            )
+            found = self._balance(at, sides, law, share)
+            if np.abs(found.t - last.t).max() <= SETTLED * np.abs(found.t).max():
+                break
+        return found
+
+    def _balance(self, at: Instant, sides: Sides, law: Any, share: Floats) -> Response:
+        """The same; ``share`` as of `_linear`."""
+        m, slips = len(sides), [j for j, s in enumerate(sides) if s]
+        qdd, t = self._linear(at, sides, share)
+        F = at.G @ qdd + at.R @ t
+        F[..., 0] += at.f
+        along = np.array([sides[j] for j in slips])
+        k = -along * law[..., slips]
+        drag = -along * law[..., [m + j for j in slips]] if self.program.drags else ()
+        one = np.ones((*at.rate.shape[:-1], 1))
+        found: Any = None
+        if slips:
+            found = self._solved(k, drag, [self.guides[j] for j in slips], F[..., slips, :])
+            one = np.concatenate([one, np.stack(found.t, axis=-1)], axis=-1)
+        qdd, t, F = ((x @ one[..., None])[..., 0] for x in (qdd, t, F))
+        if found is None:
+            return Response(qdd, t, F, 0.0, 1.0, 0.0)
+        misfit = left_undone(found.residual, found.contraction)
+        return Response(qdd, t, F, found.outcome, found.limit, misfit)
+
+    def _solved(self, k: Any, drag: Any, guides: Sequence[bool], F: Any) -> Any:
+        """Friction of the pairs that slip, from loads (..., a, 1 + a) as of `_linear`."""
+        single = F.ndim == 2
+        solve = self.solver if single else self._bound["solve"]
+
+        def vector(z: Any) -> Any:
+            return complex(z) if single else Planar(z.real.copy(), z.imag.copy())
+
+        def columns(x: Any) -> tuple[Any, ...]:
+            return tuple(np.moveaxis(x, -1, 0).tolist() if single else np.moveaxis(x, -1, 0).copy())
+
+        base = tuple(vector(F[..., j, 0]) for j in range(F.shape[-2]))
+        rows = tuple(
+            tuple(vector(F[..., j, 1 + i]) for i in range(F.shape[-2])) for j in range(F.shape[-2])
+        )
+        if len(drag):
+            drag = columns(drag)
+            base = pair_loads(drag, base, rows)
+        with np.errstate(all="ignore"):
+            found = solve(columns(k), tuple(guides), base, rows, *self.options)
+        return with_drag(found, drag) if len(drag) else found
+
+    def at(  # type: ignore[override]
+        self, q: Floats, qd: Floats, t: float, sides: Sides, x: Any = None, free: Any = None
+    ) -> FrictionState:
+        """One state; ``free`` (k,) are drivers that do not lie against a stop."""
+        at = self.instant(q, qd, t, x, all_of(qd) if free is None else free)
+        try:
+            found = self.respond(at, sides)
+        except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+            nothing, lost = np.full(len(sides), np.nan), Outcome.NOT_CONVERGED
+            return FrictionState(np.full(len(q), np.nan), 0.0, nothing, at.margin, lost, np.nan)
+        slipping = np.array(sides) != 0
+        power = -float(found.t[slipping] @ at.w[slipping])
+        outcome = float(found.outcome)
+        outcome = Outcome(int(outcome)) if outcome == outcome else Outcome.NOT_CONVERGED
+        idle = at.M @ found.qdd - at.push - found.t @ at.S
+        return FrictionState(
+            found.qdd,
+            power,
+            found.loads,
+            at.margin,
+            outcome,
+            float(found.limit),
+            float(found.misfit),
+            idle,
+        )
+
+    def from_state(self, q: Floats, qd: Floats, t: float, free: Any) -> Response:
+        """What a motion begins with."""
+        at = self.instant(q, qd, t, None, free)
+        zero = self.without_slip(at, ())
+        return self.settled(at, self.sides_at(at, zero), zero).response
+
+    def along(
+        self, q: Floats, qd: Floats, t: Floats, x: Any, sides: Any, free: Any
+    ) -> tuple[Floats, Floats, Floats, Any]:
+        """At n states of a motion: rates (n, k) without what rounding leaves pairs that stick,
+        accelerations (n, k), friction (n, m), and which pairs stand (n, m).
+
+        ``sides`` (n, m), ``free`` (n, k). Of a pair that only starts or turns back the friction is
+        that of the sense in which it goes on.
+        """
+        rates, qdd, friction = qd.copy(), np.empty(qd.shape), np.empty(sides.shape)
+        stand = np.zeros(sides.shape, dtype=bool)
+        kinds, which = np.unique(np.hstack([sides, free]), axis=0, return_inverse=True)
+        for kind, row in enumerate(kinds):
+            some = np.flatnonzero(which.ravel() == kind)
+            side, moves = tuple(row[: sides.shape[1]].tolist()), row[sides.shape[1] :] > 0
+            for _ in range(2):  # the second time with rates that are those of what sticks
+                columns = self._states(rates[some], t[some], x[some], qd.shape[1])
+                rows = self._columns(q[some], columns)
+                values = np.array([[as_complex(v) for v in r] for r in rows])
+                count = qd.shape[1] + 3 * len(side)
+                values = np.moveaxis(values[:, :count], -1, 0)
+                at = self._instant(values, 1.0, q[some], rates[some], x[some], moves)
+                rates[some] = self.kept(at, side)
+            qdd[some], friction[some] = self._each(at, side)
+            size = (np.abs(at.S) @ np.abs(at.rate[..., None]))[..., 0]
+            stands = (np.abs(at.w) <= RANK * size) & ~np.array(self.program.remembers)
+            stand[some] = stands | (np.array(side) == 0)
+        return rates, qdd, friction, stand
+
+    def _each(self, at: Instant, sides: Sides) -> tuple[Floats, Floats]:
+        """Accelerations (n, k) and friction (n, m) at n states."""
+        states = [
+            Instant(*(x[i] for x in at[:-2]), margin=at.margin, free=at.free)
+            for i in range(len(at.q))
+        ]
+        if not states or not self._surplus(states[0], sides):
+            found = self.respond(at, sides)
+            return found.qdd, found.t
+        known: dict[bytes, Response] = {}  # where all stands, one state is as the other
+        rows = []
+        for state in states:
+            key = state.f.tobytes() + state.push.tobytes()
+            if key not in known:
+                known[key] = self.respond(state, sides)
+            rows.append(known[key])
+        return np.array([x.qdd for x in rows]), np.array([x.t for x in rows])
+
+    def kept(self, at: Instant, sides: Sides) -> Floats:
+        """Rates (..., k) of drivers with which what sticks does not move, the nearest by M."""
+        stuck = [j for j, s in enumerate(sides) if s == 0]
+        held = self.weights[stuck][:, None] * at.S[..., stuck, :][..., at.free]
+        inverse = np.linalg.inv(at.M[..., at.free, :][..., at.free])
+        back = inverse @ np.swapaxes(held, -1, -2)
+        off = held @ at.rate[..., at.free, None]
+        rate = np.zeros(at.rate.shape)
+        step = back @ (np.linalg.pinv(held @ back, rcond=RANK, hermitian=True) @ off)
+        rate[..., at.free] = at.rate[..., at.free] - step[..., 0]
+        # where nothing is left but rounding, nothing is left
+        left = np.abs(rate).max(axis=-1, keepdims=True)
+        return np.where(left <= RANK * np.abs(at.rate).max(axis=-1, keepdims=True), 0.0, rate)
+
+    # -- which sides -------------------------------------------------------------
+
+    def without_slip(self, at: Instant, some: Sequence[int]) -> list[int]:
+        """Pairs without relative rate where ``some`` have none: those, and what goes with them."""
+        rate = self.kept(at, tuple(0 if j in some else 1 for j in range(len(self.names))))
+        off, size = np.abs(at.S @ rate), np.abs(at.S) @ np.abs(rate)
+        bristles = self.program.remembers  # whose friction goes on through a reversal
+        return [
+            j
+            for j in range(len(off))
+            if j in some or (off[j] <= RANK * size[j] and not bristles[j])
+        ]
+
+    def sides_at(self, at: Instant, zero: Sequence[int]) -> Sides:
+        """Senses of slip, 0 of some; 1 of a pair whose law has a state, as it says its own."""
+        signs = np.where(self.program.remembers, 1.0, np.sign(at.w)).tolist()
+        return tuple(0 if j in zero else int(side) for j, side in enumerate(signs))
+
+    def holds_all(self, at: Instant, sides: Sides) -> bool:
+        """Whether the pairs stick, and leave no freedom."""
+        S = at.S[:, at.free]
+        return not any(sides) and bool(np.linalg.matrix_rank(S) == S.shape[1])
+
+    def share(self, at: Instant, sides: Sides, found: Response) -> float:
+        """How much of what they can hold [-] the pairs that stick need at most."""
+        stuck = self._stuck(at, sides)
+        if self._surplus(at, sides):
+            return self._shared(at, sides, found)[0]
+        return _largest(np.abs(found.t[stuck]), self._held(at, found.loads)[stuck])
+
+    def _stuck(self, at: Instant, sides: Sides) -> list[int]:
+        """Pairs that stick, where some driver moves them."""
+        return [j for j, s in enumerate(sides) if s == 0 and at.S[j, at.free].any()]
+
+    def _surplus(self, at: Instant, sides: Sides) -> bool:
+        """Whether more pairs stick than balance needs."""
+        S = at.S[self._stuck(at, sides)][:, at.free]
+        return len(S) > 0 and np.linalg.matrix_rank(S, tol=RANK * np.abs(S).max()) < len(S)
+
+    def _shared(self, at: Instant, sides: Sides, found: Response) -> tuple[float, Floats]:
+        """The least that the largest share of pairs that stick can be, and friction (m,) so."""
+        stuck = self._stuck(at, sides)
+        directions = rays(at.S[stuck][:, at.free])
+        tried = [self._share_along(at, sides, found, stuck, v) for v in directions]
+        right = [x for x in tried if x[1] <= x[0] * (1 + SETTLED)]
+        best = min(right, key=lambda x: x[0]) if right else max(tried, key=lambda x: x[0])
+        return best[0], best[2]
+
+    def _held(self, at: Instant, loads: Any) -> Floats:
+        """What the pairs hold (m,) at rest under loads."""
+        m, static = len(self.names), np.array(self.static)
+        return np.asarray(static[:m] * at.norms(loads, self.guides) + static[m:])
+
+    def _share_along(
+        self, at: Instant, sides: Sides, found: Response, stuck: list[int], v: Floats
+    ) -> tuple[float, float, Floats]:
+        """That share where all pairs that a ray moves need the same; what others need; friction.
+
+        The least that the largest share can be is that of the ray of which others need no more:
+        there as many pairs are at one share as balance leaves open (linear programming; the loads
+        that the shares are of follow from the friction, so both are iterated).
+        """
+        S, t, m = at.S[:, at.free], found.t.copy(), len(sides)
+        way = np.array(signs(S[stuck], v))
+        moved, others = np.array(stuck)[way != 0], np.array(stuck)[way == 0]
+        way, work = way[way != 0], np.abs(S[moved] @ v)
+        slips = [j for j, s in enumerate(sides) if s]
+        side = np.array([sides[j] for j in slips])
+        wanted = at.M[np.ix_(at.free, at.free)] @ found.qdd[at.free] - at.push[at.free]
+        weights = self.weights[others][:, None]
+        back = np.linalg.pinv((weights * S[others]).T, rcond=RANK)
+        share, loads = 0.0, found.loads
+        for _ in range(BALANCED):
+            last, held = t.copy(), self._held(at, loads)
+            if slips:
+                g = at.norms(loads, self.guides)
+                t[slips] = -side * (at.law[slips] * g[slips] + at.law[[m + j for j in slips]])
+            need = wanted - t[slips] @ S[slips]
+            share = float(need @ v) / max(float(work @ held[moved]), np.finfo(float).tiny)
+            if not share > 0:
+                return 0.0, math.inf, found.t
+            t[moved] = share * way * held[moved]
+            t[others] = weights[:, 0] * (back @ (need - t[moved] @ S[moved]))
+            loads = at.f + at.G @ found.qdd + at.R @ t
+            if np.abs(t - last).max() <= 4 * EPS * np.abs(t).max():
+                break
+        return share, _largest(np.abs(t[others]), self._held(at, loads)[others]), t
+
+    def settled(
+        self, at: Instant, sides: Sides, zero: Sequence[int], released: bool = False
+    ) -> Settled:
+        """What the pairs do from here on.
+
+        ``sides`` : (m,) of those whose relative rate is not zero; the others are ``zero``
+        ``released`` : not what it did so far: what stuck is pushed beyond what it holds
+        """
+        tried = self._tried(at, sides, zero, sides if released else None)
+        fit = [x for x in tried if x[0] <= (LOCATED if released else SETTLED)]
+        if not fit:
+            none = np.full(len(sides), np.nan)
+            nothing = Response(np.full(len(at.rate), np.nan), none, none, 0.0, 0.0, 0.0)
+            return Settled(sides, nothing, np.nan, ends.SELF_LOCKED)
+        best = min(fit, key=lambda x: x[0])[1]  # of equal ones that with the fewest that slip
+        sure = [x.response.qdd for missed, x in fit if missed <= SETTLED]
+        size = max((float(np.abs(qdd).max()) for qdd in sure), default=0.0)
+        if any(np.abs(qdd - best.response.qdd).max() > APART * size for qdd in sure):
+            return best._replace(end=ends.AMBIGUOUS)
+        return best._replace(sides=self._beyond_place(at, best))
+
+    def _tried(
+        self, at: Instant, sides: Sides, zero: Sequence[int], but: Sides | None
+    ) -> list[tuple[float, Settled]]:
+        """By how much patterns miss the laws, but for one, those first in which fewest slip."""
+        m, S = len(sides), at.S[:, at.free]
+        law, those = at.law.copy(), [*zero, *(m + j for j in zero)]
+        law[those] = np.array(self.static)[those]
+        found = []
+        for pattern in sorted(affine_patterns(S[zero], at.b[zero]), key=lambda p: sum(map(abs, p))):
+            trial = list(sides)
+            for j, side in zip(zero, pattern, strict=True):
+                trial[j] = side
+            if tuple(trial) == but:
+                continue
+            try:
+                response = self.respond(at, tuple(trial), law)
+                solved = Outcome(int(response.outcome)).solved
+            except (ArithmeticError, ValueError):
+                continue
+            if solved:
+                share = self.share(at, tuple(trial), response)
+                missed = self._missed(at, trial, zero, response, share)
+                found.append((missed, Settled(tuple(trial), response, share)))
+        return found
+
+    def _beyond_place(self, at: Instant, found: Settled) -> Sides:
+        """The sides; of pairs that no driver moves at this place, those just beyond it."""
+        S, rate, qdd = at.S[:, at.free], at.rate, found.response.qdd
+        nowhere = [j for j, side in enumerate(found.sides) if side == 0 and not S[j].any()]
+        fast, push = float(np.abs(rate).max()), float(np.abs(qdd).max())
+        if not nowhere or not fast + push > 0:
+            return found.sides
+        h = BEYOND / max(fast, math.sqrt(push * BEYOND / 2))  # [s] for so far
+        w = self.rates(at.q + h * rate + h * h / 2 * qdd, rate + h * qdd)
+        some = np.abs(w) > EPS * np.abs(w).max()
+        return tuple(
+            int(np.sign(w[j])) if j in nowhere and some[j] else side
+            for j, side in enumerate(found.sides)
+        )
+
+    def _missed(
+        self, at: Instant, sides: Sequence[int], zero: Sequence[int], found: Response, share: float
+    ) -> float:
+        """By how much [-] a pattern of sides misses the laws."""
+        S = at.S[:, at.free]
+        pushed = np.linalg.inv(at.M[np.ix_(at.free, at.free)]) @ at.push[at.free]
+        size = np.abs(S) @ (np.abs(pushed) + np.abs(found.qdd[at.free])) + np.abs(at.b)
+        u = (S @ found.qdd[at.free] + at.b) / np.where(size > 0, size, 1.0)
+        wrong = [abs(u[j]) if sides[j] == 0 else -sides[j] * u[j] for j in zero]
+        return float(max(share - 1.0, *wrong, 0.0))
+
+
+def all_of(qd: Floats) -> Any:
+    """All drivers move."""
+    return np.ones(len(qd), dtype=bool)
+
+
+def as_complex(values: Any) -> Any:
+    """Values of a batch as complex numbers."""
+    return values.real + 1j * values.imag
+
+
+def _largest(need: Floats, held: Floats) -> float:
+    """The largest share; infinite where nothing holds what is needed."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.nanmax(np.where(need > 0, need / held, 0.0), initial=0.0))
