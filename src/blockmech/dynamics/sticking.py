@@ -311,10 +311,7 @@ class SeveralFriction(JointFriction):
 
     def _each(self, at: Instant, sides: Sides) -> tuple[Floats, Floats]:
         """Accelerations (n, k) and friction (n, m) at n states."""
-        states = [
-            Instant(*(x[i] for x in at[:-2]), margin=at.margin, free=at.free)
-            for i in range(len(at.q))
-        ]
+        states = [Instant._make([*(x[i] for x in at[:-2]), *at[-2:]]) for i in range(len(at.q))]
         if not states or not self._surplus(states[0], sides):
             found = self.respond(at, sides)
             return found.qdd, found.t
