@@ -26,7 +26,7 @@ from blockmech.dynamics.system import System
 from blockmech.engines.stages import CompiledStepper
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.friction import FrictionState
+    from blockmech.dynamics.pair_friction import FrictionState
 
 
 LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound

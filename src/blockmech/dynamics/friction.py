@@ -22,19 +22,24 @@ driving moments that hold it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from blockmech.dynamics.pair_friction import (
+    Floats,
+    FrictionState,
+    PairFriction,
+    Row,
+    Sides,
+    State,
+)
 from blockmech.dynamics.place import NOTHING
-from blockmech.engines.binding import bind_functions
 from blockmech.engines.llvm import SingleEvaluator
-from blockmech.engines.numpy import NumpyEngine, Planar, primitives
-from blockmech.engines.scalar import AdaptiveEvaluator
+from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.errors import refused
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
@@ -44,15 +49,10 @@ from blockmech.friction.solvers import with_drag
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs, signals
 from blockmech.passes.homotopy import schedule
-from blockmech.passes.signals import STATE
 from blockmech.plan import Friction, Program, Schedule
 from blockmech.plane import EPS, mul, where
 from blockmech.quality import left_undone
 
-Floats: TypeAlias = NDArray[np.float64]
-Vectors: TypeAlias = NDArray[np.complex128]
-Sides: TypeAlias = tuple[int, ...]
-Row: TypeAlias = list[Any]  # the program's values at a state, or at n of them
 GIVEN = Friction(friction.GIVEN)
 SIDED = "{} pushes or pulls otherwise in one sense of the effort than in the other"
 
@@ -144,35 +144,6 @@ def margins(s: Schedule) -> list[str]:
     return [s.ask(forward.margin, b) for b in found if s.structure.blocks[b].closes]
 
 
-class State(NamedTuple):
-    """One column of inputs of the program, besides q: what is let act."""
-
-    qd: Any = 0.0  # a number or (n,); of several drivers (k,) or (n, k)
-    qdd: Any = 0.0
-    share: float = 0.0  # of the applied loads
-    pair: int = -1  # the one with a unit of friction; -1: none
-    t: Any = 0.0
-    x: Any = None  # states of signal blocks; None: the initial ones
-
-
-class FrictionState(NamedTuple):
-    """One state: the acceleration, and what the pairs do."""
-
-    qdd: Any  # of several drivers (k,)
-    power: float  # [W] that friction takes, see `power_taken`
-    loads: Vectors  # (m,)
-    margin: float
-    outcome: Outcome
-    limit: float
-    misfit: float = 0.0  # [-] bound of what an iteration left undone, of the largest friction
-    idle: Any = 0.0  # (k,) [N m or N] what several drivers that lie against stops get from these
-
-    @property
-    def locked(self) -> bool:
-        """Whether no acceleration satisfies Coulomb's law, in a pose that is possible."""
-        return not self.outcome.solved and self.margin > 0
-
-
 def power_taken(found: FrictionSolution, remembers: Sequence[bool], qd: Any) -> Any:
     """Power [W] that friction takes: of laws with a state, which also store, with its sign."""
     taken, along = found.taken, None
@@ -253,105 +224,17 @@ class Rest(NamedTuple):
         return self.moves == 0 and not self.ambiguous
 
 
-def signed_terms(sides: Any, law: Any, drags: bool) -> tuple[Any, Any]:
-    """See `JointFriction.against`."""
-    against = [-side * x for side, x in zip((*sides, *sides), law, strict=True)]
-    return tuple(against[: len(sides)]), tuple(against[len(sides) :]) if drags else ()
+class JointFriction(PairFriction):
+    """Friction of all pairs of a mechanism with one driver; `sticking` has that of several."""
 
+    kernels: ClassVar[Mapping[str, Any]] = {"resistance": resistance, "at_square": at_square}
 
-class JointFriction:
-    """Friction of all pairs of a mechanism with one driver; `sticking` has that of several.
-
-    ``count`` is told of evaluations (samples, whether they are a batch); ``compiled`` says whether
-    single states are machine code's; ``rounding`` [N m or N] is what that leaves unknown at a
-    place of the effort of the loads; ``rate_loads``: whether one follows the rate or the time;
-    ``initial`` are states of signal blocks.
-    """
-
-    def __init__(
-        self,
-        program: ForcePassProgram,
-        method: Friction,
-        count: Callable[[int, bool], None],
-        compiled: Callable[[], bool],
-        rounding: Callable[[Any], Any],
-        rate_loads: bool,
-        initial: tuple[float, ...] = (),
-    ) -> None:
-        self.program, self._count, self._compiled = program, count, compiled
-        self._rounding, self.rate_loads, self._initial = rounding, rate_loads, initial
-        self.names = program.names
-        self.guides = program.guides
-        self._laws = AdaptiveEvaluator(program.laws)
-        still = np.zeros((len(self.names), 1))
-        self.static = tuple(float(x[0]) for x in self._asked(still)[1])  # (2 m,) that hold at rest
-        solver, options = solvers.SOLVERS[method.method]
-        self.options = tuple(getattr(method, name) for name in options)
-        self.solver = solver
-        kernels: Any = {"solve": solver, "resistance": resistance, "at_square": at_square}
-        self._bound = bind_functions(kernels, primitives(np.float64))
-        self.at_square = self._bound["at_square"]
-
-    # -- the laws ------------------------------------------------------------------------
-
-    def _asked(self, rates: Floats, x: Any = None) -> list[Row]:
-        """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n), at rest, and elastic.
-
-        x are the states of signals and laws, by default the initial ones.
-        """
-        given = {f"slip_{j}": rate for j, rate in enumerate(rates)}
-        states = self._initial if x is None else x
-        given |= {f"{STATE}{k}": np.full(rates.shape[1], s) for k, s in enumerate(states)}
-        inputs = self.program.laws.inputs
-        found = list(self._laws.run({x: given[x] for x in inputs}, rates.shape[1]))
-        n = 2 * len(self.names)
-        return [found[:n], found[n : 2 * n], found[2 * n :]]
-
-    def law(self, rates: Floats, x: Any = None) -> Row:
-        """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n) and states x."""
-        return self._asked(rates, x)[0]
-
-    def standing(self, x: Any) -> tuple[float, ...]:
-        """Factors and drags (2 m,) at a standstill with states x: those of bristles are elastic."""
-        if not any(self.program.remembers):
-            return self.static
-        return tuple(float(y[0]) for y in self._asked(np.zeros((len(self.names), 1)), x)[2])
+    @property
+    def at_square(self) -> Any:
+        """See the function of that name, on arrays."""
+        return self._bound["at_square"]
 
     # -- data of the force pass ------------------------------------------------------
-
-    def _columns(self, q: Floats, states: list[State]) -> list[Row]:
-        """The program at places (n,), or (n, k) of k drivers, in each of some states."""
-        m, n, size = len(self.names), len(q), len(states) * len(q)
-        self._count(size, True)
-
-        def column(values: Iterable[Any]) -> Floats:
-            """An input, one state after the other."""
-            return np.concatenate([np.broadcast_to(x, n) for x in values])
-
-        def of(i: int, x: Any) -> Any:
-            """The values of one driver."""
-            return x[..., i] if q.ndim > 1 and np.ndim(x) else x
-
-        given = {"t": column(s.t for s in states), "load_share": column(s.share for s in states)}
-        for i in range(1 if q.ndim == 1 else q.shape[1]):
-            given[f"q_{i}"] = np.tile(of(i, q), len(states))
-            given[f"qd_{i}"] = column(of(i, s.qd) for s in states)
-            given[f"qdd_{i}"] = column(of(i, s.qdd) for s in states)
-        for k in range(m):
-            given[f"friction_{k}"] = column(float(s.pair == k) for s in states)
-        for k, x in enumerate(self._initial):
-            given[f"{STATE}{k}"] = column(x if s.x is None else s.x[..., k] for s in states)
-        program = self.program.program
-        with np.errstate(all="ignore"):
-            values = self.program.batch.run({x: given[x] for x in program.inputs}, size)
-
-        def each(x: Any) -> list[Any]:
-            """A value in each state."""
-            if isinstance(x, Planar):
-                return list(map(Planar, each(x.real), each(x.imag)))
-            return list(np.reshape(x, (len(states), n)))
-
-        return [list(row) for row in zip(*map(each, values), strict=True)]
 
     def acting(self, q: Floats, qd: Any, t: float = 0.0) -> Row:
         """What loads and rates do at states (n,)."""
@@ -434,13 +317,6 @@ class JointFriction:
             found: FrictionSolution = resist(rows, k, drag, self.guides, solve, self.options)
         return found
 
-    def against(self, sides: Sequence[Any], law: Sequence[Any]) -> tuple[Any, Any]:
-        """Signed factors (m,) and drags (m,) of pairs that slip in some directions.
-
-        No drags where no law has any.
-        """
-        return signed_terms(sides, law, self.program.drags)
-
     def at(self, q: float, qd: float, t: float, sides: Sides, x: Any = None) -> FrictionState:
         """One state; x are states of signal blocks."""
         m = len(self.names)
@@ -469,15 +345,6 @@ class JointFriction:
 
     def _inputs(self, q: Any, state: State) -> list[float]:
         return self._in_order({"q_0": q, "qd_0": state.qd, "qdd_0": state.qdd}, state)
-
-    def _in_order(self, given: dict[str, Any], state: State) -> list[float]:
-        """Inputs of the program; ``given`` are those of the drivers."""
-        given |= {"t": state.t, "load_share": state.share}
-        signals = self._initial if state.x is None else state.x
-        given |= {f"{STATE}{k}": float(x) for k, x in enumerate(signals)}
-        inputs = self.program.program.inputs
-        pair = f"friction_{state.pair}"
-        return [given.get(x, float(x == pair)) for x in inputs]
 
     def holding(self, q: Floats, t: float = 0.0) -> tuple[Floats, Floats]:
         """Lowest and highest driving efforts (n,) [N m or N] that hold the driver at places.

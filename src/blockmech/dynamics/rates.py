@@ -14,7 +14,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from blockmech.dynamics.friction import bearing, power_taken, resistance, signed_terms
+from blockmech.dynamics.friction import bearing, power_taken, resistance
+from blockmech.dynamics.pair_friction import signed_terms
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.stages import CompiledRhs

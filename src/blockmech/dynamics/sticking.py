@@ -29,8 +29,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.friction import FrictionState, JointFriction, Sides, State
 from blockmech.dynamics.motion import Floats
+from blockmech.dynamics.pair_friction import FrictionState, PairFriction, Sides, State
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
 from blockmech.engines.numpy import Planar
 from blockmech.friction.continuation import Outcome
@@ -94,7 +94,7 @@ class Settled(NamedTuple):
     end: str = ""
 
 
-class SeveralFriction(JointFriction):
+class SeveralFriction(PairFriction):
     """Friction of all pairs of a mechanism with k drivers."""
 
     _last: tuple[Any, Any] = (None, None)
@@ -248,7 +248,7 @@ class SeveralFriction(JointFriction):
             found = solve(columns(k), tuple(guides), base, rows, *self.options)
         return with_drag(found, drag) if len(drag) else found
 
-    def at(  # type: ignore[override]
+    def at(
         self, q: Floats, qd: Floats, t: float, sides: Sides, x: Any = None, free: Any = None
     ) -> FrictionState:
         """One state; ``free`` (k,) are drivers that do not lie against a stop."""

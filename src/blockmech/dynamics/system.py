@@ -298,8 +298,11 @@ class System:
             return None
         states, rates = (lambda: self.compiled_states), self.depends_on != {"q"}
         initial, count = self.signals.initial, self._count
-        kind = JointFriction if len(self.drivers) == 1 else SeveralFriction
-        return kind(program, self.method, count, states, self.rounding, rates, initial)
+        kind: Any = JointFriction if len(self.drivers) == 1 else SeveralFriction
+        found: JointFriction = kind(
+            program, self.method, count, states, self.rounding, rates, initial
+        )
+        return found
 
     @property
     def free(self) -> Any:

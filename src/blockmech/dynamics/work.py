@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.dynamics.friction import JointFriction, Sides
+from blockmech.dynamics.friction import JointFriction
+from blockmech.dynamics.pair_friction import Sides
 from blockmech.dynamics.panels import SMALLEST, Floats, Spans
 from blockmech.dynamics.place import DAMPING, SLIPS, TAU, J
 from blockmech.plane import EPS

@@ -1,0 +1,217 @@
+"""Joint friction in motion: what is the same with one driver and with several.
+
+The laws of the pairs at relative rates, and the force pass at states in which loads, rates, one
+acceleration, or a unit of friction in one pair act alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.engines.binding import bind_functions
+from blockmech.engines.numpy import NumpyEngine, Planar, primitives
+from blockmech.engines.scalar import AdaptiveEvaluator
+from blockmech.friction import solvers
+from blockmech.friction.continuation import Outcome
+from blockmech.passes.signals import STATE
+from blockmech.plan import Friction, Program
+
+Floats: TypeAlias = NDArray[np.float64]
+Vectors: TypeAlias = NDArray[np.complex128]
+Sides: TypeAlias = tuple[int, ...]
+Row: TypeAlias = list[Any]  # the program's values at a state, or at n of them
+
+
+class PairProgram(Protocol):
+    """What is asked of a `ForcePassProgram`."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(m,) pairs with friction."""
+
+    @property
+    def guides(self) -> tuple[bool, ...]:
+        """(m,) whether the load is the larger component of (N, 2 C / L)."""
+
+    @property
+    def program(self) -> Program:
+        """The force pass."""
+
+    @property
+    def laws(self) -> Program:
+        """What the laws say."""
+
+    @property
+    def whole(self) -> Program:
+        """Both, and what signals add."""
+
+    @property
+    def remembers(self) -> tuple[bool, ...]:
+        """(m,) whether a pair's law has a state of its own."""
+
+    @property
+    def drags(self) -> bool:
+        """Whether a law has more than a factor."""
+
+    @property
+    def smooth(self) -> bool:
+        """Whether all laws are analytic in the speed."""
+
+    @property
+    def batch(self) -> NumpyEngine:
+        """The force pass on arrays."""
+
+    @property
+    def single(self) -> Any:
+        """The force pass at one state."""
+
+
+class State(NamedTuple):
+    """One column of inputs of the program, besides q: what is let act."""
+
+    qd: Any = 0.0  # a number or (n,); of several drivers (k,) or (n, k)
+    qdd: Any = 0.0
+    share: float = 0.0  # of the applied loads
+    pair: int = -1  # the one with a unit of friction; -1: none
+    t: Any = 0.0
+    x: Any = None  # states of signal blocks; None: the initial ones
+
+
+class FrictionState(NamedTuple):
+    """One state: the acceleration, and what the pairs do."""
+
+    qdd: Any  # of several drivers (k,)
+    power: float  # [W] that friction takes, see `power_taken`
+    loads: Vectors  # (m,)
+    margin: float
+    outcome: Outcome
+    limit: float
+    misfit: float = 0.0  # [-] bound of what an iteration left undone, of the largest friction
+    idle: Any = 0.0  # (k,) [N m or N] what several drivers that lie against stops get from these
+
+    @property
+    def locked(self) -> bool:
+        """Whether no acceleration satisfies Coulomb's law, in a pose that is possible."""
+        return not self.outcome.solved and self.margin > 0
+
+
+def signed_terms(sides: Any, law: Any, drags: bool) -> tuple[Any, Any]:
+    """See `JointFriction.against`."""
+    against = [-side * x for side, x in zip((*sides, *sides), law, strict=True)]
+    return tuple(against[: len(sides)]), tuple(against[len(sides) :]) if drags else ()
+
+
+class PairFriction:
+    """Friction of all pairs of a mechanism.
+
+    ``count`` is told of evaluations (samples, whether they are a batch); ``compiled`` says whether
+    single states are machine code's; ``rounding`` [N m or N] is what that leaves unknown at a
+    place of the effort of the loads; ``rate_loads``: whether one follows the rate or the time;
+    ``initial`` are states of signal blocks and laws.
+    """
+
+    kernels: ClassVar[Mapping[str, Any]] = {}  # beside the solver, on arrays
+
+    def __init__(
+        self,
+        program: PairProgram,
+        method: Friction,
+        count: Callable[[int, bool], None],
+        compiled: Callable[[], bool],
+        rounding: Callable[[Any], Any],
+        rate_loads: bool,
+        initial: tuple[float, ...] = (),
+    ) -> None:
+        self.program, self._count, self._compiled = program, count, compiled
+        self._rounding, self.rate_loads, self._initial = rounding, rate_loads, initial
+        self.names = program.names
+        self.guides = program.guides
+        self._laws = AdaptiveEvaluator(program.laws)
+        still = np.zeros((len(self.names), 1))
+        self.static = tuple(float(x[0]) for x in self._asked(still)[1])  # (2 m,) that hold at rest
+        solver, options = solvers.SOLVERS[method.method]
+        self.options = tuple(getattr(method, name) for name in options)
+        self.solver = solver
+        kernels: Any = {"solve": solver, **self.kernels}
+        self._bound = bind_functions(kernels, primitives(np.float64))
+
+    # -- the laws ------------------------------------------------------------------------
+
+    def _asked(self, rates: Floats, x: Any = None) -> list[Row]:
+        """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n), at rest, and elastic.
+
+        x are the states of signals and laws, by default the initial ones.
+        """
+        given = {f"slip_{j}": rate for j, rate in enumerate(rates)}
+        states = self._initial if x is None else x
+        given |= {f"{STATE}{k}": np.full(rates.shape[1], s) for k, s in enumerate(states)}
+        inputs = self.program.laws.inputs
+        found = list(self._laws.run({x: given[x] for x in inputs}, rates.shape[1]))
+        n = 2 * len(self.names)
+        return [found[:n], found[n : 2 * n], found[2 * n :]]
+
+    def law(self, rates: Floats, x: Any = None) -> Row:
+        """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n) and states x."""
+        return self._asked(rates, x)[0]
+
+    def standing(self, x: Any) -> tuple[float, ...]:
+        """Factors and drags (2 m,) at a standstill with states x: those of bristles are elastic."""
+        if not any(self.program.remembers):
+            return self.static
+        return tuple(float(y[0]) for y in self._asked(np.zeros((len(self.names), 1)), x)[2])
+
+    # -- the force pass ------------------------------------------------------------------
+
+    def _columns(self, q: Floats, states: list[State]) -> list[Row]:
+        """The program at places (n,), or (n, k) of k drivers, in each of some states."""
+        m, n, size = len(self.names), len(q), len(states) * len(q)
+        self._count(size, True)
+
+        def column(values: Iterable[Any]) -> Floats:
+            """An input, one state after the other."""
+            return np.concatenate([np.broadcast_to(x, n) for x in values])
+
+        def of(i: int, x: Any) -> Any:
+            """The values of one driver."""
+            return x[..., i] if q.ndim > 1 and np.ndim(x) else x
+
+        given = {"t": column(s.t for s in states), "load_share": column(s.share for s in states)}
+        for i in range(1 if q.ndim == 1 else q.shape[1]):
+            given[f"q_{i}"] = np.tile(of(i, q), len(states))
+            given[f"qd_{i}"] = column(of(i, s.qd) for s in states)
+            given[f"qdd_{i}"] = column(of(i, s.qdd) for s in states)
+        for k in range(m):
+            given[f"friction_{k}"] = column(float(s.pair == k) for s in states)
+        for k, x in enumerate(self._initial):
+            given[f"{STATE}{k}"] = column(x if s.x is None else s.x[..., k] for s in states)
+        program = self.program.program
+        with np.errstate(all="ignore"):
+            values = self.program.batch.run({x: given[x] for x in program.inputs}, size)
+
+        def each(x: Any) -> list[Any]:
+            """A value in each state."""
+            if isinstance(x, Planar):
+                return list(map(Planar, each(x.real), each(x.imag)))
+            return list(np.reshape(x, (len(states), n)))
+
+        return [list(row) for row in zip(*map(each, values), strict=True)]
+
+    def against(self, sides: Sequence[Any], law: Sequence[Any]) -> tuple[Any, Any]:
+        """Signed factors (m,) and drags (m,) of pairs that slip in some directions.
+
+        No drags where no law has any.
+        """
+        return signed_terms(sides, law, self.program.drags)
+
+    def _in_order(self, given: dict[str, Any], state: State) -> list[float]:
+        """Inputs of the program; ``given`` are those of the drivers."""
+        given |= {"t": state.t, "load_share": state.share}
+        signals = self._initial if state.x is None else state.x
+        given |= {f"{STATE}{k}": float(x) for k, x in enumerate(signals)}
+        inputs = self.program.program.inputs
+        pair = f"friction_{state.pair}"
+        return [given.get(x, float(x == pair)) for x in inputs]
