@@ -272,3 +272,27 @@ def test_joint_friction_is_said_to_be_left_out_of_a_blow():
     assert all("left out during impacts" in " ".join(m.notes) for m in motions)
     assert motions[0].impacts[2].t == pytest.approx(motions[1].impacts[2].t, rel=1e-8)
     assert motions[0].facts["rest_time"] == pytest.approx(motions[1].facts["rest_time"], rel=1e-7)
+
+
+def test_joint_friction_of_a_blow_that_stops_all_follows_its_impulses():
+    # a rod on a pin: m d w through the pin, so P = J w + mu r m d |w|, with signs
+    mass, d, inertia, mu, r = 2.0, 0.3, 0.1, 0.2, 0.05
+    g = bm.Graph("rod")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    rod = bm.Link(mass=mass, inertia=inertia, cm=(d, 0.0))
+    rub = {"A": bm.Coulomb(coefficient=mu, radius=r)}
+    g.add("rod", bm.Crank(links={"crank": rod}, friction=rub))
+    g.connect("frame.A", "rod.A")
+    g.start("rod", q=0.0, rate=3.0)
+    g.stop("rod", high=0.4, restitution=0.0)
+    mech = g.compile()
+    motion = mech.simulate("time=1").motion
+    (blow,) = motion.impacts
+    w = blow.before[0]
+    assert 0 < w < 3.0
+    assert not any("left out during impacts" in note for note in motion.notes)
+    shock = mech.impulses(blow)
+    pin = mass * d * w
+    assert abs(shock["rod.A.reaction"]) == pytest.approx(pin, rel=1e-9)
+    wanted = -(inertia + mass * d * d) * w + mu * r * pin
+    assert shock["rod.drive"] == pytest.approx(wanted, rel=1e-9)

@@ -37,6 +37,7 @@ from blockmech.errors import refused
 from blockmech.loads import Motor, Thrust
 from blockmech.loads.contract import Element
 from blockmech.model.structure import COORDINATE, JointRef, MarkerRef, Structure
+from blockmech.typing import FrictionMethod
 from blockmech.values import Marker, Place, Vector, split_address
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ IMPULSES = ("reaction", "N", "C", "drive")  # outputs whose impulses are asked f
 STRUCK = "/stop"  # name of what no user can name
 MOST = 10_000  # flights of a run
 RUBS = "joint friction is left out during impacts: the slips reverse in them"
+SUDDEN = 1e12  # by which velocity jumps outweigh what lasts, where both are in one pass
 
 
 @dataclass(frozen=True)
@@ -277,7 +279,8 @@ class Bounces:
         facts["impacts"] = float(len(self.impacts))
         facts["impact_loss"] = math.fsum(i.loss for i in self.impacts)
         notes = dict.fromkeys(note for leg in legs for note in leg.notes)
-        if self.system.friction is not None and self.impacts:
+        reverse = any(len(i.q) > 1 or (i.before * i.after < 0).any() for i in self.impacts)
+        if self.system.friction is not None and reverse:
             notes[RUBS] = None
         return replace(
             last,
@@ -324,7 +327,8 @@ def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
     -------
     reactions, guide couples and driving impulses under the names of the outputs; that of the
     driver whose stop was struck is the stop's, the others are nothing. The stop of another pair
-    strikes both of its links
+    strikes both of its links. Joint friction follows the impulses where a blow takes all of the
+    only driver's rate, for then no slip reverses in it; else it is left out
     """
     bare = replace(mechanism.structure, elements={}, holds={})
     at, jump, none = (
@@ -332,18 +336,29 @@ def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
         for row in (impact.q, impact.after - impact.before, 0 * impact.q)
     )
 
-    def run(structure: Structure, accelerations: Mapping[str, float]) -> Result:
+    def run(
+        structure: Structure,
+        accelerations: Mapping[str, float],
+        rates: Mapping[str, float] = none,
+        friction: FrictionMethod = "none",
+    ) -> Result:
         scene = mechanism.scene.model_copy(update={"gravity": Vector(0j), "stops": {}})
         names = mechanism.names and replace(mechanism.names, loads={})
         alone = type(mechanism)(structure, scene, mechanism.name, names)
         want = [n for n in alone.outputs if n.rpartition(".")[2] in IMPULSES]
-        how: dict[str, Any] = {"want": want, "friction": "none"}
-        return alone.run(at=at, rates=none, accelerations=accelerations, **how)
+        return alone.run(
+            at=at, rates=rates, accelerations=accelerations, want=want, friction=friction
+        )
 
     moved, tensioned = run(bare, jump), run(bare, none)
     found = {name: moved[name][0] - tensioned[name][0] for name in moved.plan.want}
     if impact.driver in mechanism.drivers:
-        return found
+        if len(impact.q) > 1 or impact.after[0] or not mechanism.frictional_joints:
+            return found
+        before = {impact.driver: float(impact.before[0])}
+        sudden = {driver: SUDDEN * x for driver, x in jump.items()}
+        rubbed = run(bare, sudden, before, "newton")
+        return {name: rubbed[name][0] / SUDDEN for name in found}
     struck = run(_struck_at(mechanism, bare, impact.driver), none)
     (driver,) = mechanism.drivers
     drive = mechanism.of_driver(driver, "drive")
