@@ -61,8 +61,6 @@ class PanelBuilder:
         self.road, self.n, self.rounding = road, road.n, rounding
         self.system, self.tolerance = road.system, road.tolerance
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
-        # Whether place data say all that acts, at every rate.
-        self.by_place = self.place_only or (self.system.damped and self.system.friction is None)
         self.solved: dict[int, Floats] = {}  # whose dK/dq (n,) a stretch found: rows of place data
         self.longest = math.inf  # [rad or m] that may be smooth: twice what was, if not all
 

@@ -81,6 +81,8 @@ class PathRun:
     facts: dict[str, float] = field(default_factory=dict)
     standstills: int = 0
     count: int = 0  # of panels
+    alone: int = 0  # panels to be made one by one, where many at once were not resolved
+    pause: int = 0  # how many the last time
     lately: list[float] = field(default_factory=list)  # ends of panels since a standstill
     gained: float = math.inf  # [J] in the last turn, without its sign
     left: float = 0.0  # [s] to a dead centre that the run stops short of
@@ -220,10 +222,13 @@ class PathRun:
             self.obstructed(panel)
 
     def at_once(self, piece: Piece, goal: float) -> Panels | None:
-        """All panels until a standstill or a goal; None where place data do not say all of it."""
+        """All panels until a standstill or a goal; None where that is not for all at once."""
+        if self.alone > 0:
+            self.alone -= 1
+            return None
         sign, end, following = self.sign, self.q, piece
         pieces: list[Piece] = []
-        while self.next.by_place and len(pieces) <= len(self.road.pieces):
+        while self.system.friction is None and len(pieces) <= len(self.road.pieces):
             if following.data.limit or following.what_ends(sign):
                 break
             pieces.append(following)
@@ -235,7 +240,10 @@ class PathRun:
             if known is None:
                 break
             following = known
-        return Stretch(self.next, self.at, pieces, end).panels() if pieces else None
+        panels = Stretch(self.next, self.at, pieces, end).panels() if pieces else None
+        self.pause = 0 if panels is not None or not pieces else 2 * self.pause + 1
+        self.alone = self.pause
+        return panels
 
     def obstructed(self, by: PanelFailure) -> None:
         """The end, where no panel goes on."""

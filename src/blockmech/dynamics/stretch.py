@@ -1,17 +1,16 @@
 r"""All panels of a stretch at once: up to the next standstill, goal or turn.
 
-Where place data say all that acts,
+    dK/dq = w(q, K)
 
-    dK/dq = tau_0(q) + tau_1(q) q',     q' = +- sqrt(2 K / J)
-
-is solved for all panels together. Loads of the place alone have no tau_1: there the kinetic
-energy along the path is known before the motion, and its first zero is the standstill. Else
-Newton's method solves for w = dK/dq; with a = dw/dK its equation for the change of K is linear
-and of first order, so an integrating factor takes the place of a matrix:
+is solved for all panels together. Loads of the place alone need no K: there the kinetic energy
+along the path is known before the motion, and its first zero is the standstill. Else Newton's
+method solves for w; with a = dw/dK its equation for the change of K is linear and of first order,
+so an integrating factor takes the place of a matrix:
 
     dK' = r + a dK  ->  dK = e^A (dK_0 + integral of e^-A r),   A = integral of a
 
-Panels whose time is not smooth are halved, all at the same time.
+Panels whose time is not smooth are halved, all at the same time; joint friction, and a standstill
+that is not known before, are left to `PanelBuilder`.
 """
 
 from __future__ import annotations
@@ -26,6 +25,7 @@ from blockmech.dynamics.ahead import ROUGH, At, PanelBuilder
 from blockmech.dynamics.panels import (
     FROM_REST,
     PLAIN,
+    SMALLEST,
     TO_REST,
     Floats,
     P,
@@ -35,9 +35,9 @@ from blockmech.dynamics.panels import (
     leading,
     rule,
 )
-from blockmech.dynamics.place import DAMPING, SHORT, TAU, J
+from blockmech.dynamics.place import SHORT, TAU, J
 from blockmech.dynamics.road import CLOSE, Piece
-from blockmech.dynamics.work import SLOWEST
+from blockmech.dynamics.work import FAST, of_rate
 from blockmech.plane import EPS
 
 NEXT = EPS ** (2 / 3)  # relative, of a step of Newton's whose square is below rounding
@@ -132,34 +132,42 @@ class Stretch:
         return self.at.K + np.cumsum(found)
 
     def _settled(self, spans: Spans, rows: Floats) -> tuple[Floats, Floats, Floats, int]:
-        """dK/dq (m, n), gains (m, n + 1), energies (m,), and how many panels they are found of."""
-        r, kind, way = rule(self.n), spans.kind, spans.way[:, None]
-        bends = P[kind][:, None] * r.powers[kind] * way
-        inertia, tau, slope = rows[:, J], rows[:, TAU], self.at.sign * rows[:, DAMPING]
-        w, last = tau + slope * np.sqrt(2 * self.at.K / inertia), np.full(len(tau), math.nan)
+        """dK/dq (m, n), gains (m, n + 1), energies (m,), and of how many panels they are found.
+
+        The slope of what acts by the energy serves while steps fall fast, as in `settled`.
+        """
+        r, kind, shape = rule(self.n), spans.kind, (len(rows), self.n)
+        bends = P[kind][:, None] * r.powers[kind] * spans.way[:, None]
+        flat = np.moveaxis(rows, 1, 0).reshape(rows.shape[1], -1)
+        acts = of_rate(self.ahead.system, spans.places(r.v).ravel(), flat, self.at.sign)
+        w = acts(np.full(rows[:, J].size, self.at.K)).w.reshape(shape)
         for i, kept in enumerate(self.rows):  # a turn is like the one before
             w[i] = self.ahead.solved.get(id(kept), w[i])
+        last, a, known = np.full(len(w), math.nan), None, 0
         for _ in range(STEPS):
             gains = spans.gains(w)
             energy = self._energies(spans, w, gains)
             K = (energy[:, None] + gains)[:, :-1]
-            rate = np.maximum(np.sqrt(2 * np.maximum(K, 0.0) / inertia), SLOWEST)
-            missing = tau + slope * rate - w
-            a = slope / (inertia * rate)
-            A = (a * bends) @ r.energy[PLAIN].T
-            rise = spans.gains(np.exp(-A[:, :-1]) * missing)
-            growth, begin = np.exp(A), np.zeros(len(A))
-            for i in range(len(A) - 1):
+            now = acts(K.ravel()).w.reshape(shape)
+            if a is None:
+                step = math.sqrt(EPS) * (np.abs(K) + EPS * np.abs(K).max()) + SMALLEST
+                a = (acts((K + step).ravel()).w.reshape(shape) - now) / step
+                A = (a * bends) @ r.energy[PLAIN].T
+                growth, fading = np.exp(A), np.exp(-A[:, :-1])
+            rise, begin = spans.gains(fading * (now - w)), np.zeros(len(w))
+            for i in range(len(w) - 1):
                 begin[i + 1] = growth[i, -1] * (begin[i] + rise[i, -1])
-            step = missing + a * (growth * (begin[:, None] + rise))[:, :-1]
-            w = w + step
-            size, whole = np.abs(step).max(axis=1), np.abs(w).max(axis=1)
-            following = size * (size / last) ** 2  # as steps fall by squares
+            change = now - w + a * (growth * (begin[:, None] + rise))[:, :-1]
+            w = w + change
+            size, whole = np.abs(change).max(axis=1), np.abs(w).max(axis=1)
+            following = size * (size / last)  # at most, as steps fall faster and faster
             settled = np.fmin(size, following) <= 4 * EPS * whole
             settled |= (size >= last) & (size <= math.sqrt(EPS) * whole)
-            known, last = leading(settled), size
-            if known >= leading(K.min(axis=1) > 0):  # behind a standstill nothing counts
+            known = min(leading(settled), leading(K.min(axis=1) > 0))
+            if known == leading(K.min(axis=1) > 0):  # behind a standstill nothing counts
                 break
+            slow = ~(size[: known + 1] <= FAST * last[: known + 1])
+            a, last = None if slow.any() else a, size
         gains = spans.gains(w)
         self.ahead.solved = dict(zip(map(id, self.rows), w, strict=True))
         return w, gains, self._energies(spans, w, gains), known
