@@ -73,6 +73,7 @@ class Stretch:
         if at.K == 0:
             self.rows[0] = None
 
+    @np.errstate(all="ignore")  # what is not finite is no panel
     def panels(self) -> Panels | None:
         """The panels, or the first ones of them: those that need no shorter piece of the path."""
         panels, J0, low = self._over_edges()
