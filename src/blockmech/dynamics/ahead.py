@@ -61,7 +61,8 @@ class PanelBuilder:
         self.road, self.n, self.rounding = road, road.n, rounding
         self.system, self.tolerance = road.system, road.tolerance
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
-        self.solved: dict[int, Floats] = {}  # whose dK/dq (n,) a stretch found: rows of place data
+        # By the identity of place data: they, and the dK/dq (n,) that a stretch found there.
+        self.solved: dict[int, tuple[Any, Floats]] = {}
         self.longest = math.inf  # [rad or m] that may be smooth: twice what was, if not all
 
     def panel(self, at: At, piece: Piece, end: float) -> Panels | PanelFailure:

@@ -226,13 +226,17 @@ class PathRun:
         if self.alone > 0:
             self.alone -= 1
             return None
-        sign, end, following = self.sign, self.q, piece
+        sign, end, following, energy = self.sign, self.q, piece, self.K
         pieces: list[Piece] = []
         while self.system.friction is None and len(pieces) <= len(self.road.pieces):
             if following.data.limit or following.what_ends(sign):
                 break
+            begin, end = end, following.end(sign)
+            energy += (end - begin) * following.data.mean_effort
+            if not self.place_only and energy < 0:  # it hardly gets through
+                end = begin
+                break
             pieces.append(following)
-            end = following.end(sign)
             if sign * (end - goal) >= 0:
                 end = goal
                 break

@@ -206,7 +206,7 @@ class Flow:
         begin, period = float(x[0]), self.system.period
         stopped = any(map(math.isfinite, self.system.stops[0]))
         by_place = self.system.damped and self.system.friction is None and period is not None
-        if by_place and not stopped:
+        if by_place and x[1] and not stopped:  # a turn: swings are many short panels
             found = self._along_path(x, FINE if tolerance <= FLOWS else COARSE)
             if found is not None:
                 return found

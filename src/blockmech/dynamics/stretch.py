@@ -143,7 +143,7 @@ class Stretch:
         acts = of_rate(self.ahead.system, spans.places(r.v).ravel(), flat, self.at.sign)
         w = acts(np.full(rows[:, J].size, self.at.K)).w.reshape(shape)
         for i, kept in enumerate(self.rows):  # a turn is like the one before
-            w[i] = self.ahead.solved.get(id(kept), w[i])
+            w[i] = self.ahead.solved.get(id(kept), (kept, w[i]))[1]
         last, a, known = np.full(len(w), math.nan), None, 0
         for _ in range(STEPS):
             gains = spans.gains(w)
@@ -170,7 +170,9 @@ class Stretch:
             slow = ~(size[: known + 1] <= FAST * last[: known + 1])
             a, last = None if slow.any() else a, size
         gains = spans.gains(w)
-        self.ahead.solved = dict(zip(map(id, self.rows), w, strict=True))
+        # With the rows: as long as they are kept no others have their identity.
+        pairs = zip(self.rows, w, strict=True)
+        self.ahead.solved = {id(rows): (rows, solution) for rows, solution in pairs}
         return w, gains, self._energies(spans, w, gains), known
 
     def _rows(self, spans: Spans) -> Floats:
