@@ -339,3 +339,28 @@ def test_ways_of_trade_keep_the_states_and_newton_is_exact():
     run = four_bar().run(samples=9, accuracy=1e-8, want="crank.drive")
     exact = four_bar().run(samples=9, want="crank.drive")
     assert run["crank.drive"] == pytest.approx(exact["crank.drive"], rel=1e-7)
+
+
+def test_designs_that_move_have_bristles_of_their_own():
+    how = {"until": "time=0.5", "start": {"crank": (2.0 + HANGING, 0.0)}}
+    mech = pendulum(lugre(200.0))
+    address = "crank.friction.A.stiffness"
+    found = mech.study({address: [200.0, 400.0]}, want="motion.q_end", simulate=how)
+    ends = [pendulum(lugre(200.0)).simulate(want=(), **how).motion.q_end]
+    stiffer = lugre(200.0).model_copy(update={"stiffness": 400.0})
+    ends.append(pendulum(stiffer).simulate(want=(), **how).motion.q_end)
+    assert found["motion.q_end"].tolist() == pytest.approx(ends, rel=1e-11)
+    assert ends[0] != ends[1]
+
+
+def test_a_stepper_carries_the_deflection_on():
+    mech = pendulum(lugre(200.0))
+    start = {"crank": (2.0 + HANGING, 0.0)}
+    stepper = mech.stepper(["crank.q", "crank.A.deflection"], start=start)
+    for _ in range(10):
+        found = stepper.step(0.05)
+    moved = mech.simulate(
+        "time=0.5", start=start, times=[0.5], want=["crank.q", "crank.A.deflection"]
+    )
+    for name in found:
+        assert found[name] == pytest.approx(moved[name], rel=1e-7)

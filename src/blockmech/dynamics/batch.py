@@ -58,7 +58,7 @@ def rates_for(system: System, request: SimulationRequest) -> CompiledRhs | None:
         return None
     if goal not in ("standstill", "swings", "time", "angle") or len(structure.drivers) > 1:
         return None
-    if request.watch or structure.signals or structure.followed:
+    if request.watch or structure.states or structure.signals or structure.followed:
         return None
     friction = system.friction
     if not system.depends_on <= {"q", "rate"} or system.knots:

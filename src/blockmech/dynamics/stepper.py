@@ -191,7 +191,8 @@ class Stepper:
         q, rate = self._layout.motion(y)
         equation, friction = Equation(self._system, q), self._system.friction
         if friction is not None:
-            way = int(np.sign(rate)) or friction.rest(q, t).moves
+            x = y[self._layout.signals] if self._layout.initial else None
+            way = int(np.sign(rate)) or friction.rest(q, t, x).moves
             if not way:
                 return np.zeros(1)
             equation.sides = friction.sides(q, way)
