@@ -32,6 +32,7 @@ DONE = {
     "equilibria": ["equilibria", "FILE"],
     "solutions of friction": ["solutions", "FILE", "--at", "1.0"],
     "modes of vibration": ["linearize", "FILE", "--at", "60deg"],
+    "a balance": ["balance", "FILE", "--numbers", "dyad.links.j.mass", "--want", "crank.drive"],
     "a record": ["identify", "FILE", "RECORD", "--to", "dyad.links.i.mass"],
     "checks": ["verify", "FILE"],
     "a trade": ["trade", "FILE", "--budget", "1s"],

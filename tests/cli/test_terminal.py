@@ -28,6 +28,7 @@ COMMANDS = {
     "extremes": ["*.q"],
     "equilibria": [],
     "linearize": [],
+    "balance": ["--numbers", "second.l_i", "--at", "0:1:5"],
     "solutions": [],
     "outputs": [],
     "test": [],

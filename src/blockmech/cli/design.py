@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,10 +23,36 @@ from blockmech.cli.options import (
     si_only,
 )
 from blockmech.cli.output import check_places, write_found
-from blockmech.cli.terminal import answer, progress_bar, reading
+from blockmech.cli.terminal import answer, note, progress_bar, reading
+from blockmech.errors import refused
+from blockmech.files import refuse_spared
 from blockmech.told import DEGREES
 
+if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
+
 Plot = Annotated[str | None, option("Draw the answer (png, svg, pdf).", "FILE")]
+
+
+def _answered(
+    file: str,
+    doing: str,
+    ask: Callable[[Mechanism], Any],
+    plot: str | None,
+    json: bool,
+    degrees: bool = DEGREES,
+) -> Any:
+    """Ask the mechanism of a file something, and show the answer as text, JSON or picture."""
+    si_only(json, degrees)
+    one_of(json=json, plot=plot is not None)
+    check_places(None, plot)
+    with reading(file):
+        mechanism = compiled(file)
+    with progress_bar(doing):
+        found = ask(mechanism)
+    answer(file, json, found.to_dict(), found.text(degrees=degrees))
+    write_found(found, None, plot)
+    return found
 
 
 def equilibria(
@@ -42,15 +69,8 @@ def equilibria(
     json: AsJson = False,
 ) -> None:
     """Find where the mechanism comes to rest, stable or not, and what friction holds."""
-    si_only(json, deg)
-    one_of(json=json, plot=plot is not None)
-    check_places(None, plot)
-    with reading(file):
-        mechanism = compiled(file)
-    with progress_bar("searching"):
-        found = mechanism.equilibria(friction=friction, time=time)  # type: ignore[arg-type]
-    answer(file, json, found.to_dict(), found.text(degrees=deg))
-    write_found(found, None, plot)
+    how: dict[str, Any] = {"friction": friction, "time": time}
+    _answered(file, "searching", lambda m: m.equilibria(**how), plot, json, deg)
 
 
 def linearize(
@@ -59,6 +79,10 @@ def linearize(
     rates: Annotated[
         list[str] | None,
         option("Rates of a steady motion; by default rest.", "[DRIVER=]NUMBER"),
+    ] = None,
+    states: Annotated[
+        list[str] | None,
+        option("States of signal blocks, e.g. pid.integral=0.3; by default at rest.", "STATE=X"),
     ] = None,
     inputs: Annotated[
         list[str] | None, option("Numbers that are inputs, besides the drivers' efforts.", "A,B")
@@ -72,17 +96,72 @@ def linearize(
     json: AsJson = False,
 ) -> None:
     """Find how the mechanism vibrates about a pose: frequencies, damping, mode shapes."""
-    si_only(json, deg)
-    one_of(json=json, plot=plot is not None)
-    check_places(None, plot)
-    with reading(file):
-        mechanism = compiled(file)
-    asked: dict[str, Any] = {"rates": rates_of(mechanism, rates or []), "friction": friction}
-    asked |= {"inputs": names_of(inputs), "outputs": names_of(outputs)}
-    with progress_bar("differentiating"):
-        found = mechanism.linearize(coordinates(mechanism, at or []), **asked)
-    answer(file, json, found.to_dict(), found.text(degrees=deg))
-    write_found(found, None, plot)
+    asked: dict[str, Any] = {"inputs": names_of(inputs), "outputs": names_of(outputs)}
+    asked |= {"friction": friction, "states": dict(map(_named, states or []))}
+
+    def ask(m: Mechanism) -> Any:
+        return m.linearize(coordinates(m, at or []), rates=rates_of(m, rates or []), **asked)
+
+    _answered(file, "differentiating", ask, plot, json, deg)
+
+
+def balance(
+    file: GraphFile,
+    numbers: Annotated[
+        list[str], option("Addresses of springs and counterweights, e.g. spring.stiffness.", "A,B")
+    ],
+    want: Annotated[
+        list[str] | None,
+        option("Outputs that are to be least; by default the efforts of the loads.", "A,B"),
+    ] = None,
+    at: At = None,
+    bounds: Annotated[
+        list[str] | None, option("Lowest and highest value of a number.", "ADDRESS=LOW:HIGH")
+    ] = None,
+    save: Annotated[str | None, option("Write the mechanism with these numbers.", "FILE")] = None,
+    plot: Plot = None,
+    deg: DegreesOfText = DEGREES,
+    json: AsJson = False,
+) -> None:
+    """Find the springs or counterweights that leave the least effort over the poses."""
+    refuse_spared(*filter(None, (save,)))
+    ends = {name: _range(name, text) for name, text in (_split(b) for b in bounds or [])}
+    wanted = names_of(want) or None
+
+    def ask(m: Mechanism) -> Any:
+        return m.balance(names_of(numbers), wanted, coordinates(m, at or []), bounds=ends)
+
+    found = _answered(file, "balancing", ask, plot, json, deg)
+    if save is not None:
+        found.mechanism.document.save(save)
+        note(f"wrote {save}")
+
+
+def _split(text: str) -> tuple[str, str]:
+    """Name and value of an option. Raises `RequestError` without =."""
+    name, sign, value = text.partition("=")
+    if not (name and sign and value):
+        raise refused(text, "it is no NAME=VALUE", "e.g. spring.stiffness=0:5000")
+    return name, value
+
+
+def _named(text: str) -> tuple[str, float]:
+    """A number by name. Raises `RequestError` for others."""
+    name, value = _split(text)
+    return name, _number(name, value)
+
+
+def _range(name: str, text: str) -> tuple[float, float]:
+    """Lowest and highest value. Raises `RequestError` for others."""
+    low, _, high = text.partition(":")
+    return _number(name, low), _number(name, high)
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise refused(name, f'"{text}" is not a number', "give a number in SI units") from None
 
 
 def identify(
@@ -98,12 +177,5 @@ def identify(
     json: AsJson = False,
 ) -> None:
     """Identify numbers of the mechanism from what was measured on it."""
-    one_of(json=json, plot=plot is not None)
-    check_places(None, plot)
-    with reading(file):
-        mechanism = compiled(file)
-    with progress_bar("fitting"):
-        asked: dict[str, Any] = {"friction": friction, "static": static}
-        found = mechanism.identify(names_of(to), data, **asked)
-    answer(file, json, found.to_dict(), found.text())
-    write_found(found, None, plot)
+    asked: dict[str, Any] = {"friction": friction, "static": static}
+    _answered(file, "fitting", lambda m: m.identify(names_of(to), data, **asked), plot, json)
