@@ -15,10 +15,11 @@ from blockmech.studio.sheet import Sheet
 from tests.doors import linkage_of
 from tests.proof import chain
 from tests.studio.conftest import browser, page, studio  # noqa: F401
-from tests.studio.page import blocks, show
+from tests.studio.page import blocks, edit, show
 
 from .results import ROWS, Row
 
+expect = pytest.importorskip("playwright.sync_api", reason="no browser's driver").expect
 GRAPHS = Path(__file__).parents[2] / "graphs"
 
 
@@ -88,3 +89,70 @@ def test_a_chain_of_a_hundred_dyads_opens_and_pans(page, studio):  # noqa: F811
     for share, measured, beside in zip(("median", "95 %"), panned, idle, strict=True):
         against = f"{share} of an idle page"
         ROWS.append(Row(f"{task}: {share} frame while panning", measured, beside, against, 2.0))
+
+
+GALLERY = ("ruiz_fourbar", "excavator", "engine", "scissor_lift")
+BLOCKS_CHANGE = """async ([button, diagram]) => {
+    const count = () => diagram.querySelectorAll(".block").length;
+    const [begun, before, most] = [performance.now(), count(), 3e4];
+    button.click();
+    while (count() === before && performance.now() - begun < most)
+        await new Promise(requestAnimationFrame);
+    return (performance.now() - begun) / 1e3;
+}"""
+NUMBERS_CHANGE = """async ([field, value]) => {
+    const all = [...Bokeh.documents[0]._all_models.values()];
+    const numbers = all.find((one) => one.type === "Div" && one.text.includes(".drive = "));
+    const [begun, before, most] = [performance.now(), numbers.text, 3e4];
+    field.value = value;
+    field.dispatchEvent(new Event("input"));
+    field.dispatchEvent(new Event("change"));
+    while (numbers.text === before && performance.now() - begun < most)
+        await new Promise(requestAnimationFrame);
+    return (performance.now() - begun) / 1e3;
+}"""
+
+
+def row(task, taken, most):
+    """A row whose yardstick is the wanted time."""
+    ROWS.append(Row(f"studio: {task}", taken, most, f"{most:g} s", 1.0))
+
+
+def test_a_page_and_mechanisms_of_the_gallery_open(page, studio):  # noqa: F811
+    begun = time.perf_counter()
+    page.goto(studio[0])
+    page.locator(".cards").wait_for()
+    row("first page", time.perf_counter() - begun, 2.5)
+    for name in GALLERY:
+        taken = []
+        for _ in range(3):
+            page.goto(studio[0])
+            page.locator(".cards").wait_for()
+            begun = time.perf_counter()
+            page.locator(f'.card[href="?example={name}"]').click()
+            blocks(page).first.wait_for()
+            page.wait_for_function("Bokeh.documents[0]?.is_idle")
+            taken.append(time.perf_counter() - begun)
+        row(f"open {name}", min(taken), 1.5)
+
+
+def test_blocks_are_added_and_undone_and_numbers_follow(page, studio):  # noqa: F811
+    for name, block, most in (("ruiz_fourbar", "crank", 0.1), ("excavator", "bucket", 0.25)):
+        show(page, studio, f"?example={name}")
+        diagram = page.locator(".diagram svg").element_handle()
+        for button, wanted in (("Add spring", 0.2), ("Undo", 0.15)):
+            pressed = page.get_by_role("button", name=button, exact=True)
+            steps = []
+            for _ in range(5):
+                expect(pressed).to_be_enabled()
+                steps.append(page.evaluate(BLOCKS_CHANGE, [pressed.element_handle(), diagram]))
+            row(f"{button} in {name}", min(steps), wanted)
+        edit(page, block)
+        label = "length [m]" if name == "ruiz_fourbar" else "l_i [m]"
+        field = page.get_by_label(label, exact=True)
+        length = float(field.input_value())
+        following = [
+            page.evaluate(NUMBERS_CHANGE, [field.element_handle(), str(length * (1 + 1e-4 * k))])
+            for k in range(1, 6)
+        ]
+        row(f"numbers of {name} follow", min(following), most)

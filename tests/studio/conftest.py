@@ -13,6 +13,7 @@ ARGUMENTS = (
     *("--disable-component-update", "--disable-sync"),
 )
 
+LOUD = ("error", "warning")  # what a console says that somebody should hear
 PATIENCE = 60_000  # ms of a machine on which others work too
 
 
@@ -56,11 +57,14 @@ def browser(tmp_path_factory):
 
 @pytest.fixture
 def page(browser):
-    """A window that is closed afterwards, in which no script fails and nothing is loaded from
-    outside. The gallery has no pictures: the server would draw them before it does anything else.
+    """A window that is closed afterwards, in which no script fails, nothing is loaded from
+    outside, and the console has no error and no warning. The gallery's pictures are empty: the
+    server would draw them before it does anything else.
     """
     page, wrong = browser.new_page(), []
-    page.route("**/picture/*.svg", lambda route: route.abort())
+    empty = {"content_type": "image/svg+xml", "body": '<svg xmlns="http://www.w3.org/2000/svg"/>'}
+    page.route("**/picture/*.svg", lambda route: route.fulfill(**empty))
+    page.on("console", lambda one: wrong.append(one.text) if one.type in LOUD else None)
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("request", lambda request: wrong.append(request.url) if _outside(request.url) else None)
     page.on("dialog", lambda dialog: dialog.accept())

@@ -145,13 +145,16 @@ def save(page, name):
     told(page, f"wrote {name}")
 
 
-def accessible(page):
-    """Let axe look at what is shown."""
+def accessible(page, *rules):
+    """Let axe look at what is shown, by all of its rules or some."""
     if not AXE.exists():
         pytest.skip("axe-core is not installed: npm install --no-save --prefix .ci axe-core")
     page.wait_for_function("Bokeh.documents[0].is_idle")
     page.evaluate(AXE.read_text("utf-8"))
-    found = page.evaluate("axe.run(document, {resultTypes: ['violations', 'passes']})")
+    only = {"runOnly": list(rules)} if rules else {}
+    found = page.evaluate(
+        "how => axe.run(document, how)", {"resultTypes": ["violations", "passes"], **only}
+    )
     bad = [
         (rule["id"], node["html"])
         for rule in found["violations"]

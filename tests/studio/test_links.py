@@ -204,6 +204,31 @@ def test_blocks_are_not_drawn_over():
     assert all(button.disabled for button in pane.buttons)
 
 
+@pytest.mark.parametrize("name", ["ruiz_fourbar", "engine", "excavator", "valve_engine"])
+def test_blocks_are_drawn_on_as_links_and_joints(name):
+    """Every link of the same name, drive and reaction: the document that is made moves alike."""
+    sheet = Sheet(opened(GRAPHS / f"{name}.json"))
+    before = sheet.mechanism.run(samples=7, want=[f"{d}.drive" for d in sheet.mechanism.drivers])
+    pane = LinksSheet(sheet)
+    pane.redraw.clicks += 1
+    assert pane.ours
+    assert sheet.undoable == "drawn as links and joints"
+    drives = [f"driver.{d}.drive" for d in sheet.mechanism.drivers]
+    after = sheet.mechanism.run(samples=7, want=drives)
+    for was, now in zip(before, after, strict=True):
+        size = abs(before[was]).max() or 1.0
+        assert after[now] == pytest.approx(before[was], abs=1e-9 * size)
+    sheet.undo()
+    assert not pane.ours
+
+
+def test_blocks_that_links_and_joints_do_not_say_alike_are_refused():
+    pane = LinksSheet(Sheet(opened(GRAPHS / "n_four_bar.json")))
+    pane.redraw.clicks += 1
+    assert "would stand" in pane.said.object
+    assert not pane.ours
+
+
 def test_a_distance_is_typed_and_the_loose_end_moves():
     pane = fourbar()
     pane.meant({"act": "dimension", "ends": ["A", "B"], "value": 2.5})

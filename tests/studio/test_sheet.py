@@ -25,6 +25,7 @@ def test_an_empty_sheet_lacks_a_frame_and_is_saved():
     sheet = Sheet()
     assert [p.code for p in sheet.problems] == ["no-frame"]
     assert (sheet.graph, sheet.mechanism, sheet.saved) == (None, None, True)
+    assert sheet.empty  # the page says a first step in place of what is missing
 
 
 @pytest.mark.parametrize("name", ["ruiz_fourbar", "joints/slider_crank"])

@@ -45,6 +45,7 @@ document.cookie = `{UNITS}=${{words}}; path=/; max-age=${{10 * 365 * 86400}}; sa
 
 SAID = 400  # letters of a message that an address carries
 
+FIRST = "Add a frame and a crank, then wire the crank to a marker of the frame."
 FORMULA = 52  # px above the canvas, which does not move when problems come and go
 BELOW = 240  # px of form and answers; diagram and mechanism have the rest
 ABOVE = 480, 400  # px of either side; in a lower window it scrolls
@@ -155,7 +156,8 @@ class Page:
             said = html.escape(sheet.graph.structure().formula.replace("->", "→"))
             self.formula.object = f"<p tabindex=0>{said}</p>"  # so that keys scroll it
         else:
-            lines = "".join(f"<li>{html.escape(str(p))}</li>" for p in sheet.problems)
+            problems = [FIRST] if sheet.empty else sheet.problems
+            lines = "".join(f"<li>{html.escape(str(p))}</li>" for p in problems)
             self.formula.object = f"<ul aria-label=problems>{lines}</ul>"
 
     # -- what the user does -------------------------------------------------

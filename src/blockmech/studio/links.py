@@ -23,9 +23,11 @@ from blockmech.studio.component import Component, script, style
 from blockmech.studio.fields import Shown
 from blockmech.studio.looks import beside
 from blockmech.studio.plots import coloured
+from blockmech.studio.redraw import as_links
 from blockmech.studio.session import follow, heard
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.sketching import Drawn, Form, outlines_of, sides_of
+from blockmech.studio.turn import shown_motion
 from blockmech.values import Place
 
 PAIRS = ["Link", "Cylinder", "Gears", "Rack", "Cam", "Belt", "Spring"]
@@ -40,6 +42,7 @@ GUIDE = [
     "Click a pin on the frame and press Driver: what moves it.",
     "Press Play beside the drawing. A number of the drawing is changed by a click on it.",
 ]
+FIRST = "Drag in the drawing to draw the first link."
 STEP = 0.05  # of the drawing, by which a copy stands beside what it is of
 
 
@@ -176,6 +179,8 @@ class LinksSheet:
         self.buttons = [pn.widgets.Button(label=name) for name in self.acts]
         for button in self.buttons:
             button.on_click(lambda event: self.act(event.obj.label))
+        self.redraw = pn.widgets.Button(label="Draw these blocks on as links and joints")
+        self.redraw.on_click(lambda _: self._redraw())
         self.begin = pn.widgets.Button(label="Begin a drawing of links and joints")
         self.begin.on_click(lambda _: self._change(Linkage(sheet.form["name"]).to_data(), "begun"))
         # Panel sends the value twice at Enter, as a change and with the key
@@ -190,7 +195,7 @@ class LinksSheet:
 
     def panel(self) -> Any:
         """The drawing, what is done with chosen pins, and the groups that were found."""
-        fields = beside(self.begin, self.pins, self.place, self.slot, self.angle)
+        fields = beside(self.redraw, self.begin, self.pins, self.place, self.slot, self.angle)
         tools = beside(*self.buttons)
         return pn.Column(tools, self.canvas, fields, self.said, sizing_mode="stretch_both")
 
@@ -227,12 +232,14 @@ class LinksSheet:
             options=links, value=self.slot.value if self.slot.value in links else FRAME
         )
         self.begin.visible = not self.ours
+        self.redraw.visible = not self.ours and self.sheet.mechanism is not None
+        self.pins.visible = self.place.visible = self.slot.visible = self.angle.visible = self.ours
         self.place.label = f"New pin at x, y [{self.units.length}]"
         for widget in (self.place, self.angle, self.slot, *self.buttons):
             widget.disabled = not self.ours
         words = "This sheet holds blocks, not links and joints."
         if self.ours:
-            problems = " ".join(map(str, self.sheet.problems))
+            problems = FIRST if self.sheet.empty else " ".join(map(str, self.sheet.problems))
             words = problems or str(self.sheet.document.decompose().formation)
         done = f"{self.sheet.undoable}. " if self.sheet.undoable else ""
         self._say(done + words)
@@ -251,6 +258,16 @@ class LinksSheet:
         """Change the sheet; what cannot be is said, and drawn no more."""
         try:
             self.sheet.change(form, said)
+        except BlockmechError as error:
+            self._refuse(error)
+
+    def _redraw(self) -> None:
+        """Say the blocks of the sheet as links and joints; the diagram then follows from these."""
+        try:
+            motion, _ = shown_motion(self.sheet.form, self.sheet.mechanism, (), "", {})
+            if motion is not None:
+                form = as_links(self.sheet.form, motion)
+                self._change(form, "drawn as links and joints")
         except BlockmechError as error:
             self._refuse(error)
 

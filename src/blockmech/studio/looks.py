@@ -109,7 +109,7 @@ def begin(dark: bool) -> None:
 def beside(*parts: Any, **look: Any) -> Any:
     """Parts beside one another, in as many lines as they need, on one foot."""
     for part in parts:
-        part.align = "end"
+        part.align, part.margin = "end", (3, 5)
     return pn.Row(*parts, styles={"flex-wrap": "wrap"}, **look)
 
 

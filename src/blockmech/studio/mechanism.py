@@ -99,6 +99,8 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             self.play(*motion)
         except BlockmechError as error:
             self.play(None, str(error))
+        if sheet.empty:
+            self.play(None)
 
     @property
     def degrees(self) -> bool:

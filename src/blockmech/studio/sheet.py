@@ -93,6 +93,11 @@ class Sheet(param.Parameterized):  # type: ignore[misc]  # param's own types say
         with param.edit_constant(self):
             self.param.update(path=path, saved=True)
 
+    @property
+    def empty(self) -> bool:
+        """Whether nothing is drawn yet: then a first step is said, and no problem."""
+        return not (self.form.get("blocks") or self.form.get("links") or self.form.get("view"))
+
     def text(self) -> str:
         """The file's text, as `Graph.save` writes it."""
         return canonical_text(self.form)
