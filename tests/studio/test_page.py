@@ -1,6 +1,7 @@
 """The studio as a user works with it, in a browser."""
 
 import json
+import os
 import urllib.error
 import urllib.request
 from pathlib import Path
@@ -44,6 +45,8 @@ DYAD = {
         for key, value in (("coefficient", "0.4"), ("radius [m]", "0.0075"))
     },
 }
+EDITS = int(os.environ.get("BLOCKMECH_EDITS", "40"))
+MEMORY, SLACK = 100e6, 8e6  # bytes of the page for 1,000 edits, and what a few may leave
 WIRES = (
     ("frame.A", "crank.A"),
     ("crank.B", "dyad.B"),
@@ -272,3 +275,57 @@ def test_texts_of_a_hostile_document_run_nothing(page, studio):
     page.get_by_label("Name", exact=True).press("Enter")
     page.get_by_role("status").get_by_text("taken").wait_for()
     assert page.evaluate("window.hurt") is None
+
+
+def test_texts_of_a_megabyte_are_opened_and_run_nothing(page, studio):
+    """A title and notes of a million letters: markup, quotes, marks from right to left."""
+    hurt = "</script><img src=x onerror='hurt=1'>\u202e\"'`${hurt=1}"
+    data = json.loads((GRAPHS / "slider_crank.json").read_text("utf-8"))
+    data |= {"title": hurt * (1_000_000 // len(hurt)), "notes": [hurt] * 20_000}
+    (studio[1] / "long.json").write_text(json.dumps(data), "utf-8")
+    show(page, studio, "?open=long.json")
+    edit(page, "crank")
+    fill(page, "length [m]", "0.06")
+    page.get_by_role("button", name="Undo").and_(page.locator(":enabled")).wait_for()
+    press(page, "Undo")
+    told(page, "Undo: length")
+    assert page.evaluate("window.hurt") is None
+    assert page.locator("img[src=x]").count() == 0
+
+
+STEPS = """async ([add, diagram, times]) => {
+    const count = () => diagram.querySelectorAll(".block").length;
+    const undo = { key: "z", ctrlKey: true, bubbles: true };
+    const changed = async (act) => {
+        const before = count();
+        act();
+        for (let k = 0; k < 3000 && count() === before; k++)
+            await new Promise((done) => setTimeout(done, 10));
+        return count() !== before;
+    };
+    for (let k = 0; k < times; k++) {
+        if (!(await changed(() => add.click()))) return "not added";
+        if (!(await changed(() => diagram.dispatchEvent(new KeyboardEvent("keydown", undo)))))
+            return "not undone";
+    }
+    return "done";
+}"""
+
+
+def test_edits_leave_the_memory_where_it_was(page, studio):
+    """Forty edits; of a thousand, see the note in docs/studio.md."""
+    show(page, studio, "?example=ruiz_fourbar")
+    add = page.get_by_role("button", name="Add spring", exact=True).element_handle()
+    diagram = page.locator(".diagram svg").element_handle()
+    tools = page.context.new_cdp_session(page)
+
+    def heap():
+        tools.send("HeapProfiler.collectGarbage")
+        return tools.send("Runtime.getHeapUsage")["usedSize"]
+
+    assert page.evaluate(STEPS, [add, diagram, 3]) == "done"
+    before = heap()
+    assert page.evaluate(STEPS, [add, diagram, EDITS // 2]) == "done"
+    after = heap()
+    print(f"{EDITS} edits: the page's memory went from {before / 1e6:.1f} to {after / 1e6:.1f} MB")
+    assert after - before < MEMORY * EDITS / 1000 + SLACK

@@ -64,7 +64,7 @@ class Page:
         self.answers = Answers(sheet, self.view)
         self.form = Form(sheet, self.say)
         self.diagram = Diagram(sheet, self.say, self.select, self.answers.wires)
-        self.file = pn.widgets.TextInput(label="File", width=150)
+        self.file = pn.widgets.TextInput(label="File", width=140)
         self.save = self._button("Save", lambda: self._save(False), button_type="primary")
         self.replace = self._button("Replace the file", lambda: self._save(True), visible=False)
         self.undo = self._button("Undo", lambda: self.say(f"Undo: {sheet.undo()}"))
@@ -82,7 +82,7 @@ class Page:
             pn.state.curdoc.js_on_event("document_ready", asks)
         kept = Shown.of(pn.state.cookies.get(UNITS, ""))
         self.units = [
-            pn.widgets.Select(label=label, options=list(known), value=unit, width=80)
+            pn.widgets.Select(label=label, options=list(known), value=unit, width=72)
             for (label, known), unit in zip(CHOICES.items(), kept, strict=True)
         ]
         for widget in self.units:
@@ -107,7 +107,7 @@ class Page:
             picture,
         )
         bar = beside(
-            pn.pane.HTML("<h1>blockmech studio</h1>", margin=(8, 12)),
+            pn.pane.HTML("<h1>blockmech</h1>"),
             *(self.file, self.save, self.replace, self.undo, self.redo, self.download, self.share),
             *(*self.units, pn.pane.Bokeh(self.kept, visible=False)),
             pn.pane.Bokeh(self.packed, visible=False),

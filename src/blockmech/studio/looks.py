@@ -122,7 +122,8 @@ def either(parts: dict[str, Callable[[], Any]], shown: str, *head: Any) -> Any:
     out anew: with a hundred blocks on the canvas that took as long as everything else.
     """
     chosen = pn.widgets.RadioButtonGroup(options=list(parts), value=shown)
-    first = pn.Row(chosen, *head, sizing_mode="stretch_width") if head else chosen
+    wraps = {"sizing_mode": "stretch_width", "styles": {"flex-wrap": "wrap"}}
+    first = pn.Row(chosen, *head, **wraps) if head else chosen
     place, made = pn.Column(first, sizing_mode="stretch_both"), dict[str, Any]()
 
     def show() -> None:

@@ -18,7 +18,7 @@ class Work:
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self.say = say
-        self.stop = pn.widgets.Button(label="Stop", disabled=True, width=100)
+        self.stop = pn.widgets.Button(label="Stop", disabled=True, width=60)
         self.stop.on_click(lambda _: self.cancel())
         self._stopped = False
         self.thread: Thread | None = None
