@@ -9,6 +9,8 @@ import pytest
 from blockmech.builders import opened
 from blockmech.cli import main
 from blockmech.draw.curves import abscissa
+from blockmech.studies.sampling import normal
+from blockmech.studio.analyses import family
 from blockmech.studio.answers import Answers, answer, wire_text
 from blockmech.studio.curves import panels_of
 from blockmech.studio.edits import renamed
@@ -202,3 +204,55 @@ def test_methods_are_traded():
     told = answers.costs.object
     assert told.startswith("slider_crank, run: crank.drive at 361 samples")
     assert all(precision in told for precision in ("complex64", "complex128"))
+
+
+def test_analyses_say_what_the_package_says():
+    answers = answers_of("slider_crank")
+    mechanism, analyses = answers.sheet.mechanism, answers.analyses
+    analyses.panel()
+    said = {
+        "Limits": mechanism.limits("crank", {}),
+        "Equilibria": mechanism.equilibria(),
+        "Extremes": mechanism.extremes("crank.drive"),
+        "Modes": mechanism.modes(),
+    }
+    for name, found in said.items():
+        analyses.run(name)
+        analyses.work.thread.join(60)
+        assert analyses.text.object == str(found)
+        assert ("<img" in analyses.image.object) == hasattr(found, "figure")
+
+
+def test_a_tolerance_is_that_of_the_lengths_by_the_chosen_share():
+    answers = answers_of("slider_crank")
+    analyses = answers.analyses
+    analyses.share.value = 1.0
+    analyses.run("Tolerance")
+    analyses.work.thread.join(60)
+    lengths = [
+        p for p in answers.sheet.mechanism.parameters().values() if p.unit == "m" and p.value
+    ]
+    given = {p.address: normal(p.value, 0.01 * abs(p.value)) for p in lengths}
+    found = answers.sheet.mechanism.tolerance(given, "crank.drive", samples=361)
+    assert analyses.text.object == str(found)
+
+
+def test_a_family_has_the_curves_of_five_designs():
+    answers = answers_of("slider_crank")
+    asked = answers._asked()._replace(share=0.1)
+    panel = family(asked, "crank.length")
+    lengths = 0.05 * (1 + 0.1 * np.linspace(-1, 1, 5))
+    assert list(panel.curves) == [f"crank.length = {x:.4g}" for x in lengths]
+    for x, curve in zip(lengths, panel.curves.values(), strict=True):
+        other = answers.sheet.document.replace({"crank.length": x})
+        assert np.array_equal(curve, other.run(samples=361, want=["crank.drive"])["crank.drive"])
+    answers.analyses.panel()
+    answers.analyses.number.value = "crank.length"
+    assert "<img" in answers.analyses.image.object
+
+
+def test_an_analysis_of_nothing_says_so():
+    answers = answers_of()
+    answers.sheet.begin(type(answers.sheet.document)())
+    answers.analyses.run("Limits")
+    assert "nothing moves" in answers.analyses.text.object

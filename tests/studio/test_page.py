@@ -190,7 +190,7 @@ def test_nothing_is_below_the_fold_and_no_two_buttons_share_a_name(page, studio,
     """The answer of *Trade* is seen without scrolling, and the mechanism beside it."""
     page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
     show(page, studio, "?example=slider_crank")
-    tabs = ("Curves", "Motion", "Margins", "Methods")
+    tabs = ("Curves", "Motion", "Margins", "Analyses", "Methods")
     for tab in (*tabs, "Links and joints"):
         press(page, tab)
         texts = page.get_by_role("button").evaluate_all(

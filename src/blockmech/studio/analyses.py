@@ -96,11 +96,12 @@ def family(asked: Asked, address: str) -> Panel:
 class Analyses:
     """Buttons of the analyses, the family of curves of a number, and what they answer."""
 
-    def __init__(self, ask: Callable[[], Asked | None], along: Callable[[], Abscissa]) -> None:
-        self.ask, self.along = ask, along
+    def __init__(
+        self, ask: Callable[[], Asked | None], along: Callable[[], Abscissa], work: Work
+    ) -> None:
+        self.ask, self.along, self.work = ask, along, work
         self.text = Plain("", sizing_mode="stretch_width", stylesheets=[LINES])
         self.image = pn.pane.HTML("", sizing_mode="stretch_width")
-        self.work = Work(lambda said: self.text.param.update(object=said))
         self.buttons = [
             pn.widgets.Button(label=name, description=words, on_click=self._pressed)
             for name, (words, _) in ANALYSES.items()
@@ -115,7 +116,7 @@ class Analyses:
     def panel(self) -> Any:
         """What is asked, and below what is answered."""
         self.renew()
-        asked = beside(*self.buttons, self.number, self.share, self.work.stop)
+        asked = beside(*self.buttons, self.number, self.share)
         return pn.Column(asked, self.text, self.image, sizing_mode="stretch_width")
 
     def renew(self) -> None:

@@ -135,7 +135,7 @@ class Answers:
             pn.widgets.Button(label=name, width=100, on_click=lambda _, act=act: act())
             for name, act in zip(("Simulate", "Turn", "Cost", "Trade"), acts, strict=True)
         ]
-        self.analyses = Analyses(self._asked, lambda: self.view.along)
+        self.analyses = Analyses(self._asked, lambda: self.view.along, self.work)
         for widget in (self.names, self.friction, self.accuracy):
             widget.param.watch(lambda _: self.renew(), "value")
         view.param.watch(lambda _: self._begin(), "motion")

@@ -82,7 +82,7 @@ class Page:
             pn.state.curdoc.js_on_event("document_ready", asks)
         kept = Shown.of(pn.state.cookies.get(UNITS, ""))
         self.units = [
-            pn.widgets.Select(label=label, options=list(known), value=unit, width=72)
+            pn.widgets.Select(label=label, options=list(known), value=unit, width=78)
             for (label, known), unit in zip(CHOICES.items(), kept, strict=True)
         ]
         for widget in self.units:

@@ -228,7 +228,7 @@ def cylinder(form: Form, names: Iterable[str]) -> Form:
 
 
 def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
-    """With a gear, rack, cam or belt between two joints: the first one's driver moves the second.
+    """With a gear, rack, cam or belt by which the first of two joints moves the second.
 
     Sizes are those of the drawing: wheels of equal size that meet, a pinion that reaches the
     rack, a cam whose roller stands at the follower's joint. Raises `RequestError` for joints of
