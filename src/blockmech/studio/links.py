@@ -27,7 +27,7 @@ from blockmech.studio.redraw import as_links
 from blockmech.studio.session import follow, heard
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.sketching import Drawn, Form, outlines_of, sides_of
-from blockmech.studio.turn import shown_motion
+from blockmech.studio.turn import closing, shown_motion
 from blockmech.values import Place
 
 PAIRS = ["Link", "Cylinder", "Gears", "Rack", "Cam", "Belt", "Spring"]
@@ -266,7 +266,7 @@ class LinksSheet:
         try:
             motion, _ = shown_motion(self.sheet.form, self.sheet.mechanism, (), "", {})
             if motion is not None:
-                form = as_links(self.sheet.form, motion)
+                form = as_links(self.sheet.form, motion, closing(motion))
                 self._change(form, "drawn as links and joints")
         except BlockmechError as error:
             self._refuse(error)

@@ -20,8 +20,8 @@ from blockmech.errors import BlockmechError, RequestError, refused
 from blockmech.loads.contract import Element
 from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
+from blockmech.result import Result
 from blockmech.studio.edits import OF_DRIVERS, markers_of
-from blockmech.studio.turn import closing
 
 Form = dict[str, Any]
 COUPLED = ("driver", "driven")
@@ -33,10 +33,10 @@ SAME = 1e-9  # of the size: poses are found by other formulas
 class _Redrawn:
     """Names and places of what a graph's form holds, in a pose far from dead centres."""
 
-    def __init__(self, form: Mapping[str, Any], motion: Motion) -> None:
+    def __init__(self, form: Mapping[str, Any], motion: Motion, closed: Result) -> None:
         self.form, self.motion, self.s = form, motion, motion.structure
         self.blocks = Graph.from_data(dict(form)).blocks
-        margins = closing(motion).quality.margin.values()
+        margins = closed.quality.margin.values()
         worst = np.where(motion.feasible, np.min([*margins, motion.feasible], axis=0), -1.0)
         self.k = int(np.argmax(worst))
         several = {ref.block for ref in self.s.links if ref.link != ref.block}
@@ -161,12 +161,12 @@ class _Redrawn:
             yield name, made
 
 
-def as_links(form: Mapping[str, Any], motion: Motion) -> Form:
-    """A graph's form as links and joints.
+def as_links(form: Mapping[str, Any], motion: Motion, closed: Result) -> Form:
+    """A graph's form as links and joints; ``closed`` has the margins of the motion's samples.
 
     Raises `RequestError` where these do not say the same, with the reason.
     """
-    redrawn = _Redrawn(form, motion)
+    redrawn = _Redrawn(form, motion, closed)
     made = redrawn.document()
     try:
         other = Linkage.from_data(made)
