@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import blockmech as bm
@@ -114,6 +115,45 @@ def test_friction_in_motion() -> None:
     task = "two swings of a four-bar with friction, dop853, compiled"
     ROWS.append(Row(task, seconds[1], seconds[0], "interpreted", 1 / 20, ends[1].error))
     assert abs(ends[0].q_end - ends[1].q_end) <= ends[0].error + ends[1].error
+
+
+DESIGNS = 2000
+TWO_CORES = 2 * 20.0  # [s] of processor time in which the goals' designs are to be moved
+
+
+def test_designs_of_a_pendulum_to_rest() -> None:
+    """10,000 designs in 20 s on two cores, without a stated accuracy; each error is judged."""
+    pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
+    mech = bm.Graph.load(ROOT / "graphs" / "motions" / "pin_pendulum.json").compile()
+    address = "crank.friction.A.coefficient"
+    request = {"want": ["motion.time_to_rest", "motion.error"], "simulate": {"until": "time=100"}}
+    mech.study({address: np.linspace(0.2, 0.6, 16)}, **request)  # compiles
+    start = time.process_time()
+    found = mech.study({address: np.linspace(0.2, 0.6, DESIGNS)}, **request)
+    seconds = (time.process_time() - start) / DESIGNS
+    error = float(found["motion.error"].max())
+    task = "a design of the pendulum on a pin to rest, 9 to 27 swings, llvm"
+    ROWS.append(Row(task, seconds, TWO_CORES / 10_000, "20 s for 10,000 on two cores", 1.0, error))
+    assert set(found.status) == {"ok"}
+    assert found["motion.time_to_rest"][0] == pytest.approx(28.084229257323663, abs=1e-7)
+
+
+@pytest.mark.parametrize("accuracy", [1e-6, None])
+def test_designs_of_watt_to_a_standstill(accuracy: float | None) -> None:
+    pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
+    mech = bm.Graph.load(ROOT / "graphs" / "watt_sixbar.json").compile()
+    address, how = "crank.links.crank.mass", {"until": "standstill", "accuracy": accuracy}
+    request = {"want": ["motion.t_end", "motion.error"], "simulate": {**how, "start": START}}
+    mech.study({address: np.linspace(0.5, 2.0, 16)}, **request)  # compiles
+    start = time.process_time()
+    found = mech.study({address: np.linspace(0.5, 2.0, 4 * DESIGNS)}, **request)
+    seconds = (time.process_time() - start) / (4 * DESIGNS)
+    error, target = float(found["motion.error"].max()), accuracy or YARDSTICK
+    task = f"a design of Watt's six-bar to its standstill, to {target:g}, llvm"
+    goal = TWO_CORES / 100_000, "20 s for 100,000 on two cores", 1.0
+    ROWS.append(Row(task, seconds, *goal, error))
+    ROWS.append(Row(task, seconds, c_bounds.dynamics(target), f"C RK4 to {target:g}, 2 s", None))
+    assert error <= target
 
 
 FIRST = """

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 Bools = NDArray[np.bool_]
 TOGETHER = 16  # steps of a design between two looks at it
+FIRST = 30.0  # the first tolerance below the target: a third run costs more than shorter steps
 FINER, FLOOR = 20.0, 100 * EPS
 SHORTER = FINER ** (-1 / 8)  # the longest step of a finer run, as of single motions
 HALVED, SECANTS = 10, 4  # how often the bracket of a place in a step is halved; what finds it then
@@ -172,7 +173,7 @@ def moved(
     slots = slots_of(values)
     slots = np.ascontiguousarray(np.broadcast_to(slots, (m, slots.shape[1])))
     target = request.accuracy or TARGET
-    tolerance = np.full(m, max(target / 10, FLOOR * FINER))
+    tolerance = np.full(m, max(target / FIRST, FLOOR * FINER))
     whole = _Run(system, request, rates, slots, tolerance, np.full(m, math.inf))
     coarse, best = whole.motions(), None
     open_, longest = ~coarse.alone, whole.longest
@@ -263,6 +264,7 @@ class _Run:
         pairs = rates.inputs - n - 4
         self.rubs = pairs > 0
         self.given = np.zeros((m, 3 + pairs))
+        self.room = np.empty(m * rates.room_of(scheme(), TOGETHER))
         self.given[:, 1] = 1.0
         self._begin(tolerance)
 
@@ -313,9 +315,10 @@ class _Run:
             control,
             np.ones((len(which), 2, self.n)),
             0,
+            self.room,
         )
         self.spent[which] += 1
-        return found.K[:, 0, 0]
+        return found.K[:, 0, 0].copy()
 
     def _slip(self, which: Any, way: Floats) -> Floats:
         """Set the directions of slip of designs that move in a direction; the row then."""
@@ -384,6 +387,7 @@ class _Run:
             control,
             self.tolerances[which],
             most,
+            self.room,
         )
 
     def _round(self, which: Any) -> None:

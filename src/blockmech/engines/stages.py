@@ -363,6 +363,10 @@ class CompiledRhs:
         self.program = program
         self.numbers = row_of(program)
 
+    def room_of(self, by: Scheme, most: int) -> int:
+        """How many numbers so many steps of a design leave at their stages."""
+        return (most + 1) * len(by.C) * len(self.rows)
+
     def fleet(
         self,
         by: Scheme,
@@ -372,17 +376,20 @@ class CompiledRhs:
         control: Floats,
         tolerances: Floats,
         most: int,
+        room: Floats,
     ) -> FleetSteps:
         """Steps of m designs, each from its own ``begin`` (t (m,), y (m, n)), at most so many.
 
         slots : (m, k) numbers of the program, given : (m, p) of the right-hand side
         control : (m, 6) step to try, bound, longest step, 0, and the road (`CompiledStepper`)
         tolerances : (m, 2, n) relative and absolute ones
+        room : numbers, at least m `room_of` so many steps; what was in it is gone
         """
         m, n, width, stages = len(slots), self.dimension, len(self.rows), len(by.C)
         t, y = np.zeros((m, most + 1)), np.zeros((m, most + 1, n))
         t[:, 0], y[:, 0] = begin
-        K, counts = np.empty((m, most + 1, stages, width)), np.zeros(m, np.int64)
+        K = room[: m * self.room_of(by, most)].reshape(m, most + 1, stages, width)
+        counts = np.zeros(m, np.int64)
         state = np.zeros(self.inputs)
         size = state.itemsize
         first = state.ctypes.data
@@ -401,7 +408,8 @@ class FleetSteps(NamedTuple):
     """Steps of m designs.
 
     t : (m, s + 1) [s], y : (m, s + 1, n) where they begin, and where the last ends
-    K : (m, s + 1, stages, r) rows of the program at their stages; of no step that of the start
+    K : (m, s + 1, stages, r) rows of the program at their stages, until the room is used again;
+        of no step that of the start
     made : (m,) how many steps, doubtful : (m,) whether something may happen in the last one
     h : (m,) [s] the step to try next, tried : (m,) how many were tried
     """

@@ -274,27 +274,33 @@ class Together:
 
     def into(self, values: dict[str, Array], columns: Mapping[Parameter, Array]) -> Array:
         """Put what is known of designs into their columns; which are to be moved by themselves."""
-        runner, request = self.runner, self.request
-        m, own = len(next(iter(columns.values()))), runner.family.mechanism
+        runner, m = self.runner, len(next(iter(columns.values())))
         design = runner.family.design({p: x[:, None] for p, x in columns.items()})
-        found = moved(self.system, request, self.rates, self.rates.program.values(*design), m)
+        numbers = self.rates.program.values(*design)
+        found = moved(self.system, self.request, self.rates, numbers, m)
         some = np.flatnonzero(~found.alone)
-        times = np.array(runner.simulation.get("times", ()), dtype=float)
-        t0, rates = request.start.t, own.of_driver(own.drivers[0], "rate")
-        t = t0 + np.linspace(0.0, 1.0, runner.n) * (found.t - t0)[:, None]
-        if times.size or request.until.goal == "time":
-            t = np.tile(request.times, (m, 1))
-        shown = t <= found.t[:, None]
-        states = found.track.state(np.minimum(t, found.t[:, None]))
-        for w in runner.want:
-            if w.how == MOTION:
-                values[w.label][some] = OF_BATCH[w.output](found)[some]
-                continue
-            y = states[..., int(w.output == rates)]
-            for i in some.tolist():
-                n = int(shown[i].sum())
-                values[w.label][i] = reduced(w, t[i, :n], y[i, :n], runner.n)
+        own_numbers = [w for w in runner.want if w.how == MOTION]
+        for w in own_numbers:
+            values[w.label][some] = OF_BATCH[w.output](found)[some]
+        if len(own_numbers) < len(runner.want):
+            self._outputs_into(values, found, some.tolist())
         return np.flatnonzero(found.alone)
+
+    def _outputs_into(self, values: dict[str, Array], found: Motions, some: list[int]) -> None:
+        """Put reductions of the driver's coordinate and rate of some designs into their columns."""
+        runner, request = self.runner, self.request
+        own, t0 = runner.family.mechanism, request.start.t
+        rate = own.of_driver(own.drivers[0], "rate")
+        t = t0 + np.linspace(0.0, 1.0, runner.n) * (found.t - t0)[:, None]
+        if request.times:
+            t = np.tile(request.times, (len(found.t), 1))
+        shown, t = t <= found.t[:, None], np.minimum(t, found.t[:, None])
+        shown[:, 0] |= ~shown.any(axis=1)  # all wanted times lie after the end: it stands for them
+        states = found.track.state(t)
+        for w in (w for w in runner.want if w.how != MOTION):
+            y = states[..., int(w.output == rate)]
+            for i in some:
+                values[w.label][i] = reduced(w, t[i, shown[i]], y[i, shown[i]], runner.n)
 
 
 def reduced(w: Wanted, t: Array, y: Array, n: int) -> Any:
