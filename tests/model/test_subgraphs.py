@@ -265,6 +265,14 @@ def test_a_file_that_holds_itself_is_told(tmp_path):
     assert len(caught.value.problems) == 1
 
 
+def test_what_is_unknown_inside_is_kept_and_told_where_it_is(tmp_path):
+    data = knee().to_data()
+    data["blocks"]["hand"] = {"type": "acme.hand", "fingers": 5}
+    (tmp_path / "knee.json").write_text(json.dumps(data))
+    graph = two_knees(knee(), bm.Subgraph(file=str(tmp_path / "knee.json")))
+    assert [f"{p.code} {p.where}" for p in graph.check()] == ["unknown-block b.hand"]
+
+
 def test_wires_into_a_part_are_checked_like_others():
     graph = two_knees(knee(), knee())
     assert refused(lambda: graph.connect("frame.A", "a.dyad.C")) == ["unknown-joint a.dyad.C"]

@@ -161,7 +161,7 @@ class Graph(Document):
         if block.content is None and block.file:
             path = found_file(block.file, folder, f"{where}.file")
             way = (*_OPEN.get(), *([os.path.abspath(self.file)] if self.file else []))
-            if os.path.abspath(path) in way:
+            if _one_file(path) in map(_one_file, way):
                 files = [os.path.basename(p) for p in (*way, path)]
                 found = f"it holds itself: {' -> '.join(files)}"
                 valid = "a graph is no part of itself"
@@ -381,6 +381,11 @@ class Graph(Document):
             f"<Graph {self.name}: {len(s.links) - 1} moving links, {s.pairs} pairs, "
             f"mobility {s.mobility}; {s.formula}>"
         )
+
+
+def _one_file(path: str) -> str:
+    """A path by which the same file is known, whatever links and capitals lead to it."""
+    return os.path.normcase(os.path.realpath(path))
 
 
 def _misfits(block: Subgraph, where: str) -> Iterator[Problem]:
