@@ -254,3 +254,36 @@ def test_drivers_that_lie_against_stops_and_bounce_rub_as_well():
     assert lies.any()
     assert np.abs(result["upper.q"][lies] + 1.0).max() <= 1e-12
     assert np.abs(result["fore.drive"]).max() <= 1e-9
+
+
+def test_a_motion_that_only_begins_has_the_friction_of_what_begins():
+    mech = arm(0.006, 0.03).compile()
+    start = {"upper": (0.2, 0.0), "fore": (0.1, 0.0)}
+    begun = mech.simulate(times=[0.0], start=start, want="*")
+    later = mech.simulate("time=0.01", times=[0.0], start=start, want="*")
+    for name in ("upper.acceleration", "fore.acceleration", "fore.A.friction", "upper.drive"):
+        assert begun[name] == pytest.approx(later[name], rel=1e-12, abs=1e-12)
+    assert np.abs(begun["fore.A.friction"]) == pytest.approx(
+        0.03 * np.abs(begun["fore.A.reaction"]), rel=1e-12
+    )
+
+
+def test_bristles_and_pairs_that_stick_go_together_with_several_drivers():
+    """A LuGre elbow has no reversal and no rest of its own; the shoulder is Coulomb's."""
+    bristles = {"stiffness": 1e3, "damping": 1.0, "static": 0.3, "kinetic": 0.2}
+    law = bm.LuGre(**bristles, stribeck_speed=0.5, viscous=0.01, radius=0.05)
+    g = arm(0.006, 0.03)
+    data = g.to_data()
+    data["blocks"]["fore"]["friction"] = {"A": law.model_dump(mode="json")}
+    mech = bm.Graph.from_data(data).compile()
+    start = {"upper": (0.0, 0.0), "fore": (0.0, 0.0)}
+    result = mech.simulate("time=0.1", start=start, accuracy=1e-6, want="*")
+    assert result.motion.reached
+    assert result.motion.facts["energy_balance"] <= 1e-12
+    assert mech.verify(result).ok
+
+
+def test_explain_says_how_often_the_force_pass_is_asked():
+    from blockmech.dynamics.simulation import evaluation_cost
+
+    assert evaluation_cost(arm(0.1, 0.1).compile(), None, None, None).endswith("5 times")

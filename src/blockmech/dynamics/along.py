@@ -43,7 +43,7 @@ class MotionInputs(Mapping[str, Any]):
         self.held = motion.held(t, k)
         self.states = motion.signal_states(t)
         self.several: dict[str, Floats] = {}
-        if motion.slips and how.method != "none":
+        if k > 1 and how.method != "none":
             self._with_several(motion)
         self.known = _by_driver("q", self.q, k) | _by_driver("qd", self.qd, k)
         self.known |= states_along(motion, t) | self.several
@@ -51,8 +51,13 @@ class MotionInputs(Mapping[str, Any]):
     def _with_several(self, motion: Motion) -> None:
         """Rates and accelerations of several drivers, and friction of pairs that stick."""
         friction = system_of(self.mechanism, method=self.how).friction
-        assert isinstance(friction, SeveralFriction)
-        sides = motion.sides(self.t)
+        if not isinstance(friction, SeveralFriction):
+            return
+        if motion.slips:
+            sides = motion.sides(self.t)
+        else:  # of a motion that only begins
+            begun = friction.from_state(self.q[0], self.qd[0], self.t[0], ~self.held[0])
+            sides = np.tile(begun.sides, (len(self.t), 1))
         found = friction.along(self.q, self.qd, self.t, self.states, sides, ~self.held)
         self.qd, self.several = found[0], _by_driver("qdd", found[1], found[1].shape[1])
         for j, t in enumerate(found[2].T):
@@ -139,7 +144,7 @@ def result_along(
     friction = friction or ("newton" if "friction_work" in motion.facts else "none")
     settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
     how = friction_asked(friction, tolerance, iterations)
-    if motion.slips and how.method != "none":
+    if len(mechanism.drivers) > 1 and how.method != "none":
         how = replace(how, sticking=True)
     plan = mechanism.planned(want, how)
     unknown = t == motion.t_end

@@ -226,7 +226,7 @@ def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
 def _push(system: System, request: SimulationRequest, i: int) -> float:
     """Which way a driver at rest would start."""
     if isinstance(system.friction, SeveralFriction):
-        return float(system.friction.from_state(*request.start, system.free).qdd[i])
+        return float(system.friction.from_state(*request.start, system.free).response.qdd[i])
     if system.friction is not None:
         return system.friction.rest(float(request.start.q), request.start.t).moves
     if len(system.drivers) == 1:

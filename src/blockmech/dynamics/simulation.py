@@ -153,9 +153,9 @@ def evaluation_cost(
     """Kernel calls that one evaluation of the motion takes, as a line of text."""
     system = System(mechanism, method=friction_asked(friction, tolerance, iterations))
     passes = {"equation of motion": (system.equation_program, 1)}
-    if len(system.drivers) == 1 and system.friction is not None:
+    if system.friction is not None:
         resisting = system.friction.program
-        many = len(resisting.names) + 2  # the loads, q'', and each pair
+        many = 1 + len(system.drivers) + len(resisting.names)  # the loads, each q'', each pair
         passes["pairs with friction"] = (resisting.program, many)
     parts = []
     for what, (program, times) in passes.items():

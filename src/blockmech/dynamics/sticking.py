@@ -274,11 +274,11 @@ class SeveralFriction(PairFriction):
             idle,
         )
 
-    def from_state(self, q: Floats, qd: Floats, t: float, free: Any) -> Response:
+    def from_state(self, q: Floats, qd: Floats, t: float, free: Any) -> Settled:
         """What a motion begins with."""
         at = self.instant(q, qd, t, None, free)
         zero = self.without_slip(at, ())
-        return self.settled(at, self.sides_at(at, zero), zero).response
+        return self.settled(at, self.sides_at(at, zero), zero)
 
     def along(
         self, q: Floats, qd: Floats, t: Floats, x: Any, sides: Any, free: Any
