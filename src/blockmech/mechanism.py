@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import blockmech.dynamics.impact as striking
     import blockmech.dynamics.simulation as simulating
     import blockmech.dynamics.stepper as stepping
-    import blockmech.studies.balance as weighing
+    import blockmech.studies.drives as weighing
     import blockmech.studies.family as designing
     import blockmech.studies.floquet as repeating
     import blockmech.studies.objective as optimising
@@ -80,7 +80,7 @@ class Mechanism(Compiled):
         velocity_ratio = instants.velocity_ratio
         verify = verifying.verify
     else:
-        available = LazyMethod("blockmech.studies.balance")
+        available = LazyMethod("blockmech.studies.drives")
         balance = LazyMethod("blockmech.draw.balance")
         equilibria = LazyMethod("blockmech.draw.equilibria")
         explain = LazyMethod("blockmech.analysis.explain")

@@ -11,10 +11,12 @@ from blockmech.draw.curves import abscissa, values
 from blockmech.draw.paper import captioned, legend_above, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured
 from blockmech.runnable import wrap_result
-from blockmech.studies.balance import Balance, Flywheel, MotorDemand
+from blockmech.studies.balance import Balance
 from blockmech.studies.balance import balance as balance_of
-from blockmech.studies.balance import flywheel as flywheel_of
-from blockmech.studies.balance import motor as motor_of
+from blockmech.studies.drives import MotorDemand
+from blockmech.studies.drives import motor as motor_of
+from blockmech.studies.flywheel import Flywheel
+from blockmech.studies.flywheel import flywheel as flywheel_of
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel
 OUTPUTS = 4  # that one picture can hold
@@ -94,7 +96,7 @@ balance = wrap_result(PlottedBalance, balance_of)
 """`blockmech.studies.balance.balance`, which can be drawn."""
 
 flywheel = wrap_result(PlottedFlywheel, flywheel_of)
-"""`blockmech.studies.balance.flywheel`, which can be drawn."""
+"""`blockmech.studies.flywheel.flywheel`, which can be drawn."""
 
 motor = wrap_result(PlottedMotorDemand, motor_of)
-"""`blockmech.studies.balance.motor`, which can be drawn."""
+"""`blockmech.studies.drives.motor`, which can be drawn."""

@@ -260,7 +260,7 @@ def _timing(task: Task, draw: Floats) -> Floats:
     along = np.append(0.0, np.cumsum(np.abs(np.diff(wanted))))
     direction = np.where(draw < 0.5, 1.0, -1.0)
     part = 1.0 if task.closed else 0.15 + 0.83 * ((draw * 2) % 1)
-    return np.asarray((direction * part)[:, None] * math.tau * along / along[-1])
+    return np.asarray((direction * part)[:, None] * math.tau * along / along[-1] + 0.0)  # no -0
 
 
 def monotonic(name: str, angles: Any, n: int) -> Floats:
