@@ -275,6 +275,15 @@ def test_what_arrays_cannot_decide_goes_by_itself():
     )
     assert set(stopped.status) == {"ended-early"}
     assert stopped.reason(3).startswith("ended-early: end stop, after 0.")
+    bare = bm.Graph("bare")
+    bare.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    bare.add("crank", bm.Crank(length=1.0))
+    bare.connect("frame.A", "crank.A")
+    bare.start("crank", q=0.1)
+    lengths = {"crank.length": np.linspace(1.0, 2.0, 16)}
+    massless = bare.compile().study(lengths, want="motion.t_end", simulate=FALL)
+    assert set(massless.status) == {"no-motion"}
+    assert "no link has mass or inertia" in massless.reason(0)
     masses, want = np.linspace(1.0, 2.0, 16), ["motion.t_end", "max_abs(crank.rate)"]
     together = fallen().study({MASS: masses}, want=want, simulate=FALL)
     by_name = fallen().study({MASS: masses}, want=want, simulate={**FALL, "method": "energy"})

@@ -278,8 +278,8 @@ class _Run:
         around = self.system.span * np.linspace(0.0, 1.0, 8, endpoint=False)
         J = np.array([self._rows(every, q + x, 0.0)[:, self.n + 1] for x in around])
         with np.errstate(all="ignore"):
-            self.usual = np.nan_to_num(np.nanmedian(np.where(J > 0, J, np.nan), axis=0), nan=1.0)
-        self.given[:, 2] = LEAST_INERTIA * self.usual
+            usual = np.fmin.reduce(np.where(J > 0, J, np.nan), axis=0)
+        self.given[:, 2] = LEAST_INERTIA * np.nan_to_num(usual, nan=1.0)
         rate = float(self.request.start.rate)
         if rate and self.rubs:
             self._slip(every, np.full(self.m, math.copysign(1.0, rate)))

@@ -22,7 +22,6 @@ from blockmech.dynamics.motion import FACT_UNITS, Motion, fact_unit
 from blockmech.dynamics.request import (
     OUTPUTS,
     SimulationRequest,
-    refuse_no_inertia,
     request_of,
 )
 from blockmech.dynamics.stops import stops_of
@@ -266,7 +265,6 @@ class Together:
         stops = stops_of(m, starts, runner.simulation.get("stops"))
         if any(math.isfinite(stop.q) for between in stops for stop in between):
             return None  # where a pair's stop is, each design says for itself
-        refuse_no_inertia(runner.family.general.structure, m.name)
         how = friction_asked(*_friction(runner.settings).values())
         system = System(runner.family.general, method=how, engine=runner.engine)
         rates = rates_for(system, request)
@@ -297,6 +295,8 @@ class Together:
         shown, t = t <= found.t[:, None], np.minimum(t, found.t[:, None])
         shown[:, 0] |= ~shown.any(axis=1)  # all wanted times lie after the end: it stands for them
         states = found.track.state(t)
+        ends = np.stack([found.q, found.rate], axis=-1)[:, None]  # which are known exactly
+        states = np.where((t == found.t[:, None])[..., None], ends, states)
         for w in (w for w in runner.want if w.how != MOTION):
             y = states[..., int(w.output == rate)]
             for i in some:
