@@ -122,7 +122,7 @@ class Answers:
             width=100,
         )
         self.until = pn.widgets.TextInput(label="Simulate until", value="time=2", width=100)
-        self.said = Plain("", sizing_mode="stretch_width", min_width=240, stylesheets=[LINES])
+        self.said = Plain("", sizing_mode="stretch_width", min_width=160, stylesheets=[LINES])
         self.values = Div(text="", sizing_mode="stretch_width")
         self.costs = Plain("", sizing_mode="stretch_width")
         self.plots = pn.pane.Bokeh(column(sizing_mode="stretch_width"), sizing_mode="stretch_width")
