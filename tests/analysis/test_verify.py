@@ -332,3 +332,15 @@ def test_a_run_is_verified_at_its_own_samples():
 def test_a_result_of_another_mechanism_is_refused():
     with pytest.raises(bm.RequestError, match="another mechanism"):
         mechanism("ruiz_fourbar").verify(mechanism("watt_sixbar").run(at=1.0))
+
+
+@pytest.mark.parametrize("engine", ["scalar", "numpy", "llvm"])
+def test_a_result_is_verified_by_the_engine_that_is_asked_for(engine):
+    mech = mechanism("slider_crank")
+    run = mech.run(samples=5)
+    fall = mechanism("watt_sixbar").simulate("time=0.1", times=[0.0, 0.05, 0.1], want=())
+    assert mech.verify(run, engine=engine).ok
+    assert mechanism("watt_sixbar").verify(fall, engine=engine, chunk=2).ok
+    for verified in (mech.verify, lambda at, **how: mechanism("watt_sixbar").verify(fall, **how)):
+        with pytest.raises(bm.BlockmechError, match="engine"):
+            verified(run, engine="abacus")

@@ -161,7 +161,7 @@ def verify(
         if static or any(x is not None for x in beside):
             found = "a result is verified at its own samples, with its own settings"
             raise refused("at", found, "leave the others out")
-        return _of_result(mechanism, at)
+        return _of_result(mechanism, at, engine, chunk)
     if at is None and samples is None and times is None:
         samples = SAMPLES
     given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
@@ -175,7 +175,9 @@ def verify(
     return _judged(mechanism, asked, [(asked, CHECKS), (shaken, CHECKS)])
 
 
-def _of_result(mechanism: Compiled, result: Result) -> Verification:
+def _of_result(
+    mechanism: Compiled, result: Result, engine: EngineName, chunk: int | None
+) -> Verification:
     """A result's own samples, and what a simulation says of itself."""
     if result.mechanism is not mechanism:
         raise refused("at", f"it is a result of another mechanism, {result.mechanism.name}")
@@ -184,11 +186,11 @@ def _of_result(mechanism: Compiled, result: Result) -> Verification:
     how = {key: result.settings[key] for key in ("friction", "tolerance", "iterations")}
     if motion is None:
         how["static"] = result.settings["static"]
-        run = blocks.answer(result.samples, EVERYTHING, how, None, "auto", None, None, "mark")
+        run = blocks.answer(result.samples, EVERYTHING, how, None, engine, None, chunk, "mark")
         asked = Evidence(run)
         return _judged(mechanism, asked, [(asked, CHECKS)])
     t = motion.times(1) if result.time is None else result.time
-    asked = Evidence(result_along(blocks, motion, t, EVERYTHING, **how))
+    asked = Evidence(result_along(blocks, motion, t, EVERYTHING, **how, engine=engine, chunk=chunk))
     found = _judged(mechanism, asked, [(asked, (*CHECKS, idle))])
     return replace(found, rows=(*found.rows, *(Check(*row) for row in trajectory(result))))
 

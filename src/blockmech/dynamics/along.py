@@ -134,6 +134,8 @@ def result_along(
     friction: str | None = None,
     tolerance: float | None = None,
     iterations: int | None = None,
+    engine: str = "auto",
+    chunk: int | None = None,
 ) -> SimulationResult:
     """The wanted outputs at times (n,) [s] of a motion.
 
@@ -151,7 +153,7 @@ def result_along(
     if motion.end != ends.DEAD_CENTRE or _margin_at_end(mechanism, motion) > SINGULAR:
         unknown = np.zeros(len(t), bool)
     given = MotionInputs(mechanism, how, motion, t, unknown)
-    values, engine = mechanism.evaluate(plan, Samples(len(t), given, t))
+    values, engine = mechanism.evaluate(plan, Samples(len(t), given, t), engine, chunk=chunk)
     if unknown.any():
         given = MotionInputs(mechanism, how, motion, t, slice(0))
         rates = [mechanism.of_driver(d, "rate") for d in mechanism.drivers]
