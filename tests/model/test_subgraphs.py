@@ -81,12 +81,16 @@ def test_files_are_found_from_the_document_and_follow_it_into_other_folders(tmp_
 def test_libraries_are_found_by_folder_and_by_package(tmp_path, monkeypatch):
     package = tmp_path / "acme_legs"
     package.mkdir()
-    (package / "__init__.py").write_text("")
+    (package / "__init__.py").write_text("", encoding="utf-8")
     knee().save(package / "knee.json")
     point = tmp_path / "acme-1.0.dist-info"
     point.mkdir()
-    (point / "METADATA").write_text("Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n")
-    (point / "entry_points.txt").write_text("[blockmech.libraries]\nacme = acme_legs\n")
+    (point / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n", encoding="utf-8"
+    )
+    (point / "entry_points.txt").write_text(
+        "[blockmech.libraries]\nacme = acme_legs\n", encoding="utf-8"
+    )
     monkeypatch.syspath_prepend(tmp_path)
     by_package = two_knees(knee(), bm.Subgraph(file="acme/knee.json"))
     monkeypatch.setenv("BLOCKMECH_PATH", str(package))
@@ -259,7 +263,7 @@ def test_a_file_that_holds_itself_is_told(tmp_path):
     for one, other in (("a", "b"), ("b", "a")):
         text = {"format": "blockmech/graph", "version": 1, "name": one, "wires": []}
         text["blocks"] = {"part": {"type": "graph", "file": f"{other}.json"}}
-        (tmp_path / f"{one}.json").write_text(json.dumps(text))
+        (tmp_path / f"{one}.json").write_text(json.dumps(text), encoding="utf-8")
     with pytest.raises(FormatError, match=r"a.json -> b.json -> a.json") as caught:
         bm.Graph.load(tmp_path / "a.json")
     assert len(caught.value.problems) == 1
