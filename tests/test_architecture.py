@@ -89,7 +89,6 @@ LATE = {
     "llvmlite",
     "bokeh",
     "panel",
-    "panel_reactflow",
     "param",
 }
 NEEDED_IN = {

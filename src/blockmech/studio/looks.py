@@ -48,10 +48,8 @@ select.bk-input:not([size], [multiple]) { appearance: auto; background-image: no
 .bk-btn-primary { background: #005a8f; color: #fff }
 .bk-btn.bk-active { color: var(--bm-paper) !important; background: var(--bm-blue) !important }
 .bk-btn-danger { background: #a30015; color: #fff }
-.noUi-target { background: var(--bm-pale); border-color: var(--bm-line) }
-.noUi-handle { background: var(--bm-group); border-color: var(--bm-line) }
 """
-"""Style of all parts of the page: words, fields, buttons and sliders."""
+"""Style of all parts of the page: words, fields and buttons."""
 
 CARDS = """<style>
 ul.files { color: inherit; max-height: none }
@@ -65,8 +63,6 @@ LINES = "pre { font: 12px system-ui, sans-serif; white-space: pre-wrap; margin: 
 
 NAMES = """
 const name = (root) => {
-  for (const thumb of root.querySelectorAll(".noUi-handle"))
-    thumb.setAttribute("aria-label", root.querySelector(".bk-slider-title").textContent);
   for (const [word, way] of [["more", "up"], ["less", "down"]])
     for (const spin of root.querySelectorAll(".bk-spin-btn-" + way))
       spin.setAttribute("aria-label", word);
