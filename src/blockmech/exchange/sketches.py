@@ -176,7 +176,7 @@ class Affine:
         return self.a * z + self.b * z.conjugate() + self.c
 
     def after(self, m: Affine) -> Affine:
-        """This one of what another one makes."""
+        """The map that applies another one first."""
         return Affine(
             self.a * m.a + self.b * m.b.conjugate(),
             self.a * m.b + self.b * m.a.conjugate(),

@@ -27,8 +27,10 @@ Array = NDArray[Any]
 
 
 class Rest(NamedTuple):
-    """Where a mechanism rests: driver -> coordinate [rad or m], and whether a stop or jump is it.
+    """Where a mechanism rests.
 
+    at : driver -> coordinate [rad or m]
+    stop : whether an end stop holds it
     jump : of the effort, so that the place has no derivative
     """
 
