@@ -225,6 +225,12 @@ TWINS: dict[str, Twins] = {
         "motor=crank",
         "plate.M=triad.M",
     ),
+    "stribeck_slider_crank": _twins(
+        "crank=crank.crank rod=ram.i ram=ram.j",
+        "O=crank.A A=ram.B B=ram.C guide=ram.S",
+        "motor=crank",
+        "ram=ram.C",
+    ),
     "tangent_generator": _twins(
         "lever=lever.crank shoe=block.i block=block.j",
         "O=lever.A guide=block.S1 C=block.C slot=block.S2",

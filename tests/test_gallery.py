@@ -94,7 +94,10 @@ def conditions(name, ask):
     """Condition of the judge's Jacobian at each sample, and the mechanism's size [m]."""
     document = data_of(name, JOINTS)
     moving = {name: said for name, said in document["links"].items() if name != "frame"}
-    system = judged(document | {"links": moving, "loads": {}})
+    bare = {
+        n: {k: x for k, x in j.items() if k != "friction"} for n, j in document["joints"].items()
+    }
+    system = judged(document | {"links": moving, "joints": bare, "loads": {}})
     run = joined(name).run(**renamed(name, ask), want=["link.*.p", "link.*.angle"])
     found = []
     for k in range(SAMPLES):

@@ -67,6 +67,7 @@ RUNS: dict[str, tuple[tuple[str, ...], list[Run]]] = {
     ),
     "slider_crank": (("gravity", "masses"), [Run(1.41, 189.2, 0.09), Run(0.5, 0.0, 0.1)]),
     "slider_crank_offset": (("gravity", "masses"), [Run(1.0618, -4.4726, 0.043)]),
+    "stribeck_slider_crank": ((), [Run(0.7, 9.0, 1.2), Run(3.0, 0.0, 0.6)]),
     "tangent_generator": (("gravity", "masses"), [Run(1.2, 3.0, 0.05)]),
     "geared_fivebar": ((), [Run(0.3, 0.0, 1.0), Run(1.0, 5.0, 0.5)]),
     "planetary_hoist": ((), [Run(0.0, 10.0, 1.0)]),

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import copy
+import json
 
 import numpy as np
 import pytest
 
 import blockmech as bm
+from tests.gallery import JOINTS
 from tests.independent import multibody as mb
 from tests.independent.rubbing import moved, stribeck
 
@@ -94,3 +96,25 @@ def test_a_mechanism_moves_as_maximal_coordinates_say(source, q, rate, t_end, ex
         assert abs(motion.q_end - angle) <= 1e-9
         assert abs(motion.qd_end - speed) <= 1e-8
         assert not np.isnan(motion.error)
+
+
+def test_the_gallery_moves_as_maximal_coordinates_say():
+    """The expected numbers in ``graphs``, from the links and joints of the same file."""
+    document = json.loads((JOINTS / "stribeck_slider_crank.json").read_text("utf-8"))
+    (expected,) = document["expect"]
+    laws = {}
+    for name, joint in document["joints"].items():
+        law = joint.pop("friction")
+        keys = ("static", "kinetic", "stribeck_speed", "exponent", "viscous")
+        laws[name] = stribeck(*(law[key] for key in keys), law.get("radius", 1.0))
+    system, start = mb.read(document), document["initial"]["motor"]
+    poses = mb.assemble(system, system.home, [start["q"]])
+    rates = mb.rates(system, poses, [start["rate"]])
+    times, told = expected["simulate"]["times"], expected["want"]
+    found = [moved(system, poses, rates, laws, t) for t in times]
+    assert found[-1][2] > 6  # pairs reverse, and all of them where it turns back
+    for part, values in (
+        ("q", [at[0][0, 2] for at in found]),
+        ("rate", [at[1][0, 2] for at in found]),
+    ):
+        assert np.abs(np.subtract(told[f"driver.motor.{part}"], values)).max() <= 1e-9

@@ -111,7 +111,10 @@ def test_a_mechanism_lists_its_numbers_with_units():
     assert json.dumps([p.address for p in known.values()])
 
 
-RATIOS = {"coefficient", "restitution", "direction", "dir"}  # of forces, and of components
+RATIOS = {  # of forces, and of components
+    *("coefficient", "static", "kinetic", "exponent"),
+    *("restitution", "direction", "dir"),
+}
 CHOICES = {"branch", "side", "sign", "slider", "turns", "teeth"}
 
 
