@@ -9,6 +9,7 @@ Data: Ruiz et al. 2010, the papers' four-bar; motor and gains are those of the t
 from __future__ import annotations
 
 import cmath
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -146,3 +147,84 @@ class Continuous:
 
         found = solve_ivp(rate, (0.0, times[-1]), y0, t_eval=times, **EXACT).y
         return found[[0, 3, 7, 8, 6]]
+
+
+@dataclass
+class Stopped:
+    """A wheel whose angle a PI controller leads beyond a stop at 1 rad, from rest at 0.
+
+    Flight by flight: the rate after a blow is ``-restitution`` times that before; a rate below
+    1e-6 rad/s is none any more, and then the wheel lies there until the motor pulls it away.
+    With a ``sample`` the controller switches at the instants, its output between limits.
+    """
+
+    restitution: float
+    sample: float | None = None
+    inertia: float = 2.0
+    kp: float = 8.0
+    ki: float = 6.0
+    limits: tuple[float, float] = (-20.0, 20.0)
+    motor: Motor = field(default_factory=lambda: Motor(1.0, 0.1, 1.5))
+
+    def wish(self, t: float) -> float:
+        """Straight lines from 2 rad, back to -1 rad, and to 3 rad."""
+        return float(np.interp(t, [0.0, 1.0, 2.0, 3.0, 4.0], [2.0, 2.0, -1.0, -1.0, 3.0]))
+
+    def run(self, t_end: float) -> tuple[np.ndarray, list[float]]:
+        """Angle, rate, integral and current (4,) at the end, and the times of all blows."""
+        corners = {1.0, 2.0, 3.0, 4.0, t_end}
+        if self.sample is not None:
+            corners |= {k * self.sample for k in range(1, math.ceil(t_end / self.sample))}
+        y, t, lies, held, blows = np.zeros(4), 0.0, False, 0.0, list[float]()
+        for corner in sorted(x for x in corners if x <= t_end):
+            if self.sample is not None:
+                due = abs(t / self.sample - round(t / self.sample)) < 1e-9
+                held = self._switched(t, y) if due else held
+            while t < corner:
+                t, y, lies = self._ahead(t, corner, y, lies, held, blows)
+        return y, blows
+
+    def _switched(self, t: float, y: np.ndarray) -> float:
+        """The output from an instant on; the integral of y goes on by a sample."""
+        e = self.wish(t) - y[0]
+        v, (low, high) = self.kp * e + self.ki * y[2], self.limits
+        if not ((v > high and e > 0) or (v < low and e < 0)):
+            y[2] += self.sample * e
+        return min(max(v, low), high)
+
+    def _ahead(
+        self, t: float, corner: float, y: np.ndarray, lies: bool, held: float, blows: list[float]
+    ) -> tuple[float, np.ndarray, bool]:
+        """To the next blow, to where the wheel is pulled away, or to the corner."""
+        m, free = self.motor, not lies
+
+        def rate(t: float, y: np.ndarray) -> list[float]:
+            e = self.wish(t) - y[0]
+            u = self.kp * e + self.ki * y[2] if self.sample is None else held
+            pull = m.k * y[3] / self.inertia
+            integral = e if self.sample is None else 0.0
+            return [free * y[1], free * pull, integral, (u - m.R * y[3] - m.k * y[1]) / m.L]
+
+        def met(t: float, y: np.ndarray) -> float:
+            if lies:
+                return -y[3]
+            return y[0] - 1.0 if y[1] > 0 else -1.0
+
+        met.terminal, met.direction = True, 1
+        if lies and y[3] <= 0:
+            return t, y, False
+        struck = free and y[0] == 1.0 and y[1] < 0
+        flight = 2 * -y[1] * self.inertia / (m.k * abs(y[3])) if struck else np.inf
+        steps = {"max_step": flight / 3}  # after a blow: none goes over the next
+        found = solve_ivp(rate, (t, min(corner, t + 2 * flight)), y, events=met, **EXACT, **steps)
+        t, y = found.t[-1], found.y[:, -1].copy()
+        if found.status == 0:
+            return t, y, lies
+        if lies:
+            y[3] = min(y[3], 0.0)
+            return t, y, False
+        blows.append(t)
+        y[0], y[1] = 1.0, -self.restitution * y[1]
+        lies = abs(y[1]) < 1e-6
+        y[1] = 0.0 if lies else y[1]
+        return t, y, lies

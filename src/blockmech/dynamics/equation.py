@@ -47,7 +47,7 @@ class Equation:
     spent: int = 0
     sides: tuple[int, ...] = ()
     error: Exception | None = None  # what the mechanism's own kernels raised
-    held: bool = False  # whether joint friction holds the driver while signals go on
+    held: bool = False  # whether the only driver rests while signals go on
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
     _own: tuple[Any, Any] = (None, None)  # directions of slip, machine code with them
@@ -211,8 +211,10 @@ class Equation:
         if self.drivers > 1:
             rubbed = self.resisted(t, y).qdd if self.sides else None
             return self.system.terms_of(q, qd, t, x, rubbed)[1]
-        if qdd is None and self.system.friction is not None:
-            follows = "qdd_0" in self.system.equation_program.inputs and not self.held
+        if self.held:
+            qdd = 0.0
+        elif qdd is None and self.system.friction is not None:
+            follows = "qdd_0" in self.system.equation_program.inputs
             qdd = self.resisted(t, y).qdd if follows and self.sides else 0.0
         return self.system.one_of(q, qd, t, x, qdd)[1]
 
@@ -229,7 +231,11 @@ class Equation:
         """What a stop gives a driver that lies against it [N m or N], on its coordinate."""
         if self.sides:
             return float(self.resisted(t, y).idle[i])
-        M, c, Q, _ = self.system.terms(*self.layout.motion(y), t)
+        q, qd = self.layout.motion(y)
+        x = y[self.layout.signals]
+        if self.drivers == 1:
+            return -float(self.system.one_of(q, qd, t, x, 0.0)[0].tau)
+        M, c, Q, _ = self.system.terms_of(q, qd, t, x)[0]
         return float((M @ self.system.accelerations(M, Q - c) + c - Q)[i])
 
     def pair_loads(self, t: float, y: Floats) -> Any:

@@ -21,7 +21,7 @@ Mechanical Impact Dynamics, 1991.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -63,11 +63,19 @@ class Chain:
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]."""
+        q, qd = zip(*self._on_legs(t, lambda track, at: track.state(at)), strict=True)
+        return State(np.concatenate(q), np.concatenate(qd))
+
+    def signal_states(self, t: Floats) -> Floats:
+        """States (m, n) of signal blocks at times (m,) [s]; a blow leaves them as they are."""
+        return np.concatenate(list(self._on_legs(t, lambda track, at: track.signal_states(at))))
+
+    def _on_legs(self, t: Floats, read: Callable[[Any, Floats], Any]) -> Iterator[Any]:
+        """What is read of the tracks at times (m,) [s], in their order: leg by leg."""
         leg = np.clip(np.searchsorted(self.begins, t, "right") - 1, 0, len(self.tracks) - 1)
-        parts = [self.tracks[k].state(t[leg == k]) for k in np.unique(leg)]
-        order = np.argsort(np.concatenate([np.flatnonzero(leg == k) for k in np.unique(leg)]))
-        q, qd = (np.concatenate(x)[order] for x in zip(*parts, strict=True))
-        return State(q, qd)
+        runs = np.flatnonzero(np.diff(leg)) + 1
+        for at, k in zip(np.split(t, runs), leg[[0, *runs]], strict=True):
+            yield read(self.tracks[k], at)
 
 
 @dataclass
@@ -109,15 +117,19 @@ class Bounces:
                 return self._whole(after)
             q = leg.q_end if len(self.system.drivers) > 1 else float(np.asarray(leg.q_end))
             at = replace(at, start=Start(q, after, leg.t_end), until=left, apex=self.apex)
-            at = replace(at, times=tuple(t for t in at.times if t > leg.t_end))
+            times = tuple(t for t in at.times if t > leg.t_end)
+            at = replace(at, times=times, switched=leg.switched)
 
     def _leg(self, request: SimulationRequest) -> Motion:
-        if not self.held:
-            return self.move(self.system, request)
-        if len(self.system.drivers) == 1:
-            return self._lying(request)
-        if dict(self.system.held) != self.held:
-            self.system = replace(self.system, held=dict(self.held))
+        begin = self.legs[-1].x_end if self.legs else ()
+        if self.held and len(self.system.drivers) == 1:
+            if not begin:
+                return self._lying(request)
+            (way,), (q, _, t) = self.held.values(), request.start
+            push = self.system.one_of(q, 0.0, t, begin, 0.0)[0].tau
+            self.facts["contact"] = -float(push) / self._stop(0, way).slope
+        if begin or dict(self.system.held) != self.held:
+            self.system = replace(self.system, held=dict(self.held), begin=begin)
         return self.move(self.system, request)
 
     def _stop_of(self, leg: Motion) -> tuple[int, int] | None:
@@ -151,10 +163,11 @@ class Bounces:
 
     def _matrix(self, q: Floats, rate: Floats, t: float) -> tuple[Floats, Floats]:
         """Inertia (k, k), and efforts (k,) less what the rates take."""
+        x = self.legs[-1].x_end or None
         if len(q) > 1:
-            M, c, Q, _ = self.system.terms(q, rate, t)
+            M, c, Q, _ = self.system.terms_of(q, rate, t, x)[0]
             return M, Q - c
-        J, tau, dJ, _ = self.system.one(float(q[0]), float(rate[0]), t)
+        J, tau, dJ, _ = self.system.one_of(float(q[0]), float(rate[0]), t, x)[0]
         return np.array([[J]]), np.array([tau - 0.5 * dJ * rate[0] ** 2])
 
     def _struck(self, leg: Motion, i: int, way: int) -> Any:
@@ -307,9 +320,6 @@ def bounced(system: System, request: SimulationRequest, move: Move) -> Motion:
     Raises `RequestError` for goals that say nothing across a blow.
     """
     goal = request.until.goal
-    if len(system.signals.initial):
-        found = "signals with states, and end stops that let it bounce"
-        raise refused("stops", found, "leave the restitution out", code="stops")
     if goal in ("turns", "steady"):
         remedy = 'ask for "time=<s>", or leave the restitution out'
         raise refused("until", f'"{goal}" with end stops that let it bounce', remedy, code="until")

@@ -85,6 +85,8 @@ def move(system: System, request: SimulationRequest) -> Motion:
     motion = unmoved(system, request)
     if motion is None:
         motion = _moved(system, request)
+    elif not motion.x_end:
+        motion = replace(motion, x_end=system.signals.initial)
     motion = _with_misfit(system, motion)
     system.remember()
     status: Status = "failed" if motion.end == ends.TOO_MANY else motion.status

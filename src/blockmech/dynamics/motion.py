@@ -148,6 +148,8 @@ class Motion(TextReport):
     reached : whether ``error`` is within the target
     cost : kernel evaluations
     engine : of single states, "scalar" or "llvm" in the end; "numpy" along the path
+    x_end, switched : states of signal blocks and friction laws at the end, and the last instant
+        [s] at which discrete blocks switched
     notes : what a reader must know: doubts, targets missed, limits
     facts : further numbers by name (period, work of a period, multiplier ...), see `fact_unit`
     """
@@ -172,6 +174,7 @@ class Motion(TextReport):
     cost: Cost = field(default_factory=Cost)
     engine: str = "numpy"
     x_end: tuple[float, ...] = ()
+    switched: float = math.nan
     notes: tuple[str, ...] = ()
     facts: Mapping[str, float] = field(default_factory=dict)
 

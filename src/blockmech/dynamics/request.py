@@ -155,6 +155,7 @@ class SimulationRequest:
     watch : the user's events
     stops : the lowest and the highest `Stop` of each driver, where one lets it bounce
     apex : [s] about the middle of a flight that begins at the start, so that no step is longer
+    switched : [s] an instant at which discrete signal blocks have switched already
     why : why this method, recorded in the result
     """
 
@@ -167,6 +168,7 @@ class SimulationRequest:
     watch: tuple[Watch, ...] = ()
     stops: tuple[Any, ...] = ()
     apex: float = math.inf
+    switched: float = math.nan
     why: str = ""
 
     @property

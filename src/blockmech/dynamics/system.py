@@ -155,6 +155,7 @@ class System:
     engine : of single states: "scalar", "llvm" (machine code), or "auto": machine code once
         the mechanism was asked for so many, in all its runs, that compiling pays
     held : number of a driver that lies against a stop -> +1 at its highest, -1 at its lowest
+    begin : states from which signal blocks and friction laws go on; empty: their own
     """
 
     compiled: Source
@@ -164,6 +165,7 @@ class System:
     engine: str = "auto"
     signals: SignalProgram = field(init=False, default=NO_SIGNALS)
     held: Mapping[int, int] = field(default_factory=dict)
+    begin: tuple[float, ...] = ()
     samples: int = 0
     calls: int = 0
     singles: int = 0
@@ -179,6 +181,8 @@ class System:
             self.signals = self.compiled.once(program_with_deflections)
         elif self.compiled.structure.signals:
             self.signals = self.compiled.once(signal_program)
+        if self.begin:
+            self.signals = self.signals._replace(initial=self.begin)
 
     # -- what it is ------------------------------------------------------------
 
@@ -202,7 +206,7 @@ class System:
     def depends_on(self) -> frozenset[str]:
         """What loads and friction depend on, of {"q", "rate", "time", "state"}."""
         found = loads.depends_on(self.compiled.structure)
-        if self.remembers:
+        if self.signals.initial:  # also of signals that no load follows: only time moves them
             found |= {"state"}
         if not self.compiled.structure.signal_wires:
             return found

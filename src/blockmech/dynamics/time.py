@@ -27,6 +27,7 @@ from blockmech.dynamics.events import (
     friction_rules,
     general_rules,
     kink_rules,
+    leaving_rule,
     release_rule,
     signal_rules,
     until_terminal,
@@ -61,6 +62,7 @@ QUICKER = 8  # times as many states may a friction law with a state ask of machi
 LOOKED_AT = EVALUATIONS / 16  # states by which it shows whether that is enough
 FINER = 20.0  # a second run is so much finer (numerics 14)
 SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
+CHAIN, CREEP = 4, 1e-6  # blocks in a row that a push may come through; [s] of a step of each
 ANYWHERE = (-math.inf, math.inf)
 
 
@@ -121,9 +123,10 @@ class Run:
         self.times.append(self.t)
         quick = self.system.remembers and self.system.quick_states
         self.equation = Equation(self.system, q, EVALUATIONS * (QUICKER if quick else 1))
+        self.equation.held = self.equation.drivers == 1 and bool(self.system.held)
         self.layout = self.equation.layout
         self.y = self.layout.start(q, rate)
-        self.switched = math.nan  # when discrete signal blocks switched last
+        self.switched = self.request.switched  # when discrete signal blocks switched last
         if self.method == "rk4" and self.request.until.goal == "time":
             self.equation.most = math.inf  # its steps are counted beforehand
         self.t_max = self.request.start.t + min(self.request.span, 1 / EPS)  # goals without a time
@@ -167,6 +170,7 @@ class Run:
             q_end=q,
             qd_end=qd,
             x_end=tuple(self.y[self.layout.signals].tolist()),
+            switched=self.switched,
             track=Still(q, qd) if solution is None else Steps(self.layout, solution),
             events=tuple(self.events),
             slips=tuple(self.slips),
@@ -194,7 +198,7 @@ class Run:
 
     def _begun(self) -> Verdict | None:
         """Settle directions of slip at the start."""
-        if self.system.friction is None:
+        if self.system.friction is None or self.equation.held:
             return None
         if self.several is not None:
             return self._settle(())
@@ -210,7 +214,10 @@ class Run:
     def _rules(self) -> list[EventFunction]:
         equation, system = self.equation, self.system
         if equation.held:
-            return [release_rule(self._excess), *signal_rules(equation.kinks, system.signals.kinks)]
+            ways = system.held.items()
+            leaving = [leaving_rule(i, way, equation.stop_force) for i, way in ways]
+            rules = leaving or [release_rule(self._excess)]
+            return [*rules, *signal_rules(equation.kinks, system.signals.kinks)]
         rules = general_rules(system, self.request, equation.closeness, equation.stop_force)
         if equation.drivers == 1:
             rules += kink_rules(float(self.y[0]), system.knots, system.period)
@@ -231,9 +238,14 @@ class Run:
         if self.t_max - self.t <= 2 * EPS * abs(self.t_max):  # on less LSODA does not start
             self.t = self.t_max
             return Verdict("reached", "time")
-        structure = self.system.compiled.structure
+        structure, held = self.system.compiled.structure, self.system.held
         self._switch()
-        stuck = self.equation.held or (0 in self.equation.sides and self.settled != self.t)
+        if any(way * self.equation.stop_force(i, self.t, self.y) > 0 for i, way in held.items()):
+            return Verdict("ended", ends.LEAVES_STOP)  # what has just switched pulls
+        if (pressed := self._pressed()) is not None:
+            return Verdict("ended", pressed)
+        rests = self.equation.held and not held
+        stuck = rests or (0 in self.equation.sides and self.settled != self.t)
         if stuck and self._excess(self.t, self.y) > 0:
             return self._released()
         kink = loads.next_time_kink(structure, self.t)
@@ -271,6 +283,30 @@ class Run:
         sources = {name for name in due if not blocks[name].inputs}
         for names in filter(None, (sources, due - sources)):
             self.y = self.equation.switched(self.t, self.y, names)
+
+    def _pressed(self) -> str | None:
+        """The end stop against which signals push a driver that stands at it, if one does.
+
+        A motor's current begins at nothing, so the push may only show a little later.
+        """
+        begins = self.t in (self.request.start.t, self.switched)
+        if not (begins and self.layout.initial) or self.system.friction is not None:
+            return None
+        for i, stops in enumerate(self.system.stops):
+            q, qd = self.y[self.layout.q][i], self.y[self.layout.rate][i]
+            if qd or q not in stops or i in self.system.held:
+                continue
+            y, push = self.y.copy(), 0.0
+            for _ in range(CHAIN):
+                slope = np.asarray(self.equation(self.t, y), dtype=np.float64)
+                push = push or slope[self.layout.rate][i]
+                y[self.layout.signals] += CREEP * slope[self.layout.signals]
+            if push * (1 if q == stops[1] else -1) > 0:
+                alone = self.equation.drivers == 1
+                kind = ends.END_STOP if alone else f"{ends.END_STOP} of {self.system.drivers[i]}"
+                self.events.append(Event(kind, self.t, *self.layout.motion(self.y)))
+                return kind
+        return None
 
     def _happened(self) -> set[tuple[str, int]]:
         """Events (kind, index) at this very place: several pairs may reverse at once."""
@@ -454,6 +490,9 @@ class Run:
             return self._stood()
         elif rule.kind == ends.RELEASED:
             return self._released()
+        elif rule.kind == ends.LEAVES_STOP:
+            self._past_contact(rule)
+            return Verdict("ended", rule.kind)
         elif rule.kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
             q, qd = float(self.y[0]), float(self.y[1])
             left = time_left(self.system, rule.kind, q, qd)
@@ -489,6 +528,12 @@ class Run:
         there[0] = q + math.copysign(way, rate)
         if np.isfinite(self.equation(t, there)).all():
             self.y, self.t = there, t
+
+    def _past_contact(self, rule: EventFunction) -> None:
+        """Go on to where a stop would have to pull: the root is on either side of it."""
+        slope, late = np.asarray(self.equation(self.t, self.y)), math.ulp(self.t)
+        while not rule.value(self.t, self.y) < 0 and late < self.t_max - self.t:
+            self.t, self.y, late = self.t + late, self.y + late * slope, 2 * late
 
     def _from_rest(self) -> Verdict | None:
         """Which way a driver at rest with friction starts; what ends the run if it does not."""
