@@ -377,7 +377,8 @@ class Compiled(Runnable):
             for joint, law in block.friction.items()
             if law.acts
         )
-        return tuple(self.joint_names.get(joint, joint) for joint in found)
+        meshes = (self.structure.followers[d].coupling for d in self.structure.meshes.values())
+        return (*(self.joint_names.get(joint, joint) for joint in found), *meshes)
 
     def __repr__(self) -> str:
         s = self.structure

@@ -141,6 +141,8 @@ def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
 
         yield Output(f"{name}.force", "N", "vector", part("F", ZERO), _same, by, ends["on"])
         yield Output(f"{name}.moment", "N m", "real", part("M", NOUGHT), _same, by, ends["on"])
+        for mesh in (m for m, follows in structure.meshes.items() if follows == driver):
+            yield _real(f"{name}.loss", "W", energy.friction_power, mesh)
         found = structure.couplings[name].readings(structure.coupled_pair(name))
         for what, read in found.items():
             more = {**ends, "words": read.about}
@@ -496,4 +498,4 @@ def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str,
         yield f"existence/{block}", (c,)
     for ref, by, i in found:
         held = s.ask(friction.held, ref, f"{by}.g[{i}]")
-        yield f"rest/{ref}", (s.ask(friction.rest, ref), held)
+        yield f"rest/{s.structure.pair_name(ref)}", (s.ask(friction.rest, ref), held)

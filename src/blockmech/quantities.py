@@ -47,6 +47,7 @@ QUANTITIES: Mapping[str, str] = {
     "power": "power given to the links",
     # couplings
     "slope": "rate of the driven coordinate by the one that leads",
+    "loss": "power that a mesh or belt takes, 0 without friction",
     "effort": "moment or force of {by} on {on} along its coordinate, friction included",
     "moment": "moment of {by} on {on}, about the marker of the driven pair",
     "pressure_angle": "angle between a cam's push and the follower's motion, ccw positive",

@@ -103,14 +103,16 @@ EXAMPLES |= {
         {**ENDS, "teeth": (20, 30), "phase": 0.4},
         {**ENDS, "teeth": (60, 18), "internal": True, "pressure_angle": 0.35},
         {**ENDS, "teeth": (18, 60), "internal": True, "pressure_angle": 0.35},
+        {**ENDS, "teeth": (20, 30), "pressure_angle": 0.35, "efficiency": 0.7},
     ],
     "coupling.rack": [
         {**ENDS, "radius": 0.1, "pressure_angle": 0.3},
-        {**ENDS, "radius": 0.1, "side": -1, "phase": 0.2},
+        {**ENDS, "radius": 0.1, "side": -1, "phase": 0.2, "efficiency": 0.9},
     ],
     "coupling.belt": [
         {**ENDS, "radii": (0.1, 0.2), "preload": 500.0},
         {**ENDS, "radii": (0.1, 0.2), "crossed": True},
+        {**ENDS, "radii": (0.1, 0.2), "preload": 500.0, "efficiency": 0.95},
     ],
     "coupling.ratio": [
         {**ENDS, "law": {"kind": "polynomial", "coefficients": [0.1, 0.5, 0.3]}},

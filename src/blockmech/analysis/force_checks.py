@@ -47,11 +47,21 @@ def blocks(e: Evidence) -> Iterator[Residual]:
 
 
 def couplings(e: Evidence) -> Iterator[Residual]:
-    """Power through every coupling: what it takes from one link it gives to another."""
+    """Power through every coupling: what it takes from one link it gives to another, or loses.
+
+    Of what goes in its efficiency comes out, whichever side drives; at rest nothing goes through.
+    """
     for driver, follower in e.structure.followers.items():
-        through = total(e.through_coupling(driver))
+        through, lost = total(e.through_coupling(driver)), e.structure.coupling_of(driver).lost
         scale = through.size + e.sizes(e.structure.driven[driver].block).power
-        yield Residual("power through", follower.coupling, through.value, scale)
+        taken = e.run[f"{follower.coupling}.loss"] if lost else 0.0
+        yield Residual("power through", follower.coupling, through.value + taken, scale)
+        if lost and e.run.settings["friction"] in ("none", "newton"):
+            x = sum(sign * e.counted_rate(term) for term, sign in follower.terms)
+            out = e.run[f"{follower.coupling}.slope"] * e.run[f"{follower.coupling}.effort"] * x
+            most = np.maximum(np.abs(out), np.abs(out + taken))
+            share = lost if e.run.settings["friction"] == "newton" else 0.0
+            yield Residual("efficiency of", follower.coupling, taken - share * most, scale)
 
 
 def whole(e: Evidence) -> Iterator[Residual]:

@@ -20,8 +20,8 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import StrictBool
 
 from blockmech.couplings.contract import (
-    Coupling,
     Curve,
+    LossyCoupling,
     Meshing,
     Reading,
     Transmission,
@@ -84,7 +84,7 @@ def slack_tension(here: Meshing, load: Load, p: BeltNumbers) -> Real:
     return p.preload - 0.5 * abs(load.M) / p.radius
 
 
-class Belt(Coupling, type="coupling.belt"):
+class Belt(LossyCoupling, type="coupling.belt"):
     """A belt or chain over two wheels, the driver's and the driven one's.
 
     radii : [m] (driver's, driven one's) pitch radii

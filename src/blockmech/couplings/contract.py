@@ -20,6 +20,16 @@ its effort goes to.
  4. All are kernels: pure, batch-transparent, of primitives alone.
 
 Power balances by rule 1: the effort that the driver feels is the slope times the driven one's.
+
+Losses. Of a `LossyCoupling` the driver feels more while power goes to the driven link, less while
+it comes back: the smaller of both powers is the ``efficiency`` times the larger one. With f1 the
+effort that is felt and F' f2 what it would be without losses, that is Coulomb's law of a guide,
+whose load is the larger one of two,
+
+    f1 = F' f2 - t,    t = -sgn(x') (1 - efficiency) max(|F' f2|, |f1|)
+
+so the sense of power decides by itself, a mesh at rest holds as teeth do, and solvers, motions and
+certificates of friction know it. What is lost acts on both links: `loss_load`.
 """
 
 from __future__ import annotations
@@ -28,12 +38,15 @@ import cmath
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+
+from pydantic import Field
 
 from blockmech.blocks.block import Block
 from blockmech.errors import Problem
-from blockmech.typing import Guide, Real
-from blockmech.values import Axis, Units
+from blockmech.plane import dot, imul, mul
+from blockmech.typing import Guide, Load, Real
+from blockmech.values import Axis, Number, Units, in_unit
 
 ROUND = 72  # straight pieces of a drawn circle
 
@@ -98,6 +111,37 @@ def circle(radius: float) -> list[complex]:
     return [complex(0.85 * radius), *round_]
 
 
+# -- what losses do to both links ------------------------------------------------------------
+#
+# For one unit of what the driver feels more the load on the driven link about its marker, which
+# changes nothing of its effort; the opposite acts on the driver's link. It moves the line of
+# action of the teeth along the line of centres, or of the rack across its guide.
+
+
+def between_wheels(here: Meshing) -> Load:
+    """A force through the driven centre, across the line of centres."""
+    d = here.b.p - here.a.p
+    return Load(imul(d, 1.0 / dot(d, d)), 0.0)
+
+
+def on_slide(here: Meshing) -> Load:
+    """A couple, which the guide takes."""
+    return Load(mul(here.b.u, 0.0), 1.0)
+
+
+def by_slide(here: Meshing) -> Load:
+    """A force along the leading guide, through the driven centre."""
+    return Load(mul(here.a.u, 1.0), 0.0)
+
+
+LOSSES: Mapping[str, Callable[..., Any]] = {
+    "RR": between_wheels,
+    "RP": on_slide,
+    "PR": by_slide,
+}
+"""Pair of the driver and of the driven one -> the kernel of what losses do."""
+
+
 class Coupling(Block):
     """A relation that lets one driver follow another.
 
@@ -153,6 +197,11 @@ class Coupling(Block):
         yield from ()
 
     @property
+    def lost(self) -> Real:
+        """Share of the larger power that a mesh loses, 0 for none."""
+        return 0.0
+
+    @property
     def sided(self) -> bool:
         """Whether `contact` asks for the sense of the effort."""
         return False
@@ -171,3 +220,17 @@ class Coupling(Block):
         None where no number of turns brings it back, or that is not known.
         """
         return None
+
+
+class LossyCoupling(Coupling):
+    """A coupling by teeth or a belt that takes some of the power through it.
+
+    efficiency : [-] power that comes out over power that goes in, whichever side drives
+    """
+
+    efficiency: Annotated[Number, Field(gt=0.0, le=1.0), in_unit("")] = 1.0
+
+    @property
+    def lost(self) -> Real:
+        """What the efficiency leaves of 1."""
+        return 1.0 - self.efficiency

@@ -20,7 +20,7 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, StrictBool, model_validator
 
-from blockmech.couplings.contract import Coupling, Curve, Meshing, Transmission, Where, circle
+from blockmech.couplings.contract import Curve, LossyCoupling, Meshing, Transmission, Where, circle
 from blockmech.plane import apply, dot, imul, mul
 from blockmech.typing import Load, Real
 from blockmech.values import Angle, in_unit, mistake
@@ -48,7 +48,7 @@ def tooth_force(here: Meshing, effort: Real, sense: Real, p: GearNumbers) -> Loa
     return Load(imul(d, k) + mul(d, sense * k * p.lean), effort)
 
 
-class Gear(Coupling, type="coupling.gear"):
+class Gear(LossyCoupling, type="coupling.gear"):
     """Two gear wheels, the driver's and the driven one's, with their centres in their pins.
 
     teeth : (driver's, driven one's) numbers of teeth

@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
-from blockmech.couplings.contract import Coupling, Curve, Meshing, Transmission, Where, circle
+from blockmech.couplings.contract import Curve, LossyCoupling, Meshing, Transmission, Where, circle
 from blockmech.couplings.laws import Radius
 from blockmech.plane import apply, cross, imul, mul
 from blockmech.typing import Load, Real
@@ -62,7 +62,7 @@ def on_pinion(here: Meshing, effort: Real, sense: Real, p: RackNumbers) -> Load:
     return Load(force, effort)
 
 
-class Rack(Coupling, type="coupling.rack"):
+class Rack(LossyCoupling, type="coupling.rack"):
     """A rack and a pinion: a slide drive and a crank, either of which leads.
 
     radius : [m] pitch radius of the pinion

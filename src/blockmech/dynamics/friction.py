@@ -92,7 +92,7 @@ class ForcePassProgram:
         if not joints:
             return None
         for name, coupling in structure.couplings.items():
-            if coupling.sided:
+            if coupling.sided and not structure.meshes.keys() >= set(joints):
                 remedy = 'friction="none", no pressure angle, or a belt under tension'
                 raise refused("friction", SIDED.format(name), remedy)
         values = [s.ask(forces.drive, driver) for driver in structure.drivers]
@@ -111,7 +111,7 @@ class ForcePassProgram:
         laws = [structure.friction_law(ref) for ref in joints]
         more = [*signals.rates(s), *friction.deflection_rates(s), *signals.kinks(s)]
         return cls(
-            tuple(map(str, joints)),
+            tuple(map(structure.pair_name, joints)),
             tuple(pairs.statics(s, ref).edges for ref in joints),
             program,
             apart.program(said),

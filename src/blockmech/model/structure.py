@@ -17,12 +17,14 @@ from blockmech.blocks.contract import Block, BuiltIn, Coordinate, Joint, Moving
 from blockmech.couplings.contract import Coupling, Meshing, Transmission, Where
 from blockmech.errors import GraphError, Problem
 from blockmech.friction.laws.contract import FrictionLaw
+from blockmech.friction.laws.coulomb import Coulomb
 from blockmech.loads.contract import Element
 from blockmech.signals.contract import Signal
 from blockmech.typing import Guide, LinkPosition
 from blockmech.values import Link, Marker, split_address
 
 COORDINATE = "coordinate"  # last word of the outputs that are coordinates of pairs
+MESH = "/mesh"  # after the name of a coupling: what no user can name, its mesh as a pair
 STILL = Transmission(0.0, 0.0, 0.0)
 ROUNDED = 2.0**-40  # [-] of places that a file means to be one
 SAME_CARRIER = "give both pairs markers of one link"
@@ -466,12 +468,28 @@ class Structure:
             found[name] = frozenset([name]).union(*(found[s] for s in self.sources(name)))
         return found
 
+    @cached_property
+    def meshes(self) -> Mapping[JointRef, str]:
+        """Meshes that lose power, as pairs of the driven block -> the driver that follows by it."""
+        return {
+            JointRef(self.driven[driver].block, follower.coupling + MESH): driver
+            for driver, follower in self.followers.items()
+            if self.couplings[follower.coupling].lost
+        }
+
+    def pair_name(self, ref: JointRef) -> str:
+        """Name of a pair in answers: a mesh has that of its coupling."""
+        return ref.name.removesuffix(MESH) if ref.name.endswith(MESH) else str(ref)
+
     def joint(self, ref: JointRef) -> Joint:
         """Declaration of a joint."""
         return self.blocks[ref.block].joints[ref.name]
 
     def friction_law(self, ref: JointRef) -> FrictionLaw:
-        """The friction law of a joint that has one."""
+        """The friction law of a joint that has one; of a mesh its losses."""
+        if ref.name.endswith(MESH):
+            lost = self.couplings[ref.name.removesuffix(MESH)].lost
+            return Coulomb.model_construct(coefficient=lost, guide_length=2.0)
         return self.blocks[ref.block].friction[ref.name]
 
     def block(self, name: str) -> Block:

@@ -30,6 +30,7 @@ from blockmech.passes.pairs import (
     effort_influence,
     friction_on,
     influence,
+    loss_load,
     slope_effort,
     statics,
     touches,
@@ -78,7 +79,7 @@ def given_on(s: Schedule, link: LinkRef) -> Resultant:
     """Given friction in the pairs of a block on one of its links."""
     total = NOTHING
     for ref in s.ask(friction.coupled_joints, link.block):
-        if touches(s, ref, link):
+        if ref not in s.structure.meshes and touches(s, ref, link):
             total += friction_on(s, ref, link, s.ask(friction.given, ref))
     return total
 
@@ -197,7 +198,12 @@ def reaction(s: Schedule, ref: JointRef) -> str | None:
     total = s.ask(transmitted, ref, reactions, reactions)
     solved = s.ask(solution, ref.block)
     if solved is None:
-        return total
+        if s.friction.method == friction.GIVEN:
+            for unit in s.ask(friction.friction_joints, ref.block):
+                if unit in s.structure.meshes:
+                    by, t = s.ask(influence, ref, unit, reactions), s.ask(friction.given, unit)
+                    total += f" + mul({by}, {t})"
+        return s.line(total, f"{ref}_R") if " " in total else total
     for k, unit in enumerate(s.ask(friction.coupled_joints, ref.block)):
         total += f" + mul({s.ask(influence, ref, unit, reactions)}, {solved}.t[{k}])"
     return s.line(total, f"{ref}_R")
@@ -217,7 +223,8 @@ def effort_in(s: Schedule, joint: JointRef) -> str:
     solved = s.ask(solution, joint.block)
     units = s.ask(friction.coupled_joints, joint.block) if solved is not None else ()
     for k, unit in enumerate(units):
-        effort += f" + {s.ask(effort_influence, joint, unit)} * {solved}.t[{k}]"
+        if (by := s.ask(effort_influence, joint, unit)) != NOUGHT:
+            effort += f" + {by} * {solved}.t[{k}]"
     t = NOUGHT if joint in s.ask(friction.coupled_joints, joint.block) else s.ask(resisting, joint)
     if t != NOUGHT:
         effort += f" - {t}"
@@ -243,12 +250,16 @@ def meshing(s: Schedule, driver: str) -> str:
     ref = s.structure.driven[driver]
     reactions = s.ask(smooth, ref.block)
     assert reactions is not None  # such a block is active
-    load = s.ask(contact, driver, s.ask(effort_in, ref), reactions)
+    parts = [s.ask(contact, driver, s.ask(effort_in, ref), reactions)]
+    for mesh in s.ask(friction.friction_joints, ref.block):
+        if s.structure.meshes.get(mesh) == driver:
+            parts.append(s.ask(loss_load, driver, s.ask(resisting, mesh)))
     tension = s.ask(preload, driver)
-    if tension is None:
-        return load
-    name = f"{driver}_meshing"
-    return s.emit(Load, f"{load}.F + {tension}.F", f"{load}.M + {tension}.M", name=name)
+    parts += [] if tension is None else [tension]
+    if len(parts) == 1:
+        return parts[0]
+    force, moment = (" + ".join(f"{part}.{x}" for part in parts) for x in "FM")
+    return s.emit(Load, force, moment, name=f"{driver}_meshing")
 
 
 def coupling_reading(s: Schedule, driver: str, read: Reading) -> str:

@@ -32,7 +32,8 @@ def friction_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
     b = s.structure.blocks[block]
     if s.friction.method == "none" or not moves(s, block, ACTUAL) or not s.ask(active, block):
         return ()
-    return tuple(JointRef(block, n) for n in b.joints if n in b.friction and b.friction[n].acts)
+    own = (JointRef(block, n) for n in b.joints if n in b.friction and b.friction[n].acts)
+    return (*own, *(ref for ref in s.structure.meshes if ref.block == block))
 
 
 def coupled_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
@@ -46,6 +47,8 @@ def coupled_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
 
 def rubs(structure: Structure, ref: JointRef) -> bool:
     """Whether a pair has friction that loads others: see `coupled_joints`."""
+    if ref in structure.meshes:
+        return True
     law = structure.blocks[ref.block].friction.get(ref.name)
     free = not structure.joint(ref).driven or structure.contact_at(ref) is not None
     return law is not None and law.acts and free
@@ -63,6 +66,8 @@ def given(s: Schedule, ref: JointRef) -> str:
 
 def contacts(structure: Structure, ref: JointRef) -> int:
     """Ways in which a pair is pressed: 0 of a pin, 2 of a guide, 4 of one with a length."""
+    if ref in structure.meshes:
+        return 4
     if structure.joint(ref).kind == "R":
         return 0
     return 2 if structure.friction_law(ref).edge_distance is None else 4
@@ -219,7 +224,9 @@ def size(s: Schedule, block: str) -> str:
 def slip_speed(s: Schedule, ref: JointRef) -> str:
     """Speed [m/s] that the relative rate of a pair stands for, turning at the block's size."""
     text = f"abs({s.ask(slip, ref)})"
-    if s.structure.joint(ref).kind == "R":
+    follows = s.structure.meshes.get(ref)
+    leads = follows and s.structure.coupled_pair(s.structure.followers[follows].coupling)[0]
+    if (leads or s.structure.joint(ref).kind) == "R":
         text += f" * {s.ask(size, ref.block)}"
     return s.line(text, f"{ref}_slip_speed")
 

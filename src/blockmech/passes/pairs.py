@@ -18,6 +18,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, TypeAlias, cast
 
+from blockmech.couplings.contract import LOSSES
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forward import (
     arm_of,
@@ -177,13 +178,27 @@ class Prismatic(Statics):
         return s.line(f"{pair} - planar(cross({u}, {load}.F), {moment})", f"{ref}_relieved")
 
 
+class Mesh(Prismatic):
+    """A mesh that loses power: what the leader feels without losses, and what it does feel."""
+
+    def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
+        """Slope times the effort that drives the other side, twice."""
+        felt = f"{s.ask(transmission, s.structure.meshes[ref])}.slope * {own}"
+        return s.line(f"planar({felt}, {felt})", f"{ref}_felt")
+
+    def measure(self, s: Schedule, ref: JointRef, pair: str) -> str:
+        """The larger one of both."""
+        return pair
+
+
 STATICS: Mapping[str, Statics] = {"R": Revolute(), "P": Prismatic()}
 """The letter of a pair in files -> what it does with forces."""
+MESH = Mesh()
 
 
 def statics(s: Schedule, ref: JointRef) -> Statics:
     """What the pair at a joint does with forces."""
-    return STATICS[s.structure.joint(ref).kind]
+    return MESH if ref in s.structure.meshes else STATICS[s.structure.joint(ref).kind]
 
 
 def transmitted(s: Schedule, ref: JointRef, reactions: str, base: str) -> str:
@@ -192,6 +207,9 @@ def transmitted(s: Schedule, ref: JointRef, reactions: str, base: str) -> str:
     ``base`` are those to the loads alone, see `contacts.contact`.
     """
     block = s.structure.blocks[ref.block]
+    if ref in s.structure.meshes:
+        name = s.structure.driven[s.structure.meshes[ref]].name
+        return MESH.transmitted(s, ref, f"{reactions}.{block.effort_field(name)}")
     pair = statics(s, ref).transmitted(s, ref, f"{reactions}.{block.joint_field(ref.name)}")
     driver = s.structure.contact_at(ref)
     if driver is None:
@@ -281,6 +299,14 @@ def contact(s: Schedule, driver: str, effort: str, base: str) -> str:
     return s.emit(kernel, *args, name=f"{name}_contact")
 
 
+def loss_load(s: Schedule, driver: str, t: str) -> str:
+    """Load on the driven link by losses ``t`` of its mesh: what the leader feels is less by it."""
+    name = s.structure.followers[driver].coupling
+    kernel = LOSSES[s.structure.coupled_pair(name)]
+    unit = s.emit(kernel, s.ask(meshing, driver), name=f"{name}_loss")
+    return s.emit(Load, f"mul({unit}.F, -{t})", f"-{t} * {unit}.M", name=f"{name}_lost")
+
+
 def slope_effort(s: Schedule, driver: str, effort: str) -> str:
     """Effort that a black box takes from its leading pair; ``effort`` is on the driven pair."""
     follower, coordinate = s.structure.followers[driver], s.structure.coordinate
@@ -330,6 +356,12 @@ def _response(s: Schedule, ref: JointRef, on: Loads) -> str:
 
 def influence(s: Schedule, ref: JointRef, unit: JointRef, base: str) -> str:
     """What a unit of friction in one pair adds to what another transmits."""
+    if (driver := s.structure.meshes.get(unit)) is not None:
+        if ref == unit:
+            return s.line("planar(0.0, -1.0)", f"{ref}_by_itself")
+        if ref != s.structure.driven[driver]:
+            return ZERO
+        return statics(s, ref).relieved(s, ref, ZERO, s.ask(loss_load, driver, "1.0"))
     later, earlier = s.ask(unit_reactions, unit)
     plus = s.ask(transmitted, ref, later, base)
     if not earlier:
@@ -339,6 +371,8 @@ def influence(s: Schedule, ref: JointRef, unit: JointRef, base: str) -> str:
 
 def effort_influence(s: Schedule, driven: JointRef, unit: JointRef) -> str:
     """What a unit of friction in one pair adds to the driving effort at another."""
+    if unit in s.structure.meshes:
+        return NOUGHT  # it acts on the leading side
     effort = s.structure.blocks[driven.block].effort_field(driven.name)
     later, earlier = s.ask(unit_reactions, unit)
     if not earlier:
