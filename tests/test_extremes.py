@@ -12,7 +12,7 @@ import pytest
 
 import blockmech as bm
 from tests.extremes import near
-from tests.extremes.friction import Press, found, presses
+from tests.extremes.friction import Press, Rocker, found, presses, rockers, solved
 from tests.extremes.measure import measure
 from tests.extremes.motions import Motion, all_motions, moved
 from tests.extremes.scenes import Scene, all_scenes, as_general_group, fourbar
@@ -20,6 +20,7 @@ from tests.extremes.scenes import Scene, all_scenes, as_general_group, fourbar
 TIMES_FORCED = 20.0  # no quantity may be worse than this times what the data force
 FLOOR = 1e-12  # of the largest of its kind, in double; in single the same number of ulps
 BOTH = ("complex128", "complex64")
+RUBBING = [*presses(), *rockers()]
 SCENES = [(s, p) for s in all_scenes() for p in s.precisions]
 
 
@@ -37,16 +38,30 @@ def test_no_quantity_is_worse_than_its_data_allow(scene: Scene, precision: str) 
         assert row.error <= max(TIMES_FORCED * row.forced, floor(precision)), row
 
 
-@pytest.mark.parametrize("precision", BOTH)
-@pytest.mark.parametrize("press", list(presses()), ids=lambda press: press.name)
+@pytest.mark.parametrize(
+    "how", [("numpy", p) for p in BOTH] + [("llvm", "complex128")], ids="-".join
+)
+@pytest.mark.parametrize("case", RUBBING, ids=lambda case: case.name)
 def test_friction_is_as_good_as_its_data_allow_or_says_why_not(
-    press: Press, precision: str
+    case: Press | Rocker, how: tuple[str, str]
 ) -> None:
-    cell = found(press, precision)
+    engine, precision = how
+    if engine == "llvm":
+        pytest.importorskip("llvmlite", reason="machine code needs the extra fast")
+    cell = found(case, precision, engine)
     assert (cell.status == "ok") == cell.balanced
     assert "zero-relative-speed" not in cell.flags
     if cell.balanced:
         assert cell.error <= max(TIMES_FORCED * cell.forced, floor(precision))
+
+
+@pytest.mark.parametrize("case", RUBBING, ids=lambda case: case.name)
+def test_all_friction_solutions_are_there_and_as_good_as_their_data_allow(
+    case: Press | Rocker,
+) -> None:
+    cell = solved(case)
+    assert cell.found == cell.true
+    assert cell.error <= max(TIMES_FORCED * cell.forced, FLOOR)
 
 
 @pytest.mark.parametrize("case", list(near.cases()), ids=lambda case: case.name)
@@ -115,5 +130,5 @@ def test_gap_below_single_precision_is_flagged_or_refused_by_name(gap: str) -> N
 def test_map_in_the_repository_has_a_row_for_every_scene() -> None:
     rows = (Path(__file__).parent / "extremes" / "MAP.md").read_text(encoding="utf-8").splitlines()
     kept = [[cell.strip() for cell in row.split("|")[1:3]] for row in rows if " | complex" in row]
-    pressed = [[p.name, precision] for p in presses() for precision in BOTH]
+    pressed = [[case.name, precision] for case in RUBBING for precision in BOTH]
     assert kept == [[s.name, p] for s, p in SCENES] + pressed

@@ -7,7 +7,7 @@ import signal
 from typing import Any
 
 from . import near
-from .friction import found, presses
+from .friction import found, presses, rockers, solved
 from .measure import Row, measure
 from .motions import all_motions, moved
 from .scenes import all_scenes
@@ -32,16 +32,23 @@ def main() -> None:
             print(f"| {scene.name} | {precision} | {margin:.1e} | {' | '.join(cells)} |")
 
     print("\n## Joint friction\n")
-    print(
-        "Driving moment of a press with friction by Newton, against its closed form in 60 digits.\n"
-    )
+    print("Driving moment of a press, and of a rocker by a dyad or a general group, with friction")
+    print("by Newton, against its closed form in 60 digits.\n")
     print("| press | precision | digits | told |\n|---|---|---|---|")
-    for press in presses():
+    rubbing = [*presses(), *rockers()]
+    for press in rubbing:
         for precision in ("complex128", "complex64"):
             cell = found(press, precision)
             told = ", ".join([cell.status, *cell.flags])
             digits = f"{_digits(cell.error)} ({_digits(cell.forced)})" if cell.balanced else "-"
             print(f"| {press.name} | {precision} | {digits} | {told} |")
+
+    print("\n### All solutions\n")
+    print("| press | solutions found | there are | digits | complete |\n|---|---|---|---|---|")
+    for press in rubbing:
+        all_of = solved(press)
+        digits = f"{_digits(all_of.error)} ({_digits(all_of.forced)})" if all_of.true else "-"
+        print(f"| {press.name} | {all_of.found} | {all_of.true} | {digits} | {all_of.proof} |")
 
     print("\n## Beside change points, and joints almost in one place\n")
     print("Digits of a pin's place and velocity against their closed forms in 60 digits.\n")

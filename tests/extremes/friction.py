@@ -1,8 +1,9 @@
-"""Joint friction at the extremes: a press with a massless rod, whose balance has a closed form.
+"""Joint friction at the extremes: a press and a rocker with a massless rod, in closed form.
 
-The rod carries a force along a line that touches the friction circles of both its pins; the ram
-is held by its guide. All is worked out in 60 digits (mpmath), and again with the numbers moved by
-half an ulp: what rounding of the data alone leaves.
+The rod carries a force along a line that touches the friction circles of both its pins, whether it
+pushes or pulls; the ram is held by its guide, the rocker by its pins. All is worked out in 60
+digits (mpmath), and again with the numbers moved by half an ulp: what rounding of the data alone
+leaves.
 """
 
 from __future__ import annotations
@@ -22,9 +23,11 @@ from blockmech.engines.numpy import PRECISIONS
 from tests.wiring import wire
 
 from .precise import DIGITS
+from .scenes import as_general_group
 
 SHAKES = 6
-LOAD = 10000.0  # [N] on the ram, towards the crank
+LOAD = 10000.0  # [N] on the ram, towards the crank, or [N m] on the rocker, against the rod
+SIDE = -1  # sense in which the rod, when it pushes, turns the rocker of branch 1
 
 
 @dataclass(frozen=True)
@@ -56,30 +59,124 @@ class Press:
         g.add("work", bm.Force(force=(-LOAD, 0.0)))
         return wire(g, "frame.O crank.A", "crank.B ram.B", "frame.G ram.S", "ram.j work.at")
 
-    def moment(self, seed: int | None = None, dtype: Any = np.float64) -> Any:
-        """Driving moment [N m] in 60 digits; None where no force balances the load.
+    def moments(self, seed: int | None = None, dtype: Any = np.float64) -> list[tuple[int, Any]]:
+        """Driving moments [N m] in 60 digits, one for each force that balances the load.
 
+        With each stands 1 where the rod pushes, as it does without friction, -1 where it pulls.
         With a seed, lengths and friction are moved by half a unit in the last place.
         """
-        dice, half = random.Random(seed), 0 if seed is None else mpf(float(np.finfo(dtype).eps)) / 2
-        given = (self.crank, self.rod, self.rho, self.guide)
-        numbers = (float(dtype(x)) for x in given)
-        r, l, rho, mu = (mpf(x) * (1 + half * dice.choice((-1, 1))) for x in numbers)
+        r, l, rho, mu = moved((self.crank, self.rod, self.rho, self.guide), seed, dtype)
         q, way = mpf(self.q), self.sense
         phi = -mp.asin(r * mp.sin(q) / l)
         rod = -r * mp.cos(q) / (l * mp.cos(phi)) * way  # its rate at unit rate of the crank
         ram = -way * mp.sin(q) * r * (1 + r * mp.cos(q) / (l * mp.cos(phi)))
         at_b, at_c = mp.sign(rod - way), mp.sign(-rod)
         aside = (at_c - at_b) * rho / l
-        if abs(aside) >= 1:
-            return None  # the circles overlap: the rod carries nothing
-        along = phi + mp.asin(aside)
-        kept = mp.cos(along) - mp.sign(ram) * mu * abs(mp.sin(along))
-        if kept <= 0:
-            return None  # the guide holds whatever presses it
-        size = LOAD / kept
-        lever = r * mp.sin(along - q) + (way - at_b) * rho
-        return lever * size
+        found = []
+        for push in (1, -1):
+            if abs(aside) >= 1:
+                break  # the circles overlap: the rod carries nothing
+            along = phi + mp.asin(push * aside)
+            kept = push * mp.cos(along) - mp.sign(ram) * mu * abs(mp.sin(along))
+            if kept > 0:  # else the guide holds whatever presses it
+                lever = push * r * mp.sin(along - q) + (way - at_b) * rho
+                found.append((push, lever * LOAD / kept))
+        return found
+
+    @property
+    def at(self) -> float:
+        """Coordinate of the crank [rad]."""
+        return self.q
+
+
+@dataclass(frozen=True)
+class Rocker:
+    """A crank that turns a rocker against a couple by a rod without mass: friction in an RRR dyad.
+
+    Rod and rocker are a relative ``gap`` short of stretched; ``rho`` [m] is the radius of all
+    friction circles. ``general``: the dyad as a general group.
+    """
+
+    name: str
+    gap: float
+    rho: float
+    sense: int = 1
+    general: bool = False
+    at: float = 0.7
+    crank: float = 0.3
+    rod: float = 1.0
+    rocker: float = 0.6
+
+    @property
+    def pivot(self) -> complex:
+        """Of the rocker [m]."""
+        tip = self.crank * complex(math.cos(self.at), math.sin(self.at))
+        return tip + (self.rod + self.rocker) * (1 - self.gap) * complex(math.cos(2), math.sin(2))
+
+    @property
+    def graph(self) -> Graph:
+        """The mechanism as blocks."""
+        g = Graph("rocker")
+        g.add("frame", bm.Frame(markers={"A": 0j, "D": self.pivot}))
+        pins = {j: bm.Coulomb(coefficient=1.0, radius=self.rho) for j in "ABCD"}
+        g.add("crank", bm.Crank(length=self.crank, friction={"A": pins.pop("A")}))
+        links = {name: bm.Link() for name in "ij"}
+        g.add("dyad", bm.RRR(l_i=self.rod, l_j=self.rocker, links=links, friction=pins))
+        g.add("work", bm.Couple(moment=-LOAD * SIDE))
+        wire(g, "frame.A crank.A", "crank.B dyad.B", "frame.D dyad.D", "dyad.j work.on")
+        return as_general_group(g, {"crank": self.at}) if self.general else g
+
+    def moments(self, seed: int | None = None, dtype: Any = np.float64) -> list[tuple[int, Any]]:
+        """As those of a press."""
+        d = self.pivot
+        given = (self.crank, self.rod, self.rocker, self.rho, d.real, d.imag)
+        r, l, c, rho, x, y = moved(given, seed, dtype)
+        tip, way = r * mp.expj(mpf(self.at)), self.sense
+        aside = mp.mpc(x, y) - tip
+        reach = abs(aside)
+        bend = mp.acos((l**2 + reach**2 - c**2) / (2 * l * reach))
+        rod = l * aside / reach * mp.expj(-SIDE * bend)
+        arm = tip + rod - mp.mpc(x, y)
+        turn_i = -way * _dot(1j * tip, arm) / _dot(1j * rod, arm)
+        turn_j = way * _dot(1j * tip, rod) / _dot(1j * arm, rod)
+        at_b, at_c = mp.sign(turn_i - way), mp.sign(turn_i - turn_j)
+        at_d = mp.sign(turn_j)
+        found = []
+        for push in (1, -1):
+            sine = -push * (at_b + at_c) * rho / l
+            if abs(sine) >= 1:
+                break
+            force = push * rod / l * mp.expj(mp.asin(sine))  # on the rocker, for each newton
+            kept = SIDE * (_cross(arm, force) + (at_c - at_d) * rho)
+            if kept > 0:
+                lever = _cross(tip, force) + (way - at_b) * rho
+                found.append((push, lever * LOAD / kept))
+        return found
+
+
+def _dot(a: Any, b: Any) -> Any:
+    return a.real * b.real + a.imag * b.imag
+
+
+def _cross(a: Any, b: Any) -> Any:
+    return a.real * b.imag - a.imag * b.real
+
+
+def moved(numbers: tuple[float, ...], seed: int | None, dtype: Any) -> list[Any]:
+    """Numbers as a precision holds them; with a seed half a unit in the last place aside."""
+    dice, half = random.Random(seed), 0 if seed is None else mpf(float(np.finfo(dtype).eps)) / 2
+    return [mpf(float(dtype(x))) * (1 + half * dice.choice((-1, 1))) for x in numbers]
+
+
+def rockers() -> Iterator[Rocker]:
+    """Friction from almost none to what locks, ever nearer the dead centre of the dyad."""
+    for gap in (1e-1, 1e-3, 1e-6):
+        for rho in (1e-14, 1e-4, 1e-2, 0.1, 0.4):
+            for sense, way in ((1, "forward"), (-1, "back")):
+                name = f"rocker {way}, {gap:.0e} short of stretched, rho {rho}"
+                yield Rocker(name, gap, rho, sense)
+                if gap > 1e-6:
+                    yield Rocker(f"general, {name}", gap, rho, sense, True)
 
 
 def presses() -> Iterator[Press]:
@@ -110,19 +207,56 @@ class Found:
     flags: tuple[str, ...]
 
 
-def found(press: Press, precision: str) -> Found:
+def found(case: Press | Rocker, precision: str, engine: str = "numpy") -> Found:
     """The driving moment with friction by Newton, against the truth."""
     dtype = PRECISIONS[precision]
-    run = press.graph.compile().run(
-        at=press.q, rates=float(press.sense), want="crank.drive", static=True,
-        engine="numpy", precision=precision, on_gap="mark",
+    run = case.graph.compile().run(
+        at=case.at, rates=float(case.sense), want="crank.drive", static=True,
+        engine=engine, precision=precision, on_gap="mark",
     )  # fmt: skip
     with mp.workdps(DIGITS):
-        truth = press.moment()  # what its numbers say, which doubtful friction is computed with
+        # What the numbers say as they are, as doubtful friction is computed with them.
+        truth = dict(case.moments()).get(1)
         error = forced = np.nan
         if truth is not None:
             error = float(abs(mpf(float(run["crank.drive"][0])) / truth - 1))
-            moved = (press.moment(seed, dtype) for seed in range(SHAKES))
-            forced = max(np.inf if m is None else float(abs(m / truth - 1)) for m in moved)
+            shaken = (dict(case.moments(seed, dtype)).get(1) for seed in range(SHAKES))
+            forced = max(np.inf if m is None else float(abs(m / truth - 1)) for m in shaken)
     flags = tuple(flag.code for flag in run.quality.flags)
     return Found(error, forced, truth is not None, run.quality.status[0], flags)
+
+
+@dataclass(frozen=True)
+class Solved:
+    """All solutions of a case: how many are found, how many there are, and whether it is proved.
+
+    error, forced : largest, relative, of driving moments; forced infinite where noise of the data
+        makes a solution or takes one away
+    """
+
+    found: int
+    true: int
+    proof: str
+    error: float
+    forced: float
+
+
+def solved(case: Press | Rocker) -> Solved:
+    """All solutions of the friction equations, against the truth."""
+    rates = float(case.sense)
+    answer = case.graph.compile().friction_solutions(
+        case.at, rates=rates, static=True, want="crank.drive"
+    )
+    with mp.workdps(DIGITS):
+        mine = [mpf(float(x)) for x in answer["crank.drive"]]
+        truth = dict(case.moments())
+        errors = [min((abs(x / m - 1) for x in mine), default=mp.inf) for m in truth.values()]
+        forced = mpf(0)
+        for seed in range(SHAKES):
+            shaken = dict(case.moments(seed))
+            same = shaken.keys() == truth.keys()
+            off = [abs(shaken[s] / m - 1) for s, m in truth.items()] if same else [mp.inf]
+            forced = max([forced, *off])
+    return Solved(
+        len(mine), len(truth), answer.proof[0], float(max(errors, default=0)), float(forced)
+    )

@@ -203,6 +203,71 @@ def on_each_other() -> Iterator[Motion]:
         yield Motion(f"a slide of 1e-{k} kg on one of 1 kg", g, start, 1.0, stays)
 
 
+def rubbing() -> Iterator[Motion]:
+    """Slides on guides with Coulomb friction: almost none, as much as almost holds, and in pairs.
+
+    A slide goes down a slope. Two are thrown up one, and turn at one moment or almost.
+    """
+    for k in (16, 12, 8, 4, 0):
+        g = slope(0.5, 0.5 * 10.0**-k)
+        yield Motion(f"friction 0.5e-{k} down a slope", g, {"slider": (0.0, 0.0)}, 1.0, _down(g))
+    for k in (1, 4, 8, 12):
+        g = slope(0.5, math.tan(0.5) * (1 - 10.0**-k))
+        name = f"friction 1e-{k} short of holding on a slope"
+        yield Motion(name, g, {"slider": (0.0, 0.0)}, 1.0, _down(g))
+    for later in (0.0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3):
+        g = slope(0.5, 0.2)
+        add_slide(g, "other", 0.2)
+        start = {"slider": (0.0, -1.0), "other": (0.0, -1.0 - later)}
+        name = f"two pairs turn, their speeds {later:.0e} apart"
+        yield Motion(name, g, start, 1.0, _up_and_down(g, start))
+
+
+def slope(angle: float, friction: float) -> Graph:
+    """A mass on a guide that falls with an angle [rad]."""
+    g = Graph("slope", gravity=(0.0, -GRAVITY))
+    g.add("frame", bm.Frame(markers={"G": bm.Marker(at=0j, angle=-angle)}))
+    return add_slide(g, "slider", friction)
+
+
+def add_slide(g: Graph, name: str, friction: float) -> Graph:
+    """One more mass on the same guide."""
+    law = {"S": bm.Coulomb(coefficient=friction)}
+    body = bm.Link(mass=1.0, inertia=1.0)
+    g.add(name, bm.SlideDrive(links={"slider": body}, friction=law))
+    g.connect("frame.G", f"{name}.S")
+    return g
+
+
+def _pulls(g: Graph) -> tuple[Any, Any]:
+    """Acceleration [m/s2] along a slope by gravity, and what friction takes of it."""
+    frame: Any = g.blocks["frame"]
+    slider: Any = g.blocks["slider"]
+    angle, f = mpf(frame.markers["G"].angle), mpf(slider.friction["S"].coefficient)
+    return -mpf(GRAVITY) * mp.sin(angle), mpf(GRAVITY) * f * mp.cos(angle)
+
+
+def _down(g: Graph) -> Callable[..., dict[str, Any]]:
+    def truth(q: Any, rate: Any, t: Any) -> dict[str, Any]:
+        along, kept = _pulls(g)
+        return {"slider": q + (along - kept) * t**2 / 2}
+
+    return truth
+
+
+def _up_and_down(g: Graph, start: dict[str, tuple[float, float]]) -> Callable[..., dict[str, Any]]:
+    def truth(q: Any, rate: Any, t: Any) -> dict[str, Any]:
+        along, kept = _pulls(g)
+        places = {}
+        for name, (_, thrown) in start.items():
+            turns = -mpf(thrown) / (along + kept)  # it comes to a stop, and slides back
+            top = mpf(thrown) * turns / 2
+            places[name] = top + (along - kept) * (t - turns) ** 2 / 2
+        return places
+
+    return truth
+
+
 # [s] of the pump's steady turn, to more digits than a motion knows it by: J w w' + J' w^2 / 2 = tau
 # for the rate w(q), solved by Fourier collocation at 97 and 121 points in mpmath, which agree in
 # 31 digits, from the slider-crank's own closed form.
@@ -234,7 +299,7 @@ def long() -> Iterator[Motion]:
 
 def all_motions() -> list[Motion]:
     """Every case of the map."""
-    return [*near_rest(), *stiff(), *kinks(), *ratios(), *on_each_other(), *long()]
+    return [*near_rest(), *stiff(), *kinks(), *ratios(), *on_each_other(), *rubbing(), *long()]
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,9 @@ def as_general_group(graph: Graph, at: dict[str, float]) -> Graph:
     }
     home = {"drivers": at, "poses": poses}
     made = Graph.from_data(graph.to_data())
-    made.blocks["dyad"] = bm.GeneralGroup(pairs=pairs, links=dyad.links, home=home)
+    made.blocks["dyad"] = bm.GeneralGroup(
+        pairs=pairs, links=dyad.links, home=home, friction=dyad.friction
+    )
     return made
 
 

@@ -104,8 +104,9 @@ def with_rounding(
         share = ROUNDING + system.noise
         if len(system.drivers) == 1:
             q, qd = (float(x[0]) for x in states)
-            share *= system.inertia_rounding(q) if qd else 1.0
-            share = max(share, 0.0 if qd else system.push_rounding(q, motion.t_start))
+            moves = abs(qd) > EPS * float(np.abs(states.qd).max())  # a series' 0 is rounded too
+            share *= system.inertia_rounding(q) if moves else 1.0
+            share = max(share, 0.0 if moves else system.push_rounding(q, motion.t_start))
         late = share * np.maximum(np.abs(times), times - motion.t_start)
         off = (late * np.abs(states.qd).T).T
         if (off[1:] > np.abs(np.diff(states.q, axis=0))).any():  # of speeds without bound
