@@ -46,6 +46,7 @@ ROOMS = (
     "outputs_by_link",
     "outputs",
     "sensors",
+    "sensors_by_link",
     "samples",
     "export",
     "wires",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -124,7 +124,12 @@ class Linkage(linkage.Linkage, Uncompiled):
         """
         from blockmech.model.joints.decompose import decompose  # brings networkx
 
-        return Decomposition(*decompose(self, general))
+        made = Decomposition(*decompose(self, general))
+        if not self.wires:
+            return made
+        from blockmech.sensors_by_link import with_sensors_of_blocks
+
+        return replace(made, data=with_sensors_of_blocks(made.data, made.names))
 
     def compile(self) -> Mechanism:
         """Decompose the linkage and freeze it into a mechanism that computes.

@@ -86,7 +86,7 @@ def outputs_by_link(
 
 
 def readings(structure: Structure, names: Names, known: Mapping[str, Output]) -> Iterator[Reading]:
-    """The name table of a document: drivers, links, joints, loads, the whole."""
+    """The name table of a document: drivers, links, joints, loads, signals, the whole."""
     pairs = {pair.joint: pair.links for pair in names.joints.values()}
     for driver, driven in structure.driven.items():
         for what in OF_DRIVERS:
@@ -103,9 +103,10 @@ def readings(structure: Structure, names: Names, known: Mapping[str, Output]) ->
                 yield Reading(f"link.{link}.{marker}.{what}", ((f"{ref}.{what}", 1),))
     for pin, entries in groupby(names.joints.items(), lambda item: item[0].partition(".")[0]):
         yield from _of_joints(pin, dict(entries), structure, names, known)
-    for coupling, block in names.couplings.items():
+    of_blocks = {f"coupling.{name}": block for name, block in names.couplings.items()}
+    for name, block in {**of_blocks, **names.signals}.items():
         for what in (n.removeprefix(f"{block}.") for n in known if n.startswith(f"{block}.")):
-            yield Reading(f"coupling.{coupling}.{what}", ((f"{block}.{what}", 1),))
+            yield Reading(f"{name}.{what}", ((f"{block}.{what}", 1),))
     yield from _of_loads(structure, names, known)
     for name in known:
         if name.startswith("mechanism."):

@@ -194,5 +194,5 @@ def _unknown_attribute(cls: type, name: str, known: tuple[str, ...]) -> Problem:
     elif hasattr(cls, name):
         found = f"{name} follows from the rest, and is not set"
     remedy = "" if hasattr(cls, name) else close_match(name, [*known, *methods])
-    valid = f"attributes: {listed(sorted(known))}"
+    valid = f"attributes: {listed(sorted(known), len(known))}"
     return Problem("unknown-attribute", f"{cls.__name__}.{name}", found, valid, remedy)

@@ -61,13 +61,14 @@ class Names:
     A pin of three links or more has an entry ``"<joint>.<link>"`` in ``joints`` for each link
     but its first: the pair of the first link with that one. ``links`` holds "frame" too where
     the document puts markers on the fixed link. ``loads`` has the elements of the graph that
-    a load became: one, or two whose forces add; ``couplings`` the blocks of couplings.
+    a load became: one, or two whose forces add; ``couplings`` and ``signals`` the blocks of those.
     """
 
     links: Mapping[str, LinkName]
     joints: Mapping[str, JointName]
     loads: Mapping[str, tuple[str, ...]]
     couplings: Mapping[str, str] = field(default_factory=dict)
+    signals: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def of_links(self) -> Mapping[LinkRef, str]:

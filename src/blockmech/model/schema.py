@@ -36,6 +36,7 @@ def graph_schema() -> dict[str, Any]:
 def joints_schema() -> dict[str, Any]:
     """JSON Schema (2020-12) of a joint-based file, with every registered load and law."""
     found = _schema(LINKAGE_FILE)
+    found["$defs"]["WireEnds"]["properties"] |= {"from": OUTPUT, "to": OUTPUT}
     links = found["properties"]["links"]
     of_frame = links["additionalProperties"] | {"propertyNames": {"const": "markers"}}
     links["additionalProperties"] |= {"required": ["pose"]}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import TypeAlias
 
 from blockmech.errors import Problem, close_match, listed
@@ -32,15 +32,20 @@ def signal_wire(blocks: Blocks, wire: Wire) -> bool:
     return isinstance(blocks.get(target), Element) and port == LAW
 
 
-def signal_wire_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterator[Problem]:
-    """What is wrong with a signal wire; whether an output is there, compiling finds."""
+def signal_wire_problems(
+    blocks: Blocks, wire: Wire, fed: Wire | None, sensed: Collection[str] = ("mechanism",)
+) -> Iterator[Problem]:
+    """What is wrong with a signal wire; whether an output is there, compiling finds.
+
+    ``sensed`` is what names of outputs begin with that belong to no block.
+    """
     for end in (wire.source, wire.target):
         name, port = split_address(str(end), blocks)
         if not (name and port):
             found, valid = f'not an address, in wire "{wire}"', '"block.output" or "block.input"'
             yield Problem("bad-address", str(end) or '""', found, f"an address is {valid}")
             return
-        if name not in blocks and (end == wire.target or name != "mechanism"):
+        if name not in blocks and (end == wire.target or name not in sensed):
             remedy = close_match(name, blocks) or "add the block first"
             there = f"blocks: {listed(blocks)}"
             yield Problem("no-such-block", str(end), f'no block "{name}"', there, remedy)

@@ -17,10 +17,12 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws.contract import AnyFriction
 from blockmech.loads.contract import Element
+from blockmech.model.diagram import WireEnds
 from blockmech.model.expect import Expectation
 from blockmech.model.form import VERSION, Form, Section
 from blockmech.model.laws_of_motion import AnyLaw
 from blockmech.model.scene import Initial, Stops
+from blockmech.signals.contract import Signal
 from blockmech.values import (
     POSE,
     Angle,
@@ -41,7 +43,8 @@ FRAME = "frame"
 """Name of the fixed link."""
 
 LAWS: tuple[Any, ...] = get_args(get_args(AnyLaw)[0])
-LOADS, COUPLINGS = "load.", "coupling."  # what the types of their blocks begin with
+# What the types of their blocks begin with.
+LOADS, COUPLINGS, SIGNALS = "load.", "coupling.", "signal."
 
 
 class LinkGiven(Link):
@@ -218,12 +221,15 @@ HOLDS = ("link", "links", "at", "joint")
 
 
 def sections() -> dict[str, Section]:
-    """The sections of named items, with all laws, couplings and loads that are registered."""
-    couplings = {
-        name.removeprefix(COUPLINGS): REGISTRY[name]
-        for name in REGISTRY
-        if name.startswith(COUPLINGS) and issubclass(REGISTRY[name], Coupling)
-    }
+    """The sections of named items, with all laws, loads and so on that are registered."""
+    couplings, signals = (
+        {
+            name.removeprefix(prefix): REGISTRY[name]
+            for name in REGISTRY
+            if name.startswith(prefix) and issubclass(REGISTRY[name], kind)
+        }
+        for prefix, kind in ((COUPLINGS, Coupling), (SIGNALS, Signal))
+    )
     laws = {get_args(law.model_fields["law"].annotation)[0]: law for law in LAWS}
     blocks = {name: REGISTRY[name] for name in REGISTRY if name.startswith(LOADS)}
     loads = {
@@ -245,6 +251,7 @@ def sections() -> dict[str, Section]:
         ),
         "couplings": Section("coupling", couplings, "type", "a {}", prefix=COUPLINGS),
         "loads": Section("load", loads, "type", "a {}", first=holds, prefix=LOADS),
+        "signals": Section("signal", signals, "type", "a {}", prefix=SIGNALS),
     }
 
 
@@ -261,6 +268,8 @@ class JointsDocument(StrictModel):
     drivers: dict[str, Any] = {}
     couplings: dict[str, Any] = {}
     loads: dict[str, Any] = {}
+    signals: dict[str, Any] = {}
+    wires: list[WireEnds] = []
     initial: dict[str, Initial] = {}
     stops: dict[str, Stops] = {}
     view: Annotated[dict[str, Any], Field(description="places on a canvas; not computed with")] = {}

@@ -31,7 +31,7 @@ from blockmech.model.joints.diagnosis import (
     why_stuck,
 )
 from blockmech.model.joints.diagram import Diagram, Sequence
-from blockmech.model.joints.elements import links_read_as_they_are
+from blockmech.model.joints.elements import links_read_as_they_are, links_sensed
 from blockmech.model.joints.layout import Connections, Layout, Poses, seated
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.making import closed_form, driving_link, general_group
@@ -105,6 +105,7 @@ def _closed(layout: Layout, found: Formation, pairs: Connections) -> Poses:
 
 def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Parts:
     plain = links_read_as_they_are(linkage.loads, found.layout.pairs)
+    plain |= links_sensed(linkage)
     diagram = Diagram(linkage, found)
     problems = []
     units = _merged(found.formation.units) if general == "one" else found.formation.units
@@ -123,6 +124,7 @@ def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Parts:
         raise GraphError(problems)
     diagram.add_loads()
     diagram.add_couplings()
+    diagram.add_signals()
     shown = Formation(tuple(units), (), ())
     names = diagram.names()  # it puts markers on links that have none
     return diagram.data(), names, shown, None if general else linkage

@@ -60,11 +60,12 @@ class Diagram:
         self.found = found
         self.drivers = linkage.driven  # driven pair -> driver
         self._blocks: dict[str, dict[str, Any]] = {}
-        self._wires: list[tuple[MarkerRef, JointRef]] = []
+        self._wires: list[tuple[MarkerRef | str, JointRef]] = []
         self._seats: dict[str, LinkPlacement] = {}
         self._ends: dict[str, tuple[str, End]] = {}  # pair -> block and joint
         self._loads: dict[str, list[str]] = {}  # load -> its elements
         self._couplings: dict[str, str] = {}  # coupling -> its block
+        self._signals: dict[str, str] = {}  # signal -> its block
         self._upstream: dict[str, dict[str, None]] = {}  # block -> drivers it depends on
         # place on a link -> the markers there: direction, and whether it stands for a line
         self._marked = defaultdict[tuple[str, complex], list[_Marked]](list)
@@ -227,6 +228,19 @@ class Diagram:
             self._blocks[block] = data
             self._couplings[name] = block
 
+    def add_signals(self) -> None:
+        """Add the signal blocks and their wires; sensors have the document's names still."""
+        for name, signal in self.linkage.signals.items():
+            block = free_name(name, {*self._blocks, *self.linkage.drivers})
+            self._blocks[block] = {"type": signal.type_name, **plain(signal)}
+            self._signals[name] = block
+        for wire in self.linkage.wires:
+            source, _, port = wire.source.partition(".")
+            target, _, end = wire.target.partition(".")
+            named = f"{self._signals[source]}.{port}" if source in self._signals else wire.source
+            block = self._signals[target] if target in self._signals else self._loads[target][0]
+            self._wires.append((named, JointRef(block, end)))
+
     def _moved(self, driver: str) -> str:
         """The link that a driver moves, or that carries a wheel by its address."""
         pair = next((p for p, name in self.drivers.items() if name == driver), None)
@@ -271,7 +285,7 @@ class Diagram:
             links[link] = LinkName(LinkRef(seat.block, seat.link), origin, turn, markers)
         joints = {name: self._joint(c) for name, c in self.found.layout.pairs.items()}
         loads = {name: tuple(blocks) for name, blocks in self._loads.items()}
-        return Names(links, joints, loads, dict(self._couplings))
+        return Names(links, joints, loads, dict(self._couplings), dict(self._signals))
 
     def _joint(self, c: Connection) -> JointName:
         parts, turned = [], False

@@ -40,6 +40,12 @@ def links_read_as_they_are(loads: Mapping[str, Any], pairs: Connections) -> set[
     return found - {FRAME}
 
 
+def links_sensed(linkage: Any) -> set[str]:
+    """Links whose angle a signal reads, for the same reason."""
+    parts = (wire.source.split(".") for wire in linkage.wires)
+    return {p[1] for p in parts if p[0] == "link" and p[2:] == ["angle"]} & {*linkage.links}
+
+
 def elements(
     name: str, load: Any, pairs: Connections, seats: Mapping[str, LinkPlacement]
 ) -> Iterator[BlockDraft]:

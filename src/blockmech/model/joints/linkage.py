@@ -11,6 +11,7 @@ from blockmech.arguments import declared
 from blockmech.couplings.contract import Coupling
 from blockmech.errors import GraphError, Problem, as_names, close_match, listed, path_text
 from blockmech.loads.contract import Element
+from blockmech.model.diagram import Wire
 from blockmech.model.document import Document
 from blockmech.model.form import Draft, bad_name
 from blockmech.model.joints.contents import (
@@ -18,14 +19,16 @@ from blockmech.model.joints.contents import (
     FRAME,
     LINKAGE_FILE,
     LOADS,
+    SIGNALS,
     JointGiven,
     LinkGiven,
     sections,
 )
-from blockmech.model.joints.references import reference_problems
+from blockmech.model.joints.references import reference_problems, wire_problems
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain
+from blockmech.signals.contract import Signal
 from blockmech.values import Marker, Vector, is_name
 
 if TYPE_CHECKING:
@@ -56,6 +59,8 @@ class Linkage(Document):
     drivers: dict[str, Any]
     couplings: dict[str, Coupling]
     loads: dict[str, Any]
+    signals: dict[str, Signal]
+    wires: list[Wire]
     initial: dict[str, Initial]
     stops: dict[str, Stops]
     _gravity: Vector
@@ -70,6 +75,8 @@ class Linkage(Document):
         self.drivers = {}
         self.couplings = {}
         self.loads = {}
+        self.signals = {}
+        self.wires = []
         self.initial = {}
         self.stops = {}
 
@@ -81,13 +88,16 @@ class Linkage(Document):
         for section in self.form.items():
             parts = {name: part for name, part in draft.items(section) if part is not None}
             getattr(self, section).update(parts)
+        self.wires += [Wire(wire.source, wire.target) for wire in said.wires]
         if not draft.doubled:
             draft.note(reference_problems(self, vars(said)))
 
     def sections(self) -> dict[str, Any]:
-        """Links, joints, drivers, couplings and loads, gravity, starts and stops."""
+        """Links, joints, drivers and so on, wires of signals, gravity, starts and stops."""
         named = (*self.form.items(), "initial", "stops")
-        return {"gravity": self.gravity, **{name: getattr(self, name) for name in named}}
+        wires = [{"from": wire.source, "to": wire.target} for wire in self.wires]
+        own = {"gravity": self.gravity, "wires": wires}
+        return own | {name: getattr(self, name) for name in named}
 
     @property
     def gravity(self) -> Vector:
@@ -248,6 +258,33 @@ class Linkage(Document):
         """
         keys = {key: getattr(coupling, key) for key in coupling.model_fields_set}
         self._add("coupling", name, keys, coupling.type_name.removeprefix(COUPLINGS))
+
+    @declared
+    def add_signal(self, name: str, signal: Signal) -> None:
+        """Add a signal block: ``add_signal("error", signals.Sum(signs="+-"))``.
+
+        Raises `GraphError` for a taken name or what is no signal block of a file.
+        """
+        keys = {key: getattr(signal, key) for key in signal.model_fields_set}
+        self._add("signal", name, keys, signal.type_name.removeprefix(SIGNALS))
+
+    @declared
+    def connect(self, source: str, target: str) -> None:
+        """Wire a signal: ``connect("driver.shaft.rate", "error.u1")``.
+
+        Parameters
+        ----------
+        source : an output ``"signal.output"`` of a signal block, or any output of the mechanism
+            that is one number, by its name
+        target : an input ``"signal.input"``, or ``"load.law"`` of a load whose law is a signal
+
+        Raises `GraphError` for what does not fit; whether an output is there, compiling finds.
+        """
+        wire = Wire(source, target)
+        problems = list(wire_problems(self, wire, self.wires))
+        if problems:
+            raise GraphError(problems)
+        self.wires.append(wire)
 
     @declared
     def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:

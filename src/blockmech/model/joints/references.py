@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 from blockmech.errors import Problem, close_match, listed, path_text
+from blockmech.model.diagram import Wire
 from blockmech.model.form import bad_name
 from blockmech.model.joints.contents import FRAME
+from blockmech.model.signals import signal_wire_problems
 from blockmech.values import is_name
 
 Known: TypeAlias = Mapping[str, Collection[str]]
 """Section -> names in it, those of parts that are wrong by themselves included."""
+
+
+SENSED = ("driver", "link", "joint", "coupling", "mechanism")
+"""What names of outputs begin with, beside names of loads and signals."""
 
 
 class Reference(NamedTuple):
@@ -66,6 +72,7 @@ def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
             if number > 2:
                 yield Problem("wrong-value", path_text(path), found, "", remedy)
     yield from _wheels(linkage)
+    yield from _signals(linkage, known)
     by_joint: dict[str, list[str]] = defaultdict(list)
     for name, driver in linkage.drivers.items():
         by_joint[driver.joint].append(name)
@@ -86,6 +93,27 @@ def _wheels(linkage: Any) -> Iterator[Problem]:
             where, remedy = path_text(("couplings", name, "driver")), close_match(marker, known)
             valid = f"markers of {link}: {listed(known) or 'none'}"
             yield Problem("unknown-marker", where, f'no marker "{marker}"', valid, remedy)
+
+
+def _signals(linkage: Any, known: Known) -> Iterator[Problem]:
+    """Signal blocks whose names are those of other outputs, and wires that do not fit."""
+    for name in linkage.signals:
+        if name in linkage.loads or name in SENSED:
+            found = f"{name} is what other outputs are named after"
+            valid = f"taken: {listed([*SENSED, *linkage.loads])}"
+            where, remedy = path_text(("signals", name)), "choose another name"
+            yield Problem("taken-name", where, found, valid, remedy)
+    wrong = {*known["signals"], *known["loads"]} - {*linkage.signals, *linkage.loads}
+    for k, wire in enumerate(linkage.wires):
+        if not wrong & {str(end).partition(".")[0] for end in wire.ends}:
+            yield from wire_problems(linkage, wire, linkage.wires[:k])
+
+
+def wire_problems(linkage: Any, wire: Wire, others: Sequence[Wire]) -> Iterator[Problem]:
+    """What is wrong with a wire of signals beside others that are there."""
+    fed = next((w for w in others if w.target == wire.target), None)
+    blocks = {**linkage.signals, **linkage.loads}
+    yield from signal_wire_problems(blocks, wire, fed, SENSED)
 
 
 def _links(linkage: Any) -> Iterator[Problem]:
