@@ -96,8 +96,10 @@ class Compiled(Runnable):
 
         structure = graph.structure()
         refuse_open_homes(structure)
-        source = (document or graph).snapshot()
-        return cls(structure, graph.flat().scene, graph.name, names, source)
+        source, scene = (document or graph).snapshot(), graph.flat().scene
+        if names is not None and document is not None:  # stops of pairs as it names and counts them
+            scene = scene.model_copy(update={"stops": dict(document.stops)})
+        return cls(structure, scene, graph.name, names, source)
 
     def __setattr__(self, name: str, value: object) -> None:
         where, found = f"Mechanism.{name}", "a compiled mechanism does not change"

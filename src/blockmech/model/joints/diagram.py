@@ -13,6 +13,7 @@ import numpy as np
 from blockmech.assur.formation import Formation
 from blockmech.assur.groups import Unit
 from blockmech.blocks.registry import REGISTRY
+from blockmech.errors import GraphError, Problem, listed, path_text
 from blockmech.model.diagram import GRAPH_FILE
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.contents import FRAME, LinkGiven
@@ -20,10 +21,11 @@ from blockmech.model.joints.elements import elements
 from blockmech.model.joints.layout import Connection, Connections, Layout, Poses, Sums
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.making import GENERAL, BlockDraft, End, LinkPlacement, free_name, xy
+from blockmech.model.joints.references import coordinate_of
 from blockmech.model.joints.varied import phase, settled
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.naming import JointName, LinkName, Names
-from blockmech.model.structure import JointRef, LinkRef, MarkerRef
+from blockmech.model.structure import COORDINATE, JointRef, LinkRef, MarkerRef
 from blockmech.model.writing import plain
 from blockmech.values import Place
 
@@ -253,9 +255,38 @@ class Diagram:
             if isinstance(law, LawOfMotion)
         }
         gravity = self.linkage.gravity.written if self.linkage.gravity.z else None
-        initial, stops = plain(self.linkage.initial), plain(self.linkage.stops)
+        initial = plain(self.linkage.initial)
+        stops = dict(self._stops(name, plain(said)) for name, said in self.linkage.stops.items())
         scene = {"gravity": gravity, "drive": drive, "initial": initial, "stops": stops}
         return {key: said for key, said in scene.items() if said}
+
+    def _stops(self, name: str, given: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+        """Stops by a driver, or by the coordinate of a pair as its block counts it.
+
+        Raises `GraphError` for a driven pair, and one that is none of a block.
+        """
+        if (pair := coordinate_of(name)) is None:
+            return name, given
+        c, found, remedy = self.found.layout.pairs.get(pair), "", "stop another joint"
+        if c is None:
+            found = f"{pair} is a pin of several links, and it is not said which two it stops"
+            remedy = f"write {listed(x for x in self.found.layout.pairs if x.startswith(pair))}"
+        elif c.name in self.drivers:
+            found, remedy = f"{self.drivers[c.name]} drives {pair}", "stop the driver"
+        elif c.name in self.found.sums:
+            found = f"{pair} is no pair of two neighbours in the diagram"
+        if c is None or found:
+            raise GraphError(Problem("wrong-value", path_text(("stops", name)), found, "", remedy))
+        place, turn = self._joint(c), 0.0
+        if c.kind == "R":
+            turn = phase(self._seats[c.second].e) - phase(self._seats[c.first].e)
+        sign = -1 if place.flipped != place.turned else 1
+        low, high = (given.get(x) for x in ("from", "to"))
+        ends = [None if x is None else sign * (x + turn) for x in (low, high)]
+        both = dict(zip(("from", "to"), ends[::sign], strict=True))
+        return f"{place.joint}.{COORDINATE}", {
+            key: x for key, x in {**given, **both}.items() if x is not None
+        }
 
     def data(self) -> dict[str, Any]:
         """The graph as it would stand in a file."""

@@ -11,6 +11,7 @@ from blockmech.model.diagram import Wire
 from blockmech.model.form import bad_name
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.signals import signal_wire_problems
+from blockmech.model.structure import COORDINATE
 from blockmech.values import is_name
 
 Known: TypeAlias = Mapping[str, Collection[str]]
@@ -51,7 +52,18 @@ def _references(linkage: Any) -> Iterator[Reference]:
         yield Reference("driver", coupling.driven, ("couplings", name, "driven"))
     for section in ("initial", "stops"):
         for name in getattr(linkage, section):
-            yield Reference("driver", name, (section, name))
+            pair = coordinate_of(name) if section == "stops" else None
+            if pair is None:
+                yield Reference("driver", name, (section, name))
+            else:
+                yield Reference("joint", pair.partition(".")[0], (section, name))
+
+
+def coordinate_of(name: str) -> str | None:
+    """The pair in the name of its coordinate, ``"joint.<pair>.coordinate"``; else None."""
+    first, _, rest = name.partition(".")
+    pair, _, last = rest.rpartition(".")
+    return pair if first == "joint" and last == COORDINATE and pair else None
 
 
 def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:

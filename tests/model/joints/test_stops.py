@@ -1,0 +1,90 @@
+"""End stops of pairs in documents of links and joints, by the names and in the sense of those."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.errors import FormatError, GraphError
+from tests.gallery import GRAPHS
+
+STOPS = {
+    "cylinder": {"to": 0.2471, "restitution": 0.5},
+    "A": {"to": -0.4, "restitution": 0.5},
+    "B": {"from": 0.08, "restitution": 0.4},
+}
+OTHER = {"from": "to", "to": "from"}
+
+
+def document(stops, reverse="", turn=0.0):
+    """A slider-crank that swings; a joint's links in the other order, the rod's axes turned."""
+    data = json.loads((GRAPHS / "joints" / "slider_crank.json").read_text(encoding="utf-8"))
+    data["links"]["crank"]["inertia"] = 0.02
+    data["links"]["piston"]["mass"] = 1.3
+    data["drivers"]["motor"] = {"joint": "O"}
+    data["initial"] = {"motor": {"q": 0.5, "rate": -20.0}}
+    rod, end = data["links"]["rod"]["pose"], data["joints"]["B"]["at"][0]
+    data["links"]["rod"]["pose"] = [*rod[:2], rod[2] + turn]
+    data["joints"]["B"]["at"][0] = [end[0] * math.cos(turn), -end[0] * math.sin(turn)]
+    if reverse:
+        for key in ("links", "at", "angle"):
+            data["joints"][reverse].get(key, []).reverse()
+    data["stops"] = stops
+    return bm.Linkage.from_json(json.dumps(data))
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.1])
+@pytest.mark.parametrize("joint", STOPS)
+def test_a_file_names_them_and_the_request_says_the_same(joint, turn):
+    """Strikes where the joint is at its bound, as its own output says."""
+    name, stops = f"joint.{joint}.coordinate", dict(STOPS[joint])
+    more = {"A": turn, "B": -turn}.get(joint, 0.0)  # of the second link against the first
+    stops |= {key: stops[key] + more for key in OTHER if key in stops}
+    mech = document({name: stops}, turn=turn).compile()
+    motion = mech.simulate("time=0.02").motion
+    blow = motion.impacts[0]
+    assert blow.driver == name
+    at = mech.run(at=[float(blow.q[0])], want=[name])[name][0]
+    bound = next(stops[key] for key in OTHER if key in stops)
+    assert at == pytest.approx(bound, abs=1e-12)
+    assert blow.after[0] == pytest.approx(-stops["restitution"] * blow.before[0], rel=1e-12)
+    plain = document({name: STOPS[joint]}).compile().simulate("time=0.02").motion
+    assert motion.q_end == pytest.approx(plain.q_end, rel=1e-10)
+
+
+@pytest.mark.parametrize("joint", STOPS)
+def test_links_in_the_other_order_are_the_mirror_image(joint):
+    name, stops = f"joint.{joint}.coordinate", STOPS[joint]
+    mirrored = {OTHER.get(key, key): -x if key in OTHER else x for key, x in stops.items()}
+    one = document({name: stops}).compile().simulate("time=0.02").motion
+    two = document({name: mirrored}, reverse=joint).compile().simulate("time=0.02").motion
+    assert two.q_end == pytest.approx(one.q_end, rel=1e-12)
+    assert two.impacts[0].impulse == pytest.approx(-one.impacts[0].impulse, rel=1e-10)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.1])
+@pytest.mark.parametrize("reverse", ["", "same"])
+@pytest.mark.parametrize("joint", STOPS)
+def test_the_graph_that_it_becomes_strikes_at_the_same_place(joint, reverse, turn):
+    name, stops = f"joint.{joint}.coordinate", dict(STOPS[joint])
+    more = {"A": turn, "B": -turn}.get(joint, 0.0)
+    stops |= {key: stops[key] + more for key in OTHER if key in stops}
+    if reverse:
+        stops = {OTHER.get(key, key): -x if key in OTHER else x for key, x in stops.items()}
+    linkage = document({name: stops}, joint if reverse else "", turn)
+    motion = linkage.compile().simulate("time=0.02").motion
+    graph = bm.Graph.from_json(json.dumps(linkage.decompose().data)).compile()
+    found = graph.simulate("time=0.02").motion
+    np.testing.assert_allclose(found.q_end, motion.q_end, rtol=1e-10)
+    assert found.impacts[0].driver.endswith(".coordinate")
+
+
+def test_what_has_no_stops_of_its_own_is_refused_with_what_has():
+    with pytest.raises(FormatError, match='no joint "Z"'):
+        document({"joint.Z.coordinate": {"to": 1.0}})
+    with pytest.raises(GraphError, match=r"motor drives O\. stop the driver"):
+        document({"joint.O.coordinate": {"to": 1.0}}).compile()
