@@ -97,8 +97,9 @@ class Compiled(Runnable):
         structure = graph.structure()
         refuse_open_homes(structure)
         source, scene = (document or graph).snapshot(), graph.flat().scene
-        if names is not None and document is not None:  # stops of pairs as it names and counts them
-            scene = scene.model_copy(update={"stops": dict(document.stops)})
+        if names is not None and (stops := getattr(document, "stops", None)):
+            # those of pairs are named and counted as the document does
+            scene = scene.model_copy(update={"stops": dict(stops)})
         return cls(structure, scene, graph.name, names, source)
 
     def __setattr__(self, name: str, value: object) -> None:
