@@ -260,10 +260,9 @@ class Compiled(Runnable):
         check_chunk(chunk)
         if engine == "auto":
             engine = self._chosen(plan, taken.n) if precision == "complex128" else "numpy"
-        known = taken.inputs
-        if any(
-            f"{STATE}{self.structure.states[x]}" not in known for x in self.structure.remembering
-        ):
+        known, places = taken.inputs, self.structure.states
+        bent = {f"{STATE}{places[x]}" for x in self.structure.remembering}
+        if any(name not in known for name in bent.intersection(plan.program.inputs)):
             taken = self.with_deflections(taken)
         inputs = taken.given(plan.program.inputs)
         states = self._states_at_start(plan, inputs, taken.n)

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 
 import blockmech as bm
 from blockmech.errors import RequestError
-from tests.dynamics.test_friction_laws import HANGING, G, pendulum
+from tests.dynamics.test_friction_laws import HANGING, G, pendulum, wheel
 from tests.gallery import changed, document
 
 CURVE = {"static": 0.3, "kinetic": 0.2, "stribeck_speed": 0.5, "viscous": 0.01}
@@ -42,7 +42,7 @@ def test_lugres_pendulum_is_where_another_formulation_has_it(engine):
     assert "state" in moved.motion.why
 
 
-def rubbed(law, mu, slipping, t_end, z0=0.0):
+def rubbed(law, mu, slipping, t_end, z0=0.0, stop=-math.inf, restitution=0.0):
     """A pendulum's [angle from below, rate, z] at a time, by Radau on the papers' equations.
 
     Its friction is a coefficient f of the load: (J al + m g l sin)^2 = (f r)^2 |R|^2, where f
@@ -70,8 +70,16 @@ def rubbed(law, mu, slipping, t_end, z0=0.0):
 
     law_damping, law_viscous = getattr(law, "damping", 0.0), getattr(law, "viscous", 0.0)
     unloads = not hasattr(law, "breakaway")
-    found = solve_ivp(slope, (0, t_end), (2.0, 0.0, z0), "Radau", rtol=1e-11, atol=1e-14)
-    return found.y[:, -1]
+
+    def struck(_, y):
+        return y[0] - stop
+
+    struck.terminal, struck.direction = True, -1
+    t, y, watch = 0.0, np.array([2.0, 0.0, z0]), struck if stop > -math.inf else None
+    while t < t_end:
+        found = solve_ivp(slope, (t, t_end), y, "Radau", rtol=1e-11, atol=1e-14, events=watch)
+        t, y = found.t[-1], found.y[:, -1] * (1.0, -restitution if found.status else 1.0, 1.0)
+    return y
 
 
 def test_dahls_pendulum():
@@ -81,6 +89,22 @@ def test_dahls_pendulum():
         "time=1.5", start={"crank": (2.0 + HANGING, 0.0)}, times=[1.5],
         want=["crank.q", "crank.rate", "crank.A.deflection"],
     )  # fmt: skip
+    assert moved["crank.q"][0] - HANGING == pytest.approx(wanted[0], abs=1e-8)
+    assert moved["crank.rate"][0] == pytest.approx(wanted[1], abs=1e-7)
+    assert moved["crank.A.deflection"][0] == pytest.approx(wanted[2], abs=1e-10)
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau"])
+def test_a_deflection_goes_on_through_blows(method):
+    law = bm.Dahl(kinetic=0.2, stiffness=200.0, radius=PIN)
+    wanted = rubbed(law, lambda w: 0.2, lambda w, z: 1.0, 2.0, stop=-0.3, restitution=0.5)
+    g = wheel(law, cm=0.5, gravity=G)
+    g.stop("crank", low=HANGING - 0.3, restitution=0.5)
+    moved = g.compile().simulate(
+        "time=2", start={"crank": (2.0 + HANGING, 0.0)}, times=[2.0], method=method,
+        want=["crank.q", "crank.rate", "crank.A.deflection"],
+    )  # fmt: skip
+    assert len(moved.motion.impacts) >= 2
     assert moved["crank.q"][0] - HANGING == pytest.approx(wanted[0], abs=1e-8)
     assert moved["crank.rate"][0] == pytest.approx(wanted[1], abs=1e-7)
     assert moved["crank.A.deflection"][0] == pytest.approx(wanted[2], abs=1e-10)

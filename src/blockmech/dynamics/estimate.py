@@ -63,7 +63,8 @@ def common_times(start: float, last: float, wanted: tuple[float, ...]) -> Floats
 def spread(start: float, end: float) -> Floats:
     """Times (n,) over a run that keep no step with its swings, which stand still together."""
     shares = np.sort(np.arange(COMPARED - 1) * GOLDEN % 1.0)
-    return np.asarray(start + (end - start) * np.append(shares, 1.0))
+    # Beyond the end, where the sum of a later start may round to, there is no state.
+    return np.minimum(start + (end - start) * np.append(shares, 1.0), end)
 
 
 def difference(
