@@ -32,6 +32,7 @@ from blockmech.passes import (
     homotopy,
     loads,
     pairs,
+    play,
     reduction,
     signals,
 )
@@ -99,6 +100,9 @@ def outputs_of(structure: Structure) -> Iterator[Output]:
             yield from _link_outputs(LinkRef(name, link))
         for marker in structure.markers(name):
             yield from _marker_outputs(marker)
+            if play.loose_pins(structure, name):
+                yield _vector(f"{marker}.play", "m", play.play, marker)
+                yield _vector(f"{marker}.play_bound", "m", play.play_bound, marker)
         for joint in block.joints.values():
             yield from _joint_outputs(structure, JointRef(name, joint.name), joint)
         if block.closes:
@@ -469,6 +473,11 @@ def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:
             if s.structure.blocks[entry.block].own_form:
                 yield f"path/{entry.block}", (f"{s.ask(forward.position, entry.block)}.reached",)
         if entry.stage == "force":
+            for joint in s.structure.blocks[entry.block].clearance:
+                ref = JointRef(entry.block, joint)
+                R = s.ask(play.pressing, ref)
+                yield f"pressing/{ref}", (f"{R}.real", f"{R}.imag")
+        if entry.stage == "force" and not entry.driver:
             yield from _friction_quality(s, entry.block)
             yield from _contact_quality(s, entry.block)
 

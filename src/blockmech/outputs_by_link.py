@@ -32,6 +32,7 @@ from blockmech.plan import Output
 
 OF_LINKS = ("angle", "omega", "alpha")
 OF_POINTS = ("p", "v", "a")
+OF_PLAY = ("play", "play_bound")
 OF_JOINTS = (
     *("reaction", "N", "C", "friction", "coordinate", "slip", "friction_power"),
     *("deflection", "stored_power"),
@@ -94,12 +95,14 @@ def readings(structure: Structure, names: Names, known: Mapping[str, Output]) ->
             yield Reading(f"driver.{driver}.{what}", parts, between=pairs.get(driven))
     for link, at in names.links.items():
         if at.link != structure.frame_link:
+            for what in OF_PLAY:
+                yield Reading(f"link.{link}.{what}", ((f"{at.marker}.{what}", 1),))
             for point, turn in zip(OF_POINTS, OF_LINKS, strict=True):
                 yield Reading(f"link.{link}.{point}", ((f"{at.marker}.{point}", 1),))
                 more = at.turn if turn == "angle" else 0.0
                 yield Reading(f"link.{link}.{turn}", ((f"{at.link}.{turn}", 1),), more)
         for marker, ref in at.markers.items():
-            for what in OF_POINTS:
+            for what in (*OF_POINTS, *OF_PLAY):
                 yield Reading(f"link.{link}.{marker}.{what}", ((f"{ref}.{what}", 1),))
     for pin, entries in groupby(names.joints.items(), lambda item: item[0].partition(".")[0]):
         yield from _of_joints(pin, dict(entries), structure, names, known)

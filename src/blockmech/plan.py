@@ -13,6 +13,7 @@ The program is readable Python; ``print(plan.program.source)`` shows what runs.
 
 from __future__ import annotations
 
+import copy
 import functools
 import re
 from collections.abc import Callable, Hashable, Iterable, Mapping
@@ -24,7 +25,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 from blockmech.errors import listed
 from blockmech.model.scene import Scene
-from blockmech.model.structure import Structure
+from blockmech.model.structure import MarkerRef, Structure
 from blockmech.plane import SCALAR_PRIMITIVES
 from blockmech.quantities import QUANTITIES
 
@@ -63,7 +64,7 @@ class Entry(NamedTuple):
 
     block: str
     stage: str  # one of STAGES
-    driver: str = ""  # of the unit-rate stages: which driver moves
+    driver: str = ""  # of the unit-rate stages: which driver moves; of a unit load: where it acts
 
     @property
     def node(self) -> Node:
@@ -87,6 +88,23 @@ class Friction:
     tolerance: float | None = None
     iterations: int | None = None
     sticking: bool = False
+
+
+class UnitLoad(NamedTuple):
+    """A force of 1 N at a marker, along x or along y."""
+
+    marker: MarkerRef
+    along: Literal["x", "y"]
+
+    @property
+    def force(self) -> str:
+        """The force in a program."""
+        return ONE if self.along == "x" else f"imul({ONE}, 1.0)"
+
+    @property
+    def name(self) -> str:
+        """Where it acts, and along what."""
+        return f"{self.marker}.{self.along}"
 
 
 @dataclass(frozen=True)
@@ -164,7 +182,10 @@ class Schedule:
         self.formulas: dict[str, Formula] = {}
         self.inputs: set[str] = set()
         self.angles: set[str] = set()
+        self.unit_load: UnitLoad | None = None
+        self.loaded = self  # the schedule of the loads that there are; see `under`
         self._answers: dict[Hashable, Any] = {}
+        self._by_text: dict[str, str] = {}  # expression -> name of its value
         self._calls: dict[str, tuple[Node, ...]] = {}  # value -> the calls that it comes from
         self._names: dict[str, int] = {}
         self._taken = {"P", ZERO, ONE, REST, "t", "program", "abs", *SCALAR_PRIMITIVES}
@@ -178,6 +199,17 @@ class Schedule:
             self._answers[question] = rule(self, *key)
         answer: T = self._answers[question]
         return answer
+
+    def under(self, load: UnitLoad) -> Schedule:
+        """The same program, asked about the mechanism at rest under a unit load alone.
+
+        No friction acts, and drivers are held. Poses are those of this schedule, and what leans
+        on one side or the other in it (teeth, chains) does so there.
+        """
+        other = copy.copy(self)
+        other.unit_load, other.static, other.friction = load, True, Friction("none")
+        other._answers = {}
+        return other
 
     def ask_first(
         self,
@@ -212,11 +244,9 @@ class Schedule:
 
     def line(self, text: str, name: str) -> str:
         """Emit an expression of values and primitives of the plane; the same twice is one line."""
-        key = ("line", text)
-        if key not in self._answers:
-            self._answers[key] = self._add(text, name)
-        answer: str = self._answers[key]
-        return answer
+        if text not in self._by_text:
+            self._by_text[text] = self._add(text, name)
+        return self._by_text[text]
 
     def sum(self, terms: Iterable[str], name: str, nothing: str = NOUGHT) -> str:
         """Emit a sum in the order given, without zeros; ``nothing`` is the sum of no terms."""
@@ -230,7 +260,10 @@ class Schedule:
 
     def kernel(self, entry: Entry, function: Callable[..., Any], *args: str, name: str) -> str:
         """Emit the call that an entry of the plan stands for."""
+        before = len(self.lines)
         value = self.emit(function, *args, name=name)
+        if self.unit_load is not None and len(self.lines) == before:
+            return value  # a pose that is there
         self.entries.append(entry)
         self._add_call(entry.node, self._calls[value])
         self._calls[value] = (entry.node,)
@@ -441,8 +474,9 @@ class Plan:
         calls, outputs = _counted(self.calls, "kernel call"), _counted(len(self.want), "output")
         rows = [f"{calls} for {outputs}"]
         for stage in STAGES:
+            what = "load at" if stage == "force" else "rate of"
             blocks = [
-                e.block + (f" (unit rate of {e.driver})" if e.driver else "")
+                e.block + (f" (unit {what} {e.driver})" if e.driver else "")
                 for e in self.entries
                 if e.stage == stage
             ]

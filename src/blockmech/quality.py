@@ -24,6 +24,7 @@ OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
 )
 WORDS = (OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED)
 DEAD_CENTRE, CHANGE_POINT, DIGITS_LOST = "dead-centre", "change-point", "digits-lost"
+REACTION_REVERSAL = "reaction-reversal"  # of a pin with clearance
 OTHER_SOLUTIONS = "other-solutions"  # of the friction equations, beside the one that is given
 TOUCH = 1e-12  # margin below zero that is rounding where a margin touches zero
 NEAR = 1e-6  # margin below which a surviving doubt is flagged
@@ -165,7 +166,8 @@ def assess(
     ----------
     n : number of samples
     values : report name (``margin/block``, ``path/block``, ``friction/block``,
-        ``existence/block``, ``rest/joint``, ``push/coupling/code``) -> its arrays
+        ``existence/block``, ``rest/joint``, ``pressing/joint``,
+        ``push/coupling/code``) -> its arrays
     wanted_bad : (n,) whether a wanted value is not finite
     prismatic : blocks with friction in a prismatic pair
     following : dyads whose branch follows the motion: it runs on where their margin is zero
@@ -212,6 +214,10 @@ def assess(
         _, coupling, code = name.split("/")
         low = np.flatnonzero(push < 0.0).tolist()
         flags += [Flag(int(i), code, coupling, value=float(push[i])) for i in low]
+    for name, (x, y) in ((k, v) for k, v in values.items() if k.startswith("pressing/")):
+        R = np.broadcast_to(x + 1j * y, n)
+        where = name.removeprefix("pressing/")
+        flags += [Flag(i, REACTION_REVERSAL, where, value=float(abs(R[i]))) for i in reversals(R)]
     flags += [Flag(i, "undefined", "mechanism") for i, block in blame.items() if not block]
     flags.sort(key=lambda f: (f.sample, f.code, f.where))
     return Quality(
@@ -224,6 +230,18 @@ def assess(
         tuple(flags),
         existence,
     )
+
+
+def reversals(R: NDArray[Any]) -> list[int]:
+    """Samples at which a reaction (n,) passes near zero, so that a journal crosses its bush.
+
+    It does where it is zero, and where it turns by a right angle or more from one sample to the
+    next: there the smaller one of the two is the sample. Samples count in the order of the run.
+    """
+    size, ahead = np.abs(R), (R[1:] * np.conj(R[:-1])).real <= 0.0
+    k = np.flatnonzero(ahead)
+    near = np.where(size[k] <= size[k + 1], k, k + 1)
+    return sorted({*near.tolist(), *np.flatnonzero(size == 0.0).tolist()})
 
 
 def left_undone(residual: Any, contraction: Any) -> Any:

@@ -24,6 +24,8 @@ QUANTITIES: Mapping[str, str] = {
     "p": "place of the point",
     "v": "velocity of the point",
     "a": "acceleration of the point",
+    "play": "how far clearance in pins displaces the point, journals lying as reactions press",
+    "play_bound": "the most that play can be along x and along y, however reactions point",
     # pairs
     "reaction": "force of {by} on {on}; of a slider that across its guide",
     "N": "normal force of {by} on {on}, along the guide's direction turned by +90 degrees",

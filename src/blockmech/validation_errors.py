@@ -18,7 +18,7 @@ from blockmech.errors import MOST, Path, Problem, close_match, listed, path_text
 
 Model = TypeVar("Model", bound=BaseModel)
 
-LAST = ("links", "markers", "friction", "slider", "useful")
+LAST = ("links", "markers", "friction", "clearance", "slider", "useful")
 """Fields that many blocks share; they follow the block's own, in this order."""
 
 

@@ -98,7 +98,7 @@ class Block(StrictModel):
 
 
 NO_LINK = Link()
-SHARED_FIELDS = frozenset({"links", "markers", "friction", "slider", "useful"})
+SHARED_FIELDS = frozenset({"links", "markers", "friction", "clearance", "slider", "useful"})
 NOT_FOR_KERNELS = SHARED_FIELDS | {"sign", "offset"}  # the core turns a driver's coordinate
 
 

@@ -34,7 +34,7 @@ import inspect
 from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Literal
 
-from pydantic import field_validator
+from pydantic import Field, field_validator
 from pydantic_core import PydanticCustomError
 
 from blockmech.blocks.block import Block, Mistake, refuse, unknown_name, wrong_links
@@ -47,9 +47,10 @@ from blockmech.blocks.joints import (
     inner_joint,
     outer_joint,
 )
+from blockmech.errors import listed
 from blockmech.friction.laws.contract import AnyFriction, FrictionLaw
 from blockmech.plane import apply, largest
-from blockmech.values import Axis, Link
+from blockmech.values import Axis, Clearance, Link, mistake
 
 __all__ = [
     "AssurGroup",
@@ -78,6 +79,7 @@ class Moving(Block):
 
     links: dict[str, Link] = {}
     friction: dict[str, AnyFriction] = {}
+    clearance: dict[str, Clearance] = Field(default={}, repr=False)  # [m] radial, of pins
 
     @classmethod
     def declare(cls) -> None:
@@ -144,6 +146,12 @@ class Moving(Block):
     def _friction_fits(cls, friction: dict[str, FrictionLaw]) -> dict[str, FrictionLaw]:
         refuse(cls.__name__, wrong_friction(friction, cls.joints))
         return friction
+
+    @field_validator("clearance")
+    @classmethod
+    def _clearance_fits(cls, clearance: dict[str, float]) -> dict[str, float]:
+        refuse(cls.__name__, wrong_clearance(clearance, cls.joints))
+        return clearance
 
     def slider_place(self, joint: str, link: str) -> complex:
         """Place [m] of a slider's point on one of its links, in the link's frame."""
@@ -213,3 +221,17 @@ def wrong_friction(
             law.check_for(joints[joint].kind, joint)
         except PydanticCustomError as error:
             yield (joint,), error
+
+
+def wrong_clearance(
+    clearance: Mapping[str, float], joints: Mapping[str, Joint], what: str = "joint"
+) -> Iterator[Mistake]:
+    """Clearance of joints that the block does not have, or that are no pins."""
+    for joint in clearance:
+        if joint not in joints:
+            yield (joint,), unknown_name("unknown-joint", what, joint, tuple(joints))
+        elif not joints[joint].rotary:
+            pins = listed([name for name, other in joints.items() if other.rotary]) or "none"
+            found = f"{what} {joint} is a guide"
+            valid = f"clearance is radial and of a pin; pins there: {pins}"
+            yield (joint,), mistake("clearance-mismatch", found, valid, "take it away")

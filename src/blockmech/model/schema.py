@@ -101,6 +101,12 @@ def _of_block(key: str, word: str, cls: type[Any], schema: dict[str, Any]) -> di
     keys = {key: {"const": word}, **schema["properties"]}
     if issubclass(cls, Moving) and not cls.own_form:
         keys["links"] = _named({link: {"$ref": "#/$defs/Link"} for link in cls.link_names})
+        pins = {
+            j.name: keys["clearance"]["additionalProperties"]
+            for j in cls.joints.values()
+            if j.rotary
+        }
+        keys["clearance"] = _named(pins)
         keys["friction"] = _named({j.name: _friction_of(j.kind) for j in cls.joints.values()})
     if "markers" in keys:
         keys["markers"] = {**keys["markers"], "propertyNames": NAME}

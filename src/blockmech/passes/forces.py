@@ -93,7 +93,8 @@ def smooth(s: Schedule, block: str) -> str | None:
     pose = s.ask(position, block)
     loads = [s.ask(link_load, LinkRef(block, n)) for n in b.link_names]
     args = (pose, *loads, s.ask(parameters, block))
-    return s.kernel(Entry(block, "force"), b.kernels.reactions, *args, name=f"{block}_smooth")
+    unit = s.unit_load.name if s.unit_load is not None else ""
+    return s.kernel(Entry(block, "force", unit), b.kernels.reactions, *args, name=f"{block}_smooth")
 
 
 def solution(s: Schedule, block: str) -> str | None:
@@ -195,7 +196,7 @@ def reaction(s: Schedule, ref: JointRef) -> str | None:
     reactions = s.ask(smooth, ref.block)
     if reactions is None:
         return None
-    total = s.ask(transmitted, ref, reactions, reactions)
+    total = s.ask(transmitted, ref, reactions, s.loaded.ask(smooth, ref.block))
     solved = s.ask(solution, ref.block)
     if solved is None:
         if s.friction.method == friction.GIVEN:
@@ -248,9 +249,8 @@ def wrench(s: Schedule, ref: JointRef) -> tuple[str, str]:
 def meshing(s: Schedule, driver: str) -> str:
     """What the link that leads does to a coupled one, about the marker of the driven pair."""
     ref = s.structure.driven[driver]
-    reactions = s.ask(smooth, ref.block)
-    assert reactions is not None  # such a block is active
-    parts = [s.ask(contact, driver, s.ask(effort_in, ref), reactions)]
+    base = s.loaded.ask(smooth, ref.block)
+    parts = [s.ask(contact, driver, s.ask(effort_in, ref), base)]
     for mesh in s.ask(friction.friction_joints, ref.block):
         if s.structure.meshes.get(mesh) == driver:
             parts.append(s.ask(loss_load, driver, s.ask(resisting, mesh)))
@@ -276,7 +276,7 @@ def preload(s: Schedule, driver: str) -> str | None:
     """What a coupling does to the driven link without any effort; None for nothing."""
     name = s.structure.followers[driver].coupling
     kernel = s.structure.couplings[name].tension()
-    if kernel is None:
+    if kernel is None or s.unit_load is not None:
         return None
     args = s.ask(forward.meshing, driver), s.ask(forward.numbers, name)
     load = s.emit(kernel, *args, name=f"{name}_preload")
@@ -289,7 +289,7 @@ def preload(s: Schedule, driver: str) -> str | None:
 def coupled(s: Schedule, link: LinkRef) -> Resultant:
     """What couplings do to a link that leads, or on whose support a black box stands."""
     total, structure = NOTHING, s.structure
-    for driver in structure.tensioned_on[link]:
+    for driver in structure.tensioned_on[link] if s.unit_load is None else ():
         if link == structure.later_link(structure.driven[driver]):  # the leader's share is below
             total += _about_origin(s, link, driver, s.ask(preload, driver), "")
     for driver in structure.coupled_on[link]:

@@ -177,5 +177,10 @@ def elements_on(s: Schedule, link: LinkRef) -> Resultant:
 
 
 def applied(s: Schedule, link: LinkRef) -> Resultant:
-    """Weight and elements: what the reduction pass reduces."""
+    """Weight and elements, which the reduction pass reduces; or a unit load in place of all."""
+    if s.unit_load is not None:
+        marker = s.unit_load.marker
+        if marker.on != link:
+            return NOTHING
+        return at_arm(s, s.unit_load.force, s.ask(marker_arm, marker), f"{marker}_unit")
     return s.ask(weight_on, link) + s.ask(elements_on, link)

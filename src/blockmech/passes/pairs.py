@@ -201,7 +201,7 @@ def statics(s: Schedule, ref: JointRef) -> Statics:
     return MESH if ref in s.structure.meshes else STATICS[s.structure.joint(ref).kind]
 
 
-def transmitted(s: Schedule, ref: JointRef, reactions: str, base: str) -> str:
+def transmitted(s: Schedule, ref: JointRef, reactions: str, base: str | None) -> str:
     """What a pair transmits onto its later link by one set of reactions.
 
     ``base`` are those to the loads alone, see `contacts.contact`.
@@ -282,11 +282,11 @@ def _owner(s: Schedule, ref: JointRef) -> LinkRef:
 # stands on both supports.
 
 
-def contact(s: Schedule, driver: str, effort: str, base: str) -> str:
+def contact(s: Schedule, driver: str, effort: str, base: str | None) -> str:
     """Load on the driven link about the marker of its pair, by an effort along its coordinate.
 
-    ``base`` are the reactions to the loads alone; the sense of the effort in them is that of
-    the contact, so that what friction adds to it is linear.
+    ``base`` are the reactions to the loads alone, None without any; the sense of the effort in
+    them is that of the contact, so that what friction adds to it is linear.
     """
     name, ref = s.structure.followers[driver].coupling, s.structure.driven[driver]
     kernel = s.structure.contact(driver)
@@ -294,7 +294,7 @@ def contact(s: Schedule, driver: str, effort: str, base: str) -> str:
     field = s.structure.blocks[ref.block].effort_field(ref.name)
     sense = "1.0"
     if s.structure.couplings[name].sided:
-        sense = s.line(f"sign({base}.{field})", f"{name}_sense")
+        sense = NOUGHT if base is None else s.line(f"sign({base}.{field})", f"{name}_sense")
     args = s.ask(meshing, driver), effort, sense, s.ask(numbers, name)
     return s.emit(kernel, *args, name=f"{name}_contact")
 

@@ -38,6 +38,9 @@ def active(s: Schedule, block: str) -> bool:
     """Whether a block has mass, a load, friction without one, or an active later block."""
     s.ask_first(active, block, lambda b: later_blocks(s, b))
     structure = s.structure
+    if s.unit_load is not None:
+        on = s.unit_load.marker.block == block
+        return on or any(s.ask(active, later) for later in later_blocks(s, block))
     for name in structure.blocks[block].link_names:
         link = LinkRef(block, name)
         properties = structure.properties(link)

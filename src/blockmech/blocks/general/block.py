@@ -29,6 +29,7 @@ from blockmech.blocks.contract import (
     Kernels,
     inner_joint,
     outer_joint,
+    wrong_clearance,
     wrong_friction,
 )
 from blockmech.blocks.general.equations import PairPlan
@@ -329,7 +330,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
 
     # -- what is refused ------------------------------------------------------------------
 
-    # Links and friction are held against the pairs, once these are read.
+    # Links, friction and clearance are held against the pairs, once these are read.
 
     @field_validator("links")
     @classmethod
@@ -340,6 +341,11 @@ class GeneralGroup(AssurGroup, type="group.general"):
     @classmethod
     def _friction_fits(cls, friction: dict[str, FrictionLaw]) -> dict[str, FrictionLaw]:
         return friction
+
+    @field_validator("clearance")
+    @classmethod
+    def _clearance_fits(cls, clearance: dict[str, float]) -> dict[str, float]:
+        return clearance
 
     @model_validator(mode="after")
     def _hangs_together(self) -> GeneralGroup:
@@ -360,6 +366,8 @@ class GeneralGroup(AssurGroup, type="group.general"):
             yield ("links", *where), error
         for where, error in wrong_friction(self.friction, self.joints, "pair"):
             yield ("friction", *where), error
+        for where, error in wrong_clearance(self.clearance, self.joints, "pair"):
+            yield ("clearance", *where), error
 
     def _wrong_pairs(self) -> Iterator[Mistake]:
         for name, pair in self.pairs.items():

@@ -27,6 +27,7 @@ from blockmech.values import (
     POSE,
     Angle,
     Axis,
+    Clearance,
     Link,
     Marker,
     Number,
@@ -101,6 +102,7 @@ class PinGiven(_Joint):
     """A revolute joint: the places [m] of two links, or more on one pin, coincide."""
 
     type: Literal["R"]
+    clearance: Clearance | None = None
 
 
 class GuideGiven(_Joint):
@@ -238,7 +240,7 @@ def sections() -> dict[str, Section]:
         if issubclass(cls, Element)
     }
     own = ("mass", "inertia", "cm", "pose", "markers")
-    of_joint = ("type", "links", "at", "angle", "dir", "slider", "friction")
+    of_joint = ("type", "links", "at", "angle", "dir", "slider", "friction", "clearance")
     pairs = {"R": PinGiven, "P": GuideGiven}
     driven = {word: _driver_model(law) for word, law in laws.items()}
     alone = "a driver without a law"

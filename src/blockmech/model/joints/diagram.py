@@ -99,6 +99,9 @@ class Diagram:
         friction = {joint: plain(law) for joint, law in rubbing.items() if law is not None}
         if friction:
             data["friction"] = friction
+        loose = {end.joint: pairs[pair].clearance for pair, end in made.ends.items()}
+        if clearance := {joint: c for joint, c in loose.items() if c is not None}:
+            data["clearance"] = clearance
         own = {(link, seat.o): seat.link for link, seat in made.seats.items()}
         for (link, at), marker in {**made.points, **own}.items():
             seat = self._seats[link]

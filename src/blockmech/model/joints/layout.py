@@ -54,6 +54,7 @@ class Connection(Pair):
     along: tuple[complex, complex] = (1 + 0j, 1 + 0j)
     slider: int = 1
     friction: FrictionLaw | None = None
+    clearance: float | None = None
 
     def on(self, link: str) -> complex:
         """Place [m] on one of the links."""
@@ -128,6 +129,8 @@ def _pairs_of(linkage: Linkage, name: str) -> list[Connection]:
     more: dict[str, Any] = {"friction": joint.friction}
     if isinstance(joint, GuideGiven):
         more |= {"along": joint.directions, "slider": joint.slider}
+    else:
+        more["clearance"] = joint.clearance
     return [
         Connection(
             name if len(others) == 1 else f"{name}.{link}",
@@ -177,8 +180,9 @@ def seated(pairs: Connections, drivers: Collection[str]) -> tuple[Connections, S
 
 
 def _is_smooth(pin: list[Connection]) -> bool:
-    """Whether a pin has no friction, one place only on each link, and is not on the frame."""
-    if len(pin) < 2 or any(c.friction for c in pin) or all(FRAME in c.links for c in pin):
+    """Whether a pin is free of laws, has one place only on each link, and is not on the frame."""
+    ruled = any(c.friction or c.clearance is not None for c in pin)
+    if len(pin) < 2 or ruled or all(FRAME in c.links for c in pin):
         return False
     places = {(link, c.on(link)) for c in pin for link in c.links}
     return len(places) == len({link for link, _ in places})

@@ -151,6 +151,7 @@ class Linkage(Document):
         dir: Sequence[Two] | None = None,
         slider: Literal[0, 1] | None = None,
         friction: FrictionLaw | None = None,
+        clearance: float | None = None,
     ) -> None:
         """Add a joint between two links, or a pin ("R") of more.
 
@@ -162,12 +163,14 @@ class Linkage(Document):
         angle, dir : of a guide, its direction in both frames: [rad], or (dx, dy)
         slider : of a guide, which of the two links carries the point where N acts; default 1
         friction : of the joint
+        clearance : [m] radial, of a pin
 
         Raises `GraphError` for what does not fit.
         """
         links = list(as_names(f"joints.{name}.links", links))
         given = {"type": kind, "links": links, "at": at, "angle": angle, "dir": dir}
-        self._add("joint", name, given | {"slider": slider, "friction": friction}, kind)
+        laws = {"slider": slider, "friction": friction, "clearance": clearance}
+        self._add("joint", name, given | laws, kind)
 
     def add_pin(
         self,
@@ -176,6 +179,7 @@ class Linkage(Document):
         point: AnyPlace,
         *,
         friction: FrictionLaw | None = None,
+        clearance: float | None = None,
     ) -> None:
         """Add a pin between links, where it is in the world in the poses that they were given.
 
@@ -185,6 +189,7 @@ class Linkage(Document):
         ----------
         links : names of two links or more, added before; "frame" is the fixed one
         point : place [m] in the world
+        friction, clearance : of the joint, see `add_joint`
 
         Raises `GraphError` for links that there are not, or what does not fit.
         """
@@ -201,7 +206,7 @@ class Linkage(Document):
                 drawn[link] = drawn[link].model_copy(update={"pose": (0.0, 0.0, 0.0)})
             poses.append(drawn[link].at)
         at = [(z - o) * cmath.rect(1.0, -angle) for o, angle in poses]
-        self.add_joint(name, "R", links, at, friction=friction)
+        self.add_joint(name, "R", links, at, friction=friction, clearance=clearance)
         self.links.update((link, drawn[link]) for link in links if link in self.links)
 
     @declared
