@@ -76,7 +76,7 @@ def test_the_schema_is_plain_json():
 
 def test_keys_stand_in_the_order_of_the_file():
     keys = list(graph_schema()["$defs"]["dyad.rrr"]["properties"])
-    assert keys == ["type", "l_i", "l_j", "branch", "home", "links", "friction"]
+    assert keys == ["type", "l_i", "l_j", "branch", "home", "links", "friction", "clearance"]
 
 
 def test_units_are_said():
