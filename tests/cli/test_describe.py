@@ -75,7 +75,8 @@ def test_every_quantity_is_said_in_words_and_none_that_there_is_not():
     linkages = [bm.Linkage.load(path).compile() for path in JOINTS.glob("*.json")]
     law = bm.LuGre(static=0.2, kinetic=0.1, stribeck_speed=1.0, stiffness=1e3, radius=0.01)
     bristles = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
-    bristles.blocks["dyad"] = bristles.blocks["dyad"].model_copy(update={"friction": {"B": law}})
+    more = {"friction": {"B": law}, "clearance": {"B": 1e-5}}
+    bristles.blocks["dyad"] = bristles.blocks["dyad"].model_copy(update=more)
     graphs.append(bristles.compile())
     outputs = [o for mech in graphs + linkages for o in mech.outputs.values()]
     assert all(o.about for o in outputs)
