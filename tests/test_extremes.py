@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from tests.extremes import near
-from tests.extremes.friction import Press, Rocker, found, presses, rockers, solved
+from tests.extremes import edges, near
+from tests.extremes.friction import Press, Rocker, found, presses, rockers, slopes, solved
 from tests.extremes.measure import measure
 from tests.extremes.motions import Motion, all_motions, moved
 from tests.extremes.scenes import Scene, all_scenes, as_general_group, fourbar
 
 TIMES_FORCED = 20.0  # no quantity may be worse than this times what the data force
+HIDDEN = 1.5e-7  # [rad] within which two ends of arcs are told to be a change point
 FLOOR = 1e-12  # of the largest of its kind, in double; in single the same number of ulps
 BOTH = ("complex128", "complex64")
 RUBBING = [*presses(), *rockers()]
@@ -62,6 +63,34 @@ def test_all_friction_solutions_are_there_and_as_good_as_their_data_allow(
     cell = solved(case)
     assert cell.found == cell.true
     assert cell.error <= max(TIMES_FORCED * cell.forced, FLOOR)
+
+
+@pytest.mark.parametrize("case", [c for c in RUBBING if c.addresses], ids=lambda case: case.name)
+def test_derivatives_with_friction_are_as_good_as_their_data_allow(case: Press | Rocker) -> None:
+    if found(case, "complex128").balanced:
+        error, forced = slopes(case)
+        assert error <= max(TIMES_FORCED * forced, FLOOR)
+    else:
+        with pytest.raises(bm.FrictionError):
+            slopes(case)
+
+
+@pytest.mark.parametrize("case", list(edges.turning()), ids=lambda case: case.name)
+def test_limits_and_modes_are_as_good_as_their_data_allow_or_tell_of_a_change_point(
+    case: edges.Turning,
+) -> None:
+    cell = edges.ends_of(case)
+    assert cell.told == (cell.left_out == 0) or (cell.change_point and cell.left_out < HIDDEN)
+    if not cell.change_point:
+        assert cell.circuits == (2 if cell.told else 1)
+        assert cell.error <= max(TIMES_FORCED * cell.forced, FLOOR)
+
+
+@pytest.mark.parametrize("case", list(edges.wheels()), ids=lambda case: case.name)
+def test_a_steady_state_is_as_good_as_it_says(case: edges.Wheel) -> None:
+    cell = edges.steady_of(case)
+    assert cell.error <= max(TIMES_FORCED * cell.forced, cell.estimate)
+    assert cell.estimate <= FLOOR
 
 
 @pytest.mark.parametrize("case", list(near.cases()), ids=lambda case: case.name)

@@ -6,8 +6,8 @@ import math
 import signal
 from typing import Any
 
-from . import near
-from .friction import found, presses, rockers, solved
+from . import edges, near
+from .friction import found, presses, rockers, slopes, solved
 from .measure import Row, measure
 from .motions import all_motions, moved
 from .scenes import all_scenes
@@ -49,6 +49,32 @@ def main() -> None:
         all_of = solved(press)
         digits = f"{_digits(all_of.error)} ({_digits(all_of.forced)})" if all_of.true else "-"
         print(f"| {press.name} | {all_of.found} | {all_of.true} | {digits} | {all_of.proof} |")
+
+    print("\n### Derivatives\n")
+    print(
+        "Of the driving moment, by lengths and the guide's coefficient; relative to the largest.\n"
+    )
+    print("| press | digits |\n|---|---|")
+    for press in rubbing:
+        if press.addresses and found(press, "complex128").balanced:
+            error, forced = slopes(press)
+            print(f"| {press.name} | {_digits(error)} ({_digits(forced)}) |")
+
+    print("\n## Limits, modes, steady states\n")
+    print("Ends of the arcs of a four-bar [rad], by limits and by modes.\n")
+    print("| four-bar | error | forced | told |\n|---|---|---|---|")
+    for bar in edges.turning():
+        arcs = edges.ends_of(bar)
+        told = ["turns fully" if arcs.told else "arcs", f"circuits {arcs.circuits}"]
+        told += ["change point"] if arcs.change_point else []
+        ended = arcs.left_out and not arcs.told
+        errors = f"{arcs.error:.0e} | {arcs.forced:.0e}" if ended else "- | -"
+        print(f"| {bar.name} | {errors} | {', '.join(told)} |")
+    print("\nPeriod of the steady turn, relative: error, and what it says it is.\n")
+    print("| wheel | error | estimate |\n|---|---|---|")
+    for wheel in edges.wheels():
+        state = edges.steady_of(wheel)
+        print(f"| {wheel.name} | {state.error:.0e} | {state.estimate:.0e} |")
 
     print("\n## Beside change points, and joints almost in one place\n")
     print("Digits of a pin's place and velocity against their closed forms in 60 digits.\n")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -65,7 +65,22 @@ class Press:
         With each stands 1 where the rod pushes, as it does without friction, -1 where it pulls.
         With a seed, lengths and friction are moved by half a unit in the last place.
         """
-        r, l, rho, mu = moved((self.crank, self.rod, self.rho, self.guide), seed, dtype)
+        return self.moments_of(moved(self.numbers, seed, dtype))
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """What the truth is made of."""
+        return (self.crank, self.rod, self.rho, self.guide)
+
+    @property
+    def addresses(self) -> dict[str, int]:
+        """Addresses of numbers of the graph, and their places among `numbers`."""
+        guided = {"ram.friction.S.coefficient": 3} if self.guide else {}
+        return {"crank.length": 0, "ram.l": 1, **guided}
+
+    def moments_of(self, numbers: Sequence[Any]) -> list[tuple[int, Any]]:
+        """Moments of numbers (mpf)."""
+        r, l, rho, mu = numbers
         q, way = mpf(self.q), self.sense
         phi = -mp.asin(r * mp.sin(q) / l)
         rod = -r * mp.cos(q) / (l * mp.cos(phi)) * way  # its rate at unit rate of the crank
@@ -128,9 +143,23 @@ class Rocker:
 
     def moments(self, seed: int | None = None, dtype: Any = np.float64) -> list[tuple[int, Any]]:
         """As those of a press."""
-        d = self.pivot
-        given = (self.crank, self.rod, self.rocker, self.rho, d.real, d.imag)
-        r, l, c, rho, x, y = moved(given, seed, dtype)
+        return self.moments_of(moved(self.numbers, seed, dtype))
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """As those of a press."""
+        pivot = self.pivot
+        return (self.crank, self.rod, self.rocker, self.rho, pivot.real, pivot.imag)
+
+    @property
+    def addresses(self) -> dict[str, int]:
+        """As those of a press."""
+        places = {"crank.length": 0, "dyad.l_i": 1, "dyad.l_j": 2, "frame.D.x": 4, "frame.D.y": 5}
+        return {} if self.general else places
+
+    def moments_of(self, numbers: Sequence[Any]) -> list[tuple[int, Any]]:
+        """As those of a press."""
+        r, l, c, rho, x, y = numbers
         tip, way = r * mp.expj(mpf(self.at)), self.sense
         aside = mp.mpc(x, y) - tip
         reach = abs(aside)
@@ -260,3 +289,29 @@ def solved(case: Press | Rocker) -> Solved:
     return Solved(
         len(mine), len(truth), answer.proof[0], float(max(errors, default=0)), float(forced)
     )
+
+
+def slopes(case: Press | Rocker) -> tuple[float, float]:
+    """Error, and what half an ulp in the data forces, of the moment's derivatives by lengths.
+
+    Both relative to the largest derivative; the moment must exist.
+    """
+    names = case.addresses
+    answer = case.graph.compile().sensitivity(
+        "crank.drive", to=tuple(names), at=case.at, rates=float(case.sense), static=True
+    )
+
+    def truth(numbers: Sequence[Any]) -> list[Any]:
+        def along(i: int) -> Any:
+            return lambda x: dict(case.moments_of([*numbers[:i], x, *numbers[i + 1 :]]))[1]
+
+        return [mp.diff(along(i), numbers[i], h=mpf(10) ** -25) for i in names.values()]
+
+    with mp.workdps(2 * DIGITS):
+        exact = truth(moved(case.numbers, None, np.float64))
+        size = max(map(abs, exact))
+        mine = [mpf(float(answer["crank.drive", name][0])) for name in names]
+        error = max(abs(a - b) for a, b in zip(mine, exact, strict=True)) / size
+        shaken = [truth(moved(case.numbers, seed, np.float64)) for seed in range(SHAKES)]
+        off = [abs(a - b) for row in shaken for a, b in zip(row, exact, strict=True)]
+        return float(error), float(max(off) / size)

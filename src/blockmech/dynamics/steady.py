@@ -235,10 +235,17 @@ class Flow:
         return SectionReturn(run.end, np.array([run.q, rate]), run.t)
 
     def once(self, x: Floats, until: Until) -> Motion:
-        """A period of a periodic motion, with its error."""
+        """A period of a periodic motion, with its error.
+
+        At a speed that stays the path has nothing but rounding to resolve: then it goes in time.
+        """
         asked = self.asked(x, until)
         if until.goal == "turns" and asked.method not in SOLVERS and self.system.smooth_friction:
-            return along_path(self.system, asked)
+            found = along_path(self.system, asked)
+            if found.end == ends.INTERRUPTED:
+                raise KeyboardInterrupt
+            if found.end == until.goal:
+                return found
         own = asked.method if asked.method in SOLVERS else "dop853"
         finer = (asked.accuracy or TARGET) / 10  # the gain of the map enlarges it
         motion = in_time(self.system, replace(asked, accuracy=finer), own)
