@@ -198,16 +198,16 @@ def reaction(s: Schedule, ref: JointRef) -> str | None:
         return None
     total = s.ask(transmitted, ref, reactions, s.loaded.ask(smooth, ref.block))
     solved = s.ask(solution, ref.block)
-    if solved is None:
-        if s.friction.method == friction.GIVEN:
-            for unit in s.ask(friction.friction_joints, ref.block):
-                if unit in s.structure.meshes:
-                    by, t = s.ask(influence, ref, unit, reactions), s.ask(friction.given, unit)
-                    total += f" + mul({by}, {t})"
-        return s.line(total, f"{ref}_R") if " " in total else total
-    for k, unit in enumerate(s.ask(friction.coupled_joints, ref.block)):
-        total += f" + mul({s.ask(influence, ref, unit, reactions)}, {solved}.t[{k}])"
-    return s.line(total, f"{ref}_R")
+    if solved is not None:
+        units = enumerate(s.ask(friction.coupled_joints, ref.block))
+        rubs = [(unit, f"{solved}.t[{k}]") for k, unit in units]
+    else:  # given friction of pairs loads the links; that of a mesh goes from link to link
+        meshes = s.structure.meshes if s.friction.method == friction.GIVEN else {}
+        joints = s.ask(friction.friction_joints, ref.block)
+        rubs = [(unit, s.ask(friction.given, unit)) for unit in joints if unit in meshes]
+    for unit, t in rubs:
+        total += f" + mul({s.ask(influence, ref, unit, reactions)}, {t})"
+    return s.line(total, f"{ref}_R") if rubs else total
 
 
 def drive(s: Schedule, driver: str) -> str:
