@@ -93,6 +93,7 @@ def in_program(output: Output) -> Callable[..., str] | None:
 
 def outputs_of(structure: Structure) -> Iterator[Output]:
     """Every output of a mechanism, in formation order."""
+    loose = {name for name, block in structure.blocks.items() if block.clearance}
     for name, block in structure.blocks.items():
         for driver in structure.drivers_of(name):
             yield from _driver_outputs(structure, driver)
@@ -100,7 +101,7 @@ def outputs_of(structure: Structure) -> Iterator[Output]:
             yield from _link_outputs(LinkRef(name, link))
         for marker in structure.markers(name):
             yield from _marker_outputs(marker)
-            if play.loose_pins(structure, name):
+            if loose and not loose.isdisjoint(structure.ancestors(name)):
                 yield _vector(f"{marker}.play", "m", play.play, marker)
                 yield _vector(f"{marker}.play_bound", "m", play.play_bound, marker)
         for joint in block.joints.values():
