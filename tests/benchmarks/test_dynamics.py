@@ -117,6 +117,17 @@ def test_friction_in_motion() -> None:
     assert abs(ends[0].q_end - ends[1].q_end) <= ends[0].error + ends[1].error
 
 
+def test_a_hundred_swings_with_friction(benchmark: Callable[..., object]) -> None:
+    pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
+    mech, request = rubbing(), {"start": {"crank": (1.0, 0.0)}, "want": []}
+    motion = benchmark(lambda: mech.simulate("swings=100", **request).motion)
+    seconds = benchmark.stats.stats.min  # type: ignore[attr-defined]
+    task = "100 swings of a four-bar with friction, to its rest, auto"
+    ROWS.append(Row(task, seconds, 0.2, "goal", 1.0, motion.error))
+    assert (motion.method, motion.end) == ("dop853", "rest")
+    assert motion.error <= 1e-9
+
+
 DESIGNS = 2000
 TWO_CORES = 2 * 20.0  # [s] of processor time in which the goals' designs are to be moved
 

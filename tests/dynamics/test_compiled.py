@@ -58,6 +58,30 @@ def test_a_motion_with_friction_is_the_same(monkeypatch, engine):
     assert other.facts["friction_work"] == pytest.approx(one.facts["friction_work"], rel=1e-7)
 
 
+@pytest.mark.parametrize(
+    ("request_of", "method"),
+    [
+        ({"until": "swings=100"}, "dop853"),
+        ({"until": "time=100"}, "dop853"),
+        ({"until": "swings=100", "start": {"crank": (0.5, 0.3)}}, "dop853"),
+        ({"until": "swings=100", "engine": "scalar"}, "spectral"),
+        ({"until": "swings=100", "accuracy": 1e-12}, "spectral"),  # which steps do not reach
+        ({"until": "time=3"}, "spectral"),
+        ({"until": "swings=2"}, "spectral"),
+    ],
+)
+def test_many_swings_with_friction_are_followed_in_time(request_of, method):
+    request = {"start": {"crank": (0.5, 0.0)}, "want": []} | request_of
+    motion, path = (
+        pendulum().simulate(**request | more).motion for more in ({}, {"method": "spectral"})
+    )
+    assert motion.method == method
+    assert (motion.engine == "llvm") == (method == "dop853")
+    assert [e.kind for e in motion.events] == [e.kind for e in path.events]
+    assert abs(motion.q_end - path.q_end) <= motion.error + path.error
+    assert motion.error <= request.get("accuracy", 1e-9)
+
+
 def test_friction_that_no_certificate_covers_is_left_to_continuation():
     request = {"until": "time=1", "start": {"crank": (0.5, 1.0)}, "method": "dop853"}
     one, other = both(lambda: pendulum(coefficient=1.0, radius=1.2), **request)

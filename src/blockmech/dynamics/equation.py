@@ -20,7 +20,7 @@ import numpy as np
 
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.motion import Floats
-from blockmech.dynamics.rates import rates_of
+from blockmech.dynamics.rates import kept_rates
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
 from blockmech.engines.stages import CompiledStepper
@@ -122,19 +122,12 @@ class Equation:
         return found
 
     def _stages(self) -> CompiledStepper | None:
-        friction, k = self.system.friction, tuple[float, ...]()
-        of_program = type(self.system).one is System.one  # not of series near change points
-        if not self.system.compiled_states or self.drivers > 1 or not of_program:
+        unsettled = self.system.friction is not None and not self.sides
+        if not self.system.compiled_states or unsettled:
             return None
-        if friction is not None:
-            if not self.sides:
-                return None
-            k = tuple(map(float, self.sides))
-        least = LEAST_INERTIA * self.typical
-        kept, key = self.system.kept, ("rates", self.system.method)
-        if key not in kept:
-            kept[key] = rates_of(self.system.equation_program, friction, self.system.signals)
-        return None if kept[key] is None else CompiledStepper(kept[key], (0.0, 1.0, least, *k))
+        least, rates = LEAST_INERTIA * self.typical, kept_rates(self.system)
+        k = map(float, self.sides)
+        return None if rates is None else CompiledStepper(rates, (0.0, 1.0, least, *k))
 
     def took(self, states: int) -> None:
         """Count states that machine code was asked for."""

@@ -36,6 +36,7 @@ from blockmech.dynamics.estimate import (
 from blockmech.dynamics.motion import Event, Motion, Status, Still
 from blockmech.dynamics.panels import Panels, joined
 from blockmech.dynamics.place import RESOLVED
+from blockmech.dynamics.rates import kept_rates
 from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
 from blockmech.dynamics.road import CLOSE, PIECES, PathMesh, Piece
@@ -52,6 +53,7 @@ MOST = 8_000  # panels of a run; ten seconds of work and more
 # Panels in a row, one by one, that cover less than a part of a piece of the road: it crawls. Panels
 # crowd to where something is not smooth as powers of two, a score on either side.
 CROWD, CRAWL = 48, 1 / 64
+SWINGS = 8  # with friction, to be expected: panels of fewer cost no more than machine code at first
 
 
 @dataclass
@@ -155,6 +157,8 @@ class PathRun:
             elif found.rests:
                 self.facts.update(holding_low=found.holding[0], holding_high=found.holding[1])
                 self.rest(ends.REST)
+            elif self.swings_on:
+                self.stop(ends.SWINGS_ON, "ended")
             self.sign = found.moves
         else:
             q = q if self.count else float(self.request.start.q)
@@ -319,6 +323,19 @@ class PathRun:
         else:
             self.leave()
 
+    @property
+    def swings_on(self) -> bool:
+        """Whether ``auto`` had better follow the swings with friction in time, by machine code.
+
+        As many are expected as are asked for, or go into the time by those there were.
+        """
+        request, system = self.request, self.system
+        swings = request.standstills
+        if self.t > 0 and request.span < math.inf:
+            swings = request.span / self.t * self.standstills
+        wanted = request.method == "auto" and system.engine != "scalar"
+        return wanted and SWINGS <= swings < math.inf and kept_rates(system) is not None
+
     def is_too_slow(self) -> bool:
         """Whether the time asked for is out of reach of swings that take work each, as these."""
         some, swings_on = self.count > MOST / 8, self.system.friction is None
@@ -429,7 +446,8 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     run = PathRun(system, request, COARSE, True)
     run.run()
     coarse = run.motion()
-    if coarse.end == ends.INTERRUPTED or (coarse.end == ends.TOO_MANY and request.method == "auto"):
+    given_up = (ends.TOO_MANY, ends.SWINGS_ON) if request.method == "auto" else ()
+    if coarse.end in (ends.INTERRUPTED, *given_up):
         return stopped(coarse, None)
     run = PathRun(system, request, FINE)
     run.run()
