@@ -20,10 +20,10 @@ import numpy as np
 
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.motion import Floats
-from blockmech.dynamics.rates import kept_rates
+from blockmech.dynamics.rates import rates_of
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
-from blockmech.engines.stages import CompiledStepper
+from blockmech.engines.stages import CompiledRhs, CompiledStepper
 
 if TYPE_CHECKING:
     from blockmech.dynamics.pair_friction import FrictionState
@@ -298,6 +298,20 @@ class Equation:
         """Kinetic energy [J]."""
         qd = y[self.layout.rate]
         return 0.5 * float(qd @ self.inertia(y) @ qd)
+
+
+def kept_rates(system: System) -> CompiledRhs | None:
+    """The rates as machine code, made once a mechanism; None where there can be none.
+
+    There is none of several drivers, and of what is no program: series near change points.
+    """
+    if len(system.drivers) > 1 or type(system).one is not System.one:
+        return None
+    kept, key = system.kept, ("rates", system.method)
+    if key not in kept:
+        kept[key] = rates_of(system.equation_program, system.friction, system.signals)
+    found: CompiledRhs | None = kept[key]
+    return found
 
 
 def scales(equation: Equation, t: float, y: Floats) -> tuple[float, float]:

@@ -24,6 +24,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.ahead import At, PanelBuilder, PanelFailure
+from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
     ROUNDING,
     TARGET,
@@ -36,7 +37,6 @@ from blockmech.dynamics.estimate import (
 from blockmech.dynamics.motion import Event, Motion, Status, Still
 from blockmech.dynamics.panels import Panels, joined
 from blockmech.dynamics.place import RESOLVED
-from blockmech.dynamics.rates import kept_rates
 from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
 from blockmech.dynamics.road import CLOSE, PIECES, PathMesh, Piece

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 from blockmech.dynamics.friction import bearing, power_taken, resistance
 from blockmech.dynamics.pair_friction import signed_terms
-from blockmech.dynamics.system import System
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.stages import CompiledRhs
@@ -84,20 +83,6 @@ def rubbing(
     parts = [x for F in solved.loads for x in (F.real, F.imag)]
     sides = [x for F, guide in zip(solved.loads, guides, strict=True) if guide for x in bearing(F)]
     return (*rates, *parts, *_watched(margin, J, qd, least), *solved.slips, *sides, *kinks)
-
-
-def kept_rates(system: System) -> CompiledRhs | None:
-    """The right-hand side of a system compiled, made once a mechanism; None where there is none.
-
-    There is none of several drivers, and of series near change points.
-    """
-    if len(system.drivers) > 1 or type(system).one is not System.one:
-        return None
-    kept, key = system.kept, ("rates", system.method)
-    if key not in kept:
-        kept[key] = rates_of(system.equation_program, system.friction, system.signals)
-    found: CompiledRhs | None = kept[key]
-    return found
 
 
 def rates_of(
