@@ -93,6 +93,12 @@ def test_a_steady_state_is_as_good_as_it_says(case: edges.Wheel) -> None:
     assert cell.estimate <= FLOOR
 
 
+def test_where_friction_locks_a_motion_no_steady_state_is_looked_for() -> None:
+    wheel = edges.Wheel("so rough that its own inertia locks it", 1e6).graph.compile()
+    with pytest.raises(bm.RequestError, match="self-locking in motion at the start"):
+        wheel.simulate("steady", start={"crank": (0.3, 1.0)})
+
+
 @pytest.mark.parametrize("case", list(near.cases()), ids=lambda case: case.name)
 def test_beside_change_points_and_coincident_joints_it_is_right_or_refused(
     case: near.Near,

@@ -56,6 +56,7 @@ from blockmech.dynamics.periodic import (
 )
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.rest import failed_start
+from blockmech.dynamics.singular import what_is_ahead
 from blockmech.dynamics.time import SOLVERS, Run, in_time
 from blockmech.errors import listed
 
@@ -167,7 +168,8 @@ class Flow:
         self.speed = scales(self.equation, start.t, self._whole(self.x))[0]
         self.size = np.repeat([min(span, 1.0), self.speed], self.k)  # of the parts of a state
         if not np.isfinite(self.acceleration(self.x)).all():
-            raise no_steady(f"{ends.IMPOSSIBLE} at the start", "start elsewhere")
+            why = what_is_ahead(self.equation, start.t, self._whole(self.x)).kind
+            raise no_steady(f"{why} at the start", "start elsewhere")
 
     def acceleration(self, x: Floats, later: float = 0.0) -> Floats:
         """q'' (k,) at a state, some time [s] after the start."""
