@@ -19,7 +19,6 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import watched
-from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.motion import INTEGRATORS, Event, Motion, Status
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import WATCH, SimulationRequest, check_method
@@ -212,18 +211,14 @@ def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
     """A start that is pressed against an end stop."""
     start = request.start
     at, rates = (np.atleast_1d(x) for x in start[:2])
-    for i, (between, q, rate) in enumerate(zip(system.stops, at, rates, strict=True)):
-        if i in system.held:
-            continue
-        for stop, way in zip(between, (-1.0, 1.0), strict=True):
-            if not (math.isfinite(stop) and abs(q - stop) <= SAME * max(1.0, abs(stop))):
-                continue
-            if way * (rate or _push(system, request, i)) > 0:
-                driver = system.drivers[i]
-                end = ends.END_STOP if at.size == 1 else f"{ends.END_STOP} of {driver}"
-                told = (Event(end, start.t, start.q, start.rate),)
-                still = replace(request.standing, why="it starts at an end stop that holds it")
-                return replace(still, regime=ends.END_STOP, status="ended", end=end, events=told)
+    for i, (q, rate) in enumerate(zip(at, rates, strict=True)):
+        way = 0 if i in system.held else system.at_stop(i, q)
+        if way and way * (rate or _push(system, request, i)) > 0:
+            driver = system.drivers[i]
+            end = ends.END_STOP if at.size == 1 else f"{ends.END_STOP} of {driver}"
+            told = (Event(end, start.t, start.q, start.rate),)
+            still = replace(request.standing, why="it starts at an end stop that holds it")
+            return replace(still, regime=ends.END_STOP, status="ended", end=end, events=told)
     return None
 
 

@@ -313,6 +313,13 @@ class System:
         """(k,) drivers that do not lie against a stop."""
         return ~np.isin(np.arange(len(self.drivers)), list(self.held))
 
+    def at_stop(self, i: int, q: float) -> int:
+        """Which end stop of a driver a coordinate is at: +1 the highest, -1 the lowest, 0 none."""
+        for way, stop in zip((-1, 1), self.stops[i], strict=True):
+            if math.isfinite(stop) and abs(q - stop) <= loads.SAME * max(1.0, abs(stop)):
+                return way
+        return 0
+
     def pair_name(self, j: int) -> str:
         """A pair with friction by its number, in the words of the document."""
         assert self.friction is not None

@@ -292,16 +292,17 @@ class Run:
         begins = self.t in (self.request.start.t, self.switched)
         if not (begins and self.layout.initial) or self.system.friction is not None:
             return None
-        for i, stops in enumerate(self.system.stops):
+        for i in range(self.equation.drivers):
             q, qd = self.y[self.layout.q][i], self.y[self.layout.rate][i]
-            if qd or q not in stops or i in self.system.held:
+            way = self.system.at_stop(i, q)
+            if qd or not way or i in self.system.held:
                 continue
             y, push = self.y.copy(), 0.0
             for _ in range(CHAIN):
                 slope = np.asarray(self.equation(self.t, y), dtype=np.float64)
                 push = push or slope[self.layout.rate][i]
                 y[self.layout.signals] += CREEP * slope[self.layout.signals]
-            if push * (1 if q == stops[1] else -1) > 0:
+            if push * way > 0:
                 alone = self.equation.drivers == 1
                 kind = ends.END_STOP if alone else f"{ends.END_STOP} of {self.system.drivers[i]}"
                 self.events.append(Event(kind, self.t, *self.layout.motion(self.y)))
