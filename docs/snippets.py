@@ -148,13 +148,14 @@ def on_files(files, config):
                 raise PluginError(wrong)
             _shown_on[page.src_uri] = shown
             for picture in re.findall(r"\]\(([\w/-]+\.(?:svg|png|gif))\)", page.content_string):
-                if not (folder / picture).exists():
+                uri, made = (Path(page.src_uri).parent / picture).as_posix(), folder / picture
+                if files.get_file_from_path(uri):  # in the repository, made by a test
+                    if made.exists():
+                        raise PluginError(f"{page.src_uri}: there is another picture {uri}")
+                    continue
+                if not made.exists():
                     raise PluginError(f"{page.src_uri}: no program of the page makes {picture}")
-                uri = (Path(page.src_uri).parent / picture).as_posix()
-                if files.get_file_from_path(uri):
-                    raise PluginError(f"{page.src_uri}: another page has a picture {uri}")
-                content = (folder / picture).read_bytes()
-                files.append(File.generated(config, uri, content=content))
+                files.append(File.generated(config, uri, content=made.read_bytes()))
     return files
 
 
