@@ -22,7 +22,7 @@ WORDS = {
     "glossary": "DOF,gruebler,singularity,toggle position,inverse dynamics,"
     "forward dynamics,equivalent inertia,limit cycle,parameter sweep,dead centre",
     "gallery": "quick return,hydraulic,mechanical advantage",
-    "limits": "clearance,three dimensions,flexible",
+    "limits": "three dimensions,flexible",
     "exchange": "dxf,arduino,freecad,fmu,mujoco",
     "couplings": "gear,cam,belt",
     "sizing": "spring,motor",
@@ -30,8 +30,7 @@ WORDS = {
     "signals": "pid,actuator",
     "designs": "tolerance",
     "vibration": "vibration",
-    "motion": "stribeck",
-    "forces": "friction",
+    "forces": "friction,clearance,stribeck",
 }
 CASES = [(word, page) for page, words in WORDS.items() for word in words.split(",")]
 
