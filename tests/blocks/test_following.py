@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.passes import homotopy, tracking
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.blocks.continuation import March
 from tests.blocks.platforms import platform, triad, triad_and_arc, two_drivers
@@ -161,6 +162,17 @@ def test_answers_do_not_depend_on_order_batch_or_chunk(make):
     assert_same_bits(whole, run_alone(make, other, engine="numpy", chunk=4), mixed)
     one = {d: q[[5]] for d, q in at.items()}
     assert_same_bits(whole, run_alone(make, one, engine="numpy"), [5])
+
+
+@MACHINES
+def test_a_last_step_known_to_be_safe_by_a_bound_arrives_where_the_exact_value_has_it(
+    make, monkeypatch
+):
+    assert 2 * homotopy.CHANGE / (1 + homotopy.CHANGE) > tracking.CALM
+    at = samples(make, 60)
+    bounded = run_alone(make, at, engine="numpy")
+    monkeypatch.setattr(tracking, "CALM", 0.0)
+    assert_same_bits(bounded, run_alone(make, at, engine="numpy"))
 
 
 # -- turns --------------------------------------------------------------------------------

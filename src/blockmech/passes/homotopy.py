@@ -229,7 +229,9 @@ def travel(
         q = np.where(last[:, None], end[now], start[now] + at[:, None] * line[now])
         here = stand.at(now)
         ahead = predicted(here.place, here.rate, step)
-        found, first = path.tracker.at(q, line[now], ahead, one)
+        # Of where a line ends it need only be known that the last step is safe.
+        before = here._replace(nearest=np.where(last[:, None], here.nearest, 0.0))
+        found, first = path.tracker.at(q, line[now], ahead, one, before)
         room = room_left(path, here, found, first)
         good = room >= 1.0
         taken = now[good]
