@@ -78,6 +78,8 @@ def test_every_quantity_is_said_in_words_and_none_that_there_is_not():
     more = {"friction": {"B": law}, "clearance": {"B": 1e-5}}
     bristles.blocks["dyad"] = bristles.blocks["dyad"].model_copy(update=more)
     graphs.append(bristles.compile())
+    hoist = bm.Graph.load(GRAPHS / "planetary_hoist.json").replace({"mesh.efficiency": 0.98})
+    graphs.append(hoist.compile())
     outputs = [o for mech in graphs + linkages for o in mech.outputs.values()]
     assert all(o.about for o in outputs)
     assert {o.name.rpartition(".")[2] for o in outputs} == set(QUANTITIES)

@@ -272,7 +272,7 @@ def test_a_file_that_holds_itself_is_told(tmp_path):
 def test_what_is_unknown_inside_is_kept_and_told_where_it_is(tmp_path):
     data = knee().to_data()
     data["blocks"]["hand"] = {"type": "acme.hand", "fingers": 5}
-    (tmp_path / "knee.json").write_text(json.dumps(data))
+    (tmp_path / "knee.json").write_text(json.dumps(data), encoding="utf-8")
     graph = two_knees(knee(), bm.Subgraph(file=str(tmp_path / "knee.json")))
     assert [f"{p.code} {p.where}" for p in graph.check()] == ["unknown-block b.hand"]
 

@@ -125,9 +125,10 @@ class Equation:
         unsettled = self.system.friction is not None and not self.sides
         if not self.system.compiled_states or unsettled:
             return None
-        least, rates = LEAST_INERTIA * self.typical, kept_rates(self.system)
-        k = map(float, self.sides)
-        return None if rates is None else CompiledStepper(rates, (0.0, 1.0, least, *k))
+        if (rates := kept_rates(self.system)) is None:
+            return None
+        least = LEAST_INERTIA * self.typical
+        return CompiledStepper(rates, (0.0, 1.0, least, *map(float, self.sides)))
 
     def took(self, states: int) -> None:
         """Count states that machine code was asked for."""
