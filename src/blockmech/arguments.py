@@ -41,9 +41,9 @@ def declared(function: Callable[P, R]) -> Callable[P, R]:
     signature = functools.cache(lambda: inspect.signature(function))
     hint = functools.cache(lambda name: _hint(signature().parameters[name].annotation, function))
 
-    def several(name: str, said: Any) -> Any:
+    def several(name: str, value: Any) -> Any:
         kind = signature().parameters[name].kind
-        return {"VAR_POSITIONAL": said, "VAR_KEYWORD": ()}.get(kind.name, (said,))
+        return {"VAR_POSITIONAL": value, "VAR_KEYWORD": ()}.get(kind.name, (value,))
 
     @functools.wraps(function)
     def asked(*args: P.args, **kwargs: P.kwargs) -> R:
@@ -51,7 +51,7 @@ def declared(function: Callable[P, R]) -> Callable[P, R]:
             given = signature().bind(*args, **kwargs).arguments
         except TypeError:  # Python says itself what is missing or too much
             return function(*args, **kwargs)
-        each = ((name, x) for name, said in given.items() for x in several(name, said))
+        each = ((name, x) for name, value in given.items() for x in several(name, value))
         if wrong := [_problem(name, x, hint(name)) for name, x in each if not _fits(x, hint(name))]:
             raise RequestError(wrong)
         return function(*args, **kwargs)

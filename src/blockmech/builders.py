@@ -33,10 +33,10 @@ class Uncompiled(Runnable):
         def __getattr__(self, name: str) -> Any:
             from blockmech.mechanism import Mechanism
 
-            said = f"{type(self).__name__!r} object has no attribute {name!r}"
+            message = f"{type(self).__name__!r} object has no attribute {name!r}"
             if not name.startswith("_") and hasattr(Mechanism, name):
-                said += f": a mechanism has, write compile().{name}"
-            raise AttributeError(said, name=name, obj=self)
+                message += f": a mechanism has, write compile().{name}"
+            raise AttributeError(message, name=name, obj=self)
 
 
 class Graph(graph.Graph, Uncompiled):

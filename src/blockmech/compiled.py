@@ -140,7 +140,7 @@ class Compiled(Runnable):
         """What names of outputs put before a driver's."""
         return "" if self.names is None else "driver."
 
-    def said(self, block: str) -> str:
+    def block_name(self, block: str) -> str:
         """A block in a message: its name, and the links of a joint-based document in it."""
         if self.names is None:
             return block
@@ -300,9 +300,9 @@ class Compiled(Runnable):
         better = self._engine(plan, "numpy", "complex128").run(given, i.size)
 
         def mended(x: Any, y: Any) -> Any:
-            found = np.array(x)
-            found[i] = y
-            return found
+            merged = np.array(x)
+            merged[i] = y
+            return merged
 
         return tuple(each_part(mended, values, better))
 
@@ -345,18 +345,18 @@ class Compiled(Runnable):
         if engine == "auto":
             engine = "llvm" if self._chosen(plan, n) == "llvm" else "numpy"
         if engine not in ("numpy", "llvm"):
-            said, valid = f'no engine "{engine}" for designs', "engines: auto, numpy, llvm"
-            raise refused("engine", said, valid=valid, code="unknown-engine")
+            wrong, valid = f'no engine "{engine}" for designs', "engines: auto, numpy, llvm"
+            raise refused("engine", wrong, valid=valid, code="unknown-engine")
         precision = "complex128" if engine == "numpy" else ""
-        found: NumpyEngine | LlvmEngine = self._engine(plan, engine, precision)
-        return found
+        bound: NumpyEngine | LlvmEngine = self._engine(plan, engine, precision)
+        return bound
 
     def once(self, make: Callable[[Self], T]) -> T:
         """What an analysis makes of this mechanism, made once and kept."""
         if make not in self._kept:
             self._kept.setdefault(make, make(self))  # of two threads the first one's
-        found: T = self._kept[make]
-        return found
+        made: T = self._kept[make]
+        return made
 
     def _engine(self, plan: Plan, name: str, precision: str) -> Any:
         key = name, precision
@@ -373,14 +373,14 @@ class Compiled(Runnable):
     @cached_property
     def frictional_joints(self) -> tuple[str, ...]:
         """Names of the joints that have friction."""
-        found = (
+        joints = (
             f"{name}.{joint}"
             for name, block in self.structure.blocks.items()
             for joint, law in block.friction.items()
             if law.acts
         )
         meshes = (self.structure.followers[d].coupling for d in self.structure.meshes.values())
-        return (*(self.joint_names.get(joint, joint) for joint in found), *meshes)
+        return (*(self.joint_names.get(joint, joint) for joint in joints), *meshes)
 
     def __repr__(self) -> str:
         s = self.structure

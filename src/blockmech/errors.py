@@ -48,8 +48,8 @@ class Problem:
             object.__setattr__(self, part.name, _cut(text, LONGEST))
 
     def __str__(self) -> str:
-        said = ": ".join(part for part in (self.file, self.where, self.found) if part)
-        sentences = [f"[{self.code}] {said}"]
+        head = ": ".join(part for part in (self.file, self.where, self.found) if part)
+        sentences = [f"[{self.code}] {head}"]
         sentences += [part for part in (self.valid, self.remedy) if part]
         return " ".join(s if s.endswith((".", "!", "?")) else s + "." for s in sentences)
 
@@ -273,10 +273,12 @@ LONGEST = 600  # characters of one part of a message
 def in_file(problems: Iterable[Problem], file: str) -> list[Problem]:
     """Problems as they are shown: each once, with the file, not endless."""
     once = list(dict.fromkeys(problems))
-    found = [replace(p, file=p.file or file) for p in once[:MOST]]
+    problems_there = [replace(p, file=p.file or file) for p in once[:MOST]]
     if len(once) > MOST:
-        found.append(Problem(once[MOST].code, "", f"and more after these {MOST}", file=file))
-    return found
+        problems_there.append(
+            Problem(once[MOST].code, "", f"and more after these {MOST}", file=file)
+        )
+    return problems_there
 
 
 def said_already(problem: Problem, odd: Iterable[Problem]) -> bool:

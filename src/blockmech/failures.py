@@ -55,14 +55,14 @@ def failure_of(result: Result) -> SampleError:
     place = ", ".join(
         f"{name} = {q:.9g} {result.unit_of_driver(name)}" for name, q in drivers.items()
     )
-    failing = mechanism.said(block) if block else "mechanism"
-    error, code, found = _what(result, first, block, margin, drivers)
+    failing = mechanism.block_name(block) if block else "mechanism"
+    error, code, reason = _what(result, first, block, margin, drivers)
     count = f"{len(same)} of {result.n} samples" if len(same) > 1 else "one sample"
     return error(
         Problem(
             code,
             f"{failing} at {place} (sample {first} of {result.n})",
-            f"{found}; {count} affected",
+            f"{reason}; {count} affected",
             _arcs(result, first) if block and error is not FrictionError else "",
             'choose other samples, or pass on_gap="mark" to keep the rest',
         ),

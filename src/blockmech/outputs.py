@@ -148,8 +148,8 @@ def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
         yield Output(f"{name}.moment", "N m", "real", part("M", NOUGHT), _same, by, ends["on"])
         for mesh in (m for m, follows in structure.meshes.items() if follows == driver):
             yield _real(f"{name}.loss", "W", energy.friction_power, mesh)
-        found = structure.couplings[name].readings(structure.coupled_pair(name))
-        for what, read in found.items():
+        readings = structure.couplings[name].readings(structure.coupled_pair(name))
+        for what, read in readings.items():
             more = {**ends, "words": read.about}
             yield _real(f"{name}.{what}", read.unit, forces.coupling_reading, driver, read, **more)
 
@@ -220,12 +220,12 @@ def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterato
     by, on = str(structure.earlier_link(ref)), str(structure.later_link(ref))
 
     def pair(s: Schedule, what: str) -> str:
-        found = s.ask(forces.reaction, ref)
-        return NOUGHT if found is None else f"{found}.{what}"
+        reaction = s.ask(forces.reaction, ref)
+        return NOUGHT if reaction is None else f"{reaction}.{what}"
 
     def vector(s: Schedule) -> tuple[str]:
-        found = s.ask(forces.reaction, ref)
-        return (ZERO if found is None else pairs.statics(s, ref).force(s, ref, found),)
+        reaction = s.ask(forces.reaction, ref)
+        return (ZERO if reaction is None else pairs.statics(s, ref).force(s, ref, reaction),)
 
     def wrench(k: int) -> Callable[[Schedule], tuple[str]]:
         return lambda s: (s.ask(forces.wrench, ref)[k],)
@@ -381,20 +381,20 @@ class Catalogue(Mapping[str, Output]):
         with uncollected():
             self._outputs = {o.name: o for o in outputs_of(structure)}
             if names is not None:
-                found = outputs_by_link(structure, names, self._outputs)
-                self._outputs = {o.name: o for o in found}
+                outputs = outputs_by_link(structure, names, self._outputs)
+                self._outputs = {o.name: o for o in outputs}
         self._parts: dict[str, Output] = {}  # of vectors, those that were asked for
 
     def __getitem__(self, name: str) -> Output:
         """An output by its name; ``.x`` or ``.y`` behind that of a vector is a part of it."""
-        found = self._outputs.get(name) or self._parts.get(name)
-        if found is None:
+        output = self._outputs.get(name) or self._parts.get(name)
+        if output is None:
             whole, _, end = name.rpartition(".")
             if end not in PARTS or (of := self._outputs[whole]).kind != "vector":
                 raise KeyError(name)
             read = partial(_part, of.read, PARTS[end])
-            found = self._parts[name] = of._replace(name=name, kind="real", read=read)
-        return found
+            output = self._parts[name] = of._replace(name=name, kind="real", read=read)
+        return output
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._outputs)
@@ -410,22 +410,22 @@ class Catalogue(Mapping[str, Output]):
 
         Raises `RequestError` for a pattern that matches nothing, all at once.
         """
-        found: dict[str, None] = {}
+        matched: dict[str, None] = {}
         problems = []
         for pattern in as_names("want", want):
             if pattern in self:
-                found[pattern] = None
+                matched[pattern] = None
                 continue
             fits = re.compile(fnmatch.translate(pattern)).match
             names = [n for n in self._outputs if fits(n)]
             if not names:
                 known = f"outputs there: {listed(self._near(pattern), 16)}"
-                said, remedy = "no output has that name", close_match(pattern, self._outputs)
-                problems.append(Problem("unknown-output", pattern, said, known, remedy))
-            found.update(dict.fromkeys(names))
+                reason, remedy = "no output has that name", close_match(pattern, self._outputs)
+                problems.append(Problem("unknown-output", pattern, reason, known, remedy))
+            matched.update(dict.fromkeys(names))
         if problems:
             raise RequestError(problems)
-        return tuple(found)
+        return tuple(matched)
 
     def _near(self, pattern: str) -> list[str]:
         head = pattern.split(".")[0] + "."
@@ -451,14 +451,14 @@ class Catalogue(Mapping[str, Output]):
         values: dict[str, int] = {}  # the same value under two names is returned once
         layout: dict[str, tuple[int, ...]] = {}
 
-        def place(name: str, asked: Iterable[str]) -> None:
-            layout[name] = tuple(values.setdefault(v, len(values)) for v in asked)
+        def place(name: str, names_of_values: Iterable[str]) -> None:
+            layout[name] = tuple(values.setdefault(v, len(values)) for v in names_of_values)
 
         for name in sorted(names):
             place(name, self[name].ask(schedule))
         if quality:
-            for name, asked in _quality(schedule):
-                place(name, asked)
+            for name, names_of_values in _quality(schedule):
+                place(name, names_of_values)
         order = {b: i for i, b in enumerate(self.structure.blocks)}
         entries = sorted(
             schedule.entries, key=lambda e: (STAGES.index(e.stage), order[e.block], e.driver)
@@ -498,14 +498,16 @@ def _contact_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str, 
 def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str, ...]]]:
     """How the friction of a block was solved, and which of its pairs rest."""
     joints = s.ask(friction.friction_joints, block)
-    found = [(ref, *at) for ref in joints if (at := s.ask(forces.friction_at, ref)) is not None]
-    if not found:
+    pairs_here = [
+        (ref, *at) for ref in joints if (at := s.ask(forces.friction_at, ref)) is not None
+    ]
+    if not pairs_here:
         return
-    solved = s.ask(forces.solution, block) or found[0][1]
+    solved = s.ask(forces.solution, block) or pairs_here[0][1]
     what = ("iterations", "residual", "contraction", "outcome", "limit")
     yield f"friction/{block}", tuple(f"{solved}.{x}" for x in what)
     if (c := s.ask(forces.existence, block)) is not None:
         yield f"existence/{block}", (c,)
-    for ref, by, i in found:
+    for ref, by, i in pairs_here:
         held = s.ask(friction.held, ref, f"{by}.g[{i}]")
         yield f"rest/{s.structure.pair_name(ref)}", (s.ask(friction.rest, ref), held)

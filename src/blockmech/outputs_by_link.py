@@ -71,19 +71,19 @@ def outputs_by_link(
     names : where links and joints of the document are in the graph
     known : the graph's outputs by name
     """
-    said = {str(ref): link for ref, link in names.of_links.items()}
-    said[str(structure.frame_link)] = "frame"
+    link_names = {str(ref): link for ref, link in names.of_links.items()}
+    link_names[str(structure.frame_link)] = "frame"
     for reading in readings(structure, names, known):
         parts = [(known[name], sign) for name, sign in reading.parts if name in known]
         if not parts:
             continue
-        found = _sum(parts) if len(parts) > 1 or parts[0][1] < 0 else parts[0][0]
+        output = _sum(parts) if len(parts) > 1 or parts[0][1] < 0 else parts[0][0]
         if reading.turn or reading.wrapped:
-            found = _rotated(found, reading.turn)
-        by, on = (said.get(link, link) for link in (found.by, found.on))
+            output = _rotated(output, reading.turn)
+        by, on = (link_names.get(link, link) for link in (output.by, output.on))
         if by and reading.between:
             by, on = (x or y for x, y in zip(reading.between, (by, on), strict=True))
-        yield Output(reading.name, *found[1:5], by, on, found.words)
+        yield Output(reading.name, *output[1:5], by, on, output.words)
 
 
 def readings(structure: Structure, names: Names, known: Mapping[str, Output]) -> Iterator[Reading]:

@@ -49,12 +49,12 @@ class Flag:
 
     def to_dict(self) -> dict[str, Any]:
         """The flag as a JSON object."""
-        found: dict[str, Any] = {"sample": self.sample, "code": self.code, "where": self.where}
+        data: dict[str, Any] = {"sample": self.sample, "code": self.code, "where": self.where}
         if self.interval is not None:
-            found["interval"] = list(self.interval)
+            data["interval"] = list(self.interval)
         if self.value is not None:
-            found["value"] = self.value
-        return found
+            data["value"] = self.value
+        return data
 
 
 @dataclass(frozen=True)
@@ -88,8 +88,8 @@ class Quality:
     @property
     def friction_error(self) -> dict[str, NDArray[Any]]:
         """Block -> bound (n,) [-] of what its pairs miss their laws by, of its largest friction."""
-        found = self.residual.items()
-        return {name: left_undone(x, self.contraction[name]) for name, x in found}
+        residuals = self.residual.items()
+        return {name: left_undone(x, self.contraction[name]) for name, x in residuals}
 
     def to_dict(self) -> dict[str, Any]:
         """The ``quality`` section of a result."""
@@ -131,10 +131,10 @@ def failures(
     blocks = ("", *dict.fromkeys((*margin, *outcome)))
     word, blame = np.zeros(wanted_bad.shape, np.int8), np.zeros(wanted_bad.shape, np.int64)
 
-    def note(failing: NDArray[np.bool_], said: str, block: str) -> None:
+    def note(failing: NDArray[np.bool_], failure: str, block: str) -> None:
         new = failing & (word == 0)
         if new.any():
-            word[new], blame[new] = WORDS.index(said), blocks.index(block)
+            word[new], blame[new] = WORDS.index(failure), blocks.index(block)
 
     for block, m in margin.items():
         if block not in following and m.min(initial=np.inf) > 0:  # not of NaN
@@ -147,8 +147,8 @@ def failures(
         locked = JAMMED if block in prismatic else SELF_LOCKED
         for how in Outcome:
             if not how.solved and np.any(ended):
-                said = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
-                note((ended == how) & np.ones_like(wanted_bad), said, block)
+                failure = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
+                note((ended == how) & np.ones_like(wanted_bad), failure, block)
     note(wanted_bad, NO_ASSEMBLY, "")
     return Failures(word, blame, blocks)
 
@@ -178,22 +178,22 @@ def assess(
     rest = {k[5:]: v for k, v in values.items() if k.startswith("rest/")}
     existence = {k[10:]: v[0] for k, v in values.items() if k.startswith("existence/")}
     outcomes = {k: v[3] for k, v in friction.items()}
-    found = failures(margin, outcomes, wanted_bad, prismatic, following)
-    gaps = np.flatnonzero(found.word).tolist()
-    status = tuple(np.array(WORDS, object)[found.word].tolist()) if gaps else (OK,) * n
-    blame = {i: found.blocks[found.block[i]] for i in gaps}
+    failed = failures(margin, outcomes, wanted_bad, prismatic, following)
+    gaps = np.flatnonzero(failed.word).tolist()
+    status = tuple(np.array(WORDS, object)[failed.word].tolist()) if gaps else (OK,) * n
+    blame = {i: failed.blocks[failed.block[i]] for i in gaps}
     flags: list[Flag] = []
     for k, (block, m) in enumerate(margin.items(), 1):
         name = CHANGE_POINT if block in following else DEAD_CENTRE
         near = NEAR_CHANGE if block in following else NEAR
         if m.min(initial=np.inf) >= near:  # the commonest case at once; not of NaN
             continue
-        mine = (found.word == 0) | (found.block >= k) | (found.block == 0)  # no earlier one's
+        mine = (failed.word == 0) | (failed.block >= k) | (failed.block == 0)  # no earlier one's
         for i in np.flatnonzero(~(m > 0)):
             if m[i] == 0 or (name == CHANGE_POINT and mine[i] and not m[i] < -TOUCH):
                 flags.append(Flag(int(i), name, block, value=0.0))
         for i in np.flatnonzero((m > 0) & (m < near)):
-            lost = found.word[i] > 0 and found.block[i] == k
+            lost = failed.word[i] > 0 and failed.block[i] == k
             flags.append(Flag(int(i), name if lost else f"near-{name}", block, value=float(m[i])))
     for block, share in paths.items():  # followed from home, and lost on the way
         for i in np.flatnonzero(share < 1.0):
@@ -203,7 +203,7 @@ def assess(
             how = Outcome(int(outcome[i]))
             flags.append(Flag(int(i), DETAIL[how], block, value=_finite(limit[i])))
     for block, c in existence.items():
-        for i in np.flatnonzero((c > 1) & (found.word == 0)):
+        for i in np.flatnonzero((c > 1) & (failed.word == 0)):
             flags.append(Flag(int(i), OTHER_SOLUTIONS, block, value=float(c[i])))
     for joint, (resting, held) in rest.items():
         for i in np.flatnonzero(resting > 0):

@@ -21,10 +21,10 @@ def shortfall(mechanism: Any, block: str, drivers: Places, margin: float) -> str
 
     ``mechanism`` is a `Compiled`, which stands above; ``margin`` [-] is the group's there.
     """
-    found = _missed(mechanism, block, drivers, margin)
-    found = found or f"its margin is {margin:.4g}, 0 at a dead centre and negative beyond it"
+    reason = _missed(mechanism, block, drivers, margin)
+    reason = reason or f"its margin is {margin:.4g}, 0 at a dead centre and negative beyond it"
     slip = _slip(mechanism, block, drivers)
-    return f"{found}; {slip}" if slip else found
+    return f"{reason}; {slip}" if slip else reason
 
 
 def _missed(mechanism: Any, block: str, drivers: Places, margin: float) -> str:
@@ -39,11 +39,11 @@ def _missed(mechanism: Any, block: str, drivers: Places, margin: float) -> str:
     what, x, low, high = dyad.reach(apart, margin)
     if not isfinite(x) or low <= x <= high:
         return ""
-    said = [mechanism.joint_names.get(f"{block}.{pin}", pin) for pin in pins]
+    names = [mechanism.joint_names.get(f"{block}.{pin}", pin) for pin in pins]
     reach = f"at least {low:.6g} m" if high == inf else f"at most {high:.6g} m"
     reach = f"{low:.6g} to {high:.6g} m" if low > 0 and high < inf else reach
     by, way = (x - high, "large") if x > high else (low - x, "small")
-    return f"{what.format(*said)} is {x:.6g} m, {by:.4g} m too {way}: its lengths allow {reach}"
+    return f"{what.format(*names)} is {x:.6g} m, {by:.4g} m too {way}: its lengths allow {reach}"
 
 
 def _at(mechanism: Any, drivers: Places, want: list[str]) -> Any:
@@ -66,7 +66,9 @@ def _slip(mechanism: Any, block: str, drivers: Places) -> str:
             for factor, times in MILLI.items():
                 for what, other in _scaled(own, factor):
                     spread = _spread({**blocks, name: other}.values())
-                    tried.append((spread, f"{mechanism.said(name)}{what} {times}", name, other))
+                    tried.append(
+                        (spread, f"{mechanism.block_name(name)}{what} {times}", name, other)
+                    )
     alike = sorted((x for x in tried if x[0] < _spread(blocks.values())), key=lambda x: x[0])
     followed = any(b.own_form for b in above.values())  # which takes longer
     for _, what, name, other in alike[: 1 if followed else MOST_TRIED]:

@@ -80,12 +80,12 @@ class Result(Exported):
         Raises `RequestError` where another version of blockmech plans otherwise.
         """
         want, layout = self._planned
-        found: Plan = self.mechanism.plan(want, **self.settings)
-        if found.layout != layout:
+        again: Plan = self.mechanism.plan(want, **self.settings)
+        if again.layout != layout:
             what = "it was pickled by a version of blockmech that orders its numbers otherwise"
             remedy = "run it again; to keep numbers, export them: to_csv, to_npz, to_dict"
             raise refused(self.mechanism.name, what, remedy, code="other-version")
-        return found
+        return again
 
     # -- reading ----------------------------------------------------------------
 
@@ -123,8 +123,10 @@ class Result(Exported):
 
     def output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom."""
-        found: Output = held(self.mechanism.outputs, name, "no output has that name", "outputs")
-        return found
+        declared_output: Output = held(
+            self.mechanism.outputs, name, "no output has that name", "outputs"
+        )
+        return declared_output
 
     def unit(self, name: str) -> str:
         """Unit of an output; empty where dimensionless."""
@@ -190,11 +192,11 @@ class Result(Exported):
             name for name, b in blocks.items() if any(b.joints[j].kind == "P" for j in b.friction)
         )
         following = frozenset(self.mechanism.structure.followed)
-        found = assess(self.n, reports, self._not_finite(), prismatic, following)
-        flags, joints = found.flags, self.mechanism.joint_names
+        quality = assess(self.n, reports, self._not_finite(), prismatic, following)
+        flags, joints = quality.flags, self.mechanism.joint_names
         if joints:
             flags = tuple(replace(f, where=joints.get(f.where, f.where)) for f in flags)
-        return replace(found, flags=flags + self._without_effort(found))
+        return replace(quality, flags=flags + self._without_effort(quality))
 
     def _without_effort(self, quality: Quality) -> tuple[Flag, ...]:
         """Answered samples at which the drive rests, so that no mechanical advantage exists."""
@@ -259,8 +261,8 @@ class Result(Exported):
         """What a reader must know: digits that are rounding, links that turn without inertia."""
         lost = [f"{flag.where} (error {flag.value:.1g})" for flag in self.digits_lost]
         why = "; numbers of very different size cancel: are all in the same unit?"
-        said = [f"digits lost to rounding: {listed(lost, 4)}{why}"] if lost else []
-        return said + self._left_of_friction() + self._without_inertia()
+        notes = [f"digits lost to rounding: {listed(lost, 4)}{why}"] if lost else []
+        return notes + self._left_of_friction() + self._without_inertia()
 
     @property
     def friction_error(self) -> NDArray[np.float64] | None:
@@ -271,11 +273,11 @@ class Result(Exported):
         """
         if self.motion is not None and "friction_misfit" in self.motion.facts:
             return np.full(self.n, self.motion.facts["friction_misfit"])
-        found = self.quality.friction_error
-        if self.settings["friction"] in ("none", "newton") or not found:
+        errors = self.quality.friction_error
+        if self.settings["friction"] in ("none", "newton") or not errors:
             return None
         worst: NDArray[np.float64] = np.max(
-            [np.broadcast_to(x, self.n) for x in found.values()], axis=0
+            [np.broadcast_to(x, self.n) for x in errors.values()], axis=0
         )
         return worst
 
@@ -286,9 +288,9 @@ class Result(Exported):
             return []
         good = np.array([status == OK for status in self.quality.status])
         most = np.max(bounds[good], initial=0.0)
-        said = f"pairs are within about {most:.1e} of the largest friction of their group"
-        said = said if np.isfinite(most) else "it has no bound where its certificate is 1"
-        return [f'friction "{self.settings["friction"]}": {said}']
+        notes = f"pairs are within about {most:.1e} of the largest friction of their group"
+        notes = notes if np.isfinite(most) else "it has no bound where its certificate is 1"
+        return [f'friction "{self.settings["friction"]}": {notes}']
 
     def _without_inertia(self) -> list[str]:
         """What a reader of forces must know: that links which turn have no inertia."""
@@ -303,8 +305,8 @@ class Result(Exported):
         points = [link for link, x in given.items() if x.mass > 0 and x.inertia == 0]
         one = self.first(1).inside(*(f"{link}.omega" for link in points))
         names = {} if self.mechanism.names is None else self.mechanism.names.links
-        said = {where.link: name for name, where in names.items()}
-        turning = [str(said.get(x, x)) for x in points if abs(one[f"{x}.omega"][0]) > 0]
+        link_names = {where.link: name for name, where in names.items()}
+        turning = [str(link_names.get(x, x)) for x in points if abs(one[f"{x}.omega"][0]) > 0]
         what = "mass and no inertia: they count as points at their cm"
         return [f"{listed(turning, 4)} turn with {what}"] if turning else []
 
@@ -365,7 +367,7 @@ class Result(Exported):
         Infinite where only one of the two has an answer. Raises `RequestError` where the
         runs have different numbers of samples.
         """
-        found = {}
+        differences = {}
         for name in self:
             if name in other:
                 mine, theirs = np.atleast_1d(self[name]), np.atleast_1d(other[name])
@@ -376,8 +378,8 @@ class Result(Exported):
                 scale = float(np.nanmax(np.abs(mine), initial=0.0)) or 1.0
                 off = float(np.nanmax(np.abs(mine - theirs), initial=0.0)) / scale
                 one_sided = (np.isnan(mine) != np.isnan(theirs)).any()
-                found[name] = float("inf") if one_sided else off
-        return found
+                differences[name] = float("inf") if one_sided else off
+        return differences
 
     def _repr_html_(self) -> str:
         picture = "" if self.motion is None else str(self.mechanism.motion_svg(self))

@@ -90,10 +90,10 @@ class Runnable(ABC):
         taken = mechanism.samples(at, samples, times, rates, accelerations)
         given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
         given["static"] = static
-        found: Result = mechanism.answer(
+        result: Result = mechanism.answer(
             taken, want, given, accuracy, engine, precision, chunk, on_gap
         )
-        return found
+        return result
 
 
 def wrap_result(cls: type[R], function: Callable[P, Any]) -> Callable[P, R]:
@@ -101,9 +101,9 @@ def wrap_result(cls: type[R], function: Callable[P, Any]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def more(*asked: P.args, **how: P.kwargs) -> R:
-        found = cls.__new__(cls)
-        vars(found).update(vars(function(*asked, **how)))
-        return found
+        answer = cls.__new__(cls)
+        vars(answer).update(vars(function(*asked, **how)))
+        return answer
 
     return more
 

@@ -257,9 +257,9 @@ def _per_driver(drivers: Sequence[str], what: str, raw: Any) -> dict[str, Array]
     unknown = [d for d in raw if d not in drivers]
     missing = [d for d in drivers if d not in raw] if what == "at" else []
     if unknown or missing:
-        found = [f"unknown: {listed(map(str, unknown))}"] if unknown else []
-        found += [f"missing: {listed(missing)}"] if missing else []
-        raise refused(what, "; ".join(found), f"drivers: {listed(drivers)}")
+        problems = [f"unknown: {listed(map(str, unknown))}"] if unknown else []
+        problems += [f"missing: {listed(missing)}"] if missing else []
+        raise refused(what, "; ".join(problems), f"drivers: {listed(drivers)}")
     return {d: _column(f"{what}[{d}]", x) for d, x in raw.items()}
 
 

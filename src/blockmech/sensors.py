@@ -45,11 +45,11 @@ def with_sensors(
     for ref, address in structure.signal_wires.items():
         if split_address(address, structure.signals)[0] in structure.signals:
             continue
-        found = _sensor(outputs, read, address)
-        if isinstance(found, Problem):
-            problems.append(replace(found, where=f"{address} -> {ref}"))
+        sensor = _sensor(outputs, read, address)
+        if isinstance(sensor, Problem):
+            problems.append(replace(sensor, where=f"{address} -> {ref}"))
         else:
-            sensors[address] = found
+            sensors[address] = sensor
     if problems:
         raise GraphError(problems)
     order = _ordered(structure, scene, sensors)

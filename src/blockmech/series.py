@@ -135,8 +135,8 @@ class Series:
         A root of even order counts where rounding leaves it real or nearly so.
         """
         free = np.abs(self.c[:, 0]) <= np.abs(self.c[:, 1:]).sum(axis=1)  # else none has room
-        found = [self._roots_on(i) for i in np.flatnonzero(free & self.resolved).tolist()]
-        x = np.concatenate([np.empty(0), *found])
+        roots = [self._roots_on(i) for i in np.flatnonzero(free & self.resolved).tolist()]
+        x = np.concatenate([np.empty(0), *roots])
         x = np.sort(x[(x >= self.edges[0]) & (x <= self.edges[-1])])
         panel = np.clip(np.searchsorted(self.edges, x) - 1, 0, len(self.c) - 1)
         near = 2 * DOUBLE_ROOT * self._half[panel]  # found on both sides of an edge

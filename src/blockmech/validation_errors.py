@@ -37,14 +37,14 @@ class InWrittenOrder(GenerateJsonSchema):
 
     def model_schema(self, schema: Any) -> dict[str, Any]:
         """The schema of a model, its properties in the order of the fields."""
-        found = super().model_schema(schema)
-        if "properties" in found:
+        core_schema = super().model_schema(schema)
+        if "properties" in core_schema:
             model = schema["cls"]
             names = field_order(model)
             if self.by_alias:
                 names = [model.model_fields[n].alias or n for n in names]
-            found["properties"] = {n: found["properties"][n] for n in names}
-        return found
+            core_schema["properties"] = {n: core_schema["properties"][n] for n in names}
+        return core_schema
 
 
 def validated(
@@ -79,10 +79,10 @@ def _problems(
     by_alias: bool = True,
 ) -> list[Problem]:
     schema = model.model_json_schema(by_alias, schema_generator=InWrittenOrder)
-    found = []
+    problems = []
     for line in error.errors(include_url=False)[: MOST + 1]:
-        found.append(_problem(_Place(schema, raw, _path_in(raw, line), what, at), line))
-    return list(_united(found))
+        problems.append(_problem(_Place(schema, raw, _path_in(raw, line), what, at), line))
+    return list(_united(problems))
 
 
 def _path_in(raw: Any, line: Any) -> list[str | int]:
@@ -108,8 +108,8 @@ def _united(problems: list[Problem]) -> Iterator[Problem]:
         same = [p for p in problems if p.code == problem.code and p.where == problem.where]
         if problem is same[0] and not any(p.where.startswith(inside) for p in problems):
             types = [p.found.split(" must be ", 1)[-1].rsplit(", got ", 1)[0] for p in same]
-            said = problem.found.replace(types[0], " or ".join(dict.fromkeys(types)), 1)
-            yield replace(problem, found=said)
+            text = problem.found.replace(types[0], " or ".join(dict.fromkeys(types)), 1)
+            yield replace(problem, found=text)
 
 
 class _Place:
@@ -152,26 +152,26 @@ MUST: Mapping[str, tuple[str, str]] = {
 
 def _problem(place: _Place, line: Any) -> Problem:
     """One of pydantic's mistakes as a problem."""
-    kind, said, more = line["type"], line["input"], line.get("ctx", {})
+    kind, value, more = line["type"], line["input"], line.get("ctx", {})
     where, name = place.where, place.name
     if kind in MUST:
         code, rule = MUST[kind]
         unit = f" {place.unit}" if place.unit else ""
         text = rule.format(unit=unit, in_unit=unit and f" in{unit}", **more)
-        number = number_in(said, place.unit) if kind == "float_type" else ""
+        number = number_in(value, place.unit) if kind == "float_type" else ""
         remedy = f"write {number}" if number else ""
         if "discriminator" in place.here and kind.startswith(("model", "dict")):
             key, tags = _choice(place)
-            word = said if said in tags else tags[0]
+            word = value if value in tags else tags[0]
             remedy = f'write {{"{key}": "{word}", ...}}; {key}s: {listed(tags)}'
-        return Problem(code, where, f"{name} must be {text}, got {shown(said)}", "", remedy)
+        return Problem(code, where, f"{name} must be {text}, got {shown(value)}", "", remedy)
     if kind == "missing":
         unit = f" [{place.unit}]" if place.unit else ""
         return Problem("missing-key", where, f'{place.owner} needs "{name}"{unit}', "", "add it")
     if kind == "extra_forbidden":
         key = str(line["loc"][-1])
         if key == "rpm" and "rate" in place.keys:
-            rate = number_in(f"{said} rpm", "rad/s") if said else ""
+            rate = number_in(f"{value} rpm", "rad/s") if value else ""
             remedy = 'write "rate" in rad/s' + (f": {rate}" if rate else "")
             return replace(unknown_key(where, place.owner, key, place.keys), remedy=remedy)
         return unknown_key(where, place.owner, key, place.keys)
@@ -184,9 +184,9 @@ def _problem(place: _Place, line: Any) -> Problem:
         allowed = more["expected"].replace("'", '"')
         words = re.findall(r'"([^"]*)"', allowed)
         if line["loc"][-1] == "[key]":
-            return unknown_key(where, place.owner, str(said), words)
-        remedy = close_match(said, words) if isinstance(said, str) else ""
-        found = f"{name} must be {allowed}, got {shown(said)}"
+            return unknown_key(where, place.owner, str(value), words)
+        remedy = close_match(value, words) if isinstance(value, str) else ""
+        found = f"{name} must be {allowed}, got {shown(value)}"
         return Problem("wrong-value", where, found, "", remedy)
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         return _no_such_kind(place, line)
@@ -241,9 +241,9 @@ def _no_such_kind(place: _Place, line: Any) -> Problem:
     if line["type"] == "union_tag_not_found":
         return Problem("missing-key", where, f'{place.where} needs "{key}"', known, "add it")
     given = line["input"]
-    said = given.get(key) if isinstance(given, dict) else given
-    remedy = close_match(said, tags) if isinstance(said, str) else ""
-    return Problem("wrong-value", where, f"no {key} {shown(said)}", known, remedy)
+    value = given.get(key) if isinstance(given, dict) else given
+    remedy = close_match(value, tags) if isinstance(value, str) else ""
+    return Problem("wrong-value", where, f"no {key} {shown(value)}", known, remedy)
 
 
 # A JSON Schema, followed along a path.
@@ -285,7 +285,7 @@ def _chosen(root: Mapping[str, Any], node: Mapping[str, Any], raw: Any) -> Mappi
 
 def _step(node: Mapping[str, Any], part: str | int) -> Mapping[str, Any]:
     if isinstance(part, int):
-        found = node.get("items", {})
+        schema = node.get("items", {})
     else:
-        found = node.get("properties", {}).get(part) or node.get("additionalProperties", {})
-    return found if isinstance(found, dict) else {}
+        schema = node.get("properties", {}).get(part) or node.get("additionalProperties", {})
+    return schema if isinstance(schema, dict) else {}

@@ -249,8 +249,8 @@ def mistake(
 ) -> PydanticCustomError:
     """A mistake in a model, with the parts of a `Problem`."""
     parts = {"found": found, "valid": valid, "remedy": remedy}
-    said = "; ".join(filter(None, parts.values()))
-    return PydanticCustomError(code, "{said}", {"said": said, **parts})
+    message = "; ".join(filter(None, parts.values()))
+    return PydanticCustomError(code, "{said}", {"said": message, **parts})
 
 
 def check_table(what: str, x: Sequence[float], values: Sequence[float]) -> None:
@@ -353,11 +353,11 @@ class StrictModel(BaseModel):
 def _plain(raw: Any, name: str = "") -> Any:
     """Numbers and arrays of NumPy as Python's, pairs for markers as tuples; all else as it is."""
     if hasattr(raw, "tolist"):
-        said = raw.tolist()
-        return tuple(said) if isinstance(said, list) else said
+        items = raw.tolist()
+        return tuple(items) if isinstance(items, list) else items
     if isinstance(raw, dict):
-        found = {key: _plain(item, key) for key, item in raw.items()}
-        return {k: _pair(item) for k, item in found.items()} if name == "markers" else found
+        fields = {key: _plain(item, key) for key, item in raw.items()}
+        return {k: _pair(item) for k, item in fields.items()} if name == "markers" else fields
     return type(raw)(map(_plain, raw)) if type(raw) in (list, tuple) else raw
 
 

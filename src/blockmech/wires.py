@@ -37,33 +37,35 @@ def on_wires(structure: Structure, read: Read, n: int, *names: str) -> dict[str,
         if name not in wires:
             known = f"wires: {listed(wires, 30)}"
             raise refused(name, "there is no such wire", valid=known, code="no-such-wire")
-    asked = {name: _outputs(structure, *wires[name]) for name in names or wires}
-    every = {said: None for wire in asked.values() for parts in wire.values() for said in parts}
+    read_of = {name: _outputs(structure, *wires[name]) for name in names or wires}
+    every = {
+        output: None for wire in read_of.values() for parts in wire.values() for output in parts
+    }
     values = read(*every)
-    found: dict[str, dict[str, Any]] = {}
-    for name, wire in asked.items():
+    travels: dict[str, dict[str, Any]] = {}
+    for name, wire in read_of.items():
         here = {
             key: values[parts[0]] - sum(values[x] for x in parts[1:]) if parts else np.zeros(n)
             for key, parts in wire.items()
         }
         here["power"] = -(here["F"] * np.conj(here["v"])).real - here["M"] * here["om"]
-        found[name] = here
-    return found
+        travels[name] = here
+    return travels
 
 
 def _outputs(structure: Structure, marker: MarkerRef, joint: JointRef) -> dict[str, list[str]]:
     """What travels on a wire -> the output that it is, less further ones; none where it is zero."""
     fixed = marker.on == structure.frame_link
-    found = {"p": [f"{marker}.p"], "v": [f"{marker}.v"], "a": [f"{marker}.a"]}
-    found |= {"om": [] if fixed else [f"{marker.on}.omega"]}
-    found |= {"al": [] if fixed else [f"{marker.on}.alpha"]}
-    found |= {"F": [f"{joint}.wrench_F"], "M": [f"{joint}.wrench_M"]}
+    outputs = {"p": [f"{marker}.p"], "v": [f"{marker}.v"], "a": [f"{marker}.a"]}
+    outputs |= {"om": [] if fixed else [f"{marker.on}.omega"]}
+    outputs |= {"al": [] if fixed else [f"{marker.on}.alpha"]}
+    outputs |= {"F": [f"{joint}.wrench_F"], "M": [f"{joint}.wrench_M"]}
     if len(structure.drivers) != 1:
-        return found
+        return outputs
     (driver,) = structure.drivers
     head = structure.driven[driver].block
     others = [block for block in structure.blocks if block != head]
     for what in ("J_red", "tau_red"):  # under the driver's name stand all blocks
-        found[what] = [f"{driver}.{what}", *(f"{block}.{what}" for block in others)]
-        found[what] = found[what] if joint.block == head else [f"{joint.block}.{what}"]
-    return found
+        outputs[what] = [f"{driver}.{what}", *(f"{block}.{what}" for block in others)]
+        outputs[what] = outputs[what] if joint.block == head else [f"{joint.block}.{what}"]
+    return outputs

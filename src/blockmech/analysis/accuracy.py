@@ -144,16 +144,16 @@ def run_to(
     Raises `RequestError` where the accuracy is not a positive number, or where settings are
     ``given`` that it is there to choose.
     """
-    if said := [name for name, value in given.items() if value is not None]:
+    if given_names := [name for name, value in given.items() if value is not None]:
         chosen, remedy = f"accuracy={accuracy!r:.60} chooses it", "give the accuracy or the setting"
-        raise refused(listed(said), chosen, remedy, code="useless-setting")
+        raise refused(listed(given_names), chosen, remedy, code="useless-setting")
     if not (is_number(accuracy) and accuracy > 0):
         wrong = f"must be > 0, got {accuracy!r:.60}"
         raise refused("accuracy", wrong, "try 1e-6", code="bad-value")
     request = _Request(mechanism, as_names("want", want), static)
     kept = mechanism.once(_decisions)
-    asked, samples = (request.want, static, accuracy, engine), _fingerprint(taken)
-    decided, setting, judged = kept.get(asked, (b"", None, None))
+    key, samples = (request.want, static, accuracy, engine), _fingerprint(taken)
+    decided, setting, judged = kept.get(key, (b"", None, None))
     if setting is not None and decided == samples:
         result = request.run(taken, setting, engine, chunk)
         result.accuracy = judged
@@ -165,7 +165,7 @@ def run_to(
         if judged.reached:
             break
     result.accuracy = judged
-    kept[asked] = samples, setting, judged
+    kept[key] = samples, setting, judged
     return result
 
 
@@ -189,12 +189,12 @@ def _decisions(mechanism: Compiled) -> dict[Any, tuple[bytes, Setting | None, Ac
 
 def _fingerprint(taken: Samples) -> bytes:
     """A word that is the same for the same samples only."""
-    found = hashlib.blake2b(repr(taken.clock).encode())
+    digest = hashlib.blake2b(repr(taken.clock).encode())
     for name, x in (*taken.inputs.items(), ("times", taken.times)):
-        found.update(name.encode())
+        digest.update(name.encode())
         if x is not None:
-            found.update(np.asarray(x, float).tobytes())
-    return found.digest()
+            digest.update(np.asarray(x, float).tobytes())
+    return digest.digest()
 
 
 class _Request(NamedTuple):

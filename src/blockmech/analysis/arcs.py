@@ -115,8 +115,8 @@ class _Margin:
             self.x = np.array([piece.span.low])
             self.y = self._row(self.x)
             return
-        found = scan(self._row, piece.span, piece.span.panels(samples))
-        x, y = found.x, found.y
+        curve = scan(self._row, piece.span, piece.span.panels(samples))
+        x, y = curve.x, curve.y
         noise = np.full(len(x), ROUNDED)  # a margin is a share of one
         near = np.flatnonzero(~(np.abs(y) > DOUBLE_ROOT))
         around = self._row((x[near, None] + PROBES).ravel()).reshape(len(near), len(PROBES))
@@ -160,9 +160,9 @@ class _Margin:
         if self.piece.start is None:  # open the turn where it is broken
             first = int(np.argmin(closes))
             x, closes = _rolled(x, first, TURN), _rolled(closes, first)
-        found, last = runs(closes), len(x) - 1
-        wide = [r for r in found if x[min(r[1] + 1, last)] - x[max(r[0] - 1, 0)] > DOUBLE_ROOT]
-        parts = [self._part(x, low, high, passes) for low, high in wide or found]
+        stretches, last = runs(closes), len(x) - 1
+        wide = [r for r in stretches if x[min(r[1] + 1, last)] - x[max(r[0] - 1, 0)] > DOUBLE_ROOT]
+        parts = [self._part(x, low, high, passes) for low, high in wide or stretches]
         return [p for p in parts if not p.tiny] or parts  # slivers beside a part are rounding
 
     def _signs(self) -> tuple[Floats, NDArray[np.bool_], list[Bound]]:
@@ -186,8 +186,8 @@ class _Margin:
                 q, size = self._place(i), self.piece.span.size
                 beside = BESIDE * (1.0 if math.isinf(size) else size)
                 closes[i] = self.closure.passable(self.block, q, beside)
-                told = any(abs(q - p.q) <= beside for p in passes)  # nearer, touches are one
-                passes += [Bound(q, self.block)] * bool(closes[i] and not told)
+                known = any(abs(q - p.q) <= beside for p in passes)  # nearer, touches are one
+                passes += [Bound(q, self.block)] * bool(closes[i] and not known)
         return x[kept], closes[kept], passes
 
     def _part(self, x: Floats, low: int, high: int, passes: Iterable[Bound]) -> Piece:

@@ -110,8 +110,8 @@ class Course:
     def slips(self, inputs: Any, n: int) -> Floats:
         """Relative rates (m, n) of the pairs."""
         with np.errstate(all="ignore"):
-            found = self._slips.run({x: inputs[x] for x in self._slips.program.inputs}, n)
-        return np.array([np.broadcast_to(w, n) for w in found], dtype=np.float64)
+            columns = self._slips.run({x: inputs[x] for x in self._slips.program.inputs}, n)
+        return np.array([np.broadcast_to(w, n) for w in columns], dtype=np.float64)
 
     # -- the motion ----------------------------------------------------------------------
 
@@ -131,19 +131,19 @@ class Course:
     @cached_property
     def period(self) -> float:
         """Time [s] after which all pairs slip again as before; infinite without one."""
-        found = set()
+        periods = set()
         for driver in self.mechanism.drivers:
             law = self.mechanism.scene.drive[driver]
             rotary = self.mechanism.driver_joint(driver).rotary
             if isinstance(law, Harmonic):
-                found.add(law.duration())
+                periods.add(law.duration())
             elif isinstance(law, ConstantRate) and law.rate and rotary:
-                found.add(math.tau / abs(law.rate))
+                periods.add(math.tau / abs(law.rate))
             else:
                 return math.inf
-        if max(found) - min(found) > 1e-12 * max(found):
+        if max(periods) - min(periods) > 1e-12 * max(periods):
             return math.inf
-        period = max(found)
+        period = max(periods)
         whole = self.slips_at(self.begin + np.linspace(0.0, period, 16 * PANELS, endpoint=False))
         return period if np.isfinite(whole).all() else math.inf
 

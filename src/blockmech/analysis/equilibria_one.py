@@ -62,26 +62,26 @@ class Line:
 
     def effort(self, q: Floats) -> Floats:
         """Effort (n,) of the loads at rest; NaN where there is no pose."""
-        found = self.system.sample(q, 0.0, self.t)
-        return np.where(found.possible, found.tau, np.nan)
+        terms = self.system.sample(q, 0.0, self.t)
+        return np.where(terms.possible, terms.tau, np.nan)
 
     def arcs(self) -> Iterator[_Piece]:
         """Each arc between the end stops."""
         (stop_low, stop_high), rotary = self.system.stops[0], self.system.rotary[0]
-        found = limits(self.mechanism)
+        closure = limits(self.mechanism)
         free = math.isinf(stop_low) and math.isinf(stop_high)
         far = loads.REACH * loads.largest_length(self.mechanism.structure)
-        for arc in found.arcs:
+        for arc in closure.arcs:
             low, high = (min(max(end.q, -far), far) for end in (arc.start, arc.end))
             passed = [point.q for point in arc.change_points]
-            if found.whole_turn and free:
+            if closure.whole_turn and free:
                 yield self._cut(low, low + (self.system.period or TURN), True, passed)
                 continue
             shifts = [0]
             if rotary and not free:  # as the stops name it, any number of turns away
                 a, b = max(stop_low, low - TURN), min(stop_high, high + TURN)
                 shifts = [*range(math.floor((a - high) / TURN), math.ceil((b - low) / TURN) + 1)]
-                if found.whole_turn:
+                if closure.whole_turn:
                     low, high, shifts = a, b, [0]
             for shift in shifts:
                 a, b = max(low + TURN * shift, stop_low), min(high + TURN * shift, stop_high)
@@ -164,7 +164,7 @@ def equilibria_of_one(line: Line) -> Equilibria:
     driver = mechanism.drivers[0]
     name, unit = mechanism.of_driver(driver, "q"), mechanism.driver_joint(driver).coordinate_unit
     has_potential = system.depends_on <= {"q", "time"}
-    found: list[Equilibrium] = []
+    points: list[Equilibrium] = []
     rests: list[tuple[float, float]] = []
     balanced: list[tuple[float, float]] = []
     curves: list[Curve] = []
@@ -189,7 +189,7 @@ def equilibria_of_one(line: Line) -> Equilibria:
         energy = _potentials(spans, rows, places) if has_potential else [None] * len(places)
         massless = at.M[:, 0, 0] <= NONE**2 * system.typical_inertia(low)
         at.M[massless] = 0.0
-        found += [
+        points += [
             equilibrium_of(
                 {name: q}, {name: unit}, at, i, energy[i], interval_about(q, held, closed)
             )
@@ -198,9 +198,9 @@ def equilibria_of_one(line: Line) -> Equilibria:
         for i, q in enumerate(jumps, start=len(places)):
             kind: Kind = "unstable" if line.jump(q) > 0 else "stable"
             of = at.M[i], at.C[i], at.K[i]
-            found.append(Equilibrium({name: q}, {name: unit}, kind, *of, np.empty(0), jump=True))
-        found += _at_stops(line, name, unit, (low, high), closed)
-    order = sorted(found, key=lambda e: e.q[0])
+            points.append(Equilibrium({name: q}, {name: unit}, kind, *of, np.empty(0), jump=True))
+        points += _at_stops(line, name, unit, (low, high), closed)
+    order = sorted(points, key=lambda e: e.q[0])
     notes = tuple(_notes(line, curves))
     return Equilibria(
         tuple(order), tuple(sorted(rests)), tuple(balanced), tuple(curves), name, unit, notes
@@ -227,12 +227,12 @@ def _potentials(
     """Potential [J] at places of an arc, from the lowest of them."""
     from scipy.optimize import brentq
 
-    found: list[float] = []
+    potentials: list[float] = []
     total = 0.0
     for span, one in zip(spans, rows, strict=True):
         integral = _whole(one).integral()
         for q in places:
-            if span.low <= q <= span.high and len(found) <= places.index(q):
+            if span.low <= q <= span.high and len(potentials) <= places.index(q):
 
                 def off(u: float, span: Span = span, q: float = q) -> float:
                     return float(span.place(np.array([u]))[0]) - q
@@ -242,10 +242,10 @@ def _potentials(
                     if off(0.0) * off(1.0) < 0
                     else float(q > span.low)
                 )
-                found.append(-(total + float(integral(np.array([u]))[0])))
+                potentials.append(-(total + float(integral(np.array([u]))[0])))
         total += float(integral(np.array([1.0]))[0])
-    lowest = min(found, default=0.0)
-    made = [x - lowest if math.isfinite(x - lowest) else None for x in found]
+    lowest = min(potentials, default=0.0)
+    made = [x - lowest if math.isfinite(x - lowest) else None for x in potentials]
     return made + [None] * (len(places) - len(made))
 
 
@@ -253,7 +253,7 @@ def _repeated(
     places: Iterable[float], period: float | None, low: float, high: float
 ) -> list[float]:
     """Places between two ends, repeated with a period if there is one."""
-    found = {
+    copies = {
         float(q + k * (period or 0.0))
         for q in places
         for k in (
@@ -262,7 +262,7 @@ def _repeated(
             else (0,)
         )
     }
-    return sorted(q for q in found if low <= q <= high)
+    return sorted(q for q in copies if low <= q <= high)
 
 
 def _whole(one: Series) -> Series:

@@ -58,20 +58,20 @@ def equilibria_of_several(mechanism: Compiled, system: System, t: float, starts:
         good = (of.margin > 0) & (np.abs(of.effort) <= NONE * size).all(axis=1)
         return [x for x, sound in zip(kept, good.tolist(), strict=True) if sound]
 
-    found: list[Floats] = []
-    fresh = new(q[alive], found)
+    roots_: list[Floats] = []
+    fresh = new(q[alive], roots_)
     while fresh:
-        found += fresh
-        fresh = new(_crossings(mechanism, np.array(fresh), rotary, ends, t), found)
+        roots_ += fresh
+        fresh = new(_crossings(mechanism, np.array(fresh), rotary, ends, t), roots_)
     names = [mechanism.of_driver(d, "q") for d in mechanism.drivers]
     units = {
         n: mechanism.driver_joint(d).coordinate_unit
         for n, d in zip(names, mechanism.drivers, strict=True)
     }
-    of = tangents(mechanism, np.reshape(found, (-1, k)), t=t)
+    of = tangents(mechanism, np.reshape(roots_, (-1, k)), t=t)
     rows = [
         equilibrium_of(dict(zip(names, x.tolist(), strict=True)), units, of, i)
-        for i, x in enumerate(found)
+        for i, x in enumerate(roots_)
     ]
     notes = [
         "Newton's method from many places, then along balanced curves: more starts look closer"
@@ -121,7 +121,7 @@ def _crossings(mechanism: Compiled, roots: Floats, rotary: Any, ends: Floats, t:
     way = along(tangents(mechanism, q, t=t).K, others)
     way *= np.where(np.arange(len(q)) % 2, -1.0, 1.0)[:, None]
     held = np.zeros(len(q))
-    found: list[Floats] = []
+    crossings: list[Floats] = []
     for step in range(LONG):
         trial, strayed = q + STRIDE * way * span, np.zeros(len(q), bool)
         for _ in range(3):
@@ -141,7 +141,7 @@ def _crossings(mechanism: Compiled, roots: Floats, rotary: Any, ends: Floats, t:
                         trial - start)  # fmt: skip
         back = (step > 3) & (np.abs(gone / span).max(axis=1) < STRIDE)
         alive = _whole(of) & ~strayed & inside
-        found += [*((q + trial) / 2)[alive & (held * now < 0)]]
+        crossings += [*((q + trial) / 2)[alive & (held * now < 0)]]
         alive &= ~back
         if not alive.any():
             break
@@ -149,7 +149,7 @@ def _crossings(mechanism: Compiled, roots: Floats, rotary: Any, ends: Floats, t:
         q, start, driver, others, held = (x[alive] for x in (trial, start, driver, others, now))
         old, way = way[alive], along(K, others)
         way *= np.where((old * way).sum(axis=1) < 0, -1.0, 1.0)[:, None]
-    return np.reshape(found, (-1, k))
+    return np.reshape(crossings, (-1, k))
 
 
 def _range(mechanism: Compiled, driver: str) -> tuple[float, float]:
@@ -168,10 +168,10 @@ def _range(mechanism: Compiled, driver: str) -> tuple[float, float]:
     return (low, high) if both else (max(low, near[0]), min(high, near[1]))
 
 
-def _apart(found: list[Floats], rotary: Any, ends: Floats, span: Floats) -> list[Floats]:
+def _apart(known: list[Floats], rotary: Any, ends: Floats, span: Floats) -> list[Floats]:
     """Places that are not the same, angles within a turn from where they were looked for."""
     kept: list[Floats] = []
-    for q in found:
+    for q in known:
         q = np.where(rotary, ends[:, 0] + np.mod(q - ends[:, 0], math.tau), q)
         q = np.where(rotary & (np.abs(q - ends[:, 0] - math.tau) < SAME), ends[:, 0], q)
         inside = (q >= ends[:, 0] - SAME * span) & (q <= ends[:, 1] + SAME * span)

@@ -96,9 +96,9 @@ class Equilibrium(TextReport):
         """The equilibrium as a JSON object."""
         values = [[float(z.real), float(z.imag)] for z in self.values]
         names = ("at", "kind", "potential", "interval", "stop", "jump")
-        found = {name: getattr(self, name) for name in names}
-        found |= {name: getattr(self, name).tolist() for name in ("M", "C", "K")}
-        return as_data({**found, "values": values, "frequencies": self.frequencies.tolist()})
+        data = {name: getattr(self, name) for name in names}
+        data |= {name: getattr(self, name).tolist() for name in ("M", "C", "K")}
+        return as_data({**data, "values": values, "frequencies": self.frequencies.tolist()})
 
 
 class Curve(NamedTuple):

@@ -94,8 +94,8 @@ class Evidence:
         if block not in self.run.quality.margin:
             return np.ones(self.run.n)
         with np.errstate(all="ignore"):
-            found: Array = 1 / np.sqrt(self.run.quality.margin[block])
-        return found
+            condition: Array = 1 / np.sqrt(self.run.quality.margin[block])
+        return condition
 
     # -- forces and moments ----------------------------------------------------------
 
@@ -106,7 +106,7 @@ class Evidence:
         With them the largest sum of coordinates [m] whose difference is an arm: an arm is known
         to the rounding of this. The balance of the frame is that of all it carries.
         """
-        found = {}
+        terms_of = {}
         for link in self.structure.links:
             o, terms = self.bodies.link(link).p, list(self.bodies.terms(link))
             joints = self.bodies.joints_on(link)  # a guide's point may be far from its slider
@@ -114,8 +114,8 @@ class Evidence:
             moments += [moment(p - o, f) for f, p, _ in terms]
             places = [p for _, p, _ in terms] + [e.p for j in joints for e in self.bodies.ends(j)]
             reach = np.max([np.abs(p) + np.abs(o) for p in places], axis=0, initial=0.0)
-            found[link] = [plain(f) for f, _, _ in terms], moments, reach
-        return found
+            terms_of[link] = [plain(f) for f, _, _ in terms], moments, reach
+        return terms_of
 
     def _sizes(self, block: str) -> Sizes:
         """Sums of absolute terms of a block.
@@ -129,7 +129,7 @@ class Evidence:
         own = [self.balances[link] for link in links]
         force = np.sum([total(forces).size for forces, _, _ in own], axis=0)
         reach = np.max([reach for _, _, reach in own], axis=0)
-        found = np.sum([total(moments).size for _, moments, _ in own], axis=0) + force * reach
+        moment = np.sum([total(moments).size for _, moments, _ in own], axis=0) + force * reach
         outer = self.outer(block)
         near = {block, *(self.structure.earlier_link(ref).block for ref in outer)}
         bodies = [self.bodies.link(link) for link in self.structure.links if link.block in near]
@@ -137,7 +137,7 @@ class Evidence:
         least = float(np.finfo(np.float64).tiny)  # below it digits go, whatever the force
         v = np.max(np.abs([body.v for body in bodies + wired]), axis=0, initial=least)
         om = np.max(np.abs([body.om for body in bodies]), axis=0, initial=least)
-        return Sizes(force, found, total(self.powers(block)).size + force * v + found * om)
+        return Sizes(force, moment, total(self.powers(block)).size + force * v + moment * om)
 
     def outer(self, block: str) -> list[JointRef]:
         """Joints by which a block hangs on earlier ones."""
@@ -148,20 +148,20 @@ class Evidence:
 
     def _powers(self, block: str) -> list[Term]:
         """Terms of the power balance of a block: what wires bring is taken, lost or stored."""
-        r, found = self.run, []
+        r, powers = self.run, []
         for name in self.structure.blocks[block].joints:
-            found.append(plain(-r[f"{block}.{name}.friction_power"]))
+            powers.append(plain(-r[f"{block}.{name}.friction_power"]))
         for ref in self.outer(block):
-            found += self._wire(ref, -1.0)
+            powers += self._wire(ref, -1.0)
         for d in self.structure.drivers_of(block):
-            found += self._drive(d)
+            powers += self._drive(d)
         for name in self.structure.blocks[block].link_names:
             link = LinkRef(block, name)
             for child in self.structure.carried[link]:
-                found += self._wire(child, 1.0)
-            found += self.power_of_loads(link)
-            found += self._power(self.bodies.link(link), self.bodies.couplings(link))
-        return found
+                powers += self._wire(child, 1.0)
+            powers += self.power_of_loads(link)
+            powers += self._power(self.bodies.link(link), self.bodies.couplings(link))
+        return powers
 
     def _drive(self, driver: str) -> Iterator[Term]:
         """Power that drives a pair from its support: of its driver, or of a black box."""
@@ -178,12 +178,12 @@ class Evidence:
 
     def through_coupling(self, driver: str) -> list[Term]:
         """Powers that a coupling gives to the links that it acts on; their sum is nothing."""
-        s, found = self.structure, list(self._drive(driver))
+        s, powers = self.structure, list(self._drive(driver))
         links = {s.later_link(s.driven[driver]): None}
         links |= {link: None for link in s.links if driver in s.coupled_on[link]}
         for link in links:
-            found += self._power(self.bodies.link(link), self.bodies.couplings(link, driver))
-        return found
+            powers += self._power(self.bodies.link(link), self.bodies.couplings(link, driver))
+        return powers
 
     def _wire(self, ref: JointRef, sign: float) -> list[Term]:
         """Power that a wire gives to its support, times a sign."""
@@ -193,15 +193,15 @@ class Evidence:
 
     def power_of_loads(self, link: LinkRef) -> list[Term]:
         """Power of weight, inertia and elements on a link."""
-        body, found = self.bodies.link(link), []
+        body, powers = self.bodies.link(link), []
         for source in (self.bodies.inertia_and_weight(link), self.bodies.elements(link)):
-            found += self._power(body, source)
-        return found
+            powers += self._power(body, source)
+        return powers
 
     def _power(self, body: Body, loads: Iterable[tuple[Array, Array, Array]]) -> list[Term]:
         """Powers of forces and couples on a link."""
-        found = []
+        powers = []
         for force, place, couple in loads:
-            found.append(power(force, body.v + 1j * body.om * (place - body.p)))
-            found.append(plain(couple * body.om))
-        return found
+            powers.append(power(force, body.v + 1j * body.om * (place - body.p)))
+            powers.append(plain(couple * body.om))
+        return powers

@@ -75,15 +75,15 @@ def shares(mechanism: Compiled, want: Iterable[str] | str, **settings: Any) -> t
     """What each wanted output costs, the dearest first; many are told by quantity or pattern."""
     patterns = as_names("want", want)
     whole = mechanism.plan(patterns, **settings)
-    found = []
+    rows = []
     for name, members in _groups(mechanism, patterns, whole, settings).items():
         plan = mechanism.plan(members, **settings)
         rest = tuple(n for n in whole.want if n not in members)
         left = mechanism.plan(rest, **settings).calls if rest else 0
         blocks = tuple(dict.fromkeys(e.block for e in plan.entries))
         stages = tuple(dict.fromkeys(e.stage for e in plan.entries))
-        found.append(Share(name, blocks, stages, plan.calls, whole.calls - left))
-    return tuple(sorted(found, key=lambda s: -s.saves))
+        rows.append(Share(name, blocks, stages, plan.calls, whole.calls - left))
+    return tuple(sorted(rows, key=lambda s: -s.saves))
 
 
 def _groups(
@@ -98,9 +98,9 @@ def _groups(
     by_quantity: dict[str, list[str]] = {}
     for name in names:
         by_quantity.setdefault(name.rpartition(".")[2], []).append(name)
-    found: dict[str, tuple[str, ...]] = {}
+    members_of: dict[str, tuple[str, ...]] = {}
     for members in by_quantity.values():
         stages = {e.stage for e in mechanism.plan(tuple(members), **settings).entries}
         family = next((words for stage, words in FAMILIES if stage in stages), "inputs")
-        found[family] = (*found.get(family, ()), *members)
-    return found
+        members_of[family] = (*members_of.get(family, ()), *members)
+    return members_of

@@ -53,14 +53,14 @@ class Extreme:
 
     def place(self, degrees: bool = DEGREES) -> str:
         """Where it is, in words."""
-        found = ((d, shown_place(q), self.units[d]) for d, q in self.at.items())
-        return ", ".join(f"{d} = {with_unit(q, unit, degrees)}" for d, q, unit in found)
+        coordinates = ((d, shown_place(q), self.units[d]) for d, q in self.at.items())
+        return ", ".join(f"{d} = {with_unit(q, unit, degrees)}" for d, q, unit in coordinates)
 
     def to_dict(self) -> dict[str, Any]:
         """The extreme as a JSON object; null stands for infinity."""
         value = self.value if math.isfinite(self.value) else None
-        found: dict[str, Any] = {"kind": self.kind, "value": value, "drivers": dict(self.at)}
-        return found | {"time": self.time, "end": self.end}
+        data: dict[str, Any] = {"kind": self.kind, "value": value, "drivers": dict(self.at)}
+        return data | {"time": self.time, "end": self.end}
 
 
 @dataclass(frozen=True)
@@ -124,9 +124,9 @@ class Extremes(TextReport):
         return "\n".join(self._lines(degrees))
 
     def _lines(self, degrees: bool) -> Iterator[str]:
-        for part, found in self.ranges.items():
+        for part, span in self.ranges.items():
             name = f"{self.name}.{part}".rstrip(".")
-            for one in (found.minimum, found.maximum):
+            for one in (span.minimum, span.maximum):
                 value = with_unit(one.value, self.unit, degrees)
                 yield f"{name}  {one.kind} {value} at {one.place(degrees)}"
 
@@ -196,12 +196,12 @@ def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:
 
 def range_of(cycle: Cycle, signal: Signal, part: str = "") -> Range:
     """Smallest and largest value of a signal over a cycle, and all its turns."""
-    found = turns_of(cycle, signal)
+    turns = turns_of(cycle, signal)
     return Range(
         part,
-        extreme_at(cycle, found.low),
-        extreme_at(cycle, found.high),
-        tuple(extreme_at(cycle, t) for t in found.inner),
+        extreme_at(cycle, turns.low),
+        extreme_at(cycle, turns.high),
+        tuple(extreme_at(cycle, t) for t in turns.inner),
     )
 
 

@@ -105,12 +105,12 @@ class FreeBodies:
     def ends(self, ref: JointRef) -> tuple[Body, Body]:
         """The earlier and the later link of a pair where it sits; e is the pair's direction."""
         links = self.structure.earlier_link(ref), self.structure.later_link(ref)
-        found = []
+        bodies = []
         for link in links:
             at, direction = self.side(ref, link)
             end = self.link(link).at(at)
-            found.append(end._replace(e=end.e * direction))
-        return found[0], found[1]
+            bodies.append(end._replace(e=end.e * direction))
+        return bodies[0], bodies[1]
 
     # -- what acts -----------------------------------------------------------------
 

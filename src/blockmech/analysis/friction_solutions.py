@@ -162,8 +162,8 @@ class Equations:
 
     def inputs(self, poses: Samples, pose: Indices, t: Floats) -> dict[str, Any]:
         """Inputs of a program at some of the poses, with friction (s, joints)."""
-        found = {name: np.asarray(column)[pose] for name, column in poses.inputs.items()}
-        return found | {f"friction_{i}": t[:, i] for i in range(t.shape[1])}
+        columns = {name: np.asarray(column)[pose] for name, column in poses.inputs.items()}
+        return columns | {f"friction_{i}": t[:, i] for i in range(t.shape[1])}
 
     def at(self, poses: Samples, pose: Indices, t: Floats) -> tuple[Any, ...]:
         """The program's values."""
@@ -230,8 +230,8 @@ def _planar(z: Any) -> Planar:
 
 
 def _vector(column: Any, n: int) -> Vectors:
-    found = column.real + 1j * column.imag if isinstance(column, Planar) else column
-    return np.broadcast_to(np.asarray(found, complex), n)
+    vector = column.real + 1j * column.imag if isinstance(column, Planar) else column
+    return np.broadcast_to(np.asarray(vector, complex), n)
 
 
 def _systems(group: Group, values: tuple[Any, ...], n: int, scale: Floats) -> Systems:
@@ -249,8 +249,8 @@ def _existence(systems: Systems) -> Floats | None:
     if not systems.group.known:
         return None
     k, _, rows = systems.kernel_arguments
-    found: Floats = BOUND["existence"](k, systems.group.contacts, rows)
-    return found
+    c: Floats = BOUND["existence"](k, systems.group.contacts, rows)
+    return c
 
 
 @np.errstate(all="ignore")
@@ -265,17 +265,17 @@ def _solved(systems: Systems, c: Floats | None) -> Solved:
     sound = np.isfinite(base).all(axis=1) & np.isfinite(rows).all(axis=(1, 2))
     sure = sound & (first.outcome == float(Outcome.CERTIFIED))
     rest = np.flatnonzero(sound & ~sure)
-    found = enumeration.enumerated(k[rest], base[rest], rows[rest], group.contacts)
-    of = rest[found.system]
+    solutions = enumeration.enumerated(k[rest], base[rest], rows[rest], group.contacts)
+    of = rest[solutions.system]
     # The solution that continuation reached is one of them.
     reached = first.outcome == float(Outcome.BY_CONTINUATION)
-    off, nearest = np.abs(found.t - start[of]).max(axis=1, initial=0.0), np.full(n, np.inf)
+    off, nearest = np.abs(solutions.t - start[of]).max(axis=1, initial=0.0), np.full(n, np.inf)
     np.minimum.at(nearest, of, off)
     same = nearest <= SAME * np.abs(start).max(axis=1, initial=0.0)
     connected = reached[of] & same[of] & (off == nearest[of])
     total = np.zeros(n)
-    np.add.at(total, of, found.signs)
-    open_ = ~found.complete | (reached & ~same)[rest]
+    np.add.at(total, of, solutions.signs)
+    open_ = ~solutions.complete | (reached & ~same)[rest]
     if c is not None:
         open_ |= ((total == 1) != (c < 1.0))[rest]
     proof = np.where(sound, PROOFS.index(CONTRACTION), PROOFS.index(NO_POSE))
@@ -286,8 +286,8 @@ def _solved(systems: Systems, c: Floats | None) -> Solved:
     ones = np.ones(len(alone))
     return Solved(
         every[order],
-        (np.concatenate([start[alone], found.t]) + drag[every])[order],
-        np.concatenate([ones.astype(np.int8), found.signs])[order],
+        (np.concatenate([start[alone], solutions.t]) + drag[every])[order],
+        np.concatenate([ones.astype(np.int8), solutions.signs])[order],
         np.concatenate([ones > 0, connected])[order],
         proof,
     )
@@ -311,13 +311,13 @@ def _tree(equations: Equations, taken: Samples, scale: Floats) -> Tree:
         if c is not None:
             tree.existence[step.block] = np.full(taken.n, np.nan)
             tree.existence[step.block][tree.pose] = c
-        found = _solved(systems, c)
-        np.maximum.at(tree.proof, tree.pose, found.proof)
-        if len(found.of) > MOST_BRANCHES:
-            why = f"the solutions multiply from group to group: {len(found.of)} branches"
+        solved = _solved(systems, c)
+        np.maximum.at(tree.proof, tree.pose, solved.proof)
+        if len(solved.of) > MOST_BRANCHES:
+            why = f"the solutions multiply from group to group: {len(solved.of)} branches"
             remedy = "ask for fewer poses, or for less friction with scale="
             raise refused(step.block, why, remedy, f"at most {MOST_BRANCHES}")
-        tree.grow(step, found)
+        tree.grow(step, solved)
     return tree
 
 
@@ -420,17 +420,17 @@ class FrictionSolutions(TextReport):
 
     def _columns(self, degrees: bool = DEGREES) -> list[Column]:
         """Coordinates and the wanted outputs, one value for each solution."""
-        found = []
+        columns = []
         for name, q in self.drivers.items():
             unit = self.answers.unit_of_driver(name)
             turned = degrees and unit == "rad"
             values = np.degrees(q) if turned else q
-            found.append(Column(name, "deg" if turned else unit, values[self.pose], name))
+            columns.append(Column(name, "deg" if turned else unit, values[self.pose], name))
         if (self.scale != 1.0).any():
-            found.append(Column("scale", "", self.scale[self.pose], "scale"))
+            columns.append(Column("scale", "", self.scale[self.pose], "scale"))
         for name in self.answers:
-            found += output_columns(self.answers, name, degrees)
-        return found
+            columns += output_columns(self.answers, name, degrees)
+        return columns
 
     def _head(self) -> Iterator[str]:
         name = self.answers.mechanism.name
@@ -471,7 +471,7 @@ class FrictionSolutions(TextReport):
         return ", ".join(f"{name} = {with_unit(q[i], unit, degrees)}" for (name, q), unit in at)
 
     def _said(self, group: str) -> str:
-        return str(self.answers.mechanism.said(group))
+        return str(self.answers.mechanism.block_name(group))
 
     def to_dict(self) -> dict[str, Any]:
         """The solutions by pose, as JSON data in SI units."""
@@ -565,7 +565,7 @@ def friction_solutions(
     if factors.ndim != 1 or not len(factors) or not (np.isfinite(factors) & (factors >= 0)).all():
         raise refused("scale", "not a row of numbers that are 0 or above", "give for example 1.5")
     names = mechanism.outputs
-    asked = (
+    outputs = (
         [n for n in names if n.endswith(DEFAULT)]
         if want is None
         else names.match([want] if isinstance(want, str) else want)
@@ -576,7 +576,7 @@ def friction_solutions(
     equations = Equations(mechanism, still)
     poses = equations.poses(taken)
     tree = _tree(equations, poses, scales)
-    plan = names.plan(mechanism.scene, asked, GIVEN, still, quality=False)
+    plan = names.plan(mechanism.scene, outputs, GIVEN, still, quality=False)
     order = np.lexsort((~tree.connected, tree.pose))
     pose, t = tree.pose[order], tree.t[order]
     settings = {"friction": GIVEN.method, "static": still}
@@ -587,7 +587,7 @@ def friction_solutions(
     every = np.arange(taken.n)
     rest = equations.at(poses, every, np.zeros((taken.n, len(equations.joints))))
     resting = zip(equations.joints, equations.rest, strict=True)
-    said = mechanism.joint_names
+    joint_names = mechanism.joint_names
     return FrictionSolutions(
         answers,
         pose,
@@ -595,7 +595,10 @@ def friction_solutions(
         {name: column[order] for name, column in tree.index.items()},
         tuple(PROOFS[i] for i in tree.proof),
         tree.existence,
-        {said.get(str(j), str(j)): np.broadcast_to(rest[i], taken.n) > 0 for j, i in resting},
+        {
+            joint_names.get(str(j), str(j)): np.broadcast_to(rest[i], taken.n) > 0
+            for j, i in resting
+        },
         scales,
         taken,
     )

@@ -43,17 +43,17 @@ def held_intervals(
     lowest, highest = friction.holding(q, t)
     held = (lowest <= 0) & (highest >= 0)
     held |= np.isin(q, places)  # balanced: whatever friction there is holds it
-    found: list[tuple[float, float]] = []
+    intervals: list[tuple[float, float]] = []
     for i in np.flatnonzero(held & ~np.concatenate([[False], held[:-1]])).tolist():
         last = i + int(np.argmin(np.append(held[i:], False))) - 1
         start = q[i] if i == 0 else _end(system, t, q[i], q[i - 1])
         end = q[last] if last == len(q) - 1 else _end(system, t, q[last], q[last + 1])
-        found.append((float(start), float(end)))
+        intervals.append((float(start), float(end)))
     turn = high - low
-    if closed and len(found) > 1 and found[0][0] == q[0] and found[-1][1] == q[-1]:
-        across = found[-1][0], found[0][1] + turn  # the seam
-        found = [*found[1:-1], across]
-    return found
+    if closed and len(intervals) > 1 and intervals[0][0] == q[0] and intervals[-1][1] == q[-1]:
+        across = intervals[-1][0], intervals[0][1] + turn  # the seam
+        intervals = [*intervals[1:-1], across]
+    return intervals
 
 
 def _weakest(effort: Effort, q: Floats) -> Floats:

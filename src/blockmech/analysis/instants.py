@@ -54,8 +54,8 @@ def instant_centre(
     turning = two[2] - one[2]
     with np.errstate(all="ignore"):
         gap = (two[1] - 1j * two[2] * two[0]) - (one[1] - 1j * one[2] * one[0])
-        found = 1j * gap / turning
-    return np.where(np.isfinite(found), found, complex(np.inf, np.inf))
+        centre = 1j * gap / turning
+    return np.where(np.isfinite(centre), centre, complex(np.inf, np.inf))
 
 
 @declared
@@ -98,8 +98,8 @@ def path_radius(mechanism: Compiled, point: str, *, at: Coordinates) -> NDArray[
     across = (np.conj(v) * a).imag
     with np.errstate(all="ignore"):
         straight = np.abs(across) <= STRAIGHT * np.abs(v) * np.abs(a)
-        found = np.abs(v) ** 3 / np.where(straight, np.nan, across)
-    return np.where(v == 0, 0.0, np.where(straight, np.inf, found))
+        radius = np.abs(v) ** 3 / np.where(straight, np.nan, across)
+    return np.where(v == 0, 0.0, np.where(straight, np.inf, radius))
 
 
 def _link(mechanism: Compiled, link: str, at: Coordinates) -> tuple[Any, Any, Any]:
@@ -129,8 +129,8 @@ def _moving(mechanism: Compiled, at: Coordinates, names: list[str]) -> Any:
     return mechanism.run(at=at, rates=1.0, accelerations=0.0, want=names)
 
 
-def _known(mechanism: Compiled, names: list[str], said: str) -> list[str]:
+def _known(mechanism: Compiled, names: list[str], where: str) -> list[str]:
     if missing := [name for name in names if name not in mechanism.outputs]:
         remedy = close_match(missing[0], mechanism.outputs)
-        raise refused(said, f'no output "{missing[0]}"', remedy, code="unknown-output")
+        raise refused(where, f'no output "{missing[0]}"', remedy, code="unknown-output")
     return names

@@ -165,8 +165,8 @@ class Limits(TextReport):
         """The limits as a JSON object; null stands for infinity."""
         names = ("unit", "whole_turn", "arcs", "nearest", "spacing")
         held = {self._q(d): q for d, q in self.held.items()}
-        said = {"driver": self._q(self.driver), "held": held}
-        return as_data(said | {name: getattr(self, name) for name in names})
+        data = {"driver": self._q(self.driver), "held": held}
+        return as_data(data | {name: getattr(self, name) for name in names})
 
 
 @declared

@@ -84,8 +84,8 @@ def _line(load: Any, a: Body, b: Body) -> Array:
 
 def _law(e: Evidence, load: Following, ends: Ends) -> Term:
     """What a law says (n,), and by how much its arguments' rounding may change it."""
-    found = [_argument(e, load, what, ends) for what in load.law.variables()]
-    x = [value for value, _ in found]
+    pairs_read = [_argument(e, load, what, ends) for what in load.law.variables()]
+    x = [value for value, _ in pairs_read]
 
     def of(*arguments: Array) -> Array:
         if isinstance(load.law, Function):
@@ -94,7 +94,7 @@ def _law(e: Evidence, load: Following, ends: Ends) -> Term:
 
     value = of(*x)
     size = np.abs(value)
-    for i, (_, known) in enumerate(found):
+    for i, (_, known) in enumerate(pairs_read):
         for step in (-TOLERANCE, TOLERANCE):
             moved = of(*x[:i], x[i] + step * known, *x[i + 1 :])
             size = np.fmax(size, np.abs(value) + np.abs(moved - value) / TOLERANCE)
@@ -134,17 +134,17 @@ def _torsion(e: Evidence, load: TorsionSpring, ends: Ends) -> dict[str, Term]:
 
 
 def _motor(e: Evidence, load: Motor, ends: Ends) -> dict[str, Term]:
-    said = _law(e, load, ends)
-    return {"a": said._replace(value=-said.value), "b": said}
+    moment = _law(e, load, ends)
+    return {"a": moment._replace(value=-moment.value), "b": moment}
 
 
 def _thrust(e: Evidence, load: Thrust, ends: Ends) -> dict[str, Term]:
     a, b = ends["a"], ends["b"]
-    said = _law(e, load, ends)
-    size = said.size
+    thrust = _law(e, load, ends)
+    size = thrust.size
     if load.direction is None:
         size = size * (1 + a.sizes(b)[0] / np.abs(b.p - a.p))
-    force = _line(load, a, b) * said.value
+    force = _line(load, a, b) * thrust.value
     return {"a": Term(-force, size), "b": Term(force, size)}
 
 

@@ -75,19 +75,19 @@ def drivers(e: Evidence) -> Iterator[Residual]:
         one, other = e.bodies.ends(ref)
         sign, offset = e.structure.coordinate(driver)
         q, rate, acceleration = (e.run[f"{driver}.{x}"] for x in ("q", "rate", "acceleration"))
-        asked = sign * q + offset, sign * rate, sign * acceleration
+        prescribed = sign * q + offset, sign * rate, sign * acceleration
         condition = e.condition(ref.block)
         if e.structure.joint(ref).rotary:
-            turn = other.e * np.conj(one.e) - np.exp(1j * asked[0])
+            turn = other.e * np.conj(one.e) - np.exp(1j * prescribed[0])
             size = 1 + np.abs(q) + abs(offset)
             yield Residual("value of", driver, turn, size)
             for k, (a, b) in enumerate(_turns(one, other)[1:], start=1):
-                size = np.abs(a) + np.abs(b) + np.abs(asked[k])
-                yield Residual("value of", driver, b - a - asked[k], size * condition)
+                size = np.abs(a) + np.abs(b) + np.abs(prescribed[k])
+                yield Residual("value of", driver, b - a - prescribed[k], size * condition)
             continue
         for k, (way, size) in enumerate(zip(_along(one, other), one.sizes(other), strict=True)):
-            size = (size + np.abs(asked[k]) + abs(offset)) * (condition if k else 1.0)
-            yield Residual("value of", driver, way - asked[k], size)
+            size = (size + np.abs(prescribed[k]) + abs(offset)) * (condition if k else 1.0)
+            yield Residual("value of", driver, way - prescribed[k], size)
 
 
 def modes(e: Evidence) -> Iterator[Residual]:
@@ -123,5 +123,5 @@ def _asked(e: Evidence, name: str) -> Array | int:
             passed += np.floor(one / math.tau) - math.floor(other / math.tau)
         else:
             passed += (one > 0) != (other > 0)
-    found: Array = block.home.branch * (1 - 2 * (passed % 2))
-    return found
+    sign_now: Array = block.home.branch * (1 - 2 * (passed % 2))
+    return sign_now

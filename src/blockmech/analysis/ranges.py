@@ -51,9 +51,9 @@ def _range_of(mechanism: Compiled, law: Any) -> tuple[float, float]:
         raise no_range(driver, 'give the driver a law of motion with "from" and "to"')
     turn = low == high or (law.law == "constant_rate" and abs(high - low - TURN) <= SAME * TURN)
     if rotary and turn:
-        found = limits(mechanism)
-        if not found.whole_turn and found.arcs:
-            low = (found.arcs[-1].end.q - TURN + found.arcs[0].start.q) / 2
+        closure = limits(mechanism)
+        if not closure.whole_turn and closure.arcs:
+            low = (closure.arcs[-1].end.q - TURN + closure.arcs[0].start.q) / 2
         return low, low + TURN
     return low, high
 

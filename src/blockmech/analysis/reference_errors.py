@@ -60,8 +60,8 @@ class ReferenceErrors:
     def worst(self, result: Result) -> tuple[float, str]:
         """The largest relative error over the compared outputs and samples, and of which."""
         each = self.each(result)
-        found = ((float(np.max(_at(e, self.good), initial=0.0)), n) for n, e in each.items())
-        return max(found, default=(0.0, ""), key=lambda row: row[0])
+        errors = ((float(np.max(_at(e, self.good), initial=0.0)), n) for n, e in each.items())
+        return max(errors, default=(0.0, ""), key=lambda row: row[0])
 
     def error(self, result: Result) -> float:
         """The largest relative error over the compared outputs and samples."""
@@ -145,15 +145,15 @@ def _is_angle(result: Result, name: str) -> bool:
 
 def _distance(result: Result, name: str, wanted: Array) -> Array:
     """Distance (n,) from the wanted values; of angles but coordinates, less whole turns."""
-    found = np.atleast_1d(result[name])
+    values = np.atleast_1d(result[name])
     with np.errstate(invalid="ignore"):
-        gap = found - wanted
+        gap = values - wanted
         if _is_angle(result, name) and not name.endswith(".q"):
             turn = 8 * np.arctan(np.ones((), gap.dtype))
             gap = gap - turn * np.round(gap / turn)
         size = np.abs(gap)
     size = np.where(np.isfinite(size), size, np.inf)
-    return np.where(~np.isfinite(found) & ~np.isfinite(wanted), 0.0, size)
+    return np.where(~np.isfinite(values) & ~np.isfinite(wanted), 0.0, size)
 
 
 def _at(values: Array, good: NDArray[np.bool_]) -> Array:

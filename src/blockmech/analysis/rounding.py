@@ -34,16 +34,16 @@ def digits_lost(result: Result) -> tuple[Flag, ...]:
     short = result.at(index)
     wide = _again(short, "clongdouble")
     good = comparable(short, friction=True) & comparable(wide, friction=True)
-    found = []
+    flags = []
     for name, each in reference_errors(wide, short, good, math.inf).each(short).items():
         lost = np.where(good, each, 0.0) if len(each) == len(good) else each
         i, half = int(lost.argmax()), math.sqrt(float(np.finfo(np.asarray(short[name]).dtype).eps))
         if lost[i] > half:
-            found.append(Flag(int(index[i]), DIGITS_LOST, name, value=min(float(lost[i]), 1.0)))
-    if found:
+            flags.append(Flag(int(index[i]), DIGITS_LOST, name, value=min(float(lost[i]), 1.0)))
+    if flags:
         runs, at = (short, _again(short, "complex64")), list(index)
-        found = [f for f in found if not _is_zero(f.where, at.index(f.sample), wide, runs)]
-    return tuple(sorted(found, key=lambda flag: (-(flag.value or 0.0), flag.where)))
+        flags = [f for f in flags if not _is_zero(f.where, at.index(f.sample), wide, runs)]
+    return tuple(sorted(flags, key=lambda flag: (-(flag.value or 0.0), flag.where)))
 
 
 def _again(result: Result, precision: Precision) -> Result:

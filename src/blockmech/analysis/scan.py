@@ -116,11 +116,11 @@ def _shares(series: Series) -> tuple[Floats, NDArray[np.intp]]:
     kept = np.zeros(inner.shape, dtype=bool)
     kept[:, [0, -1]] = True
     kept[~series.resolved] = True
-    found = series.extrema()
-    u = np.concatenate([series.edges[[0, -1]], inner[kept], found])
+    extrema = series.extrema()
+    u = np.concatenate([series.edges[[0, -1]], inner[kept], extrema])
     own = np.nonzero(kept)[0]
     last = len(series.c) - 1
-    at = np.clip(np.searchsorted(series.edges, found, "right") - 1, 0, last)
+    at = np.clip(np.searchsorted(series.edges, extrema, "right") - 1, 0, last)
     return u, np.concatenate([[0, last], own, at]).astype(np.intp)
 
 
@@ -161,8 +161,8 @@ def minimize(function: Callable[[float], float], low: float, high: float) -> flo
             y = function(middle + d * half)
             return math.inf if math.isnan(y) else y
 
-        found = minimize_scalar(apart, bounds=(-1, 1), method="bounded", options={"xatol": EPS})
-        middle, half = middle + float(found.x) * half, 4 * math.sqrt(EPS) * half
+        minimum = minimize_scalar(apart, bounds=(-1, 1), method="bounded", options={"xatol": EPS})
+        middle, half = middle + float(minimum.x) * half, 4 * math.sqrt(EPS) * half
     return middle
 
 

@@ -170,11 +170,11 @@ def _of_marker(cycle: Cycle, output: str) -> tuple[Turns, Path, float]:
     def along(s: Floats) -> Floats:
         return np.asarray(((read(s) - middle) * u.conjugate()).real)
 
-    found = turns_of(cycle, Signal(output, along, along)) if straight else _curve(cycle, output)
-    chord = float(abs(np.diff(read(np.array([found.low.s, found.high.s])))[0]))
-    high = found.high._replace(value=chord) if straight else found.high
+    turns = turns_of(cycle, Signal(output, along, along)) if straight else _curve(cycle, output)
+    chord = float(abs(np.diff(read(np.array([turns.low.s, turns.high.s])))[0]))
+    high = turns.high._replace(value=chord) if straight else turns.high
     path: Path = "straight" if straight else "curved"
-    return found._replace(low=found.low._replace(value=0.0), high=high), path, chord
+    return turns._replace(low=turns.low._replace(value=0.0), high=high), path, chord
 
 
 def _curve(cycle: Cycle, output: str) -> Turns:
@@ -216,8 +216,8 @@ def _reversals(
 ) -> list[float]:
     """Where the speed vanishes and the velocity before and after points opposite ways."""
     span = Span(*ends, turn=closed)
-    found = scan(lambda s: np.abs(velocity(s)) ** 2, span, panels(0.0, 1.0, cycle.panels))
-    x, y = found.x, found.y
+    curve = scan(lambda s: np.abs(velocity(s)) ** 2, span, panels(0.0, 1.0, cycle.panels))
+    x, y = curve.x, curve.y
     if closed:  # before the first place comes the last but one, a turn earlier
         x, y = np.append(x[-2] - (cycle.high - cycle.low), x), np.append(y[-2], y)
     still = (y[1:-1] <= y[:-2]) & (y[1:-1] <= y[2:]) & (y[1:-1] <= STANDS**2 * np.nanmax(y))

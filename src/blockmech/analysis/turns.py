@@ -40,9 +40,9 @@ def signal_of(cycle: Cycle, output: str, part: str) -> Signal:
     """A real output, or a part of a vector."""
 
     def read(s: Floats) -> Any:
-        found = cycle.run(s, output)
-        values = np.array(found[output])
-        values[[*found.quality.gaps]] = np.nan  # a slider's angle is known where it cannot be
+        result = cycle.run(s, output)
+        values = np.array(result[output])
+        values[[*result.quality.gaps]] = np.nan  # a slider's angle is known where it cannot be
         return values
 
     if part == "magnitude":
@@ -126,9 +126,9 @@ def _inner(cycle: Cycle, signal: Signal, span: Span) -> list[Turn]:
     """Extrema inside a stretch, in order."""
     part = (span.high - span.low) / (cycle.high - cycle.low)
     edges = panels(0.0, 1.0, max(2, math.ceil(part * cycle.panels)))
-    found = scan(signal.smooth, span, edges, signal.value)
-    good = np.isfinite(found.y)
-    x, y, rough = found.x[good], found.y[good], found.rough[good]
+    curve = scan(signal.smooth, span, edges, signal.value)
+    good = np.isfinite(curve.y)
+    x, y, rough = curve.x[good], curve.y[good], curve.rough[good]
     turning = _turning(y, span.turn)
     if len(turning) > NOISY * len(x) and rough.all():  # there is nothing to close in on
         return [Turn(float(x[i]), float(y[i]), s) for i, s in ((y.argmax(), 1), (y.argmin(), -1))]
@@ -170,14 +170,14 @@ def _turning(y: Floats, closed: bool) -> list[tuple[int, int]]:
             groups.append([i])
     if closed and len(groups) > 1:  # the last place is the first one
         groups[0] = groups.pop() + groups[0]
-    n, found = len(groups), []
+    n, turns = len(groups), []
     level = [float(y[g[0]]) for g in groups]
     for j in range(n) if closed else range(1, n - 1):
         before, after = level[j] - level[j - 1], level[j] - level[(j + 1) % n]
         if before * after > 0:
             sign = 1 if before > 0 else -1
-            found.append((max(groups[j], key=lambda i: sign * y[i]), sign))
-    return found
+            turns.append((max(groups[j], key=lambda i: sign * y[i]), sign))
+    return turns
 
 
 def _end(cycle: Cycle, signal: Signal, edge: float) -> Turn:

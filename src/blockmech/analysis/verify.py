@@ -170,9 +170,9 @@ def verify(
     taken = blocks.samples(at, samples, times, rates, accelerations)
     taken = replace(taken, inputs={**taken.inputs, **_states(blocks, taken.n)})
     given["static"] = static
-    asked = Evidence(blocks.answer(taken, EVERYTHING, given, None, **how, on_gap="mark"))
-    shaken = Evidence(_perturbed_run(asked.run, how))
-    return _judged(mechanism, asked, [(asked, CHECKS), (shaken, CHECKS)])
+    evidence = Evidence(blocks.answer(taken, EVERYTHING, given, None, **how, on_gap="mark"))
+    shaken = Evidence(_perturbed_run(evidence.run, how))
+    return _judged(mechanism, evidence, [(evidence, CHECKS), (shaken, CHECKS)])
 
 
 def _of_result(
@@ -187,16 +187,18 @@ def _of_result(
     if motion is None:
         how["static"] = result.settings["static"]
         run = blocks.answer(result.samples, EVERYTHING, how, None, engine, None, chunk, "mark")
-        asked = Evidence(run)
-        return _judged(mechanism, asked, [(asked, CHECKS)])
+        evidence = Evidence(run)
+        return _judged(mechanism, evidence, [(evidence, CHECKS)])
     t = motion.times(1) if result.time is None else result.time
-    asked = Evidence(result_along(blocks, motion, t, EVERYTHING, **how, engine=engine, chunk=chunk))
-    found = _judged(mechanism, asked, [(asked, (*CHECKS, idle))])
-    return replace(found, rows=(*found.rows, *(Check(*row) for row in trajectory(result))))
+    evidence = Evidence(
+        result_along(blocks, motion, t, EVERYTHING, **how, engine=engine, chunk=chunk)
+    )
+    judged = _judged(mechanism, evidence, [(evidence, (*CHECKS, idle))])
+    return replace(judged, rows=(*judged.rows, *(Check(*row) for row in trajectory(result))))
 
 
 def _judged(
-    mechanism: Compiled, asked: Evidence, tables: Iterable[tuple[Evidence, Sequence[CheckOf]]]
+    mechanism: Compiled, first: Evidence, tables: Iterable[tuple[Evidence, Sequence[CheckOf]]]
 ) -> Verification:
     """The worst of every check over all evidence."""
     worst: dict[str, float] = {}
@@ -206,9 +208,9 @@ def _judged(
             for what, of, left, scale in check(evidence):
                 name = f"{what} {_said(mechanism, of)}"
                 worst[name] = np.maximum(worst.get(name, 0.0), _relative(left[good], scale[good]))
-    conditions = [asked.condition(block)[asked.good] for block in asked.structure.blocks]
+    conditions = [first.condition(block)[first.good] for block in first.structure.blocks]
     rows = tuple(Check(name, float(value)) for name, value in worst.items())
-    return Verification(rows, int(asked.good.sum()), float(np.max(conditions, initial=1.0)))
+    return Verification(rows, int(first.good.sum()), float(np.max(conditions, initial=1.0)))
 
 
 def _relative(left: Any, scale: Any) -> float:
@@ -239,9 +241,11 @@ def _perturbed_run(run: Result, how: Mapping[str, Any]) -> Result:
     fastest = float(np.nanmax(np.abs([run[name] for name in links]), initial=0.0)) or 1.0
     for k, _ in enumerate(mechanism.drivers):
         rate = inputs[f"qd_{k}"]
-        asked = np.where(rate == 0, float(np.abs(rate).max()) or 1.0, rate)
-        inputs[f"qd_{k}"] = asked * (3 + np.cos(at + k)) / 4
-        inputs[f"qdd_{k}"] = inputs[f"qdd_{k}"] + np.abs(asked) * fastest * np.sin(2 * at + k + 1)
+        rate_or_one = np.where(rate == 0, float(np.abs(rate).max()) or 1.0, rate)
+        inputs[f"qd_{k}"] = rate_or_one * (3 + np.cos(at + k)) / 4
+        inputs[f"qdd_{k}"] = inputs[f"qdd_{k}"] + np.abs(rate_or_one) * fastest * np.sin(
+            2 * at + k + 1
+        )
     plan = mechanism.plan("*", friction="none", static=run.settings["static"])
     samples = Samples(run.n, inputs, run.samples.time)
     values, engine = mechanism.evaluate(plan, samples, **how)
@@ -259,4 +263,4 @@ def _said(mechanism: Compiled, of: Part) -> str:
     driver, dot, output = str(of).partition(".")
     if driver in mechanism.drivers:
         return mechanism.of_driver(driver, output) if dot else driver
-    return mechanism.joint_names.get(str(of), mechanism.said(str(of)))
+    return mechanism.joint_names.get(str(of), mechanism.block_name(str(of)))

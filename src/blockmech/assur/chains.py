@@ -53,8 +53,8 @@ def chains(links: int) -> tuple[Chain, ...]:
                 if not any(nx.is_isomorphic(made, other) for other in bucket):
                     bucket.append(made)
         level = [chain for bucket in grown.values() for chain in bucket]
-    found = [chain for chain in level if chain.number_of_nodes() == links]
-    return tuple(sorted(found, key=lambda c: sorted(d for _, d in c.degree())))
+    complete = [chain for chain in level if chain.number_of_nodes() == links]
+    return tuple(sorted(complete, key=lambda c: sorted(d for _, d in c.degree())))
 
 
 def mechanisms(chain: Chain) -> tuple[tuple[int, int], ...]:
@@ -65,12 +65,12 @@ def mechanisms(chain: Chain) -> tuple[tuple[int, int], ...]:
     matcher = nx.isomorphism.GraphMatcher(chain, chain)
     symmetries = [*matcher.isomorphisms_iter()]
     seen: set[tuple[int, int]] = set()
-    found = []
+    choices = []
     for a, b in sorted((u, v) for e in chain.edges for u, v in (e, e[::-1])):
         if (a, b) not in seen:
-            found.append((a, b))
+            choices.append((a, b))
             seen |= {(s[a], s[b]) for s in symmetries}
-    return tuple(found)
+    return tuple(choices)
 
 
 def _with_ear(chain: Chain, links: int, last: bool) -> Iterator[Chain]:

@@ -97,29 +97,29 @@ def diagnose(
     driven = {p.name: p for p in at_hand if p.name in drivers}
     undriven = rigidity(near, at_hand, earlier)
     held = rigidity(near, at_hand, earlier, driven)
-    found: list[Finding] = []
+    findings: list[Finding] = []
     if away:
-        found.append(_finding("unconnected-links", len(away), away))
+        findings.append(_finding("unconnected-links", len(away), away))
     for o in undriven.overconstrained:
         code = "turning-held-twice" if o.turning_only else "over-constrained"
-        found.append(_finding(code, o.excess, o.links, o.pairs))
+        findings.append(_finding(code, o.excess, o.links, o.pairs))
     missing = undriven.mobility - len(driven)
     if missing:
         code = "too-few-drivers" if missing > 0 else "too-many-drivers"
-        found.append(_finding(code, abs(missing), (), driven))
+        findings.append(_finding(code, abs(missing), (), driven))
     body = {a: part for part in undriven.clusters for a in part}
     for o in held.overconstrained:
         locked = {
             d for d in o.drivers if body.get(driven[d].first) == body.get(driven[d].second, ())
         }
-        found += [_finding("locked-driver", 1, o.links, [d]) for d in sorted(locked)]
+        findings += [_finding("locked-driver", 1, o.links, [d]) for d in sorted(locked)]
         fighting = set(o.drivers) - locked
         if fighting:
             left = rigidity(near, at_hand, earlier, fighting).mobility
             excess = len(fighting) - (undriven.mobility - left)
-            found.append(_finding("conflicting-drivers", excess, o.links, fighting))
-    found += [_finding("loose-links", part.freedom, part.links) for part in held.loose]
-    return tuple(found)
+            findings.append(_finding("conflicting-drivers", excess, o.links, fighting))
+    findings += [_finding("loose-links", part.freedom, part.links) for part in held.loose]
+    return tuple(findings)
 
 
 def _unconnected(moving: list[str], pairs: Iterable[Pair], earlier: Collection[str]) -> set[str]:

@@ -222,11 +222,11 @@ def _pins(pairs: Iterable[Pair]) -> list[list[Pair]]:
     graph: nx.Graph[tuple[str, str]] = nx.Graph()
     shared = [p for p in pairs if p.kind == "R" and p.axis]
     graph.add_edges_from(((p.axis, p.first), (p.axis, p.second)) for p in shared)
-    found: dict[int, list[Pair]] = defaultdict(list)
+    pins: dict[int, list[Pair]] = defaultdict(list)
     at = {node: n for n, part in enumerate(nx.connected_components(graph)) for node in part}
     for p in shared:
-        found[at[p.axis, p.first]].append(p)
-    return [pin for pin in found.values() if len(pin) > 1]
+        pins[at[p.axis, p.first]].append(p)
+    return [pin for pin in pins.values() if len(pin) > 1]
 
 
 def _is_tree(pin: Sequence[Pair], earlier: Collection[str]) -> bool:

@@ -101,9 +101,9 @@ def axes(sides: Iterable[Side], size: float) -> dict[str, str]:
             w = z / (2 * SAME) + shift
             cell = (side.link, side.kind, shift, math.floor(w.real), math.floor(w.imag))
             graph.add_edge(side.pair, cell)
-    found = {name: "" for name in graph if isinstance(name, str)}
+    axis_of = {name: "" for name in graph if isinstance(name, str)}
     for part in nx.connected_components(graph):
         names = [name for name in part if isinstance(name, str)]
         if len(names) > 1:
-            found.update(dict.fromkeys(names, min(names)))
-    return found
+            axis_of.update(dict.fromkeys(names, min(names)))
+    return axis_of

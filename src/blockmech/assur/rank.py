@@ -87,7 +87,7 @@ class Echelon:
 
     def circuit(self, source: int) -> set[int]:
         """The conditions that a redundant one depends on, and itself."""
-        weight, found = self._reduce(self.conditions[source])[1], {source}
+        weight, sources = self._reduce(self.conditions[source])[1], {source}
         waiting = [(-self.pivots[column].source, column) for column in weight]
         heapq.heapify(waiting)
         while waiting:  # later pivots first: they only use earlier ones
@@ -95,13 +95,13 @@ class Echelon:
             pivot = self.pivots[column]
             amount = weight[column] * pivot.scale % PRIME
             if amount:
-                found.add(pivot.source)
+                sources.add(pivot.source)
                 self._work(4 * (1 + len(pivot.used)))  # a heap costs more than a row
                 for earlier, factor in pivot.used.items():
                     if earlier not in weight:
                         heapq.heappush(waiting, (-self.pivots[earlier].source, earlier))
                     weight[earlier] = (weight.get(earlier, 0) - amount * factor) % PRIME
-        return found
+        return sources
 
     def solution(self, free: Sequence[int]) -> Sequence[int]:
         """Values of all columns that meet the conditions, as given where a column is free."""

@@ -178,10 +178,10 @@ def _overconstrained(system: Echelon, held: Sequence[Condition]) -> tuple[Overco
         nx.add_star(graph, [named[source], *(named[k] for k in system.circuit(source))])
     excess = Counter(named[k] for k in system.redundant)
     first = dict(zip(named, held, strict=True))
-    found = []
+    parts = []
     for part in nx.connected_components(graph):
         conditions = [first[name] for name in part]
-        found.append(
+        parts.append(
             Overconstraint(
                 links=tuple(sorted({a for c in conditions for a in c.pair.links})),
                 pairs=tuple(sorted({c.pair.name for c in conditions})),
@@ -190,7 +190,7 @@ def _overconstrained(system: Echelon, held: Sequence[Condition]) -> tuple[Overco
                 turning_only=all(c.what == "turn" for c in conditions),
             )
         )
-    return tuple(sorted(found, key=lambda o: (o.links, o.pairs)))
+    return tuple(sorted(parts, key=lambda o: (o.links, o.pairs)))
 
 
 def _loose(

@@ -70,13 +70,13 @@ class Block(StrictModel):
     @functools.cached_property
     def all_markers(self) -> Mapping[str, tuple[str, Marker | BuiltIn]]:
         """All markers: name -> (link, marker). Built-in ones first, a link's name is one."""
-        found = self.own_markers()
+        markers = self.own_markers()
         for link in self.link_names:
-            found.setdefault(link, (link, BuiltIn(link)))
+            markers.setdefault(link, (link, BuiltIn(link)))
         for link, properties in self.links_or_default().items():
             for name, marker in properties.markers.items():
-                found[name] = (link, marker)
-        return found
+                markers[name] = (link, marker)
+        return markers
 
     def place_of(self, marker: Marker | BuiltIn) -> complex:
         """Place [m] of one of the block's markers, in the frame of the marker's link."""

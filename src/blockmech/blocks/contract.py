@@ -96,11 +96,11 @@ class Moving(Block):
             "reactions": ["pose", *(f"load_{n}" for n in cls.link_names), "p"],
         }
         for name, wanted in expected.items():
-            found = list(inspect.signature(getattr(cls.kernels, name)).parameters)
-            if len(found) != len(wanted):
+            parameters = list(inspect.signature(getattr(cls.kernels, name)).parameters)
+            if len(parameters) != len(wanted):
                 raise TypeError(
                     f"{cls.__name__}: kernel {name} must take ({', '.join(wanted)}), "
-                    f"it takes ({', '.join(found)})"
+                    f"it takes ({', '.join(parameters)})"
                 )
 
     @property
@@ -180,15 +180,15 @@ class Moving(Block):
     def characteristic_length(self) -> float:
         """The largest length [m]; 1 m where the block has none."""
         length = self.largest_length()
-        found: float = apply("where", length > 0.0, length, 1.0)
-        return found
+        size: float = apply("where", length > 0.0, length, 1.0)
+        return size
 
     def slider_owner(self, joint: str) -> Literal["later", "earlier"]:
         """Which link owns the slider's point of a prismatic pair (inner: j is later)."""
-        said: Any = getattr(self, "slider", None)
-        if isinstance(said, dict):
-            said = said.get(joint)
-        return "earlier" if said in ("earlier", "i") else "later"
+        slider: Any = getattr(self, "slider", None)
+        if isinstance(slider, dict):
+            slider = slider.get(joint)
+        return "earlier" if slider in ("earlier", "i") else "later"
 
 
 class DrivingLink(Moving):

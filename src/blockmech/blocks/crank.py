@@ -103,5 +103,5 @@ class Crank(DrivingLink, type="driver.crank"):
 
     def own_markers(self) -> dict[str, tuple[str, Marker | BuiltIn]]:
         """The markers that the block brings; B only where the crank has a length."""
-        found = super().own_markers()
-        return {k: m for k, m in found.items() if k != "B" or self.length is not None}
+        markers = super().own_markers()
+        return {k: m for k, m in markers.items() if k != "B" or self.length is not None}

@@ -190,5 +190,5 @@ class Cylinder(AssurGroup, type="driven.rrr"):
 
         Raises `GraphError` where C lies on the line BD: the branch is not defined there.
         """
-        found = bent("Cylinder.from_points", B, C, D)
-        return cls(l_j=found["l_j"], branch=found["branch"], **more)  # type: ignore[arg-type]
+        numbers = bent("Cylinder.from_points", B, C, D)
+        return cls(l_j=numbers["l_j"], branch=numbers["branch"], **more)  # type: ignore[arg-type]

@@ -37,5 +37,5 @@ class Frame(Block, type="frame"):
     @cached_property
     def all_markers(self) -> Mapping[str, tuple[str, Marker | BuiltIn]]:
         """The frame's markers; ``frame`` itself is the one at its origin."""
-        found: dict[str, tuple[str, Marker | BuiltIn]] = {"frame": ("frame", BuiltIn("frame"))}
-        return found | {name: ("frame", m) for name, m in self.markers.items()}
+        markers: dict[str, tuple[str, Marker | BuiltIn]] = {"frame": ("frame", BuiltIn("frame"))}
+        return markers | {name: ("frame", m) for name, m in self.markers.items()}

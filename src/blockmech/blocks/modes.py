@@ -80,17 +80,17 @@ class TwoModes(AssurGroup):
 
     @model_validator(mode="after")
     def _home_if_it_follows(self) -> TwoModes:
-        said: Any = self
-        if said.branch == FOLLOW and said.home is None:
+        block: Any = self
+        if block.branch == FOLLOW and block.home is None:
             raise mistake(
                 "missing-key",
                 'a branch that follows the motion needs a "home"',
                 "",
                 'add "home": {"drivers": {"<driver>": <coordinate>}, "branch": 1}',
             )
-        if said.branch != FOLLOW and said.home is not None:
+        if block.branch != FOLLOW and block.home is not None:
             raise mistake(
-                "unknown-key", f'"home" has no meaning with branch {said.branch}', "", "remove it"
+                "unknown-key", f'"home" has no meaning with branch {block.branch}', "", "remove it"
             )
         return self
 
@@ -108,10 +108,10 @@ class TwoModes(AssurGroup):
 
     def parameters(self) -> Any:
         """The block's numbers; of a branch that follows, the one at home."""
-        said: Any = self
+        block: Any = self
         if not self.follows:
             return super().parameters()
-        at_home = self.model_copy(update={"branch": said.home.branch, "home": None})
+        at_home = self.model_copy(update={"branch": block.home.branch, "home": None})
         return at_home.parameters()
 
 
@@ -153,7 +153,7 @@ def dyad_modes(dyad: AssurGroup, supports: Sequence[Any]) -> tuple[Mode, ...]:
     >>> [(m.branch, round(m.links["i"].e.imag, 6)) for m in dyad_modes(dyad, [0j, 8 + 0j])]
     [(1, 0.6), (-1, -0.6)]
     """
-    found: list[Mode] = []
+    modes: list[Mode] = []
     for branch in branches(dyad):
         one = dyad if branch is None else dyad.model_copy(update={"branch": branch})
         try:
@@ -163,7 +163,7 @@ def dyad_modes(dyad: AssurGroup, supports: Sequence[Any]) -> tuple[Mode, ...]:
         links = {name: getattr(pose, name) for name in dyad.link_names}
         finite = all(cmath.isfinite(z) for link in links.values() for z in link)
         double = pose.margin == 0
-        if pose.margin >= 0 and finite and not any(mode.double for mode in found):
+        if pose.margin >= 0 and finite and not any(mode.double for mode in modes):
             sign = 0 if double else branch or 1
-            found.append(Mode(links, float(pose.margin), sign, double, branch))
-    return tuple(found)
+            modes.append(Mode(links, float(pose.margin), sign, double, branch))
+    return tuple(modes)

@@ -16,15 +16,15 @@ Point: TypeAlias = complex | tuple[float, float]
 
 def given_points(where: str, **points: Point) -> list[complex]:
     """The points as complex numbers. Raises `GraphError`, all wrong ones at once."""
-    found, problems = [], []
+    parsed, problems = [], []
     for name, point in points.items():
         try:
-            found.append(Vector.parse(point).z)
+            parsed.append(Vector.parse(point).z)
         except PydanticCustomError as error:
             problems.append(Problem("bad-point", f"{where}: {name}", error.message()))
     if problems:
         raise GraphError(problems)
-    return found
+    return parsed
 
 
 def unit(where: str, along: Point) -> complex:

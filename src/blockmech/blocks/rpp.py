@@ -220,8 +220,8 @@ class RPP(OneMode, type="dyad.rpp"):
         if sine == 0:
             raise dead_centre(where, "the guides are parallel")
         o = s + u2 * (cross(s1 - s, u1) / sine)
-        said = more.get("slider")
-        owner = said.get("S1") if isinstance(said, dict) else ""
+        slider = more.get("slider")
+        owner = slider.get("S1") if isinstance(slider, dict) else ""
         return cls(
             beta=angle_between(u2, u1),
             h_i=cross(u1, s1 - b),

@@ -123,8 +123,8 @@ def command() -> Any:
     return typer.main.get_command(app)
 
 
-def _version(asked: bool) -> None:
-    if asked:
+def _version(wanted: bool) -> None:
+    if wanted:
         say(f"blockmech {blockmech.__version__}")
         raise typer.Exit
 

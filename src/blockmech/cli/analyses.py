@@ -43,10 +43,10 @@ def check(file: GraphFile, json: AsJson = False) -> None:
     doubts: list[Problem] = []
     try:
         with reading(file):
-            found = opened(file)
-            problems = in_file(found.check(), file)
-            facts, text = ({}, "") if problems else _facts(found)
-            doubts = [] if problems else _doubts(found, file)
+            model = opened(file)
+            problems = in_file(model.check(), file)
+            facts, text = ({}, "") if problems else _facts(model)
+            doubts = [] if problems else _doubts(model, file)
     except (FormatError, GraphError) as error:
         problems, facts, text = list(error.problems), {}, ""
     if problems and not json:
@@ -60,27 +60,27 @@ def check(file: GraphFile, json: AsJson = False) -> None:
         raise typer.Exit(WRONG)
 
 
-def _doubts(found: Opened, file: str) -> list[Problem]:
+def _doubts(model: Opened, file: str) -> list[Problem]:
     """What breaks no rule and is hardly meant: groups that do not close where it starts."""
     try:
-        check_closing(compiled_of(found, file))
+        check_closing(compiled_of(model, file))
     except BlockmechError as error:
         return [replace(p, where=p.where.split(" (sample")[0], remedy="") for p in error.problems]
     return []
 
 
-def _facts(found: Opened) -> tuple[dict[str, Any], str]:
+def _facts(model: Opened) -> tuple[dict[str, Any], str]:
     """What a mechanism is, as data and as text."""
-    text = repr(found)
-    if isinstance(found, Graph):
-        structure = found.structure()
+    text = repr(model)
+    if isinstance(model, Graph):
+        structure = model.structure()
         formula = structure.formula
     else:
-        made = found.decompose()
+        made = model.decompose()
         structure, formula = made.graph.structure(), str(made.formation)
         text += f"\nmobility {structure.mobility}"
     return {
-        "graph": found.name,
+        "graph": model.name,
         "links": len(structure.links) - 1,
         "pairs": structure.pairs,
         "mobility": structure.mobility,
@@ -94,10 +94,10 @@ def verify(file: GraphFile, at: At = None, json: AsJson = False) -> None:
         mechanism = compiled(file)
     given = coordinates(mechanism, at or [])
     with progress_bar("verifying"):
-        found = mechanism.verify(given)
-    rows = [{**vars(row), "ok": row.ok} for row in found.rows]
-    answer(file, json, {"ok": found.ok, "rows": rows}, str(found))
-    if not found.ok:
+        report = mechanism.verify(given)
+    rows = [{**vars(row), "ok": row.ok} for row in report.rows]
+    answer(file, json, {"ok": report.ok, "rows": rows}, str(report))
+    if not report.ok:
         raise typer.Exit(NO_ANSWER)
 
 
@@ -124,12 +124,12 @@ def limits(
             raise refused(f"--at {name}", "this driver is the one that moves", "hold another one")
         held[name] = row[0]
     with progress_bar("searching"):
-        found = [
+        reports = [
             mechanism.limits(moved, {d: q for d, q in held.items() if d != moved})
             for moved in moving or (None,)
         ]
-    text = "\n".join(f.text(degrees=deg) for f in found)
-    answer(file, json, {"limits": [f.to_dict() for f in found]}, text)
+    text = "\n".join(f.text(degrees=deg) for f in reports)
+    answer(file, json, {"limits": [f.to_dict() for f in reports]}, text)
 
 
 def modes(
@@ -149,8 +149,8 @@ def modes(
         mechanism = compiled(file)
     given = coordinates(mechanism, at or [])
     with progress_bar("searching"):
-        found = mechanism.modes(given, driver=driver, groups=group or None, arcs=not no_arcs)
-    answer(file, json, found.to_dict(), found.text(degrees=deg))
+        report = mechanism.modes(given, driver=driver, groups=group or None, arcs=not no_arcs)
+    answer(file, json, report.to_dict(), report.text(degrees=deg))
 
 
 def extremes(
@@ -171,9 +171,9 @@ def extremes(
         mechanism = compiled(file)
     ask: Any = mechanism.stroke if stroke else mechanism.extremes
     with progress_bar("searching"):
-        found = [row for name in names for row in _of_all(mechanism, name, ask)]
-    rows = [f.to_dict() for f in found]
-    text = "\n".join(f.text(degrees=deg) for f in found)
+        reports = [row for name in names for row in _of_all(mechanism, name, ask)]
+    rows = [f.to_dict() for f in reports]
+    text = "\n".join(f.text(degrees=deg) for f in reports)
     answer(file, json, {"strokes" if stroke else "extremes": rows}, text)
 
 
@@ -185,12 +185,12 @@ def _of_all(mechanism: Mechanism, name: str, ask: Callable[[str], Any]) -> list[
         fits = mechanism.outputs.match([name]) if any(sign in name for sign in "*?[") else ()
         if not fits:
             raise
-        found, problems = [], list(error.problems)
+        reports, problems = [], list(error.problems)
         for one in fits:
             try:
-                found.append(ask(one))
+                reports.append(ask(one))
             except RequestError as refusal:
                 problems += refusal.problems
-        if not found:
+        if not reports:
             raise RequestError(problems) from None
-        return found
+        return reports

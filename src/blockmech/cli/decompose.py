@@ -44,10 +44,10 @@ def decompose(
     Without -o nothing is written.
     """
     with reading(file):
-        found = opened(file)
-    if isinstance(found, Graph):
+        model = opened(file)
+    if isinstance(model, Graph):
         raise refused(file, "it is a graph of blocks already", "name a file of links and joints")
-    made = found.decompose(general.value if general else "")
+    made = model.decompose(general.value if general else "")
     if output is not None:
         made.graph.save(output)
     lines = [*as_text(made), *([f"wrote {output}"] if output is not None else [])]

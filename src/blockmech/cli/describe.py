@@ -69,9 +69,9 @@ def outputs(
     """
     with reading(file):
         known = compiled(file).outputs
-    found = [known[name] for name in known.match(names or EVERYTHING)]
-    rows = [(o.name, o.unit or "-", o.about) for o in found]
-    data = [{"name": o.name, "unit": o.unit, "kind": o.kind, "about": o.about} for o in found]
+    shown = [known[name] for name in known.match(names or EVERYTHING)]
+    rows = [(o.name, o.unit or "-", o.about) for o in shown]
+    data = [{"name": o.name, "unit": o.unit, "kind": o.kind, "about": o.about} for o in shown]
     answer(file, json, {"outputs": data}, "\n".join(aligned(("output", "unit", "what"), rows)))
 
 

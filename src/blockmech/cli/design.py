@@ -49,10 +49,10 @@ def _answered(
     with reading(file):
         mechanism = compiled(file)
     with progress_bar(doing):
-        found = ask(mechanism)
-    answer(file, json, found.to_dict(), found.text(degrees=degrees))
-    write_found(found, None, plot)
-    return found
+        report = ask(mechanism)
+    answer(file, json, report.to_dict(), report.text(degrees=degrees))
+    write_found(report, None, plot)
+    return report
 
 
 def equilibria(
@@ -96,11 +96,11 @@ def linearize(
     json: AsJson = False,
 ) -> None:
     """Find how the mechanism vibrates about a pose: frequencies, damping, mode shapes."""
-    asked: dict[str, Any] = {"inputs": names_of(inputs), "outputs": names_of(outputs)}
-    asked |= {"friction": friction, "states": dict(map(_named, states or []))}
+    request: dict[str, Any] = {"inputs": names_of(inputs), "outputs": names_of(outputs)}
+    request |= {"friction": friction, "states": dict(map(_named, states or []))}
 
     def ask(m: Mechanism) -> Any:
-        return m.linearize(coordinates(m, at or []), rates=rates_of(m, rates or []), **asked)
+        return m.linearize(coordinates(m, at or []), rates=rates_of(m, rates or []), **request)
 
     _answered(file, "differentiating", ask, plot, json, deg)
 
@@ -131,9 +131,9 @@ def balance(
     def ask(m: Mechanism) -> Any:
         return m.balance(names_of(numbers), wanted, coordinates(m, at or []), bounds=ends)
 
-    found = _answered(file, "balancing", ask, plot, json, deg)
+    balanced = _answered(file, "balancing", ask, plot, json, deg)
     if save is not None:
-        found.mechanism.document.save(save)
+        balanced.mechanism.document.save(save)
         note(f"wrote {save}")
 
 
@@ -177,5 +177,5 @@ def identify(
     json: AsJson = False,
 ) -> None:
     """Identify numbers of the mechanism from what was measured on it."""
-    asked: dict[str, Any] = {"friction": friction, "static": static}
-    _answered(file, "fitting", lambda m: m.identify(names_of(to), data, **asked), plot, json)
+    request: dict[str, Any] = {"friction": friction, "static": static}
+    _answered(file, "fitting", lambda m: m.identify(names_of(to), data, **request), plot, json)

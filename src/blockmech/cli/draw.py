@@ -70,7 +70,7 @@ def draw(
     if kind in ("mechanism", "animation") or (kind == "centrodes" and at):
         given = coordinates(subject, at or [])
     with progress_bar("drawing"):
-        asked: dict[str, Any] = {"kind": kind, "at": given, "degrees": deg}
-        asked |= {"trace": names_of(trace) or None, "want": names_of(want) or EVERYTHING}
-        path = drawn(subject, picture, **asked)
+        request: dict[str, Any] = {"kind": kind, "at": given, "degrees": deg}
+        request |= {"trace": names_of(trace) or None, "want": names_of(want) or EVERYTHING}
+        path = drawn(subject, picture, **request)
     say(f"wrote {path}")

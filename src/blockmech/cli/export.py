@@ -60,11 +60,11 @@ def export(
         if to is None or to not in WRITERS:
             raise refused("export", "no file to write is named", "add -o FILE, or --to FORMAT")
         output = f"{mechanism.name}{WRITERS[to].suffixes[0]}"
-    asked: dict[str, Any] = {"at": coordinates(mechanism, at or []), "samples": samples}
-    asked |= {"times": times(at_times), "friction": friction, "static": static or None}
+    request: dict[str, Any] = {"at": coordinates(mechanism, at or []), "samples": samples}
+    request |= {"times": times(at_times), "friction": friction, "static": static or None}
     with progress_bar("writing"):
         files = write(
-            document, output, to, want=names_of(want) or EVERYTHING, **asked, **_options(set_)
+            document, output, to, want=names_of(want) or EVERYTHING, **request, **_options(set_)
         )
     say("\n".join(f"wrote {path}" for path in files))
 
@@ -79,10 +79,10 @@ def _formats(writers: Any) -> list[str]:
 
 
 def _options(given: list[str] | None) -> dict[str, str]:
-    found = {}
+    options = {}
     for text in given or ():
         name, equals, value = text.partition("=")
         if not equals:
             raise refused(f"--set {text}", "it has no value", "write NAME=VALUE")
-        found[name] = value
-    return found
+        options[name] = value
+    return options

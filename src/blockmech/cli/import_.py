@@ -31,13 +31,13 @@ def import_(
     Without -o the document is printed. What could not be taken is noted.
     """
     with reading(source):
-        found = read(source, unit=unit, format=format)
-    notes = found.extras.get("notes") or []
+        model = read(source, unit=unit, format=format)
+    notes = model.extras.get("notes") or []
     note(*(f"note: {text}" for text in ([notes] if isinstance(notes, str) else notes)))
     if output is None:
-        say(found.to_json(), end="")
+        say(model.to_json(), end="")
         return
-    found.save(output)
+    model.save(output)
     say(f"wrote {output}")
 
 

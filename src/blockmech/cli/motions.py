@@ -30,9 +30,9 @@ def motion_lines(result: Result, degrees: bool = False) -> list[str]:
 
 
 def _state(event: Event, names: list[str], units: list[str], degrees: bool) -> str:
-    said = [f"{event.t:.{DIGITS}g} s"]
+    parts = [f"{event.t:.{DIGITS}g} s"]
     for x, name, unit in zip(np.atleast_1d(event.q).tolist(), names, units, strict=True):
         turned = degrees and unit == "rad"
         value = f"{math.degrees(x) if turned else x:.{DIGITS}g}"
-        said.append(f"{name} = {value} {'deg' if turned else unit}")
-    return ", ".join(said)
+        parts.append(f"{name} = {value} {'deg' if turned else unit}")
+    return ", ".join(parts)

@@ -33,13 +33,13 @@ def coordinates(mechanism: Compiled, given: list[str]) -> dict[str, list[float]]
     """
 
     def read(where: str, text: str, of: str) -> list[float]:
-        found = row(where, text, UNITS[of])
+        values = row(where, text, UNITS[of])
         if of == "rad" and _seem_degrees(text):
             note(
-                f"{where}: these are radians, {max(map(abs, found)) / math.tau:.3g} turns; "
+                f"{where}: these are radians, {max(map(abs, values)) / math.tau:.3g} turns; "
                 f"degrees are written {_in_degrees(text)}"
             )
-        return found
+        return values
 
     return _by_driver(mechanism, given, "--at", "0,1", read)
 
@@ -92,7 +92,7 @@ def _by_driver(
     The only driver needs no name. Raises `RequestError` with all problems.
     """
     drivers = mechanism.drivers
-    found: dict[str, Read] = {}
+    values: dict[str, Read] = {}
     problems: list[Problem] = []
     named = set()
     for text in given:
@@ -106,13 +106,13 @@ def _by_driver(
             problems.append(_problem(where, f"{name} is given twice", "", "give it once"))
         else:
             try:
-                found[name] = read(where, numbers, mechanism.driver_joint(name).coordinate_unit)
+                values[name] = read(where, numbers, mechanism.driver_joint(name).coordinate_unit)
             except RequestError as error:
                 problems += error.problems
         named.add(name)
     if problems:
         raise RequestError(problems)
-    return found or None
+    return values or None
 
 
 def _unknown(where: str, name: str, drivers: Sequence[str], example: str) -> Problem:
@@ -126,20 +126,20 @@ def _unknown(where: str, name: str, drivers: Sequence[str], example: str) -> Pro
 
 def _start(where: str, text: str, unit: str) -> tuple[float, float]:
     """Coordinate and rate of one driver, whose coordinate is in ``unit``."""
-    parts, found = text.split(","), [0.0, 0.0]
+    parts, start = text.split(","), [0.0, 0.0]
     problems: list[Problem] = []
     if len(parts) > 2:
         valid = "a start is the coordinate, then the rate"
         raise RequestError(_problem(where, f"{len(parts)} numbers", valid, ""))
-    asked = [(UNITS[unit], f"a coordinate is in {unit}"), (RATES[unit], f"a rate is in {unit}/s")]
-    for i, (part, (units, valid)) in enumerate(zip(parts, asked, strict=False)):
+    kinds = [(UNITS[unit], f"a coordinate is in {unit}"), (RATES[unit], f"a rate is in {unit}/s")]
+    for i, (part, (units, valid)) in enumerate(zip(parts, kinds, strict=False)):
         try:
-            found[i] = _number(where, part, units, (f"{valid} and", ""))
+            start[i] = _number(where, part, units, (f"{valid} and", ""))
         except RequestError as error:
             problems += error.problems
     if problems:
         raise RequestError(problems)
-    return found[0], found[1]
+    return start[0], start[1]
 
 
 def times(text: str | None) -> list[float] | None:
@@ -153,11 +153,11 @@ def row(where: str, text: str, units: Units) -> list[float]:
     ``start..stop`` has as many as a run of the whole range. A start without a unit has that of
     its stop. Raises `RequestError` for what is not a number with one of the units.
     """
-    found: list[float] = []
+    numbers: list[float] = []
     for part in text.split(","):
         pieces = part.replace("..", ":", 1).split(":")
         if len(pieces) == 1:
-            found.append(_number(where, part, units))
+            numbers.append(_number(where, part, units))
             continue
         if ".." in part and len(pieces) == 2:
             pieces.append(str(DEFAULT_SAMPLES))
@@ -167,8 +167,8 @@ def row(where: str, text: str, units: Units) -> list[float]:
         if not has_unit(pieces[0], units):
             pieces[0] += max((u for u in units if pieces[1].strip().endswith(u)), key=len)
         start, stop = (_number(where, x, units) for x in pieces[:2])
-        found += np.linspace(start, stop, _count(where, pieces[2])).tolist()
-    return found
+        numbers += np.linspace(start, stop, _count(where, pieces[2])).tolist()
+    return numbers
 
 
 def _number(where: str, text: str, units: Units, hint: tuple[str, str] = ROW) -> float:

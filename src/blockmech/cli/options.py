@@ -105,9 +105,9 @@ def si_only(json: bool, degrees: bool) -> None:
 
 def one_of(**given: bool) -> None:
     """Refuse two ways of output at a time."""
-    asked = [f"--{name}" for name, on in given.items() if on]
-    if len(asked) > 1:
-        raise refused(" ".join(asked), "only one of them at a time", "--out writes all files")
+    chosen = [f"--{name}" for name, on in given.items() if on]
+    if len(chosen) > 1:
+        raise refused(" ".join(chosen), "only one of them at a time", "--out writes all files")
 
 
 # of motions

@@ -111,8 +111,8 @@ class Output:
     decimal: str
 
     def __post_init__(self) -> None:
-        asked = {name: getattr(self, name) is not None for name in ("out", "csv", "plot")}
-        one_of(json=self.json, **asked)
+        chosen = {name: getattr(self, name) is not None for name in ("out", "csv", "plot")}
+        one_of(json=self.json, **chosen)
         si_only(self.json, self.degrees)
 
     def check(self) -> None:

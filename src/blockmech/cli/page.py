@@ -48,9 +48,9 @@ def page(
     with reading(file):
         document = opened(file)
         mechanism = document.compile()
-    asked: dict[str, Any] = {"at": coordinates(mechanism, at or []), "samples": samples}
-    asked |= {"times": times(at_times), "friction": friction, "static": static or None}
-    asked["slider"] = ",".join(slider) if slider else None
+    request: dict[str, Any] = {"at": coordinates(mechanism, at or []), "samples": samples}
+    request |= {"times": times(at_times), "friction": friction, "static": static or None}
+    request["slider"] = ",".join(slider) if slider else None
     with progress_bar("writing"):
-        (path,) = write(document, output, "page", want=names_of(want) or EVERYTHING, **asked)
+        (path,) = write(document, output, "page", want=names_of(want) or EVERYTHING, **request)
     say(f"wrote {path}")

@@ -52,8 +52,8 @@ def sensitivity(
     one_of(json=json, csv=csv is not None, plot=plot is not None)
     check_places(csv := csv_place(csv), plot)
     poses = coordinates(mechanism, at or [])
-    asked: dict[str, Any] = {"at": poses, "samples": samples, "times": times(at_times)}
-    asked |= {"to": names_of(to) or EVERYTHING, "friction": friction, "static": static}
+    request: dict[str, Any] = {"at": poses, "samples": samples, "times": times(at_times)}
+    request |= {"to": names_of(to) or EVERYTHING, "friction": friction, "static": static}
     with progress_bar("differentiating"):
-        found = mechanism.sensitivity(names_of(want), **asked)
-    show_found(file, found, found.text(), json, csv, plot)
+        report = mechanism.sensitivity(names_of(want), **request)
+    show_found(file, report, report.text(), json, csv, plot)

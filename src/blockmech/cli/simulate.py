@@ -91,7 +91,7 @@ def simulate(
         return
     given, begun = times(at_times), starts(mechanism, start or [])
     settings |= {"method": method, "engine": engine}
-    with progress_bar("simulating") as told:
+    with progress_bar("simulating") as progress:
         result = mechanism.simulate(
             until,
             accuracy=accuracy,
@@ -99,7 +99,7 @@ def simulate(
             times=given,
             start=begun,
             want=names,
-            progress=told,
+            progress=progress,
             **settings,
         )
         gaps = gap_lines(result, deg)

@@ -53,11 +53,11 @@ def solutions(
     with reading(file):
         mechanism = compiled(file)
     check_places(csv := csv_place(csv), plot)
-    asked: dict[str, Any] = {"samples": samples, "times": times(at_times), "static": static}
-    asked |= {"want": names_of(want) or None, "scale": row(f"--scale {scale}", scale, {"": 1.0})}
+    request: dict[str, Any] = {"samples": samples, "times": times(at_times), "static": static}
+    request |= {"want": names_of(want) or None, "scale": row(f"--scale {scale}", scale, {"": 1.0})}
     poses = coordinates(mechanism, at or [])
     with progress_bar("searching"):
-        found = mechanism.friction_solutions(poses, **asked)
-    show_found(file, found, found.text(degrees=deg), json, csv, plot)
-    if not found.complete.all():
+        report = mechanism.friction_solutions(poses, **request)
+    show_found(file, report, report.text(degrees=deg), json, csv, plot)
+    if not report.complete.all():
         raise typer.Exit(NO_ANSWER)

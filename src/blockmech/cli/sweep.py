@@ -99,22 +99,22 @@ def sweep(
         where, remedy = "--start, --method, --accuracy", "say what ends it: --until standstill"
         raise refused(where, "no design moves", remedy, code="useless-setting")
     given = times(at_times) if moving is None else None
-    asked: dict[str, Any] = {"over": over, "samples": samples, "times": given, "simulate": moving}
-    asked |= {"friction": friction, "tolerance": tolerance, "iterations": iterations}
-    asked |= {"sampling": sampling, "count": count, "seed": seed, "static": static}
-    asked |= {
+    request: dict[str, Any] = {"over": over, "samples": samples, "times": given, "simulate": moving}
+    request |= {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+    request |= {"sampling": sampling, "count": count, "seed": seed, "static": static}
+    request |= {
         "want": [_reduction(mechanism, x) for x in want],
         "out": out if in_parts else None,
         "workers": workers,
     }
     numbers = _varied(mechanism, vary)
-    with progress_bar("running") as told, _client(dask) as client:
-        found = mechanism.study(numbers, progress=told, client=client, **asked)
-    say(repr(found))
+    with progress_bar("running") as progress, _client(dask) as client:
+        study = mechanism.study(numbers, progress=progress, client=client, **request)
+    say(repr(study))
     if in_parts:
         say(f"wrote {out}")
-    write_found(found, None if in_parts else out, None if found.interrupted else plot)
-    if found.interrupted:
+    write_found(study, None if in_parts else out, None if study.interrupted else plot)
+    if study.interrupted:
         raise Interrupted("what was run is kept")
 
 
@@ -128,8 +128,8 @@ def _client(address: str | None) -> Iterator[Any]:
     try:
         client = distributed.Client(address)
     except (OSError, ValueError) as error:
-        said = str(error).splitlines()[0]
-        raise refused(f"--dask {address}", said, "give the address of a scheduler") from error
+        reason = str(error).splitlines()[0]
+        raise refused(f"--dask {address}", reason, "give the address of a scheduler") from error
     with client:
         yield client
 
@@ -147,19 +147,19 @@ def _reduction(mechanism: Compiled, text: str) -> str:
 def _varied(mechanism: Compiled, given: list[str]) -> dict[str, list[float] | Distribution]:
     """Address -> values or distribution, from the ``--vary`` options."""
     known = parameters(mechanism)
-    found: dict[str, list[float] | Distribution] = {}
+    varied: dict[str, list[float] | Distribution] = {}
     for text in given:
         address, equals, values = text.partition("=")
         if not equals:
             remedy = f"write for example {address}=1:2:11"
             raise refused(f"--vary {text}", "it names no values", remedy)
         (parameter,) = named(known, {address: 0})
-        if parameter.address in found:
+        if parameter.address in varied:
             raise refused(f"--vary {text}", f"{address} is given twice", "give it once")
         units = units_of(parameter.unit)
         law = LAW.fullmatch(values)
         numbers = row(f"--vary {text}", law[2] if law else values, units)
         if law and len(numbers) != 2:
             raise refused(f"--vary {text}", f"{len(numbers)} numbers", f"{law[1]} has two")
-        found[parameter.address] = LAWS[law[1]](*numbers) if law else numbers
-    return found
+        varied[parameter.address] = LAWS[law[1]](*numbers) if law else numbers
+    return varied

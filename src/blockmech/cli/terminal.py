@@ -167,15 +167,15 @@ def progress_bar(what: str, still: bool = False) -> Iterator[Callable[..., None]
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    said = TextColumn("{task.description}", markup=False)
-    parts = (said, BarColumn(), TimeElapsedColumn())
+    text = TextColumn("{task.description}", markup=False)
+    parts = (text, BarColumn(), TimeElapsedColumn())
     console = Console(stderr=True)
     bar = Progress(*parts, console=console, transient=True, auto_refresh=not still)
     task = bar.add_task(what, total=None)
 
-    def tell(said: str, done: float, whole: float | None) -> None:
+    def tell(text: str, done: float, whole: float | None) -> None:
         far = f"{done:.3g} of {whole:.3g}" if whole else f"{done:.3g}"
-        description = printable(f"{what}: {said}, {far}")
+        description = printable(f"{what}: {text}, {far}")
         bar.update(task, description=description, completed=done, total=whole, refresh=still)
 
     timer = threading.Timer(PATIENCE, bar.start)

@@ -99,57 +99,59 @@ def trade(
     }
     given = {k: v for k, v in request.items() if v is not None}
     each = _seconds("--budget", budget) / len(wants)
-    with progress_bar("measuring", still=True) as told:
-        found: list[PlottedTrade] = []
+    with progress_bar("measuring", still=True) as progress:
+        trades: list[PlottedTrade] = []
         for names in wants:
-            if not (found and _interrupted(found[-1])):
-                found.append(traded(mechanism, question, names, each, say=told, **given))  # type: ignore[arg-type]
+            if not (trades and _interrupted(trades[-1])):
+                trades.append(traded(mechanism, question, names, each, say=progress, **given))  # type: ignore[arg-type]
     if json:
-        rows = [t.to_dict() for t in found]
+        rows = [t.to_dict() for t in trades]
         say(text_of.dumps(rows[0] if len(rows) == 1 else rows, indent=2))
     elif csv == "-":
-        pour([found[0].to_csv()])
+        pour([trades[0].to_csv()])
     else:
-        say("\n\n".join(t.text() for t in found))
-        if len(found) > 1:
+        say("\n\n".join(t.text() for t in trades))
+        if len(trades) > 1:
             say("\n\nrequests compared")
-            say("\n".join(f"  {t.question}: {t.recommendation}" for t in found))
-        say("".join(f"wrote {path}\n" for path in _written(found[0], csv, out, plot)), end="")
-    if _interrupted(found[-1]):
+            say("\n".join(f"  {t.question}: {t.recommendation}" for t in trades))
+        say("".join(f"wrote {path}\n" for path in _written(trades[0], csv, out, plot)), end="")
+    if _interrupted(trades[-1]):
         raise Interrupted("what was measured is kept")
 
 
-def _interrupted(found: Trade) -> bool:
-    return any(s.why == "interrupted" for s in found.skipped)
+def _interrupted(measured: Trade) -> bool:
+    return any(s.why == "interrupted" for s in measured.skipped)
 
 
-def _written(found: PlottedTrade, csv: str | None, out: str | None, plot: str | None) -> list[Path]:
+def _written(
+    measured: PlottedTrade, csv: str | None, out: str | None, plot: str | None
+) -> list[Path]:
     """The files that are asked for, written: first the numbers, then the picture."""
     if csv is not None:
-        found.to_csv(csv)
+        measured.to_csv(csv)
         return [Path(csv)]
     if out is None:
         with progress_bar("drawing"):
-            return [found.plot(plot)] if plot is not None else []
+            return [measured.plot(plot)] if plot is not None else []
     home = Path(out)
     table, json, picture = (home / name for name in FILES)
     outdated = FILES if os.path.exists(json) else ()
     with saving() as saved, folder(out, outdated) as draft:
-        found.to_csv(draft / table.name)
+        measured.to_csv(draft / table.name)
         with writing(draft / json.name) as stream:
-            for text in saved([text_of.dumps(found.to_dict(), indent=2)]):
+            for text in saved([text_of.dumps(measured.to_dict(), indent=2)]):
                 stream.write(text.encode())
-    if _interrupted(found):
+    if _interrupted(measured):
         return [table, json]
     try:
         with progress_bar("drawing"):
-            return [table, json, found.plot(picture)]
+            return [table, json, measured.plot(picture)]
     except KeyboardInterrupt:
         raise Interrupted(UNDRAWN) from None
 
 
 def _seconds(where: str, text: str) -> float:
-    found = row(f"{where} {text}", text, SECONDS)
-    if len(found) != 1 or not found[0] > 0:
+    numbers = row(f"{where} {text}", text, SECONDS)
+    if len(numbers) != 1 or not numbers[0] > 0:
         raise refused(f"{where} {text}", "not one time above 0", "write for example 30s")
-    return found[0]
+    return numbers[0]

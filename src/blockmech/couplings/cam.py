@@ -358,8 +358,8 @@ class Cam(Coupling, type="coupling.cam"):
 
     def placed(self) -> Mapping[str, str]:
         """Those that the profile and the follower have."""
-        found = {"at": "driven"} | ({"face": "driven"} if self.follower == "flat" else {})
-        return found | ({"law": "driver"} if isinstance(self.law, Outline) else {})
+        places = {"at": "driven"} | ({"face": "driven"} if self.follower == "flat" else {})
+        return places | ({"law": "driver"} if isinstance(self.law, Outline) else {})
 
     # -- profile --------------------------------------------------------------------------
 

@@ -280,14 +280,14 @@ class Segments(Law):
     def _pieces(self) -> list[Piece]:
         begins = list(accumulate((s.over for s in self.segments), initial=0.0))
         levels = list(accumulate((s.rise for s in self.segments), initial=0.0))
-        found = [
+        pieces = [
             piece
             for s, at, level in zip(self.segments, begins, levels, strict=False)
             for piece in s.pieces(at, level)
         ]
         if begins[-1] < self.whole * (1 - SAME):
-            found.append(Piece(begins[-1], (levels[-1],)))
-        return found
+            pieces.append(Piece(begins[-1], (levels[-1],)))
+        return pieces
 
     def numbers(self, phase: Real) -> LawNumbers:
         """The pieces, one coefficient each a row."""
@@ -316,13 +316,13 @@ class Segments(Law):
 def _rows(pieces: Sequence[Sequence[Any]]) -> tuple[Rows, Rows, Rows]:
     """Coefficients of pieces, from s^0 on, and of their derivatives, highest power first."""
     n = max(3, *map(len, pieces))
-    found = []
+    rows = []
     for order in range(3):
         full = [[*c, *[0.0] * (n - len(c))] for c in pieces]
         for _ in range(order):
             full = [[k * x for k, x in enumerate(c)][1:] for c in full]
-        found.append(tuple(tuple(row) for row in reversed(list(zip(*full, strict=True)))))
-    return found[0], found[1], found[2]
+        rows.append(tuple(tuple(row) for row in reversed(list(zip(*full, strict=True)))))
+    return rows[0], rows[1], rows[2]
 
 
 class Polynomial(Law):
@@ -428,13 +428,13 @@ def spline(
         if period:
             level[-1] = level[0]
         kind = "periodic" if period else None
-        found = PPoly.from_spline(make_interp_spline(xs, level, order, bc_type=kind))
-        edges = [k for k in range(found.c.shape[1]) if found.x[k + 1] > found.x[k]]
-        edges = [k for k in edges if xs[0] <= found.x[k] < xs[-1]]
-        c = found.c[:, edges]
+        curve = PPoly.from_spline(make_interp_spline(xs, level, order, bc_type=kind))
+        edges = [k for k in range(curve.c.shape[1]) if curve.x[k + 1] > curve.x[k]]
+        edges = [k for k in edges if xs[0] <= curve.x[k] < xs[-1]]
+        c = curve.c[:, edges]
         c[-2] += slope
-        c[-1] += slope * (found.x[edges] - xs[0])
-        return (*map(float, found.x[edges]), *map(float, c.ravel()))
+        c[-1] += slope * (curve.x[edges] - xs[0])
+        return (*map(float, curve.x[edges]), *map(float, c.ravel()))
 
     flat = apply("one_by_one", coefficients, *x, *y)
     count = len(flat) // (order + 2)

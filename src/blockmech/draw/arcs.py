@@ -40,8 +40,8 @@ class PlottedLimits(Pictured, Limits):
             Bar(f"arc {n}", a.start.q, a.end.q, (str(a.start), str(a.end)), _places(a))
             for n, a in enumerate(self.arcs, start=1)
         ]
-        said = f"{self.sentence()}."
-        return _figure(bars, self._q(self.driver), self.unit, said, degrees)
+        caption = f"{self.sentence()}."
+        return _figure(bars, self._q(self.driver), self.unit, caption, degrees)
 
 
 class PlottedModes(Pictured, Modes):
@@ -50,9 +50,9 @@ class PlottedModes(Pictured, Modes):
     def figure(self, degrees: bool = DEGREES) -> Any:
         """The arcs of all groups as bars, those of a circuit in one colour."""
         bars = [bar for group in self.groups for bar in _of_group(self, group)]
-        said = "Modes of one colour connect through dead centres; the dot: the file's mode."
+        caption = "Modes of one colour connect through dead centres; the dot: the file's mode."
         unit = self.units.get(self.driver, "")
-        return _figure(bars, f"{self.prefix}{self.driver}.q", unit, said, degrees)
+        return _figure(bars, f"{self.prefix}{self.driver}.q", unit, caption, degrees)
 
 
 limits = wrap_result(PlottedLimits, found_limits)
@@ -71,8 +71,8 @@ def _of_group(modes: Modes, group: GroupModes) -> Iterator[Bar]:
     for n, arc in enumerate(group.arcs):
         branch = "" if arc.branch is None else f", branch {arc.branch:+d}"
         chosen = (
-            q for q, found in zip(at, group.samples, strict=True)
-            if any(mode.chosen and mode.arc == n for mode in found)
+            q for q, modes_here in zip(at, group.samples, strict=True)
+            if any(mode.chosen and mode.arc == n for mode in modes_here)
         )  # fmt: skip
         yield Bar(
             f"{shown_name(group.group)}: arc {n + 1}{branch}",
@@ -91,16 +91,16 @@ def _on(q: float, arc: Arc, rotary: bool) -> float:
     return q + math.tau * round((middle - q) / math.tau) if rotary else q
 
 
-def _figure(bars: Sequence[Bar], name: str, unit: str, said: str, degrees: bool) -> Any:
+def _figure(bars: Sequence[Bar], name: str, unit: str, caption: str, degrees: bool) -> Any:
     """Bars over a coordinate, a column wide, each with what ends it."""
     if not bars:
         raise refused(shown_name(name), "there is no arc to draw", code="nothing-to-draw")
     turned = degrees and unit == "rad"
     scale, unit = (180 / math.pi, "°") if turned else (1.0, unit)
     more = len(bars) - ink.MOST
-    said += f" {more} more are not drawn." if more > 0 else ""
+    caption += f" {more} more are not drawn." if more > 0 else ""
     rows = 3 * len(bars[: ink.MOST]) + 4  # words, bar and air; axis
-    with captioned(said, rows * ink.ROW) as figure:
+    with captioned(caption, rows * ink.ROW) as figure:
         axes = figure.subplots()
         axes.use_sticky_edges = False
         low, high = _range(bars)

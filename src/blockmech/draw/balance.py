@@ -29,9 +29,9 @@ class PlottedBalance(Pictured, Balance):
         """Each output before and after, over the poses."""
         before, after = self.runs
         names, across = [*self.after][:OUTPUTS], abscissa(before)
-        said = f"{shown_name(self.mechanism.name, 40)}: outputs before and after balancing, "
-        said += "vectors by their size."
-        with captioned(said, len(names) * PANEL + 2 * ink.ROW) as figure:
+        caption = f"{shown_name(self.mechanism.name, 40)}: outputs before and after balancing, "
+        caption += "vectors by their size."
+        with captioned(caption, len(names) * PANEL + 2 * ink.ROW) as figure:
             panels = figure.subplots(len(names), sharex=True, squeeze=False)[:, 0]
             for axes, name in zip(panels, names, strict=True):
                 factor, unit = scaled_unit(self.units[name], self.before[name].largest)
@@ -71,8 +71,8 @@ class PlottedMotorDemand(Pictured, MotorDemand):
 
     def figure(self) -> Any:
         """Moment over speed, with the motor's limits."""
-        said = " ".join(line + "." for line in self.text().split("\n"))
-        with captioned(said, 1.5 * PANEL + 2 * ink.ROW) as figure:
+        caption = " ".join(line + "." for line in self.text().split("\n"))
+        with captioned(caption, 1.5 * PANEL + 2 * ink.ROW) as figure:
             axes = figure.subplots()
             factor, unit = scaled_unit(self.unit, max(self.peak, self.limits.get("peak", 0.0)))
             axes.plot(self.speed, factor * self.moment, ".-", ms=2, lw=0.6, color=ink.FORWARD)

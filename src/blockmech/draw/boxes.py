@@ -205,8 +205,8 @@ def _drive_wires(graph: Graph) -> Iterator[Ends]:
 
 def _complaint(problems: Sequence[Problem]) -> str:
     codes = {p.code: [q.where for q in problems if q.code == p.code] for p in problems}
-    found = "; ".join(f"{code}: {listed(where, 4)}" for code, where in codes.items())
-    return f"not complete – {found}"
+    summary = "; ".join(f"{code}: {listed(where, 4)}" for code, where in codes.items())
+    return f"not complete – {summary}"
 
 
 def _flows(graph: Graph, wire: Ends) -> bool:

@@ -36,14 +36,14 @@ KINEMATICS = {
 def pictures_of(result: Result) -> dict[str, Panels]:
     """Panels by name of the picture: what the run computed and is not zero everywhere."""
     twin = without_friction(result)
-    found = {
+    pictures = {
         "drive": drive_panels(result, twin),
         "friction_power": friction_panels(result),
         "reactions": reaction_panels(result, twin),
     }
-    if not found["drive"] and not found["reactions"]:
-        found["kinematics"] = kinematic_panels(result)
-    return {name: panels for name, panels in found.items() if panels}
+    if not pictures["drive"] and not pictures["reactions"]:
+        pictures["kinematics"] = kinematic_panels(result)
+    return {name: panels for name, panels in pictures.items() if panels}
 
 
 def without_friction(result: Result) -> Result | None:
@@ -136,8 +136,8 @@ def chosen_panels(result: Result, names: Iterable[str]) -> Panels:
 
 def values(result: Result, name: str) -> Array:
     """An output (n,) as it is drawn: real numbers, of vectors their size; NaN in gaps."""
-    found = np.asarray(result[name])
-    size = np.abs(found) if np.iscomplexobj(found) else found
+    column = np.asarray(result[name])
+    size = np.abs(column) if np.iscomplexobj(column) else column
     return np.where(np.isfinite(size), size, np.nan).astype(float)
 
 
@@ -214,7 +214,7 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = DEGREES) -> Ab
 
 def by_unit(result: Result, what: str, degrees: bool) -> dict[str, dict[str, Array]]:
     """Coordinates ``"q"`` or rates ``"rate"`` of the drivers by their unit: driver -> (n,)."""
-    found: dict[str, dict[str, Array]] = {}
+    rows: dict[str, dict[str, Array]] = {}
     for driver in result.mechanism.drivers:
         name = result.mechanism.of_driver(driver, what)
         unit = result.mechanism.driver_joint(driver).coordinate_unit
@@ -223,5 +223,5 @@ def by_unit(result: Result, what: str, degrees: bool) -> dict[str, dict[str, Arr
             unit = f"{unit}/s"
         elif unit == "rad" and degrees:
             unit, row = "°", np.degrees(row)
-        found.setdefault(unit, {})[driver] = row
-    return found
+        rows.setdefault(unit, {})[driver] = row
+    return rows

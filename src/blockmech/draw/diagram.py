@@ -131,13 +131,13 @@ def draw_diagram(graph: Graph, names: Names | None = None) -> Diagram:
 def view_of(graph: Graph) -> dict[str, Point]:
     """Places [pt] of boxes' upper left corners that the file gives; y downward."""
     view = graph.extras.get("view")
-    found: dict[str, Point] = {}
+    places: dict[str, Point] = {}
     for name, at in view.items() if isinstance(view, dict) else ():
         if isinstance(at, list | tuple) and len(at) == 2 and name in graph.blocks:
             x, y = at
             if all(isinstance(c, int | float) and math.isfinite(c) for c in (x, y)):
-                found[name] = (float(x), float(y))
-    return found
+                places[name] = (float(x), float(y))
+    return places
 
 
 # -- blocks ------------------------------------------------------------------------------

@@ -35,9 +35,9 @@ class PlottedEquilibria(Pictured, Equilibria):
         drawn = ["potential"] * (self.curves[0].potential is not None) + ["effort of the loads"]
         counts = {k: sum(e.kind == k for e in self) for k in _MARKED}
         words = [f"{n} {k} ({_MARKED[k]})" for k, n in counts.items() if n] or ["none"]
-        said = f"Equilibria of {shown_name(self.coordinate)}: {', '.join(words)}"
-        said += "; shaded: where friction holds it." if self.rests else "."
-        with captioned(said, len(drawn) * PANEL + 2 * ink.ROW) as figure:
+        caption = f"Equilibria of {shown_name(self.coordinate)}: {', '.join(words)}"
+        caption += "; shaded: where friction holds it." if self.rests else "."
+        with captioned(caption, len(drawn) * PANEL + 2 * ink.ROW) as figure:
             panels = figure.subplots(len(drawn), sharex=True, squeeze=False)[:, 0]
             for axes, what in zip(panels, drawn, strict=True):
                 _panel(axes, self, what, factor)
@@ -51,24 +51,24 @@ equilibria = wrap_result(PlottedEquilibria, found_of)
 """`blockmech.analysis.equilibria.equilibria`, which can be drawn."""
 
 
-def _panel(axes: Any, found: Equilibria, what: str, factor: float) -> None:
+def _panel(axes: Any, equilibria: Equilibria, what: str, factor: float) -> None:
     """One curve an arc, with marks at the equilibria and bands where friction holds."""
     lowest = "potential" in what
-    rows = [np.asarray(c.potential if lowest else c.effort) for c in found.curves]
+    rows = [np.asarray(c.potential if lowest else c.effort) for c in equilibria.curves]
     known = np.concatenate([row[np.isfinite(row)] for row in rows])
     low, high = np.quantile(known, [CLEAR, 1 - CLEAR]) if len(known) else (-1.0, 1.0)
-    unit = "J" if lowest else f"N{' m' if found.unit == 'rad' else ''}"
+    unit = "J" if lowest else f"N{' m' if equilibria.unit == 'rad' else ''}"
     scale, unit = scaled_unit(unit, max(abs(low), abs(high)))
-    for curve, row in zip(found.curves, rows, strict=True):
+    for curve, row in zip(equilibria.curves, rows, strict=True):
         y = row - (np.nanmin(row) if lowest else 0.0)
         axes.plot(factor * curve.q, scale * y, color=ink.FORWARD)
-        for e in found:
+        for e in equilibria:
             q = float(e.q[0])
             if curve.q[0] <= q <= curve.q[-1]:
                 at = float(np.interp(q, curve.q, y))
                 colour = ink.ALARM if e.kind == "unstable" else ink.INK
                 axes.plot(factor * q, scale * at, MARKS[e.kind], ms=4, color=colour)
-    for start, end in found.rests:
+    for start, end in equilibria.rests:
         axes.axvspan(factor * start, factor * end, color=ink.LINK_FILLS[1], lw=0)
     if not lowest:
         axes.axhline(0.0, color=ink.INK, lw=0.5)

@@ -51,31 +51,35 @@ def _edges(x: Any) -> Any:
     return np.concatenate([[2 * x[0] - middle[0]], middle, [2 * x[-1] - middle[-1]]])
 
 
-def _curves(found: FrictionSolutions, q: Any, words: str) -> Any:
+def _curves(solutions: FrictionSolutions, q: Any, words: str) -> Any:
     """One output of each solution, and where there is none."""
-    real = [name for name in found.answers if found.answers.output(name).kind == "real"]
+    real = [name for name in solutions.answers if solutions.answers.output(name).kind == "real"]
     if not real:
         raise refused("friction_solutions", "no real output is there", "name one in want=")
-    name, x = real[0], q[found.pose]
-    factor, unit = scaled_unit(found.answers.unit(name), float(np.abs(found[name]).max(initial=0)))
-    y = factor * found[name]
-    low = np.any([np.zeros(len(x), bool), *(s < 0 for s in found.index.values())], axis=0)
+    name, x = real[0], q[solutions.pose]
+    factor, unit = scaled_unit(
+        solutions.answers.unit(name), float(np.abs(solutions[name]).max(initial=0))
+    )
+    y = factor * solutions[name]
+    low = np.any([np.zeros(len(x), bool), *(s < 0 for s in solutions.index.values())], axis=0)
     hollow = {"mfc": "none", "ms": 3.2}
     kinds = (
-        (found.connected, "connected with zero friction", {"color": ink.SERIES[0], "ms": 2.2}),
-        (~found.connected & ~low, "another one", {"color": ink.SERIES[2], **hollow}),
-        (~found.connected & low, "another one, unstable", {"color": ink.SERIES[1], **hollow}),
+        (solutions.connected, "connected with zero friction", {"color": ink.SERIES[0], "ms": 2.2}),
+        (~solutions.connected & ~low, "another one", {"color": ink.SERIES[2], **hollow}),
+        (~solutions.connected & low, "another one, unstable", {"color": ink.SERIES[1], **hollow}),
     )
-    said = f"{shown_name(name)}: all solutions of Coulomb's equations."
-    if UNDECIDED in found.proof:
-        said += f" At {found.proof.count(UNDECIDED)} poses it is not proved that these are all."
-    with captioned(said, HEIGHT + 2 * ink.ROW) as figure:
+    caption = f"{shown_name(name)}: all solutions of Coulomb's equations."
+    if UNDECIDED in solutions.proof:
+        caption += (
+            f" At {solutions.proof.count(UNDECIDED)} poses it is not proved that these are all."
+        )
+    with captioned(caption, HEIGHT + 2 * ink.ROW) as figure:
         axes = figure.subplots()
         for mask, label, style in kinds:
             if mask.any():
                 axes.plot(x[mask], y[mask], "o", mew=0.7, label=label, **style)
         order = np.argsort(q, kind="stable")
-        cells, none = _edges(q[order]), (found.counts == 0)[order]
+        cells, none = _edges(q[order]), (solutions.counts == 0)[order]
         for i in np.flatnonzero(none):
             axes.axvspan(cells[i], cells[i + 1], color=ink.PALE, lw=0, label="none: it jams")
         axes.set_xlabel(words, labelpad=1)
@@ -86,25 +90,25 @@ def _curves(found: FrictionSolutions, q: Any, words: str) -> Any:
     return figure
 
 
-def _map(found: FrictionSolutions, q: Any, words: str) -> Any:
+def _map(solutions: FrictionSolutions, q: Any, words: str) -> Any:
     """The number of solutions over a coordinate and the scale of friction."""
     from matplotlib.colors import ListedColormap
 
-    places, scales = np.unique(q), np.unique(found.scale)
-    if len(places) < 2 or len(places) * len(scales) != found.n:
+    places, scales = np.unique(q), np.unique(solutions.scale)
+    if len(places) < 2 or len(places) * len(scales) != solutions.n:
         raise refused("friction_solutions", "its poses are no grid", "give each pose once")
-    at = np.searchsorted(scales, found.scale), np.searchsorted(places, q)
+    at = np.searchsorted(scales, solutions.scale), np.searchsorted(places, q)
     counts = np.zeros((len(scales), len(places)), int)
-    counts[at] = np.minimum(found.counts, len(FILLS) - 1)
-    said = "Number of solutions of Coulomb's equations. At the red line (existence 1) reactions "
-    said += "grow without bound; where two solutions end without it they meet in a fold."
-    with captioned(said, HEIGHT + 2 * ink.ROW) as figure:
+    counts[at] = np.minimum(solutions.counts, len(FILLS) - 1)
+    caption = "Number of solutions of Coulomb's equations. At the red line (existence 1) reactions "
+    caption += "grow without bound; where two solutions end without it they meet in a fold."
+    with captioned(caption, HEIGHT + 2 * ink.ROW) as figure:
         axes = figure.subplots()
         colours = ListedColormap(FILLS)
         axes.pcolormesh(
             _edges(places), _edges(scales), counts, cmap=colours, vmin=0, vmax=3, rasterized=True
         )
-        for c in found.existence.values():
+        for c in solutions.existence.values():
             lines = np.full(counts.shape, np.nan)
             lines[at] = c
             with np.errstate(invalid="ignore"):

@@ -26,17 +26,17 @@ class PlottedIdentification(Pictured, Identification):
         """Residual of each column over the first driver's coordinate, with its scatter."""
         names = [*self.residuals][:COLUMNS]
         driver = self.mechanism.drivers[0]
-        said = (
+        caption = (
             f"{shown_name(self.mechanism.name, 40)}: measured less computed; shaded: {BAND:g} "
             "standard deviations. "
         )
-        said += (
+        caption += (
             f"Red: a pattern that is no noise, so the model misses something at "
             f"{', '.join(dict.fromkeys(n.partition('.')[0] for n in self.doubts))}."
             if self.doubts
             else "What is left is noise."
         )
-        with captioned(said, len(names) * PANEL + 2 * ink.ROW) as figure:
+        with captioned(caption, len(names) * PANEL + 2 * ink.ROW) as figure:
             panels = figure.subplots(len(names), sharex=True, squeeze=False)[:, 0]
             for axes, name in zip(panels, names, strict=True):
                 r, sigma = self.residuals[name], self.noise[name]

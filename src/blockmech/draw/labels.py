@@ -121,7 +121,7 @@ class Crowd:
         for anchor in anchors:
             covered = [self._cost(anchor[f], offsets, half, gap > FAR, f) for f in self._points]
             ways.append((*cheapest(np.array(covered) + own, offsets), anchor))
-        _, way, anchor = min(ways, key=lambda found: found[0])
+        _, way, anchor = min(ways, key=lambda candidate: candidate[0])
         frames, every = list(self._points), np.arange(anchor.size)
         offset = np.interp(every, frames, offsets[way])
         far = np.interp(every, frames, gap[way]) > FAR

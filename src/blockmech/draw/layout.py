@@ -223,5 +223,5 @@ def _rows(made: Layered) -> dict[Node, int]:
     entries += [(k, slack, -1.0) for k, (*_, slack) in enumerate(limits) if slack is not None]
     lines, columns, values = zip(*entries, strict=True)
     matrix = coo_array((values, (lines, columns)), (len(limits), len(cost))).tocsr()
-    found = linprog(cost, matrix, [-distance for _, _, distance, _ in limits], method="highs-ds")
-    return {node: round(found.x[k]) for node, k in nodes.items()}
+    optimum = linprog(cost, matrix, [-distance for _, _, distance, _ in limits], method="highs-ds")
+    return {node: round(optimum.x[k]) for node, k in nodes.items()}

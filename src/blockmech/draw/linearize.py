@@ -39,13 +39,13 @@ class PlottedLinearization(Pictured, Linearization):
             raise refused("plot", found, "name fewer outputs", code="too-many-curves")
         w = self.around()
         whole = self.response(w)
-        said = (
+        caption = (
             f"{shown_name(self.mechanism.name, 40)}: response of outputs to inputs, linear about "
         )
-        said += ", ".join(
+        caption += ", ".join(
             f"{self.mechanism.of_driver(d, 'q')} = {q:.6g}" for d, q in self.at.items()
         )
-        with captioned(f"{said}.", 2 * PANEL + 3 * ink.ROW) as figure:
+        with captioned(f"{caption}.", 2 * PANEL + 3 * ink.ROW) as figure:
             size, phase = figure.subplots(2, sharex=True)
             for n, (i, j) in enumerate(pairs):
                 name = f"{shown_name(self.outputs[i])} by {shown_name(self.inputs[j])}"

@@ -182,14 +182,14 @@ def _markers(mechanism: Compiled) -> dict[str, MarkerRef]:
     every = {str(m): m for name in s.blocks for m in s.markers(name)}
     if names is None:
         return every
-    found = {
+    markers = {
         f"link.{link}.{marker}": ref
         for link, name in names.links.items()
         for marker, ref in name.markers.items()
         if ref.on != s.frame_link
     }
     pins = {str(ref): name for ref, name in mechanism.joint_names.items()}
-    return found | {pins[place]: ref for place, ref in every.items() if place in pins}
+    return markers | {pins[place]: ref for place, ref in every.items() if place in pins}
 
 
 def _usual_paths(mechanism: Compiled, moving: Mapping[str, MarkerRef]) -> list[str]:

@@ -107,12 +107,12 @@ class Motion:
             for name, terminal in self.structure.elements[element].terminals.items()
         ]
         try:
-            found = self.result.inside(*wanted)
+            outputs = self.result.inside(*wanted)
         except RequestError:
             if self.time is not None:
                 raise
             return None
-        return tuple(np.asarray(found[name], dtype=complex)[self.samples] for name in wanted)
+        return tuple(np.asarray(outputs[name], dtype=complex)[self.samples] for name in wanted)
 
     @property
     def returns(self) -> bool:
@@ -152,9 +152,9 @@ def moves_of_result(result: Result) -> Motion:
     structure = result.mechanism.structure
     fixed = structure.frame_link
     moving = [link for link in structure.links if link != fixed]
-    found = result.inside(*(f"{link}.{what}" for link in moving for what in ("p", "angle")))
-    origin = {link: found[f"{link}.p"] for link in moving}
-    axis = {link: np.exp(1j * found[f"{link}.angle"]) for link in moving}
+    outputs = result.inside(*(f"{link}.{what}" for link in moving for what in ("p", "angle")))
+    origin = {link: outputs[f"{link}.p"] for link in moving}
+    axis = {link: np.exp(1j * outputs[f"{link}.angle"]) for link in moving}
     q, rate = (
         {
             driver: np.asarray(result.samples.inputs[f"{what}_{i}"], dtype=float)

@@ -122,12 +122,12 @@ def fitting_columns(labels: Sequence[str], width: float) -> int:
 def legend_above(axes: Any, width: float) -> int:
     """A legend above axes, of what has a label there, once each; the number of its rows."""
     lines, labels = axes.get_legend_handles_labels()
-    found = dict(zip(labels, lines, strict=True))
-    if not found:
+    entries = dict(zip(labels, lines, strict=True))
+    if not entries:
         return 0
-    columns = fitting_columns([*found], width - BESIDE)
-    axes.legend(found.values(), found, bbox_to_anchor=(0.0, 1.0), ncols=columns)
-    return -(-len(found) // columns)
+    columns = fitting_columns([*entries], width - BESIDE)
+    axes.legend(entries.values(), entries, bbox_to_anchor=(0.0, 1.0), ncols=columns)
+    return -(-len(entries) // columns)
 
 
 def scaled_unit(unit: str, largest: float) -> tuple[float, str]:

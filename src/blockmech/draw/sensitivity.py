@@ -24,12 +24,12 @@ class PlottedSensitivity(Pictured, Sensitivity):
         heights = [(len(effects) + 3.5) * ink.ROW for effects in ranked.values()]
         n = self.result.n
         over = "one sample" if n == 1 else f"{n} samples"
-        said = (
+        caption = (
             f"{shown_name(self.result.mechanism.name, 40)}: largest change of an output over "
             f"{over} by a hundredth of a number, of a zero by that of the largest of its unit. "
             "Blue: both grow together; orange, hatched: one shrinks; grey: a vector."
         ) + self.said_of(ranked)
-        with captioned(said, sum(heights) + ink.ROW / 2) as figure:
+        with captioned(caption, sum(heights) + ink.ROW / 2) as figure:
             panels = figure.subplots(len(ranked), height_ratios=heights, squeeze=False)[:, 0]
             for axes, (name, effects) in zip(panels, ranked.items(), strict=True):
                 _bars(axes, name, self.unit_of(name), effects)
@@ -40,14 +40,14 @@ sensitivity = wrap_result(PlottedSensitivity, derived)
 """`blockmech.studies.differentiate.sensitivity`, which can be drawn."""
 
 
-def _moving(found: Sensitivity, name: str) -> list[Effect]:
+def _moving(sensitivity: Sensitivity, name: str) -> list[Effect]:
     """The strongest numbers of an output, without those that do nothing."""
-    ranked = found.ranked(name)[:SHOWN]
+    ranked = sensitivity.ranked(name)[:SHOWN]
     return [e for e in ranked if e.change > 0.0] or ranked[:1]
 
 
 def _bars(axes: Any, name: str, unit: str, effects: list[Effect]) -> None:
-    factor, said = scaled_unit(unit, effects[0].change)
+    factor, scaled = scaled_unit(unit, effects[0].change)
     for row, e in enumerate(effects):
         if isinstance(e.derivative, complex):
             style: dict[str, Any] = {"color": ink.GREY}
@@ -59,6 +59,6 @@ def _bars(axes: Any, name: str, unit: str, effects: list[Effect]) -> None:
     axes.set_yticks(range(len(effects)), [e.parameter.address for e in effects])
     axes.tick_params(axis="y", length=0)
     axes.invert_yaxis()
-    axes.set_xlabel(f"{name}: change by 1 % [{said or '–'}]", labelpad=1)
+    axes.set_xlabel(f"{name}: change by 1 % [{scaled or '–'}]", labelpad=1)
     axes.grid(True, axis="x")
     axes.spines[["top", "right"]].set_visible(False)

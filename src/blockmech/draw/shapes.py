@@ -50,20 +50,20 @@ class Stage:
 
 def shapes_of(stage: Stage) -> list[Shape]:
     """All shapes of a mechanism."""
-    found = [*_ground(stage), *links(stage), *sliders(stage), *_centres(stage)]
+    shapes = [*_ground(stage), *links(stage), *sliders(stage), *_centres(stage)]
     for pin in stage.sketch.pins:
         z = stage.motion.at(*pin.spot)[None]
         name = f"pin:{pin.names[0]}"
-        found.append(Shape(name, "disc", z, 6, fill=ink.PAPER, radius=SIZES.pin))
+        shapes.append(Shape(name, "disc", z, 6, fill=ink.PAPER, radius=SIZES.pin))
     for wheel in stage.sketch.wheels:
         points, dash = stage.motion.at(wheel.link, np.array(wheel.points)), (9.0, 2.0, 2.0, 2.0)
         look: Any = {"width": 0.9, "dash": dash if wheel.chain else ()}
-        found.append(Shape(f"wheel:{wheel.name}", "line", points, 4.7, ink.GREY, **look))
+        shapes.append(Shape(f"wheel:{wheel.name}", "line", points, 4.7, ink.GREY, **look))
     for load in stage.sketch.loads:
-        found += _load(stage, load)
+        shapes += _load(stage, load)
     for name, way in drive_ways(stage).items():
-        found += _arrow(way, ink.DRIVE, f"drive:{name}", stage.unit)
-    return found
+        shapes += _arrow(way, ink.DRIVE, f"drive:{name}", stage.unit)
+    return shapes
 
 
 # -- links and joints ----------------------------------------------------------------------
@@ -174,16 +174,16 @@ def load_ways(stage: Stage, load: LoadMark) -> list[Complex]:
     values = stage.motion.efforts[load.name]
     if values is None or load.kind == "spring":
         return []
-    found = []
+    ways = []
     for spot, value in zip(load.spots, values, strict=True):
         if load.unit == "N":
-            found.append(_way(stage, stage.motion.at(*spot), value, stage.largest))
+            ways.append(_way(stage, stage.motion.at(*spot), value, stage.largest))
         else:
             bodies = (b.middle for b in stage.sketch.bodies if b.link == spot.link)
             z = stage.motion.at(*next(bodies, spot))
             arc = _arc(SIZES.couple * stage.unit, -0.6 * math.pi, 1.5 * math.pi)
-            found.append(z + _mirrored(arc, value.real / _size(value)))
-    return found
+            ways.append(z + _mirrored(arc, value.real / _size(value)))
+    return ways
 
 
 def _size(value: Complex) -> Any:
@@ -250,7 +250,7 @@ def _zigzag(a: Complex, b: Complex, unit: float) -> Complex:
 
 def drive_ways(stage: Stage) -> dict[str, Complex]:
     """The senses in which the drivers move: an arc (p, n), or a line beside the slider."""
-    found = {}
+    ways = {}
     motion, s = stage.motion, stage.motion.structure
     for name in s.drivers:
         ref = s.driven[name]
@@ -260,8 +260,8 @@ def drive_ways(stage: Stage) -> dict[str, Complex]:
         if not s.joint(ref).rotary:
             z = motion.at(link, s.blocks[ref.block].slider_place(ref.name, link.link))
             beside, half = z + 1j * e * (SIZES.slider[1] + 4), (SIZES.couple - 1) * sense * e
-            found[name] = np.array([beside - half, beside + half])
+            ways[name] = np.array([beside - half, beside + half])
         elif spot is not None:
             arc = _mirrored(_arc(SIZES.couple + 3, 0.45, 1.2), sense)
-            found[name] = motion.at(*spot) + e * arc
-    return found
+            ways[name] = motion.at(*spot) + e * arc
+    return ways

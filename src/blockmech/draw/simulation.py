@@ -128,7 +128,7 @@ def phase_plots(result: Result, degrees: bool = DEGREES) -> dict[str, Any]:
 
     Drivers that turn share one, those that slide another.
     """
-    found: dict[str, Any] = {}
+    figures: dict[str, Any] = {}
     alike = by_unit(result, "q", degrees), by_unit(result, "rate", degrees)
     for (x_unit, over), (y_unit, rates) in zip(*map(dict.items, alike), strict=True):
         with styled():
@@ -145,8 +145,8 @@ def phase_plots(result: Result, degrees: bool = DEGREES) -> dict[str, Any]:
             axes.grid(True)
             if len(over) > 1:
                 legend_above(axes, ink.COLUMN)
-        found["phase_slides.png" if found else "phase.png"] = figure
-    return found
+        figures["phase_slides.png" if figures else "phase.png"] = figure
+    return figures
 
 
 def _film(result: Result, degrees: bool) -> Animation:

@@ -105,12 +105,12 @@ class Sketch:
     @property
     def spots(self) -> list[Spot]:
         """What must be on the page."""
-        found = [Spot(body.link, z) for body in self.bodies for z in body.outline]
-        found += [Spot(body.link, body.cm) for body in self.bodies if body.cm is not None]
-        found += [pin.spot for pin in self.pins]
-        found += [Spot(s.guide.link, s.end(k)) for s in self.sliders for k in (0, 1)]
-        found += [Spot(wheel.link, z) for wheel in self.wheels for z in wheel.points]
-        return found + [spot for load in self.loads for spot in load.spots]
+        spots = [Spot(body.link, z) for body in self.bodies for z in body.outline]
+        spots += [Spot(body.link, body.cm) for body in self.bodies if body.cm is not None]
+        spots += [pin.spot for pin in self.pins]
+        spots += [Spot(s.guide.link, s.end(k)) for s in self.sliders for k in (0, 1)]
+        spots += [Spot(wheel.link, z) for wheel in self.wheels for z in wheel.points]
+        return spots + [spot for load in self.loads for spot in load.spots]
 
 
 def sketch_of(motion: Motion) -> Sketch:
@@ -127,9 +127,9 @@ def sketch_of(motion: Motion) -> Sketch:
     cylinders: dict[LinkRef, tuple[Outline, float]] = {}  # their barrels and rods
     sliders = []
     for ref in (r for r in refs if s.joint(r).kind == "P"):
-        found = _cylinder(motion, ref, points)
-        cylinders |= found
-        sliders.append(_slider(motion, ref, _name(motion, ref, refs), bool(found)))
+        cylinder = _cylinder(motion, ref, points)
+        cylinders |= cylinder
+        sliders.append(_slider(motion, ref, _name(motion, ref, refs), bool(cylinder)))
     for slider in sliders:
         if not slider.inside:
             points[slider.point.link].append(slider.point.at)
@@ -138,9 +138,9 @@ def sketch_of(motion: Motion) -> Sketch:
     for marker in shown_markers(motion.mechanism):
         points[marker.on].append(marker_place(s, marker))
     names = motion.mechanism.names
-    said = {} if names is None else names.of_links
+    links_of = {} if names is None else names.of_links
     bodies = tuple(
-        _body(s, link, places, said.get(link, ""), cylinders.get(link, ((), 1.0))[1])
+        _body(s, link, places, links_of.get(link, ""), cylinders.get(link, ((), 1.0))[1])
         for link, places in points.items()
         if link != s.frame_link
     )
@@ -196,8 +196,8 @@ def _merged(motion: Motion, pins: Sequence[tuple[JointRef, Spot]]) -> tuple[Pin,
     groups: list[list[int]] = []
     for i in range(len(pins)):
         together = (g for g in groups if np.abs(places[i] - places[g[0]]).max() <= close)
-        if found := next(together, None):
-            found.append(i)
+        if cluster := next(together, None):
+            cluster.append(i)
         else:
             groups.append([i])
     every = [ref for ref, _ in pins]
@@ -272,19 +272,19 @@ def shown_markers(mechanism: Compiled) -> list[MarkerRef]:
     """The user's markers on moving links, and those that a force takes hold of."""
     s, names = mechanism.structure, mechanism.names
     if names is None:
-        found = [
+        markers = [
             MarkerRef(name, link, marker)
             for name, block in s.blocks.items()
             for link, properties in block.links_or_default().items()
             for marker in properties.markers
         ]
     else:
-        found = [m for link in names.links.values() for m in link.markers.values()]
-        found = [m for m in found if m.on != s.frame_link]
+        markers = [m for link in names.links.values() for m in link.markers.values()]
+        markers = [m for m in markers if m.on != s.frame_link]
     for terminal, marker in s.holds.items():
         if s.elements[terminal.block].terminals[terminal.name].kind == "point":
-            found.append(marker)
-    return list(dict.fromkeys(found))
+            markers.append(marker)
+    return list(dict.fromkeys(markers))
 
 
 def _body(s: Structure, link: LinkRef, places: list[complex], name: str, width: float) -> Body:
@@ -301,10 +301,10 @@ def hull(places: Iterable[complex]) -> Outline:
 
     Andrew's monotone chain; what lies closer together than rounding is one point.
     """
-    found = [complex(p) for p in places]
+    corners = [complex(p) for p in places]
     z: list[complex] = []
-    along = max((p - found[0] for p in found), key=abs, default=0j)  # so that a bar is sorted
-    for place in sorted(found, key=lambda p: (p * along.conjugate()).real):
+    along = max((p - corners[0] for p in corners), key=abs, default=0j)  # so that a bar is sorted
+    for place in sorted(corners, key=lambda p: (p * along.conjugate()).real):
         if all(abs(place - other) > SAME_PLACE**2 * abs(place) for other in z):
             z.append(place)
 

@@ -85,8 +85,8 @@ def draw_structural_graph(mechanism: Compiled) -> Any:
             axes.text(x + SIZE[0] / 2, y - SIZE[1] / 2, f"({of})", size=SMALL, ha="center")
             below = {"size": SMALL, "color": GREY, "ha": "center", "va": "top"}
             axes.text(x, y + SIZE[1] / 2 + 2, shown_name(name, 18), **below)
-        said = "number of links, freedoms added (links); at the edges the pairs"
-        axes.text(-COLUMN / 2 + TEXT, -ROW / 2 - 2 * TEXT, said, size=SMALL, va="center")
+        caption = "number of links, freedoms added (links); at the edges the pairs"
+        axes.text(-COLUMN / 2 + TEXT, -ROW / 2 - 2 * TEXT, caption, size=SMALL, va="center")
     return figure
 
 

@@ -52,9 +52,9 @@ class PlottedStudy(Pictured, Study):
             wide = max(ink.COLUMN, len(numbers) * CELL + 5 * ink.TEXT)
             size = len(results) * CELL + 3 * ink.TEXT, wide
         missing, mark = self.n - self.status.count("ok"), "hatched" if mapped else "crosses"
-        said = f"{shown_name(self.name, 40)}: {self.n} designs"
-        said += f", {missing} without an answer ({mark})" if missing else ""
-        with captioned(f"{said}.", size[0] + ink.ROW / 2, size[1]) as figure:
+        caption = f"{shown_name(self.name, 40)}: {self.n} designs"
+        caption += f", {missing} without an answer ({mark})" if missing else ""
+        with captioned(f"{caption}.", size[0] + ink.ROW / 2, size[1]) as figure:
             if mapped:
                 _maps(figure, self, results, numbers)
             else:

@@ -31,13 +31,13 @@ class PlottedTolerance(Pictured, Tolerance):
         across = abscissa(result) if curves else Abscissa("one number a design", np.zeros(1))
         total = sum(np.nan_to_num(self.shares(name)).sum(axis=1) for name in names)
         order = np.argsort(-np.asarray(total), kind="stable")[:NUMBERS]  # a colour in all panels
-        said = (
+        caption = (
             f"{shown_name(result.mechanism.name, 40)}: outputs with bands of {BAND:g} standard "
             "deviations, a vector by its length; below the deviation, filled by the shares of the "
             "numbers in the variance"
         ) + (", dots by Monte Carlo." if self.sampled else ".")
-        said += self.sensitivity.said_of(names)
-        with captioned(said, 2 * len(names) * PANEL + 2.5 * ink.ROW) as figure:
+        caption += self.sensitivity.said_of(names)
+        with captioned(caption, 2 * len(names) * PANEL + 2.5 * ink.ROW) as figure:
             panels = figure.subplots(2 * len(names), sharex=True, squeeze=False)[:, 0]
             for k, name in enumerate(names):
                 _band(panels[2 * k], self, name, across.values)
@@ -51,8 +51,8 @@ tolerance = wrap_result(PlottedTolerance, found_of)
 """`blockmech.studies.tolerance.tolerance`, which can be drawn."""
 
 
-def _band(axes: Any, found: Tolerance, name: str, x: Any) -> None:
-    run, deviation = found.sensitivity, found[name]
+def _band(axes: Any, tolerance: Tolerance, name: str, x: Any) -> None:
+    run, deviation = tolerance.sensitivity, tolerance[name]
     y = np.abs(run.value(name)) if name in run.reduced else values(run.result, name)
     factor, unit = scaled_unit(run.unit_of(name), float(np.nanmax(np.abs(y))))
     y, band = factor * y, factor * BAND * deviation
@@ -64,11 +64,11 @@ def _band(axes: Any, found: Tolerance, name: str, x: Any) -> None:
     axes.grid(True)
 
 
-def _shares(axes: Any, found: Tolerance, name: str, x: Any, order: Any) -> None:
-    deviation, shares = found[name], np.nan_to_num(found.shares(name))
-    factor, unit = scaled_unit(found.sensitivity.unit_of(name), float(np.nanmax(deviation)))
+def _shares(axes: Any, tolerance: Tolerance, name: str, x: Any, order: Any) -> None:
+    deviation, shares = tolerance[name], np.nan_to_num(tolerance.shares(name))
+    factor, unit = scaled_unit(tolerance.sensitivity.unit_of(name), float(np.nanmax(deviation)))
     rows = [factor * deviation * shares[j] for j in order]
-    addresses = list(found.laws)
+    addresses = list(tolerance.laws)
     labels = [addresses[j] for j in order]
     if len(x) == 1:
         axes.set_xticks(x)
@@ -77,8 +77,8 @@ def _shares(axes: Any, found: Tolerance, name: str, x: Any, order: Any) -> None:
     else:
         axes.stackplot(x, rows, labels=labels, colors=ink.LINK_FILLS, lw=0)
     axes.plot(x, factor * deviation, color=ink.INK, lw=0.8)
-    if name in found.sampled:
-        axes.plot(x, factor * found.sampled[name].deviation, ".", ms=3, color=ink.ALARM)
+    if name in tolerance.sampled:
+        axes.plot(x, factor * tolerance.sampled[name].deviation, ".", ms=3, color=ink.ALARM)
     axes.set_ylabel(f"deviation [{unit or '–'}]", labelpad=2)
     axes.set_ylim(bottom=0.0)
     axes.grid(True)

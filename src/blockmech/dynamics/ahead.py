@@ -34,7 +34,7 @@ from blockmech.plane import EPS
 ROUGH = 1 / 64  # of a piece's inertia: what is below has two digits less
 
 
-class At(NamedTuple):
+class PathState(NamedTuple):
     """Where a motion is: time [s], coordinate, kinetic energy [J] and direction."""
 
     t: float
@@ -65,7 +65,7 @@ class PanelBuilder:
         self.solved: dict[int, tuple[Any, Floats]] = {}
         self.longest = math.inf  # [rad or m] that may be smooth: twice what was, if not all
 
-    def panel(self, at: At, piece: Piece, end: float) -> Panels | PanelFailure:
+    def panel(self, at: PathState, piece: Piece, end: float) -> Panels | PanelFailure:
         """The next panel towards a place."""
         q, sign, whole = at.q, at.sign, abs(end - at.q)
         end, self.longest = q + sign * min(whole, self.longest), math.inf
@@ -90,28 +90,28 @@ class PanelBuilder:
                 way = abs(stop - q)
                 if self._shortened(at, piece, way) or self.kept_clear(at, piece, way):
                     return PanelFailure()
-                found = self._to_standstill(at, piece, stop) if at.K else None
-                if found is not None:
-                    return found
+                panels = self._to_standstill(at, piece, stop) if at.K else None
+                if panels is not None:
+                    return panels
                 end = q + sign * min(abs(end - q), abs(stop - q))
             elif known:
-                found = self._resolved(at, piece, lies, acting, K, inertia)
-                if found is not None:
+                panels = self._resolved(at, piece, lies, acting, K, inertia)
+                if panels is not None:
                     self.longest = 2 * abs(end - q) if abs(end - q) < whole else math.inf
-                    return found
+                    return panels
             end = q + 0.5 * (end - q)
             rough = inertia.min() < ROUGH * piece.data.largest[J]
             if rough and self._shortened(at, piece, abs(end - q)):
                 return PanelFailure()
 
-    def _shortened(self, at: At, piece: Piece, way: float) -> bool:
+    def _shortened(self, at: PathState, piece: Piece, way: float) -> bool:
         """Whether a way that is short against its piece of the road got one of its own size."""
         if not CLOSE * abs(at.q) < way < piece.data.length / SHORT:
             return False
         self.road.shorten(piece, at.q, at.sign, SHORT / 2 * way)
         return True
 
-    def kept_clear(self, at: At, piece: Piece, way: float) -> bool:
+    def kept_clear(self, at: PathState, piece: Piece, way: float) -> bool:
         """Whether a way that ends before a dead centre got a piece that ends before it as well.
 
         The values of one that does not lose digits there, and its series lose them everywhere.
@@ -150,7 +150,13 @@ class PanelBuilder:
         return acting, lies.energy[0] + lies.slopes(self.n)[0] @ acting.w
 
     def _resolved(
-        self, at: At, piece: Piece, lies: Spans, acting: EffortFunction, K: Floats, inertia: Floats
+        self,
+        at: PathState,
+        piece: Piece,
+        lies: Spans,
+        acting: EffortFunction,
+        K: Floats,
+        inertia: Floats,
     ) -> Panels | PanelFailure | None:
         """The panel of a solution, or what is before its end; None where it is too long."""
         lost = np.zeros((1, self.n)) + acting.lost
@@ -163,20 +169,20 @@ class PanelBuilder:
             return None
         return self._until_kink(at, piece, panel, acting)
 
-    def _locked(self, at: At) -> PanelFailure | None:
+    def _locked(self, at: PathState) -> PanelFailure | None:
         """Self-locking where the motion is: no acceleration satisfies Coulomb's law there."""
         friction = self.system.friction
         if friction is None:
             return None
         J0 = float(self.system.at(at.q).J[0])
         rate = at.sign * math.sqrt(2 * at.K / J0)
-        found = friction.at(at.q, rate, 0.0, friction.sides(at.q, at.sign))
-        if not found.locked:
+        state = friction.at(at.q, rate, 0.0, friction.sides(at.q, at.sign))
+        if not state.locked:
             return None
         note = f"{SELF_LOCKED}: t = {at.t:.9g} s, q = {at.q:.9g}, rate = {rate:.9g}"
-        return PanelFailure(SELF_LOCKED, note, found.limit)
+        return PanelFailure(SELF_LOCKED, note, state.limit)
 
-    def _too_short(self, at: At, end: float) -> PanelFailure:
+    def _too_short(self, at: PathState, end: float) -> PanelFailure:
         """No panel is short enough: friction has no solution, or the loads are not smooth."""
         rough = PanelFailure(TOO_MANY, f"the loads are not smooth at q = {at.q:.12g}")
         return self._locked(at._replace(q=end)) or rough
@@ -205,7 +211,9 @@ class PanelBuilder:
         share = before / (before - float(K[i]))
         return float(begin + (end - begin) * (at_before + share * (u[i] - at_before)))
 
-    def _to_standstill(self, at: At, piece: Piece, guess: float) -> Panels | PanelFailure | None:
+    def _to_standstill(
+        self, at: PathState, piece: Piece, guess: float
+    ) -> Panels | PanelFailure | None:
         """The panel that ends at a standstill; None where it is not resolved.
 
         Its end is moved until the energy at its other end is that of the motion.
@@ -240,7 +248,7 @@ class PanelBuilder:
     # -- kinks of the loads on pairs -------------------------------------------
 
     def _until_kink(
-        self, at: At, piece: Piece, panel: Panels, acting: EffortFunction
+        self, at: PathState, piece: Piece, panel: Panels, acting: EffortFunction
     ) -> Panels | PanelFailure:
         """The panel, or the part of it up to where the size of a load has a kink."""
         if self.system.friction is None:
@@ -250,11 +258,11 @@ class PanelBuilder:
             return panel
         return self.panel(at, piece, kink)
 
-    def _first_kink(self, at: At, lies: Spans, loads: Any) -> float | None:
+    def _first_kink(self, at: PathState, lies: Spans, loads: Any) -> float | None:
         """Where a guide is pressed by another side or edge, or a pin by its other side."""
         friction = self.system.friction
         assert friction is not None
-        found: list[float] = []
+        kinks: list[float] = []
         r, (way,) = rule(self.n), lies.way
         near = max(math.sqrt(EPS), CLOSE * abs(at.q / way))  # one at an end, but for rounding
         for load, guide, factor in zip(loads, friction.guides, friction.usual, strict=True):
@@ -276,5 +284,5 @@ class PanelBuilder:
                 v = roots(r.to_series @ part)
                 missed = np.abs(basis(v, self.n) @ (r.to_series @ across))
                 v = v[(v > near) & (v < 1 - near) & (missed <= near * largest)]
-                found += lies.places(v)[0].tolist()
-        return min(found, key=lambda x: at.sign * x) if found else None
+                kinks += lies.places(v)[0].tolist()
+        return min(kinks, key=lambda x: at.sign * x) if kinks else None

@@ -58,10 +58,10 @@ class MotionInputs(Mapping[str, Any]):
         else:  # of a motion that only begins
             begun = friction.from_state(self.q[0], self.qd[0], self.t[0], ~self.held[0])
             sides = np.tile(begun.sides, (len(self.t), 1))
-        found = friction.along(self.q, self.qd, self.t, self.states, sides, ~self.held)
-        self.qd, self.several = found[0], _by_driver("qdd", found[1], found[1].shape[1])
-        for j, t in enumerate(found[2].T):
-            stuck = found[3][:, j]
+        parts = friction.along(self.q, self.qd, self.t, self.states, sides, ~self.held)
+        self.qd, self.several = parts[0], _by_driver("qdd", parts[1], parts[1].shape[1])
+        for j, t in enumerate(parts[2].T):
+            stuck = parts[3][:, j]
             self.several |= {f"sticks_{j}": 1.0 * stuck, f"held_{j}": np.where(stuck, t, 0.0)}
 
     def __getitem__(self, name: str) -> Any:
@@ -82,8 +82,8 @@ class MotionInputs(Mapping[str, Any]):
         if k > 1 or system.friction is None:
             return _by_driver("qdd", self._without_friction(), k)
         rows = zip(self.q, self.qd, self.t.tolist(), self.states, strict=True)
-        found = [_with_friction(system, float(q), float(qd), t, x) for q, qd, t, x in rows]
-        return {"qdd_0": np.where(self.held[:, 0], 0.0, np.array(found))}
+        accelerations = [_with_friction(system, float(q), float(qd), t, x) for q, qd, t, x in rows]
+        return {"qdd_0": np.where(self.held[:, 0], 0.0, np.array(accelerations))}
 
     def _without_friction(self) -> Floats:
         """(n,) or (n, k) from M q'' = Q - c."""
@@ -92,10 +92,10 @@ class MotionInputs(Mapping[str, Any]):
         idle = [mechanism.of_driver(d, "drive_by_reduction") for d in drivers]  # c - Q, q'' = 0
         mass = mechanism.of_driver(drivers[0], "J_red") if k == 1 else "mechanism.M"
         samples = Samples(n, self.known | {f"qdd_{i}": np.zeros(n) for i in range(k)}, self.t)
-        found = frictionless(mechanism, (*idle, mass), samples)
+        result = frictionless(mechanism, (*idle, mass), samples)
         if k == 1:
-            return np.where(self.held[:, 0], 0.0, -found[idle[0]] / found[mass])
-        right, M = -np.stack([found[name] for name in idle], axis=-1), found[mass]
+            return np.where(self.held[:, 0], 0.0, -result[idle[0]] / result[mass])
+        right, M = -np.stack([result[name] for name in idle], axis=-1), result[mass]
         rows = zip(M, right, self.held, strict=True)
         return np.array([without(*row) if row[2].any() else solved(*row[:2]) for row in rows])
 

@@ -138,9 +138,9 @@ class Track:
 
     def state(self, t: Floats) -> Floats:
         """Coordinates and rates (m, p, 2) of the designs at times (m, p) [s]."""
-        found = np.full((*t.shape, 2), np.nan)
+        states = np.full((*t.shape, 2), np.nan)
         if not self.t0.size:
-            return found
+            return states
         some = np.bincount(self.design, minlength=self.m) > 0
         begin, span = self.t0.min(), np.ptp(np.append(self.t1, self.t0)) or 1.0
 
@@ -154,16 +154,16 @@ class Track:
         i = np.maximum(i, np.searchsorted(self.design, rows)[:, None])  # a time before the start
         x = (wanted - self.t0[i]) / np.maximum(self.t1[i] - self.t0[i], 1e-300)
         values = powers_of(x.ravel(), self.series[:, i.ravel()])
-        found[rows] = values.reshape(*wanted.shape, 2)
-        return found
+        states[rows] = values.reshape(*wanted.shape, 2)
+        return states
 
 
 def powers_of(x: Any, series: Floats) -> Floats:
     """Dense output at shares x (p,) of steps, from their series (8, p, n)."""
-    factors, found = (1 - x[:, None], x[:, None]), np.array(series[0])
+    factors, powers = (1 - x[:, None], x[:, None]), np.array(series[0])
     for k, row in enumerate(series[1:], start=1):  # of z z z x, z z z, z z x, ..., z = x (1 - x)
-        found = found * factors[k % 2] + row
-    return found
+        powers = powers * factors[k % 2] + row
+    return powers
 
 
 def moved(
@@ -307,7 +307,7 @@ class _Run:
         y = self.y[which]
         y[:, 0], y[:, 1] = q, rate
         control = np.zeros((len(which), 6))
-        found = self.rates.fleet(
+        fleet = self.rates.fleet(
             scheme(),
             self.slots[which],
             self.given[which],
@@ -318,7 +318,7 @@ class _Run:
             self.room,
         )
         self.spent[which] += 1
-        return found.K[:, 0, 0].copy()
+        return fleet.K[:, 0, 0].copy()
 
     def _slip(self, which: Any, way: Floats) -> Floats:
         """Set the directions of slip of designs that move in a direction; the row then."""
@@ -393,15 +393,15 @@ class _Run:
     def _round(self, which: Any) -> None:
         """Some steps of designs, and what happens in the last of them."""
         bound = np.full(len(which), min(self.request.start.t + self.request.span, 1 / EPS))
-        found = self._steps(which, bound, self.h[which], self.most_step[which], TOGETHER)
-        self.spent[which] += found.tried * len(scheme().C)
-        last = np.maximum(found.made - 1, 0)
+        taken_steps = self._steps(which, bound, self.h[which], self.most_step[which], TOGETHER)
+        self.spent[which] += taken_steps.tried * len(scheme().C)
+        last = np.maximum(taken_steps.made - 1, 0)
         row = np.arange(len(which))
-        alone = (found.made == 0) | (self.spent[which] > EVALUATIONS)
-        series = _series(found)
-        K, y0, y1 = found.K[row, last], found.y[row, last], found.y[row, last + 1]
+        alone = (taken_steps.made == 0) | (self.spent[which] > EVALUATIONS)
+        series = _series(taken_steps)
+        K, y0, y1 = taken_steps.K[row, last], taken_steps.y[row, last], taken_steps.y[row, last + 1]
         watched = K[:, :, -self.rates.watched :]
-        in_doubt = found.doubtful & ~alone
+        in_doubt = taken_steps.doubtful & ~alone
         close = _may_dip(watched[..., MARGIN] + LEAST_MARGIN) | _may_dip(K[:, :, self.n + 1])
         slips = watched[..., SLIPS:]
         turns = (slips * slips[:, -1:] <= 0).any(axis=(1, 2)) if slips.shape[2] else False
@@ -410,17 +410,17 @@ class _Run:
         d = np.flatnonzero(in_doubt)
         share[d], kind[d] = self._event(series[:, d, last[d]], y0[d], y1[d])
         alone |= kind < 0
-        alone |= ~np.isfinite(found.y[row, found.made]).all(axis=1)
+        alone |= ~np.isfinite(taken_steps.y[row, taken_steps.made]).all(axis=1)
         self.alone[which] |= alone
         stands = (kind == 1) & ~alone
         self.stands[which] += stands
         ends_step = self.rubs or self.request.standstills < math.inf
         hit = (stands & ends_step) | ((kind == 2) & ~alone)
-        keep = np.where(hit, last, found.made)
+        keep = np.where(hit, last, taken_steps.made)
         keep[alone] = 0
-        self._keep(which, found, series, keep)
-        self.h[which] = found.h
-        h = found.t[row, last + 1] - found.t[row, last]
+        self._keep(which, taken_steps, series, keep)
+        self.h[which] = taken_steps.h
+        h = taken_steps.t[row, last + 1] - taken_steps.t[row, last]
         self._met(which[hit], share[hit], h[hit], kind[hit])
         span = self.request.start.t + self.request.span
         ended = ~self.over[which] & (self.t[which] >= span * (1 - 2 * EPS))
@@ -450,15 +450,15 @@ class _Run:
                 share = np.where(crosses, there, share)
         return share, kind
 
-    def _keep(self, which: Any, found: Any, series: Floats, count: Any) -> None:
+    def _keep(self, which: Any, steps: Any, series: Floats, count: Any) -> None:
         """Designs go on over their first steps."""
-        d, s = np.nonzero(np.arange(found.t.shape[1] - 1)[None, :] < count[:, None])
+        d, s = np.nonzero(np.arange(steps.t.shape[1] - 1)[None, :] < count[:, None])
         if d.size:
-            t0, t1 = found.t[d, s], found.t[d, s + 1]
+            t0, t1 = steps.t[d, s], steps.t[d, s + 1]
             self.pieces.append((which[d], t0, t1, series[:, d, s]))
             np.maximum.at(self.longest, which[d], t1 - t0)
         row = np.arange(len(which))
-        self.t[which], self.y[which] = found.t[row, count], found.y[row, count]
+        self.t[which], self.y[which] = steps.t[row, count], steps.y[row, count]
 
     def _met(self, which: Any, share: Floats, h: Floats, kind: Any) -> None:
         """Go on to what happens in a step: with steps that end there, and by Newton's rule."""
@@ -467,12 +467,12 @@ class _Run:
         to = share * h
         bound, finer = self.t[which] + to, np.isfinite(self.most_step[which])
         longest = np.where(finer, SHORTER * to, math.inf)
-        found = self._steps(which, bound, to, longest, TOGETHER // 4)
-        row, made = np.arange(len(which)), found.made
-        reached = (made > 0) & (found.t[row, made] >= bound)
+        steps = self._steps(which, bound, to, longest, TOGETHER // 4)
+        row, made = np.arange(len(which)), steps.made
+        reached = (made > 0) & (steps.t[row, made] >= bound)
         self.alone[which] |= ~reached
-        series = _series(found)
-        self._keep(which, found, series, np.where(reached, made, 0))
+        series = _series(steps)
+        self._keep(which, steps, series, np.where(reached, made, 0))
         slope = self._rows(which, self.y[which, 0], self.y[which, 1])[:, : self.n]
         value = np.where(kind == 1, self.y[which, 1], self.y[which, 0] - self._place(which))
         rise = np.where(kind == 1, slope[:, 1], slope[:, 0])
@@ -498,14 +498,14 @@ class _Run:
         return np.asarray(places[np.abs(q[:, None] - places).argmin(axis=1)])
 
 
-def _series(found: FleetSteps) -> Floats:
+def _series(steps: FleetSteps) -> Floats:
     """Dense output (8, m, s, 2) of coordinate and rate, of all steps; of none that is not made."""
-    h, K = np.diff(found.t, axis=1)[..., None], found.K[:, :-1, :, :2]
+    h, K = np.diff(steps.t, axis=1)[..., None], steps.K[:, :-1, :, :2]
     with np.errstate(all="ignore"):
-        moved = np.diff(found.y[..., :2], axis=1)
+        moved = np.diff(steps.y[..., :2], axis=1)
         first, last = h * K[:, :, 0], h * K[:, :, DOP853.n_stages]
         high = np.moveaxis(h[..., None] * np.tensordot(K, DOP853.D[::-1], (2, 1)), -1, 0)
-        low = 2 * moved - last - first, first - moved, moved, found.y[:, :-1, :2]
+        low = 2 * moved - last - first, first - moved, moved, steps.y[:, :-1, :2]
     whole: Floats = np.concatenate([high, np.array(low)])
     return whole
 

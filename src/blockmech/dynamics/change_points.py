@@ -45,8 +45,8 @@ def pieces_through(compiled: Source) -> tuple[PlaceData, ...]:
     if plain.rotary[0]:
         turns = round((period_through(compiled, plain.period) or math.tau) / math.tau)
         points = [p + math.tau * k for k in range(turns) for p in points]
-    found = (_longest(plain, p, points) for p in points)
-    return tuple(s for s in found if s is not None)
+    pieces = (_longest(plain, p, points) for p in points)
+    return tuple(s for s in pieces if s is not None)
 
 
 def period_through(compiled: Source, period: float | None) -> float | None:
@@ -68,9 +68,9 @@ def _longest(plain: System, point: float, points: Sequence[float]) -> PlaceData 
         reach = min(reach, APART * abs(d)) if d else reach
     while reach >= SHORTEST * scale:
         for n in SIZES:
-            found = _piece(plain, point, reach, n)
-            if found is not None:
-                return found
+            piece = _piece(plain, point, reach, n)
+            if piece is not None:
+                return piece
         reach /= 2
     return None
 
@@ -132,11 +132,11 @@ class FollowingSystem(System):
             mask = np.abs(d) < USED
             away[mask] += (USED - d[mask]) * piece.length / 2
             near.append((piece, mask, d[mask]))
-        found = np.array(super().sample(away, rates, t))
+        sampled = np.array(super().sample(away, rates, t))
         for piece, mask, d in near:
             if d.size:
-                found[:, mask] = self._rows(piece, d, rates[mask], t)[: MARGIN + 1]
-        return Sample(*(x.reshape(q.shape) for x in found))
+                sampled[:, mask] = self._rows(piece, d, rates[mask], t)[: MARGIN + 1]
+        return Sample(*(x.reshape(q.shape) for x in sampled))
 
     def _rows(self, piece: PlaceData, d: Floats, qd: Floats, t: float) -> Floats:
         """Rows of a piece (4, m); the effort of rates and times is read between its poses."""

@@ -52,18 +52,18 @@ class Dop853(DOP853):  # type: ignore[misc]
         begin, ends = (self.t, self.y), (self.t_bound, self.max_step)
         left = (self.equation.most - self.equation.spent) / len(by.C)
         most = int(min(REPORTED, left + 1))
-        found = code.steps(by, begin, self.h_abs, ends, road, tolerances, most)
-        many = len(found.K)
+        accepted = code.steps(by, begin, self.h_abs, ends, road, tolerances, most)
+        many = len(accepted.K)
         more = len(by.C) - self.n_stages - 1
-        self.equation.took(1 + found.tried * self.n_stages + many * more)
+        self.equation.took(1 + accepted.tried * self.n_stages + many * more)
         if not many:
             return None
-        self.t_old, self.t = found.t[-2:].tolist()
-        self.y_old, self.y = found.y[-2:]
-        self.h_abs, self.f = found.h, found.K[-1, self.n_stages].copy()
+        self.t_old, self.t = accepted.t[-2:].tolist()
+        self.y_old, self.y = accepted.y[-2:]
+        self.h_abs, self.f = accepted.h, accepted.K[-1, self.n_stages].copy()
         self.h_previous = self.t - self.t_old
         self.status = "finished" if self.t >= self.t_bound else "running"
-        return AcceptedSteps(found.t, found.y, Dense.of(found), found.calm)
+        return AcceptedSteps(accepted.t, accepted.y, Dense.of(accepted), accepted.calm)
 
 
 class AcceptedSteps(NamedTuple):

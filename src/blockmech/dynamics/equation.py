@@ -92,9 +92,9 @@ class Equation:
         if not margin > 0:
             return (math.nan,) * self.layout.size
         if self.sides:
-            found = self.resisted(t, y)
-            more = self.signals(t, y, found.qdd)[:n] if n else ()
-            return qd, found.qdd, tau * qd, found.power, *more
+            state = self.resisted(t, y)
+            more = self.signals(t, y, state.qdd)[:n] if n else ()
+            return qd, state.qdd, tau * qd, state.power, *more
         qdd = (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan
         return qd, qdd, tau * qd, *more[:n]
 
@@ -118,8 +118,8 @@ class Equation:
             return None
         if self._own[0] != self.sides or self._own[1] is None:
             self._own = self.sides, self._stages()
-        found: CompiledStepper | None = self._own[1]
-        return found
+        code: CompiledStepper | None = self._own[1]
+        return code
 
     def _stages(self) -> CompiledStepper | None:
         unsettled = self.system.friction is not None and not self.sides
@@ -156,10 +156,10 @@ class Equation:
         known = self.resisted(t, y) if self.sides else None
         if self.system.signals.values:
             x, qdd = y[self.layout.signals], None if known is None else known.qdd
-            found, more = self.system.terms_of(q, qd, t, x, qdd)
+            terms, more = self.system.terms_of(q, qd, t, x, qdd)
         else:
-            found = self.system.terms(q, qd, t)
-        M, c, Q, margin = found
+            terms = self.system.terms(q, qd, t)
+        M, c, Q, margin = terms
         self._last = tuple(q), margin, math.nan
         if not margin > 0:
             return np.full(self.layout.size, math.nan)
@@ -183,11 +183,11 @@ class Equation:
             given |= {f"{what}_{i}": float(x) for i, x in enumerate(values)}
         engine = signals.update.engine(self.system.compiled_states)
         new = engine.one([given[name] for name in signals.update.program.inputs])
-        found = y.copy()
+        after = y.copy()
         for (block, place), value in zip(signals.updated, new, strict=True):
             if block in due:
-                found[layout.signals.start + place] = value
-        return found
+                after[layout.signals.start + place] = value
+        return after
 
     def kinks(self, t: float, y: Any) -> Any:
         """Values of signal blocks of which a change of sign is a kink."""

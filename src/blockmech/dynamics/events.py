@@ -86,27 +86,27 @@ def general_rules(
     ``stop_force`` : (driver, t, y) -> what its stop gives it
     """
     k = len(system.drivers)
-    found = [user_rule(w, StateLayout(k)) for w in request.watch]
+    rules = [user_rule(w, StateLayout(k)) for w in request.watch]
     limits = ((ends.DEAD_CENTRE, LEAST_MARGIN), (ends.NO_INERTIA, LEAST_INERTIA))
     for i, (kind, least) in enumerate(limits[:1] if k > 1 else limits):
 
         def above(t: Any, y: Any, i: int = i, least: float = least) -> Any:
             return closeness(y)[i] - least
 
-        found.append(EventFunction(kind, above, -1, parts=1, dips=True))
+        rules.append(EventFunction(kind, above, -1, parts=1, dips=True))
     for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=True)):
         kind = ends.END_STOP if k == 1 else f"{ends.END_STOP} of {driver}"
         if i in system.held:
-            found.append(leaving_rule(i, system.held[i], stop_force))
+            rules.append(leaving_rule(i, system.held[i], stop_force))
             continue
         pairs = zip(between, (-1, 1), strict=True)
-        found += [driver_at(kind, q, way, i) for q, way in pairs if math.isfinite(q)]
+        rules += [driver_at(kind, q, way, i) for q, way in pairs if math.isfinite(q)]
     if k > 1:
-        return found
-    found += [driver_at(ends.GOAL, q) for q in request.places]
+        return rules
+    rules += [driver_at(ends.GOAL, q) for q in request.places]
     ends_run = request.standstills < math.inf or system.friction is not None
     stands = EventFunction(ends.STANDSTILL, lambda t, y: y[1], terminal=ends_run, arrays=True)
-    return [*found, stands]
+    return [*rules, stands]
 
 
 def leaving_rule(i: int, way: int, stop_force: Callable[..., float]) -> EventFunction:
@@ -144,7 +144,7 @@ def friction_rules(
     ``sides`` : with several drivers, the senses in which pairs slip; 0: it sticks. ``slips`` are
     then relative rates of a state, else of a place.
     """
-    found = []
+    rules = []
 
     def slip(j: int) -> Value:
         if sides:
@@ -159,11 +159,11 @@ def friction_rules(
         way = -sides[j] if sides and not remembers[j] else 0
         if sides and sides[j] == 0:
             continue
-        found.append(EventFunction(kind, slip(j), way, parts=PARTS // 2, index=j))
+        rules.append(EventFunction(kind, slip(j), way, parts=PARTS // 2, index=j))
         if guide:
             kind = ends.GUIDE_SIDE
-            found += [EventFunction(kind, side(j, part), parts=1, index=j) for part in range(2)]
-    return found
+            rules += [EventFunction(kind, side(j, part), parts=1, index=j) for part in range(2)]
+    return rules
 
 
 def signal_rules(kinks: Callable[[float, Any], Any], count: int) -> list[EventFunction]:
@@ -260,7 +260,7 @@ class EventDetector:
         alike = self.parts == 1 or (self.simple and self._steady(t1 - t0, y0, y1))
         if alike and all(quiet):
             return []
-        found: list[EventHit] = []
+        hits: list[EventHit] = []
         shares = np.arange(self.parts) / self.parts
         t = np.append(steps[:-1, None] + np.diff(steps)[:, None] * shares, t1)
         inner = t[1:-1], np.asarray(dense(t[1:-1]))
@@ -283,8 +283,8 @@ class EventDetector:
             times = crossings(rule.direction, t[::each], row, value)
             if dips and not times:
                 times = _dip(t[::each], row, value)
-            found += [EventHit(rule, s) for s in times]
-        return found
+            hits += [EventHit(rule, s) for s in times]
+        return hits
 
     @staticmethod
     def _steady(h: float, y0: Floats, y1: Floats) -> bool:
@@ -327,8 +327,8 @@ def _root(value: Callable[[float], float], low: float, high: float) -> float:
         return high
 
     def side(t: float) -> float:
-        found = value(t)
-        return last if math.isnan(found) else found
+        x = value(t)
+        return last if math.isnan(x) else x
 
     return float(brentq(side, low, high, xtol=EPS, rtol=4 * EPS))
 
@@ -362,8 +362,8 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
     states = np.array(motion.track.state(t)).T
 
     def state(s: float) -> Floats:
-        found: Floats = np.array(motion.track.state(np.array([s])))[:, 0]
-        return found
+        y_there: Floats = np.array(motion.track.state(np.array([s])))[:, 0]
+        return y_there
 
     hits = []
     for rule in (user_rule(w, StateLayout(1)) for w in watches):

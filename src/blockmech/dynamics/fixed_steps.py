@@ -68,8 +68,8 @@ class Cubic(DenseOutput):  # type: ignore[misc]
         h = self.t - self.t_old
         s, rise = (np.asarray(t) - self.t_old) / h, (y1 - y0) / h
         powers = np.array([y0, f0 * h, (3 * rise - 2 * f0 - f1) * h, (f0 + f1 - 2 * rise) * h])
-        found: Floats = powers.T @ np.array([s**0, s, s**2, s**3])
-        return found
+        state: Floats = powers.T @ np.array([s**0, s, s**2, s**3])
+        return state
 
 
 class EulerQ(OdeSolver):  # type: ignore[misc]
@@ -90,9 +90,9 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
         """Inertia, effort at rest and margin at the next places in a direction."""
         self.way, self.i = way, 0
         places = self.y[0] + way * self.d * np.arange(AT_ONCE + 1.0)  # rounded, but not summed
-        found = self.system.sample(places)
-        J = np.where(found.margin > 0, found.J, math.nan)
-        self.J, self.tau, self.margin = J.tolist(), found.tau.tolist(), found.margin.tolist()
+        terms = self.system.sample(places)
+        J = np.where(terms.margin > 0, terms.J, math.nan)
+        self.J, self.tau, self.margin = J.tolist(), terms.tau.tolist(), terms.margin.tolist()
         self.places = places.tolist()
 
     def _effort(self, t: float, q: float, w: float) -> float:

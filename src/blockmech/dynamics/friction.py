@@ -134,14 +134,14 @@ class ForcePassProgram:
 
 def terms(s: Schedule, joints: Sequence[JointRef], rule: Callable[..., str]) -> list[str]:
     """Factors (m,) and drags (m,) of pairs by a rule that asks their laws."""
-    found = [s.ask(rule, ref) for ref in joints]
-    return [f"{law}.{part}" for part in FrictionTerms._fields for law in found]
+    laws = [s.ask(rule, ref) for ref in joints]
+    return [f"{law}.{part}" for part in FrictionTerms._fields for law in laws]
 
 
 def margins(s: Schedule) -> list[str]:
     """Margins of the groups whose poses the schedule needs."""
-    found = [e.block for e in s.entries if e.stage == "position"]
-    return [s.ask(forward.margin, b) for b in found if s.structure.blocks[b].closes]
+    blocks = [e.block for e in s.entries if e.stage == "position"]
+    return [s.ask(forward.margin, b) for b in blocks if s.structure.blocks[b].closes]
 
 
 def power_taken(found: FrictionSolution, remembers: Sequence[bool], qd: Any) -> Any:
@@ -187,14 +187,14 @@ def resistance(
         tuple(rows[2 + i][1 + j] + mul(rows[1][1 + j], s[i] / J) for i in range(m))
         for j in range(m)
     )
-    found = solve(k, guides, pair_loads(drag, base, matrix) if drag else base, matrix, *options)
+    solution = solve(k, guides, pair_loads(drag, base, matrix) if drag else base, matrix, *options)
     if drag:
-        found = with_drag(found, drag)
+        solution = with_drag(solution, drag)
     effort, taken = push, 0.0
-    for x, t in zip(s, found.t, strict=True):
+    for x, t in zip(s, solution.t, strict=True):
         effort, taken = effort + x * t, taken + abs(x * t)
-    F = pair_loads(found.t, base, matrix)
-    return FrictionSolution(effort, effort / J, found, s, taken, F)
+    F = pair_loads(solution.t, base, matrix)
+    return FrictionSolution(effort, effort / J, solution, s, taken, F)
 
 
 def at_square(rest: Row, square: Row, qd2: Any) -> Row:
@@ -249,10 +249,13 @@ class JointFriction(PairFriction):
         """
         m = len(self.names)
         acting = [State(share=1.0), State(qd=1.0), State(qdd=1.0)]
-        found = self._columns(q, [*acting, *(State(pair=k) for k in range(m))])
-        margin = np.minimum.reduce([np.ones(q.size), *(x for r in found for x in r[1 + 2 * m :])])
-        slips, drives = np.array(found[1][1 + m : 1 + 2 * m]), np.array([row[0] for row in found])
-        F = [[[x.real, x.imag] for x in row[1 : 1 + m]] for row in found]
+        columns = self._columns(q, [*acting, *(State(pair=k) for k in range(m))])
+        margin = np.minimum.reduce([np.ones(q.size), *(x for r in columns for x in r[1 + 2 * m :])])
+        slips, drives = (
+            np.array(columns[1][1 + m : 1 + 2 * m]),
+            np.array([row[0] for row in columns]),
+        )
+        F = [[[x.real, x.imag] for x in row[1 : 1 + m]] for row in columns]
         parts = np.array(F).transpose(2, 0, 1, 3)  # (2, states, m, n)
         with np.errstate(all="ignore"):
             least = NOTHING / margin
@@ -314,8 +317,8 @@ class JointFriction(PairFriction):
         k, drag = self.against(sides, [np.broadcast_to(x, n) for x in law])
         solve, resist = self._bound["solve"], self._bound["resistance"]
         with np.errstate(all="ignore"):
-            found: FrictionSolution = resist(rows, k, drag, self.guides, solve, self.options)
-        return found
+            solution: FrictionSolution = resist(rows, k, drag, self.guides, solve, self.options)
+        return solution
 
     def at(self, q: float, qd: float, t: float, sides: Sides, x: Any = None) -> FrictionState:
         """One state; x are states of signal blocks."""
@@ -329,18 +332,18 @@ class JointFriction(PairFriction):
         rates = np.array([rows[0][1 + m : 1 + 2 * m]]).T
         terms = self.against(sides, [float(y[0]) for y in self.law(rates, x)])
         try:
-            found = resistance(rows, *terms, self.guides, self.solver, self.options)
+            resisted = resistance(rows, *terms, self.guides, self.solver, self.options)
         except (ArithmeticError, ValueError):
             nothing = np.full(m, math.nan)
             return FrictionState(
                 math.nan, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0
             )
-        said, power = found.solution.outcome, power_taken(found, self.program.remembers, qd)
-        outcome = Outcome(int(said)) if said == said else Outcome.NOT_CONVERGED
-        limit, solved = float(found.solution.limit), found.solution
+        code, power = resisted.solution.outcome, power_taken(resisted, self.program.remembers, qd)
+        outcome = Outcome(int(code)) if code == code else Outcome.NOT_CONVERGED
+        limit, solved = float(resisted.solution.limit), resisted.solution
         misfit = float(left_undone(solved.residual, solved.contraction))
         return FrictionState(
-            found.qdd, power, np.array(found.loads), margin, outcome, limit, misfit
+            resisted.qdd, power, np.array(resisted.loads), margin, outcome, limit, misfit
         )
 
     def _inputs(self, q: Any, state: State) -> list[float]:
@@ -357,14 +360,14 @@ class JointFriction(PairFriction):
         still = [np.ones(q.size), *[Planar(0.0 * q, 0.0 * q) for _ in pairs]]
         slips = np.sign(np.nan_to_num(self.slips(q))).T
         solve, resist = self._bound["solve"], self._bound["resistance"]
-        found = []
+        ends = []
         with np.errstate(all="ignore"):
             for side in (-1, 1):
                 k, drag = self.against(tuple(side * s for s in slips), self.static)
                 row = resist([acting, still, *pairs], k, drag, self.guides, solve, self.options)
                 start = -np.asarray(row.effort, float) + np.zeros(q.size)
-                found.append(np.where(np.isfinite(start), start, side * math.inf))
-        return found[0], found[1]
+                ends.append(np.where(np.isfinite(start), start, side * math.inf))
+        return ends[0], ends[1]
 
     def rest(self, q: float, t: float = 0.0, x: Any = None) -> Rest:
         """What a standstill at q leads to; x are states of signal blocks and laws."""
@@ -375,10 +378,10 @@ class JointFriction(PairFriction):
         still = [1.0, *[0j] * len(pairs)]  # a unit of q'' changes no load
         holding = []
         for direction in (-1, 1):
-            found = self.solve([acting, still, *pairs], self.sides(q, direction), standing)
-            start = -float(found.effort[0])
+            solution = self.solve([acting, still, *pairs], self.sides(q, direction), standing)
+            start = -float(solution.effort[0])
             if math.isfinite(start):
-                least += 8 * EPS * float(found.taken[0])  # as of that of the loads
+                least += 8 * EPS * float(solution.taken[0])  # as of that of the loads
             holding.append(start if math.isfinite(start) else direction * math.inf)
         low, high = holding
         forward, backward = high < -least, low > least

@@ -145,8 +145,8 @@ class Bounces:
 
     def _stop(self, i: int, way: int) -> Stop:
         """The highest or lowest stop of a driver."""
-        found: Stop = self.request.stops[i][way > 0]
-        return found
+        stop: Stop = self.request.stops[i][way > 0]
+        return stop
 
     def _left(self, leg: Motion) -> Until | None:
         """What still ends the run; None where its time is over."""
@@ -194,8 +194,8 @@ class Bounces:
         if speed:
             loss = (1 - e * e) * speed**2 / (2 * row[i])
             along = float(impulse) / stop.slope
-            found = Impact(leg.t_end, stop.name, q, before, after, along, float(loss))
-            self.impacts.append(found)
+            impact = Impact(leg.t_end, stop.name, q, before, after, along, float(loss))
+            self.impacts.append(impact)
             self.events.append(Event(ends.IMPACT, leg.t_end, self._plain(q), self._plain(after)))
         self.legs[-1] = replace(leg, q_end=self._plain(q), qd_end=self._plain(after))
         return self._plain(after)
@@ -361,20 +361,20 @@ def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
         )
 
     moved, tensioned = run(bare, jump), run(bare, none)
-    found = {name: moved[name][0] - tensioned[name][0] for name in moved.plan.want}
+    reactions = {name: moved[name][0] - tensioned[name][0] for name in moved.plan.want}
     if impact.driver in mechanism.drivers:
         if len(impact.q) > 1 or impact.after[0] or not mechanism.frictional_joints:
-            return found
+            return reactions
         before = {impact.driver: float(impact.before[0])}
         sudden = {driver: SUDDEN * x for driver, x in jump.items()}
         rubbed = run(bare, sudden, before, "newton")
-        return {name: rubbed[name][0] / SUDDEN for name in found}
+        return {name: rubbed[name][0] / SUDDEN for name in reactions}
     struck = run(_struck_at(mechanism, bare, impact.driver), none)
     (driver,) = mechanism.drivers
     drive = mechanism.of_driver(driver, "drive")
-    unit = {name: struck[name][0] - tensioned[name][0] for name in found}
-    size = -found[drive] / unit[drive]  # of the impulse that leaves nothing to the driver
-    return {name: x + size * unit[name] for name, x in found.items()}
+    unit = {name: struck[name][0] - tensioned[name][0] for name in reactions}
+    size = -reactions[drive] / unit[drive]  # of the impulse that leaves nothing to the driver
+    return {name: x + size * unit[name] for name, x in reactions.items()}
 
 
 def _struck_at(mechanism: Compiled, structure: Structure, coordinate: str) -> Structure:

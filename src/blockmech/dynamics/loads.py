@@ -34,12 +34,12 @@ REACH = 3.0  # lengths of a mechanism on either side in which kinks of a slide a
 
 def depends_on(structure: Structure) -> frozenset[str]:
     """What the loads depend on: "q" always, "rate" and "time" where declared."""
-    found = {"q"}
+    variables = {"q"}
     for element in structure.elements.values():
         for reads in element.reads().values():
-            found |= {"rate"} if RATE_READS & set(reads) else set()
-            found |= {"time"} if "t" in reads else set()
-    return frozenset(found)
+            variables |= {"rate"} if RATE_READS & set(reads) else set()
+            variables |= {"time"} if "t" in reads else set()
+    return frozenset(variables)
 
 
 def straight_in_rate(structure: Structure) -> bool:
@@ -55,12 +55,12 @@ def lossless(structure: Structure) -> bool:
 def largest_length(structure: Structure) -> float:
     """A length [m] over which things change: the largest that the blocks declare."""
     names = ("length", "l_i", "l_j")
-    found = [
+    lengths = [
         float(getattr(block, name, 0.0) or 0.0)
         for block in structure.blocks.values()
         for name in names
     ]
-    return max(found, default=0.0) or 1.0
+    return max(lengths, default=0.0) or 1.0
 
 
 def _law(element: Element) -> Any:
@@ -112,24 +112,24 @@ def knots(compiled: Any) -> tuple[float, ...]:
     period = period_of(structure, driver)
     span = math.tau if structure.driver_joint(driver).rotary else largest_length(structure)
     low, high = (0.0, period) if period else (-REACH * span, REACH * span)
-    found: list[float] = []
+    places: list[float] = []
     for follower in structure.followers:
-        found += _jumps_of_coupling(compiled, follower, (low, high), span)
+        places += _jumps_of_coupling(compiled, follower, (low, high), span)
     for name, element in structure.elements.items():
         if element.counted is not None and isinstance(element, Following):
             law = element.law
             if element.counted.driver in structure.followers:
                 rule = partial(_levels_passed, compiled, coordinate_of, element.counted.driver)
-                found += rule(law.within, (low, high), span) if law.rows() else []
+                places += rule(law.within, (low, high), span) if law.rows() else []
             else:
-                found += law.within(low, high)
+                places += law.within(low, high)
         elif kinks := element.kinks():
             s = schedule(structure, scene, FREE)
             measure = s.program([kernel_on(s, name, kinks.measure, value="measure")])
             samples = SCANNED * max(1, round((high - low) / span)) + 1
             q = np.linspace(low, high, samples)
-            found += _passings(measure, kinks.values, kinks.turning, q)
-    return tuple(sorted({x % period for x in found} if period else set(found)))
+            places += _passings(measure, kinks.values, kinks.turning, q)
+    return tuple(sorted({x % period for x in places} if period else set(places)))
 
 
 def _jumps_of_coupling(
@@ -162,12 +162,12 @@ def _levels_passed(
 
 def next_time_kink(structure: Structure, t: float) -> float:
     """The first kink in time [s] after a time; infinite if there is none."""
-    found = []
+    times = []
     for element in structure.elements.values():
         law = _law(element)
         if law is not None and law.variables() == ("time",):
-            found += law.within(t, t + 2 * law.repeats_after if law.repeats_after else math.inf)
-    return min((s for s in found if s > t), default=math.inf)
+            times += law.within(t, t + 2 * law.repeats_after if law.repeats_after else math.inf)
+    return min((s for s in times if s > t), default=math.inf)
 
 
 def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> list[float]:
@@ -176,7 +176,7 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
         return []
     from scipy.optimize import brentq
 
-    measure, found = AdaptiveEvaluator(program), []
+    measure, places = AdaptiveEvaluator(program), []
     values = np.asarray(measure.run({"q_0": q}, q.size)[0])
     for level in kinks:
 
@@ -189,10 +189,10 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
             if turning:
                 d = np.remainder(d + math.pi, math.tau) - math.pi
             passed = (d[:-1] * d[1:] < 0) & ((np.abs(np.diff(d)) < math.pi) | (not turning))
-        found += [float(x) for x in q[d == 0]]
+        places += [float(x) for x in q[d == 0]]
         for i in np.flatnonzero(passed).tolist():
-            found.append(float(brentq(above, q[i], q[i + 1], xtol=EPS, rtol=4 * EPS)))
-    return found
+            places.append(float(brentq(above, q[i], q[i + 1], xtol=EPS, rtol=4 * EPS)))
+    return places
 
 
 # -- size ----------------------------------------------------------------------------------

@@ -216,9 +216,9 @@ def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
         if way and way * (rate or _push(system, request, i)) > 0:
             driver = system.drivers[i]
             end = ends.END_STOP if at.size == 1 else f"{ends.END_STOP} of {driver}"
-            told = (Event(end, start.t, start.q, start.rate),)
+            events = (Event(end, start.t, start.q, start.rate),)
             still = replace(request.standing, why="it starts at an end stop that holds it")
-            return replace(still, regime=ends.END_STOP, status="ended", end=end, events=told)
+            return replace(still, regime=ends.END_STOP, status="ended", end=end, events=events)
     return None
 
 
@@ -230,8 +230,8 @@ def _push(system: System, request: SimulationRequest, i: int) -> float:
         return system.friction.rest(float(request.start.q), request.start.t).moves
     if len(system.drivers) == 1:
         return system.one(*request.start).tau
-    found = system.terms(*request.start)
-    return float(system.accelerations(found.M, found.Q - found.c)[i])
+    terms = system.terms(*request.start)
+    return float(system.accelerations(terms.M, terms.Q - terms.c)[i])
 
 
 # -- running -------------------------------------------------------------------------------
@@ -284,8 +284,8 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
         known = f", error {motion.error:.1e}" if math.isfinite(motion.error) else ""
         other = _stiff_or_not(system, request, f"along the path: {motion.end}{known}")
         if other.error < motion.error or motion.status == "failed":
-            told = (f"along the path: {note}" for note in motion.notes[:1])
-            return replace(other, notes=(*other.notes, *told))
+            notes = (f"along the path: {note}" for note in motion.notes[:1])
+            return replace(other, notes=(*other.notes, *notes))
     return watched(motion, request.watch)
 
 

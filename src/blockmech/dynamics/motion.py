@@ -198,8 +198,8 @@ class Motion(TextReport):
             clock = f", {self.time_error:.1e} s at the end" if self.time_error > 0 else ""
             lines.append(f"estimated error {self.error:.1e} {unit}{clock}")
         for name, x in self.figures().items():
-            said = f"{name.replace('_', ' ')} {x:.12g} {fact_unit(name, unit)}"
-            lines.append(said.rstrip())
+            line = f"{name.replace('_', ' ')} {x:.12g} {fact_unit(name, unit)}"
+            lines.append(line.rstrip())
         return [*lines, *(f"note: {text}" for text in self.notes)]
 
     def at(self, t: Any) -> State:
@@ -208,15 +208,15 @@ class Motion(TextReport):
         flat = times.ravel()
         inside = (flat >= self.t_start) & (flat <= self.t_end)
         last = flat == self.t_end
-        asked = np.where(inside, flat, self.t_start)
+        clipped = np.where(inside, flat, self.t_start)
         known = bool(last.all()) and flat.size > 0  # nothing to look up: the end is known exactly
         track = Still(self.q_end, self.qd_end) if known else self.track
-        state = track.state(asked)
+        state = track.state(clipped)
         mask, end = (inside, last) if state.q.ndim == 1 else (inside[:, None], last[:, None])
         shape = times.shape + state.q.shape[1:]
         pairs = zip(state, (self.q_end, self.qd_end), strict=True)
-        found = (np.where(end, there, np.where(mask, x, np.nan)) for x, there in pairs)
-        return State(*(x.reshape(shape) for x in found))
+        columns = (np.where(end, there, np.where(mask, x, np.nan)) for x, there in pairs)
+        return State(*(x.reshape(shape) for x in columns))
 
     def signal_states(self, t: Floats) -> Floats:
         """States (n, m) of signal blocks and friction laws at times (n,) [s] of the run.
@@ -238,10 +238,10 @@ class Motion(TextReport):
 
     def held(self, t: Floats, drivers: int) -> Any:
         """Whether each driver lies against a stop at times (n,) [s]; (n, drivers)."""
-        found = np.zeros((len(t), drivers), dtype=bool)
+        held = np.zeros((len(t), drivers), dtype=bool)
         for i, begin, end in self.lying:
-            found[:, i] |= (begin <= t) & ((t < end) | (t == self.t_end))
-        return found
+            held[:, i] |= (begin <= t) & ((t < end) | (t == self.t_end))
+        return held
 
     def times(self, count: int) -> Floats:
         """That many times, equally spaced over the run [s]."""
@@ -263,17 +263,17 @@ class Motion(TextReport):
 
     def figures(self) -> dict[str, float]:
         """`facts`, and of a rotation that repeats the fluctuation of its speed."""
-        found = dict(self.facts)
-        if "mean_speed" in found and np.ndim(self.q_end) == 0:
-            end = self.t_start + found["period"]
-            found["fluctuation"] = self.fluctuation(self.t_start, end)
-        return found
+        figures = dict(self.facts)
+        if "mean_speed" in figures and np.ndim(self.q_end) == 0:
+            end = self.t_start + figures["period"]
+            figures["fluctuation"] = self.fluctuation(self.t_start, end)
+        return figures
 
     def _highest(self, t: Floats, qd: Floats, sign: int) -> float:
         """The largest ``sign * qd``: the largest sample, or what lies beside it."""
         from scipy.optimize import minimize_scalar
 
-        found = float((sign * qd).max())
+        highest = float((sign * qd).max())
         for i in np.argsort(sign * qd)[-2:].tolist():  # both ends of a period may be the largest
             near = float(t[max(i - 1, 0)]), float(t[min(i + 1, t.size - 1)])
             best = minimize_scalar(
@@ -281,8 +281,8 @@ class Motion(TextReport):
                 bounds=near,
                 method="bounded",
             )
-            found = max(found, -float(best.fun))
-        return found
+            highest = max(highest, -float(best.fun))
+        return highest
 
 
 @dataclass(frozen=True)

@@ -150,9 +150,9 @@ class PairFriction:
         states = self._initial if x is None else x
         given |= {f"{STATE}{k}": np.full(rates.shape[1], s) for k, s in enumerate(states)}
         inputs = self.program.laws.inputs
-        found = list(self._laws.run({x: given[x] for x in inputs}, rates.shape[1]))
+        values = list(self._laws.run({x: given[x] for x in inputs}, rates.shape[1]))
         n = 2 * len(self.names)
-        return [found[:n], found[n : 2 * n], found[2 * n :]]
+        return [values[:n], values[n : 2 * n], values[2 * n :]]
 
     def law(self, rates: Floats, x: Any = None) -> Row:
         """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n) and states x."""

@@ -44,14 +44,14 @@ def basis(v: Any, n: int) -> Any:
     v = np.asarray(v)
     flat = v.ravel()
     z = (2 * flat - 1) + 2j * np.sqrt(flat * (1 - flat))
-    found = np.empty((n, flat.size), dtype=z.dtype)  # places side by side: most are many
-    found[0] = 1
+    columns = np.empty((n, flat.size), dtype=z.dtype)  # places side by side: most are many
+    columns[0] = 1
     done = 1
     while done < n:
         more = min(done, n - done)
-        np.multiply(found[:more], z, out=found[done : done + more])
+        np.multiply(columns[:more], z, out=columns[done : done + more])
         z, done = z * z, 2 * done
-    return np.ascontiguousarray(found.real.T).reshape(*v.shape, n)
+    return np.ascontiguousarray(columns.real.T).reshape(*v.shape, n)
 
 
 def node_places(n: int, kind: Any = np.float64) -> Any:
@@ -149,9 +149,9 @@ def roots(series: Floats) -> Floats:
     kept = chebyshev.chebtrim(series, EPS * float(np.abs(series).max()))
     if kept.size < 2:
         return np.empty(0)
-    found = chebyshev.chebroots(kept)
+    zeros = chebyshev.chebroots(kept)
     near = math.sqrt(EPS)  # a double root comes as a pair that is apart by that much
-    real = found.real[(np.abs(found.imag) <= near) & (np.abs(found.real) <= 1 + near)]
+    real = zeros.real[(np.abs(zeros.imag) <= near) & (np.abs(zeros.real) <= 1 + near)]
     return np.sort((np.clip(real, -1.0, 1.0) + 1) / 2)
 
 
@@ -196,11 +196,11 @@ class Spans:
     def gains(self, w: Floats) -> Floats:
         """[J] (m, n + 1) by which w = dK/dq (m, n) raises K at the nodes and that end."""
         energy = rule(w.shape[1]).energy
-        found: Floats = w @ energy[PLAIN].T
+        gains: Floats = w @ energy[PLAIN].T
         for i in np.flatnonzero(self.kind).tolist():  # few, if any
-            found[i] = energy[self.kind[i]] @ w[i]
-        found *= self.way[:, None]
-        return found
+            gains[i] = energy[self.kind[i]] @ w[i]
+        gains *= self.way[:, None]
+        return gains
 
 
 def span(begin: float, end: float, energy: float, kind: int = PLAIN) -> Spans:
@@ -236,8 +236,8 @@ class Panels:
     @cached_property
     def clock(self) -> Floats:
         """Coefficients (m, n + 1) of the time since v = 0."""
-        found: Floats = self.rate @ rule(self.w.shape[1]).clock.T
-        return found
+        times: Floats = self.rate @ rule(self.w.shape[1]).clock.T
+        return times
 
     @property
     def work(self) -> Floats:
@@ -253,19 +253,19 @@ class Panels:
 
     def durations_with(self, energies: Floats) -> Floats:
         """(k, m) [s] that each takes with so much more kinetic energy (k,) [J]."""
-        r, found = rule(self.w.shape[1]), np.empty((energies.size, len(self.w)))
+        r, durations = rule(self.w.shape[1]), np.empty((energies.size, len(self.w)))
         kind, way = self.spans.kind, np.abs(self.spans.way)[:, None]
         weights = r.average[-1] * r.powers[kind] * P[kind][:, None] * way * np.sqrt(self.J / 2)
         for i, (K, weight) in enumerate(zip(self.K[:, :-1], weights, strict=True)):
-            found[:, i] = (1 / np.sqrt(K + energies[:, None])) @ weight
-        return found
+            durations[:, i] = (1 / np.sqrt(K + energies[:, None])) @ weight
+        return durations
 
     @cached_property
     def times(self) -> Floats:
         """(m + 1,) [s] when they begin, and when the last ends."""
-        found = np.empty(len(self.w) + 1)
-        found[0], found[1:] = 0.0, np.cumsum(self.durations)
-        return self.t0 + found
+        times = np.empty(len(self.w) + 1)
+        times[0], times[1:] = 0.0, np.cumsum(self.durations)
+        return self.t0 + times
 
     @property
     def t1(self) -> float:
@@ -287,11 +287,11 @@ class Panels:
         if energy:
             spans = replace(self.spans, energy=self.spans.energy + energy)
             return replace(self, t0=t0, spans=spans, K=self.K + energy)
-        found = replace(self, t0=t0)
-        found.__dict__.update(
+        panels = replace(self, t0=t0)
+        panels.__dict__.update(
             (x, y) for x, y in self.__dict__.items() if x in ("rate", "durations")
         )
-        return found
+        return panels
 
     def first(self, count: int) -> Panels:
         """The first ones of them."""
@@ -331,11 +331,11 @@ class Panels:
     def _series(self) -> Floats:
         """Coefficients (m, 4, n + 1) of the time since v = 0 and its derivatives by v."""
         m, n = self.rate.shape
-        found, by_v = np.zeros((m, 4, n + 1)), rule(n).slope.T
-        found[:, 0], found[:, 1, :n] = self.clock, self.rate
-        found[:, 2, :n] = self.rate @ by_v
-        found[:, 3, :n] = found[:, 2, :n] @ by_v
-        return found
+        series, by_v = np.zeros((m, 4, n + 1)), rule(n).slope.T
+        series[:, 0], series[:, 1, :n] = self.clock, self.rate
+        series[:, 2, :n] = self.rate @ by_v
+        series[:, 3, :n] = series[:, 2, :n] @ by_v
+        return series
 
     @cached_property
     def _table(self) -> tuple[Floats, Floats, Floats]:

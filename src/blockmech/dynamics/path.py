@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.ahead import At, PanelBuilder, PanelFailure
+from blockmech.dynamics.ahead import PanelBuilder, PanelFailure, PathState
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
     ROUNDING,
@@ -88,7 +88,7 @@ class PathRun:
     lately: list[float] = field(default_factory=list)  # ends of panels since a standstill
     gained: float = math.inf  # [J] in the last turn, without its sign
     left: float = 0.0  # [s] to a dead centre that the run stops short of
-    mark: tuple[int, At] | None = None  # panel and state where a pattern may begin
+    mark: tuple[int, PathState] | None = None  # panel and state where a pattern may begin
 
     def __post_init__(self) -> None:
         self.rounding = ROUNDING + 2 * self.system.noise  # relative, of work and inertia
@@ -120,9 +120,9 @@ class PathRun:
             self.stop(ends.INTERRUPTED, "ended")
 
     @property
-    def at(self) -> At:
+    def at(self) -> PathState:
         """The state."""
-        return At(self.t, self.q, self.K, self.sign)
+        return PathState(self.t, self.q, self.K, self.sign)
 
     @property
     def crawls(self) -> bool:
@@ -151,15 +151,15 @@ class PathRun:
         q, system = self.q, self.system
         self.K = 0.0
         if system.friction is not None:
-            found = system.friction.rest(q)
-            if found.ambiguous:
+            rest = system.friction.rest(q)
+            if rest.ambiguous:
                 self.stop(ends.AMBIGUOUS, "ended")
-            elif found.rests:
-                self.facts.update(holding_low=found.holding[0], holding_high=found.holding[1])
+            elif rest.rests:
+                self.facts.update(holding_low=rest.holding[0], holding_high=rest.holding[1])
                 self.rest(ends.REST)
             elif self.swings_on:
                 self.stop(ends.SWINGS_ON, "ended")
-            self.sign = found.moves
+            self.sign = rest.moves
         else:
             q = q if self.count else float(self.request.start.q)
             if balanced(system, q):
@@ -395,13 +395,13 @@ class PathRun:
         falling = counted and not self.place_only and 0 < self.gained < last
         if self.system.lossless or (some and not falling):
             turn = replace(turn, gain=0.0)
-        found = None
+        pattern = None
         if start.K > 0 and (self.place_only or not turn.gain):
-            found = turns(turn, self.request, self.road.tolerance, self.told)
-        if found is None:  # the next turn tells
+            pattern = turns(turn, self.request, self.road.tolerance, self.told)
+        if pattern is None:  # the next turn tells
             self.mark = (len(self.panels), self.at)
         else:
-            self.repeat(found)
+            self.repeat(pattern)
 
     # -- the result ------------------------------------------------------------
 
@@ -459,5 +459,5 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     if coarse.end == ends.TOO_MANY and coarse.t_end < fine.t_end:
         return stopped(coarse, replace(fine, notes=(*coarse.notes, *fine.notes)))
     apart = difference(coarse, fine, system.rotary, request.times)
-    found = judged(coarse, fine, apart, request.times)
-    return with_rounding(system, found, request.accuracy or TARGET, apart)
+    motion = judged(coarse, fine, apart, request.times)
+    return with_rounding(system, motion, request.accuracy or TARGET, apart)

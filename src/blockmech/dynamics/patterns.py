@@ -60,7 +60,7 @@ def patterns(rows: Floats) -> set[tuple[int, ...]]:
     >>> sorted(patterns(np.array([[1.0], [-2.0]])))
     [(-1, 1), (0, 0), (1, -1)]
     """
-    found = {(0,) * len(rows)}
+    known = {(0,) * len(rows)}
     for x in rays(rows):
         here = signs(rows, x)
         zeros = [j for j, s in enumerate(here) if s == 0]
@@ -68,8 +68,8 @@ def patterns(rows: Floats) -> set[tuple[int, ...]]:
             whole = list(here)
             for j, s in zip(zeros, part, strict=True):
                 whole[j] = s
-            found.add(tuple(whole))
-    return found
+            known.add(tuple(whole))
+    return known
 
 
 def affine_patterns(rows: Floats, shift: Floats) -> set[tuple[int, ...]]:

@@ -91,8 +91,8 @@ def equilibrium_near(
     """
     k = q.size
     still, span, speed = np.zeros(k), float(size[0]), float(size[-1])
-    found = root(lambda at: acceleration(np.append(at, still)), q, options={"xtol": EPS}).x
-    x = np.append(found, still)
+    solution = root(lambda at: acceleration(np.append(at, still)), q, options={"xtol": EPS}).x
+    x = np.append(solution, still)
     with np.errstate(all="ignore"):
         left = acceleration(x)
         A = np.vstack([np.eye(k, 2 * k, k), slope(acceleration, x, QUOTIENT * size)])
@@ -100,11 +100,11 @@ def equilibrium_near(
         return None
     move = np.linalg.lstsq(A[k:, :k], left, rcond=NONE)[0]
     balanced = np.abs(left - A[k:, :k] @ move).max() <= NONE * speed**2
-    error = 2 * float(np.abs(move).max()) + ROUNDING * float(np.abs(found).max() + span)
-    if not balanced or error > NEUTRAL * span or np.abs(found - q).max() > 2 * math.pi * span:
+    error = 2 * float(np.abs(move).max()) + ROUNDING * float(np.abs(solution).max() + span)
+    if not balanced or error > NEUTRAL * span or np.abs(solution - q).max() > 2 * math.pi * span:
         return None
     values = np.linalg.eigvals(A)
-    return Equilibrium(found, values[np.argsort(-values.real, kind="stable")], error)
+    return Equilibrium(solution, values[np.argsort(-values.real, kind="stable")], error)
 
 
 def resting(
@@ -155,9 +155,9 @@ def fixed_point(
     """
 
     def at(u: Floats) -> Floats:
-        found = x.copy()
-        found[free] += u * size[free]
-        return found
+        point = x.copy()
+        point[free] += u * size[free]
+        return point
 
     def moved(u: Floats) -> Floats:
         return (change(at(u)) / size)[free]
@@ -219,7 +219,7 @@ def repeated(
     if (np.abs(shift) > once.error + EPS).any():
         facts["mean_speed"] = float(np.abs(shift).max() / period)
     size = float(np.abs(found.multipliers[0]))
-    told = {
+    note = {
         "neutral": "neutral: disturbances neither grow nor fade, so a motion from elsewhere "
         "stays away",
         "stable": f"stable: a period leaves {size:.6g} of a disturbance",
@@ -232,7 +232,7 @@ def repeated(
     off = float(np.abs(missed_by[:k]).max() + period * np.abs(missed_by[k:]).max())
     late = 0.0 if once.end == "time" else found.gain * (once.time_error + off / fastest)
     errors = found.gain * (once.error + off) + (many - 1) * late * fastest, many * late
-    return _steady(request, method, regime, track, t0 + period, errors, facts, (told, *notes))
+    return _steady(request, method, regime, track, t0 + period, errors, facts, (note, *notes))
 
 
 def _named(multipliers: Any) -> dict[str, float]:

@@ -81,14 +81,14 @@ class PlaceData:
     @cached_property
     def series(self) -> Floats:
         """Chebyshev coefficients (r, n)."""
-        found: Floats = self.rows @ rule(self.rows.shape[1]).to_series.T
-        return found
+        series: Floats = self.rows @ rule(self.rows.shape[1]).to_series.T
+        return series
 
     @cached_property
     def largest(self) -> Floats:
         """(r,) magnitudes at the nodes: a series is as exact as its largest value."""
-        found: Floats = np.abs(self.rows).max(axis=1)
-        return found
+        largest: Floats = np.abs(self.rows).max(axis=1)
+        return largest
 
     @cached_property
     def mean_effort(self) -> float:
@@ -115,12 +115,12 @@ class PlaceData:
         way = self.high - q if self.limit > 0 else q - self.low
         v = np.clip(way / self.length, 0.0, 1.0)
         v = np.sqrt(v) if self.limit else v
-        found: Floats = self.series @ basis(v, self.series.shape[1]).T
+        rows: Floats = self.series @ basis(v, self.series.shape[1]).T
         if self.limit:
             v = np.maximum(v, EPS)
-            found[[J, *range(DAMPING, len(found))]] /= v * v
-            found[TAU] /= v
-        return found
+            rows[[J, *range(DAMPING, len(rows))]] /= v * v
+            rows[TAU] /= v
+        return rows
 
     @cached_property
     def forward(self) -> Floats:
@@ -137,8 +137,8 @@ class PlaceData:
         values = self.rows[row]
         if np.ptp(values) < np.abs(values).min():  # all of one sign, and far from zero
             return []
-        found = place(self.low, self.high, self.limit, roots(self.series[row]))
-        return sorted(found.tolist())
+        zeros = place(self.low, self.high, self.limit, roots(self.series[row]))
+        return sorted(zeros.tolist())
 
     def touches(self, row: int, level: float) -> list[float]:
         """Places at which a row that is not negative comes down to a level, or nearly."""
@@ -147,8 +147,8 @@ class PlaceData:
             return []
         v = np.concatenate([[0.0], roots(chebyshev.chebder(series)), [1.0]])
         low = v[basis(v, series.size) @ series <= level]
-        found: list[float] = place(self.low, self.high, self.limit, low).tolist()
-        return found
+        places: list[float] = place(self.low, self.high, self.limit, low).tolist()
+        return places
 
 
 def near_zero(series: Floats) -> NDArray[np.bool_]:

@@ -148,8 +148,8 @@ def _rubbing(friction: JointFriction, signals: SignalProgram) -> CompiledRhs:
             given |= {f"friction_{i}": one if i == pair else zero for i in range(m)}
             given |= dict(zip(signals.names, x, strict=True))
             given |= {f"slip_{i}": slip for i, slip in enumerate(slips)}
-            found = run(*(given[x] for x in inputs))
-            return found[: len(found) - first], found[len(found) - first :]
+            values = run(*(given[x] for x in inputs))
+            return values[: len(values) - first], values[len(values) - first :]
 
         acting, _ = state(qd, zero, one)
         _, law = state(qd, zero, one, slips=acting[1 + m : 1 + 2 * m])

@@ -107,7 +107,7 @@ def turns(
 
 
 def _starts(
-    turn: RepeatedSegment, request: SimulationRequest, tolerance: float, told: Any
+    turn: RepeatedSegment, request: SimulationRequest, tolerance: float, progress: Any
 ) -> Floats:
     """When [s] turns like this one begin: while there is energy, or until the goal."""
     begin = float(turn.panels.spans.begin[0])
@@ -125,7 +125,7 @@ def _starts(
         first, some = first + some, min(2 * some, AT_ONCE)
         starts.append(starts[-1][-1] + np.cumsum(turn.durations(energies)))
         reached = turn.t0 + float(starts[-1][-1])
-        told(reached)
+        progress(reached)
         if reached >= request.span:
             break
     return np.concatenate(starts)

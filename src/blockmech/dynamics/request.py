@@ -266,8 +266,8 @@ def goal_of(until: Any, times: Floats | None) -> Until:
 
 def starts_of(scene: Scene, drivers: Sequence[str], start: Any) -> Pairs:
     """Driver -> (q [rad or m], rate) of every driver, in their order."""
-    asked = pairs_of("start", start, START) or {}
-    given = {d: (x.q, x.rate) for d, x in scene.initial.items()} | asked
+    overridden = pairs_of("start", start, START) or {}
+    given = {d: (x.q, x.rate) for d, x in scene.initial.items()} | overridden
     missing = [d for d in drivers if d not in given]
     unknown = [d for d in given if d not in drivers]
     if missing or unknown:
@@ -278,7 +278,7 @@ def starts_of(scene: Scene, drivers: Sequence[str], start: Any) -> Pairs:
         )
         valid = f"drivers: {listed(drivers)}"
         raise refused(scene.address("initial"), found, remedy, valid, "no-start")
-    for d, pair in asked.items():
+    for d, pair in overridden.items():
         if not all(map(math.isfinite, pair)):
             found = f"({pair[0]:g}, {pair[1]:g}) are not two finite numbers"
             raise refused(f"start.{d}", found, "give coordinate and rate")
@@ -306,17 +306,17 @@ def refuse_memory(structure: Structure, starts: Pairs) -> None:
     the start again.
     """
     q, rate = next(iter(starts.values()), (0.0, 0.0))
-    asked: dict[str, tuple[Callable[..., Any], list[float]]] = {}
+    functions: dict[str, tuple[Callable[..., Any], list[float]]] = {}
     for name, element in structure.elements.items():
         law = getattr(element, "law", None)
         if isinstance(law, Function):
             at = starts.get(element.driver or "", (q, rate))  # type: ignore[attr-defined]
             known = {"coordinate": at[0], "rate": at[1], "time": 0.0}
-            asked[name] = law.call, [known[x] for x in law.of]
+            functions[name] = law.call, [known[x] for x in law.of]
     for name, block in structure.signals.items():
         if isinstance(block, Python):
-            asked[name] = block.call, [block.memory.get(x, 0.0) for x in block.names]
-    for name, (call, given) in asked.items():
+            functions[name] = block.call, [block.memory.get(x, 0.0) for x in block.names]
+    for name, (call, given) in functions.items():
         if not _same_again(call, given):
             found = "its function gives another value when it is asked the same again"
             valid = "a law is a function of its arguments alone"
@@ -339,7 +339,7 @@ def pairs_of(where: str, given: Any, example: str) -> dict[str, tuple[float, flo
         return None
     if not isinstance(given, Mapping):
         raise refused(where, f"{given!r} names no driver", PAIRS.format(pairs=example))
-    found = {}
+    pairs = {}
     for driver, pair in given.items():
         try:
             first, second = (float(x) for x in pair)
@@ -348,8 +348,8 @@ def pairs_of(where: str, given: Any, example: str) -> dict[str, tuple[float, flo
             raise refused(
                 at, f"{pair!r} are not two numbers", PAIRS.format(pairs=example)
             ) from None
-        found[driver] = (first, second)
-    return found
+        pairs[driver] = (first, second)
+    return pairs
 
 
 def size_of(where: str, given: Any) -> float | None:

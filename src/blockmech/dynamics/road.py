@@ -142,9 +142,9 @@ class PathMesh:
 
     def ahead(self, q: float, sign: int, length: float = math.inf) -> Piece | str:
         """The piece ahead of a place, no longer than asked if it is new; or why there is none."""
-        found = self.known(q, sign)
-        if found is not None:
-            return found
+        piece = self.known(q, sign)
+        if piece is not None:
+            return piece
         shift, near = self._turn(q, sign)
         there = next((x for x in self._edges if abs(x - (q - shift)) <= near), q - shift)
         made = self._made(there, sign, length)
@@ -233,12 +233,12 @@ class PathMesh:
         known = [x for p in self.pieces for x in (p.data.low, p.data.high)]
         if self.system.period is None and known:  # along a guide they double
             usual = max(usual, max(known) - min(known))
-        found = [(x, what) for x, way, what in self.limits if way == sign]
-        found += [(x, "") for x in known_ends]
+        ends = [(x, what) for x, way, what in self.limits if way == sign]
+        ends += [(x, "") for x in known_ends]
         if self.system.period is None or length < usual:
-            found.append((q + sign * min(length, usual), ""))
+            ends.append((q + sign * min(length, usual), ""))
         near = CLOSE * max(abs(q), abs(self.start))
-        ahead = [x for x in found if sign * (x[0] - q) > near]
+        ahead = [x for x in ends if sign * (x[0] - q) > near]
         return min(ahead, key=lambda x: sign * x[0], default=(q + sign * usual, ""))
 
     def _rows(self, low: float, high: float, limit: int) -> Floats:
@@ -299,12 +299,12 @@ class PathMesh:
         """Where a margin or the inertia touches zero inside a piece; None if neither does."""
         if data.limit:
             return None
-        found = []
+        places = []
         for row, what in ((MARGIN, ends.DEAD_CENTRE), (J, ends.NO_INERTIA)):
             if data.tails[row] <= self.tolerance:
                 nothing = NOTHING * float(np.abs(data.rows[row]).max())
-                found += [(q, what) for q in data.touches(row, nothing)]
-        return min(found, key=lambda x: sign * x[0]) if found else None
+                places += [(q, what) for q in data.touches(row, nothing)]
+        return min(places, key=lambda x: sign * x[0]) if places else None
 
     def _piece(self, data: PlaceData, what: tuple[str, str] = ("", "")) -> Piece:
         slips = () if self.system.friction is None else self.system.friction.names

@@ -56,23 +56,23 @@ NO_SIGNALS = SignalProgram()
 
 def felt(compiled: Any) -> tuple[str, ...]:
     """Addresses of sensors that follow the friction of joints at once, as reactions do."""
-    found, structure = [], compiled.structure
+    addresses, structure = [], compiled.structure
     for address, rule in structure.sensors.items():
         s = schedule(structure, compiled.scene, Friction(friction.GIVEN))
         inputs = s.program([rule(s)]).inputs
         if any(name.startswith("friction_") for name in inputs):
-            found.append(address)
-    return tuple(found)
+            addresses.append(address)
+    return tuple(addresses)
 
 
 def program_with_deflections(compiled: Any) -> SignalProgram:
     """The same, and the states of friction laws."""
-    found = compiled.once(signal_program)
+    program = compiled.once(signal_program)
     structure, initial = compiled.structure, compiled.structure.initial_states
     laws = [structure.friction_law(ref) for ref in structure.remembering]
     bent = (abs(float(law.steady_kernel()(1.0, law.parameters()))) for law in laws)
-    more = {"initial": initial, "names": names_of(initial), "sizes": (*found.sizes, *bent)}
-    return SignalProgram(**{**found._asdict(), **more})
+    more = {"initial": initial, "names": names_of(initial), "sizes": (*program.sizes, *bent)}
+    return SignalProgram(**{**program._asdict(), **more})
 
 
 def names_of(initial: Sequence[float]) -> tuple[str, ...]:

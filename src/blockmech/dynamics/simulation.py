@@ -107,7 +107,7 @@ def simulate(
     """
     how = friction_asked(friction, tolerance, iterations)
     settings = {"friction": how.method, "tolerance": tolerance, "iterations": iterations}
-    told = progress_of(progress)
+    report = progress_of(progress)
     given = (until, method, accuracy, step, times, start, stops, watch, engine)
     request, starts = request_of(mechanism.scene, mechanism.drivers, *given)
     between = stops_of(mechanism, starts, stops)
@@ -115,7 +115,7 @@ def simulate(
     refuse_no_inertia(mechanism.structure, mechanism.name)
     refuse_memory(mechanism.structure, starts)
     system = system_of(
-        mechanism, stops=bounds_of(between), method=how, progress=told, engine=engine
+        mechanism, stops=bounds_of(between), method=how, progress=report, engine=engine
     )
     if engine == "llvm" and system.engine_of_states.name != engine:
         compiled_program(system.equation_program)  # says why it cannot be
@@ -135,13 +135,13 @@ def _moved(system: System, request: SimulationRequest) -> Motion:
 
 def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
     """What else a reader must know of how a run ended."""
-    found = []
+    remarks = []
     if motion.end == ends.TOO_MANY and goal.goal not in ("time", "steady"):
         met = f"{goal.goal} was not reached in {motion.t_end - motion.t_start:.6g} s"
-        found.append(f'{met}, and perhaps never is: ask for "time=<s>" to see how it goes on')
+        remarks.append(f'{met}, and perhaps never is: ask for "time=<s>" to see how it goes on')
     if goal.forcing and "time" not in system.depends_on:
-        found.append(f"no load follows the time: the period {goal.forcing:.9g} s is not used")
-    return found
+        remarks.append(f"no load follows the time: the period {goal.forcing:.9g} s is not used")
+    return remarks
 
 
 def evaluation_cost(
@@ -221,13 +221,13 @@ def undefined_loads(mechanism: Compiled, motion: Motion) -> list[str]:
     }
     every = [output for outputs in wanted.values() for output in outputs]
     given |= states_along(motion, np.full(len(t), motion.t_end))
-    found = frictionless(mechanism, every, Samples(len(t), given, t))
+    result = frictionless(mechanism, every, Samples(len(t), given, t))
     good = np.ones(len(t), bool)
-    for margin in found.quality.margin.values():
+    for margin in result.quality.margin.values():
         good &= np.broadcast_to(margin, t.shape) > 0
 
     def silent(output: str) -> bool:
-        return bool(np.isnan(np.broadcast_to(found[output].T, t.shape)[good]).any())
+        return bool(np.isnan(np.broadcast_to(result[output].T, t.shape)[good]).any())
 
     return [name for name, outputs in wanted.items() if any(map(silent, outputs))]
 

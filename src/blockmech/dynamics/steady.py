@@ -57,7 +57,7 @@ from blockmech.dynamics.periodic import (
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.rest import failed_start
 from blockmech.dynamics.singular import what_is_ahead
-from blockmech.dynamics.time import SOLVERS, Run, in_time
+from blockmech.dynamics.time import SOLVERS, TimeIntegration, in_time
 from blockmech.errors import listed
 
 if TYPE_CHECKING:
@@ -87,17 +87,17 @@ def steady_motion(system: System, request: SimulationRequest) -> Motion:
         if request.method not in ("auto", "energy"):
             raise no_steady(OWN, 'use method "auto" or "energy"')
         why = "all loads depend on the driver's coordinate alone"
-        asked = replace(request, why=why)
-        motion = failed_start(system, asked) or along_path(system, asked)
+        explained = replace(request, why=why)
+        motion = failed_start(system, explained) or along_path(system, explained)
         return watched(_conserved(motion, request), request.watch)
     follow = sorted(depends - {"q"}) or ["joint friction"]
     request = replace(request, why=request.why or f"the loads depend on {listed(follow)}")
     flow = Flow(system, request)
-    found = _forced(flow) if "time" in depends else _settled(flow)
+    steady = _forced(flow) if "time" in depends else _settled(flow)
     if several and request.watch:
         note = "events are not looked for along the steady motion of several drivers"
-        return replace(found, notes=(*found.notes, note))
-    return found if several else watched(found, request.watch)
+        return replace(steady, notes=(*steady.notes, note))
+    return steady if several else watched(steady, request.watch)
 
 
 def _conserved(motion: Motion, request: SimulationRequest) -> Motion:
@@ -115,9 +115,9 @@ def _conserved(motion: Motion, request: SimulationRequest) -> Motion:
         point = FixedPoint(np.array([q - turned, qd]), np.ones(1), 1.0)
         notes, facts = (*motion.notes, FAMILY), motion.facts
         shift = np.array([turned])
-        found = repeated(point, once, shift, request, motion.method, notes, **facts)
+        steady = repeated(point, once, shift, request, motion.method, notes, **facts)
         events = tuple(e for e in motion.events if e.t <= last)
-        return replace(found, why=motion.why, regime=motion.regime, events=events)
+        return replace(steady, why=motion.why, regime=motion.regime, events=events)
     work = motion.facts.get("work_per_period")
     if work is not None:
         raise no_steady(
@@ -189,7 +189,7 @@ class Flow:
         """One integration."""
         own = asked.method in SOLVERS and tolerance > FLOWS
         method, rest = asked.method if own else "dop853", SMALL * self.system.span
-        motion = Run(self.system, asked, method, tolerance, self.name, rest).motion()
+        motion = TimeIntegration(self.system, asked, method, tolerance, self.name, rest).motion()
         if motion.end == ends.INTERRUPTED:
             raise KeyboardInterrupt
         return motion
@@ -209,9 +209,9 @@ class Flow:
         stopped = any(map(math.isfinite, self.system.stops[0]))
         by_place = self.system.damped and self.system.friction is None and period is not None
         if by_place and x[1] and not stopped:  # a turn: swings are many short panels
-            found = self._along_path(x, FINE if tolerance <= FLOWS else COARSE)
-            if found is not None:
-                return found
+            passage = self._along_path(x, FINE if tolerance <= FLOWS else COARSE)
+            if passage is not None:
+                return passage
         far = FAR * self.system.span if stopped or period is None else period
 
         def gone(t: Any, q: Any, qd: Any) -> Any:
@@ -241,16 +241,16 @@ class Flow:
 
         At a speed that stays the path has nothing but rounding to resolve: then it goes in time.
         """
-        asked = self.asked(x, until)
-        if until.goal == "turns" and asked.method not in SOLVERS and self.system.smooth_friction:
-            found = along_path(self.system, asked)
+        request = self.asked(x, until)
+        if until.goal == "turns" and request.method not in SOLVERS and self.system.smooth_friction:
+            found = along_path(self.system, request)
             if found.end == ends.INTERRUPTED:
                 raise KeyboardInterrupt
             if found.end == until.goal:
                 return found
-        own = asked.method if asked.method in SOLVERS else "dop853"
-        finer = (asked.accuracy or TARGET) / 10  # the gain of the map enlarges it
-        motion = in_time(self.system, replace(asked, accuracy=finer), own)
+        own = request.method if request.method in SOLVERS else "dop853"
+        finer = (request.accuracy or TARGET) / 10  # the gain of the map enlarges it
+        motion = in_time(self.system, replace(request, accuracy=finer), own)
         if motion.end == ends.INTERRUPTED:
             raise KeyboardInterrupt
         return motion
@@ -316,9 +316,9 @@ def _settled(flow: Flow) -> Motion:
                 x, clock = flow.after(x, time), clock + time
                 continue
             way = flow.passage(x)
-            found = _friction_rest(flow, way) or _cycle_from(flow, x, way)
-            if found is not None:
-                return found
+            steady = _friction_rest(flow, way) or _cycle_from(flow, x, way)
+            if steady is not None:
+                return steady
             x, clock = way.x, clock + way.time
     except MotionEnded as lost:
         raise lost.after(clock) from None
@@ -332,19 +332,19 @@ def _settled(flow: Flow) -> Motion:
 
 def _left_if_unstable(flow: Flow) -> Floats:
     """The start, or a state beside it if it is an unstable equilibrium."""
-    found = equilibrium_near(flow.acceleration, flow.x[: flow.k], flow.size)
-    if flow.system.friction is not None or found is None or found.kind != "unstable":
+    equilibrium = equilibrium_near(flow.acceleration, flow.x[: flow.k], flow.size)
+    if flow.system.friction is not None or equilibrium is None or equilibrium.kind != "unstable":
         return flow.x
-    if np.abs(np.append(found.q, np.zeros(flow.k)) - flow.x).max() > 2 * found.error:
+    if np.abs(np.append(equilibrium.q, np.zeros(flow.k)) - flow.x).max() > 2 * equilibrium.error:
         return flow.x
     note = "started beside the unstable equilibrium of the start"
     flow.request = replace(flow.request, why=f"{flow.request.why}; {note}")
     return flow.x + QUOTIENT * flow.size * (np.arange(2 * flow.k) < flow.k)
 
 
-def _at_rest(flow: Flow, found: Equilibrium) -> Motion:
-    facts, note = found.told()
-    return resting(flow.request, found.q, found.error, "equilibrium", facts, note)
+def _at_rest(flow: Flow, equilibrium: Equilibrium) -> Motion:
+    facts, note = equilibrium.told()
+    return resting(flow.request, equilibrium.q, equilibrium.error, "equilibrium", facts, note)
 
 
 def _rest_at(flow: Flow, x: Floats) -> Motion | None:
@@ -352,11 +352,11 @@ def _rest_at(flow: Flow, x: Floats) -> Motion | None:
     k, lossless = flow.k, flow.system.depends_on <= {"q"}
     if flow.system.friction is not None or (k == 1 and x[1] != 0):
         return None
-    found = equilibrium_near(flow.acceleration, x[:k], flow.size)
-    if found is not None and found.kind != "unstable":
-        away = float(np.abs((np.append(found.q, np.zeros(k)) - x) / flow.size).max())
-        if away <= (2 * found.error if lossless else SMALL):
-            return _at_rest(flow, _stopping(flow, x, found))
+    equilibrium = equilibrium_near(flow.acceleration, x[:k], flow.size)
+    if equilibrium is not None and equilibrium.kind != "unstable":
+        away = float(np.abs((np.append(equilibrium.q, np.zeros(k)) - x) / flow.size).max())
+        if away <= (2 * equilibrium.error if lossless else SMALL):
+            return _at_rest(flow, _stopping(flow, x, equilibrium))
     if lossless:
         raise no_steady(
             "no load dissipates, and with several drivers a motion without losses does not "
@@ -366,15 +366,15 @@ def _rest_at(flow: Flow, x: Floats) -> Motion | None:
     return None
 
 
-def _stopping(flow: Flow, x: Floats, found: Equilibrium) -> Equilibrium:
+def _stopping(flow: Flow, x: Floats, equilibrium: Equilibrium) -> Equilibrium:
     """An equilibrium; of indifferent ones the place where the motion from the start stops."""
-    if found.kind != "indifferent" or (x == flow.x).all():
-        return found
+    if equilibrium.kind != "indifferent" or (x == flow.x).all():
+        return equilibrium
     if flow.k > 1:
-        return found._replace(q=x[: flow.k], error=SMALL * flow.system.span)
-    asked = replace(flow.asked(flow.x, Until("standstill")), accuracy=FLOWS)
-    motion = in_time(flow.system, asked, "dop853")
-    return found._replace(q=np.array([motion.q_end]), error=motion.error)
+        return equilibrium._replace(q=x[: flow.k], error=SMALL * flow.system.span)
+    request = replace(flow.asked(flow.x, Until("standstill")), accuracy=FLOWS)
+    motion = in_time(flow.system, request, "dop853")
+    return equilibrium._replace(q=np.array([motion.q_end]), error=motion.error)
 
 
 def _friction_rest(flow: Flow, way: SectionReturn) -> Motion | None:
@@ -382,11 +382,11 @@ def _friction_rest(flow: Flow, way: SectionReturn) -> Motion | None:
     swings_out = flow.system.friction is not None and flow.system.depends_on <= {"q"}
     if way.kind != ends.REST and not (swings_out and way.kind == ends.STANDSTILL):
         return None
-    asked = replace(flow.request, until=Until("swings", float(COMMON)), watch=())
+    request = replace(flow.request, until=Until("swings", float(COMMON)), watch=())
     if flow.system.smooth_friction:
-        motion = along_path(flow.system, asked)
+        motion = along_path(flow.system, request)
     else:
-        motion = in_time(flow.system, asked, "dop853")
+        motion = in_time(flow.system, request, "dop853")
     if motion.end != ends.REST:
         return None
     facts = {name: x for name, x in motion.facts.items() if name.startswith("holding")}
@@ -416,10 +416,10 @@ def _cycle_from(flow: Flow, x: Floats, way: SectionReturn) -> Motion | None:
     def change(state: Floats, tolerance: float = FLOWS) -> Floats:
         at = state
         for _ in range(2 if swings else 1):
-            found = flow.passage(at, tolerance)
-            if found.kind != way.kind:
+            passage = flow.passage(at, tolerance)
+            if passage.kind != way.kind:
                 return np.full(2, math.nan)
-            at = found.x
+            at = passage.x
         return at - state
 
     def ahead(z: float) -> float:
@@ -438,8 +438,8 @@ def _cycle_from(flow: Flow, x: Floats, way: SectionReturn) -> Motion | None:
     period = flow.system.period or 0.0
     until = Until("swings", 2.0) if swings else Until("turns", period / math.tau)
     shift = np.array([0.0 if swings else math.copysign(period, near)])
-    told = () if swings else (f"found from the speed {near:.6g} at the start of a turn",)
-    return repeated(point, flow.once(point.x, until), shift, flow.request, flow.name, told)
+    notes = () if swings else (f"found from the speed {near:.6g} at the start of a turn",)
+    return repeated(point, flow.once(point.x, until), shift, flow.request, flow.name, notes)
 
 
 def _ahead(change: Callable[[float], float], z: float, anchor: float) -> float | None:

@@ -29,7 +29,7 @@ from blockmech.dynamics.request import (
 )
 from blockmech.dynamics.stops import bounds_of, stops_of
 from blockmech.dynamics.system import System
-from blockmech.dynamics.time import Run
+from blockmech.dynamics.time import TimeIntegration
 from blockmech.errors import as_names, close_match, listed, refused
 from blockmech.model.structure import JointRef
 from blockmech.passes.signals import STATE
@@ -144,12 +144,12 @@ class Stepper:
             rows = np.array([self._acceleration(i) for i in range(self.copies)])
             given |= {f"qdd_{k}": column for k, column in enumerate(rows.T)}
         values, _ = self.mechanism.evaluate(self._plan, Samples(self.copies, given, self.t.copy()))
-        found = {}
+        outputs = {}
         for name in self.outputs:
             read = self.mechanism.outputs[name].read
             columns = [np.broadcast_to(values[j], self.copies) for j in self._plan.layout[name]]
-            found[name] = np.array(read(*columns))
-        return found
+            outputs[name] = np.array(read(*columns))
+        return outputs
 
     def _pair(self, start: Pairs) -> tuple[Any, Any]:
         """Coordinates and rates of a start, numbers of one driver."""
@@ -176,7 +176,7 @@ class Stepper:
         layout, t = self._layout, float(self.t[i])
         q, rate = layout.motion(self._y[i])
         request = SimulationRequest(Start(q, rate, t), Until("time", dt))
-        run = Run(self._system, request, "dop853", self._tolerance, "step", 0.0)
+        run = TimeIntegration(self._system, request, "dop853", self._tolerance, "step", 0.0)
         run.y = self._y[i].copy()
         motion = run.motion()
         self._y[i] = run.y

@@ -122,8 +122,8 @@ class SeveralFriction(PairFriction):
         drives, loads = values[..., :k].real, values[..., k : k + m]
         slips, rise = (values[..., k + i * m : k + (i + 1) * m].real for i in (1, 2))
         w = slips[..., 0, :]
-        asked = self.law(w.reshape(-1, m).T, None if x is None else np.transpose(x))
-        rows = np.array([np.broadcast_to(x, w.size // m) for x in asked]).T
+        terms = self.law(w.reshape(-1, m).T, None if x is None else np.transpose(x))
+        rows = np.array([np.broadcast_to(x, w.size // m) for x in terms]).T
         law = rows.reshape(*w.shape[:-1], -1)
 
         def of(x: Any, first: int, count: int) -> Any:
@@ -146,8 +146,8 @@ class SeveralFriction(PairFriction):
             margin = min([1.0, *rows[0][k + 3 * m :]], key=lambda x: (x == x, x))
             values = np.array([row[: k + 3 * m] for row in rows], dtype=np.complex128)
             self._last = key, self._instant(values, margin, q, qd, x, free)
-        found: Instant = self._last[1]
-        return found
+        instant: Instant = self._last[1]
+        return instant
 
     def _inputs(self, q: Any, state: State) -> list[float]:
         given: dict[str, Any] = {}
@@ -193,18 +193,18 @@ class SeveralFriction(PairFriction):
     def respond(self, at: Instant, sides: Sides, law: Any = None) -> Response:
         """Accelerations and friction for some sides; ``law`` (..., 2 m) in place of that there."""
         law = at.law if law is None else law
-        found = self._balance(at, sides, law, np.zeros(len(sides)))
+        response = self._balance(at, sides, law, np.zeros(len(sides)))
         if at.q.ndim > 1 or not self._surplus(at, sides):
-            return found
+            return response
         for _ in range(BALANCED):  # friction of what slips may follow what sticks
             last, share = (
-                found,
-                np.where(np.array(sides) == 0, self._shared(at, sides, found)[1], 0),
+                response,
+                np.where(np.array(sides) == 0, self._shared(at, sides, response)[1], 0),
             )
-            found = self._balance(at, sides, law, share)
-            if np.abs(found.t - last.t).max() <= SETTLED * np.abs(found.t).max():
+            response = self._balance(at, sides, law, share)
+            if np.abs(response.t - last.t).max() <= SETTLED * np.abs(response.t).max():
                 break
-        return found
+        return response
 
     def _balance(self, at: Instant, sides: Sides, law: Any, share: Floats) -> Response:
         """The same; ``share`` as of `_linear`."""
@@ -216,15 +216,15 @@ class SeveralFriction(PairFriction):
         k = -along * law[..., slips]
         drag = -along * law[..., [m + j for j in slips]] if self.program.drags else ()
         one = np.ones((*at.rate.shape[:-1], 1))
-        found: Any = None
+        solution: Any = None
         if slips:
-            found = self._solved(k, drag, [self.guides[j] for j in slips], F[..., slips, :])
-            one = np.concatenate([one, np.stack(found.t, axis=-1)], axis=-1)
+            solution = self._solved(k, drag, [self.guides[j] for j in slips], F[..., slips, :])
+            one = np.concatenate([one, np.stack(solution.t, axis=-1)], axis=-1)
         qdd, t, F = ((x @ one[..., None])[..., 0] for x in (qdd, t, F))
-        if found is None:
+        if solution is None:
             return Response(qdd, t, F, 0.0, 1.0, 0.0)
-        misfit = left_undone(found.residual, found.contraction)
-        return Response(qdd, t, F, found.outcome, found.limit, misfit)
+        misfit = left_undone(solution.residual, solution.contraction)
+        return Response(qdd, t, F, solution.outcome, solution.limit, misfit)
 
     def _solved(self, k: Any, drag: Any, guides: Sequence[bool], F: Any) -> Any:
         """Friction of the pairs that slip, from loads (..., a, 1 + a) as of `_linear`."""
@@ -245,8 +245,8 @@ class SeveralFriction(PairFriction):
             drag = columns(drag)
             base = pair_loads(drag, base, rows)
         with np.errstate(all="ignore"):
-            found = solve(columns(k), tuple(guides), base, rows, *self.options)
-        return with_drag(found, drag) if len(drag) else found
+            solution = solve(columns(k), tuple(guides), base, rows, *self.options)
+        return with_drag(solution, drag) if len(drag) else solution
 
     def at(
         self, q: Floats, qd: Floats, t: float, sides: Sides, x: Any = None, free: Any = None
@@ -254,23 +254,23 @@ class SeveralFriction(PairFriction):
         """One state; ``free`` (k,) are drivers that do not lie against a stop."""
         at = self.instant(q, qd, t, x, all_of(qd) if free is None else free)
         try:
-            found = self.respond(at, sides)
+            response = self.respond(at, sides)
         except (ArithmeticError, ValueError, np.linalg.LinAlgError):
             nothing, lost = np.full(len(sides), np.nan), Outcome.NOT_CONVERGED
             return FrictionState(np.full(len(q), np.nan), 0.0, nothing, at.margin, lost, np.nan)
         slipping = np.array(sides) != 0
-        power = -float(found.t[slipping] @ at.w[slipping])
-        outcome = float(found.outcome)
+        power = -float(response.t[slipping] @ at.w[slipping])
+        outcome = float(response.outcome)
         outcome = Outcome(int(outcome)) if outcome == outcome else Outcome.NOT_CONVERGED
-        idle = at.M @ found.qdd - at.push - found.t @ at.S
+        idle = at.M @ response.qdd - at.push - response.t @ at.S
         return FrictionState(
-            found.qdd,
+            response.qdd,
             power,
-            found.loads,
+            response.loads,
             at.margin,
             outcome,
-            float(found.limit),
-            float(found.misfit),
+            float(response.limit),
+            float(response.misfit),
             idle,
         )
 
@@ -313,8 +313,8 @@ class SeveralFriction(PairFriction):
         """Accelerations (n, k) and friction (n, m) at n states."""
         states = [Instant._make([*(x[i] for x in at[:-2]), *at[-2:]]) for i in range(len(at.q))]
         if not states or not self._surplus(states[0], sides):
-            found = self.respond(at, sides)
-            return found.qdd, found.t
+            response = self.respond(at, sides)
+            return response.qdd, response.t
         known: dict[bytes, Response] = {}  # where all stands, one state is as the other
         rows = []
         for state in states:
@@ -392,7 +392,7 @@ class SeveralFriction(PairFriction):
         return np.asarray(static[:m] * at.norms(loads, self.guides) + static[m:])
 
     def _share_along(
-        self, at: Instant, sides: Sides, found: Response, stuck: list[int], v: Floats
+        self, at: Instant, sides: Sides, response: Response, stuck: list[int], v: Floats
     ) -> tuple[float, float, Floats]:
         """That share where all pairs that a ray moves need the same; what others need; friction.
 
@@ -400,16 +400,16 @@ class SeveralFriction(PairFriction):
         there as many pairs are at one share as balance leaves open (linear programming; the loads
         that the shares are of follow from the friction, so both are iterated).
         """
-        S, t, m = at.S[:, at.free], found.t.copy(), len(sides)
+        S, t, m = at.S[:, at.free], response.t.copy(), len(sides)
         way = np.array(signs(S[stuck], v))
         moved, others = np.array(stuck)[way != 0], np.array(stuck)[way == 0]
         way, work = way[way != 0], np.abs(S[moved] @ v)
         slips = [j for j, s in enumerate(sides) if s]
         side = np.array([sides[j] for j in slips])
-        wanted = at.M[np.ix_(at.free, at.free)] @ found.qdd[at.free] - at.push[at.free]
+        wanted = at.M[np.ix_(at.free, at.free)] @ response.qdd[at.free] - at.push[at.free]
         weights = self.weights[others][:, None]
         back = np.linalg.pinv((weights * S[others]).T, rcond=RANK)
-        share, loads = 0.0, found.loads
+        share, loads = 0.0, response.loads
         for _ in range(BALANCED):
             last, held = t.copy(), self._held(at, loads)
             if slips:
@@ -418,10 +418,10 @@ class SeveralFriction(PairFriction):
             need = wanted - t[slips] @ S[slips]
             share = float(need @ v) / max(float(work @ held[moved]), np.finfo(float).tiny)
             if not share > 0:
-                return 0.0, math.inf, found.t
+                return 0.0, math.inf, response.t
             t[moved] = share * way * held[moved]
             t[others] = weights[:, 0] * (back @ (need - t[moved] @ S[moved]))
-            loads = at.f + at.G @ found.qdd + at.R @ t
+            loads = at.f + at.G @ response.qdd + at.R @ t
             if np.abs(t - last).max() <= 4 * EPS * np.abs(t).max():
                 break
         return share, _largest(np.abs(t[others]), self._held(at, loads)[others]), t
@@ -454,7 +454,7 @@ class SeveralFriction(PairFriction):
         m, S = len(sides), at.S[:, at.free]
         law, those = at.law.copy(), [*zero, *(m + j for j in zero)]
         law[those] = np.array(self.static)[those]
-        found = []
+        trials = []
         for pattern in sorted(affine_patterns(S[zero], at.b[zero]), key=lambda p: sum(map(abs, p))):
             trial = list(sides)
             for j, side in zip(zero, pattern, strict=True):
@@ -469,32 +469,37 @@ class SeveralFriction(PairFriction):
             if solved:
                 share = self.share(at, tuple(trial), response)
                 missed = self._missed(at, trial, zero, response, share)
-                found.append((missed, Settled(tuple(trial), response, share)))
-        return found
+                trials.append((missed, Settled(tuple(trial), response, share)))
+        return trials
 
-    def _beyond_place(self, at: Instant, found: Settled) -> Sides:
+    def _beyond_place(self, at: Instant, settled: Settled) -> Sides:
         """The sides; of pairs that no driver moves at this place, those just beyond it."""
-        S, rate, qdd = at.S[:, at.free], at.rate, found.response.qdd
-        nowhere = [j for j, side in enumerate(found.sides) if side == 0 and not S[j].any()]
+        S, rate, qdd = at.S[:, at.free], at.rate, settled.response.qdd
+        nowhere = [j for j, side in enumerate(settled.sides) if side == 0 and not S[j].any()]
         fast, push = float(np.abs(rate).max()), float(np.abs(qdd).max())
         if not nowhere or not fast + push > 0:
-            return found.sides
+            return settled.sides
         h = BEYOND / max(fast, math.sqrt(push * BEYOND / 2))  # [s] for so far
         w = self.rates(at.q + h * rate + h * h / 2 * qdd, rate + h * qdd)
         some = np.abs(w) > EPS * np.abs(w).max()
         return tuple(
             int(np.sign(w[j])) if j in nowhere and some[j] else side
-            for j, side in enumerate(found.sides)
+            for j, side in enumerate(settled.sides)
         )
 
     def _missed(
-        self, at: Instant, sides: Sequence[int], zero: Sequence[int], found: Response, share: float
+        self,
+        at: Instant,
+        sides: Sequence[int],
+        zero: Sequence[int],
+        response: Response,
+        share: float,
     ) -> float:
         """By how much [-] a pattern of sides misses the laws."""
         S = at.S[:, at.free]
         pushed = np.linalg.inv(at.M[np.ix_(at.free, at.free)]) @ at.push[at.free]
-        size = np.abs(S) @ (np.abs(pushed) + np.abs(found.qdd[at.free])) + np.abs(at.b)
-        u = (S @ found.qdd[at.free] + at.b) / np.where(size > 0, size, 1.0)
+        size = np.abs(S) @ (np.abs(pushed) + np.abs(response.qdd[at.free])) + np.abs(at.b)
+        u = (S @ response.qdd[at.free] + at.b) / np.where(size > 0, size, 1.0)
         wrong = [abs(u[j]) if sides[j] == 0 else -sides[j] * u[j] for j in zero]
         return float(max(share - 1.0, *wrong, 0.0))
 

@@ -57,11 +57,11 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
     given, scene = pairs_of("stops", stops, STOPS), mechanism.scene
     bounds = {d: s.bounds for d, s in scene.stops.items()} if given is None else given
     problems: list[Problem] = []
-    found: dict[str, Between] = {}
+    stops_by_driver: dict[str, Between] = {}
     for driver in starts:
         low, high = bounds.get(driver, (-math.inf, math.inf))
         e = scene.stops[driver].restitution if driver in scene.stops else None
-        found[driver] = Stop(driver, float(low), e), Stop(driver, float(high), e)
+        stops_by_driver[driver] = Stop(driver, float(low), e), Stop(driver, float(high), e)
     for name, (low, high) in bounds.items():
         where = scene.address("stops", name) if given is None else f"stops.{name}"
         if name not in starts and not _is_coordinate(mechanism, name):
@@ -74,8 +74,8 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
             problems.append(Problem("bad-value", where, order))
         elif name not in starts:
             try:
-                between = found[next(iter(starts))]
-                found[next(iter(starts))] = _narrower(
+                between = stops_by_driver[next(iter(starts))]
+                stops_by_driver[next(iter(starts))] = _narrower(
                     between, tuple(_of_pair(mechanism, name, (low, high), starts, where))
                 )
             except RequestError as error:
@@ -84,7 +84,7 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
             problems.append(_outside(where, f"{name}.q", q, low, high))
     if problems:
         raise RequestError(problems)
-    return tuple(found.values())
+    return tuple(stops_by_driver.values())
 
 
 def _outside(where: str, name: str, value: float, low: float, high: float) -> Problem:
@@ -148,11 +148,11 @@ class _Coordinate:
     def along(self, q: Any) -> Any:
         """Values (n,) at places (n,) in a row; NaN where the mechanism does not close."""
         run = self.mechanism.run(at={self.driver: q}, want=[self.name], on_gap="mark")
-        found = np.asarray(run[self.name], dtype=float)
+        values = np.asarray(run[self.name], dtype=float)
         if self.rotary:
-            good = np.isfinite(found)
-            found[good] = np.unwrap(found[good])
-        return found + self.shift
+            good = np.isfinite(values)
+            values[good] = np.unwrap(values[good])
+        return values + self.shift
 
     def reaches(self, low: float, high: float, way: int) -> float:
         """The first place in a direction at which it gets to a bound; infinite for none."""
@@ -191,11 +191,11 @@ class _Coordinate:
         """Its derivative by the driver's coordinate."""
         rate = f"{self.name.removesuffix(COORDINATE)}slip"
         run = self.mechanism.run(at={self.driver: [q]}, rates={self.driver: 1.0}, want=[rate])
-        found = float(run[rate][0])
-        if abs(found) < LEAST_SLOPE:
+        slope = float(run[rate][0])
+        if abs(slope) < LEAST_SLOPE:
             said = f"{self.name} turns back where it touches its stop, at {self.driver}.q = {q:.9g}"
             raise refused(f"stops.{self.name}", said, "move the stop", code="stops")
-        return found
+        return slope
 
 
 def bouncing(stops: tuple[Between, ...]) -> bool:

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.dynamics.ahead import ROUGH, At, PanelBuilder
+from blockmech.dynamics.ahead import ROUGH, PanelBuilder, PathState
 from blockmech.dynamics.panels import (
     FROM_REST,
     PLAIN,
@@ -62,7 +62,9 @@ class Stretch:
     stands : whether the last edge is a standstill
     """
 
-    def __init__(self, ahead: PanelBuilder, at: At, pieces: Sequence[Piece], end: float) -> None:
+    def __init__(
+        self, ahead: PanelBuilder, at: PathState, pieces: Sequence[Piece], end: float
+    ) -> None:
         self.n, self.rounding, self.tolerance = ahead.n, ahead.rounding, ahead.tolerance
         self.ahead, self.at, self.stands, self.place_only = ahead, at, False, ahead.place_only
         self.edges = [at.q, *(p.end(at.sign) for p in pieces[:-1]), end]
@@ -126,11 +128,11 @@ class Stretch:
 
     def _energies(self, spans: Spans, w: Floats, gains: Floats) -> Floats:
         """[J] (m,) at the begin of each; of a run beside another, some roundings more each."""
-        found = np.empty(len(gains))
-        found[0], found[1:] = 0.0, gains[:-1, -1]
+        energies = np.empty(len(gains))
+        energies[0], energies[1:] = 0.0, gains[:-1, -1]
         if self.rounding:
-            found[1:] += self.rounding * (np.abs(spans.way) * np.abs(w).mean(axis=1))[:-1]
-        return self.at.K + np.cumsum(found)
+            energies[1:] += self.rounding * (np.abs(spans.way) * np.abs(w).mean(axis=1))[:-1]
+        return self.at.K + np.cumsum(energies)
 
     def _settled(self, spans: Spans, rows: Floats) -> tuple[Floats, Floats, Floats, int]:
         """dK/dq (m, n), gains (m, n + 1), energies (m,), and of how many panels they are found.
@@ -198,10 +200,10 @@ class Stretch:
 
     def _used_up(self, panels: Panels) -> NDArray[np.bool_]:
         """Where (m, n + 1) no energy is left, at ends but for rounding."""
-        found: NDArray[np.bool_] = panels.K <= 0
+        used_up: NDArray[np.bool_] = panels.K <= 0
         braked = np.maximum(-self.at.sign * panels.w[:, -1], 0.0) * np.abs(panels.spans.way)
-        found[:, -1] |= panels.K[:, -1] < math.sqrt(EPS) * braked
-        return found
+        used_up[:, -1] |= panels.K[:, -1] < math.sqrt(EPS) * braked
+        return used_up
 
     def _stopped(self, panels: Panels, i: int) -> bool:
         """Whether a panel was cut at its standstill; not where that needs a shorter piece."""

@@ -205,14 +205,14 @@ class System:
     @cached_property
     def depends_on(self) -> frozenset[str]:
         """What loads and friction depend on, of {"q", "rate", "time", "state"}."""
-        found = loads.depends_on(self.compiled.structure)
+        variables = loads.depends_on(self.compiled.structure)
         if self.signals.initial:  # also of signals that no load follows: only time moves them
-            found |= {"state"}
+            variables |= {"state"}
         if not self.compiled.structure.signal_wires:
-            return found
+            return variables
         of = {"qd": "rate", "t": "time", "x": "state"}
         inputs = {name.partition("_")[0] for name in self.compiled.once(load_inputs)}
-        return found | {what for name, what in of.items() if name in inputs}
+        return variables | {what for name, what in of.items() if name in inputs}
 
     @cached_property
     def period(self) -> float | None:
@@ -303,10 +303,10 @@ class System:
         states, rates = (lambda: self.compiled_states), self.depends_on != {"q"}
         initial, count = self.signals.initial, self._count
         kind: Any = JointFriction if len(self.drivers) == 1 else SeveralFriction
-        found: JointFriction = kind(
+        friction: JointFriction = kind(
             program, self.method, count, states, self.rounding, rates, initial
         )
-        return found
+        return friction
 
     @property
     def free(self) -> Any:
@@ -349,8 +349,8 @@ class System:
         state = float(q), float(qd), float(t)
         if self._single_state[0] != state:
             self._single_state = state, self.sample(np.array(state[:1]), qd, t)
-        found: Sample = self._single_state[1]
-        return found
+        sample: Sample = self._single_state[1]
+        return sample
 
     def with_slopes(self, q: Floats) -> Floats:
         """J, tau at rest, dJ/dq and the margin (4, n) at places (n,)."""
@@ -462,8 +462,8 @@ class System:
     @property
     def compiled_states(self) -> bool:
         """Whether machine code is asked for single states, where there can be some."""
-        asked = self.kept.get("states", 0) + self.singles + self.states
-        return self.engine == "llvm" or (self.engine == "auto" and asked > WORTH)
+        states = self.kept.get("states", 0) + self.singles + self.states
+        return self.engine == "llvm" or (self.engine == "auto" and states > WORTH)
 
     @property
     def quick_states(self) -> bool:
@@ -496,17 +496,17 @@ def solved(M: Floats, Q: Floats) -> Floats:
 
 def without(M: Floats, Q: Floats, held: Any) -> Floats:
     """The same of some drivers, while those of which (k,) ``held`` is true stand still."""
-    found, free = np.zeros(len(Q)), np.flatnonzero(~held)
-    found[free] = solved(M[np.ix_(free, free)], Q[free])
-    return found
+    solution, free = np.zeros(len(Q)), np.flatnonzero(~held)
+    solution[free] = solved(M[np.ix_(free, free)], Q[free])
+    return solution
 
 
 def least(values: Any) -> float:
     """The smallest of 1 and some margins; NaN if one is."""
-    found = 1.0
+    smallest = 1.0
     for m in values:
-        if not m >= found:
+        if not m >= smallest:
             if m != m:
                 return math.nan
-            found = float(m)
-    return found
+            smallest = float(m)
+    return smallest

@@ -27,10 +27,10 @@ CELLS, NODES = 64, 12  # of a period to begin with, of a cell: a hundred operati
 @cache
 def to_powers() -> Floats:
     """Chebyshev coefficients of a cell -> coefficients of powers, the highest first."""
-    found = np.zeros((NODES, NODES))
+    matrix = np.zeros((NODES, NODES))
     for k in range(NODES):
-        found[k, : k + 1] = chebyshev.cheb2poly([0.0] * k + [1.0])
-    return found[:, ::-1]
+        matrix[k, : k + 1] = chebyshev.cheb2poly([0.0] * k + [1.0])
+    return matrix[:, ::-1]
 
 
 class PlaceTable:

@@ -79,8 +79,8 @@ def tangents(
             given[f"{name}_{i}"] = Dual(columns[:, i], seed)
     program = engine.program
     inputs = {name: given[name] for name in program.inputs}
-    found = engine.run(inputs, tuple(program.parameters.values()), len(q), 3 * k)
-    u, rest = found[:k], found[k:]
+    values = engine.run(inputs, tuple(program.parameters.values()), len(q), 3 * k)
+    u, rest = values[:k], values[k:]
     slopes = np.array([x.d for x in u]).transpose(2, 0, 1)  # (n, k, 3k)
     margin = np.minimum.reduce([np.ones(len(q)), *(value(x) for x in rest)])
     K, C, M = (slopes[..., j * k : (j + 1) * k] for j in range(3))

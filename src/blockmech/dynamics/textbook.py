@@ -16,7 +16,7 @@ from blockmech.dynamics.estimate import TARGET, difference, judged, stopped, wit
 from blockmech.dynamics.fixed_steps import STEP
 from blockmech.dynamics.motion import EVALUATIONS, Motion
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.time import FINER, Run, in_time
+from blockmech.dynamics.time import FINER, TimeIntegration, in_time
 from blockmech.errors import refused
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def _stepping(
         raise refused("step", found, "give a larger one")
 
     def run(h: float) -> Motion:
-        motion = Run(system, request, method, TARGET, method, 0.0, step=h).motion()
+        motion = TimeIntegration(system, request, method, TARGET, method, 0.0, step=h).motion()
         return replace(motion, facts={**motion.facts, unit: h})
 
     return run, step

@@ -66,7 +66,7 @@ CHAIN, CREEP = 4, 1e-6  # blocks in a row that a push may come through; [s] of a
 ANYWHERE = (-math.inf, math.inf)
 
 
-class Verdict(NamedTuple):
+class SegmentEnd(NamedTuple):
     """Why a run is over."""
 
     status: Status
@@ -91,7 +91,7 @@ class Steps:
 
 
 @dataclass
-class Run:
+class TimeIntegration:
     """One integration at one tolerance, or with one step, under way."""
 
     system: System
@@ -144,12 +144,12 @@ class Run:
             while verdict is None:
                 verdict = self._segment()
         except KeyboardInterrupt:  # what is done so far is kept
-            verdict = Verdict("ended", ends.INTERRUPTED)
+            verdict = SegmentEnd("ended", ends.INTERRUPTED)
         except TooMany:
-            verdict = Verdict("failed", ends.TOO_MANY)
+            verdict = SegmentEnd("failed", ends.TOO_MANY)
         return self._told(start, verdict)
 
-    def _told(self, start: Floats, verdict: Verdict) -> Motion:
+    def _told(self, start: Floats, verdict: SegmentEnd) -> Motion:
         q, qd = self.layout.motion(self.y)
         self._balance(start)
         if verdict.end in (ends.SELF_LOCKED, ends.AMBIGUOUS):
@@ -196,7 +196,7 @@ class Run:
 
     # -- segments --------------------------------------------------------------------------
 
-    def _begun(self) -> Verdict | None:
+    def _begun(self) -> SegmentEnd | None:
         """Settle directions of slip at the start."""
         if self.system.friction is None or self.equation.held:
             return None
@@ -233,17 +233,17 @@ class Run:
             rules += friction_rules(equation.slips, equation.pair_loads, *about)
         return rules
 
-    def _segment(self) -> Verdict | None:
+    def _segment(self) -> SegmentEnd | None:
         """Go on with one smooth right-hand side to whatever ends it."""
         if self.t_max - self.t <= 2 * EPS * abs(self.t_max):  # on less LSODA does not start
             self.t = self.t_max
-            return Verdict("reached", "time")
+            return SegmentEnd("reached", "time")
         structure, held = self.system.compiled.structure, self.system.held
         self._switch()
         if any(way * self.equation.stop_force(i, self.t, self.y) > 0 for i, way in held.items()):
-            return Verdict("ended", ends.LEAVES_STOP)  # what has just switched pulls
+            return SegmentEnd("ended", ends.LEAVES_STOP)  # what has just switched pulls
         if (pressed := self._pressed()) is not None:
-            return Verdict("ended", pressed)
+            return SegmentEnd("ended", pressed)
         rests = self.equation.held and not held
         stuck = rests or (0 in self.equation.sides and self.settled != self.t)
         if stuck and self._excess(self.t, self.y) > 0:
@@ -266,7 +266,7 @@ class Run:
         ]
         self.fired = None
         hit = self._integrated(bound, *lookouts)
-        if isinstance(hit, Verdict):
+        if isinstance(hit, SegmentEnd):
             return hit
         return None if hit is None else self._met(hit)
 
@@ -312,16 +312,16 @@ class Run:
     def _happened(self) -> set[tuple[str, int]]:
         """Events (kind, index) at this very place: several pairs may reverse at once."""
         friction, fired = self.system.friction, self.fired
-        found = set() if fired is None else {(fired.kind, fired.index)}
+        happened = set() if fired is None else {(fired.kind, fired.index)}
         if self.several is not None:
-            found -= {(ends.RELEASED, 0)}
-            return found | {(ends.REVERSAL, j) for j in self.zero if self.settled == self.t}
+            happened -= {(ends.RELEASED, 0)}
+            return happened | {(ends.REVERSAL, j) for j in self.zero if self.settled == self.t}
         if friction is not None:
             kinds = [
                 ends.DEFLECTION_KINK if own else ends.REVERSAL for own in friction.program.remembers
             ]
-            found |= {(kinds[j], j) for j in friction.reversing(float(self.y[0]))}
-        return found
+            happened |= {(kinds[j], j) for j in friction.reversing(float(self.y[0]))}
+        return happened
 
     def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
         if self.method in STEPPERS:
@@ -346,8 +346,8 @@ class Run:
     def _stepped(self, solver: Any, road: tuple[float, float] = ANYWHERE) -> AcceptedSteps | None:
         """One more step, or some of them at once by machine code; None where there is none."""
         with np.errstate(all="ignore"):
-            if self.method == "dop853" and (found := solver.steps(road)):
-                return cast(AcceptedSteps, found)
+            if self.method == "dop853" and (steps := solver.steps(road)):
+                return cast(AcceptedSteps, steps)
             y = solver.y
             try:
                 solver.step()
@@ -363,7 +363,7 @@ class Run:
 
     def _integrated(
         self, bound: float, lookout: EventDetector, own: EventDetector
-    ) -> EventHit | Verdict | None:
+    ) -> EventHit | SegmentEnd | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""
         slope = np.asarray(self.equation(self.t, self.y), dtype=np.float64)
         if not np.isfinite(slope).all():  # from which SciPy's would never come back
@@ -383,10 +383,10 @@ class Run:
     ) -> EventHit | None:
         """Go over steps, to the first terminal event in them; ``own`` looks for a user's."""
         m = len(steps.t) - 1
-        found = own.within(*steps[:3])
+        hits_in = own.within(*steps[:3])
         if steps.calm < m:
-            found += lookout.within(*steps.part(m - 1, m)[:3])
-        hits = until_terminal(found)
+            hits_in += lookout.within(*steps.part(m - 1, m)[:3])
+        hits = until_terminal(hits_in)
         self._note(hits, steps.dense)
         if not (hits and hits[-1].rule.terminal):
             self._took(steps)
@@ -474,7 +474,7 @@ class Run:
 
     # -- what was met ----------------------------------------------------------------------
 
-    def _met(self, hit: EventHit) -> Verdict | None:
+    def _met(self, hit: EventHit) -> SegmentEnd | None:
         """Why the run is over by the event that ended a segment, or None."""
         rule = self.fired = hit.rule
         if rule.kind == ends.KINK:
@@ -493,28 +493,28 @@ class Run:
             return self._released()
         elif rule.kind == ends.LEAVES_STOP:
             self._past_contact(rule)
-            return Verdict("ended", rule.kind)
+            return SegmentEnd("ended", rule.kind)
         elif rule.kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
             q, qd = float(self.y[0]), float(self.y[1])
             left = time_left(self.system, rule.kind, q, qd)
-            return Verdict("ended", self._met_end(End(rule.kind, left)))
+            return SegmentEnd("ended", self._met_end(End(rule.kind, left)))
         elif rule.kind == ends.GOAL:
-            return Verdict("reached", self.request.until.goal)
+            return SegmentEnd("reached", self.request.until.goal)
         elif rule.kind not in (ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.DEFLECTION_KINK):
             own = any(rule.kind == w.name and w.terminal for w in self.request.watch)
-            return Verdict("reached" if own else "ended", rule.kind)
+            return SegmentEnd("reached" if own else "ended", rule.kind)
         return None
 
-    def _stood(self) -> Verdict | None:
+    def _stood(self) -> SegmentEnd | None:
         self.y[1] = 0.0
         self.standstills += 1
         swing, self.swing_from = abs(float(self.y[0]) - self.swing_from), float(self.y[0])
         if self.standstills >= self.request.standstills:
-            return Verdict("reached", self.request.until.goal)
+            return SegmentEnd("reached", self.request.until.goal)
         if self.system.friction is not None:
             return self._from_rest()
         counted = self.request.standstills < math.inf
-        return Verdict("ended", ends.REST) if counted and swing <= self.rest else None
+        return SegmentEnd("ended", ends.REST) if counted and swing <= self.rest else None
 
     def _past_kink(self) -> None:
         """Go on to the far side of a kink, if there is one: else the load ends there.
@@ -536,16 +536,16 @@ class Run:
         while not rule.value(self.t, self.y) < 0 and late < self.t_max - self.t:
             self.t, self.y, late = self.t + late, self.y + late * slope, 2 * late
 
-    def _from_rest(self) -> Verdict | None:
+    def _from_rest(self) -> SegmentEnd | None:
         """Which way a driver at rest with friction starts; what ends the run if it does not."""
         friction, q = self.system.friction, float(self.y[0])
         assert friction is not None
         x = self.y[self.layout.signals] if self.layout.initial else None
-        found = friction.rest(q, self.t, x)
-        low, high = found.holding
-        if found.ambiguous:
-            return Verdict("failed", ends.AMBIGUOUS)
-        if found.rests:
+        rest = friction.rest(q, self.t, x)
+        low, high = rest.holding
+        if rest.ambiguous:
+            return SegmentEnd("failed", ends.AMBIGUOUS)
+        if rest.rests:
             self.events.append(Event(ends.REST, self.t, q, 0.0))
             self.facts |= {"holding_low": low, "holding_high": high}
             if "state" in self.system.depends_on:
@@ -554,7 +554,7 @@ class Run:
             span = self.request.span
             until, (low, high) = released(self.system, q, self.t, self.request.start.t + span)
             if until is None and span == math.inf:
-                return Verdict("ended" if self.pieces else "rest", ends.REST)
+                return SegmentEnd("ended" if self.pieces else "rest", ends.REST)
             until = self.t_max if until is None else until
             self._wait(until)
         self.equation.sides = friction.sides(q, 1 if -high >= low else -1)
@@ -593,61 +593,61 @@ class Run:
         x = y[self.layout.signals] if self.layout.initial else None
         return self.several.instant(*self.layout.motion(y), t, x, self.system.free)
 
-    def _settle(self, standing: Sequence[int], released: bool = False) -> Verdict | None:
+    def _settle(self, standing: Sequence[int], released: bool = False) -> SegmentEnd | None:
         """Which pairs stick from here on, and in which sense others slip; see `sticking`."""
         friction = self.several
         assert friction is not None
         at = self._instant(self.t, self.y)
         self.zero, self.settled = friction.without_slip(at, standing), self.t
         sides = friction.sides_at(at, self.zero)
-        found = friction.settled(at, sides, self.zero, released)
-        if found.end:
-            goes = found.end == ends.SELF_LOCKED and self.pieces
-            return Verdict("ended" if goes else "failed", found.end)
+        settled = friction.settled(at, sides, self.zero, released)
+        if settled.end:
+            goes = settled.end == ends.SELF_LOCKED and self.pieces
+            return SegmentEnd("ended" if goes else "failed", settled.end)
         self.y = self.y.copy()
-        self.y[self.layout.rate] = friction.kept(at, found.sides)
+        self.y[self.layout.rate] = friction.kept(at, settled.sides)
         q, qd = self.layout.motion(self.y)
-        for j, (old, new) in enumerate(zip(self.equation.sides, found.sides, strict=False)):
+        for j, (old, new) in enumerate(zip(self.equation.sides, settled.sides, strict=False)):
             if old != new:
                 kind = ends.REVERSES if old and new else ends.SLIPS if new else ends.STICKS
                 self.events.append(Event(f"{kind} of {self.system.pair_name(j)}", self.t, q, qd))
-        self.equation.sides = found.sides
+        self.equation.sides = settled.sides
         self.slips = [s for s in self.slips if s.begin < self.t]
-        self.slips.append(Slips(self.t, found.sides))
-        return self._stand(found) if friction.holds_all(at, found.sides) else None
+        self.slips.append(Slips(self.t, settled.sides))
+        return self._stand(settled) if friction.holds_all(at, settled.sides) else None
 
-    def _stand(self, found: Settled) -> Verdict | None:
+    def _stand(self, settled: Settled) -> SegmentEnd | None:
         """Stay where all pairs stick, until loads of the time push beyond what they hold."""
         friction, system = self.several, self.system
         assert friction is not None
         q, qd = self.layout.motion(self.y)
         self.events.append(Event(ends.REST, self.t, q, qd))
-        self.facts["holding_share"] = found.share
+        self.facts["holding_share"] = settled.share
         if "state" in system.depends_on:
             return None
         t_last, still = self.request.start.t + self.request.span, self.y.copy()
         until, _ = first_beyond(system, lambda s: self._excess(s, still), self.t, t_last)
         if until is None and t_last == math.inf:
-            return Verdict("ended" if self.pieces else "rest", ends.REST)
+            return SegmentEnd("ended" if self.pieces else "rest", ends.REST)
         self._wait(self.t_max if until is None else until)
         return None if until is None else self._released()
 
-    def _released(self) -> Verdict | None:
+    def _released(self) -> SegmentEnd | None:
         """Start the driver that joint friction held, in the direction in which it is pushed."""
         friction, q = self.system.friction, float(self.y[0])
         assert friction is not None
         if self.several is not None:
             stuck = [j for j, side in enumerate(self.equation.sides) if side == 0]
             return self._settle(stuck, True)
-        found = friction.rest(q, self.t, self.y[self.layout.signals])
-        if found.ambiguous:
-            return Verdict("failed", ends.AMBIGUOUS)
+        rest = friction.rest(q, self.t, self.y[self.layout.signals])
+        if rest.ambiguous:
+            return SegmentEnd("failed", ends.AMBIGUOUS)
         self.equation.held = False
-        low, high = found.holding
+        low, high = rest.holding
         self.equation.sides = friction.sides(q, 1 if -high >= low else -1)
         return None
 
-    def _given_up(self) -> Verdict | None:
+    def _given_up(self) -> SegmentEnd | None:
         """Why the run is over where a solver gave up; None if another one goes on."""
         if self.method != "dop853":
             self.method = "dop853"  # which comes as near as one can to where there is no pose
@@ -656,7 +656,7 @@ class Run:
         known = end in (ends.DEAD_CENTRE, ends.IMPOSSIBLE) or (
             end == ends.SELF_LOCKED and self.pieces
         )
-        return Verdict("ended" if known else "failed", end)
+        return SegmentEnd("ended" if known else "failed", end)
 
     def _met_end(self, end: End) -> str:
         """Keep what is known of an end that the run stops short of."""
@@ -675,7 +675,7 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
         nonlocal runs, longest
         runs += 1
         name = method if runs == 1 else f"{method}, run {runs}"
-        one = Run(system, request, method, tolerance, name, target, SHORTER * longest)
+        one = TimeIntegration(system, request, method, tolerance, name, target, SHORTER * longest)
         motion = one.motion()
         longest = one.longest or math.inf
         return motion
@@ -687,5 +687,5 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
         return max(tolerance * share, FLOOR)
 
     first = max(target / 10, FLOOR * FINER)
-    found = refined(run, first, finer, target, system.rotary, request.times)
-    return with_rounding(system, found, target)
+    judged_run = refined(run, first, finer, target, system.rotary, request.times)
+    return with_rounding(system, judged_run, target)

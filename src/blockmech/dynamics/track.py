@@ -63,8 +63,8 @@ class RepeatedSegment:
         if not self.gain:
             q, qd = panels.state(rest)
         else:
-            asked, which = np.unique(k, return_inverse=True)
-            durations = panels.durations_with(asked * self.gain)
+            numbers, which = np.unique(k, return_inverse=True)
+            durations = panels.durations_with(numbers * self.gain)
             ends = np.cumsum(durations, axis=1)[which]
             i = np.minimum((ends <= rest[:, None]).sum(axis=1), len(panels.w) - 1)
             each = np.arange(rest.size)

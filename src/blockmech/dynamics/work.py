@@ -71,8 +71,8 @@ def of_friction(friction: JointFriction, q: Floats, rows: Floats, sign: int, sid
         else:
             acting = friction.at_square(rest, square, qd2)
         law = friction.law(slips * np.sqrt(np.maximum(qd2, 0.0)))
-        found = friction.solve([acting, *responses], sides, law)
-        return EffortFunction(found.effort + square[0] * qd2, found.taken, found.loads)
+        solution = friction.solve([acting, *responses], sides, law)
+        return EffortFunction(solution.effort + square[0] * qd2, solution.taken, solution.loads)
 
     return work
 

@@ -44,10 +44,10 @@ def load(text: str) -> bytes | None:
     if folder is None or key is None:
         return None
     name = sha256(text.encode()).hexdigest()
-    found = _read(folder / f"{name}.o", OTHERS_WRITE)
-    if found is None or not hmac.compare_digest(found[:SIZE], _signed(key, name, found[SIZE:])):
+    signed = _read(folder / f"{name}.o", OTHERS_WRITE)
+    if signed is None or not hmac.compare_digest(signed[:SIZE], _signed(key, name, signed[SIZE:])):
         return None
-    return found[SIZE:]
+    return signed[SIZE:]
 
 
 def keep(text: str, code: bytes) -> None:
@@ -77,9 +77,9 @@ def _read(path: Path, forbidden: int) -> bytes | None:
     with suppress(OSError):
         stream = os.fdopen(os.open(path, os.O_RDONLY | NO_LINK), "rb")
         with stream:
-            found = os.fstat(stream.fileno())
-            own = USER is None or (found.st_uid == USER() and not found.st_mode & forbidden)
-            if own and stat.S_ISREG(found.st_mode):
+            status = os.fstat(stream.fileno())
+            own = USER is None or (status.st_uid == USER() and not status.st_mode & forbidden)
+            if own and stat.S_ISREG(status.st_mode):
                 return stream.read(LARGEST)
     return None
 
@@ -96,8 +96,8 @@ def _key(make: bool = False) -> bytes | None:
             flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | NO_LINK
             with os.fdopen(os.open(path, flags, 0o600), "wb") as stream:
                 stream.write(secrets.token_bytes(SIZE))
-    found = _read(path, OTHERS)
-    return found if found is not None and len(found) == SIZE else None
+    key = _read(path, OTHERS)
+    return key if key is not None and len(key) == SIZE else None
 
 
 def _folder() -> Path | None:

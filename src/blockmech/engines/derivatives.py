@@ -103,13 +103,13 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
         return total
 
     way = x - starts[k]
-    found = where(inside, piece(k, way), np.nan)
+    result = where(inside, piece(k, way), np.nan)
     corner = inside & np.equal(value(x), at[k])
     if not (isinstance(way, Dual) and np.any(corner)):
-        return found
+        return result
     before = np.where(k > 0, k - 1, last)  # of a table that repeats, the last piece
     other = piece(before, Dual(at[before + 1] - at[before], way.d))
-    return Dual(found.x, np.where(corner & (way.d < 0.0), slope(other), found.d))
+    return Dual(result.x, np.where(corner & (way.d < 0.0), slope(other), result.d))
 
 
 def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
@@ -166,10 +166,10 @@ def planar(x: Any, y: Any) -> Planar:
 def matrix(rows: Any) -> Any:
     """Square matrices (..., N, N), tangents (m, ..., N, N)."""
     x = linear.matrix([[value(v) for v in row] for row in rows], np.float64)
-    found = [slope(v) for row in rows for v in row if isinstance(v, Dual)]
-    if not found:
+    slopes = [slope(v) for row in rows for v in row if isinstance(v, Dual)]
+    if not slopes:
         return x
-    d = np.zeros((*np.broadcast_shapes(*(np.shape(v) for v in found)), *x.shape[-2:]))
+    d = np.zeros((*np.broadcast_shapes(*(np.shape(v) for v in slopes)), *x.shape[-2:]))
     for i, row in enumerate(rows):
         for j, v in enumerate(row):
             d[..., i, j] = slope(v)
@@ -246,8 +246,8 @@ def _linear(function: Any, at: Array, y: Array, way: Array) -> Array:
         raise _no_derivative(
             "table", "the arguments of a cubic table have no known derivative", "name its values"
         )
-    found: Array = (ahead - behind) / (2.0 * size)
-    return found
+    change: Array = (ahead - behind) / (2.0 * size)
+    return change
 
 
 def _no_derivative(where: str, found: str, remedy: str) -> RequestError:
@@ -290,9 +290,9 @@ class DualEngine:
             for k in range(0, max(n, 1), chunk):
                 part = slice(k, min(k + chunk, n))
                 columns = (column[part] for column in whole)
-                found = self._program(*columns, given)
+                values = self._program(*columns, given)
                 size = part.stop - part.start
-                done.append(each_part(lambda x, size=size: _whole(x, m, size), found))
+                done.append(each_part(lambda x, size=size: _whole(x, m, size), values))
         return tuple(each_part(_joined, *columns) for columns in zip(*done, strict=True))
 
 

@@ -74,7 +74,7 @@ known:
 """
 
 
-def _by_lane(name: str, entries: str, found: str, body: str, lanes: int) -> str:
+def _by_lane(name: str, entries: str, to_lane: str, body: str, lanes: int) -> str:
     """A function that does for each lane what a body says, from %a to %x."""
     return f"""
 define void @{name}(ptr %whole, i32 %n) {{
@@ -108,11 +108,11 @@ lane:
   %good = icmp eq i32 %failed, 0
   br i1 %good, label %next, label %lost
 lost:
-  call double @copy(ptr %x, i32 1, ptr @undefined, i32 0, i32 {found})
+  call double @copy(ptr %x, i32 1, ptr @undefined, i32 0, i32 {to_lane})
   br label %next
 next:
   %to = getelementptr double, ptr %from, i32 %place
-  call double @copy(ptr %to, i32 {lanes}, ptr %x, i32 1, i32 {found})
+  call double @copy(ptr %to, i32 {lanes}, ptr %x, i32 1, i32 {to_lane})
   %k.next = add i32 %k, 1
   br label %test
 done:

@@ -24,10 +24,10 @@ def matrix(rows: Any, dtype: Any) -> Array:
         if not isinstance(x, float) or x != 0.0
     ]
     shape = np.broadcast_shapes(*{np.shape(x) for _, _, x in filled})
-    found = np.zeros((*shape, len(rows), len(rows)), dtype)
+    matrix_ = np.zeros((*shape, len(rows), len(rows)), dtype)
     for i, j, x in filled:
-        found[..., i, j] = x
-    return found
+        matrix_[..., i, j] = x
+    return matrix_
 
 
 def solve(a: Array, right: Any) -> tuple[Array, ...]:
@@ -36,8 +36,8 @@ def solve(a: Array, right: Any) -> tuple[Array, ...]:
     b = np.empty((*shape, len(right)), a.dtype)
     for i, x in enumerate(right):
         b[..., i] = x
-    found = np.ascontiguousarray(np.moveaxis(_solved(a, b), -1, 0))
-    return tuple(found)
+    solution = np.ascontiguousarray(np.moveaxis(_solved(a, b), -1, 0))
+    return tuple(solution)
 
 
 def solve_transposed(a: Array, right: Any) -> tuple[Array, ...]:
@@ -56,14 +56,14 @@ def _solved(a: Array, b: Array) -> Array:
 
 def _one_by_one(a: Array, b: Array) -> Array:
     """The rare batch with a singular matrix in it."""
-    found = np.full(b.shape, np.nan, a.dtype)
+    solutions = np.full(b.shape, np.nan, a.dtype)
     matrices = np.broadcast_to(a, (*b.shape, b.shape[-1]))
     for index in np.ndindex(b.shape[:-1]):
         try:
-            found[index] = np.linalg.solve(matrices[index], b[index])
+            solutions[index] = np.linalg.solve(matrices[index], b[index])
         except np.linalg.LinAlgError:
             continue
-    return found
+    return solutions
 
 
 def _eliminated(a: Array, b: Array) -> Array:

@@ -95,8 +95,8 @@ class LlvmEngine:
             self._room[0:k:LANES] = list(inputs)
             self._fill(self._in_room, self._parameters, self._out, LANES, LANES, 0, 1)
             row = self._room[k::LANES]
-        found: tuple[Any, ...] = self._read_one(inputs, row)
-        return found
+        values: tuple[Any, ...] = self._read_one(inputs, row)
+        return values
 
     def _columns(self, inputs: Sequence[Any], n: int) -> list[Array]:
         """Columns (n,) of the inputs and of what is asked of them, which comes chunk by chunk."""
@@ -111,19 +111,19 @@ class LlvmEngine:
 
     def _answered(self, inputs: Sequence[Any]) -> list[Any]:
         """Inputs, numbers or columns, and behind them what functions that are no kernels say."""
-        found = [*inputs]
+        values = [*inputs]
         for function, places in self._asked:
             places_of = iter([inputs[k] for k in leaves(places)]).__next__
-            found += leaves(function(*filled(places, places_of)))
-        return found
+            values += leaves(function(*filled(places, places_of)))
+        return values
 
     def run(self, inputs: Mapping[str, Any], n: int) -> tuple[Any, ...]:
         """Values of n samples: Python numbers for one, real arrays (n,) or `Planar` pairs of
         them for more."""
         if n == 1:
             return self.one([float(inputs[x][0]) for x in self.program.inputs])
-        found = self._together(inputs, n, self._numbers[None])
-        return type(found)(each_part(lambda x: x[0], x) for x in found)
+        values = self._together(inputs, n, self._numbers[None])
+        return type(values)(each_part(lambda x: x[0], x) for x in values)
 
     def run_designs(
         self, inputs: Mapping[str, NDArray[Any]], values: tuple[Any, ...]
@@ -154,14 +154,14 @@ class LlvmEngine:
             return self._call(given, out[:, here], (last - first) * LANES, slots)
 
         sums = self._threads(part, m if m > 1 else blocks, m * n >= PARALLEL)
-        found = out[:, : m * width].reshape(-1, m, width)[..., :n]
+        lanes = out[:, : m * width].reshape(-1, m, width)[..., :n]
 
         def read(x: Any) -> Array:
             if not isinstance(x, Node):
                 return np.broadcast_to(np.float64(x), (m, n))
             if x.op == "input":
                 return np.broadcast_to(columns[x.args[0]][:n], (m, n))
-            return np.asarray(found[self._row[x]])
+            return np.asarray(lanes[self._row[x]])
 
         made = Whole if math.isfinite(sum(sums, self._fixed)) else tuple
         return made(each_part(read, x) for x in self.values)

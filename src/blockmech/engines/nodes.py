@@ -102,16 +102,16 @@ def of_inputs(nodes: Iterable[Node]) -> list[Node]:
 
 def needed(wanted: Iterable[Any]) -> list[Node]:
     """The nodes that some nodes are made of, in order."""
-    waiting, found = [x for x in wanted if isinstance(x, Node)], set[Node]()
+    waiting, reached = [x for x in wanted if isinstance(x, Node)], set[Node]()
     while waiting:
         node = waiting.pop()
-        if node in found:
+        if node in reached:
             continue
-        found.add(node)
+        reached.add(node)
         if node.op in ("after", "state"):
             loop = node.args[0]
             more = [*loop.first, *loop.ahead]
         else:
             more = list(node.args)
         waiting += [x for x in more if isinstance(x, Node)]
-    return sorted(found, key=lambda n: n.number)
+    return sorted(reached, key=lambda n: n.number)

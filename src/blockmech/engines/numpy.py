@@ -149,9 +149,9 @@ def _apart(step: Any, state: Any, cap: int, data: tuple[Any, ...]) -> Any:
         return x if np.ndim(x) == 0 else np.broadcast_to(x, shape)[rows]
 
     def whole(new: Any, old: Any) -> Any:
-        found = np.array(np.broadcast_to(old, shape), np.result_type(new, old))
-        found[rows] = new
-        return found
+        merged = np.array(np.broadcast_to(old, shape), np.result_type(new, old))
+        merged[rows] = new
+        return merged
 
     ahead = repeat(step, each_part(some, state), cap, *each_part(some, data))
     return each_part(whole, ahead, state)
@@ -161,8 +161,8 @@ def each(function: Any, *x: Any) -> Any:
     """Ask a function sample by sample; see `blockmech.plane.each`."""
     columns = np.broadcast_arrays(*x)
     rows = zip(*(map(float, column.ravel()) for column in columns), strict=True)
-    found = [function(*row) for row in rows]
-    return np.array(found, columns[0].dtype).reshape(columns[0].shape)
+    values = [function(*row) for row in rows]
+    return np.array(values, columns[0].dtype).reshape(columns[0].shape)
 
 
 def each_part(function: Any, value: Any, *more: Any) -> Any:
@@ -206,16 +206,16 @@ def primitives(dtype: Any) -> dict[str, Any]:
     own = (mul, imul, hyp, power, angle, modulo, piecewise, repeat, each, expi, planar, matrix)
     ufuncs = (np.sqrt, np.exp, np.sign, np.where, np.minimum, np.maximum)
     systems = (linear.solve, linear.solve_transposed, linear.spread)
-    found = {f.__name__: f for f in (cross, dot, implicit, *own, *ufuncs, *systems)}
-    return found | {"EPS": float(np.finfo(dtype).eps)}
+    functions = {f.__name__: f for f in (cross, dot, implicit, *own, *ufuncs, *systems)}
+    return functions | {"EPS": float(np.finfo(dtype).eps)}
 
 
 def one_by_one(function: Any, *x: Any) -> tuple[Any, ...]:
     """A function of numbers, design after design; see `blockmech.plane`."""
     columns = np.broadcast_arrays(*x)
     rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
-    found = np.array([function(*row) for row in rows])
-    return tuple(column.reshape(columns[0].shape) for column in found.T)
+    values = np.array([function(*row) for row in rows])
+    return tuple(column.reshape(columns[0].shape) for column in values.T)
 
 
 def _turned(t: Any) -> Planar:
@@ -263,18 +263,18 @@ class NumpyEngine:
     ) -> tuple[Any, ...]:
         """Values of n samples: real arrays (n,) or `Planar` pairs of them."""
         columns = [self._rounded(name, inputs[name]) for name in self.program.inputs]
-        found: tuple[Any, ...] = ()
+        rooms: tuple[Any, ...] = ()
         with np.errstate(all="ignore"):
             for k in range(0, max(n, 1), chunk):
                 part = slice(k, min(k + chunk, n))
                 values = self._program(*(c[part] for c in columns), self.parameters)
                 if n <= chunk:
                     return tuple(each_part(lambda x: _column(x, n), values))
-                found = found or self._rooms(values, n)
-                for room, value in zip(leaves(found), leaves(values), strict=True):
+                rooms = rooms or self._rooms(values, n)
+                for room, value in zip(leaves(rooms), leaves(values), strict=True):
                     if room.flags.writeable:
                         room[part] = value
-        return found
+        return rooms
 
     def run_designs(
         self, inputs: Mapping[str, NDArray[Any]], values: tuple[Any, ...]

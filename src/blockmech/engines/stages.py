@@ -480,11 +480,11 @@ class CompiledStepper:
         control = np.array([h, *ends, 0.0, *road])
         arrays = K, y, self._state, by.A, by.C, by.E, tolerances, control, t
         places = (x.ctypes.data for x in arrays)
-        found = r.steps(
+        count = r.steps(
             self._x, self._parameters, *places, most, n, width, by.E.shape[1], stages, r.watched
         )
-        m = abs(found)
-        calm = m if found > 0 else max(m - 1, 0)
+        m = abs(count)
+        calm = m if count > 0 else max(m - 1, 0)
         tried = int(control[3])
         return Steps(t[: m + 1], y[: m + 1], K[:m, :, :n], float(control[0]), tried, calm)
 
@@ -493,5 +493,5 @@ class CompiledStepper:
         r, n = self._rates, self._rates.dimension
         self._state[:n], self._state[n] = y, t
         r.at(self._x, self._parameters, self._row.ctypes.data, 1, 1, 0, 1)
-        found: list[float] = self._row.tolist()
-        return found
+        row: list[float] = self._row.tolist()
+        return row

@@ -109,10 +109,10 @@ class Trace:
 
         ``like`` is an answer of it, which tells of what parts it is made.
         """
-        asked = leaves(given)
-        if not all(isinstance(x, Node) and x.op == "input" for x in asked):
+        arguments = leaves(given)
+        if not all(isinstance(x, Node) and x.op == "input" for x in arguments):
             raise Untraceable("it asks a function of Python of what it computes")
-        places = iter([x.args[0] for x in asked]).__next__
+        places = iter([x.args[0] for x in arguments]).__next__
 
         def leaf() -> Node:
             self._inputs += 1

@@ -111,7 +111,7 @@ class _Reading:
     def __init__(self, assembly: Item, where: str) -> None:
         self.where = where
         name = assembly.text("Name")
-        self.found = found = Drawing(name or "assembly", source="FreeCAD assembly")
+        self.found = drawing = Drawing(name or "assembly", source="FreeCAD assembly")
         self.markers: dict[str, tuple[str, Frame]] = {}  # path -> link, where it is
         self.links: dict[str, str] = {}  # part -> link that it belongs to
         self.joints: dict[str, tuple[str, str, float]] = {}  # driven link, other, sense
@@ -132,7 +132,7 @@ class _Reading:
                 self._fix(*(link for link, _ in self._ends(joint)))
         for part in self.links:
             if self._link(part) != FRAME:
-                found.links.setdefault(self._link(part), [])
+                drawing.links.setdefault(self._link(part), [])
         for joint in joints:
             self._joint(joint)
         self._masses(parts, frames)
@@ -140,12 +140,12 @@ class _Reading:
             self._motion(motion)
         for kind in (x for c in assembly.all("ConstraintSets") for x in c.inner):
             if kind.name not in ("Joints", "Motions") and kind.inner:
-                found.note(f"{kind.name}: left out")
+                drawing.note(f"{kind.name}: left out")
         for force in assembly.below("ForceTorques"):
-            found.note(f"{force.name} {force.text('Name')}: left out".replace(" :", ":"))
+            drawing.note(f"{force.name} {force.text('Name')}: left out".replace(" :", ":"))
         if assembly.all("ConstantGravity"):
             g = _rows(assembly, "ConstantGravity", (3,), where)
-            found.gravity = complex(g @ self.x, g @ self.y)
+            drawing.gravity = complex(g @ self.x, g @ self.y)
 
     def _markers(self, owner: Item, path: str, link: str, base: Frame) -> None:
         for point in owner.below("RefPoints"):
@@ -197,7 +197,7 @@ class _Reading:
         return complex(place @ self.x, place @ self.y)
 
     def _joint(self, joint: Item) -> None:
-        found, key = self.found, joint.text("Name") or f"joint_{joint.line}"
+        drawing, key = self.found, joint.text("Name") or f"joint_{joint.line}"
         (one, here), (two, there) = self._ends(joint)
         one, two, axis = self._link(one), self._link(two), here.axes[:, 2]
         if joint.name == "FixedJoint" or joint.name in PLANAR or one == two:
@@ -213,26 +213,26 @@ class _Reading:
             if abs(axis @ self.normal) > FLAT:
                 raise wrong(f"{self.where}, {key}", "it slides out of the plane", "in the plane")
             a, b = (b, a) if two == FRAME else (a, b)
-            self.joints[key] = str(len(found.guides)), second, turned
-            found.guides.append(Guide(first, second, a, cmath.phase(self._flat(axis)), None, b))
+            self.joints[key] = str(len(drawing.guides)), second, turned
+            drawing.guides.append(Guide(first, second, a, cmath.phase(self._flat(axis)), None, b))
         else:
-            found.note(f"{joint.name} {key}: left out")
+            drawing.note(f"{joint.name} {key}: left out")
 
     def _pin(self, key: str, z: complex, first: str, second: str) -> None:
-        found = self.found
-        size = max((abs(p - z) for p in found.points.values()), default=0.0)
-        for point, other in found.points.items():
+        drawing = self.found
+        size = max((abs(p - z) for p in drawing.points.values()), default=0.0)
+        for point, other in drawing.points.items():
             pair = {x for x in (first, second) if x != FRAME}
-            held = {n for n, own in found.links.items() if point in own}
+            held = {n for n, own in drawing.links.items() if point in own}
             if abs(z - other) <= FLAT * size and held == pair:
-                found.note(f"{key} is a second pin of {first} and {second} on one axis: left out")
+                drawing.note(f"{key} is a second pin of {first} and {second} on one axis: left out")
                 return
-        found.points[key] = z
+        drawing.points[key] = z
         for link in (first, second):
             if link == FRAME:
-                found.fixed.add(key)
+                drawing.fixed.add(key)
             else:
-                found.links[link].append(key)
+                drawing.links[link].append(key)
 
     def _masses(self, parts: list[tuple[str, Item]], frames: dict[str, Frame]) -> None:
         bodies: dict[str, list[tuple[float, float, complex]]] = {}
@@ -254,24 +254,24 @@ class _Reading:
                 self.found.inertias[link] = Inertia(mass, inertia, cm)
 
     def _motion(self, motion: Item) -> None:
-        found, key = self.found, motion.text("MotionJoint").rpartition("/")[2]
+        drawing, key = self.found, motion.text("MotionJoint").rpartition("/")[2]
         formula = motion.text("RotationZ") or motion.text("TranslationZ")
         if motion.name not in ("RotationalMotion", "TranslationalMotion"):
-            found.note(f"{motion.name} {motion.text('Name')}: left out")
+            drawing.note(f"{motion.name} {motion.text('Name')}: left out")
             return
         if key not in self.joints:
-            found.note(f"{motion.text('Name')} moves {key}, which is no joint here: left out")
+            drawing.note(f"{motion.text('Name')} moves {key}, which is no joint here: left out")
             return
         place, link, sense = self.joints[key]
         rate = _rate(formula)
         if rate is None:
-            found.note(f"{motion.text('Name')}: {formula} is no constant rate: 1 was taken")
+            drawing.note(f"{motion.text('Name')}: {formula} is no constant rate: 1 was taken")
         drive = Drive(sense * (rate or 1.0), link=link)
-        if place in found.points:
-            found.drives[place] = drive
+        if place in drawing.points:
+            drawing.drives[place] = drive
         else:
-            guide = found.guides[int(place)]
-            found.guides[int(place)] = guide._replace(drive=drive._replace(stop=None))
+            guide = drawing.guides[int(place)]
+            drawing.guides[int(place)] = guide._replace(drive=drive._replace(stop=None))
 
 
 def _rate(formula: str) -> float | None:

@@ -208,10 +208,10 @@ class _Making:
         return point in self.drawing.fixed and point not in self.drawing.slots
 
     def _link(self, name: str) -> dict[str, Any]:
-        found: dict[str, Any] = {"pose": [0.0, 0.0, 0.0]}
+        link: dict[str, Any] = {"pose": [0.0, 0.0, 0.0]}
         if (own := self.drawing.inertias.get(name)) is not None and own.mass:
-            found |= {"mass": own.mass, "inertia": own.inertia, "cm": self._place(own.cm)}
-        return found
+            link |= {"mass": own.mass, "inertia": own.inertia, "cm": self._place(own.cm)}
+        return link
 
     def _place(self, z: complex) -> list[float]:
         return [z.real * self.scale, z.imag * self.scale]
@@ -350,12 +350,12 @@ class _Making:
 
     def _axles(self, pair: Wheels) -> tuple[str, str]:
         """The pins of two wheels on one link, which stands first in both; "" without any."""
-        found: list[dict[str, str]] = []
+        axles: list[dict[str, str]] = []
         for wheel in (pair.first, pair.second):
             own = [(j, d["links"]) for j, d in self.joints.items() if d["type"] == "R"]
-            found.append({a: j for j, (a, b) in own if b == self.names.get(wheel)})
-        arm = next((link for link in found[0] if link in found[1]), None)
-        return (found[0][arm], found[1][arm]) if arm is not None else ("", "")
+            axles.append({a: j for j, (a, b) in own if b == self.names.get(wheel)})
+        arm = next((link for link in axles[0] if link in axles[1]), None)
+        return (axles[0][arm], axles[1][arm]) if arm is not None else ("", "")
 
     def _driver_of(self, joint: str) -> str | None:
         return next((d for d, own in self.drivers.items() if own["joint"] == joint), None)
@@ -408,23 +408,23 @@ class _Making:
                 drawing.note(f"point {point} is on no link: left out")
 
     def _loads(self) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        loads: dict[str, Any] = {}
         for load in self.drawing.loads:
             if load.link not in self.names:
                 self.drawing.note(f"force {load.name} acts on no moving link: left out")
                 continue
             name = _clean(load.name) or "force"
-            while name in found or name in self.links or name in self.drivers:
+            while name in loads or name in self.links or name in self.drivers:
                 name += "_"
-            found[name] = {
+            loads[name] = {
                 "type": "force",
                 "link": self.names[load.link],
                 "at": self._place(load.at),
                 "force": [load.force.real, load.force.imag],
             }
             if load.turns:
-                found[name]["axes"] = "link"
-        return found
+                loads[name]["axes"] = "link"
+        return loads
 
 
 def _clean(text: str) -> str:

@@ -102,12 +102,12 @@ class Formats(Generic[T], Mapping[str, T]):
             return own
         point = self._outside[name]
         try:
-            found: T = point.load()
+            format_: T = point.load()
         except Exception as error:
             what = f"the package {point.value} failed to load: {error}"
             wrong = Problem("broken-plugin", name, what, "", "repair or uninstall it")
             raise RequestError(wrong) from error
-        return found
+        return format_
 
     def __iter__(self) -> Iterator[str]:
         return iter({**self._own, **self._outside})

@@ -30,46 +30,46 @@ def read(text: str, where: str) -> Drawing:
     root = xml_of(spaced, where)
     if root.tag != "linkage2":
         raise wrong(where, f"the root is <{root.tag}>", "<linkage2>")
-    found = Drawing("linkage", source="Linkage file")
+    drawing = Drawing("linkage", source="Linkage file")
     scale = 1.0
     program = root.find("program")
     if program is not None:
         scale = number(program.get("scalefactor"), f"{where}, program", 1.0)
-        found.unit = UNITS.get((program.get("units") or "Millimeters").lower(), "mm")
+        drawing.unit = UNITS.get((program.get("units") or "Millimeters").lower(), "mm")
     slides: list[tuple[str, list[str]]] = []
     for raw in root.findall("connector"):
-        _connector(raw, where, scale, found, slides)
+        _connector(raw, where, scale, drawing, slides)
     for raw in root.findall("Link"):
-        _link(raw, where, scale, found)
+        _link(raw, where, scale, drawing)
     for key, limits in slides:
-        _slot(key, limits, found, where)
-    _ratios(root, where, found)
-    turning = {wheel for pair in found.wheels for wheel in (pair.first, pair.second)}
-    for name, points in list(found.links.items()):
+        _slot(key, limits, drawing, where)
+    _ratios(root, where, drawing)
+    turning = {wheel for pair in drawing.wheels for wheel in (pair.first, pair.second)}
+    for name, points in list(drawing.links.items()):
         if len(points) > 1 or name.endswith(("_barrel", "_rod")) or name in turning:
             continue
-        if points[0] in found.slots:
-            found.sliders.add(name)
+        if points[0] in drawing.slots:
+            drawing.sliders.add(name)
         else:
-            del found.links[name]
-            found.note(f"{name} has one connector, {points[0]}: left out")
-    return found
+            del drawing.links[name]
+            drawing.note(f"{name} has one connector, {points[0]}: left out")
+    return drawing
 
 
-def _ratios(root: Element, where: str, found: Drawing) -> None:
+def _ratios(root: Element, where: str, drawing: Drawing) -> None:
     """Gear pairs and chains between links, their sizes as they are written."""
     for k, raw in enumerate(root.findall("ratios/ratio"), 1):
         kind = raw.get("type", "gears")
         at, name = f"{where}, ratio {k}", f"{kind}_{k}"
         ends = raw.findall("link")
         links = [f"link_{end.get('id')}" for end in ends]
-        if len(links) != 2 or any(link not in found.links for link in links):
-            found.note(f"{name} joins {listed(links) or 'no links'}: left out")
+        if len(links) != 2 or any(link not in drawing.links for link in links):
+            drawing.note(f"{name} joins {listed(links) or 'no links'}: left out")
             continue
         one, two = (number(end.get("size"), at, 1.0) for end in ends)
         if not min(one, two) > 0:
             raise wrong(at, f"sizes {one:g} and {two:g}", "sizes above 0")
-        found.wheels.append(Wheels(name, links[0], links[1], (one, two), kind == "chain"))
+        drawing.wheels.append(Wheels(name, links[0], links[1], (one, two), kind == "chain"))
 
 
 def _is(raw: Element, word: str) -> bool:
@@ -77,79 +77,79 @@ def _is(raw: Element, word: str) -> bool:
 
 
 def _connector(
-    raw: Element, where: str, scale: float, found: Drawing, slides: list[tuple[str, list[str]]]
+    raw: Element, where: str, scale: float, drawing: Drawing, slides: list[tuple[str, list[str]]]
 ) -> None:
     key = str(raw.get("id"))
     at = f"{where}, connector {key}"
-    if key in found.points:
+    if key in drawing.points:
         raise wrong(at, "there are two of this number")
     if raw.get("layer") == "16":
-        found.note(f"connector {key} is on the drawing layer: left out")
+        drawing.note(f"connector {key} is on the drawing layer: left out")
         return
     x, y = number(raw.get("x"), at), number(raw.get("y"), at)
-    found.points[key] = complex(x, y) * scale
+    drawing.points[key] = complex(x, y) * scale
     if _is(raw, "anchor"):
-        found.fixed.add(key)
+        drawing.fixed.add(key)
     if _is(raw, "input"):
-        found.drives[key] = Drive(-number(raw.get("rpm"), at, 15.0) * RPM)
+        drawing.drives[key] = Drive(-number(raw.get("rpm"), at, 15.0) * RPM)
     if _is(raw, "slider"):
         limits = [str(x.get("id")) for x in raw.findall("slidelimit")]
         if number(raw.get("slideradius"), at, 0.0):
-            found.note(f"connector {key} slides on an arc: left out as a slide")
+            drawing.note(f"connector {key} slides on an arc: left out as a slide")
         else:
             slides.append((key, limits))
     if raw.get("fasten") or raw.find("fastened") is not None:
-        found.note(f"connector {key} is fastened to another: left out")
+        drawing.note(f"connector {key} is fastened to another: left out")
 
 
-def _link(raw: Element, where: str, scale: float, found: Drawing) -> None:
+def _link(raw: Element, where: str, scale: float, drawing: Drawing) -> None:
     points = [str(x.get("id")) for x in raw.findall("connector")]
-    points = [p for p in dict.fromkeys(points) if p in found.points]
+    points = [p for p in dict.fromkeys(points) if p in drawing.points]
     base = name = f"link_{raw.get('id')}"
     count = 1
-    while name in found.links:
+    while name in drawing.links:
         count += 1
         name = f"{base}_{count}"
     if raw.find("fastenconnector") is not None or raw.find("fastenlink") is not None:
-        found.note(f"{name} is fastened to another part: that was left out")
+        drawing.note(f"{name} is fastened to another part: that was left out")
     if _is(raw, "actuator") and len(points) == 2:
-        _actuator(raw, name, points, scale, f"{where}, {name}", found)
+        _actuator(raw, name, points, scale, f"{where}, {name}", drawing)
     elif points:
-        found.links[name] = points
+        drawing.links[name] = points
 
 
 def _actuator(
-    raw: Element, name: str, points: list[str], scale: float, where: str, found: Drawing
+    raw: Element, name: str, points: list[str], scale: float, where: str, drawing: Drawing
 ) -> None:
     """Barrel and rod, each with one of the points; their slide is driven."""
-    a, b = (found.points[p] for p in points)
+    a, b = (drawing.points[p] for p in points)
     angle, length = direction(a, b, where), abs(b - a)
     throw = number(raw.get("throw"), where, length / 2) * scale
     rate = 2 * throw * number(raw.get("cpm"), where, 1.0) / 60
     barrel, rod = f"{name}_barrel", f"{name}_rod"
-    found.links[barrel], found.links[rod] = [points[0]], [points[1]]
+    drawing.links[barrel], drawing.links[rod] = [points[0]], [points[1]]
     drive = Drive(rate or throw, length, length + throw)
-    found.guides.append(Guide(barrel, rod, a, angle, drive, b))
-    found.note(f"{name} is an actuator: its stroke is driven once, at a constant rate")
+    drawing.guides.append(Guide(barrel, rod, a, angle, drive, b))
+    drawing.note(f"{name} is an actuator: its stroke is driven once, at a constant rate")
 
 
-def _slot(key: str, limits: list[str], found: Drawing, where: str) -> None:
+def _slot(key: str, limits: list[str], drawing: Drawing, where: str) -> None:
     at = f"{where}, connector {key}"
-    if len(limits) != 2 or any(p not in found.points for p in limits):
+    if len(limits) != 2 or any(p not in drawing.points for p in limits):
         raise wrong(at, "its slide has no two limits", "two slidelimit elements")
-    angle = direction(found.points[limits[0]], found.points[limits[1]], at)
-    on = found.link_of(limits)
+    angle = direction(drawing.points[limits[0]], drawing.points[limits[1]], at)
+    on = drawing.link_of(limits)
     if on is None:
-        found.note(f"connector {key} slides between points of two links: left out as a slide")
+        drawing.note(f"connector {key} slides between points of two links: left out as a slide")
         return
-    members = [name for name, own in found.links.items() if key in own]
+    members = [name for name, own in drawing.links.items() if key in own]
     if on != FRAME and members == [on]:
-        found.note(f"connector {key} slides in its own link: left out as a slide")
+        drawing.note(f"connector {key} slides in its own link: left out as a slide")
         return
-    line, unit = found.points[limits[0]], cmath.rect(1.0, angle)
-    off = ((found.points[key] - line) * unit.conjugate()).imag
-    found.points[key] -= 1j * unit * off  # drawn on the line to a pixel
-    found.slots[key] = [Slot(angle, on)]
+    line, unit = drawing.points[limits[0]], cmath.rect(1.0, angle)
+    off = ((drawing.points[key] - line) * unit.conjugate()).imag
+    drawing.points[key] -= 1j * unit * off  # drawn on the line to a pixel
+    drawing.slots[key] = [Slot(angle, on)]
 
 
 READER = Reader(

@@ -40,9 +40,9 @@ class Model:
         at = order.at.get("at")
         if at is None:
             at = {d: _start(mechanism.scene, d) for d in mechanism.drivers}
-        found = mechanism.run(at=at, want=["*.p", "*.angle"], static=True)
-        self.place = {n: complex(found[n][0]) for n in found if n.endswith(".p")}
-        self.angle = {n: float(found[n][0]) for n in found if n.endswith(".angle")}
+        result = mechanism.run(at=at, want=["*.p", "*.angle"], static=True)
+        self.place = {n: complex(result[n][0]) for n in result if n.endswith(".p")}
+        self.angle = {n: float(result[n][0]) for n in result if n.endswith(".angle")}
         driven = {str(ref): d for d, ref in s.driven.items()}
         refs = [JointRef(b, j) for b, block in s.blocks.items() for j in block.joints]
         refs.sort(key=lambda ref: str(ref) not in driven)

@@ -53,10 +53,10 @@ class Plane(NamedTuple):
 
 
 def _numbers(raw: str | None, where: str, count: int, default: str = "") -> list[float]:
-    found = [number(word, where) for word in (raw or default).split()]
-    if len(found) != count:
+    numbers = [number(word, where) for word in (raw or default).split()]
+    if len(numbers) != count:
         raise wrong(where, f'"{(raw or "")[:40]}"', f"{count} numbers")
-    return found
+    return numbers
 
 
 def read(text: str, where: str) -> Drawing:
@@ -108,7 +108,7 @@ class _Reading:
         return main
 
     def _body(self, body: Element, parent: str) -> None:
-        found = self.found
+        drawing = self.found
         name = body.get("name") or f"body_{len(self.frames)}"
         at = f"{self.where}, body {name}"
         if name in self.frames:
@@ -125,7 +125,7 @@ class _Reading:
             self.links[name] = self.links[parent]
         else:
             self.links[name] = name
-            found.links[name] = []
+            drawing.links[name] = []
             self._joint(joints[0], name, parent, at)
             self._inertial(body, name, at)
         for inner in body.findall("body"):

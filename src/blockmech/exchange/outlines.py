@@ -61,15 +61,15 @@ def outlines(order: Order) -> dict[str, list[Shape]]:
     s = mechanism.structure
     refs = [JointRef(b, j) for b, block in s.blocks.items() for j in block.joints]
     at = dict(order.at) or {"samples": 1}
-    found = mechanism.run(**at, want="*.p", static=True)
+    result = mechanism.run(**at, want="*.p", static=True)
     places: dict[str, list[complex]] = {}
     for ref in refs:
         if s.joint(ref).kind != "R":
             continue
-        name = f"{ref}.p" if f"{ref}.p" in found else f"{s.feeds[ref]}.p"
+        name = f"{ref}.p" if f"{ref}.p" in result else f"{s.feeds[ref]}.p"
         for link in (s.earlier_link(ref), s.later_link(ref)):
             pins = places.setdefault(str(link), [])
-            z = complex(found[name][0]) * MM
+            z = complex(result[name][0]) * MM
             if all(abs(z - other) > 1e-9 for other in pins):
                 pins.append(z)
     spans = [abs(a - b) for pins in places.values() for a in pins for b in pins]
@@ -103,12 +103,14 @@ def _hull(points: list[complex]) -> list[complex]:
         return ordered
 
     def chain(row: list[complex]) -> list[complex]:
-        found: list[complex] = []
+        corners: list[complex] = []
         for z in row:
-            while len(found) > 1 and _turn(found[-2], found[-1], z) <= 1e-9 * abs(z - found[-2]):
-                found.pop()
-            found.append(z)
-        return found[:-1]
+            while len(corners) > 1 and _turn(corners[-2], corners[-1], z) <= 1e-9 * abs(
+                z - corners[-2]
+            ):
+                corners.pop()
+            corners.append(z)
+        return corners[:-1]
 
     return chain(ordered) + chain(ordered[::-1])
 
@@ -163,15 +165,15 @@ def _entity(shape: Shape, layer: str) -> list[tuple[int, Any]]:
 
 def _layers(shapes: dict[str, list[Shape]]) -> dict[str, str]:
     """Names that R12 takes, each once."""
-    found: dict[str, str] = {}
+    layers: dict[str, str] = {}
     for link in shapes:
         base = name = re.sub(r"[^A-Z0-9_$-]", "_", link.upper())[:28] or "LINK"
         count = 1
-        while name in found.values():
+        while name in layers.values():
             count += 1
             name = f"{base}_{count}"
-        found[link] = name
-    return found
+        layers[link] = name
+    return layers
 
 
 # -- SVG ----------------------------------------------------------------------------------

@@ -40,48 +40,48 @@ class Row(NamedTuple):
 
 def drawing_of(rows: list[Row], where: str, rate: float = 1.0) -> Drawing:
     """The drawing of joints; the driver is the flagged one, else the link called input."""
-    found = Drawing(where, source="")
+    drawing = Drawing(where, source="")
     for row in rows:
         for link in row.links:
             if link != GROUND:
-                found.links.setdefault(link, [])
+                drawing.links.setdefault(link, [])
     for row in rows:
-        _take(row, found)
+        _take(row, drawing)
     if not any(row.driven for row in rows):
         pins = [r for r in rows if GROUND in r.links and r.kind == "R" and len(r.links) > 1]
         pins.sort(key=lambda r: "input" not in r.links)
         if pins:
-            found.drives[pins[0].name] = Drive(rate)
-            found.note(f"no joint is marked as the input: {pins[0].name} was taken")
+            drawing.drives[pins[0].name] = Drive(rate)
+            drawing.note(f"no joint is marked as the input: {pins[0].name} was taken")
     for row in rows:
         if row.driven:
             slides = row.kind != "R"
-            found.drives[row.name] = Drive(rate, 0.0, None) if slides else Drive(rate)
-    return found
+            drawing.drives[row.name] = Drive(rate, 0.0, None) if slides else Drive(rate)
+    return drawing
 
 
-def _take(row: Row, found: Drawing) -> None:
+def _take(row: Row, drawing: Drawing) -> None:
     moving = [link for link in row.links if link != GROUND]
     first, *others = [FRAME if link == GROUND else link for link in row.links]
     if row.kind == "G":
-        found.note(f"gear joint {row.name} between {' and '.join(row.links)}: left out")
+        drawing.note(f"gear joint {row.name} between {' and '.join(row.links)}: left out")
         return
     if row.kind == "P" and others:
         for other in others:
             pair = (first, other) if other != FRAME else (other, first)
             drive = Drive(1.0, 0.0, None) if row.driven else None
-            found.guides.append(Guide(*pair, row.at, row.angle, drive))
+            drawing.guides.append(Guide(*pair, row.at, row.angle, drive))
         if row.driven:
-            found.note(f"the drive of {row.name} has no stroke in the file")
+            drawing.note(f"the drive of {row.name} has no stroke in the file")
         return
-    found.points[row.name] = row.at
+    drawing.points[row.name] = row.at
     if row.kind == "RP" and others:
-        found.slots[row.name] = [Slot(row.angle, first)]
+        drawing.slots[row.name] = [Slot(row.angle, first)]
         moving = [link for link in moving if link != first]
     elif GROUND in row.links:
-        found.fixed.add(row.name)
+        drawing.fixed.add(row.name)
     for link in moving:
-        found.links[link].append(row.name)
+        drawing.links[link].append(row.name)
 
 
 def _name(i: int) -> str:

@@ -73,7 +73,7 @@ def read(text: str, where: str) -> Drawing:
     ints = settings[2].split(",")
     rpm = abs(_whole(ints[0], where)) if ints[0] else 10
     clockwise = not (DIGITS.find(settings[0][:1]) & 1)
-    found = Drawing("pmks_plus", UNITS.get(settings[3][:1], ""), "PMKS+ address")
+    drawing = Drawing("pmks_plus", UNITS.get(settings[3][:1], ""), "PMKS+ address")
     names: dict[str, str] = {}
     welded = []
     for raw in joints:
@@ -84,29 +84,29 @@ def read(text: str, where: str) -> Drawing:
         flags, key = DIGITS.find(token[0]), token[1:]
         x, y, angle = (_decimal(w, at) for w in rest[1:4])
         names[key] = key
-        found.points[key] = complex(x, y)
+        drawing.points[key] = complex(x, y)
         slides = bool(flags & PRISMATIC)
         if flags & GROUNDED and not slides:
-            found.fixed.add(key)
+            drawing.fixed.add(key)
         if slides:
             carrier = rest[4] if len(rest) > 4 and rest[4] else FRAME
-            found.slots[key] = [Slot(angle, carrier)]
+            drawing.slots[key] = [Slot(angle, carrier)]
         if flags & WELDED:
             welded.append(key)
         if flags & INPUT:
             rate = -rpm * RPM if clockwise else rpm * RPM
-            found.drives[key] = Drive(rpm * 1e-3, 0.0, None) if slides else Drive(rate)
-    for name, points in _links(links, names, found, where):
-        found.links[name] = points
+            drawing.drives[key] = Drive(rpm * 1e-3, 0.0, None) if slides else Drive(rate)
+    for name, points in _links(links, names, drawing, where):
+        drawing.links[name] = points
     if welded:
-        found.note(f"welded at {listed(welded)}: links that are welded are one link here")
+        drawing.note(f"welded at {listed(welded)}: links that are welded are one link here")
     for k, raw in enumerate(forces):
-        _force(raw, f"{where}, force {k + 1}", found)
-    return found
+        _force(raw, f"{where}, force {k + 1}", drawing)
+    return drawing
 
 
 def _links(
-    raws: list[str], names: dict[str, str], found: Drawing, where: str
+    raws: list[str], names: dict[str, str], drawing: Drawing, where: str
 ) -> Iterator[tuple[str, list[str]]]:
     """Root links: what is welded of others is one of them."""
     for k, raw in enumerate(raws):
@@ -126,12 +126,12 @@ def _links(
         if not root:
             continue
         if kind == "P":
-            found.sliders.add(key)
-        found.inertias[key] = Inertia(mass, inertia, complex(x, y))
+            drawing.sliders.add(key)
+        drawing.inertias[key] = Inertia(mass, inertia, complex(x, y))
         yield key, points
 
 
-def _force(raw: str, where: str, found: Drawing) -> None:
+def _force(raw: str, where: str, drawing: Drawing) -> None:
     words = raw.split(",")
     if len(words) < 7 or len(words[0]) < 2:
         raise wrong(where, f'"{raw[:40]}" is no force')
@@ -141,7 +141,7 @@ def _force(raw: str, where: str, found: Drawing) -> None:
     along = end - start if flags & 2 else start - end
     if along:
         force = along / abs(along) * _decimal(size, where)
-        found.loads.append(Load(words[0][1:], names[1], start, force, bool(flags & 1)))
+        drawing.loads.append(Load(words[0][1:], names[1], start, force, bool(flags & 1)))
 
 
 def recognises(text: str) -> bool:

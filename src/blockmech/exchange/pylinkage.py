@@ -32,7 +32,7 @@ def of_data(data: Mapping[str, Any], where: str) -> Drawing:
     if "nodes" in data or "instances" in data:
         what = "a hypergraph says who joins whom, but no lengths"
         raise wrong(where, what, "a file of mechanism_to_json", "save the mechanism itself")
-    found = Drawing(str(data.get("name") or "linkage"), source="pylinkage file")
+    drawing = Drawing(str(data.get("name") or "linkage"), source="pylinkage file")
     trackers: list[Mapping[str, Any]] = []
     for i, raw in enumerate(items(data.get("joints"), f"{where}, joints")):
         at = f"{where}, joints[{i}]"
@@ -40,21 +40,21 @@ def of_data(data: Mapping[str, Any], where: str) -> Drawing:
         key, kind = str(own.get("id")), own.get("type", "revolute")
         if kind in LEGACY:
             raise wrong(at, f'"{kind}" is of the old format', "a file of mechanism_to_json")
-        if key in found.points:
+        if key in drawing.points:
             raise wrong(at, f'there are two joints "{key}"')
-        found.points[key] = _place(own.get("position"), at)
+        drawing.points[key] = _place(own.get("position"), at)
         if kind == "ground":
-            found.fixed.add(key)
+            drawing.fixed.add(key)
         elif kind == "prismatic":
             axis = _place(own.get("axis", [1.0, 0.0]), at)
-            found.slots[key] = [Slot(direction(0j, axis, at))]
+            drawing.slots[key] = [Slot(direction(0j, axis, at))]
         elif kind == "tracker":
             trackers.append(own)
     for i, raw in enumerate(items(data.get("links"), f"{where}, links")):
-        _link(fields(raw, f"{where}, links[{i}]"), f"{where}, links[{i}]", found)
+        _link(fields(raw, f"{where}, links[{i}]"), f"{where}, links[{i}]", drawing)
     for own in trackers:
-        _rigid(found, str(own["id"]), [str(own.get(f"ref_joint{k}_id")) for k in (1, 2)], where)
-    return found
+        _rigid(drawing, str(own["id"]), [str(own.get(f"ref_joint{k}_id")) for k in (1, 2)], where)
+    return drawing
 
 
 def _place(raw: Any, where: str) -> complex:
@@ -64,42 +64,42 @@ def _place(raw: Any, where: str) -> complex:
     return complex(number(pair[0], where), number(pair[1], where))
 
 
-def _link(own: Mapping[str, Any], where: str, found: Drawing) -> None:
+def _link(own: Mapping[str, Any], where: str, drawing: Drawing) -> None:
     points = [str(p) for p in items(own.get("joints", []), f"{where}.joints")]
-    if unknown := [p for p in points if p not in found.points]:
-        raise wrong(where, f"no joint {listed(unknown)}", f"joints: {listed(found.points)}")
+    if unknown := [p for p in points if p not in drawing.points]:
+        raise wrong(where, f"no joint {listed(unknown)}", f"joints: {listed(drawing.points)}")
     kind, name = own.get("type", "link"), str(own.get("id"))
-    if name in found.links:
+    if name in drawing.links:
         raise wrong(where, f'there are two links "{name}"')
     if kind == "ground":
-        found.fixed.update(points)
+        drawing.fixed.update(points)
         return
     if kind in ("driver", "arc_driver"):
-        motor = own.get("motor_joint") or next((p for p in points if p in found.fixed), None)
-        if motor not in found.points:
+        motor = own.get("motor_joint") or next((p for p in points if p in drawing.fixed), None)
+        if motor not in drawing.points:
             raise wrong(where, "the driver has no motor joint on the ground")
-        found.fixed.add(str(motor))
+        drawing.fixed.add(str(motor))
         rate = number(own.get("angular_velocity"), where, math.tau / 360)
         start, stop = 0.0, math.tau
         if kind == "arc_driver":
             at = number(own.get("initial_angle"), where, 0.0)
             start, stop = (number(own.get(k), where, 0.0) - at for k in ("arc_start", "arc_end"))
             start, stop = (-start, -stop) if rate < 0 else (start, stop)
-        found.drives[str(motor)] = Drive(rate, start, stop, name)
-        found.note(STEP)
-    found.links[name] = points
+        drawing.drives[str(motor)] = Drive(rate, start, stop, name)
+        drawing.note(STEP)
+    drawing.links[name] = points
 
 
-def _rigid(found: Drawing, point: str, anchors: list[str], where: str) -> None:
+def _rigid(drawing: Drawing, point: str, anchors: list[str], where: str) -> None:
     """A point at a fixed distance and angle of two others: on their link, if they have one."""
-    on = found.link_of(anchors)
+    on = drawing.link_of(anchors)
     if on is None:
         what = f"{point} is fixed to {listed(anchors)}, which move against each other"
         raise wrong(where, what, "two points of one link", "leave it out")
     if on == FRAME:
-        found.fixed.add(point)
+        drawing.fixed.add(point)
     else:
-        found.links[on].append(point)
+        drawing.links[on].append(point)
 
 
 # -- live objects -------------------------------------------------------------------

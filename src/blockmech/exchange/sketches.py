@@ -220,16 +220,16 @@ def _group(element: Element, m: Affine, name: str, layers: dict[str, Layer], whe
 
 
 def _transform(text: str, where: str) -> Affine:
-    found, rest = Affine(), 0
+    affine, rest = Affine(), 0
     for call in CALL.finditer(text):
         numbers = [number(x, where) for x in re.split(r"[\s,]+", call[2].strip()) if x]
         one = _called(call[1], numbers)
         if one is None or call.start() != rest:
             raise wrong(where, f'transform "{text[:40]}"', "matrix, translate, scale, rotate")
-        found, rest = found.after(one), call.end()
+        affine, rest = affine.after(one), call.end()
     if text[rest:].strip():
         raise wrong(where, f'transform "{text[:40]}"', "matrix, translate, scale, rotate")
-    return found
+    return affine
 
 
 def _called(name: str, x: list[float]) -> Affine | None:

@@ -29,9 +29,9 @@ def workbook(result: Result) -> Any:
     book = openpyxl.Workbook()
     sheet = book.active
     sheet.title = "results"
-    found = columns(result)
+    table = columns(result)
     bold = openpyxl.styles.Font(bold=True)
-    for j, column in enumerate(found, 1):
+    for j, column in enumerate(table, 1):
         _text(sheet.cell(1, j), column.name).font = bold
         _text(sheet.cell(2, j), column.unit or "-")
         for i, x in enumerate(column.values[:LONGEST].tolist(), 3):
@@ -40,12 +40,12 @@ def workbook(result: Result) -> Any:
         sheet.column_dimensions[openpyxl.utils.get_column_letter(j)].width = max(
             12, min(40, len(column.name) + 2)
         )
-    last = len(found) + 1
+    last = len(table) + 1
     _text(sheet.cell(1, last), "status").font = bold
     for i, word in enumerate(result.quality.status[:LONGEST], 3):
         _text(sheet.cell(i, last), word)
     sheet.freeze_panes = "A3"
-    wanted = [j for j, c in enumerate(found, 1) if c.output in result][:CHARTED]
+    wanted = [j for j, c in enumerate(table, 1) if c.output in result][:CHARTED]
     if result.n > 1 and wanted:
         sheet.add_chart(_chart(openpyxl, sheet, result, wanted), f"{_letter(openpyxl, last + 2)}2")
     about = book.create_sheet("about")

@@ -36,7 +36,7 @@ class Named(Protocol):
     def frictional_joints(self) -> tuple[str, ...]:
         """Names of the joints that have friction."""
 
-    def said(self, block: str) -> str:
+    def block_name(self, block: str) -> str:
         """A block in a message."""
 
 
@@ -129,22 +129,22 @@ def columns(result: Labelled, degrees: bool = False) -> list[Column]:
     A number of the whole run, e.g. an efficiency, is repeated at every sample.
     ``degrees`` gives angles in deg in place of rad.
     """
-    found = driver_columns(result, degrees)
-    first = {column.output for column in found}
+    table = driver_columns(result, degrees)
+    first = {column.output for column in table}
     for name in result:
         if name not in first:
-            found += output_columns(result, name, degrees)
-    return found
+            table += output_columns(result, name, degrees)
+    return table
 
 
 def driver_columns(result: Labelled, degrees: bool = False) -> list[Column]:
     """Driver coordinates [rad or m], and time [s] if the request says it."""
-    found = [
+    table = [
         _column(name, result.unit_of_driver(name), q, name, degrees)
         for name, q in result.drivers.items()
     ]
     time = result.known_time()
-    return found if time is None else [*found, Column("time", "s", time, "time")]
+    return table if time is None else [*table, Column("time", "s", time, "time")]
 
 
 def output_columns(result: Labelled, name: str, degrees: bool = False) -> list[Column]:

@@ -90,16 +90,16 @@ def to_xarray(result: Labelled) -> Any:
     data = {name: result[name] for name in result}
     rows = {n: x for n, x in data.items() if np.ndim(x) == 1 and len(x) == result.n}
     coords = drivers | ({} if time is None else {"time": time})
-    found = xarray.Dataset(
+    dataset = xarray.Dataset(
         {n: (dim, x) for n, x in rows.items() if n not in coords},
         {n: (dim, x) for n, x in coords.items()},
         {n: x for n, x in data.items() if np.ndim(x) == 0},
     )
     for name in rows:
-        found[name].attrs["units"] = result.output(name).unit
+        dataset[name].attrs["units"] = result.output(name).unit
     for name in drivers:
-        found[name].attrs["units"] = result.unit_of_driver(name)
-    return found
+        dataset[name].attrs["units"] = result.unit_of_driver(name)
+    return dataset
 
 
 def dataframe(table: Sequence[Column], status: Sequence[str]) -> Any:
@@ -165,10 +165,10 @@ def _finite(x: float) -> float | None:
 
 def _output(result: Labelled, name: str) -> dict[str, Any]:
     output = result.output(name)
-    found = {"unit": output.unit, "values": _values(result[name])}
+    data = {"unit": output.unit, "values": _values(result[name])}
     if output.on:
-        found |= {"by": output.by, "on": output.on}
-    return found
+        data |= {"by": output.by, "on": output.on}
+    return data
 
 
 def _values(raw: Any) -> list[Any]:

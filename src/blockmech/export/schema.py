@@ -10,5 +10,5 @@ from typing import Any
 def result_schema() -> dict[str, Any]:
     """JSON Schema (2020-12) of what `to_dict` gives."""
     text = resources.files("blockmech.export").joinpath("result.schema.json").read_text("utf-8")
-    found: dict[str, Any] = json.loads(text)
-    return found
+    schema: dict[str, Any] = json.loads(text)
+    return schema

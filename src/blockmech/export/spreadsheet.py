@@ -90,14 +90,14 @@ def csv_of(
 
 
 def _chunks(result: Labelled, separator: str, decimal: str, degrees: bool) -> Iterator[str]:
-    found, bound = columns(result, degrees), result.friction_error
+    table, bound = columns(result, degrees), result.friction_error
     if bound is not None:
-        found.append(Column("friction error", "", np.where(np.isfinite(bound), bound, np.nan), ""))
-    yield csv_of([*(column.head for column in found), "status"], (), separator=separator)
+        table.append(Column("friction error", "", np.where(np.isfinite(bound), bound, np.nan), ""))
+    yield csv_of([*(column.head for column in table), "status"], (), separator=separator)
     status = result.quality.status
     for start in range(0, result.n, ROWS):
         part = slice(start, start + ROWS)
-        numbers = [column.values[part] for column in found]
+        numbers = [column.values[part] for column in table]
         yield _rows(np.stack(numbers, axis=1).tolist(), status[part], separator, decimal)
 
 

@@ -55,8 +55,8 @@ def leading(outputs: Mapping[str, Output]) -> tuple[str, ...]:
     them: a group that does not close is told, whatever depends on it.
     """
     ranked = sorted((n for n, o in outputs.items() if o.kind != "number"), key=_rank)
-    told = (n for n, o in outputs.items() if o.kind == "number" or n.endswith(".margin"))
-    return (*ranked[: WIDTH // NARROWEST], *told)
+    others = (n for n, o in outputs.items() if o.kind == "number" or n.endswith(".margin"))
+    return (*ranked[: WIDTH // NARROWEST], *others)
 
 
 def table(
@@ -106,18 +106,18 @@ def gap_lines(result: Labelled, degrees: bool = DEGREES) -> list[str]:
         return []
     drivers = [c for c in driver_columns(result, degrees) if c.output in result.drivers]
     lines = [f"no answer at {len(gaps)} of {counted(result.n, 'sample')}:"]
-    found = groupby(
+    groups = groupby(
         enumerate(gaps), lambda g: (g[1] - g[0], quality.status[g[1]], quality.blame[g[1]])
     )
-    runs = [(word, block, [i for _, i in run]) for (_, word, block), run in found]
+    runs = [(word, block, [i for _, i in run]) for (_, word, block), run in groups]
     for word, block, run in runs[:LINES]:
         places = [
             " ... ".join(dict.fromkeys(_cell(c.values[i]) for i in (run[0], run[-1])))
             for c in drivers
         ]
-        said = [f"{c.name} = {at} {c.unit}" for c, at in zip(drivers, places, strict=True)]
-        place = f" at {result.mechanism.said(block)}" if block else ""
-        lines.append(f"  {word}{place}, {counted(len(run), 'sample')}: {', '.join(said)}")
+        coordinates = [f"{c.name} = {at} {c.unit}" for c, at in zip(drivers, places, strict=True)]
+        place = f" at {result.mechanism.block_name(block)}" if block else ""
+        lines.append(f"  {word}{place}, {counted(len(run), 'sample')}: {', '.join(coordinates)}")
     if len(runs) > LINES:
         lines.append(f"  and {counted(len(runs) - LINES, 'stretch', 'stretches')} more")
     return lines

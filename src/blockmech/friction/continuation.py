@@ -156,8 +156,8 @@ def course_from_zero(
     start = ContinuationState(v, v, contacts, zero, zero, zero, aim, v, row, *more)
     if any(edges):
         start = repeat(pressed, start, 1, k, edges, base, rows)
-    found: ContinuationState = repeat(follow, start, MOST, k, edges, base, rows)
-    return found
+    course: ContinuationState = repeat(follow, start, MOST, k, edges, base, rows)
+    return course
 
 
 def pressed(at: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) -> ContinuationState:
@@ -284,7 +284,7 @@ def passed(at: ContinuationState, new: Corrected, limits: Any) -> tuple[Real, Re
 
 def switched(at: ContinuationState, x: Any, kinked: Real, limits: Any) -> tuple[Any, ...]:
     """The contacts behind a kink: a quarter turn further, or opposite where both limits end."""
-    found, aims = [], iter([(StepTarget.KINK + i, row) for i, row in enumerate(limits)])
+    contacts, aims = [], iter([(StepTarget.KINK + i, row) for i, row in enumerate(limits)])
     for contact in at.contacts:
         if contact:
             (left, one), (right, other) = next(aims), next(aims)
@@ -294,8 +294,8 @@ def switched(at: ContinuationState, x: Any, kinked: Real, limits: Any) -> tuple[
             here = to_left | to_right
             turned = chosen(both, (-a, -b), chosen(to_left, (-b, a), (b, -a)))
             contact = chosen(here, turned, contact)
-        found.append(contact)
-    return tuple(found)
+        contacts.append(contact)
+    return tuple(contacts)
 
 
 def end_of(course: ContinuationState, k: Any, edges: Any, base: Any, rows: Any) -> Path:

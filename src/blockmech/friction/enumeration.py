@@ -121,7 +121,7 @@ def _with_idle(
 ) -> Enumerated:
     """Solutions where pairs bear no load, whatever the others do: they have no friction."""
     n, m = k.shape
-    found = []
+    parts = []
     for pattern in np.unique(idle, axis=0):
         index, rest = np.flatnonzero((idle == pattern).all(axis=1)), np.flatnonzero(~pattern)
         part = enumerated(
@@ -132,8 +132,8 @@ def _with_idle(
         )
         t = np.zeros((len(part.system), m))
         t[:, rest] = part.t
-        found.append((index[part.system], t, part.signs, index, part.complete))
-    system, t, signs, index, proved = map(np.concatenate, zip(*found, strict=True))
+        parts.append((index[part.system], t, part.signs, index, part.complete))
+    system, t, signs, index, proved = map(np.concatenate, zip(*parts, strict=True))
     order, complete = np.argsort(system, kind="stable"), np.zeros(n, bool)
     complete[index] = proved
     return Enumerated(system[order], t[order], signs[order], complete)
@@ -238,12 +238,12 @@ def _lines(systems: Equations, z: Vectors, s: Any, scale: Any) -> tuple[Vectors,
 def _solved(slope: Any, right: Any) -> Any:
     """Solutions of n systems; NaN where one is singular."""
     try:
-        found = np.linalg.solve(slope, right[..., None])[..., 0]
+        solution = np.linalg.solve(slope, right[..., None])[..., 0]
     except np.linalg.LinAlgError:  # of one of them; LAPACK does not say of which
         bad = np.linalg.det(slope) == 0.0
         slope = np.where(bad[:, None, None], np.eye(slope.shape[1]), slope)
-        found = np.linalg.solve(slope, np.where(bad[:, None], np.nan, right)[..., None])[..., 0]
-    return found
+        solution = np.linalg.solve(slope, np.where(bad[:, None], np.nan, right)[..., None])[..., 0]
+    return solution
 
 
 def _corrected(systems: Equations, z: Vectors, s: Floats, bend: float) -> Vectors:
@@ -317,8 +317,8 @@ def _apart(balls: Balls) -> NDArray[np.bool_]:
         distance = np.abs(z[:, :, None] - z[:, None]).max(axis=3, initial=0.0)
         free = distance > radius[:, :, None] + radius[:, None]
     free |= np.eye(z.shape[1], dtype=bool)
-    found: NDArray[np.bool_] = free.all(axis=(1, 2)) & np.isfinite(radius).all(axis=1)
-    return found
+    apart: NDArray[np.bool_] = free.all(axis=(1, 2)) & np.isfinite(radius).all(axis=1)
+    return apart
 
 
 @np.errstate(all="ignore")
@@ -356,8 +356,8 @@ def _judged(
         if all(np.abs(z[i] - z[j]).max() > BLURRED * size[i] for j in others):
             kept.append(i)
     order = np.array(sorted(kept, key=lambda i: (owner[i], i)), np.intp)
-    found = np.where(taken[order], signs[order], 0.0).astype(np.int8)
-    return owner[order], z.real[order], found, complete
+    index = np.where(taken[order], signs[order], 0.0).astype(np.int8)
+    return owner[order], z.real[order], index, complete
 
 
 def _spare(systems: Equations, z: Floats, contacts: Sequence[int]) -> Floats:

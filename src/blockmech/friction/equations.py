@@ -27,12 +27,12 @@ def load_norm(F: Complex, edge: bool) -> Real:
 
 def loads(t: Any, base: Any, rows: Any) -> tuple[Complex, ...]:
     """Loads on all pairs with friction t."""
-    found = []
+    forces = []
     for f, row in zip(base, rows, strict=True):
         for x, influence in zip(t, row, strict=True):
             f = f + mul(influence, x)
-        found.append(f)
-    return tuple(found)
+        forces.append(f)
+    return tuple(forces)
 
 
 def norms(F: Any, edges: Any) -> tuple[Real, ...]:
@@ -119,13 +119,13 @@ def limits_of(contacts: Any, edges: Any, base: Any, rows: Any) -> list[list[Real
     Pressed by F along c, a guide keeps that contact while F is between i c and -i c by 45
     degrees: while F has no component against (1 - i) c, or (1 + i) c.
     """
-    found = []
+    rows_of = []
     for j, (edge, contact) in enumerate(zip(edges, contacts, strict=True)):
         if edge:
             x, y = contact
             for u in (planar(x + y, y - x), planar(x - y, x + y)):
-                found.append([*(dot(u, R) for R in rows[j]), dot(u, base[j]), 0.0 * x])
-    return found
+                rows_of.append([*(dot(u, R) for R in rows[j]), dot(u, base[j]), 0.0 * x])
+    return rows_of
 
 
 def chosen(condition: Real, a: Any, b: Any) -> tuple[Real, ...]:

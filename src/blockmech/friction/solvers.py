@@ -93,8 +93,8 @@ def successive(
     count = 0.0 * g[0]
     going = count <= 1.0  # false for NaN: an impossible sample is left alone
     start = Iterate(t, g, count, count, count, count, going)
-    asked = tolerance if iterations is None else -1.0  # no change is so small
-    last: Iterate = repeat(iterate, start, iterations or CAP, k, edges, base, rows, asked)
+    stop = tolerance if iterations is None else -1.0  # no change is so small
+    last: Iterate = repeat(iterate, start, iterations or CAP, k, edges, base, rows, stop)
     P = contraction_bound(k, edges, rows)
     late = last.going if iterations is None else last.residual >= 1.0 - P
     outcome = where(late, float(Outcome.NOT_CONVERGED), count * 0.0)
@@ -106,9 +106,9 @@ def successive(
         return solution
     unproved = (P >= 1.0) & _known(g)
     course = course_from_zero(unproved, k, edges, base, rows, solvable)
-    data = course, k, edges, base, rows, enough(last.g, asked)
-    found, _ = repeat(confirmed, (solution, unproved), 1, *data)
-    return differentiable(found, k, edges, base, rows)
+    data = course, k, edges, base, rows, enough(last.g, stop)
+    confirmed_, _ = repeat(confirmed, (solution, unproved), 1, *data)
+    return differentiable(confirmed_, k, edges, base, rows)
 
 
 class Iterate(NamedTuple):
@@ -153,16 +153,16 @@ def confirmed(
     change, and beyond it the iteration may settle on another solution.
     """
     given, _ = state
-    found = end_of(course, k, edges, base, rows)
+    end = end_of(course, k, edges, base, rows)
     rho = minimum(maximum(given.contraction, 0.0), 1.0 - 1e-12)
-    reach = maximum(change, 1e-12 * largest_of(found.g)) * maximum(1.0, rho / (1.0 - rho))
-    off = largest_of([a - b for a, b in zip(found.g, given.g, strict=True)])
-    solved = found.outcome == float(Outcome.BY_CONTINUATION)
+    reach = maximum(change, 1e-12 * largest_of(end.g)) * maximum(1.0, rho / (1.0 - rho))
+    off = largest_of([a - b for a, b in zip(end.g, given.g, strict=True)])
+    solved = end.outcome == float(Outcome.BY_CONTINUATION)
     agrees = solved & (given.outcome == float(Outcome.CERTIFIED)) & (off <= 10.0 * reach)
-    outcome = where(solved, float(Outcome.NOT_CONVERGED), found.outcome)
+    outcome = where(solved, float(Outcome.NOT_CONVERGED), end.outcome)
     outcome = where(agrees, float(Outcome.BY_CONTINUATION), outcome)
     t = tuple(where(agrees, x, NAN) for x in given.t)
-    return given._replace(t=t, outcome=outcome, limit=found.limit), False
+    return given._replace(t=t, outcome=outcome, limit=end.limit), False
 
 
 def newton(k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False) -> Solution:
@@ -212,8 +212,8 @@ def replaced(
 ) -> Any:
     """Uncertified samples of Newton's method: continuation's answer in their place."""
     given, _ = state
-    found = end_of(course, k, edges, base, rows)
-    t, g, residual, outcome, limit, count = found
+    end = end_of(course, k, edges, base, rows)
+    t, g, residual, outcome, limit, count = end
     more = {"residual": residual, "outcome": outcome, "limit": limit}
     return given._replace(t=t, g=g, iterations=count, **more), False
 

@@ -230,11 +230,11 @@ class Following(Element):
 
     def reads(self) -> Reads:
         """All that it depends on: what its kernel reads and what its law measures."""
-        found = dict(read_by(self.kernel()))
+        reads_of = dict(read_by(self.kernel()))
         for _, reads in self.measures():
             for key, what in reads.items():
-                found[key] = tuple(dict.fromkeys((*found.get(key, ()), *what)))
-        return found
+                reads_of[key] = tuple(dict.fromkeys((*reads_of.get(key, ()), *what)))
+        return reads_of
 
     @property
     def conservative(self) -> bool:
@@ -278,8 +278,8 @@ class Following(Element):
         own = {"coordinate": self.own_symbol, "rate": f"rate of {self.own_symbol}", "time": "t"}
         own["signal"] = "signal"
         of = {"coordinate": "q", "rate": "rate"} if self.driver else {}
-        said = [f"{self.driver}.{of[x]}" if x in of else own[x] for x in self.law.variables()]
-        return f"f({', '.join(said)})" if said else ""
+        arguments = [f"{self.driver}.{of[x]}" if x in of else own[x] for x in self.law.variables()]
+        return f"f({', '.join(arguments)})" if arguments else ""
 
     def measures(self) -> Iterator[tuple[Callable[..., Any] | None, Reads]]:
         """What each of the law's arguments is made from; no kernel where it is read as it is."""

@@ -59,16 +59,16 @@ def remarks(blocks: Blocks, wires: Iterable[Wire]) -> list[Problem]:
     frames = {n: b for n, b in blocks.items() if isinstance(b, Frame)}
     moving = {n: b for n, b in blocks.items() if isinstance(b, Moving)}
     reached = set(frames).union(*(nx.descendants(dag, n) for n in frames))
-    said = "no chain of wires leads to it from the frame"
-    found = [Problem("unreachable", name, said) for name in moving if name not in reached]
+    reason = "no chain of wires leads to it from the frame"
+    problems = [Problem("unreachable", name, reason) for name in moving if name not in reached]
     for name, frame in frames.items():
         ends = [f"{name}.{m}" for m in frame.markers if f"{name}.{m}" not in used]
-        found += [Problem("unused-marker", end, "no wire starts there") for end in ends]
+        problems += [Problem("unused-marker", end, "no wire starts there") for end in ends]
     for name, block in moving.items():
         in_use = block.closes or any(u.startswith(f"{name}.") for u in used)
         if not in_use and not any(link.massive for link in block.links.values()):
-            found.append(Problem("idle-driver", name, "it moves nothing and carries no load"))
-    return found
+            problems.append(Problem("idle-driver", name, "it moves nothing and carries no load"))
+    return problems
 
 
 def name_problem(blocks: Blocks, name: str, block: object) -> Problem | None:
@@ -257,12 +257,12 @@ def _branch_problems(blocks: Blocks, wires: Iterable[Wire]) -> Iterator[Problem]
     for name, block in following.items():
         above = nx.ancestors(dag, name)
         drivers = driver_names({n: b for n, b in blocks.items() if n in above})
-        said = list(block.home.drivers)  # type: ignore[attr-defined]
+        named = list(block.home.drivers)  # type: ignore[attr-defined]
         if len(drivers) != 1:
             found = f"it is moved by {len(drivers)} drivers, not by one that leads from home"
             yield Problem("many-drivers", f"{name}.branch", found, "", "give the branch -1 or 1")
-        elif said != drivers:
-            where, found = f"{name}.home.drivers", f"it names {listed(said)}"
+        elif named != drivers:
+            where, found = f"{name}.home.drivers", f"it names {listed(named)}"
             yield Problem("wrong-home", where, found, f"the dyad is moved by {drivers[0]}")
 
 

@@ -76,17 +76,17 @@ def waiting(
     and to earlier links (of which only those that they are wired to matter).
     """
     moving = sorted(set(links) - set(earlier))
-    found, names = formation(moving, pairs, earlier, drivers), ", ".join(moving)
-    if found.complete and len(found.units) == 1:
-        unit = found.units[0]
+    sequence, names = formation(moving, pairs, earlier, drivers), ", ".join(moving)
+    if sequence.complete and len(sequence.units) == 1:
+        unit = sequence.units[0]
         text = f"{names} are one Assur group of class {roman(unit.number)}"
-        return found, text + f" with {len(unit.links)} links and {len(unit.pairs)} pairs"
-    if found.complete:
-        return found, f"the links can be placed in the order {found}"
+        return sequence, text + f" with {len(unit.links)} links and {len(unit.pairs)} pairs"
+    if sequence.complete:
+        return sequence, f"the links can be placed in the order {sequence}"
     state = rigidity(moving, pairs, earlier, drivers)
     reasons = [f"over-constrained: {', '.join(_held(o, pairs))}" for o in state.overconstrained]
     reasons += [f"loose: {', '.join(part.links)}" for part in state.loose]
-    return found, f"{names} are no Assur group; {'; '.join(reasons)}"
+    return sequence, f"{names} are no Assur group; {'; '.join(reasons)}"
 
 
 def _held(o: Overconstraint, pairs: Iterable[Pair]) -> Sequence[str]:

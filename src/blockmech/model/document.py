@@ -135,9 +135,9 @@ class Document:
     def with_numbers(self, numbers: Mapping[Path, Any]) -> Self:
         """A copy with other numbers at some paths, unchecked: of any type with arithmetic."""
         other = copy.copy(self)
-        found = replaced(self.sections(), numbers)
+        sections = replaced(self.sections(), numbers)
         for section in {str(path[0]) for path in numbers}:
-            setattr(other, section, found[section])
+            setattr(other, section, sections[section])
         return other
 
     def snapshot(self) -> Self:

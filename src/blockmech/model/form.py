@@ -81,10 +81,10 @@ class Section(NamedTuple):
         """An item as its file says it."""
         if self.other and not isinstance(item, StrictModel | Mapping):
             return {self.key: item.type, **item.raw}  # of an unknown kind: word for word
-        said: dict[str, Any] = plain(item)
-        if self.key and self.key not in said and hasattr(item, "type_name"):
-            said = {self.key: item.type_name.removeprefix(self.prefix)} | said
-        return {key: said[key] for key in self.first if key in said} | said
+        fields: dict[str, Any] = plain(item)
+        if self.key and self.key not in fields and hasattr(item, "type_name"):
+            fields = {self.key: item.type_name.removeprefix(self.prefix)} | fields
+        return {key: fields[key] for key in self.first if key in fields} | fields
 
 
 @dataclass(frozen=True)
@@ -113,9 +113,13 @@ class Form:
         for key, declared in self.model.model_fields.items():
             if (content := sections.get(key)) is not None:
                 items = named.get(key)
-                said = {n: items.data(x) for n, x in content.items()} if items else plain(content)
-                if key in ("name", *self.always) or (said and said != plain(declared.default)):
-                    data[key] = said
+                section = (
+                    {n: items.data(x) for n, x in content.items()} if items else plain(content)
+                )
+                if key in ("name", *self.always) or (
+                    section and section != plain(declared.default)
+                ):
+                    data[key] = section
         return data
 
 
@@ -127,15 +131,15 @@ def bad_name(what: str, name: Any, where: str = "") -> Problem:
 
 def _identified(form: Form, raw: Mapping[str, Any]) -> Iterator[Problem]:
     """What is wrong with format and version. Raises if it is another document altogether."""
-    said, valid = raw.get("format"), f'{form.said} has "format": "{form.format}"'
+    declared, valid = raw.get("format"), f'{form.said} has "format": "{form.format}"'
     if "format" not in raw:
         problem = Problem("wrong-format", "format", "the file names no format", valid, "add it")
         if form.always[0] not in raw:
             raise FormatError(problem)
         yield problem
-    elif said != form.format:
-        known = FORMATS.get(said) if isinstance(said, str) else None
-        found, remedy = known or (f"the format is {shown(said)}", "")
+    elif declared != form.format:
+        known = FORMATS.get(declared) if isinstance(declared, str) else None
+        found, remedy = known or (f"the format is {shown(declared)}", "")
         raise FormatError(Problem("wrong-format", "format", found, valid, remedy))
     of_version = _version_problem(raw)
     if of_version is not None:
@@ -223,7 +227,7 @@ class Draft:
             found = f"a {what} must be an object {{...}}, got {shown(raw)}"
             return None, [Problem("wrong-type", path_text(path), found)]
         model: Any = section.plain
-        said = section.plain_said
+        plain_field = section.plain_said
         if key and (model is None or key in raw):
             where, word = path_text((*path, key)), raw.get(key)
             if key not in raw:
@@ -232,14 +236,14 @@ class Draft:
             if not isinstance(word, str) or not word:
                 found = f"{key} must be the name of a {what} {key}, got {shown(word)}"
                 return None, [Problem("wrong-type", where, found, section.words)]
-            model, said = section.kinds.get(word), section.said.format(word)
+            model, plain_field = section.kinds.get(word), section.said.format(word)
             if model is None:
                 if section.other is None:
                     return None, [section.unknown_kind(word, where)]
                 return section.other(word, {k: raw[k] for k in raw if k != key}), []
             if key not in model.model_fields:  # the kind is not among the model's own keys
                 raw = {k: item for k, item in raw.items() if k != key}
-        return validated(model, raw, said, path)
+        return validated(model, raw, plain_field, path)
 
     def finish(self) -> None:
         """Raise what was noted, section by section."""

@@ -130,8 +130,8 @@ class Graph(Document):
     def sections(self) -> dict[str, Any]:
         """Blocks, wires and scene."""
         wires = [{"from": wire.source, "to": wire.target} for wire in self.wires]
-        found = {"blocks": self.blocks, "wires": wires, "scene": self.scene}
-        return found | ({"parameters": self.parameters} if self.parameters else {})
+        sections = {"blocks": self.blocks, "wires": wires, "scene": self.scene}
+        return sections | ({"parameters": self.parameters} if self.parameters else {})
 
     # -- graphs inside ----------------------------------------------------
 
@@ -142,9 +142,9 @@ class Graph(Document):
         """
         if not any(isinstance(block, Subgraph) for block in self.blocks.values()):
             return self
-        flat, found = self._flattened(), copy.copy(self)
-        found.blocks, found.wires, found.scene = flat.blocks, flat.wires, flat.scene
-        return found
+        flat, copied = self._flattened(), copy.copy(self)
+        copied.blocks, copied.wires, copied.scene = flat.blocks, flat.wires, flat.scene
+        return copied
 
     def _flattened(self) -> Flat:
         for name, block in self.blocks.items():

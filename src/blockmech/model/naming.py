@@ -78,12 +78,12 @@ class Names:
     @cached_property
     def of_blocks(self) -> Mapping[str, str]:
         """Block -> itself and the document's links in it, e.g. ``"g1 (rod, piston)"``."""
-        found: dict[str, list[str]] = {}
+        links_of: dict[str, list[str]] = {}
         for link, where in self.links.items():
-            found.setdefault(where.link.block, []).append(link)
+            links_of.setdefault(where.link.block, []).append(link)
         return {
             block: f"{block} ({', '.join(links)})" if links != [block] else block
-            for block, links in found.items()
+            for block, links in links_of.items()
         }
 
     @cached_property

@@ -59,7 +59,7 @@ def parameters_of(sections: Mapping[str, Any]) -> dict[str, Parameter]:
 
     ``sections`` are those of the document: named items, or models.
     """
-    found: dict[str, Parameter] = {}
+    parameters: dict[str, Parameter] = {}
     known = dict(_axes(sections))
     for section, content in sections.items():
         named = isinstance(content, Mapping)
@@ -69,12 +69,12 @@ def parameters_of(sections: Mapping[str, Any]) -> dict[str, Parameter]:
             unit = _unit(Scene.model_fields.get(section))
             axis = known.get(key, Axis())._replace(known=known)
             if isinstance(item, Subgraph):
-                found |= {p.address: p for p in _of_graph(item, path, head)}
+                parameters |= {p.address: p for p in _of_graph(item, path, head)}
                 continue
             for parameter in _numbers(item, path, head, head, unit, axis):
                 if path != FIXED_LINK or parameter.path[2] == "markers":  # it has no mass
-                    found.setdefault(parameter.address, parameter)
-    return found
+                    parameters.setdefault(parameter.address, parameter)
+    return parameters
 
 
 def interface(graph: Any) -> dict[str, tuple[Parameter, tuple[Path, ...]]]:
@@ -85,7 +85,7 @@ def interface(graph: Any) -> dict[str, tuple[Parameter, tuple[Path, ...]]]:
     Raises `RequestError` for named parameters that stand for nothing, or for what differs.
     """
     numbers = parameters_of(graph.sections())
-    found: dict[str, tuple[Parameter, tuple[Path, ...]]] = {}
+    named_parameters: dict[str, tuple[Parameter, tuple[Path, ...]]] = {}
     problems: list[Problem] = []
     for name, addresses in graph.parameters.items():
         try:
@@ -94,16 +94,16 @@ def interface(graph: Any) -> dict[str, tuple[Parameter, tuple[Path, ...]]]:
             problems += [replace(p, where=f"parameters.{name}") for p in error.problems]
             continue
         if len({(p.value, p.unit) for p in own}) > 1:
-            said = ", ".join(f"{p.address} = {p.value:g} {p.unit}".rstrip() for p in own)
+            values = ", ".join(f"{p.address} = {p.value:g} {p.unit}".rstrip() for p in own)
             valid = "a parameter stands for numbers of one value and unit"
-            problems.append(Problem("wrong-value", f"parameters.{name}", said, valid))
+            problems.append(Problem("wrong-value", f"parameters.{name}", values, valid))
         first, paths = own[0], tuple(p.path for p in own)
-        found[name] = first._replace(address=name, path=("parameters", name)), paths
+        named_parameters[name] = first._replace(address=name, path=("parameters", name)), paths
     if problems:
         raise RequestError(problems)
-    taken = {path for _, paths in found.values() for path in paths}
+    taken = {path for _, paths in named_parameters.values() for path in paths}
     taken |= {p.path for p in numbers.values() if p.path[:2] == ("scene", "gravity")}  # of all
-    return found | {a: (p, (p.path,)) for a, p in numbers.items() if p.path not in taken}
+    return named_parameters | {a: (p, (p.path,)) for a, p in numbers.items() if p.path not in taken}
 
 
 def _of_graph(block: Subgraph, path: Path, head: str) -> Iterator[Parameter]:
@@ -186,21 +186,21 @@ def named(known: Mapping[str, Parameter], given: Mapping[str, T]) -> dict[Parame
     if not known.keys() >= given.keys():
         for p in known.values():
             as_written |= dict.fromkeys(_spellings(p.path), p)
-    found: dict[Parameter, T] = {}
+    values: dict[Parameter, T] = {}
     problems = []
     parameter: Parameter | None
     for address, x in given.items():
         parameter = known[address] if address in known else as_written.get(address)
         if parameter is None:
             problems.append(_unknown(address, known))
-        elif parameter in found:
+        elif parameter in values:
             what = f"{parameter.address} is given twice"
             problems.append(Problem("taken-name", address, what, "", "give it once"))
         else:
-            found[parameter] = x
+            values[parameter] = x
     if problems:
         raise RequestError(problems)
-    return found
+    return values
 
 
 def _spellings(path: Path) -> Iterator[str]:

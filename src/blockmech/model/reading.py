@@ -92,9 +92,9 @@ def data_of(text: str) -> tuple[dict[str, Any], list[Problem]]:
 
     def made(items: list[tuple[str, Any]]) -> dict[str, Any]:
         nonlocal twice
-        found = dict(items)
-        twice |= len(found) < len(items)
-        return found
+        fields = dict(items)
+        twice |= len(fields) < len(items)
+        return fields
 
     def whole(token: str) -> int | float:
         return int(token) if len(token) < 300 else float(token)
@@ -107,12 +107,12 @@ def data_of(text: str) -> tuple[dict[str, Any], list[Problem]]:
     except json.JSONDecodeError as error:
         raise FormatError(_syntax(text, error)) from error
     except RecursionError as error:
-        found = f"objects and lists are nested more than {DEEPEST} deep"
-        raise FormatError(Problem("too-deep", "", found, "a graph needs nine")) from error
+        fields = f"objects and lists are nested more than {DEEPEST} deep"
+        raise FormatError(Problem("too-deep", "", fields, "a graph needs nine")) from error
     if not isinstance(data, dict):
-        found = "the file does not hold an object"
+        fields = "the file does not hold an object"
         valid = 'a graph file is {"format": "blockmech/graph", ...}'
-        raise FormatError(Problem("not-an-object", "line 1, column 1", found, valid))
+        raise FormatError(Problem("not-an-object", "line 1, column 1", fields, valid))
     if any(problem.code == "wrong-encoding" for problem in misfits):
         raise FormatError(misfits)  # half characters break what they are handed to
     return data, misfits
@@ -267,14 +267,14 @@ def _misfits(text: str) -> Iterator[Problem]:
         elif sign[0] == '"':
             if not inside:
                 continue  # a text is no document, which its reader says
-            said, here = json.loads(sign) if "\\" in sign else sign[1:-1], inside[-1]
+            key, here = json.loads(sign) if "\\" in sign else sign[1:-1], inside[-1]
             if here.expects_key:
-                here.key = said
-                first = here.keys.setdefault(said, at)
+                here.key = key
+                first = here.keys.setdefault(key, at)
                 if first != at:
                     found = f"the key is given twice: {place(text, first)} and {place(text, at)}"
                     yield problem("duplicate-key", found, "keep one of them")
-            if not said.isascii() and any("\ud800" <= c <= "\udfff" for c in said):
+            if not key.isascii() and any("\ud800" <= c <= "\udfff" for c in key):
                 found = f"half of a character ({place(text, at)})"
                 yield problem("wrong-encoding", found, "write the whole character")
         elif sign[0] not in "tfn" and not abs(float(sign)) <= HIGHEST:

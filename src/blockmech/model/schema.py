@@ -26,22 +26,22 @@ OUTPUT = {"type": "string", "pattern": r"^[^./]+(\.[^./]+)+$"}
 
 def graph_schema() -> dict[str, Any]:
     """JSON Schema (2020-12) of a graph file, with every registered block type."""
-    found = _schema(GRAPH_FILE)
-    found["$defs"]["WireEnds"]["properties"] |= {"from": OUTPUT, "to": OUTPUT}
-    sections = {n: {"$ref": f"#/properties/{n}"} for n in found["properties"] if n not in HEAD}
-    found["$defs"][Subgraph.type_name]["properties"]["graph"]["properties"] = sections
-    return found
+    schema = _schema(GRAPH_FILE)
+    schema["$defs"]["WireEnds"]["properties"] |= {"from": OUTPUT, "to": OUTPUT}
+    sections = {n: {"$ref": f"#/properties/{n}"} for n in schema["properties"] if n not in HEAD}
+    schema["$defs"][Subgraph.type_name]["properties"]["graph"]["properties"] = sections
+    return schema
 
 
 def joints_schema() -> dict[str, Any]:
     """JSON Schema (2020-12) of a joint-based file, with every registered load and law."""
-    found = _schema(LINKAGE_FILE)
-    found["$defs"]["WireEnds"]["properties"] |= {"from": OUTPUT, "to": OUTPUT}
-    links = found["properties"]["links"]
+    schema = _schema(LINKAGE_FILE)
+    schema["$defs"]["WireEnds"]["properties"] |= {"from": OUTPUT, "to": OUTPUT}
+    links = schema["properties"]["links"]
     of_frame = links["additionalProperties"] | {"propertyNames": {"const": "markers"}}
     links["additionalProperties"] |= {"required": ["pose"]}
     links["properties"] = {FRAME: of_frame}
-    return found
+    return schema
 
 
 def _schema(form: Form) -> dict[str, Any]:
@@ -82,18 +82,18 @@ def _item(section: Section, parts: dict[str, Any], key: dict[Any, str]) -> dict[
         if section.key not in model.model_fields:
             name = f"{section.prefix}{word}"
             parts[name] = _of_block(section.key, word, model, parts.pop(key[model]))
-        said = {"properties": {section.key: {"const": word}}, "required": [section.key]}
-        cases.append({"if": said, "then": {"$ref": f"#/$defs/{name}"}})
+        condition = {"properties": {section.key: {"const": word}}, "required": [section.key]}
+        cases.append({"if": condition, "then": {"$ref": f"#/$defs/{name}"}})
     words: dict[str, Any] = {"enum": list(section.kinds)}
     if section.other is not None:  # of a kind that is not known here everything is allowed
         words = {"type": "string", "minLength": 1, "examples": list(section.kinds)}
-    found: dict[str, Any] = {"type": "object", "properties": {section.key: words}}
+    schema: dict[str, Any] = {"type": "object", "properties": {section.key: words}}
     if section.plain is None:
-        found["required"] = [section.key]
+        schema["required"] = [section.key]
     else:
         plain = {"$ref": f"#/$defs/{key[section.plain]}"}
         cases.append({"if": {"not": {"required": [section.key]}}, "then": plain})
-    return found | {"allOf": cases}
+    return schema | {"allOf": cases}
 
 
 def _of_block(key: str, word: str, cls: type[Any], schema: dict[str, Any]) -> dict[str, Any]:
@@ -123,9 +123,11 @@ def _friction_of(kind: str) -> dict[str, Any]:
     laws = {name: law for name in LAWS if kind in (law := LAWS[name]).kinds}
     cases = []
     for name, law in laws.items():
-        said: dict[str, Any] = {"properties": {"law": {"const": name}}}
-        said |= {} if name == PLAIN else {"required": ["law"]}
-        cases.append({"if": said, "then": {"$ref": f"#/$defs/{law.__name__}"} | _shape(law, kind)})
+        condition: dict[str, Any] = {"properties": {"law": {"const": name}}}
+        condition |= {} if name == PLAIN else {"required": ["law"]}
+        cases.append(
+            {"if": condition, "then": {"$ref": f"#/$defs/{law.__name__}"} | _shape(law, kind)}
+        )
     return {"type": "object", "properties": {"law": {"enum": list(laws)}}, "allOf": cases}
 
 

@@ -247,12 +247,12 @@ class Structure:
 
     def _turning(self, link: LinkRef) -> dict[LinkRef, str]:
         """A link and those that it hangs on by driven pairs, each with the driver that turns it."""
-        found: dict[LinkRef, str] = {}
+        drivers: dict[LinkRef, str] = {}
         while link != self.frame_link and not self.blocks[link.block].closes:
             (driver,) = self.drivers_of(link.block)
-            found[link] = driver if self.driver_joint(driver).rotary else ""
+            drivers[link] = driver if self.driver_joint(driver).rotary else ""
             link = self.earlier_link(self.driven[driver])
-        return found | {link: ""}
+        return drivers | {link: ""}
 
     def coupling_of(self, driver: str) -> Coupling:
         """The coupling that a driver follows."""
@@ -280,26 +280,26 @@ class Structure:
     @cached_property
     def coupled_on(self) -> Mapping[LinkRef, tuple[str, ...]]:
         """Drivers that follow something on a link or, of a black box, stand on its support."""
-        found: dict[LinkRef, dict[str, None]] = {link: {} for link in self.links}
+        drivers: dict[LinkRef, dict[str, None]] = {link: {} for link in self.links}
         for driven, follower in self.followers.items():
             if follower.leader is None:
-                found[follower.centre.on][driven] = None
+                drivers[follower.centre.on][driven] = None
             else:
-                found[self.later_link(follower.leader)][driven] = None
+                drivers[self.later_link(follower.leader)][driven] = None
                 if self.contact(driven) is None:
-                    found[self.earlier_link(follower.leader)][driven] = None
-        return {link: tuple(names) for link, names in found.items()}
+                    drivers[self.earlier_link(follower.leader)][driven] = None
+        return {link: tuple(names) for link, names in drivers.items()}
 
     @cached_property
     def tensioned_on(self) -> Mapping[LinkRef, tuple[str, ...]]:
         """Drivers whose coupling loads a link without any effort."""
-        found: dict[LinkRef, dict[str, None]] = {link: {} for link in self.links}
+        drivers: dict[LinkRef, dict[str, None]] = {link: {} for link in self.links}
         for driven, follower in self.followers.items():
             if self.couplings[follower.coupling].tension() is not None:
                 lead = follower.centre.on if follower.leader is None else None
-                found[lead or self.later_link(follower.leader)][driven] = None  # type: ignore[arg-type]
-                found[self.later_link(self.driven[driven])][driven] = None
-        return {link: tuple(names) for link, names in found.items()}
+                drivers[lead or self.later_link(follower.leader)][driven] = None  # type: ignore[arg-type]
+                drivers[self.later_link(self.driven[driven])][driven] = None
+        return {link: tuple(names) for link, names in drivers.items()}
 
     # -- where the parts of a coupling are, along the chains of drivers that carry them --------
 
@@ -419,10 +419,10 @@ class Structure:
     def _by_link(
         self, wires: Mapping[JointRef, MarkerRef]
     ) -> Mapping[LinkRef, tuple[JointRef, ...]]:
-        found: dict[LinkRef, list[JointRef]] = {link: [] for link in self.links}
+        ends_on: dict[LinkRef, list[JointRef]] = {link: [] for link in self.links}
         for end, marker in sorted(wires.items()):
-            found[marker.on].append(end)
-        return {link: tuple(ends) for link, ends in found.items()}
+            ends_on[marker.on].append(end)
+        return {link: tuple(ends) for link, ends in ends_on.items()}
 
     @property
     def pairs(self) -> int:
@@ -449,13 +449,13 @@ class Structure:
 
     def sources(self, block: str) -> tuple[str, ...]:
         """Blocks from which a block's motion comes: its supports, and those it is coupled to."""
-        found = dict.fromkeys(self.supports(block))
+        blocks = dict.fromkeys(self.supports(block))
         for driver in self.drivers_of(block):
             if driver in self.followers:
                 follower = self.followers[driver]
-                found |= {self.driven[d].block: None for d, _ in follower.terms + follower.added}
-                found[follower.centre.block] = None
-        return tuple(found)
+                blocks |= {self.driven[d].block: None for d, _ in follower.terms + follower.added}
+                blocks[follower.centre.block] = None
+        return tuple(blocks)
 
     def ancestors(self, block: str) -> frozenset[str]:
         """All moving blocks on which a block depends, itself included."""
@@ -463,10 +463,10 @@ class Structure:
 
     @cached_property
     def _ancestors(self) -> Mapping[str, frozenset[str]]:
-        found: dict[str, frozenset[str]] = {self.frame: frozenset()}
+        ancestors: dict[str, frozenset[str]] = {self.frame: frozenset()}
         for name in self.blocks:
-            found[name] = frozenset([name]).union(*(found[s] for s in self.sources(name)))
-        return found
+            ancestors[name] = frozenset([name]).union(*(ancestors[s] for s in self.sources(name)))
+        return ancestors
 
     @cached_property
     def meshes(self) -> Mapping[JointRef, str]:
@@ -502,8 +502,8 @@ class Structure:
 
     def markers(self, block: str) -> tuple[MarkerRef, ...]:
         """All markers of a block."""
-        found = self.block(block).all_markers.items()
-        return tuple(MarkerRef(block, link, name) for name, (link, _) in found)
+        markers = self.block(block).all_markers.items()
+        return tuple(MarkerRef(block, link, name) for name, (link, _) in markers)
 
     def properties(self, link: LinkRef) -> Link:
         """Mass properties of a link."""

@@ -103,9 +103,9 @@ class Subgraph(Block, type="graph"):
 
     def holding(self, content: Content) -> Subgraph:
         """The same block with its graph read."""
-        found = self.model_copy()
-        found._content = content
-        return found
+        block = self.model_copy()
+        block._content = content
+        return block
 
     def seen_from(self, old: str, new: str) -> Subgraph:
         """The same block in a document of another folder: paths to files lead there from it."""

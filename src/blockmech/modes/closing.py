@@ -145,7 +145,7 @@ def poses(held: Placed) -> list[Poses]:
     # Where tau is larger than at the distance that `NEAR` means, both modes were closed from
     # directions of their own, if there are any.
     for k in np.flatnonzero(closed | ((loose <= NEAR) & (miss <= NEAR**2))).tolist():
-        found, begun = every_known[row[k]], tried[row[k]]
+        known_poses, begun = every_known[row[k]], tried[row[k]]
         first = _Known(x[k], float(loose[k]))
         if any(map(first.same, begun)):
             continue
@@ -154,8 +154,8 @@ def poses(held: Placed) -> list[Poses]:
         if first.loose <= NEAR:
             beside = _about_fold(held.rows([row[k]]), first, bool(closed[k]))
         for known in beside:
-            if not any(map(known.same, found)):
-                found.append(known)
+            if not any(map(known.same, known_poses)):
+                known_poses.append(known)
     return [_sorted(known) for known in every_known]
 
 

@@ -211,9 +211,9 @@ class _Line:
             p %= TURN
         for _ in range(CHECKS):
             held = self.held(p)
-            found = poses(held)
-            row = np.repeat(np.arange(len(p)), [len(f.x) for f in found])
-            x = np.concatenate([f.x for f in found])
+            poses_at = poses(held)
+            row = np.repeat(np.arange(len(p)), [len(f.x) for f in poses_at])
+            x = np.concatenate([f.x for f in poses_at])
             rows = held.rows(row).conditions(x)[1]
             loose = np.bincount(row, looseness(rows) <= DELTA, len(p)) > 0
             near = loose | np.isnan(held.pivots).any(axis=1)
@@ -221,15 +221,15 @@ class _Line:
                 break
             p[near] += nudge[near]
             nudge *= 1 + GOLDEN
-        if any(double for f in found for double in f.double):
-            told = "the modes of the triad could not be followed along the driver without doubt"
+        if any(double for f in poses_at for double in f.double):
+            doubles = "the modes of the triad could not be followed along the driver without doubt"
             remedy = "ask for a shorter range of the driver"
-            raise refused("modes", told, remedy, code="not-followed")
+            raise refused("modes", doubles, remedy, code="not-followed")
         back, ahead = (p + d if self.turn else np.clip(p + d, 0, TURN) for d in (-DELTA, DELTA))
         misses = [self.held(q).rows(row).conditions(x)[0] for q in (back, ahead)]
         rate = solved(rows, (misses[0] - misses[1]) / (ahead - back)[row, None])
         sign = np.sign(np.linalg.det(rows)).astype(int)
-        for n, f in enumerate(found):
+        for n, f in enumerate(poses_at):
             own = row == n
             node = _Node(float(p[n]), held.rows([n]), f, rate[own], sign[own].tolist())
             self.nodes.append(node)
@@ -259,7 +259,7 @@ class _Line:
         self, n: int, left: list[int], way: int, h: float
     ) -> dict[tuple[At, int], tuple[float, At]] | None:
         """The dead centres within a step h at which modes of a node end; None if in doubt."""
-        node, found = self.nodes[n], dict[tuple[At, int], tuple[float, At]]()
+        node, merged = self.nodes[n], dict[tuple[At, int], tuple[float, At]]()
         if len(left) % 2:
             return None
         while left:
@@ -276,8 +276,8 @@ class _Line:
             ahead = step if way else -step
             if not (-NARROWEST <= ahead <= h + NARROWEST and min(misses) <= SHARE * gap):
                 return None
-            found |= {((n, i), way): (step, (n, j)), ((n, j), way): (step, (n, i))}
-        return found
+            merged |= {((n, i), way): (step, (n, j)), ((n, j), way): (step, (n, i))}
+        return merged
 
     def _system(self, x: Floats, p: Floats) -> tuple[Floats, Floats]:
         return self.held(p).conditions(x)
@@ -321,13 +321,13 @@ class _Line:
         arcs, passes, places = [], [], []
         for circuit, first in ((k, at) for k, part in enumerate(circuits) for at in part):
             walk = walk_of[first]
-            (low, *_), (high, *_) = found = [self._end(walk, way) for way in (0, 1)]
+            (low, *_), (high, *_) = ends_ = [self._end(walk, way) for way in (0, 1)]
             # The middle of one that ends is on the first turn.
             whole = self.turn and not walk.ring
             shift = TURN * math.floor((low + high) / 2 / TURN) if whole else 0.0
             start, end = (
                 ArcEnd(q(p - shift), ends if how == RANGE else how, at and number[of[at]])
-                for p, how, at in found
+                for p, how, at in ends_
             )
             steps = zip(walk.passes, walk.places, strict=True)
             passed = tuple(q(p + self.passed[at] - shift) for at, p in steps if at in self.passed)

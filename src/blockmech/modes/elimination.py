@@ -91,13 +91,13 @@ def coefficients(held: Placed) -> Vectors:
     """
     f, terms = eliminant(held, np.broadcast_to(CIRCLE, (len(held.pins), len(CIRCLE))))
     spectrum = np.fft.fft(f) / len(CIRCLE)
-    found = spectrum[:, np.arange(-3, 4)]
-    if np.any(np.abs(found).max(axis=1) <= NEGLIGIBLE * terms.max(axis=1)):
-        told = "the platform can move although its supports stand"
+    coefficients_ = spectrum[:, np.arange(-3, 4)]
+    if np.any(np.abs(coefficients_).max(axis=1) <= NEGLIGIBLE * terms.max(axis=1)):
+        reason = "the platform can move although its supports stand"
         valid = "three legs hold it if none is the same as another or all are parallel guides"
         remedy = "leave one leg out, or place its joints elsewhere"
-        raise refused("legs", told, remedy, valid, "bad-triad")
-    return np.asarray((found + found[:, ::-1].conj()) / 2)
+        raise refused("legs", reason, remedy, valid, "bad-triad")
+    return np.asarray((coefficients_ + coefficients_[:, ::-1].conj()) / 2)
 
 
 def directions(f: Vectors) -> Vectors:

@@ -139,7 +139,7 @@ class Modes(TextReport):
 
     def __getitem__(self, group: str) -> GroupModes:
         """The modes of one group. Raises `RequestError` for an unknown name."""
-        groups = {found.group: found for found in self.groups}
+        groups = {modes.group: modes for modes in self.groups}
         return groups[among(groups, "group", group)[0]]
 
     def text(self, degrees: bool = DEGREES) -> str:
@@ -166,24 +166,24 @@ def _lines(modes: Modes, degrees: bool) -> Iterator[str]:
         yield f"{group.group}  {group.kind}"
         if group.note:
             yield f"  {group.note}"
-        for n, found in enumerate(group.samples):
+        for n, modes_ in enumerate(group.samples):
             where = ", ".join(
                 f"{modes.prefix}{d}.q = {_coordinate(row[n], modes.units[d], degrees)}"
                 for d, row in modes.drivers.items()
             )
-            yield f"  {where}: {_count(found, group)}" if where else f"  {_count(found, group)}"
-            for k, mode in enumerate(found, start=1):
+            yield f"  {where}: {_count(modes_, group)}" if where else f"  {_count(modes_, group)}"
+            for k, mode in enumerate(modes_, start=1):
                 yield from _mode_lines(k, mode, modes, degrees)
         if group.arcs:
             yield f"  along {modes.prefix}{modes.driver}.q:"
             yield from _arc_lines(group, modes.units[modes.driver], degrees)
 
 
-def _count(found: tuple[GroupMode, ...], group: GroupModes) -> str:
-    if not found:
-        told = group.arcs or not group.note or any(group.samples)
-        return "no mode: it cannot close" if told else "none listed"
-    return f"{len(found)} mode{'s' if len(found) > 1 else ''}"
+def _count(modes: tuple[GroupMode, ...], group: GroupModes) -> str:
+    if not modes:
+        listed = group.arcs or not group.note or any(group.samples)
+        return "no mode: it cannot close" if listed else "none listed"
+    return f"{len(modes)} mode{'s' if len(modes) > 1 else ''}"
 
 
 def _mode_lines(number: int, mode: GroupMode, modes: Modes, degrees: bool) -> Iterator[str]:
@@ -192,17 +192,17 @@ def _mode_lines(number: int, mode: GroupMode, modes: Modes, degrees: bool) -> It
         f"{link} {pose[2] * unit:.6g} {'deg' if degrees else 'rad'}"
         for link, pose in mode.links.items()
     )
-    said = f"margin {mode.margin:.4g}"
-    said += ", double: a dead centre" if mode.double else ""
+    text = f"margin {mode.margin:.4g}"
+    text += ", double: a dead centre" if mode.double else ""
     if mode.arc is not None:
-        said += f", arc {mode.arc + 1}"
+        text += f", arc {mode.arc + 1}"
     if mode.reach is not None:
         low, high = (_coordinate(q, modes.units[modes.driver], degrees) for q in mode.reach)
-        said += f" (here from {low} to {high})"
+        text += f" (here from {low} to {high})"
     if mode.after_turn not in (None, number - 1):
-        said += f", after a turn it is mode {(mode.after_turn or 0) + 1}"
-    said += ", the file's" if mode.chosen else ""
-    yield f"    {number}  {angles}; {said}"
+        text += f", after a turn it is mode {(mode.after_turn or 0) + 1}"
+    text += ", the file's" if mode.chosen else ""
+    yield f"    {number}  {angles}; {text}"
     if mode.put:
         yield f"       {json.dumps(mode.put)[1:-1]}"
 

@@ -112,7 +112,7 @@ class Outline:
 
     def _body(self, first: str, driven: Mapping[str, Any]) -> Body:
         """The links of one body, each seen over a driven pair from one already placed."""
-        found = {first: LinkPosition(0j, 1 + 0j)}
+        positions = {first: LinkPosition(0j, 1 + 0j)}
         for known, link in nx.bfs_edges(self.welded, first):
             name = self.welded.edges[known, link]["pair"]
             pair, q = self.group.pairs[name], driven[name]
@@ -123,9 +123,9 @@ class Outline:
             o = along - e * other.at.z  # of the second link in the frame of the first
             if link == i:
                 o, e = -o / e, 1 / e
-            on = found[known]
-            found[link] = LinkPosition(on.o + on.e * o, on.e * e)
-        return found
+            on = positions[known]
+            positions[link] = LinkPosition(on.o + on.e * o, on.e * e)
+        return positions
 
 
 def outline(group: GeneralGroup) -> Outline | None:

@@ -87,9 +87,11 @@ def modes(
     drivers, still = mechanism.drivers, dict.fromkeys(mechanism.drivers, 0.0)
     if at is None:
         begun = {d: mechanism.scene.begin(d) for d in drivers}
-        told = "nothing says where this driver stands"
+        reason = "nothing says where this driver stands"
         remedy = "give its coordinate, or a law of motion by coordinate"
-        lost = [Problem("bad-request", d, told, "", remedy) for d, q in begun.items() if q is None]
+        lost = [
+            Problem("bad-request", d, reason, "", remedy) for d, q in begun.items() if q is None
+        ]
         if lost:
             raise RequestError(lost)
         at = {d: q for d, q in begun.items() if q is not None}
@@ -99,12 +101,12 @@ def modes(
     among(drivers, "driver", () if driver is None or not arcs else driver)
     moved = (driver or (drivers[0] if len(drivers) == 1 else "")) if arcs else ""
     blocks = mechanism.structure.blocks.items()
-    said = {mechanism.said(name): name for name, block in blocks if block.closes}
-    wanted = among(said, "group", said if groups is None else groups)
+    group_of = {mechanism.block_name(name): name for name, block in blocks if block.closes}
+    wanted = among(group_of, "group", group_of if groups is None else groups)
     lister = _Lister(mechanism, tuple(Standing(mechanism, q) for q in samples), moved)
-    found = tuple(lister.group(block) for name, block in said.items() if name in wanted)
+    listing = tuple(lister.group(block) for name, block in group_of.items() if name in wanted)
     units = {d: mechanism.driver_joint(d).coordinate_unit for d in drivers}
-    return Modes(rows, units, moved, found, mechanism.driver_prefix)
+    return Modes(rows, units, moved, listing, mechanism.driver_prefix)
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ class _Lister:
             for stand, modes, at in zip(self.samples, every, on, strict=True)
         )
         kind = f"{block.group_class} {block.kind}"
-        return GroupModes(self.mechanism.said(name), kind, samples, tuple(arcs), note)
+        return GroupModes(self.mechanism.block_name(name), kind, samples, tuple(arcs), note)
 
     def _modes(
         self, name: str, triad: Outline | None, joints: Sequence[str], supports: Supports
@@ -240,7 +242,7 @@ class _Lister:
                 if self._held(stand)
             }
             also = {n: q for n, q in near.items() if low <= q <= high}
-            found = connect(
+            connections = connect(
                 lambda q: group.at(self._driven(name, fixed | {self.driver: q})).triad,
                 lambda q: supports(fixed | {self.driver: q}),
                 low,
@@ -250,10 +252,10 @@ class _Lister:
             )
             for node, n in enumerate(also, start=CHECKS):
                 own = [(m.links[group.platform], m.sign) for m in every[n]]
-                at = _located(found, node, own, self.samples[n].drivers[self.driver])
+                at = _located(connections, node, own, self.samples[n].drivers[self.driver])
                 located[n] = [on and on._replace(arc=on.arc + len(arcs)) for on in at]
             circuits = 1 + max((arc.circuit for arc in arcs), default=-1)
-            arcs += [arc.after(len(arcs), circuits) for arc in found.arcs]
+            arcs += [arc.after(len(arcs), circuits) for arc in connections.arcs]
         return arcs, located, "" if stretches else around.sentence()
 
     def _limits(self, blocks: Sequence[str]) -> Limits:
@@ -266,7 +268,7 @@ class _Lister:
         if around.whole_turn:
             return [(0.0, TURN, WHOLE)]
         law: Any = self.mechanism.scene.drive.get(self.driver)
-        found = []
+        stretches = []
         for arc in around.arcs:
             low, high, how = arc.start.q, arc.end.q, EARLIER
             if around.unit == "m" and law is not None and law.by_coordinate:
@@ -274,11 +276,11 @@ class _Lister:
                 low, high, how = max(low, a), min(high, b), RANGE
             if not (math.isfinite(low) and math.isfinite(high)):
                 name = self.mechanism.of_driver(self.driver, "q")
-                told = f"{name} has no range: give it a law of motion by coordinate"
-                raise refused(self.driver, told)
+                reason = f"{name} has no range: give it a law of motion by coordinate"
+                raise refused(self.driver, reason)
             if low < high:
-                found.append((low, high, how))
-        return found
+                stretches.append((low, high, how))
+        return stretches
 
     # -- where it is asked -----------------------------------------------------------------
 
@@ -311,13 +313,13 @@ class _Lister:
             n = max((np.size(q) for q in drivers.values()), default=1)
             at = {d: np.broadcast_to(q, n) for d, q in drivers.items()}
             run = mechanism.run(at=at, rates=still, want=want, on_gap="mark")
-            found: list[Support] = []
+            places: list[Support] = []
             for feed, guide, turned in zip(feeds, guided, turning, strict=True):
                 p = run[f"{feed}.p"]
                 e = np.exp(1j * run[turned]) if turned else np.ones_like(p)
                 e = e * getattr(structure.marker(feed), "direction", 1 + 0j)
-                found.append(Guide(p, e) if guide else p)
-            return found
+                places.append(Guide(p, e) if guide else p)
+            return places
 
         return supports
 
@@ -348,10 +350,10 @@ def _told(name: str, stand: Standing, mode: Mode, on: _On | None, arcs: Sequence
 
 
 def _located(
-    found: Connections, node: int, every: Sequence[tuple[LinkPosition, int]], q: float
+    connections: Connections, node: int, every: Sequence[tuple[LinkPosition, int]], q: float
 ) -> list[_On | None]:
     """Where the modes of a triad at a sample are, by the same ones at its node or close by."""
-    known = found.modes[node]
+    known = connections.modes[node]
     same: dict[int, int] = {}  # mode at the node -> at the sample
     for k, (own, sign) in enumerate(every):
         size = max((abs(m.o - own.o) for m in known), default=1.0) or 1.0
@@ -361,9 +363,9 @@ def _located(
                 same[m] = k
     located: list[_On | None] = [None] * len(every)
     for m, k in same.items():
-        number = found.arc_of((node, m))
-        place = found.places[number][found.passes[number].index((node, m))]
-        then = found.after_turn((node, m)) if found.turn else None
+        number = connections.arc_of((node, m))
+        place = connections.places[number][connections.passes[number].index((node, m))]
+        then = connections.after_turn((node, m)) if connections.turn else None
         turns = TURN * round((q - place) / TURN)
         located[k] = _On(number, turns, None if then is None else same.get(then))
     return located

@@ -48,7 +48,7 @@ def searched(
         held[joint] = x / size if c.kind == "P" else x + turn
     closing, chance = Closing(names, pairs, size, held), np.random.default_rng(0)
     middle = np.mean([s.p if isinstance(s, Guide) else s for s in supports.values()])
-    found: list[Poses] = []
+    every: list[Poses] = []
     for k in range(STARTS):
         spot = size * chance.normal(size=(len(names), 2)) @ (1, 1j)
         angles = chance.uniform(-math.pi, math.pi, len(names))
@@ -56,9 +56,9 @@ def searched(
         start = {name: Pose(complex(middle + o), float(angle)) for name, o, angle in chosen}
         start = dict(own) if k == 0 and all(cmath.isfinite(x.o) for x in own.values()) else start
         poses = closing.refine({FRAME: Pose(), **start})
-        if closing.closed(poses) and all(_apart(poses, one, names, size) > SAME for one in found):
-            found.append(poses)
-    return [mode for poses in found if not (mode := _mode(closing, poses)).double]
+        if closing.closed(poses) and all(_apart(poses, one, names, size) > SAME for one in every):
+            every.append(poses)
+    return [mode for poses in every if not (mode := _mode(closing, poses)).double]
 
 
 def _pairs(group: GeneralGroup, supports: Mapping[str, Support]) -> Iterator[Connection]:

@@ -54,13 +54,13 @@ class Standing:
         names, structure = self.mechanism.names, self.mechanism.structure
         if names is None:
             return {link: _pose(*place) for link, place in links.items()}
-        found = {}
-        for said, where in names.links.items():
+        poses = {}
+        for name, where in names.links.items():
             if where.link.block == group:
                 o, e = links[where.link.link]
                 at = structure.block(where.marker.block).place_of(structure.marker(where.marker))
-                found[said] = _pose(o + e * at, e * cmath.exp(1j * where.turn))
-        return found
+                poses[name] = _pose(o + e * at, e * cmath.exp(1j * where.turn))
+        return poses
 
     def has(self, group: str, mode: Mode) -> bool:
         """Whether a mode is the one that the file chooses."""

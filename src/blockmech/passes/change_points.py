@@ -55,7 +55,7 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
 
     Raises `GraphError` where a home cannot be assembled or is itself a change point.
     """
-    found, problems = structure, list[Problem]()
+    followed_structure, problems = structure, list[Problem]()
     wrong: set[str] = set()
     for name, block in structure.blocks.items():
         if not (isinstance(block, TwoModes) and block.follows):
@@ -64,9 +64,9 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
             continue  # nothing is known of what stands on a wrong home
         home: Any = block.home  # type: ignore[attr-defined]
         ((driver, q_home),) = home.drivers.items()
-        known = {p for other in found.followed.values() for p in other.points}
-        plain = {**found.followed, name: FollowedBranch(driver)}
-        search = _search(replace(found, followed=plain), scene, name, driver, q_home)
+        known = {p for other in followed_structure.followed.values() for p in other.points}
+        plain = {**followed_structure.followed, name: FollowedBranch(driver)}
+        search = _search(replace(followed_structure, followed=plain), scene, name, driver, q_home)
         edges = panels(search.low, search.high, SCANNED)
         sizes = search.size(edges)
         at_home = float(search.size(np.array([q_home]))[0])
@@ -79,10 +79,12 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
         first = home.branch * math.prod(sides)
         scale = 1.0 if search.rotary else (search.high - search.low) / 2
         here = FollowedBranch(driver, points, first, scale)
-        found = replace(found, followed={**found.followed, name: here})
+        followed_structure = replace(
+            followed_structure, followed={**followed_structure.followed, name: here}
+        )
     if problems:
         raise GraphError(problems)
-    return found
+    return followed_structure
 
 
 def _search(structure: Structure, scene: Scene, block: str, driver: str, q_home: float) -> _Search:
@@ -91,8 +93,8 @@ def _search(structure: Structure, scene: Scene, block: str, driver: str, q_home:
     engine = NumpyEngine(program)
 
     def size(q: Floats) -> Floats:
-        found = engine.run(dict.fromkeys(program.inputs, q), q.size)[0]
-        return np.asarray(np.abs(np.asarray(found, dtype=float)))
+        sizes = engine.run(dict.fromkeys(program.inputs, q), q.size)[0]
+        return np.asarray(np.abs(np.asarray(sizes, dtype=float)))
 
     if structure.driver_joint(driver).rotary:
         low = SEAM + GOLDEN * math.tau / SCANNED
@@ -115,8 +117,8 @@ def _no_home(block: str, driver: str, q: float, size: float) -> Problem:
 def _points(search: _Search, edges: Floats, gap: Any, known: set[float]) -> Iterator[float]:
     """Change points among the extrema of the determinant's square."""
     whole = panels(search.low, search.high, SCANNED // NODES)
-    found = fit(lambda q: search.size(q) ** 2, whole).extrema()
-    points = [x for guess in found.tolist() if (x := _root(search, guess)) is not None]
+    extrema = fit(lambda q: search.size(q) ** 2, whole).extrema()
+    points = [x for guess in extrema.tolist() if (x := _root(search, guess)) is not None]
     for point in points:
         x = SEAM + (point - SEAM) % math.tau if search.rotary else point
         yield next((k for k in known if abs(k - x) <= DOUBLE_ROOT * search.spacing), x)

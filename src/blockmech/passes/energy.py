@@ -70,11 +70,11 @@ def stored_power(s: Schedule, ref: JointRef) -> str:
 
     It may come back; what is left of the power of friction is heat.
     """
-    found = s.ask(forces.friction_at, ref)
-    if found is None:
+    solution = s.ask(forces.friction_at, ref)
+    if solution is None:
         return NOUGHT
     elastic, rate = s.ask(friction.terms_standing, ref), s.ask(friction.deflection_rate, ref)
-    effort = f"({elastic}.factor * {found[0]}.g[{found[1]}] + {elastic}.drag)"
+    effort = f"({elastic}.factor * {solution[0]}.g[{solution[1]}] + {elastic}.drag)"
     return s.line(f"{effort} * {rate}", f"{ref}_stored")
 
 

@@ -57,10 +57,10 @@ def carried(s: Schedule, link: LinkRef) -> Resultant:
 
 def shared(s: Schedule, link: LinkRef) -> Resultant:
     """The applied loads of a link times the input ``load_share`` (1, or 0: none)."""
-    found, share = s.ask(applied, link), s.unknown("load_share")
+    load, share = s.ask(applied, link), s.unknown("load_share")
     return Resultant(
-        tuple(s.line(f"mul({force}, {share})", f"{link}_F_share") for force in found.forces),
-        tuple(s.line(f"{moment} * {share}", f"{link}_M_share") for moment in found.moments),
+        tuple(s.line(f"mul({force}, {share})", f"{link}_F_share") for force in load.forces),
+        tuple(s.line(f"{moment} * {share}", f"{link}_M_share") for moment in load.moments),
     )
 
 
@@ -176,8 +176,8 @@ def resisting(s: Schedule, ref: JointRef) -> str:
     if s.friction.method == friction.GIVEN:
         known = ref in s.ask(friction.friction_joints, ref.block)
         return s.ask(friction.given, ref) if known else NOUGHT
-    found = s.ask(friction_at, ref)
-    return NOUGHT if found is None else f"{found[0]}.t[{found[1]}]"
+    solution = s.ask(friction_at, ref)
+    return NOUGHT if solution is None else f"{solution[0]}.t[{solution[1]}]"
 
 
 def friction_at(s: Schedule, ref: JointRef) -> tuple[str, int] | None:

@@ -107,9 +107,9 @@ def terms(s: Schedule, ref: JointRef) -> str:
     The one place at which a law is asked, for runs and for motions.
     """
     law = s.structure.friction_law(ref)
-    asked = [s.ask(rate, ref)] if law.reads_speed or law.remembers else []
-    asked += [s.ask(deflection, ref)] if law.remembers else []
-    return s.emit(law.kernel(), *asked, s.ask(numbers, ref), name=f"{ref}_law")
+    speed = [s.ask(rate, ref)] if law.reads_speed or law.remembers else []
+    speed += [s.ask(deflection, ref)] if law.remembers else []
+    return s.emit(law.kernel(), *speed, s.ask(numbers, ref), name=f"{ref}_law")
 
 
 def terms_at_rest(s: Schedule, ref: JointRef) -> str:
@@ -118,8 +118,8 @@ def terms_at_rest(s: Schedule, ref: JointRef) -> str:
     kernel = law.kernel_at_rest()
     if kernel is not None:
         return s.emit(kernel, s.ask(numbers, ref), name=f"{ref}_law_at_rest")
-    asked = (NOUGHT,) if law.reads_speed else ()
-    return s.emit(law.kernel(), *asked, s.ask(numbers, ref), name=f"{ref}_law_at_rest")
+    speed = (NOUGHT,) if law.reads_speed else ()
+    return s.emit(law.kernel(), *speed, s.ask(numbers, ref), name=f"{ref}_law_at_rest")
 
 
 def terms_standing(s: Schedule, ref: JointRef) -> str:
@@ -237,10 +237,10 @@ def against_slip(s: Schedule, ref: JointRef, part: str, name: str) -> str:
         return s.line(f"-{s.ask(terms, ref)}.{part}", name)
     speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
     args = (speed, top, f"{s.ask(terms, ref)}.{part}", s.ask(slip, ref), REST)
-    found = s.emit(resisting, *args, name=name)
+    value = s.emit(resisting, *args, name=name)
     if not s.friction.sticking:
-        return found
-    return s.line(f"{found} * (1.0 - {s.ask(sticks, ref)})", f"{name}_slipping")
+        return value
+    return s.line(f"{value} * (1.0 - {s.ask(sticks, ref)})", f"{name}_slipping")
 
 
 def sticks(s: Schedule, ref: JointRef) -> str:
@@ -259,11 +259,11 @@ def drag(s: Schedule, ref: JointRef) -> str:
     Of one that sticks it is all that it takes.
     """
     drags = s.structure.friction_law(ref).drags
-    found = s.ask(against_slip, ref, "drag", f"{ref}_drag") if drags else NOUGHT
+    value = s.ask(against_slip, ref, "drag", f"{ref}_drag") if drags else NOUGHT
     if not s.friction.sticking:
-        return found
+        return value
     held = s.unknown(f"held_{s.ask(given_joints).index(ref)}")
-    return held if found == NOUGHT else s.line(f"{found} + {held}", f"{ref}_drag_or_held")
+    return held if value == NOUGHT else s.line(f"{value} + {held}", f"{ref}_drag_or_held")
 
 
 def held(s: Schedule, ref: JointRef, load: str) -> str:
@@ -279,7 +279,7 @@ def rest(s: Schedule, ref: JointRef) -> str:
     if s.structure.friction_law(ref).remembers:
         return s.emit(at_rest, top, NOUGHT, REST, name=f"{ref}_rest")
     speed = s.ask(slip_speed, ref)
-    found = s.emit(at_rest, speed, top, REST, name=f"{ref}_rest")
+    value = s.emit(at_rest, speed, top, REST, name=f"{ref}_rest")
     if not s.friction.sticking:
-        return found
-    return s.line(f"maximum({found}, {s.ask(sticks, ref)})", f"{ref}_rests")
+        return value
+    return s.line(f"maximum({value}, {s.ask(sticks, ref)})", f"{ref}_rests")

@@ -70,8 +70,8 @@ def path_of(structure: Structure, block: str) -> Path:
     with LAYING:
         if block not in structure.paths:
             structure.paths[block] = Path(structure, block)
-        found: Path = structure.paths[block]
-        return found
+        path: Path = structure.paths[block]
+        return path
 
 
 def followed(structure: Structure) -> tuple[str, ...]:
@@ -117,11 +117,11 @@ class Path:
         missing = [d for d in self.drivers if d not in given]
         strange = [d for d in given if d not in self.drivers]
         if missing or strange:
-            found = [f"no value of {listed(missing)}"] * bool(missing)
-            found += [f"{listed(strange)} does not move it"] * bool(strange)
+            parts = [f"no value of {listed(missing)}"] * bool(missing)
+            parts += [f"{listed(strange)} does not move it"] * bool(strange)
             valid = f"drivers that move it: {listed(self.drivers) or 'none'}"
             where = f"{self.block}.home.drivers"
-            raise GraphError(Problem("bad-home", where, "; ".join(found), valid))
+            raise GraphError(Problem("bad-home", where, "; ".join(parts), valid))
 
     @cached_property
     def home(self) -> Array:
@@ -142,9 +142,9 @@ class Path:
             else:
                 places += self._of_another(name)
         still = np.zeros((1, len(self.drivers)))
-        found, first = self.tracker.at(self.home[None, :], still, np.array([places]), one=True)
-        closes = np.isfinite(first).all() and (found.nearest > DOUBLE_ROOT).all()
-        if not (closes and self._is_near(np.array(places), found.place[0])):
+        pose, first = self.tracker.at(self.home[None, :], still, np.array([places]), one=True)
+        closes = np.isfinite(first).all() and (pose.nearest > DOUBLE_ROOT).all()
+        if not (closes and self._is_near(np.array(places), pose.place[0])):
             raise GraphError(
                 Problem(
                     "bad-home",
@@ -154,11 +154,11 @@ class Path:
                     "give the poses of one assembled position; `decompose` finds them",
                 )
             )
-        return found
+        return pose
 
-    def _is_near(self, given: Array, found: Array) -> bool:
+    def _is_near(self, given: Array, place: Array) -> bool:
         """Whether no link had to move by more than the whole group measures: a slip of units."""
-        own = found[-self.own :]
+        own = place[-self.own :]
         moved = np.abs(own - given[-self.own :])[:, :2].max()
         return bool(moved <= (self.group.extent((own[:, 0] + 1j * own[:, 1]).tolist()) or math.inf))
 
@@ -231,14 +231,14 @@ def travel(
         ahead = predicted(here.place, here.rate, step)
         # Of where a line ends it need only be known that the last step is safe.
         before = here._replace(nearest=np.where(last[:, None], here.nearest, 0.0))
-        found, first = path.tracker.at(q, line[now], ahead, one, before)
-        room = room_left(path, here, found, first)
+        pose, first = path.tracker.at(q, line[now], ahead, one, before)
+        room = room_left(path, here, pose, first)
         good = room >= 1.0
         taken = now[good]
-        stand.put(taken, found.at(good))
+        stand.put(taken, pose.at(good))
         gone[taken] = at[good]
         h[now] = step * growth(room)
-        h[taken] = np.minimum(h[taken], strides(found.rate[good]))
+        h[taken] = np.minimum(h[taken], strides(pose.rate[good]))
         active[now] = (gone[now] < 1.0) & (h[now] > SMALLEST)
     stand.place[gone < 1.0] = np.nan
     return stand.place, np.where(finite, gone, np.nan)
@@ -405,8 +405,8 @@ class _Side:
             while True:
                 q = np.array([[self.q[-1] + self.way * step]])
                 ahead = predicted(stand.place, stand.rate, np.array([self.way * step]))
-                found, first = path.tracker.at(q, np.ones((1, 1)), ahead, one=True)
-                room = room_left(path, stand, found, first)
+                pose, first = path.tracker.at(q, np.ones((1, 1)), ahead, one=True)
+                room = room_left(path, stand, pose, first)
                 if room[0] >= 1.0:
                     break
                 step *= float(growth(room)[0])
@@ -414,7 +414,7 @@ class _Side:
                     self.ended = True
                     return
             self.q.append(float(q[0, 0]))
-            self.stands.append(found)
+            self.stands.append(pose)
             self.step = step * float(growth(room)[0])
             self._laid = None
 

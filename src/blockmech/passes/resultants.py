@@ -59,5 +59,5 @@ def later_blocks(s: Schedule, block: str) -> list[str]:
     """Blocks that a block's links carry or lead, in name order of their joints."""
     structure = s.structure
     links = [LinkRef(block, n) for n in structure.blocks[block].link_names]
-    found = [joint.block for link in links for joint in structure.carried[link]]
-    return found + [structure.driven[d].block for x in links for d in structure.coupled_on[x]]
+    blocks = [joint.block for link in links for joint in structure.carried[link]]
+    return blocks + [structure.driven[d].block for x in links for d in structure.coupled_on[x]]

@@ -55,39 +55,39 @@ def outputs(s: Schedule, name: str) -> str:
 
 def rates(s: Schedule) -> list[str]:
     """dx/dt of all states; those of discrete blocks rest between instants."""
-    found = []
+    values = []
     for name, block in s.structure.signals.items():
         if block.discrete or not block.states:
-            found += ["0.0"] * len(block.states)
+            values += ["0.0"] * len(block.states)
             continue
         call = _call(s, name, block.rates(), "rates")
-        found += [f"{call}[{i}]" for i in range(len(block.states))]
-    return found
+        values += [f"{call}[{i}]" for i in range(len(block.states))]
+    return values
 
 
 def updated(s: Schedule) -> dict[JointRef, str]:
     """State of a discrete block -> what it is from an instant on."""
-    found: dict[JointRef, str] = {}
+    values: dict[JointRef, str] = {}
     for name, block in s.structure.signals.items():
         if not block.discrete:
             continue
         if block.own_states:
             call = _call(s, name, block.update(), "update")
-            found |= {JointRef(name, x): f"{call}[{i}]" for i, x in enumerate(block.own_states)}
+            values |= {JointRef(name, x): f"{call}[{i}]" for i, x in enumerate(block.own_states)}
         call = s.ask(outputs, name)
-        found |= {JointRef(name, HELD + y): f"{call}[{i}]" for i, y in enumerate(block.outputs)}
-    return found
+        values |= {JointRef(name, HELD + y): f"{call}[{i}]" for i, y in enumerate(block.outputs)}
+    return values
 
 
 def kinks(s: Schedule) -> list[str]:
     """Values whose change of sign is a kink of a block in continuous time."""
-    found = []
+    values = []
     for name, block in s.structure.signals.items():
         kernel, count = block.kinks()
         if count and not block.discrete:
             call = _call(s, name, kernel, "kinks")
-            found += [f"{call}[{i}]" for i in range(count)]
-    return found
+            values += [f"{call}[{i}]" for i in range(count)]
+    return values
 
 
 def _call(s: Schedule, name: str, kernel: Kernel, what: str) -> str:

@@ -145,8 +145,8 @@ class Tracker:
         if one:
             try:
                 numbers = [float(x[0]) for x in given]
-                found: tuple[Any, ...] = self._scalar(*numbers, self.program.parameters.values())
-                return found
+                values: tuple[Any, ...] = self._scalar(*numbers, self.program.parameters.values())
+                return values
             except (ArithmeticError, ValueError):  # singular: the batch gives NaN
                 pass
         inputs = dict(zip(self.program.inputs, given, strict=True))

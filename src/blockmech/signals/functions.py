@@ -97,15 +97,15 @@ class Python(Signal):
     def _kernel(self, part: slice) -> Kernel:
         """Some of the numbers that the function returns, asked sample by sample."""
         places = range(1 + len(self.memory))[part]
-        asked = [functools.partial(self._asked, k) for k in places]
+        functions = [functools.partial(self._asked, k) for k in places]
 
         def timed(inputs: Any, states: Any, t: Real, p: Any) -> tuple[Real, ...]:
             given = self._in_order(inputs, states, t)
-            return tuple([each(function, *given) for function in asked])
+            return tuple([each(function, *given) for function in functions])
 
         def untimed(inputs: Any, states: Any, p: Any) -> tuple[Real, ...]:
             given = self._in_order(inputs, states)
-            return tuple([each(function, *given) for function in asked])
+            return tuple([each(function, *given) for function in functions])
 
         return timed if TIME in self.names else untimed
 

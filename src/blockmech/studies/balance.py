@@ -98,10 +98,10 @@ class Balance(TextReport):
     def to_dict(self) -> dict[str, Any]:
         """All of it as a JSON object."""
         names = ("numbers", "units", "linear", "at_bounds")
-        found = {n: getattr(self, n) for n in names}
+        data = {n: getattr(self, n) for n in names}
         for word in ("before", "after"):
-            found[word] = {n: x._asdict() for n, x in getattr(self, word).items()}
-        return as_data(found)
+            data[word] = {n: x._asdict() for n, x in getattr(self, word).items()}
+        return as_data(data)
 
 
 @declared
@@ -159,9 +159,9 @@ def balance(
     def evaluated(u: Floats) -> tuple[Floats, Floats]:
         if kept.get("u") != u.tobytes():
             other = remade(mechanism, dict(zip(chosen, (u * sizes).tolist(), strict=True)))
-            found = sensitivity(other, outputs, tuple(chosen), at, **poses, **how)
-            y = np.concatenate([_real(found.result[n]) / scale[n] for n in outputs])
-            J = np.hstack([_real(found[n]) / scale[n] for n in outputs]).T * sizes
+            derivatives = sensitivity(other, outputs, tuple(chosen), at, **poses, **how)
+            y = np.concatenate([_real(derivatives.result[n]) / scale[n] for n in outputs])
+            J = np.hstack([_real(derivatives[n]) / scale[n] for n in outputs]).T * sizes
             kept.update(u=u.tobytes(), y=y, J=J)
         return kept["y"], kept["J"]
 
@@ -177,18 +177,18 @@ def balance(
         raise refused(unseen[0], f"none of {listed(outputs)} follows it", "leave it out")
     ends = np.array([_bounds(mechanism, a, bounds or {}) for a in chosen])
     u = np.clip(start, *ends.T) / sizes
-    found = least_squares(
+    derivatives = least_squares(
         residual, u, lambda v: evaluated(v)[1], bounds=(ends[:, 0] / sizes, ends[:, 1] / sizes),
         xtol=EPS, ftol=EPS, gtol=EPS, x_scale="jac",
     )  # fmt: skip
-    x = found.x * sizes
+    x = derivatives.x * sizes
     values = dict(zip(chosen, x.tolist(), strict=True))
     best = remade(mechanism, values)
     after = best.run(at, want=names, **poses, **how)
-    straight = first + J @ (found.x - start / sizes)
-    linear = np.abs(found.fun - straight).max() <= 1e-9 * max(np.abs(first).max(), 1.0)
+    straight = first + J @ (derivatives.x - start / sizes)
+    linear = np.abs(derivatives.fun - straight).max() <= 1e-9 * max(np.abs(first).max(), 1.0)
     units = {a: p.unit for a, p in chosen.items()} | {n: before.unit(n) for n in outputs}
-    held = tuple(a for a, side in zip(chosen, found.active_mask, strict=True) if side)
+    held = tuple(a for a, side in zip(chosen, derivatives.active_mask, strict=True) if side)
     return Balance(
         best, values, {n: left_of(before[n]) for n in outputs},
         {n: left_of(after[n]) for n in outputs}, (before, after), units, bool(linear), held,

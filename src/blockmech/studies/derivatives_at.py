@@ -83,8 +83,8 @@ def initial_states(mechanism: Compiled, t: float) -> Floats:
         program = s.program(held.values())
         engine = DualEngine(program, WITH_DIFFERENCES)
         inputs = {name: np.array([t]) for name in program.inputs}
-        found = engine.run(inputs, tuple(program.parameters.values()), 1, 0)
-        x[[*held]] = [float(np.ravel(value(v))[0]) for v in found]
+        values = engine.run(inputs, tuple(program.parameters.values()), 1, 0)
+        x[[*held]] = [float(np.ravel(value(v))[0]) for v in values]
     return x
 
 
@@ -130,12 +130,12 @@ def derivatives_at(
     if numbers:
         with np.errstate(all="ignore"):
             parameters = program.values(*near.design(seeds[:, 3 * k + n :]))
-    found = DualEngine(program, WITH_DIFFERENCES).run(
+    columns = DualEngine(program, WITH_DIFFERENCES).run(
         {name: given[name] for name in program.inputs}, parameters, 1, width
     )
     read = near.outputs(seeds[:, 3 * k + n :])
-    rows = [*found[: k + n], *(read[name].read(*found[at]) for name, at in layout.items())]
+    rows = [*columns[: k + n], *(read[name].read(*columns[at]) for name, at in layout.items())]
     y = np.array([float(np.ravel(value(v))[0]) for v in rows])
     by = np.array([np.broadcast_to(np.ravel(slope(v)), (width,)) for v in rows])
-    margin = min([1.0, *(float(np.ravel(value(v))[0]) for v in found[first:])])
+    margin = min([1.0, *(float(np.ravel(value(v))[0]) for v in columns[first:])])
     return Derivatives(y[:k], y[k : k + n], y[k + n :], by.reshape(-1, width), margin)

@@ -89,9 +89,9 @@ def sensitivity(
         return _of_reductions(mechanism, asked_for, to, at, given, on_gap)
     names = _differentiable(mechanism, asked_for)
     result = mechanism.run(at, want=names, on_gap=on_gap, **given)
-    asked, alone = _asked(mechanism, result, to)
-    left_out = {a: why for a, p in asked.items() if (why := _without(p))}
-    chosen = {a: p for a, p in asked.items() if a not in left_out}
+    parameters, alone = _asked(mechanism, result, to)
+    left_out = {a: why for a, p in parameters.items() if (why := _without(p))}
+    chosen = {a: p for a, p in parameters.items() if a not in left_out}
     near = Variation.of(mechanism, chosen.values())
     if gone := _gone(names, near, asked_for):
         result = mechanism.run(at, want=[n for n in names if n not in gone], on_gap=on_gap, **given)
@@ -154,8 +154,8 @@ def _of_reductions(
             values[label], slopes = _stroke_slopes(base, w, given)
             ahead[label], behind[label] = slopes
         elif w.how == REST:
-            found = rest_slopes(mechanism, taken, w.output, tuple(base.parameters))
-            values[label], (ahead[label], behind[label]) = found
+            slopes_of = rest_slopes(mechanism, taken, w.output, tuple(base.parameters))
+            values[label], (ahead[label], behind[label]) = slopes_of
         else:
             values[label] = w.value(y)
             ahead[label] = w.slopes(y, base.ahead[w.output])
@@ -174,10 +174,10 @@ def _stroke_slopes(
     An end is an extreme position, so where it is does not count in first order.
     """
     run = base.result
-    found = run.mechanism.stroke_of(run, w.output)
-    if found.path == "curved":
+    stroke = run.mechanism.stroke_of(run, w.output)
+    if stroke.path == "curved":
         raise refused(w.label, "a stroke along a curve has no derivative", "take a part of it")
-    ends = found.low, found.high
+    ends = stroke.low, stroke.high
     how = {k: given[k] for k in ("friction", "tolerance", "iterations", "static")}
     if run.samples.times is not None:
         how["times"] = [float(end.time or 0.0) for end in ends]
@@ -193,15 +193,15 @@ def _stroke_slopes(
         return np.asarray((np.conj(along) * (d[:, 1:] - d[:, :1])).real)
 
     sides = change(there.ahead[w.output]), change(there.behind[w.output])
-    return np.array([found.length]), sides
+    return np.array([stroke.length]), sides
 
 
 def chosen_numbers(mechanism: Compiled, addresses: Sequence[str]) -> dict[str, Parameter]:
     """Numbers by address that have a derivative. Raises `RequestError` for those that have none."""
-    found = {p.address: p for p in named(parameters(mechanism), dict.fromkeys(addresses))}
-    if wrong := {a: why for a, p in found.items() if (why := _without(p))}:
+    chosen = {p.address: p for p in named(parameters(mechanism), dict.fromkeys(addresses))}
+    if wrong := {a: why for a, p in chosen.items() if (why := _without(p))}:
         raise RequestError([Problem("no-derivative", a, why) for a, why in wrong.items()])
-    return found
+    return chosen
 
 
 def _varies(plan: Plan, near: Variation, seeds: Array) -> bool:
@@ -234,16 +234,16 @@ def _derived(
             seed[j] = seeds[j].sum()
             inputs[name] = Dual(np.asarray(inputs[name], float), seed)
     values = DualEngine(plan.program).run(inputs, program_numbers(plan, near, seeds), *shape[::-1])
-    found, outputs = {}, near.outputs(seeds)
+    derivatives, outputs = {}, near.outputs(seeds)
     sizes = np.abs(seeds).sum(axis=1, keepdims=True)
     for name in result:
         columns = [values[i] for i in plan.layout[name]]
         with np.errstate(all="ignore"):
             d = _read(outputs[name], columns, shape)
-        found[name] = np.where(np.isnan(result[name]), np.nan, d / sizes)
+        derivatives[name] = np.where(np.isnan(result[name]), np.nan, d / sizes)
     rests = (name for name in plan.layout if name.startswith("rest/"))
     slips = {name: slope(values[plan.layout[name][0]]) for name in rests}
-    return found, {name: np.abs(d) > REST_SHARE for name, d in slips.items()}
+    return derivatives, {name: np.abs(d) > REST_SHARE for name, d in slips.items()}
 
 
 def _read(output: Output, columns: list[Any], shape: tuple[int, int]) -> Array:
@@ -282,27 +282,27 @@ def _asked(
     """The numbers that addresses and patterns name, and which are named one by one."""
     known = parameters(mechanism)
     every = {**known, **_of_drivers(mechanism, result)}
-    found: dict[str, Parameter] = {}
+    chosen: dict[str, Parameter] = {}
     alone: set[str] = set()
     for pattern in patterns:
         near = known if pattern in EVERYTHING else every
         fits = {a: p for a, p in near.items() if a != pattern and fnmatch.fnmatchcase(a, pattern)}
         one = {} if fits else {p.address: p for p in named(every, {pattern: None})}
-        found |= fits or one
+        chosen |= fits or one
         alone |= one.keys()
-    return found, alone
+    return chosen, alone
 
 
 def _of_drivers(mechanism: Compiled, result: Result) -> dict[str, Parameter]:
     """Coordinate, rate and acceleration of each driver as numbers; as large as they become."""
-    found = {}
+    parameters_ = {}
     for i, driver in enumerate(mechanism.drivers):
         for what, name in INPUTS.items():
             address, given = mechanism.of_driver(driver, what), result.samples.inputs[f"{name}_{i}"]
             size = float(np.abs(np.asarray(given, float)).max(initial=0.0))
             unit = mechanism.outputs[address].unit
-            found[address] = Parameter(address, size, unit, (GIVEN, name, driver))
-    return found
+            parameters_[address] = Parameter(address, size, unit, (GIVEN, name, driver))
+    return parameters_
 
 
 def _without(p: Parameter) -> str:

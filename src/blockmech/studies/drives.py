@@ -65,8 +65,8 @@ class MotorDemand(TextReport):
     @property
     def margins(self) -> Mapping[str, float]:
         """Limit -> what is asked over what the motor can [-]; above 1 it cannot."""
-        asked = {"rms": self.rms, "peak": self.peak, "speed": self.fastest}
-        return {name: asked[name] / x for name, x in self.limits.items()}
+        demand = {"rms": self.rms, "peak": self.peak, "speed": self.fastest}
+        return {name: demand[name] / x for name, x in self.limits.items()}
 
     @property
     def fits(self) -> bool:
@@ -188,7 +188,7 @@ def available(
     refuse_deflections(mechanism, plan, "designs")
     engine, n = DualEngine(plan.program), taken.n
     given = {k: np.broadcast_to(np.asarray(x, float), n) for k, x in _inputs(taken, plan).items()}
-    found = np.full(n, np.nan)
+    forces = np.full(n, np.nan)
     for start in range(0, n, BLOCK):
         part = slice(start, min(start + BLOCK, n))
         inputs = {k: x[part] for k, x in given.items()}
@@ -203,10 +203,10 @@ def available(
             x = x + np.where(np.isfinite(step), step, np.nan)
             if (done | ~np.isfinite(x)).all():
                 break
-        found[part] = np.where(done, x, np.nan)
-    if not np.isfinite(found).any():
+        forces[part] = np.where(done, x, np.nan)
+    if not np.isfinite(forces).any():
         raise refused(p.address, f"no value of it makes {name} {effort:.6g}", "name a load")
-    return found
+    return forces
 
 
 def _driver(mechanism: Compiled, driver: str | None) -> str:

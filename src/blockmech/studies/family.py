@@ -62,8 +62,8 @@ def remade(mechanism: Compiled, values: Mapping[str, float]) -> Compiled:
     other: Any = mechanism.document.replace(values)
     if isinstance(other, Graph):
         return type(mechanism).of(other, mechanism.names)
-    found: Compiled = other.compile()
-    return found
+    design: Compiled = other.compile()
+    return design
 
 
 class Family:
@@ -163,12 +163,12 @@ def _passed_on(
         return {
             p: places for one in parameters for p, places in _passed_on(mechanism, (one,)).items()
         }
-    found = {}
+    followers = {}
     for p, seed in zip(parameters, np.eye(len(parameters)), strict=True):
         follow = {path: x for path, x in near.numbers.items() if (x.d @ seed).any()}
         same = all(x == Varied(p.value, seed) for x in follow.values())
-        found[p] = tuple(follow) if same and own == there else ()
-    return found
+        followers[p] = tuple(follow) if same and own == there else ()
+    return followers
 
 
 def as_said(p: Parameter, x: float) -> float:

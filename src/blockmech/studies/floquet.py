@@ -86,21 +86,21 @@ def floquet(mechanism: Compiled, motion: Result, *, steps: int = STEPS) -> Floqu
     Raises `RequestError` for a motion without a period, and where joints have friction: their
     effort jumps where a slip reverses.
     """
-    found = motion.motion
-    if found is None or "period" not in found.facts:
+    steady = motion.motion
+    if steady is None or "period" not in steady.facts:
         raise refused("motion", "it has no period", 'give a steady state: simulate("steady")')
     if mechanism.frictional_joints and motion.settings.get("friction") != "none":
         raise refused(
             "motion", "joint friction jumps where slips reverse", 'simulate with friction="none"'
         )
-    period, k = float(found.facts["period"]), len(mechanism.drivers)
+    period, k = float(steady.facts["period"]), len(mechanism.drivers)
     nodes, weights = np.polynomial.legendre.leggauss(STAGES)
     c, b = (nodes + 1) / 2, weights / 2
     powers = np.vander(c, STAGES, increasing=True)
     a = (c[:, None] ** np.arange(1, STAGES + 1) / np.arange(1, STAGES + 1)) @ np.linalg.inv(powers)
     h = period / steps
-    t = found.t_start + h * (np.arange(steps)[:, None] + c).ravel()
-    state = found.track.state(t)
+    t = steady.t_start + h * (np.arange(steps)[:, None] + c).ravel()
+    state = steady.track.state(t)
     q, qd = np.reshape(state.q, (-1, k)), np.reshape(state.qd, (-1, k))
     resting = tangents(mechanism, q, qd, t=t)
     qdd = -np.linalg.solve(resting.M, resting.effort[..., None])[..., 0]

@@ -147,6 +147,8 @@ def flywheel(mechanism: Compiled, speed: float, fluctuation: float) -> Flywheel:
     guess = math.log(
         (float(np.ptp(turn.energy)) + float(np.ptp(turn.J)) * speed**2) / (fluctuation * speed**2)
     )
-    found = math.exp(brentq(beyond, guess - 12, guess + 3, xtol=1e-13, rtol=8 * EPS))
-    speeds = turn.speeds(found, speed)
-    return Flywheel(found, moment, fluctuation_of(speeds, speed), without, speed, q, speeds, alone)
+    inertia = math.exp(brentq(beyond, guess - 12, guess + 3, xtol=1e-13, rtol=8 * EPS))
+    speeds = turn.speeds(inertia, speed)
+    return Flywheel(
+        inertia, moment, fluctuation_of(speeds, speed), without, speed, q, speeds, alone
+    )

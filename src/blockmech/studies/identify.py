@@ -251,11 +251,11 @@ def _solved(fit: _Fit, kept: list[int], start: Floats, sizes: Floats) -> Floats:
 
     x = start.copy()
     for _ in range(2):  # by the size of the columns first, then by their noise
-        found = least_squares(
+        optimum = least_squares(
             residual, x[kept] / sizes[kept], jacobian, method="lm", xtol=1e-10, ftol=1e-10
         )
-        x[kept] = found.x * sizes[kept]
-        noise = np.sqrt(np.mean(evaluated(found.x)[0] ** 2, axis=1))
+        x[kept] = optimum.x * sizes[kept]
+        noise = np.sqrt(np.mean(evaluated(optimum.x)[0] ** 2, axis=1))
         weight = 1.0 / np.maximum(noise, least)
     return x
 
@@ -362,13 +362,13 @@ def _made(
     fit: _Fit,
     names: list[str],
     x: Floats,
-    told: tuple[list[int], list[int], Floats, list[int]],
+    parts: tuple[list[int], list[int], Floats, list[int]],
     sizes: Floats,
     cov: Floats,
     r: Floats,
     noise: Floats,
 ) -> Identification:
-    base, rest, how, seen = told
+    base, rest, how, seen = parts
     values: dict[str, float] = {}
     deviations: dict[str, float] = {}
     together: list[Combination] = []

@@ -126,7 +126,7 @@ class Linearization(TextReport):
         """The modes, slowest first; of a conjugate pair the one with a positive frequency."""
         values, vectors = np.linalg.eig(self.A)
         values = np.where(np.abs(values.real) <= NOUGHT * np.abs(values), 1j * values.imag, values)
-        k, found = len(self.M), []
+        k, modes = len(self.M), []
         for value, vector in zip(values.tolist(), vectors.T, strict=True):
             value = complex(value)
             if value.imag < -SAME * abs(value):
@@ -135,8 +135,8 @@ class Linearization(TextReport):
             largest = shape[np.argmax(np.abs(shape))]
             shape = shape / largest if abs(largest) > NOUGHT else np.zeros(k, complex)
             size = abs(value)
-            found.append(Mode(value, size, 0.0 - value.real / size if size else 0.0, shape))
-        return tuple(sorted(found, key=lambda m: (m.frequency, m.value.real)))
+            modes.append(Mode(value, size, 0.0 - value.real / size if size else 0.0, shape))
+        return tuple(sorted(modes, key=lambda m: (m.frequency, m.value.real)))
 
     def response(self, frequencies: Any) -> NDArray[np.complex128]:
         """Frequency response (n, outputs, inputs) at angular frequencies (n,) [rad/s].
@@ -206,10 +206,10 @@ class Linearization(TextReport):
     def to_dict(self) -> dict[str, Any]:
         """The system as a JSON object."""
         arrays = ("effort", "M", "damping", "K", "A", "B", "C", "D", "frequencies")
-        found: dict[str, Any] = {name: getattr(self, name).tolist() for name in arrays}
-        found["eigenvalues"] = [[z.real, z.imag] for z in self.eigenvalues.tolist()]
+        data: dict[str, Any] = {name: getattr(self, name).tolist() for name in arrays}
+        data["eigenvalues"] = [[z.real, z.imag] for z in self.eigenvalues.tolist()]
         names = ("at", "rates", "states", "inputs", "outputs", "units", "notes")
-        return as_data(found | {name: getattr(self, name) for name in names})
+        return as_data(data | {name: getattr(self, name) for name in names})
 
 
 @declared
@@ -347,14 +347,14 @@ def _outputs(mechanism: Compiled, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of outputs, by default the coordinates. Raises `RequestError` for what is no number."""
     if not names:
         return tuple(mechanism.of_driver(d, "q") for d in mechanism.drivers)
-    found = tuple(mechanism.outputs.match(names))
-    for name in found:
+    matched = tuple(mechanism.outputs.match(names))
+    for name in matched:
         kind = mechanism.outputs[name].kind
         if kind == "vector":
             raise refused(name, "it is a vector", f"name {name}.x or {name}.y")
         if kind != "real":
             raise refused(name, f"it is a {kind}", "name an output that is a number a pose")
-    return found
+    return matched
 
 
 def _names(given: Iterable[str] | str) -> tuple[str, ...]:
@@ -366,17 +366,17 @@ def _state(mechanism: Compiled, at: Any, rates: Any) -> tuple[Floats, Floats]:
     if not mechanism.drivers:
         raise refused("linearize", "the mechanism has no driver", "what does not move has no modes")
     if at is None:
-        found = [
+        stable = [
             e
             for e in mechanism.equilibria(friction="none")  # type: ignore[attr-defined]
             if e.kind == "stable" and not e.stop
         ]
-        if len(found) != 1:
-            words = f"there are {len(found)} stable equilibria"
+        if len(stable) != 1:
+            words = f"there are {len(stable)} stable equilibria"
             remedy = "give at=, a pose or one of equilibria()"
-            valid = listed(e.text() for e in found) if found else ""
+            valid = listed(e.text() for e in stable) if stable else ""
             raise refused("at", words, remedy, valid)
-        at = found[0]
+        at = stable[0]
     if isinstance(at, Equilibrium):
         at = dict(zip(mechanism.drivers, at.q.tolist(), strict=True))
     none = dict.fromkeys(mechanism.drivers, 0.0)

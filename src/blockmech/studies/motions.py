@@ -198,10 +198,10 @@ class MotionRunner(Runner):
         alone = range(m) if planned is None else planned.into(values, columns).tolist()
         for i in alone:
             row = {p.address: as_said(p, x[i]) for p, x in columns.items()}
-            found = self.moved(row)
-            for label, x in found.values.items():
+            moved = self.moved(row)
+            for label, x in moved.values.items():
                 values[label][i] = x
-            word[i], place[i] = REASONS.index(found.word or OK), found.place
+            word[i], place[i] = REASONS.index(moved.word or OK), moved.place
         for label, x in values.items():
             bad = (word == 0) & np.isnan(x if x.ndim == 1 else x[:, 0])
             word[bad], place[bad] = REASONS.index(NO_NUMBER), label
@@ -275,28 +275,28 @@ class Together:
         runner, m = self.runner, len(next(iter(columns.values())))
         design = runner.family.design({p: x[:, None] for p, x in columns.items()})
         numbers = self.rates.program.values(*design)
-        found = moved(self.system, self.request, self.rates, numbers, m)
-        some = np.flatnonzero(~found.alone)
+        motions = moved(self.system, self.request, self.rates, numbers, m)
+        some = np.flatnonzero(~motions.alone)
         own_numbers = [w for w in runner.want if w.how == MOTION]
         for w in own_numbers:
-            values[w.label][some] = OF_BATCH[w.output](found)[some]
+            values[w.label][some] = OF_BATCH[w.output](motions)[some]
         if len(own_numbers) < len(runner.want):
-            self._outputs_into(values, found, some.tolist())
-        return np.flatnonzero(found.alone)
+            self._outputs_into(values, motions, some.tolist())
+        return np.flatnonzero(motions.alone)
 
-    def _outputs_into(self, values: dict[str, Array], found: Motions, some: list[int]) -> None:
+    def _outputs_into(self, values: dict[str, Array], motions: Motions, some: list[int]) -> None:
         """Put reductions of the driver's coordinate and rate of some designs into their columns."""
         runner, request = self.runner, self.request
         own, t0 = runner.family.mechanism, request.start.t
         rate = own.of_driver(own.drivers[0], "rate")
-        t = t0 + np.linspace(0.0, 1.0, runner.n) * (found.t - t0)[:, None]
+        t = t0 + np.linspace(0.0, 1.0, runner.n) * (motions.t - t0)[:, None]
         if request.times:
-            t = np.tile(request.times, (len(found.t), 1))
-        shown, t = t <= found.t[:, None], np.minimum(t, found.t[:, None])
+            t = np.tile(request.times, (len(motions.t), 1))
+        shown, t = t <= motions.t[:, None], np.minimum(t, motions.t[:, None])
         shown[:, 0] |= ~shown.any(axis=1)  # all wanted times lie after the end: it stands for them
-        states = found.track.state(t)
-        ends = np.stack([found.q, found.rate], axis=-1)[:, None]  # which are known exactly
-        states = np.where((t == found.t[:, None])[..., None], ends, states)
+        states = motions.track.state(t)
+        ends = np.stack([motions.q, motions.rate], axis=-1)[:, None]  # which are known exactly
+        states = np.where((t == motions.t[:, None])[..., None], ends, states)
         for w in (w for w in runner.want if w.how != MOTION):
             y = states[..., int(w.output == rate)]
             for i in some:

@@ -53,8 +53,8 @@ class Objective:
         family, numbers = self._runner.family, self.numbers(x)
         given = dict(zip(family.parameters, numbers.values(), strict=True))
         bad = any(problem for p in given for problem in family.problems(p, given[p]))
-        found = self._rows(self.start if bad else np.array([*numbers.values()]))
-        whole = np.where(np.isfinite(found) & (not bad), found, np.inf)
+        rows = self._rows(self.start if bad else np.array([*numbers.values()]))
+        whole = np.where(np.isfinite(rows) & (not bad), rows, np.inf)
         return float(whole[0]) if len(whole) == 1 else whole
 
     def jacobian(self, x: Any) -> Array:
@@ -64,8 +64,10 @@ class Objective:
         """
         other = remade(self.mechanism, self.numbers(x))
         labels = [w.label for w in self._runner.want]
-        found = sensitivity(other, labels, self.addresses, **self._over, **self._runner.settings)
-        rows = [_parts(found[label].T) for label in labels]
+        derivatives = sensitivity(
+            other, labels, self.addresses, **self._over, **self._runner.settings
+        )
+        rows = [_parts(derivatives[label].T) for label in labels]
         whole = np.concatenate(rows)
         return whole[0] if len(whole) == 1 else whole
 
@@ -82,8 +84,8 @@ class Objective:
 
     def _rows(self, x: Array) -> Array:
         columns = {p: x[k : k + 1] for k, p in enumerate(self._runner.family.parameters)}
-        found = self._runner.block(self._planned, columns).values
-        rows = [_parts(np.atleast_1d(found[w.label][0])) for w in self._runner.want]
+        values = self._runner.block(self._planned, columns).values
+        rows = [_parts(np.atleast_1d(values[w.label][0])) for w in self._runner.want]
         return np.concatenate(rows)
 
 

@@ -48,7 +48,7 @@ def read_columns(data: Any) -> dict[str, Floats]:
     else:
         names = getattr(data, "columns", None)
         raw = {str(n): data[n] for n in (data if names is None else names)}
-    found = {}
+    columns = {}
     for head, column in raw.items():
         match = HEAD.fullmatch(head)
         name, unit = (match["name"], match["unit"] or "") if match else (head, "")
@@ -57,10 +57,12 @@ def read_columns(data: Any) -> dict[str, Floats]:
         except (TypeError, ValueError):
             continue  # words, such as a status
         if x.ndim == 1 and len(x):
-            found[name.strip()] = x * ANGLES.get(unit, 1.0)
-    if len({len(x) for x in found.values()}) > 1 or not found:
-        raise refused("data", "its columns are not equally long" if found else "it has no columns")
-    return found
+            columns[name.strip()] = x * ANGLES.get(unit, 1.0)
+    if len({len(x) for x in columns.values()}) > 1 or not columns:
+        raise refused(
+            "data", "its columns are not equally long" if columns else "it has no columns"
+        )
+    return columns
 
 
 def _of_csv(path: Path) -> dict[str, list[str]]:

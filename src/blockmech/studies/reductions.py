@@ -116,14 +116,14 @@ class Wanted:
             "at": lambda: d[:, self.sample],
             POSES: lambda: d,
         }
-        found: Array = rules[self.how]()
-        return found if found.ndim > 1 else found[:, None]
+        rows: Array = rules[self.how]()
+        return rows if rows.ndim > 1 else rows[:, None]
 
 
 def _of_largest(y: Array, d: Array) -> Array:
     """Derivatives (k,) of the largest of y (n,): of several but for rounding, that which leads."""
-    found: Array = d[:, np.isclose(y, y.max(), rtol=REST_SHARE, atol=0.0)].max(axis=1)
-    return found
+    slopes: Array = d[:, np.isclose(y, y.max(), rtol=REST_SHARE, atol=0.0)].max(axis=1)
+    return slopes
 
 
 def is_reduction(text: str) -> bool:
@@ -164,24 +164,24 @@ def columns(
     Patterns of names are as those of a run; ``others`` are columns that are no outputs, by name.
     Raises `RequestError` with all that is wrong.
     """
-    found: dict[str, Wanted] = {}
+    wanted: dict[str, Wanted] = {}
     problems: list[Problem] = []
     known = others or {}
     for name, how in _pairs(want, problems):
         try:
             if name in known and how == WHOLE:
-                found[name] = known[name]
+                wanted[name] = known[name]
                 continue
             for output in outputs.match([name]):
                 made = column(outputs[output], how)
-                found[made.label] = made
+                wanted[made.label] = made
         except RequestError as error:
             problems += error.problems
     if problems:
         raise RequestError(problems)
-    if not found:
+    if not wanted:
         raise refused("want", "nothing is wanted", 'e.g. "max_abs(crank.drive)"')
-    return tuple(found.values())
+    return tuple(wanted.values())
 
 
 def _pairs(want: Any, problems: list[Problem]) -> Iterator[tuple[str, str]]:

@@ -87,9 +87,9 @@ class Runner:
                 y = np.append(x, tried.get(p, ()))
                 tried[p] = np.unique([y.min(), y.max(), *y[y == 0.0][:1], *y[y % 1.0 != 0.0][:1]])
         values = ((p, x) for p, row in tried.items() for x in row.tolist())
-        found = [problem for p, x in values for problem in self.family.problems(p, x)]
-        if found:
-            raise FormatError(dict.fromkeys(found))
+        problems = [problem for p, x in values for problem in self.family.problems(p, x)]
+        if problems:
+            raise FormatError(dict.fromkeys(problems))
         return spans
 
     def samples(self, mechanism: Compiled) -> Samples:
@@ -161,8 +161,8 @@ class Runner:
             own = _Planned(self, remade(self.family.mechanism, numbers), 1)
         except BlockmechError as error:
             return self._without(planned.samples.n, error)
-        found = own.block(tuple(own.plan.program.parameters.values()), 1)
-        return self._with_followed(found, columns)
+        answered = own.block(tuple(own.plan.program.parameters.values()), 1)
+        return self._with_followed(answered, columns)
 
     def _with_followed(self, block: Block, columns: Mapping[Parameter, Array]) -> Block:
         """Designs with their strokes and where they rest, one by one; NaN where there is none."""
@@ -188,9 +188,9 @@ class Runner:
             shape = (1, n) if column.how == POSES else (1,)
             nothing = complex(np.nan, np.nan) if column.kind == "vector" else np.nan
             values[column.label] = np.full(shape, nothing)
-        said = f"{error.problems[0].where} ({error.problems[0].found})"
+        reason = f"{error.problems[0].where} ({error.problems[0].found})"
         word = np.array([WORDS.index(NO_ASSEMBLY)], np.int8)
-        return Block(values, word, np.array([said], object), np.array([0]), np.array([n]))
+        return Block(values, word, np.array([reason], object), np.array([0]), np.array([n]))
 
 
 def summary(x: Any) -> str:
@@ -233,24 +233,24 @@ class _Planned:
     def block(self, values: tuple[Any, ...], m: int) -> Block:
         """m designs with these parameters."""
         shape = (m, self.samples.n)
-        found = self.engine.run_designs(self.inputs, values)
+        outputs = self.engine.run_designs(self.inputs, values)
         layout = self.plan.layout
         with np.errstate(all="ignore"):
             kept = {
-                w.label: w.of([found[i] for i in layout[w.output]], shape, self.weights)
+                w.label: w.of([outputs[i] for i in layout[w.output]], shape, self.weights)
                 for w in self.want
             }
-            return Block(kept, *self._failures(found, shape))
+            return Block(kept, *self._failures(outputs, shape))
 
-    def _failures(self, found: tuple[Any, ...], shape: tuple[int, int]) -> tuple[Array, ...]:
+    def _failures(self, outputs: tuple[Any, ...], shape: tuple[int, int]) -> tuple[Array, ...]:
         """Why designs have no answer: word, block, first pose and number of poses (m,) each."""
         margins, outcomes = {}, {}
         for name, where in self.plan.layout.items():
             kind, _, block = name.partition("/")
             if kind == "margin":
-                margins[block] = np.broadcast_to(at_most_one(found[where[0]]), shape)
+                margins[block] = np.broadcast_to(at_most_one(outputs[where[0]]), shape)
             elif kind == "friction":
-                outcomes[block] = np.broadcast_to(found[where[3]], shape)
+                outcomes[block] = np.broadcast_to(outputs[where[3]], shape)
         judged = {
             i
             for w in self.want
@@ -258,8 +258,8 @@ class _Planned:
             for i in self.plan.layout[w.output]
         }
         bad = np.zeros(shape, bool)
-        for i in () if isinstance(found, Whole) else judged:
-            x = found[i]
+        for i in () if isinstance(outputs, Whole) else judged:
+            x = outputs[i]
             for part in (x.real, x.imag) if isinstance(x, Planar) else (x,):
                 if not np.isfinite(np.sum(part)):  # quicker than each by itself
                     bad |= ~np.isfinite(part)
@@ -267,7 +267,7 @@ class _Planned:
         why = failures(margins, outcomes, bad, self.prismatic, following)
         m, failing = np.arange(shape[0]), why.word > 0
         count, first = failing.sum(axis=1), failing.argmax(axis=1)
-        places = np.array([self.mechanism.said(b) if b else "" for b in why.blocks], object)
+        places = np.array([self.mechanism.block_name(b) if b else "" for b in why.blocks], object)
         return (
             why.word[m, first],
             places[why.block[m, first]],

@@ -114,12 +114,12 @@ class Sensitivity(Mapping[str, Array]):
 
     def ranked(self, output: str) -> list[Effect]:
         """The numbers by what a hundredth of them does to an output at most, largest first."""
-        whole, found = self[output], []
+        whole, effects = self[output], []
         for (address, p), row in zip(self.parameters.items(), whole, strict=True):
             k = int(np.nanargmax(np.abs(row))) if np.isfinite(row).any() else 0
             change = float(abs(row[k])) * PERCENT * size_of(p, self.parameters.values())
-            found.append(Effect(p, row[k], self.unit(output, address), k, change))
-        return sorted(found, key=lambda e: (-np.nan_to_num(e.change), e.parameter.address))
+            effects.append(Effect(p, row[k], self.unit(output, address), k, change))
+        return sorted(effects, key=lambda e: (-np.nan_to_num(e.change), e.parameter.address))
 
     def doubts(self, output: str) -> Iterator[str]:
         """Where an output has no derivative of both sides, in words."""
@@ -135,7 +135,7 @@ class Sensitivity(Mapping[str, Array]):
 
     def said_of(self, outputs: Iterable[str]) -> str:
         """The doubts of some outputs as sentences behind a caption."""
-        return "".join(f" {name}: {said}." for name in outputs for said in self.doubts(name))
+        return "".join(f" {name}: {doubt}." for name in outputs for doubt in self.doubts(name))
 
     # -- shown ------------------------------------------------------------------------
 

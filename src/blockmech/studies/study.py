@@ -129,25 +129,25 @@ def _rows(
         parts = Parts(Path(out), question, runner.want, spans)
         left, damaged = parts.missing(chosen)
         parts = replace(parts, damaged=damaged)
-    found: dict[Span, Block | None] = dict.fromkeys(set(spans) - set(left))
+    blocks: dict[Span, Block | None] = dict.fromkeys(set(spans) - set(left))
     done = chosen.count - sum(stop - start for start, stop in left)
     answers = hands(Work(runner, chosen, parts), workers, client)(left)
     try:
         for span, block in answers:
-            found[span] = block
+            blocks[span] = block
             done += span[1] - span[0]
             if say is not None:
                 say(f"{done} of {chosen.count} designs", done, chosen.count)
     except KeyboardInterrupt:
         answers.close()
-        if not any(start == 0 for start, _ in found):
+        if not any(start == 0 for start, _ in blocks):
             raise
     whole: list[Span] = []
     stop = 0
-    for span in sorted(found):
+    for span in sorted(blocks):
         if span[0] == stop:
             whole.append(span)
             stop = span[1]
     if parts is not None:
         return replace(parts, spans=tuple(whole))
-    return Block.joined([block for span in whole if (block := found[span]) is not None])
+    return Block.joined([block for span in whole if (block := blocks[span]) is not None])

@@ -176,9 +176,9 @@ class Study(Mapping[str, Array]):
         Raises `MissingEngineError` without xarray (extra ``study``).
         """
         xarray = needed("xarray", "to_xarray", "study", WITHOUT)
-        asked, on_grid = self.designs, self.designs.sampling == "grid"
-        dims = tuple(asked.vary) if on_grid else ("design",)
-        axes = asked.vary if on_grid else asked.columns(0, asked.count)
+        designs, on_grid = self.designs, self.designs.sampling == "grid"
+        dims = tuple(designs.vary) if on_grid else ("design",)
+        axes = designs.vary if on_grid else designs.columns(0, designs.count)
         data: dict[str, Any] = {
             w.label: ((*dims, "pose") if w.how == POSES else dims, self.grid(w.label))
             for w in self.columns
@@ -187,10 +187,10 @@ class Study(Mapping[str, Array]):
         data["status"] = (dims, over.astype(str))
         coords = {a: ((a,) if on_grid else dims, values) for a, values in axes.items()}
         poses = json.dumps({k: len(q) for k, q in self.poses.items()})
-        found = xarray.Dataset(data, coords, {"mechanism": self.name, "poses": poses})
+        dataset = xarray.Dataset(data, coords, {"mechanism": self.name, "poses": poses})
         for name in (*self.parameters, *(w.label for w in self.columns)):
-            found[name].attrs["units"] = self.unit(name)
-        return found
+            dataset[name].attrs["units"] = self.unit(name)
+        return dataset
 
     # -- for people -----------------------------------------------------------------
 

@@ -80,8 +80,8 @@ class Tolerance(Mapping[str, Array]):
 
     def _variances(self, output: str) -> Array:
         deviations = np.array([law.deviation for law in self.laws.values()])
-        found: Array = np.square(np.abs(self.sensitivity[output]) * deviations[:, None])
-        return found
+        variances: Array = np.square(np.abs(self.sensitivity[output]) * deviations[:, None])
+        return variances
 
     # -- shown --------------------------------------------------------------------------
 
@@ -104,10 +104,10 @@ class Tolerance(Mapping[str, Array]):
         else:
             yield f"{output}: deviation up to {deviation[k]:.4g} {unit}".rstrip() + f", at {at}"
         if output in self.sampled:
-            found = self.sampled[output]
-            n, off = int(found.designs[k]), found.deviation[k]
-            said = f"{off:.4g} ± {off / math.sqrt(2 * n):.1g} {unit}" if n > 1 else "too few"
-            yield f"{n} designs: {said}".rstrip()
+            sample = self.sampled[output]
+            n, off = int(sample.designs[k]), sample.deviation[k]
+            text = f"{off:.4g} ± {off / math.sqrt(2 * n):.1g} {unit}" if n > 1 else "too few"
+            yield f"{n} designs: {text}".rstrip()
         numbers = self.sensitivity.parameters
         shares = self.shares(output)[:, k]
         order = np.argsort(-np.nan_to_num(shares), kind="stable")
@@ -159,9 +159,9 @@ def tolerance(
     if wrong or not given:
         remedy, places = "give e.g. normal(6.0, 1e-4)", wrong or ["numbers"]
         raise RequestError(Problem("bad-request", a, "no distribution", "", remedy) for a in places)
-    found = named(parameters(mechanism), numbers)
-    laws = {p.address: law for p, law in found.items()}
-    moved = {p.address: law.mean for p, law in found.items() if law.mean != p.value}
+    parameters_of = named(parameters(mechanism), numbers)
+    laws = {p.address: law for p, law in parameters_of.items()}
+    moved = {p.address: law.mean for p, law in parameters_of.items() if law.mean != p.value}
     centre = remade(mechanism, moved) if moved else mechanism
     poses = {"at": at, "samples": samples, "times": times}
     linear = sensitivity(centre, want, laws, **poses, friction=friction, static=static)  # type: ignore[arg-type]
@@ -181,8 +181,8 @@ def _drawn(
     sums: dict[str, list[Any]] = {name: [0, 0.0, 0.0] for name in linear}
     for (_, done), block in Work(runner, chosen).here(runner.checked(chosen)):
         assert block is not None  # as nothing is written
-        for name, found in zip(sums, block.values.values(), strict=True):
-            rows = found if found.ndim > 1 else found[:, None]
+        for name, column in zip(sums, block.values.values(), strict=True):
+            rows = column if column.ndim > 1 else column[:, None]
             good = np.isfinite(off := rows - linear.value(name))
             off = np.where(good, off, 0.0)
             terms = good.sum(axis=0), off.sum(axis=0), np.square(np.abs(off)).sum(axis=0)

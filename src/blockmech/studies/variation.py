@@ -66,8 +66,8 @@ def moves_drivers(path: Path) -> bool:
 def designed(mechanism: Compiled, numbers: Mapping[Path, Any]) -> tuple[Structure, Scene]:
     """Structure and scene with other numbers, unchecked: of any type with arithmetic."""
     s = mechanism.structure
-    found = replaced(graph_sections(mechanism), numbers)
-    blocks = found[BLOCKS]
+    sections = replaced(graph_sections(mechanism), numbers)
+    blocks = sections[BLOCKS]
     structure = replace(
         s,
         fixed=blocks[s.frame],
@@ -76,7 +76,7 @@ def designed(mechanism: Compiled, numbers: Mapping[Path, Any]) -> tuple[Structur
         couplings={name: blocks[name] for name in s.couplings},
         signals={name: blocks[name] for name in s.signals},
     )
-    return structure, found["scene"]
+    return structure, sections["scene"]
 
 
 def planned_aside(mechanism: Compiled, numbers: Mapping[Path, float]) -> Compiled:
@@ -120,22 +120,22 @@ class Variation:
             return cls(mechanism, numbers)
         made = document.with_numbers(numbers).decompose()
         graph = Graph.from_data(settled(made.data))
-        found = {}
+        numbers_of = {}
         for p in parameters_of(graph.sections()).values():
             x = number_at(made.data, p.path)
             if isinstance(x, Varied) and x.d.any():
-                found[p.path] = x
-        return cls(type(mechanism).of(graph, made.names, document), found)
+                numbers_of[p.path] = x
+        return cls(type(mechanism).of(graph, made.names, document), numbers_of)
 
     @cached_property
     def general(self) -> Compiled:
         """A mechanism whose plans hold for all designs near by, on the same paths from home."""
-        found = planned_aside(
+        mechanism = planned_aside(
             self.base, {path: complex(x).real for path, x in self.numbers.items()}
         )
-        for block in (b for b, x in found.structure.blocks.items() if x.own_form):
-            found.structure.paths[block] = path_of(self.base.structure, block)
-        return found
+        for block in (b for b, x in mechanism.structure.blocks.items() if x.own_form):
+            mechanism.structure.paths[block] = path_of(self.base.structure, block)
+        return mechanism
 
     def design(self, seeds: NDArray[Any]) -> tuple[Structure, Scene]:
         """The design with tangents in k directions (k, m) of the numbers that vary."""

@@ -36,26 +36,26 @@ def _also_studies(function: Callable[P, Verification]) -> Callable[P, Verificati
     return verify
 
 
-def _made_again(mechanism: Compiled, found: Study) -> Verification:
+def _made_again(mechanism: Compiled, study: Study) -> Verification:
     """Some designs of a study, each made from the document and run by itself, against its rows.
 
     Errors are relative to the column's largest number, times the conditioning of the design.
     """
-    runner, names = found.runner, [n for n in mechanism.outputs if n.endswith(".margin")]
+    runner, names = study.runner, [n for n in mechanism.outputs if n.endswith(".margin")]
     if isinstance(runner, MotionRunner):
         raise refused("at", "it is a study of motions", "verify a simulation of one of its designs")
     if runner.family.mechanism is not mechanism:
-        raise refused("at", f"it is a study of another mechanism, {found.name}")
+        raise refused("at", f"it is a study of another mechanism, {study.name}")
     plain = {"friction": "none", "tolerance": None, "iterations": None, "static": True}
-    answered = np.flatnonzero(found.found.word == 0)
+    answered = np.flatnonzero(study.found.word == 0)
     some = answered[np.unique(np.linspace(0, len(answered) - 1, DESIGNS).round().astype(int))]
-    sizes = {w.label: float(np.nanmax(np.abs(found[w.label]))) or 1.0 for w in found.columns}
+    sizes = {w.label: float(np.nanmax(np.abs(study[w.label]))) or 1.0 for w in study.columns}
     family = copy(runner.family)
     family.alone = family.alone or "each is verified by itself"
     alone = replace(runner, family=family, engine="numpy")
     planned, worst, most = alone.prepared(1), dict.fromkeys(sizes, 0.0), 1.0
     for design in some.tolist():
-        columns = {p: found.vary[a][[design]] for a, p in found.parameters.items()}
+        columns = {p: study.vary[a][[design]] for a, p in study.parameters.items()}
         own = remade(mechanism, {p.address: as_said(p, x[0]) for p, x in columns.items()})
         taken = runner.samples(own)
         run = own.answer(taken, names, plain, None, "auto", None, None, "mark") if names else {}
@@ -63,7 +63,7 @@ def _made_again(mechanism: Compiled, found: Study) -> Verification:
         condition = 1 / math.sqrt(margin)
         most = max(most, condition)
         for label, again in alone.block(planned, columns).values.items():
-            gap = np.abs(again[0] - found[label][design]) / (sizes[label] * condition)
+            gap = np.abs(again[0] - study[label][design]) / (sizes[label] * condition)
             worst[label] = max(worst[label], float(np.max(gap)))
     rows = tuple(Check(f"{label} made again", value) for label, value in worst.items())
     return Verification(rows, len(some), most)

@@ -114,10 +114,10 @@ class Work:
 def answered(pickled: bytes, chosen: Designs, span: Span) -> Block | None:
     """A part: handed back, or None where it is written into a folder."""
     runner, planned, parts = _at_hand(pickled)
-    found = Block.joined(list(runner.blocks(planned, chosen)))
+    block = Block.joined(list(runner.blocks(planned, chosen)))
     if parts is None:
-        return found
-    parts.write(span, chosen.columns(0, chosen.count), found)
+        return block
+    parts.write(span, chosen.columns(0, chosen.count), block)
     return None
 
 

@@ -38,20 +38,22 @@ class Asked(NamedTuple):
     share: float = 0.0
 
 
-def _tolerance(asked: Asked) -> Any:
+def _tolerance(request: Asked) -> Any:
     """Every length that is not 0 scatters by the share, as a standard deviation."""
     lengths = {
-        p.address: normal(p.value, asked.share * abs(p.value))
-        for p in asked.mechanism.parameters().values()
+        p.address: normal(p.value, request.share * abs(p.value))
+        for p in request.mechanism.parameters().values()
         if p.unit == "m" and p.value and not moves_drivers(p.path)
     }
-    return asked.mechanism.tolerance(lengths, asked.name, friction=asked.friction)
+    return request.mechanism.tolerance(lengths, request.name, friction=request.friction)
 
 
-def _limits(asked: Asked) -> Any:
+def _limits(request: Asked) -> Any:
     """The arcs of the driver that moves, the others held where they are shown."""
-    moved, *held = sorted(asked.at, key=lambda driver: -np.ptp(asked.at[driver]))
-    return asked.mechanism.limits(moved, {driver: float(asked.at[driver][0]) for driver in held})
+    moved, *held = sorted(request.at, key=lambda driver: -np.ptp(request.at[driver]))
+    return request.mechanism.limits(
+        moved, {driver: float(request.at[driver][0]) for driver in held}
+    )
 
 
 ANALYSES: dict[str, tuple[str, Callable[[Asked], Any]]] = {
@@ -116,13 +118,13 @@ class Analyses:
     def panel(self) -> Any:
         """What is asked, and below what is answered."""
         self.renew()
-        asked = beside(*self.buttons, self.number, self.share)
-        return pn.Column(asked, self.text, self.image, sizing_mode="stretch_width")
+        choices = beside(*self.buttons, self.number, self.share)
+        return pn.Column(choices, self.text, self.image, sizing_mode="stretch_width")
 
     def renew(self) -> None:
         """Offer the numbers of the mechanism; what was answered of another one goes."""
-        asked = self.ask()
-        numbers = {} if asked is None else asked.mechanism.parameters()
+        request = self.ask()
+        numbers = {} if request is None else request.mechanism.parameters()
         known = [address for address, number in numbers.items() if number.value]
         options = ["", *known]
         if self.number.options != options:
@@ -141,34 +143,34 @@ class Analyses:
 
     def run(self, name: str) -> None:
         """Ask one of the analyses, beside the page."""
-        asked = self._asked()
-        if asked is None:
+        request = self._asked()
+        if request is None:
             self.show(NOTHING, "")
             return
 
-        def task(told: Callable[..., None]) -> tuple[str, str]:
-            told(f"{name} ...")
-            found = ANALYSES[name][1](asked)
+        def task(report: Callable[..., None]) -> tuple[str, str]:
+            report(f"{name} ...")
+            answered = ANALYSES[name][1](request)
             with suppress(BlockmechError):  # of what has no picture the text stands alone
-                figure = getattr(found, "figure", None)
-                return str(found), picture(figure()) if figure else ""
-            return str(found), ""
+                figure = getattr(answered, "figure", None)
+                return str(answered), picture(figure()) if figure else ""
+            return str(answered), ""
 
-        self.work.begin(task, lambda found: self.show(*found))
+        self.work.begin(task, lambda answered: self.show(*answered))
 
     @together
     def vary(self) -> None:
         """Draw the first output for several values of the chosen number."""
-        asked, address = self._asked(), self.number.value
-        if not address or asked is None:
+        request, address = self._asked(), self.number.value
+        if not address or request is None:
             return
         try:
-            drawn = draw_panels([family(asked, address)], self.along())
+            drawn = draw_panels([family(request, address)], self.along())
         except BlockmechError as error:
             self.show(str(error), "")
         else:
-            self.show(f"{asked.name} for {CURVES} values of {address}", picture(drawn))
+            self.show(f"{request.name} for {CURVES} values of {address}", picture(drawn))
 
     def _asked(self) -> Asked | None:
-        asked = self.ask()
-        return asked and asked._replace(share=(self.share.value or 0.0) / 100)
+        request = self.ask()
+        return request and request._replace(share=(self.share.value or 0.0) / 100)

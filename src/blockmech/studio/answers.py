@@ -47,12 +47,12 @@ def wire_text(result: Result, pose: int, name: str) -> str:
     Raises `RequestError` where there is no such wire.
     """
     one, structure = result.at(np.array([pose])), result.mechanism.structure
-    (found,) = on_wires(structure, one.inside, one.n, name).values()
+    (values,) = on_wires(structure, one.inside, one.n, name).values()
     rotary = [structure.joint(ref).rotary for ref in structure.driven.values()]
     shares = {"J_red": "kg m²" if rotary[0] else "kg", "tau_red": "N m" if rotary[0] else "N"}
-    lines = [("→", FORWARD), ("←", BACK)] + [("reduced", shares)] * ("J_red" in found)
+    lines = [("→", FORWARD), ("←", BACK)] + [("reduced", shares)] * ("J_red" in values)
     return "\n".join(
-        f"{way} " + "; ".join(_told(key, found[key], unit) for key, unit in units.items())
+        f"{way} " + "; ".join(_told(key, values[key], unit) for key, unit in units.items())
         for way, units in lines
     )
 
@@ -78,10 +78,10 @@ def answer(
     if accuracy is None or result.motion is not None:
         return result.with_friction(friction, *names)
     given = dict.fromkeys(("friction", "tolerance", "iterations")) | {"static": False}
-    found: Result = result.mechanism.answer(
+    answered: Result = result.mechanism.answer(
         result.samples, tuple(names), given, accuracy, "auto", None, None, "mark"
     )
-    return found
+    return answered
 
 
 def _summary(result: Result, seconds: float) -> str:
@@ -129,7 +129,7 @@ class Answers:
         self.csv = pn.widgets.FileDownload(
             callback=self._csv, filename="result.csv", label="CSV", width=100
         )
-        self.work = Work(lambda said: self.said.param.update(object=said))
+        self.work = Work(lambda message: self.said.param.update(object=message))
         acts = (self.simulate, view.turn, self.explain, self.trade)
         self.buttons = [
             pn.widgets.Button(label=name, width=100, on_click=lambda _, act=act: act())
@@ -149,8 +149,10 @@ class Answers:
         simulate, turn, cost, compare = self.buttons
 
         def curves() -> Any:
-            asked = (self.find, self.names, beside(self.friction, self.accuracy, self.csv))
-            return pn.Row(pn.Column(*asked, width=250), pn.Column(self.values, self.plots, **wide))
+            choices = (self.find, self.names, beside(self.friction, self.accuracy, self.csv))
+            return pn.Row(
+                pn.Column(*choices, width=250), pn.Column(self.values, self.plots, **wide)
+            )
 
         return {
             "Curves": curves,
@@ -189,7 +191,7 @@ class Answers:
     @together
     def renew(self) -> None:
         """Compute and draw what is chosen; what cannot be is said."""
-        self.result, panels, said = None, [], ""
+        self.result, panels, message = None, [], ""
         motion, names = self.view.motion, self.names.value
         if motion is not None and names:
             begun = time.perf_counter()
@@ -197,9 +199,9 @@ class Answers:
                 result = answer(motion, names, self.friction.value, self.accuracy.value or None)
                 panels = panels_of(result, names)
             except BlockmechError as error:
-                said = str(error)
+                message = str(error)
             else:
-                said = _summary(result, time.perf_counter() - begun)
+                message = _summary(result, time.perf_counter() - begun)
                 self.result = result
             if [labels_of(p) for p in panels] != [plot.curves for plot in self.drawn]:
                 look = {"height": CURVE, "tools": TOOLS}
@@ -208,7 +210,7 @@ class Answers:
                 self.plots.object = column(*figures, sizing_mode="stretch_width")
             for plot, panel in zip(self.drawn, panels, strict=True):
                 plot.show(panel, self.view.along, self.view.spans)
-        self.said.object = said
+        self.said.object = message
         self.plots.visible = bool(panels)
         self._show_pose()
 
@@ -259,12 +261,12 @@ class Answers:
         free = () if mechanism is None else {*mechanism.drivers} - {*mechanism.scene.initial}
         start = {driver: (q, 0.0) for driver, q in shown.items() if driver in free}
 
-        def task(told: TextReport) -> Result:
-            found = simulate(
-                mechanism, until, start=start, want=(), friction=friction, progress=told
+        def task(report: TextReport) -> Result:
+            simulated = simulate(
+                mechanism, until, start=start, want=(), friction=friction, progress=report
             )
-            times = found.motion.times(DEFAULT_SAMPLES)
-            return result_along(mechanism, found.motion, times, (), friction=friction)
+            times = simulated.motion.times(DEFAULT_SAMPLES)
+            return result_along(mechanism, simulated.motion, times, (), friction=friction)
 
         def done(result: Result) -> None:
             self.view.play(moves_of_result(result))
@@ -285,6 +287,6 @@ class Answers:
         mechanism, names = self.sheet.mechanism, tuple(self.names.value)
         if mechanism is not None and names:
             self.work.begin(
-                lambda told: trade(mechanism, "run", names, say=told),
-                lambda found: self.costs.param.update(object=str(found)),
+                lambda report: trade(mechanism, "run", names, say=report),
+                lambda measured: self.costs.param.update(object=str(measured)),
             )

@@ -153,8 +153,8 @@ class Page:
         self.save.label = "Saved" if sheet.saved and sheet.path else "Save"
         self.kept.active = sheet.saved
         if isinstance(sheet.graph, Graph):
-            said = html.escape(sheet.graph.structure().formula.replace("->", "→"))
-            self.formula.object = f"<p tabindex=0>{said}</p>"  # so that keys scroll it
+            formula = html.escape(sheet.graph.structure().formula.replace("->", "→"))
+            self.formula.object = f"<p tabindex=0>{formula}</p>"  # so that keys scroll it
         else:
             problems = [FIRST] if sheet.empty else sheet.problems
             lines = "".join(f"<li>{html.escape(str(p))}</li>" for p in problems)
@@ -201,7 +201,7 @@ def window(desk: Desk) -> Any:
     """What a window shows: the sheet that its address names, or the gallery."""
     args = {key: values[0].decode() for key, values in pn.state.session_args.items()}
     dark = args.get("theme") == "dark"
-    said, name = args.get("said", "")[:SAID], args.get("sheet", "")
+    message, name = args.get("said", "")[:SAID], args.get("sheet", "")
     try:
         if "open" in args:
             name = desk.open(args["open"])
@@ -210,11 +210,11 @@ def window(desk: Desk) -> Any:
         elif "new" in args or "draw" in args:
             name = desk.put(Linkage() if "draw" in args else None)
     except BlockmechError as error:
-        said = str(error)
+        message = str(error)
     if name not in desk.sheets:
         if pn.state.location is not None:
             pn.state.location.param.watch(lambda event: shared(desk, event.new), "hash")
-        return gallery_page(files_of(desk.folder), desk.put, said, dark)
+        return gallery_page(files_of(desk.folder), desk.put, message, dark)
     if pn.state.location is not None and args.get("sheet") != name:
         theme = "&theme=dark" if dark else ""
         pn.state.location.param.update(search=f"?sheet={name}{theme}", reload=False)

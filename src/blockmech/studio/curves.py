@@ -30,17 +30,17 @@ def panels_of(result: Result, names: Iterable[str]) -> list[Panel]:
     twin = without_friction(result)
     if twin is not None:
         bare = {(p.quantity, p.unit): p for p in chosen_panels(twin, twin)}
-    found = []
+    panels = []
     for panel in chosen_panels(result, names):
         beside = bare.get((panel.quantity, panel.unit))
-        found.append(panel if beside is None else replace(panel, without=beside.curves))
-    return found
+        panels.append(panel if beside is None else replace(panel, without=beside.curves))
+    return panels
 
 
 def margins_of(result: Result) -> Panel:
     """The margin of every group: 0 at a dead centre, below where it cannot close."""
-    told = result.mechanism.said
-    return Panel("margin", "", {told(block): m for block, m in result.quality.margin.items()})
+    name_of = result.mechanism.block_name
+    return Panel("margin", "", {name_of(block): m for block, m in result.quality.margin.items()})
 
 
 class Plot:

@@ -53,7 +53,7 @@ def kinds() -> list[tuple[str, str, str, str]]:
 
 @cache
 def _kinds(known: tuple[str, ...]) -> list[tuple[str, str, str, str]]:
-    schema, found = graph_schema(), []
+    schema, kinds = graph_schema(), []
     for kind in known:
         word, alone = kind.split(".")[-1], graph.Graph()
         try:
@@ -62,13 +62,13 @@ def _kinds(known: tuple[str, ...]) -> list[tuple[str, str, str, str]]:
             family = kind.partition(".")[0]
             instead = "draw links and joints, or " if family == "group" else ""
             why = f"{kind} has no simplest values: {instead}open a file with one"
-            found.append((kind, family, word.replace("_", " "), why))
+            kinds.append((kind, family, word.replace("_", " "), why))
             continue
         drawn, *_ = content_of(alone).blocks  # a coupling also names drivers, which are not here
         word = {"group": drawn.words}.get(drawn.kind, word)
-        found.append((kind, drawn.kind, word.replace("_", " "), ""))
+        kinds.append((kind, drawn.kind, word.replace("_", " "), ""))
     order = {kind: k for k, kind in enumerate(("frame", "driver", "group", "coupling"))}
-    return sorted(found, key=lambda item: order.get(item[1], len(order)))
+    return sorted(kinds, key=lambda item: order.get(item[1], len(order)))
 
 
 class Diagram:
@@ -139,8 +139,8 @@ class Diagram:
             self.flow.may = {"wire": wire, "said": self._refusal(msg["from"], msg["to"])}
         elif act == "wire":
             made = {**form, "wires": [*form["wires"], {"from": msg["from"], "to": msg["to"]}]}
-            if said := self._refusal(msg["from"], msg["to"]):
-                self.say(said)
+            if refusal := self._refusal(msg["from"], msg["to"]):
+                self.say(refusal)
             else:
                 self.do(made, f"{msg['from']} -> {msg['to']}")
         elif act == "delete":

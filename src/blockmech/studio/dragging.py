@@ -118,5 +118,5 @@ def _put(
     z = o + e * Place.parse(at).z
     if move(z) == z and not stays:
         return at
-    found = (move(z) - o2) / e2
-    return [found.real, found.imag]
+    place = (move(z) - o2) / e2
+    return [place.real, place.imag]

@@ -124,10 +124,10 @@ def fields_of(root: Schema, node: Schema, raw: Any, path: Path = ()) -> Iterator
         never = node.get("not", {}).get("required", ())
         for name, own in known.items():
             if "const" not in own and name not in never:
-                said = _said(str(node.get("description", "")), name)
+                words = _said(str(node.get("description", "")), name)
                 for field in fields_of(root, own, raw.get(name), (*path, name)):
                     mine = field.path == (*path, name)
-                    yield field._replace(beside=only, said=field.said or said) if mine else field
+                    yield field._replace(beside=only, said=field.said or words) if mine else field
         return
     more = node.get("additionalProperties")
     if isinstance(more, dict) and node.get("type") == "object":
@@ -139,7 +139,7 @@ def fields_of(root: Schema, node: Schema, raw: Any, path: Path = ()) -> Iterator
 
 
 def _leaf(node: Schema, path: Path) -> Field:
-    found = Field(
+    leaf = Field(
         path,
         "json",
         str(node.get("unit", "")),
@@ -147,19 +147,19 @@ def _leaf(node: Schema, path: Path) -> Field:
         said=str(node.get("description", "")),
     )
     if any("polar" in o.get("properties", {}) for o in node.get("anyOf", ())):
-        return found._replace(kind="place", unit="m")
+        return leaf._replace(kind="place", unit="m")
     if "enum" in node or node.get("type") == "boolean":
-        return found._replace(kind="choice", choices=tuple(node.get("enum", (False, True))))
+        return leaf._replace(kind="choice", choices=tuple(node.get("enum", (False, True))))
     if node.get("minItems") == node.get("maxItems") == 2:
-        return found._replace(kind="pair")
+        return leaf._replace(kind="pair")
     kinds = {"number": "number", "integer": "number", "string": "text"}
-    return found._replace(kind=kinds.get(str(node.get("type")), "json"))
+    return leaf._replace(kind=kinds.get(str(node.get("type")), "json"))
 
 
 def _said(doc: str, name: str) -> str:
     """What a docstring says of a parameter, on one line."""
-    found = re.search(rf"^[\w, ]*\b{re.escape(name)}\b[\w, ]* : (.*(?:\n    .*)*)", doc, re.M)
-    return " ".join(found[1].split()) if found else ""
+    match = re.search(rf"^[\w, ]*\b{re.escape(name)}\b[\w, ]* : (.*(?:\n    .*)*)", doc, re.M)
+    return " ".join(match[1].split()) if match else ""
 
 
 CHOICES = {

@@ -31,8 +31,8 @@ def inside(folder: Path, name: str | os.PathLike[str]) -> Path:
 
 def files_of(folder: Path) -> list[str]:
     """Names of the JSON files of a folder and those one below, as `read_into` takes them."""
-    found = [*folder.glob("*.json"), *folder.glob("[!.]*/*.json")]
-    return sorted(path.relative_to(folder).as_posix() for path in found)
+    paths = [*folder.glob("*.json"), *folder.glob("[!.]*/*.json")]
+    return sorted(path.relative_to(folder).as_posix() for path in paths)
 
 
 class Filed(Sheet):

@@ -91,18 +91,18 @@ class Scene:
     def layers(self, unit: float, dark: bool = False) -> list[Layer]:
         """All shapes as layers, the lowest first; ``unit`` [m] is a point of the screen."""
         stage = Stage(self.sketch, self.motion, unit)
-        found = [*shapes.shapes_of(stage), *_gaps(self.motion, self.whole)]
+        shown = [*shapes.shapes_of(stage), *_gaps(self.motion, self.whole)]
         for name, shapes_for in ON_REQUEST.items():
-            found += shapes_for(stage) if name in self.show else ()
-        found += [
+            shown += shapes_for(stage) if name in self.show else ()
+        shown += [
             Shape(f"path:{name}", "line", path[piece, None], 2, ink.curve_style(i)["color"])
             for i, (name, path) in enumerate(self.paths.items())
             for piece in np.ma.clump_unmasked(np.ma.masked_invalid(path))  # type: ignore[no-untyped-call]
         ]
-        found.sort(key=lambda shape: (shape.order, shape.still, glyph_of(shape)))
+        shown.sort(key=lambda shape: (shape.order, shape.still, glyph_of(shape)))
         layers = [
             _layer(glyph, list(together), dark)
-            for (glyph, _), together in groupby(found, key=lambda s: (glyph_of(s), s.still))
+            for (glyph, _), together in groupby(shown, key=lambda s: (glyph_of(s), s.still))
         ]
         return [*layers, names_of(stage, dark)] if "names" in self.show else layers
 
@@ -131,15 +131,15 @@ def _joints(stage: Stage) -> dict[JointRef, Spot]:
     """Where the pairs are."""
     s, sliders = stage.motion.structure, (slider.point for slider in stage.sketch.sliders)
     refs = [JointRef(name, j) for name, block in s.blocks.items() for j in block.joints]
-    found = {r: next(sliders) if s.joint(r).kind == "P" else pin_spot(s, r) for r in refs}
-    return {ref: spot for ref, spot in found.items() if spot is not None}
+    spots = {r: next(sliders) if s.joint(r).kind == "P" else pin_spot(s, r) for r in refs}
+    return {ref: spot for ref, spot in spots.items() if spot is not None}
 
 
 def _reactions(stage: Stage) -> Iterator[Shape]:
     """Forces of the earlier links on the later ones, friction included."""
     motion, names = stage.motion, {f"{r}.reaction": spot for r, spot in _joints(stage).items()}
-    found = motion.result.with_friction("newton").inside(*names)
-    forces = {name: (spot, found[name][motion.samples]) for name, spot in names.items()}
+    outputs = motion.result.with_friction("newton").inside(*names)
+    forces = {name: (spot, outputs[name][motion.samples]) for name, spot in names.items()}
     return shapes.vectors(stage, forces, ink.BACK)
 
 
@@ -149,10 +149,10 @@ def _velocities(stage: Stage) -> Iterator[Shape]:
     spots = {pin.names[0]: pin.spot for pin in sketch.pins if not pin.grounded}
     spots |= {slider.name: slider.point for slider in sketch.sliders}
     links = {spot.link for spot in spots.values()} - {motion.structure.frame_link}
-    found = motion.result.inside(*(f"{link}.{x}" for link in links for x in ("v", "omega")))
+    outputs = motion.result.inside(*(f"{link}.{x}" for link in links for x in ("v", "omega")))
 
     def velocity(link: LinkRef, at: complex) -> Complex:
-        v, omega = (found[f"{link}.{x}"][motion.samples] for x in ("v", "omega"))
+        v, omega = (outputs[f"{link}.{x}"][motion.samples] for x in ("v", "omega"))
         return np.asarray(v + 1j * omega * motion.axis[link] * at)
 
     moving = {n: (spot, velocity(*spot)) for n, spot in spots.items() if spot.link in links}
@@ -178,22 +178,22 @@ ON_REQUEST = {
 SHOWN = ("paths", "names", *ON_REQUEST)
 
 
-def _layer(glyph: str, found: list[Shape], dark: bool) -> Layer:
+def _layer(glyph: str, shown: list[Shape], dark: bool) -> Layer:
     """Shapes of one glyph as one layer; what is not there in a frame is NaN."""
-    rows = [np.where(np.isfinite(s.points).all(axis=0), s.points, np.nan).T for s in found]
+    rows = [np.where(np.isfinite(s.points).all(axis=0), s.points, np.nan).T for s in shown]
     frames = max(map(len, rows))
     places = np.concatenate([np.broadcast_to(r, (frames, r.shape[1])) for r in rows], axis=1)
-    starts = np.cumsum([0, *(len(s.points) for s in found)])
+    starts = np.cumsum([0, *(len(s.points) for s in shown)])
     looks: dict[str, list[Any]] = {
-        "line_width": [s.width * PIXELS for s in found],
-        "line_color": [coloured(s.stroke, dark) for s in found],
-        "line_dash": [" ".join(f"{PIXELS * x:.0f}" for x in s.dash) or "solid" for s in found],
-        "name": [s.what for s in found],
+        "line_width": [s.width * PIXELS for s in shown],
+        "line_color": [coloured(s.stroke, dark) for s in shown],
+        "line_dash": [" ".join(f"{PIXELS * x:.0f}" for x in s.dash) or "solid" for s in shown],
+        "name": [s.what for s in shown],
     }
     if glyph != "multi_line":
-        looks["fill_color"] = [coloured(s.fill, dark) if s.fill else "transparent" for s in found]
+        looks["fill_color"] = [coloured(s.fill, dark) if s.fill else "transparent" for s in shown]
     if glyph == "scatter":
-        looks["size"] = [2 * s.radius * PIXELS for s in found]
+        looks["size"] = [2 * s.radius * PIXELS for s in shown]
     return Layer(glyph, places, looks, () if glyph == "scatter" else tuple(starts.tolist()))
 
 

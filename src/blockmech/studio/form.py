@@ -74,11 +74,11 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
         """Show the fields of the draft, with what is wrong under each; what is left of it."""
         self.parts = [MECHANISM, *((p, name) for p in ITEMS for name in self.draft.get(p, ()))]
         self.fields = {_within(self.selected, field.path): field for field in self._fields()}
-        told = [(p.where, _words(p)) for p in problems]
+        messages = [(p.where, _words(p)) for p in problems]
         groups: dict[str, list[dict[str, Any]]] = {}
         for own, field in self.fields.items():
             where = field.path[1] if field.path[0] == "wires" else ".".join(field.path)
-            self.wrong[own] = " ".join(words for at, words in told if at == where)
+            self.wrong[own] = " ".join(words for at, words in messages if at == where)
             group = own[0] if own[1:] or field.kind == "map" else ""
             groups.setdefault(group, []).append(self._row(own, field))
         kind = (item_at(self.draft, self.selected) or {}).get("type", "") if self.selected else ""

@@ -69,5 +69,5 @@ def gallery_page(names: Sequence[str], put: Callable[[Opened], str], said: str, 
     )
 
 
-def _alert(said: str) -> str:
-    return f"<p role=alert>{html.escape(said)}</p>" if said else ""
+def _alert(message: str) -> str:
+    return f"<p role=alert>{html.escape(message)}</p>" if message else ""

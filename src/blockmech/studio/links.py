@@ -254,10 +254,10 @@ class LinksSheet:
 
     # -- what is done ----------------------------------------------------------------------
 
-    def _change(self, form: Form, said: str) -> None:
+    def _change(self, form: Form, step: str) -> None:
         """Change the sheet; what cannot be is said, and drawn no more."""
         try:
-            self.sheet.change(form, said)
+            self.sheet.change(form, step)
         except BlockmechError as error:
             self._refuse(error)
 

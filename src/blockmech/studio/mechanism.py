@@ -165,7 +165,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def drivers(self) -> list[dict[str, Any]]:
         """A slider for each of several drivers, as the browser shows it."""
-        motion, found = self.motion, []
+        motion, sliders = self.motion, []
         for driver in motion.mechanism.drivers if motion is not None and len(motion.q) > 1 else ():
             low, high = travel(motion.mechanism, driver, self.coordinates)
             si = motion.mechanism.driver_joint(driver).coordinate_unit
@@ -173,8 +173,8 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             slider = {"name": driver, "start": factor * low, "end": factor * high}
             slider["label"] = f"{motion.mechanism.of_driver(driver, 'q')} [{self.shown.unit(si)}]"
             values = (factor * motion.q[driver]).tolist()
-            found.append({**slider, "values": values, "disabled": not low < high})
-        return found
+            sliders.append({**slider, "values": values, "disabled": not low < high})
+        return sliders
 
     # -- poses -----------------------------------------------------------------------------
 
@@ -242,19 +242,21 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
         Each with whether it is something wrong.
         """
-        said, told = [words for words in (self.said, self.figure.said) if words], []
+        sentences, parts = [words for words in (self.said, self.figure.said) if words], []
         motion, k = self.motion, self.pose
         if motion is not None:
-            told = [caption(motion, [k], self.degrees)]
+            parts = [caption(motion, [k], self.degrees)]
             if motion.result.motion is not None:
-                told.insert(0, f"t = {motion.time[k]:.3f} s")
+                parts.insert(0, f"t = {motion.time[k]:.3f} s")
             if self.along.events:
                 x = self.along.values[k]
                 at, name = min(self.along.events, key=lambda event: abs(event[0] - x))
                 where, _, unit = self.along.words.partition(" [")
-                told.append(f"nearest dead centre: {name} at {where} = {at:.4g} {unit[:-1]}")
-            said += [gap.why for gap in self.gaps if gap.first <= k <= gap.last and not said]
-        return [("; ".join(told), False), *((words, True) for words in said)]
+                parts.append(f"nearest dead centre: {name} at {where} = {at:.4g} {unit[:-1]}")
+            sentences += [
+                gap.why for gap in self.gaps if gap.first <= k <= gap.last and not sentences
+            ]
+        return [("; ".join(parts), False), *((words, True) for words in sentences)]
 
     @together
     def meant(self, msg: dict[str, Any]) -> None:

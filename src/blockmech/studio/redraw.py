@@ -187,11 +187,11 @@ def _compare(redrawn: _Redrawn, other: Any) -> None:
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, COMPARED).astype(int))]
     at = {redrawn.drivers[d]: q[rows] for d, q in motion.q.items()}
     want = [f"link.{name}.p" for name in redrawn.links.values() if name != FRAME]
-    found = other.run(at=at, rates=dict.fromkeys(at, 0.0), want=want, friction="none")
+    result = other.run(at=at, rates=dict.fromkeys(at, 0.0), want=want, friction="none")
     size = max(float(np.nanmax(np.abs(z))) for z in motion.origin.values()) or 1.0
     for link, name in redrawn.links.items():
         if name != FRAME:
-            off = np.abs(found[f"link.{name}.p"] - motion.origin[link][rows]).max()
+            off = np.abs(result[f"link.{name}.p"] - motion.origin[link][rows]).max()
             if not off <= SAME * size:
                 where = f"{name} would stand {off:.3g} m elsewhere"
                 raise refused(name, where, "look at the coordinates of the drivers")

@@ -36,8 +36,8 @@ def unpacked(fragment: str) -> Opened:
         whole = maker.decompress(data, MOST)
         if maker.unconsumed_tail or not maker.eof:
             raise ValueError("it is cut, or larger than a document may be")
-        found = whole.decode()
+        document = whole.decode()
     except (ValueError, zlib.error, binascii.Error) as error:
         remedy = "copy the whole link again"
         raise refused("link", f"it holds no document: {error}", remedy, code="not-a-link") from None
-    return read_text(found, "the link")
+    return read_text(document, "the link")

@@ -47,16 +47,16 @@ def pose_of(form: Mapping[str, Any], link: str) -> tuple[complex, complex]:
 def pins_of(form: Mapping[str, Any]) -> dict[str, Drawn]:
     """All joints, markers and loose pins of a form where they are drawn."""
     driven = {driver["joint"] for driver in form.get("drivers", {}).values()}
-    found = {name: Drawn(complex(*at)) for name, at in (item_at(form, LOOSE) or {}).items()}
+    pins = {name: Drawn(complex(*at)) for name, at in (item_at(form, LOOSE) or {}).items()}
     for link, given in form.get("links", {}).items():
         o, e = pose_of(form, link)
         for name, marker in given.get("markers", {}).items():
-            found[name] = Drawn(o + e * Place.parse(marker["at"]).z, (link,))
+            pins[name] = Drawn(o + e * Place.parse(marker["at"]).z, (link,))
     for name, joint in form.get("joints", {}).items():
         o, e = pose_of(form, joint["links"][0])
         z = o + e * Place.parse(joint["at"][0]).z
-        found[name] = Drawn(z, tuple(joint["links"]), joint["type"], name in driven)
-    return found
+        pins[name] = Drawn(z, tuple(joint["links"]), joint["type"], name in driven)
+    return pins
 
 
 def free(taken: Iterable[str], words: Iterable[str], wish: str) -> str:
@@ -332,13 +332,13 @@ def weighed(form: Form, names: Iterable[str]) -> Form:
 
 def outlines_of(pins: Mapping[str, Drawn]) -> dict[str, list[str]]:
     """The pins of each link in the order in which they are joined by its outline."""
-    found = {}
+    outlines = {}
     for link in dict.fromkeys(x for pin in pins.values() for x in pin.links if x != FRAME):
         ends = {name: pin.z for name, pin in pins.items() if link in pin.links}
         middle = sum(ends.values()) / len(ends)
         around = sorted(ends, key=lambda name: cmath.phase(ends[name] - middle))
-        found[link] = around if len(ends) > 2 else list(ends)
-    return found
+        outlines[link] = around if len(ends) > 2 else list(ends)
+    return outlines
 
 
 def sides_of(ends: list[str]) -> Iterator[tuple[str, str]]:

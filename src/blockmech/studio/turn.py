@@ -40,18 +40,18 @@ def shown_motion(
 
     Raises `RequestError` where a law cannot be followed.
     """
-    said, blamed = " ".join(map(str, problems)), blamed_blocks(form, problems)
+    message, blamed = " ".join(map(str, problems)), blamed_blocks(form, problems)
     if mechanism is None:
         mechanism = what_moves(form, blamed, file)
     while mechanism is not None:
         motion = turn(mechanism, moved, at)
         if motion.feasible.any():
-            return motion, said
+            return motion, message
         closed = closing(motion)
-        said = said or gaps_of(closed)[0].why
+        message = message or gaps_of(closed)[0].why
         blamed |= set(closed.quality.blame.values())
         mechanism = what_moves(form, blamed, file)
-    return None, said
+    return None, message
 
 
 def turn(mechanism: Compiled, moved: str = "", at: Mapping[str, float] | None = None) -> Motion:
@@ -102,14 +102,14 @@ def travel(mechanism: Compiled, driver: str, at: Mapping[str, float]) -> tuple[f
         return low, high
     here, turns = at[driver], mechanism.driver_joint(driver).rotary
     most = np.inf if turns else slide_travel(mechanism, driver).size
-    found = _limits(mechanism, driver, {d: q for d, q in at.items() if d != driver})
-    arc = found and (found.arc_at(here) or next(iter(found.arcs), None))
-    if found and arc and not found.whole_turn:
+    closure = _limits(mechanism, driver, {d: q for d, q in at.items() if d != driver})
+    arc = closure and (closure.arc_at(here) or next(iter(closure.arcs), None))
+    if closure and arc and not closure.whole_turn:
         low, high = max(arc.start.q, -most), min(arc.end.q, most)
     elif turns:
         low, high = here, here + 2 * np.pi
     else:
-        low, high = (-most, most) if found is None else (here, here)
+        low, high = (-most, most) if closure is None else (here, here)
     bounds = stops.bounds if stops is not None else (low, high)
     return max(low, bounds[0]), min(high, bounds[1])
 
@@ -135,19 +135,19 @@ def dead_centres(motion: Motion, margins: Mapping[str, Any]) -> tuple[tuple[floa
         return ()
     mechanism, q = motion.mechanism, motion.q[moved]
     held = {d: float(x[0]) for d, x in motion.q.items() if d != moved}
-    found = _limits(mechanism, moved, held, near)
-    if found is None:
+    closure = _limits(mechanism, moved, held, near)
+    if closure is None:
         return ()
-    ends = [end for arc in found.arcs for end in (arc.start, *arc.change_points, arc.end)]
+    ends = [end for arc in closure.arcs for end in (arc.start, *arc.change_points, arc.end)]
     events: set[tuple[float, str]] = set()
     for end in (end for end in ends if end.block):
         apart = q - end.q
-        if found.unit == "rad":
+        if closure.unit == "rad":
             apart = np.angle(np.exp(1j * apart))
         a, b = apart[:-1], apart[1:]
         passed = np.flatnonzero((a * b < 0) & (np.abs(b - a) < np.pi))
         places = [*np.flatnonzero(apart == 0), *(passed + a[passed] / (a - b)[passed])]
-        name = f"{mechanism.said(end.block)} {end.how}"
+        name = f"{mechanism.block_name(end.block)} {end.how}"
         events |= {(float(place), name) for place in places}
     return tuple(sorted(events))
 

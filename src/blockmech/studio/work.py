@@ -43,21 +43,21 @@ class Work:
             part = f" {reached:.4g} of {whole:.4g}" if whole else ""
             later(lambda: self.say(f"{what}{part}"))
 
-        def end(found: Any, said: str) -> None:
+        def end(answer: Any, message: str) -> None:
             self.stop.disabled = True
-            self.say(said)
-            if found is not None:
-                done(found)
+            self.say(message)
+            if answer is not None:
+                done(answer)
 
         def run() -> None:
-            found, said = None, ""
+            answer, message = None, ""
             try:
-                found = task(told)
+                answer = task(told)
             except BlockmechError as error:
-                said = str(error)
+                message = str(error)
             except KeyboardInterrupt:
-                said = "stopped"
-            later(lambda: end(found, said))
+                message = "stopped"
+            later(lambda: end(answer, message))
 
         self.thread = Thread(target=run, daemon=True)
         self.thread.start()

@@ -109,8 +109,8 @@ def proposed(
         one = made(row, side, margin)
         if all(_apart(one, other, task.size) for other in designs):
             designs.append(one)
-    found = sorted(designs, key=lambda d: (max(d.miss, MET * task.size), -d.margin))[:count]
-    return Synthesis(tuple(found), starts, left_out)
+    best = sorted(designs, key=lambda d: (max(d.miss, MET * task.size), -d.margin))[:count]
+    return Synthesis(tuple(best), starts, left_out)
 
 
 def _apart(one: Design, other: Design, size: float) -> bool:

@@ -99,13 +99,13 @@ def body_guidance(
         if min(abs(one[0] - other[0]), abs(one[1] - other[1]), abs(one[0] - one[1])) > CLOSE * size
     ]
     made, sound, least = _judged(rows, pairs)
-    found: list[int] = []
+    chosen: list[int] = []
     for i in np.argsort(-np.where(sound, least, 0.0), kind="stable").tolist():
-        if len(found) == count or not sound[i]:
+        if len(chosen) == count or not sound[i]:
             break
-        if all(abs(least[i] - least[j]) > ALIKE * least[i] for j in found):
-            found.append(i)
-    designs = tuple(_design(rows, made, i, float(least[i]), name) for i in found)
+        if all(abs(least[i] - least[j]) > ALIKE * least[i] for j in chosen):
+            chosen.append(i)
+    designs = tuple(_design(rows, made, i, float(least[i]), name) for i in chosen)
     if designs:
         return Synthesis(designs, len(pairs), int((~sound).sum()))
     return _near(rows, name, count, seed, progress)
@@ -209,13 +209,13 @@ def burmester_pins(rows: Floats, rng: np.random.Generator) -> list[tuple[complex
     if not sizes[-1] > CLOSE * sizes[0]:
         return []
     start, basis = np.linalg.lstsq(M, b, rcond=None)[0], vt[4:]
-    found = []
+    pins = []
     for s, t in _conics_meet(*(_product(start, basis, part) for part in ("real", "imag"))):
         x = start + s * basis[0] + t * basis[1]
         w, m = complex(x[0], x[1]), complex(x[2], x[3])
         if abs(w * m.conjugate() - complex(x[4], x[5])) <= CLOSE * (1 + abs(w) * abs(m)):
-            found.append((w * scale + place, m * scale + place))
-    return found
+            pins.append((w * scale + place, m * scale + place))
+    return pins
 
 
 def _product(start: Floats, basis: Floats, part: str) -> Floats:
@@ -242,7 +242,7 @@ def _conics_meet(A: Floats, B: Floats) -> list[tuple[float, float]]:
     (a2, a1, a0), (b2, b1, b0) = q
     across, slope = a2 * b0 - a0 * b2, a2 * b1 - a1 * b2
     quartic: Any = across**2 - slope * (a1 * b0 - a0 * b1)
-    found = []
+    points = []
     for root in quartic.roots().tolist():
         s = complex(root)
         if abs(s.imag) > REAL * (1 + abs(s)) or not abs(slope(s.real)) > 0:
@@ -252,8 +252,8 @@ def _conics_meet(A: Floats, B: Floats) -> list[tuple[float, float]]:
             F = np.array([x @ A @ x, x @ B @ x])
             J = 2 * np.array([(A @ x)[1:], (B @ x)[1:]])
             x[1:] -= np.linalg.lstsq(J, F, rcond=None)[0]
-        found.append((float(x[1]), float(x[2])))
-    return found
+        points.append((float(x[1]), float(x[2])))
+    return points
 
 
 class _FourBars(NamedTuple):

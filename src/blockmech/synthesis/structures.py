@@ -96,7 +96,7 @@ def structures(links: int) -> tuple[Structure, ...]:
     """
     import networkx as nx
 
-    found: list[Structure] = []
+    known: list[Structure] = []
     for chain in chains(links):
         for frame, crank in mechanisms(chain):
             seen: list[Any] = []
@@ -111,8 +111,8 @@ def structures(links: int) -> tuple[Structure, ...]:
                     for other in seen
                 ):
                     seen.append(roles)
-                    found.append(Structure(chain, frame, crank, tracer, dyads))
-    return tuple(found)
+                    known.append(Structure(chain, frame, crank, tracer, dyads))
+    return tuple(known)
 
 
 def _dyads(chain: Chain, frame: int, crank: int, tracer: int) -> tuple[tuple[int, int], ...]:
@@ -196,13 +196,13 @@ class _Family:
 
     def laid(self, x: Floats, A: complex, B: complex) -> Floats:
         """Numbers of a design that is turned and scaled by A, and moved by B."""
-        n, found = len(self.lengths), x * abs(A)
+        n, laid_out = len(self.lengths), x * abs(A)
         z = x[n::2] + 1j * x[n + 1 :: 2]
         for i, a in enumerate(self.places):
             head = a.partition(".")[0]
             at = A * z[i] + B if head == "frame" else A * z[i] if head == "crank" else abs(A) * z[i]
-            found[n + 2 * i : n + 2 * i + 2] = at.real, at.imag
-        return found
+            laid_out[n + 2 * i : n + 2 * i + 2] = at.real, at.imag
+        return laid_out
 
     def tried(self, x: Floats, theta: Floats) -> Points:
         """The tracing point (m, n) of designs at crank angles, NaN where they do not close."""
@@ -267,11 +267,11 @@ class _Family:
             start, low, high = (
                 np.append(u, v) for u, v in ((start, theta[1:]), (low, -turns), (high, turns))
             )
-        found = least_squares(
+        optimum = least_squares(
             lambda u: at(u)[0], start, lambda u: at(u)[1], bounds=(low, high), x_scale="jac",
             max_nfev=STEPS, xtol=1e-12, ftol=1e-12, gtol=1e-14,
         )  # fmt: skip
-        return found.x[:k], np.append(theta[0], found.x[k:]) if free else theta
+        return optimum.x[:k], np.append(theta[0], optimum.x[k:]) if free else theta
 
     def _bounds(self, wanted: Points, size: float) -> tuple[Floats, Floats]:
         """Lowest and highest numbers (k,): what can be built about a path of a size [m]."""
@@ -477,8 +477,8 @@ def path_over_structures(
     P, theta = path_of(points, angles)
     chosen = [s for n in links for s in structures(n)]
     load = _Load(density, rate, gravity)
-    asked = [P.tolist(), None if theta is None else theta.tolist(), starts, refined, load, seed]
-    question = hashlib.sha256(repr(asked).encode()).hexdigest()
+    request = [P.tolist(), None if theta is None else theta.tolist(), starts, refined, load, seed]
+    question = hashlib.sha256(repr(request).encode()).hexdigest()
     found: list[Candidate] = []
     tried: dict[str, int] = {}
     end = clock.monotonic() + budget
@@ -550,13 +550,13 @@ def _keep(out: Path, s: Structure, question: str, count: int, rows: Sequence[Can
     out.mkdir(parents=True, exist_ok=True)
     for i, c in enumerate(rows):
         c.graph.save(out / f"{s.name}-{i}.json")
-    told = [
+    designs = [
         {"at": c.design.at.tolist(), "errors": c.design.errors.tolist(), "met": c.met,
          "moment": c.moment,
          "margin": c.design.margin, "output": c.design.output}
         for c in rows
     ]  # fmt: skip
-    text = json.dumps({"question": question, "tried": count, "designs": told}, indent=1)
+    text = json.dumps({"question": question, "tried": count, "designs": designs}, indent=1)
     with writing(out / f"{s.name}.designs") as stream:
         stream.write(text.encode())
 

@@ -138,11 +138,11 @@ class GraphAssertion:
         __tracebackhide__ = True
         from blockmech.analysis.limits import limits
 
-        found = limits(self._mechanism, driver, at)
-        if not _holds(found, start, end):
-            stretch = f"from {start:.9g} to {end:.9g} {found.unit}"
+        closure = limits(self._mechanism, driver, at)
+        if not _holds(closure, start, end):
+            stretch = f"from {start:.9g} to {end:.9g} {closure.unit}"
             name = self._mechanism.of_driver(driver, "q")
-            self._fail(f"every group to close on {name} {stretch}", str(found))
+            self._fail(f"every group to close on {name} {stretch}", str(closure))
         return self
 
     # -- numbers -----------------------------------------------------------------------------
@@ -150,14 +150,14 @@ class GraphAssertion:
     def balances(self, **request: Any) -> GraphAssertion:
         """Forces, moments and powers balance; ``request`` as for `Mechanism.verify`."""
         __tracebackhide__ = True
-        found = self._mechanism.verify(**request)
-        if found.samples == 0:
+        report = self._mechanism.verify(**request)
+        if report.samples == 0:
             self._fail("balances", "no sample with an answer to balance")
-        wrong = [r for r in found.rows if not r.ok]
+        wrong = [r for r in report.rows if not r.ok]
         if wrong:
             rows = (f"  {r.name}: {r.value:.3g} where {r.allowed:.3g} is allowed" for r in wrong)
             self._fail(
-                f"all {len(found.rows)} balances to hold",
+                f"all {len(report.rows)} balances to hold",
                 "\n".join([f"{len(wrong)} that do not (relative error [-])", *rows]),
             )
         return self
@@ -216,8 +216,8 @@ def _listed(value: Any, kind: str) -> list[Any]:
     if not known or numbers.shape[1:] not in ((), (2,)):
         remedy = "give finite numbers, of a vector complex or [x, y]"
         raise refused("has_output", f"value is {value!r}", remedy)
-    found: list[Any] = numbers.tolist()
-    return found
+    values: list[Any] = numbers.tolist()
+    return values
 
 
 def _holds(limits: Limits, start: float, end: float) -> bool:
@@ -237,8 +237,8 @@ def _holds(limits: Limits, start: float, end: float) -> bool:
 
 
 def _lines(problems: Iterable[Problem]) -> str:
-    said = [str(p) for p in problems]
-    return said[0] if len(said) == 1 else "\n".join([f"{len(said)} problems:", *said])
+    lines = [str(p) for p in problems]
+    return lines[0] if len(lines) == 1 else "\n".join([f"{len(lines)} problems:", *lines])
 
 
 def _arrows(blocks: Iterable[str]) -> str:

@@ -74,8 +74,8 @@ class BlockRules(Checks):
             try:
                 pose = leaves(self.subject.position(motions))
             except Exception as error:  # a broken kernel may fail in any way
-                told = f"{unclosed} position raised {type(error).__name__}: {error}"
-                raise ConformanceError(told) from error
+                message = f"{unclosed} position raised {type(error).__name__}: {error}"
+                raise ConformanceError(message) from error
             good = finite(pose)
             if isinstance(self.block, AssurGroup) and "margin" in pose:
                 margin = np.broadcast_to(pose["margin"], good.shape)
@@ -95,8 +95,8 @@ class BlockRules(Checks):
 
     def _speeds(self, vel: Any) -> Array:
         """Largest speed (n,) [m/s] of links and slides, rates counted at the block's size."""
-        found = [abs(x) * (self.size if n.endswith("om") else 1.0) for n, x in leaves(vel).items()]
-        return np.asarray(np.max(np.broadcast_arrays(*found), axis=0))
+        speeds = [abs(x) * (self.size if n.endswith("om") else 1.0) for n, x in leaves(vel).items()]
+        return np.asarray(np.max(np.broadcast_arrays(*speeds), axis=0))
 
     def _closed(self, motions: Array) -> NDArray[np.bool_]:
         """Whether the block closes (n,)."""
@@ -176,8 +176,8 @@ class BlockRules(Checks):
             ]
             cases += [(name, given, p._replace(**{name: np.nan})) for name in p._fields]
             for what, arguments, numbers in cases:
-                found = leaves(self.subject.call(stage, *arguments, p=numbers))
-                for name, x in found.items():
+                values = leaves(self.subject.call(stage, *arguments, p=numbers))
+                for name, x in values.items():
                     if not np.all(np.isnan(x)) and not same_bits(x, whole[name]):
                         yield f"{stage} {name} depends on {what}, but is not NaN with it"
 
@@ -190,9 +190,9 @@ class BlockRules(Checks):
         mechanism = rig(self.block, self.size, friction=False)
 
         def run(motions: Array, engine: Any) -> Any:
-            asked = request(self.subject, motions, self.size)
+            motion = request(self.subject, motions, self.size)
             settings: Any = {"want": ("block.*",), "friction": "none", "on_gap": "mark"}
-            return mechanism.run(**asked, **settings, engine=engine)
+            return mechanism.run(**motion, **settings, engine=engine)
 
         scalar, batch, alone = run(every, "scalar"), run(every, "numpy"), run(self.motions, "numpy")
         for name in batch:
@@ -277,12 +277,12 @@ class BlockRules(Checks):
         if missing := self._returned("acceleration", acc, LinkAcceleration):
             yield missing
             return
-        found, links = leaves(acc), self.block.link_names
+        values, links = leaves(acc), self.block.link_names
         rates = {
-            f"{k}.{v}": found[f"{k}.{a}"] for k in links for v, a in (("v", "a"), ("om", "al"))
+            f"{k}.{v}": values[f"{k}.{a}"] for k in links for v, a in (("v", "a"), ("om", "al"))
         }
         scale = self.size + float(np.max(self._speeds(vel)))
-        scale += largest(found) * max(1.0, self.size)
+        scale += largest(values) * max(1.0, self.size)
         yield from self._derivative(
             "acceleration", rates, lambda m: leaves(self.subject.velocity(m)), scale
         )
@@ -290,11 +290,11 @@ class BlockRules(Checks):
     def _places(self, motions: Array) -> dict[str, Array]:
         """What moves: origins and directions of links, strokes of prismatic pairs."""
         pose = self.subject.position(motions)
-        found = {j.name: self.subject.stroke(pose, j, motions) for j in self.subject.slides}
+        places = {j.name: self.subject.stroke(pose, j, motions) for j in self.subject.slides}
         for link in self.block.link_names:
             place = getattr(pose, link)
-            found |= {f"{link}.o": vectors(place.o), f"{link}.e": vectors(place.e)}
-        return found
+            places |= {f"{link}.o": vectors(place.o), f"{link}.e": vectors(place.e)}
+        return places
 
     def _derivative(
         self, stage: str, rates: Leaves, values: Callable[[Array], Leaves], scale: float
@@ -310,15 +310,15 @@ class BlockRules(Checks):
     def forces(self) -> Iterator[str]:
         """Reactions carry the joints' names, and are linear in the loads."""
         one, two = (random_loads(self.block, SAMPLES, self.size, seed) for seed in (1, 2))
-        found = self.subject.call("reactions", self.pose, *one)
+        reactions = self.subject.call("reactions", self.pose, *one)
         for joint in self.block.joints.values():
             wanted = "Slide" if joint.kind == "P" else "force"
-            reaction = getattr(found, joint.name, None)
+            reaction = getattr(reactions, joint.name, None)
             if reaction is None or (joint.kind == "P") != isinstance(reaction, Slide):
                 yield f"reactions returns no {wanted} named {joint.name}"
         for joint in self.block.driven:
             effort = self.block.effort_field(joint.name)
-            if not hasattr(found, effort):
+            if not hasattr(reactions, effort):
                 yield f"reactions returns no {effort} for the driven joint {joint.name}"
         both = [
             Load(planar(X * vectors(a.F) + Y * vectors(b.F)), X * a.M + Y * b.M)
@@ -334,10 +334,10 @@ class BlockRules(Checks):
 
     def balances(self) -> Iterator[str]:
         """Links balance, wires' powers balance, the two routes to each drive agree."""
-        asked = request(self.subject, self.motions, self.size)
+        motion = request(self.subject, self.motions, self.size)
         for friction in (False, True):
             how = " with friction" if friction else " without friction"
-            yield from self.verified(rig(self.block, self.size, friction).verify(**asked), how)
+            yield from self.verified(rig(self.block, self.size, friction).verify(**motion), how)
 
     rules = (
         inputs,

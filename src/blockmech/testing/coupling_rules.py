@@ -37,8 +37,8 @@ class CouplingRules(Checks):
         for rig in self.rigs:
 
             def run(t: float, rig: Mechanism = rig) -> dict[str, Array]:
-                found = rig.run(times=TIMES + t, want=COORDINATE)
-                return {name: found[name] for name in COORDINATE}
+                result = rig.run(times=TIMES + t, want=COORDINATE)
+                return {name: result[name] for name in COORDINATE}
 
             here, slopes = run(0.0), derivative(run)
             for value, rate in pairwise(COORDINATE):

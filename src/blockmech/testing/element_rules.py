@@ -39,9 +39,9 @@ class ElementRules(Checks):
 
     def terminals(self) -> Iterator[str]:
         """There is a finite force or couple at each terminal."""
-        found = self._run(TIMES, self.loads)
+        result = self._run(TIMES, self.loads)
         for name in self.loads:
-            if not np.all(np.isfinite(found[name])):
+            if not np.all(np.isfinite(result[name])):
                 yield f"{name} is not finite"
 
     def readings(self) -> Iterator[str]:

@@ -115,29 +115,29 @@ def check_expectations(graph: Expecting) -> list[Outcome]:
     if not expectations:
         return []
     mechanism = graph.compile()
-    found: list[Outcome] = []
+    outcomes: list[Outcome] = []
     problems: list[Problem] = []
     for k, expectation in enumerate(expectations):
         try:
-            found += check_expectation(mechanism, expectation, k)
+            outcomes += check_expectation(mechanism, expectation, k)
         except BlockmechError as error:
             problems += error.problems
     if problems:
         raise RequestError(in_file(problems, graph.file))
-    return found
+    return outcomes
 
 
 def expectations_of(graph: Expecting) -> list[Expectation]:
     """The entries under ``expect``. Raises `FormatError` for ones written wrongly in Python."""
-    found: list[Expectation] = []
+    expectations: list[Expectation] = []
     problems: list[Problem] = []
     for k, entry in enumerate(graph.extras.get("expect") or ()):
         expectation, wrong = validated(Expectation, entry, "an expectation", ("expect", k))
-        found += [expectation] if expectation else []
+        expectations += [expectation] if expectation else []
         problems += wrong
     if problems:
         raise FormatError(in_file(problems, graph.file))
-    return found
+    return expectations
 
 
 def check_expectation(
@@ -178,10 +178,10 @@ def _computed(mechanism: Mechanism, expectation: Expectation) -> Result:
         return mechanism.run(want=want, on_gap="mark", **how)
     more: dict[str, Any] = {"times": moving.times, "method": moving.method}
     friction: FrictionMethod | None = "none" if expectation.friction == "none" else None
-    found = mechanism.simulate(moving.until, want=want, friction=friction, **more)
-    if found.motion.end == "interrupted":
+    result = mechanism.simulate(moving.until, want=want, friction=friction, **more)
+    if result.motion.end == "interrupted":
         raise KeyboardInterrupt
-    return found
+    return result
 
 
 def recorded(mechanism: Mechanism, want: Iterable[str]) -> list[Expectation]:
@@ -200,7 +200,7 @@ def recorded(mechanism: Mechanism, want: Iterable[str]) -> list[Expectation]:
         for i, d in enumerate(mechanism.drivers)
     }
     result = mechanism.run(rows, want=want)
-    found = []
+    expectations = []
     for name in result:
         if result.output(name).kind not in ("real", "vector", "number"):
             raise refused(name, f"it is a {result.output(name).kind}", "record real outputs")
@@ -210,8 +210,8 @@ def recorded(mechanism: Mechanism, want: Iterable[str]) -> list[Expectation]:
         size = float(np.abs(values).max(initial=0.0)) or 1.0
         source = "recorded from blockmech, checked by nothing else"
         wanted, near = {name: listed_}, KEPT * size
-        found.append(Expectation(source=source, at=rows, want=wanted, rtol=KEPT, atol=near))
-    return found
+        expectations.append(Expectation(source=source, at=rows, want=wanted, rtol=KEPT, atol=near))
+    return expectations
 
 
 def check_closing(mechanism: Mechanism) -> None:
@@ -322,8 +322,8 @@ def _distances(name: str, got: NDArray[Any], expected: NDArray[Any]) -> NDArray[
     difference = got - expected
     if name.endswith(".angle"):
         difference = np.array([math.remainder(x, 2 * math.pi) for x in difference])
-    found: NDArray[Any] = np.abs(difference)
-    return found
+    distances: NDArray[Any] = np.abs(difference)
+    return distances
 
 
 def _least_margins(result: Result) -> NDArray[Any]:
@@ -333,8 +333,8 @@ def _least_margins(result: Result) -> NDArray[Any]:
         return np.full(result.n, np.inf)
     table = np.array([np.broadcast_to(row, result.n) for row in rows], dtype=float)
     # Behind a group that cannot close, the later ones have no margin.
-    found: NDArray[Any] = np.where(np.isnan(table), np.inf, table).min(axis=0)
-    return found
+    margins: NDArray[Any] = np.where(np.isnan(table), np.inf, table).min(axis=0)
+    return margins
 
 
 def _why_not(result: Result, sample: int | None) -> str:
@@ -345,8 +345,8 @@ def _why_not(result: Result, sample: int | None) -> str:
     if sample is None or quality.status[sample] == "ok":
         return "not defined there"
     block = quality.blame[sample]
-    said = result.mechanism.said(block)
-    return f"{quality.status[sample]} ({said})" if block else "not defined there"
+    name = result.mechanism.block_name(block)
+    return f"{quality.status[sample]} ({name})" if block else "not defined there"
 
 
 # -- showing ---------------------------------------------------------------------------------

@@ -29,6 +29,6 @@ def gallery() -> dict[str, Path]:
     # A wheel carries the graphs inside the package, a checkout has them at its top.
     for place in (package / "graphs", package.parents[1] / "graphs"):
         if place.is_dir():
-            found = graphs_of(place)
-            return {path.relative_to(place).with_suffix("").as_posix(): path for path in found}
+            paths = graphs_of(place)
+            return {path.relative_to(place).with_suffix("").as_posix(): path for path in paths}
     return {}

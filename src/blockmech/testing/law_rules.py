@@ -37,8 +37,8 @@ class LawRules(Checks):
 
     def _at(self, speeds: Array) -> tuple[Array, Array]:
         """Factors and drags at speeds."""
-        found = self.law.sliding(bound_kernel)(speeds)
-        factor, drag = (np.broadcast_to(np.asarray(x, float), speeds.shape) for x in found)
+        terms = self.law.sliding(bound_kernel)(speeds)
+        factor, drag = (np.broadcast_to(np.asarray(x, float), speeds.shape) for x in terms)
         return factor, drag
 
     def kernel(self) -> Iterator[str]:

@@ -71,8 +71,8 @@ def _absolute(path: Path) -> str:
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> GraphFile | None:
     """A collector for a graph file in one of the folders."""
     if any(is_graph_of(folder, file_path) for folder in _folders(parent.config)):
-        found: GraphFile = GraphFile.from_parent(parent, path=file_path)
-        return found
+        collector: GraphFile = GraphFile.from_parent(parent, path=file_path)
+        return collector
     return None
 
 
@@ -94,8 +94,8 @@ class GraphFile(pytest.File):  # type: ignore[misc]
         try:
             expectations = expectations_of(self.graph)
         except BlockmechError as error:
-            said = str(error)
-            yield self._test("reads", lambda: said)
+            message = str(error)
+            yield self._test("reads", lambda: message)
             return
         if not expectations:
             yield self._test("closes", lambda: check_closing(self.mechanism))
@@ -103,8 +103,8 @@ class GraphFile(pytest.File):  # type: ignore[misc]
             yield self._test(f"expect[{k}]", partial(self._check, k, expectation))
 
     def _test(self, name: str, body: Callable[[], str | None]) -> GraphTest:
-        found: GraphTest = GraphTest.from_parent(self, name=name, body=body)
-        return found
+        item: GraphTest = GraphTest.from_parent(self, name=name, body=body)
+        return item
 
     def _check(self, k: int, expectation: Expectation) -> str:
         """The table of the numbers that are not met."""

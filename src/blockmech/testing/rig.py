@@ -80,14 +80,14 @@ class Subject:
 
     def arguments(self, stage: str, motions: Array) -> list[Any]:
         """What the kernel of a stage gets of the motions, in the contract's order."""
-        k, found = STAGES[stage], []
+        k, arguments_ = STAGES[stage], []
         for joint in self.outer:
             place, turn = self.read(motions, joint)
             z, angle = planar(place[k]), turn[k]
             turned: Any = planar(np.exp(1j * angle)) if k == 0 else angle
             guide = (Guide, LinkVelocity, LinkAcceleration)[k](z, turned)
-            found.append(guide if joint.reads == "guide" else z)
-        return [*found, *([motions[-1][k].real] if self.block.driven else [])]
+            arguments_.append(guide if joint.reads == "guide" else z)
+        return [*arguments_, *([motions[-1][k].real] if self.block.driven else [])]
 
     def call(self, stage: str, *arguments: Any, p: Any = None) -> Any:
         """Call a kernel on batches; divisions by zero give infinity or NaN."""
@@ -147,14 +147,14 @@ class Subject:
 
     def _pins(self, pose: Any, joint: Joint) -> list[Array]:
         """Places of the built-in markers that stand for a revolute joint."""
-        found = []
+        pins = []
         for name in (joint.name, f"{joint.name}j"):
             marker = self.block.built_in.get(name)
             if marker and marker.link in (joint.link, *joint.links):
                 along = (getattr(self.block, marker.along) or 0.0) if marker.along else 0.0
                 place = getattr(pose, marker.link)
-                found.append(vectors(place.o) + vectors(place.e) * along)
-        return found
+                pins.append(vectors(place.o) + vectors(place.e) * along)
+        return pins
 
 
 def random_loads(block: Moving, n: int, size: float, seed: int) -> list[Load]:

@@ -50,17 +50,17 @@ class SignalRules(Checks):
         """There is a number for each output, state and kink, alike in all engines."""
         mech = _rig(self.block)
         s = schedule(mech.structure, mech.scene, Friction("none"))
-        told = {f"output {y}": s.ask(signals.output, "block", y) for y in self.block.ports}
-        told |= {f"rate of {k}": value for k, value in enumerate(signals.rates(s))}
-        told |= {f"next {ref.name}": value for ref, value in signals.updated(s).items()}
-        told |= {f"kink {k}": value for k, value in enumerate(signals.kinks(s))}
-        program = s.program(told.values())
+        values = {f"output {y}": s.ask(signals.output, "block", y) for y in self.block.ports}
+        values |= {f"rate of {k}": value for k, value in enumerate(signals.rates(s))}
+        values |= {f"next {ref.name}": value for ref, value in signals.updated(s).items()}
+        values |= {f"kink {k}": value for k, value in enumerate(signals.kinks(s))}
+        program = s.program(values.values())
         chance = np.random.default_rng(1)
         given = {name: chance.uniform(0.1, 0.9, SAMPLES) for name in program.inputs}
         batch, scalar = (e(program).run(given, SAMPLES) for e in (NumpyEngine, ScalarEngine))
         one = {name: x[4:5] for name, x in given.items()}
         alone = NumpyEngine(program).run(one, 1)
-        for what, b, c, a in zip(told, batch, scalar, alone, strict=True):
+        for what, b, c, a in zip(values, batch, scalar, alone, strict=True):
             wide = np.broadcast_to(np.asarray(b, dtype=float), SAMPLES)
             scale = float(np.max(np.abs(wide))) or 1.0
             yield from self.same(f"scalar {what}", c, wide, scale)

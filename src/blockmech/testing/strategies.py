@@ -252,22 +252,22 @@ class _Maker:
     def _general(self, kind: str) -> tuple[Placed | None, dict[str, str]]:
         shape = random_shape(self.chance, self.options.sizes)
         links = self._links()
-        found = {
+        ends = {
             name: self._marker(self.chance.choice(links), tie.guided)
             for name, tie in shape.items()
             if not tie.first
         }
-        spots = {name: (p, u) for name, (_, p, u) in found.items()}
+        spots = {name: (p, u) for name, (_, p, u) in ends.items()}
         made = place_group(self.chance, self.options.least_margin, shape, spots)
-        return made, {name: address for name, (address, _, _) in found.items()}
+        return made, {name: address for name, (address, _, _) in ends.items()}
 
     def _upstream(self, name: str) -> dict[str, float]:
         """Coordinates of all drivers on which a block's pose depends."""
         draft = self.drafts[name]
-        found = dict(draft.drives)
+        drives = dict(draft.drives)
         for address in draft.feeds.values():
-            found |= self._upstream(address.split(".")[0])
-        return found
+            drives |= self._upstream(address.split(".")[0])
+        return drives
 
     def _forget(self, addresses: Iterable[str]) -> None:
         """Take back markers that nothing else is wired to."""

@@ -81,29 +81,29 @@ def trade(
     request = {name: x for name, x in asked_for.items() if x is not None}
     _refuse_mistakes(question, {"budget": budget, "target": target, "within": within}, request)
     names = None if want is None else as_names("want", want)
-    clock, told = Clock(budget), say or (lambda *_: None)
-    told("reference", 0, 0)
-    asked: Question
+    clock, report = Clock(budget), say or (lambda *_: None)
+    report("reference", 0, 0)
+    trial: Question
     if question == "run":
-        asked = Sweep(mechanism, names, request)
+        trial = Sweep(mechanism, names, request)
     else:
         from blockmech.analysis.trade.free_motion import FreeMotion  # loads SciPy
 
-        asked = FreeMotion(mechanism, names, request, clock)
-    if asked.reference.floor < USELESS:
-        points, skipped = measured(asked, clock, told)
+        trial = FreeMotion(mechanism, names, request, clock)
+    if trial.reference.floor < USELESS:
+        points, skipped = measured(trial, clock, report)
     else:
         why = f"the budget of {budget:g} s is too small for a reference and its check"
-        points, skipped = (), (Skipped("all settings", asked.notes[-1] if asked.notes else why),)
+        points, skipped = (), (Skipped("all settings", trial.notes[-1] if trial.notes else why),)
     return Trade(
         mechanism.name,
-        asked.asked,
-        asked.MEASURE,
-        asked.COUNTED,
-        asked.reference,
+        trial.asked,
+        trial.MEASURE,
+        trial.COUNTED,
+        trial.reference,
         points,
         skipped,
-        asked.notes,
+        trial.notes,
         target,
         within,
         clock.spent,

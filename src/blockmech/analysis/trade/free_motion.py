@@ -96,17 +96,17 @@ class FreeMotion(Question):
             raise refused("trade", motion.end, remedy, why, "no-motion")
         if request.get("times") is None:
             self.request["times"] = motion.times(TIMES if motion.t_end > motion.t_start else 1)
-        found = self._finest(motion.method, clock)
-        if len(found) < 2:
+        finest = self._finest(motion.method, clock)
+        if len(finest) < 2:
             return
         # The surer one is the reference, the other one its check.
-        (method, self.best), (other, check) = sorted(found, key=lambda run: run[1].motion.error)
+        (method, self.best), (other, check) = sorted(finest, key=lambda run: run[1].motion.error)
         self.errors = _errors(self.best)
-        apart, own = self.error(check)[0], [run.motion.error for _, run in found]
+        apart, own = self.error(check)[0], [run.motion.error for _, run in finest]
         self.reference = Reference(method, other, max(apart, min(own), DOUBLE))
         names = self.best.plan.want
-        said = ", ".join(names) if len(names) <= 3 else f"{len(names)} outputs"
-        self.asked = f"simulate until {until or motion.end}: {said} at {self.best.n} times"
+        shown = ", ".join(names) if len(names) <= 3 else f"{len(names)} outputs"
+        self.asked = f"simulate until {until or motion.end}: {shown} at {self.best.n} times"
         if apart > DOUBTFUL * sum(own):
             self.notes += (
                 f"reference and check differ by {apart:.1g}, more than they estimate of "
@@ -117,11 +117,11 @@ class FreeMotion(Question):
 
     def _finest(self, automatic: str, clock: Clock) -> list[tuple[str, Result]]:
         """Two fine runs of different kinds, or fewer where they do not end in their time."""
-        found: dict[str, tuple[str, Result]] = {}
+        finest: dict[str, tuple[str, Result]] = {}
         refusal = None
         for method, accuracy in FINEST:
             kind = automatic if method == "auto" else method
-            if kind in found or len(found) == 2:
+            if kind in finest or len(finest) == 2:
                 continue
             try:
                 result = self.run({"method": method, "accuracy": accuracy}, SHARE * clock.left)
@@ -129,10 +129,10 @@ class FreeMotion(Question):
                 refusal = error
                 continue
             if result is not None and result.motion.status != "failed":
-                found[kind] = (f"{kind} at {accuracy:g}", result)
-        if refusal is not None and not found:
+                finest[kind] = (f"{kind} at {accuracy:g}", result)
+        if refusal is not None and not finest:
             raise refusal
-        return list(found.values())
+        return list(finest.values())
 
     def settings(self) -> Iterator[Setting]:
         """The coarsest setting of every method first, so that a short budget sees them all."""
@@ -198,9 +198,9 @@ class FreeMotion(Question):
         if n == 0 or (n < self.best.n and not by_event):
             return math.inf, "time"
         errors = self.errors if n == self.best.n else _errors(self.best.first(n))
-        found = errors.worst(result.first(n))
+        worst = errors.worst(result.first(n))
         late, span = abs(moved.t_end - wanted.t_end), wanted.t_end - wanted.t_start
-        return max(found, (late / span, "time")) if by_event and span > 0 else found
+        return max(worst, (late / span, "time")) if by_event and span > 0 else worst
 
 
 def _errors(best: Result) -> ReferenceErrors:

@@ -212,23 +212,23 @@ def _digest(answer: Result) -> int:
 
 def _repeated(question: Question, points: list[Point], clock: Clock) -> list[Point]:
     """Points with the times of warm runs, as far as the budget lasts."""
-    found = dict(enumerate(points))
+    repeated = dict(enumerate(points))
     with suppress(KeyboardInterrupt):  # what is measured so far stays
-        for i in sorted(found, key=lambda i: points[i].seconds):
+        for i in sorted(repeated, key=lambda i: points[i].seconds):
             times: list[float] = []
             while len(times) < FEWEST or (sum(times) < LONG_ENOUGH and clock.left > 0):
                 again, seconds = _timed(question, points[i], clock)
                 if again is None:
-                    return list(found.values())
+                    return list(repeated.values())
                 times.append(seconds)
-            found[i] = replace(
+            repeated[i] = replace(
                 points[i],
                 seconds=median(times),
                 fastest=min(times),
                 slowest=max(times),
                 repeats=len(times),
             )
-    return list(found.values())
+    return list(repeated.values())
 
 
 def _timed(question: Question, setting: Setting, clock: Clock) -> tuple[Result | None, float]:

@@ -101,10 +101,10 @@ class Trade(TextReport):
 
     def series(self) -> dict[str, list[Point]]:
         """Points by method, in the order measured."""
-        found: dict[str, list[Point]] = {}
+        by_method: dict[str, list[Point]] = {}
         for point in self.points:
-            found.setdefault(point.method, []).append(point)
-        return found
+            by_method.setdefault(point.method, []).append(point)
+        return by_method
 
     def text(self, degrees: bool = DEGREES) -> str:
         """The table with a star at the front, the reference, what was skipped, the sentence."""
@@ -210,10 +210,10 @@ def _nothing(trade: Trade) -> str:
             f"an error of {size(target)} cannot be confirmed: the reference itself is known to "
             f"{size(trade.reference.floor)} only; the best is {closest.label}"
         )
-    asked = [f"an error of {size(target)}"] if target is not None else []
-    asked += [f"a run within {duration(within)}"] if within is not None else []
+    wishes = [f"an error of {size(target)}"] if target is not None else []
+    wishes += [f"a run within {duration(within)}"] if within is not None else []
     return (
-        f"no setting here gives {' and '.join(asked)}; the closest is {closest.label}: "
+        f"no setting here gives {' and '.join(wishes)}; the closest is {closest.label}: "
         f"{size(closest.error)} in {duration(closest.seconds)}"
     )
 

@@ -165,9 +165,9 @@ class Sweep(Question):
             return
         margin, error = np.min(margins, axis=0)[good], np.max(errors, axis=0)[good]
         bad = margin[error > USABLE]
-        said = (
+        judgement = (
             f"stops being usable (error above {USABLE:g}) below a margin of {bad.max():.1g}"
             if bad.size
             else f"is usable down to the smallest margin met, {margin.min():.2g}"
         )
-        yield f"single precision, worst error {error.max():.1g}: it {said}"
+        yield f"single precision, worst error {error.max():.1g}: it {judgement}"

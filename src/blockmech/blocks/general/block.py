@@ -204,11 +204,11 @@ class GeneralGroup(AssurGroup, type="group.general"):
         """The pairs without geometry, for counting; earlier links are one, ``SUPPORTS``."""
         from blockmech.assur.pairs import Pair
 
-        found = []
+        pairs = []
         for name, pair in self.pairs.items():
             first, second = (SUPPORTS, *pair.sides)[-2:]
-            found.append(Pair(name, first, second, pair.type))
-        return tuple(found)
+            pairs.append(Pair(name, first, second, pair.type))
+        return tuple(pairs)
 
     @cached_property
     def unit(self) -> Unit:
@@ -232,15 +232,15 @@ class GeneralGroup(AssurGroup, type="group.general"):
     @cached_property
     def joints(self) -> Mapping[str, Joint]:  # type: ignore[override]
         """The pairs as joints."""
-        found = {}
+        joints = {}
         for name, pair in self.pairs.items():
             if isinstance(pair, InnerPair):
                 joint = inner_joint(pair.type, pair.links, driven=pair.driven)
             else:
                 reads: Any = "guide" if pair.type == "P" or pair.driven else "point"
                 joint = outer_joint(pair.type, pair.link, reads, driven=pair.driven)
-            found[name] = replace(joint, name=name)
-        return found
+            joints[name] = replace(joint, name=name)
+        return joints
 
     @cached_property
     def kernels(self) -> Kernels:  # type: ignore[override]
@@ -253,7 +253,7 @@ class GeneralGroup(AssurGroup, type="group.general"):
         """The pairs by numbers of links, inputs and parameters."""
         outer = [j.name for j in self.joints.values() if j.outer]
         drives = [j.name for j in self.driven]
-        found = []
+        plans = []
         for k, (name, pair) in enumerate(self.pairs.items()):
             joint, sides = self.joints[name], pair.sides.values()
             at = [f"at{k}_{s}" for s in range(len(sides))]
@@ -268,8 +268,8 @@ class GeneralGroup(AssurGroup, type="group.general"):
                 along=("", along[-1]) if joint.outer else (along[0], along[1]),
                 guided=joint.reads == "guide",
             )
-            found.append(plan)
-        return tuple(found)
+            plans.append(plan)
+        return tuple(plans)
 
     def parameters(self) -> Any:
         """Places and directions of all pairs, and the group's size."""

@@ -104,39 +104,39 @@ def ends(pair: PairPlan, links: tuple[LinkPosition, ...], outer: tuple[Any, ...]
 
 def residuals(pair: PairPlan, at: Ends, q: tuple[Real, ...], k: Real) -> list[Real]:
     """How far a pair's conditions are from zero; ``k`` is 1 / size."""
-    found = [dot(t, at.d) for t in at.t]
+    gaps = [dot(t, at.d) for t in at.t]
     u = at.a.u
     if pair.driven and pair.prismatic:
-        found[1] = found[1] - q[pair.drive]
+        gaps[1] = gaps[1] - q[pair.drive]
     elif pair.driven:
         u = u * expi(q[pair.drive])
-    return [x * k for x in found] + [angle(u, at.b.u)] * pair.turns
+    return [x * k for x in gaps] + [angle(u, at.b.u)] * pair.turns
 
 
 def rows(pair: PairPlan, at: Ends, k: Real) -> list[Entries]:
     """Rows of the Jacobian; the columns of link j are 3j (x), 3j + 1 (y), 3j + 2 (angle)."""
     i, j = 3 * pair.earlier, 3 * pair.later
     reach = at.a.r + at.d if pair.prismatic else at.a.r  # a guide turns with its link
-    found: list[Entries] = []
+    entries: list[Entries] = []
     for t in at.t:
         row = {j: t.real, j + 1: t.imag, j + 2: cross(at.b.r, t) * k}
         if pair.earlier >= 0:
             row |= {i: -t.real, i + 1: -t.imag, i + 2: -cross(reach, t) * k}
-        found.append(row)
+        entries.append(row)
     turned: Entries = {j + 2: 1.0} | ({i + 2: -1.0} if pair.earlier >= 0 else {})
-    return found + [turned] * pair.turns
+    return entries + [turned] * pair.turns
 
 
 def _right(
     pair: PairPlan, at: Ends, known: Complex, turn: Real, drive: tuple[Real, ...], k: Real
 ) -> list[Real]:
     """Right sides for a known motion of A against B, the support's turning and the drivers'."""
-    found = [dot(t, known) for t in at.t]
+    sides = [dot(t, known) for t in at.t]
     if pair.driven and pair.prismatic:
-        found[1] = found[1] + drive[pair.drive]
+        sides[1] = sides[1] + drive[pair.drive]
     elif pair.driven:
         turn = turn + drive[pair.drive]
-    return [x * k for x in found] + [turn] * pair.turns
+    return [x * k for x in sides] + [turn] * pair.turns
 
 
 def rates_wanted(

@@ -120,8 +120,8 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         right: list[Real] = []
         for pair, at in zip(plans, pose.ends, strict=True):
             right += rates_wanted(pair, at, supports, qd, 1 / p.size)
-        found = vectors(solve(pose.J, right), p.size)
-        moving = tuple(LinkVelocity(v, om) for v, om in found)
+        solved = vectors(solve(pose.J, right), p.size)
+        moving = tuple(LinkVelocity(v, om) for v, om in solved)
         both = zip(plans, pose.ends, strict=True)
         return Velocity(moving, tuple(slide(pair, at, moving, supports) for pair, at in both))
 
@@ -131,19 +131,19 @@ def kernels_of(plans: Plans, links: int, outer: int, driven: int) -> Kernels:
         right: list[Real] = []
         for pair, at, sliding in zip(plans, pose.ends, vel.pairs, strict=True):
             right += accelerations_wanted(pair, at, vel.links, sliding, supports, qdd, 1 / p.size)
-        found = vectors(solve(pose.J, right), p.size)
-        return Acceleration(tuple(LinkAcceleration(a, al) for a, al in found))
+        solved = vectors(solve(pose.J, right), p.size)
+        return Acceleration(tuple(LinkAcceleration(a, al) for a, al in solved))
 
     def reactions(pose: Pose, *given: Any) -> Reactions:
         *loads, p = given
         right: list[Real] = []
         for load in loads:
             right += [-load.F.real * p.size, -load.F.imag * p.size, -load.M]
-        found = solve_transposed(pose.J, right)
+        solved = solve_transposed(pose.J, right)
         transmitted, efforts = [], [0.0] * driven
         row = 0
         for pair, at in zip(plans, pose.ends, strict=True):
-            own = found[row : row + pair.rows]
+            own = solved[row : row + pair.rows]
             row += pair.rows
             transmitted.append(carried(pair, at, own, p.size))
             if pair.driven:
@@ -189,10 +189,10 @@ def conditions(
 ) -> tuple[tuple[Ends, ...], list[Real]]:
     """Both sides of each pair at a pose, and how far all conditions are from zero."""
     at = tuple(ends(pair, pose, supports, p) for pair in plans)
-    found: list[Real] = []
+    gaps: list[Real] = []
     for pair, sides in zip(plans, at, strict=True):
-        found += residuals(pair, sides, q, 1 / p.size)
-    return at, found
+        gaps += residuals(pair, sides, q, 1 / p.size)
+    return at, gaps
 
 
 def largest(values: Iterable[Real]) -> Real:

@@ -270,17 +270,17 @@ def _needed(wanted: Iterable[Any]) -> tuple[list[Node], dict[Loop, list[int]]]:
     """The nodes that some are made of, in order, and the states of loops among them: of a
     state only its own value before and after a step, so nothing is named that nobody reads."""
     waiting = [x for x in wanted if isinstance(x, Node)]
-    found, kept = set[Node](), dict[Loop, set[int]]()
+    reached, kept = set[Node](), dict[Loop, set[int]]()
     while waiting:
         node = waiting.pop()
-        if node in found:
+        if node in reached:
             continue
-        found.add(node)
+        reached.add(node)
         more = list(node.args)
         if node.op in ("after", "state"):
             loop, i = node.args
             kept.setdefault(loop, {len(loop.first) - 1}).add(i)
             more = [x[k] for k in (i, -1) for x in (loop.first, loop.ahead)]
         waiting += [x for x in more if isinstance(x, Node)]
-    order = sorted(found, key=lambda n: n.number)
+    order = sorted(reached, key=lambda n: n.number)
     return order, {loop: sorted(states) for loop, states in kept.items()}

@@ -148,11 +148,11 @@ def _knots(path: Path) -> tuple[Array, Array, Array]:
 
 def _slopes(places: Array, rates: Array) -> Array:
     """Rates (k, m, 4) of places and directions, from those of places and angles."""
-    found = np.empty_like(places)
-    found[..., :2] = rates[..., :2]
-    found[..., 2] = -places[..., 3] * rates[..., 2]
-    found[..., 3] = places[..., 2] * rates[..., 2]
-    return found
+    slopes = np.empty_like(places)
+    slopes[..., :2] = rates[..., :2]
+    slopes[..., 2] = -places[..., 3] * rates[..., 2]
+    slopes[..., 3] = places[..., 2] * rates[..., 2]
+    return slopes
 
 
 def _cubics(knots: Array, y: Array, slope: Array) -> Array:
@@ -187,8 +187,8 @@ def status(
         locked = JAMMED if block in of["prismatic"] else SELF_LOCKED
         for how in Outcome:
             if not how.solved:
-                said = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
-                word = where(ended == float(how), WORDS.index(said), word)
+                failure = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
+                word = where(ended == float(how), WORDS.index(failure), word)
     for block, m in reversed(margins):
         failing = where(m > 0.0, False, where(m == 0.0, bad, True))
         if block in of["following"]:

@@ -72,7 +72,7 @@ class Unit:
 
     def start(self) -> list[float]:
         """Coordinates, then rates, at the start: the scene's, else the law's, else zero."""
-        found: dict[str, tuple[float, float]] = {}
+        starts: dict[str, tuple[float, float]] = {}
         scene = self.mechanism.scene
         for driver in self.mechanism.drivers:
             initial, law = scene.initial.get(driver), scene.drive.get(driver)
@@ -80,8 +80,8 @@ class Unit:
                 float(getattr(law, "start", 0.0) or 0.0),
                 float(getattr(law, "rate", 0.0) or 0.0),
             )
-            found[driver] = first if initial is None else (float(initial.q), float(initial.rate))
-        return [x[i] for i in (0, 1) for x in found.values()]
+            starts[driver] = first if initial is None else (float(initial.q), float(initial.rate))
+        return [x[i] for i in (0, 1) for x in starts.values()]
 
     def sources(self) -> dict[str, str]:
         """The texts in C, by the names of their files."""
@@ -134,17 +134,21 @@ class Unit:
         """Attributes of each variable; of derivatives the reference of the state."""
         k, start = len(self.mechanism.drivers), self.start()
         for i, name in enumerate([*self.variables, *self.outputs]):
-            found = {"name": printable(name), "valueReference": str(i), "variability": "continuous"}
+            attributes = {
+                "name": printable(name),
+                "valueReference": str(i),
+                "variability": "continuous",
+            }
             kind, of = divmod(i, k)
             if kind == 3:
-                yield found | {"causality": "input", "start": "0"}
+                yield attributes | {"causality": "input", "start": "0"}
                 continue
-            found |= {"causality": "output", "initial": "exact" if kind < 2 else "calculated"}
+            attributes |= {"causality": "output", "initial": "exact" if kind < 2 else "calculated"}
             if kind < 2:
-                found["start"] = repr(start[i])
+                attributes["start"] = repr(start[i])
             if kind in (1, 2):
-                found["derivative"] = str((kind - 1) * k + of)
-            yield found
+                attributes["derivative"] = str((kind - 1) * k + of)
+            yield attributes
 
     def description(self) -> str:
         """Text of ``modelDescription.xml``."""

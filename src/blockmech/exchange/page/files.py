@@ -98,14 +98,14 @@ def _chosen(words: str | None, offered: list[str]) -> list[str]:
     if words is None:
         return offered[:FEW]
     known = {name.removeprefix("P_"): name for name in offered}
-    found = []
+    chosen = []
     for word in filter(None, map(str.strip, words.split(","))):
         name = re.sub(r"\W", "_", word, flags=re.ASCII).removeprefix("P_")
         if name not in known:
             remedy = close_match(name, known)
             raise refused("slider", f"no number {word}", remedy, f"numbers: {listed(known, 60)}")
-        found.append(known[name])
-    return found
+        chosen.append(known[name])
+    return chosen
 
 
 def _is_given(name: str) -> bool:
@@ -141,8 +141,8 @@ def _picture(drawing: Script) -> dict[str, Any]:
         """A corner of a link: a pin that goes with it, or a place in its frame."""
         places = motion.at(link, z)
         pinned = any(np.abs(places - pin).max() <= SAME_PLACE * size for pin in pins.values())
-        found = output(places) if pinned else None
-        return {"link": frame(link), "at": [z.real, z.imag]} if found is None else found
+        place = output(places) if pinned else None
+        return {"link": frame(link), "at": [z.real, z.imag]} if place is None else place
 
     return {
         "pins": [

@@ -141,8 +141,8 @@ class FrictionLaw(StrictModel):
         >>> round(law.at(0.5).factor / 0.05, 6)
         0.236788
         """
-        found: FrictionTerms = self.sliding()(speed)
-        return found
+        terms: FrictionTerms = self.sliding()(speed)
+        return terms
 
     def sliding(self, bind: Callable[[Any], Any] = lambda kernel: kernel) -> Callable[..., Any]:
         """The function behind `at`, of speeds of any number type that ``bind`` gives kernels."""
@@ -234,8 +234,10 @@ class _Registered:
         mapping = {}
         for name in LAWS:
             LAWS[name].model_rebuild()
-            found = inner.generate_json_schema.generate_inner(LAWS[name].__pydantic_core_schema__)
-            mapping[name] = found["$ref"]
+            inner_schema = inner.generate_json_schema.generate_inner(
+                LAWS[name].__pydantic_core_schema__
+            )
+            mapping[name] = inner_schema["$ref"]
         choice = {"propertyName": "law", "mapping": mapping}
         return {"oneOf": [{"$ref": ref} for ref in mapping.values()], "discriminator": choice}
 

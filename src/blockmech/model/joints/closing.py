@@ -90,15 +90,15 @@ class Gap(NamedTuple):
 
 def gaps(poses: Poses, pairs: Iterable[Connection], size: float) -> list[Gap]:
     """Joints that gape by more than rounding, the widest first."""
-    found = []
+    rows = []
     for c in pairs:
         one, two, _ = (condition.value for condition in _conditions(c, poses, size))
         pin = c.kind == "R"
         gap = Gap(c, math.hypot(one, two) if pin else abs(one), 0.0 if pin else abs(two))
         if not max(gap[1:]) <= CLOSED:
-            found.append(gap)
-    found.sort(key=lambda g: (-max(g[1:]), g.pair.name))
-    return [gap._replace(distance=gap.distance * size) for gap in found]
+            rows.append(gap)
+    rows.sort(key=lambda g: (-max(g[1:]), g.pair.name))
+    return [gap._replace(distance=gap.distance * size) for gap in rows]
 
 
 @dataclass(frozen=True)

@@ -174,9 +174,9 @@ class DriverGiven(StrictModel):
 @functools.cache
 def _driver_model(law: Any) -> type[StrictModel]:
     name, bases = f"{law.__name__}Driver", (law, _OfTheFile)
-    found: Any = create_model(name, __base__=bases, __doc__=law.__doc__, joint=(str, ...))
-    found.made_by = (_driver_model, law)
-    return found  # type: ignore[no-any-return]
+    model: Any = create_model(name, __base__=bases, __doc__=law.__doc__, joint=(str, ...))
+    model.made_by = (_driver_model, law)
+    return model  # type: ignore[no-any-return]
 
 
 @functools.cache
@@ -194,9 +194,9 @@ def _load_model(cls: type[Element]) -> type[StrictModel]:
         fields |= {"at": (Annotated[list[Place], both], ...)} if points else {"joint": (str, None)}
     base: Any = (_OnLinks if kinds == ["link", "link"] else _Made, cls)
     name = f"{cls.__name__}Load"
-    found: Any = create_model(name, __base__=base, __doc__=cls.__doc__, **fields)
-    found.made_by = (_load_model, cls)
-    return found  # type: ignore[no-any-return]
+    model: Any = create_model(name, __base__=base, __doc__=cls.__doc__, **fields)
+    model.made_by = (_load_model, cls)
+    return model  # type: ignore[no-any-return]
 
 
 class _OnLinks(_Made):

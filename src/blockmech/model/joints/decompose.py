@@ -57,8 +57,8 @@ def decompose(linkage: Linkage, general: General = "") -> Parts:
     cannot work, then joints that do not close.
     """
     try:
-        found = sequence(linkage)
-        return _as_blocks(linkage, found, general)
+        order = sequence(linkage)
+        return _as_blocks(linkage, order, general)
     except GraphError as error:
         raise GraphError(in_file(error.problems, linkage.file)) from None
 
@@ -76,20 +76,20 @@ def sequence(linkage: Linkage) -> Sequence:
         problem = Problem("wrong-value", "joints", large, "lengths are in m", "check the places")
         raise GraphError(problem)
     pairs, sums = seated(layout.pairs, layout.drivers)
-    found = formation(layout.links, pairs.values(), (FRAME,), layout.drivers)
-    if not found.complete or not layout.links:
-        raise GraphError(why_not(layout, found.rest))
-    return Sequence(layout, pairs, sums, found, _closed(settled(layout), found, settled(pairs)))
+    groups = formation(layout.links, pairs.values(), (FRAME,), layout.drivers)
+    if not groups.complete or not layout.links:
+        raise GraphError(why_not(layout, groups.rest))
+    return Sequence(layout, pairs, sums, groups, _closed(settled(layout), groups, settled(pairs)))
 
 
-def _closed(layout: Layout, found: Formation, pairs: Connections) -> Poses:
+def _closed(layout: Layout, groups: Formation, pairs: Connections) -> Poses:
     """The pose in which all joints close, group after group, drivers held where they are.
 
     Raises `GraphError` where it is not found, too far off, or holds a group at a dead centre.
     """
     held = {c: coordinate(layout.given, layout.pairs[c], layout.size) for c in layout.drivers}
     poses, stuck = layout.given, []
-    for unit in found.units:
+    for unit in groups.units:
         own = tuple(pairs[p.name] for p in unit.pairs)
         closing = Closing(unit.links, own, layout.size, {c: held[c] for c in unit.driven})
         poses = closing.refine(poses)
@@ -103,22 +103,22 @@ def _closed(layout: Layout, found: Formation, pairs: Connections) -> Poses:
     return poses
 
 
-def _as_blocks(linkage: Linkage, found: Sequence, general: General) -> Parts:
-    plain = links_read_as_they_are(linkage.loads, found.layout.pairs)
+def _as_blocks(linkage: Linkage, order: Sequence, general: General) -> Parts:
+    plain = links_read_as_they_are(linkage.loads, order.layout.pairs)
     plain |= links_sensed(linkage)
-    diagram = Diagram(linkage, found)
+    diagram = Diagram(linkage, order)
     problems = []
-    units = _merged(found.formation.units) if general == "one" else found.formation.units
+    units = _merged(order.formation.units) if general == "one" else order.formation.units
     for unit in units:
         made = None
         if unit.kind == "driver":
-            made = driving_link(found.pairs[unit.outer[0].name], unit.links[0], found.pairs)
+            made = driving_link(order.pairs[unit.outer[0].name], unit.links[0], order.pairs)
         elif not general:
-            made = closed_form(unit, found.pairs, found.poses)
+            made = closed_form(unit, order.pairs, order.poses)
         if made and made.doubt:
             problems.append(dead_centre(unit.links, made.doubt))
         if made is None or any(made.seats[link].e != 1 for link in plain & set(made.seats)):
-            made = general_group(unit, found.pairs)
+            made = general_group(unit, order.pairs)
         diagram.add(unit, made)
     if problems:
         raise GraphError(problems)

@@ -82,7 +82,7 @@ def _coincident(layout: Layout) -> list[Problem]:
     for c in pairs.values():
         if c.axis:
             twice[frozenset(c.links), c.axis].append(c.name)
-    found = []
+    problems = []
     for (both, _), names in sorted(twice.items(), key=lambda item: item[1]):
         if len(names) > 1:
             links = " and ".join(sorted(both))
@@ -91,10 +91,10 @@ def _coincident(layout: Layout) -> list[Problem]:
                 text = f"{listed(names)} join {links} at the same place"
             where, remedy = path_text(("joints", names[1])), f"remove {listed(names[1:])}"
             valid = "two links need one joint there"
-            found.append(Problem("coincident-joints", where, text, valid, remedy))
+            problems.append(Problem("coincident-joints", where, text, valid, remedy))
     apart = [replace(c, axis="") for c in pairs.values()]
-    if found or not formation(layout.links, apart, (FRAME,), layout.drivers).complete:
-        return found
+    if problems or not formation(layout.links, apart, (FRAME,), layout.drivers).complete:
+        return problems
     held = rigidity(layout.links, pairs.values(), (FRAME,), layout.drivers)
     loose = sorted({link for part in held.loose for link in part.links})
     effect = f", so {listed(loose)} can move freely" if loose else ""
@@ -110,8 +110,8 @@ def _coincident(layout: Layout) -> list[Problem]:
             text += ("lie in one point" if pin else "slide in one direction") + effect
             where = path_text(("joints", together[0][-1]))
             valid = "the joints of a group are apart" if pin else "guides cross"
-            found.append(Problem("coincident-joints", where, text, valid, "move one of them"))
-    return found
+            problems.append(Problem("coincident-joints", where, text, valid, "move one of them"))
+    return problems
 
 
 def _problems(layout: Layout, findings: Iterable[Finding], state: Rigidity) -> list[Problem]:
@@ -120,20 +120,20 @@ def _problems(layout: Layout, findings: Iterable[Finding], state: Rigidity) -> l
     for finding in findings:
         by_code[finding.code].append(finding)
     locked = by_code["locked-driver"]
-    found = [_problem(layout, f, state) for f in by_code["unconnected-links"]]
+    problems = [_problem(layout, f, state) for f in by_code["unconnected-links"]]
     for f in by_code["over-constrained"] + by_code["turning-held-twice"]:
         moving = set(f.links) - {FRAME}
         own = [d for d in locked if moving & set(d.links)]
         stuck = listed([layout.drivers[p] for d in own for p in d.pairs])
-        found.append(_problem(layout, f, state, f", so {stuck} cannot move" if own else ""))
+        problems.append(_problem(layout, f, state, f", so {stuck} cannot move" if own else ""))
         locked = [d for d in locked if d not in own]
     rest = [*locked, *by_code["conflicting-drivers"]]
     missing = by_code["too-few-drivers"]
     if not missing:
         rest += by_code["loose-links"]
-    found += [_problem(layout, f, state) for f in rest]
-    found += [_missing(layout, f, by_code["loose-links"], state.mobility) for f in missing]
-    return found or [_problem(layout, f, state) for f in by_code["too-many-drivers"]]
+    problems += [_problem(layout, f, state) for f in rest]
+    problems += [_missing(layout, f, by_code["loose-links"], state.mobility) for f in missing]
+    return problems or [_problem(layout, f, state) for f in by_code["too-many-drivers"]]
 
 
 def _special(layout: Layout) -> list[Problem]:

@@ -259,9 +259,9 @@ class Diagram:
         }
         gravity = self.linkage.gravity.written if self.linkage.gravity.z else None
         initial = plain(self.linkage.initial)
-        stops = dict(self._stops(name, plain(said)) for name, said in self.linkage.stops.items())
+        stops = dict(self._stops(name, plain(item)) for name, item in self.linkage.stops.items())
         scene = {"gravity": gravity, "drive": drive, "initial": initial, "stops": stops}
-        return {key: said for key, said in scene.items() if said}
+        return {key: item for key, item in scene.items() if item}
 
     def _stops(self, name: str, given: dict[str, Any]) -> tuple[str, dict[str, Any]]:
         """Stops by a driver, or by the coordinate of a pair as its block counts it.
@@ -347,9 +347,9 @@ def _seated(value: Any, seat: LinkPlacement) -> Any:
 
 def _mass(given: LinkGiven, seat: LinkPlacement) -> dict[str, Any]:
     """Mass properties of a link in the frame of its block."""
-    said, moved = given.model_fields_set, seat.o != 0 or seat.e != 1
-    own: dict[str, Any] = {k: getattr(given, k) for k in ("mass", "inertia") if k in said}
-    if "cm" in said or (moved and given.mass):
+    fields, moved = given.model_fields_set, seat.o != 0 or seat.e != 1
+    own: dict[str, Any] = {k: getattr(given, k) for k in ("mass", "inertia") if k in fields}
+    if "cm" in fields or (moved and given.mass):
         own["cm"] = xy(seat.place(given.cm.z)) if moved else given.cm.written
     return own
 

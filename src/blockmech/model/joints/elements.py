@@ -28,7 +28,7 @@ def links_read_as_they_are(loads: Mapping[str, Any], pairs: Connections) -> set[
 
     The angle is one between -pi and pi, so a law of it cannot be moved to other frames.
     """
-    found: set[str] = set()
+    links: set[str] = set()
     for load in loads.values():
         kinds = [t.kind for t in load.terminals.values()]
         law = getattr(load, "law", None)
@@ -36,8 +36,8 @@ def links_read_as_they_are(loads: Mapping[str, Any], pairs: Connections) -> set[
             continue
         joint = pairs.get(load.joint or "")
         if "coordinate" in law.variables() and (joint is None or joint.kind == "R"):
-            found.update(load.links or joint.links if joint else load.links)
-    return found - {FRAME}
+            links.update(load.links or joint.links if joint else load.links)
+    return links - {FRAME}
 
 
 def links_sensed(linkage: Any) -> set[str]:
@@ -51,7 +51,7 @@ def elements(
 ) -> Iterator[BlockDraft]:
     """The element that a load becomes; two of them for a damped spring along a guide."""
     terminals = load.terminals
-    data = {key: said for key, said in plain(load).items() if key not in HOLDS}
+    data = {key: value for key, value in plain(load).items() if key not in HOLDS}
     joint = getattr(load, "joint", None)
     if joint is not None and pairs[joint].kind == "P":
         yield from _along_guide(name, load, data, pairs[joint], seats)

@@ -83,14 +83,18 @@ class Linkage(Document):
     # -- files ------------------------------------------------------------
 
     def _fill(self, draft: Draft) -> None:
-        said = draft.said
-        self.gravity, self.initial, self.stops = said.gravity, {**said.initial}, {**said.stops}
+        content = draft.said
+        self.gravity, self.initial, self.stops = (
+            content.gravity,
+            {**content.initial},
+            {**content.stops},
+        )
         for section in self.form.items():
             parts = {name: part for name, part in draft.items(section) if part is not None}
             getattr(self, section).update(parts)
-        self.wires += [Wire(wire.source, wire.target) for wire in said.wires]
+        self.wires += [Wire(wire.source, wire.target) for wire in content.wires]
         if not draft.doubled:
-            draft.note(reference_problems(self, vars(said)))
+            draft.note(reference_problems(self, vars(content)))
 
     def sections(self) -> dict[str, Any]:
         """Links, joints, drivers and so on, wires of signals, gravity, starts and stops."""
@@ -216,8 +220,8 @@ class Linkage(Document):
         The coordinate is the angle [rad] of the second link less that of the first (R), or
         the distance [m] from the first link's point to the second's along the guide (P).
         """
-        said = {} if law is None else plain(law)
-        self._add("driver", name, {"joint": joint, **said}, said.pop("law", ""))
+        fields = {} if law is None else plain(law)
+        self._add("driver", name, {"joint": joint, **fields}, fields.pop("law", ""))
 
     @overload
     def add_load(
@@ -323,7 +327,7 @@ class Linkage(Document):
         if model is None:
             raise GraphError(section.unknown_kind(kind, f"{where}.{section.key}"))
         try:
-            items[name] = model(**{key: said for key, said in given.items() if said is not None})
+            items[name] = model(**{key: value for key, value in given.items() if value is not None})
         except GraphError as error:
             here, cls = path_text((f"{what}s", name)), model.__name__
             raise GraphError(

@@ -41,8 +41,8 @@ def _references(linkage: Any) -> Iterator[Reference]:
         for k, link in enumerate(getattr(load, "links", None) or ()):
             yield Reference("link", link, ("loads", name, "links", k))
         for what in ("link", "joint", "driver"):
-            if (said := getattr(load, what, None)) is not None:
-                yield Reference(what, said, ("loads", name, what), "acts between")
+            if (ends := getattr(load, what, None)) is not None:
+                yield Reference(what, ends, ("loads", name, what), "acts between")
     for name, coupling in linkage.couplings.items():
         link, _, marker = coupling.driver.partition(".")
         if marker:
