@@ -112,12 +112,12 @@ def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
     assert system.kept["rates", system.method] is not None
 
 
-def test_a_motion_hangs_on_its_request_alone(monkeypatch):
-    monkeypatch.setattr(systems, "WORTH", 300)
-    mech, request = mechanism("watt_sixbar"), {"until": "time=0.5", "method": "dop853", "want": []}
+@pytest.mark.parametrize("engine", ["scalar", "llvm"])
+def test_a_motion_hangs_on_its_request_alone(engine):
+    """With "auto" it may begin interpreted, and differ by rounding from one that is compiled."""
+    mech = changed(document("watt_sixbar"))
+    request = {"until": "time=0.5", "method": "dop853", "want": [], "engine": engine}
     first, second = (mech.simulate(**request).motion for _ in range(2))
-    assert first.engine == "llvm"
-    assert first.cost.singles == second.cost.singles
     t = np.linspace(0.0, 0.5, 50)
     np.testing.assert_array_equal(first.at(t), second.at(t))
 
