@@ -24,6 +24,7 @@ def varied(mech, rng):
     columns = {}
     for p in (known[str(a)] for a in chosen[: 2 if len(known) > 400 else MOST]):
         aside = rng.uniform(1e-5, 1e-4, DESIGNS) * (abs(p.value) or 1.0)
+        aside *= -1 if p.path[-1] == "efficiency" else 1  # which is one at most
         columns[p.address] = p.value + aside * (np.arange(DESIGNS) > 0)
     return columns
 
