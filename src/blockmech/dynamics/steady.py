@@ -384,7 +384,7 @@ def _friction_rest(flow: Flow, way: SectionReturn) -> Motion | None:
         return None
     request = replace(flow.request, until=Until("swings", float(COMMON)), watch=())
     if flow.system.smooth_friction:
-        motion = along_path(flow.system, request)
+        motion = along_path(flow.system, replace(request, method="spectral"))
     else:
         motion = in_time(flow.system, request, "dop853")
     if motion.end != ends.REST:
