@@ -35,7 +35,7 @@ export function render({ model, el }) {
   let begun = 0; // ms, when pose 0 would have been shown; while it plays
   let playing = false;
   let drag = null;
-  let [busy, next] = [false, null];
+  let [busy, next, asked] = [false, null, null]; // asked: the pose that an act on its way asks for
   let size = { width: 0, height: 0 };
   let rows = []; // of the sliders of several drivers
 
@@ -53,13 +53,13 @@ export function render({ model, el }) {
   function send(act, more) {
     if (busy) next = [act, more];
     else {
-      busy = true;
-      model.send_msg({ act, ...more });
+      [busy, asked] = [true, more.pose];
+      model.send_msg({ act, seen: model.pose, ...more });
     }
   }
 
   model.on("done", () => {
-    busy = false;
+    [busy, asked] = [false, null];
     if (!next) return;
     const [act, more] = next;
     next = null;
@@ -334,8 +334,8 @@ export function render({ model, el }) {
   model.on("drivers", sliders);
   model.on("said", say);
   model.on("pose", () => {
-    if (playing || next || model.pose === pose) return;
-    pose = model.pose;
+    if (playing || model.pose === pose || model.pose === asked || (next && next[0] !== "pose")) return;
+    [pose, next] = [model.pose, null]; // of a tap on a curve, say: later than a pose that waits
     slider.value = pose;
     for (const { input, values } of rows) input.value = values[pose];
     draw();

@@ -266,7 +266,8 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         elif self.motion is None:
             return
         elif msg["act"] == "pose":
-            self.pose = min(max(msg["pose"], 0), len(self.motion.samples) - 1)
+            if msg["seen"] == self.pose:  # else another one was shown after the act
+                self.pose = min(max(msg["pose"], 0), len(self.motion.samples) - 1)
         elif msg["act"] == "drive":
             joint = self.motion.mechanism.driver_joint(msg["driver"])
             q = msg["value"] / self.shown.factor(joint.coordinate_unit)
