@@ -372,6 +372,12 @@ def uncollected() -> Iterator[None]:
             gc.enable()
 
 
+def near(pattern: str, names: Iterable[str]) -> list[str]:
+    """Names of the same block, link or joint as an unknown one; all where there is none."""
+    head, every = pattern.split(".")[0] + ".", list(names)
+    return [n for n in every if n.startswith(head)] or every
+
+
 class Catalogue(Mapping[str, Output]):
     """All outputs of a mechanism by name, made once and on first use."""
 
@@ -419,17 +425,13 @@ class Catalogue(Mapping[str, Output]):
             fits = re.compile(fnmatch.translate(pattern)).match
             names = [n for n in self._outputs if fits(n)]
             if not names:
-                known = f"outputs there: {listed(self._near(pattern), 16)}"
+                known = f"outputs there: {listed(near(pattern, self._outputs), 16)}"
                 reason, remedy = "no output has that name", close_match(pattern, self._outputs)
                 problems.append(Problem("unknown-output", pattern, reason, known, remedy))
             matched.update(dict.fromkeys(names))
         if problems:
             raise RequestError(problems)
         return tuple(matched)
-
-    def _near(self, pattern: str) -> list[str]:
-        head = pattern.split(".")[0] + "."
-        return [n for n in self._outputs if n.startswith(head)] or list(self._outputs)
 
     def plan(
         self,

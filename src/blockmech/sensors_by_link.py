@@ -11,12 +11,11 @@ from typing import Any
 
 from blockmech.errors import GraphError, Problem, close_match, listed
 from blockmech.model.graph import Graph
-from blockmech.model.joints.making import free_name
 from blockmech.model.joints.varied import settled
 from blockmech.model.naming import Names
-from blockmech.outputs import PARTS, Catalogue
+from blockmech.outputs import PARTS, Catalogue, near
 from blockmech.outputs_by_link import Reading, readings
-from blockmech.values import split_address
+from blockmech.values import free_name, split_address
 
 IDLE = {"kind": "constant", "value": 0.0}
 
@@ -77,9 +76,8 @@ def _reading(table: Mapping[str, Reading], known: Catalogue, source: str) -> Rea
         reading, ends = table[whole], f".{part}"
     parts = [] if reading is None else [(n + ends, s) for n, s in reading.parts if n in known]
     if reading is None or not all(name in known for name, _ in parts) or not parts:
-        head = source.split(".")[0] + "."
-        near = [name for name in table if name.startswith(head)] or list(table)
-        valid, remedy = f"outputs there: {listed(near, 16)}", close_match(source, near)
+        there = near(source, table)
+        valid, remedy = f"outputs there: {listed(there, 16)}", close_match(source, there)
         return Problem("unknown-output", source, "no output has that name", valid, remedy)
     if known[parts[0][0]].kind == "vector":
         valid, remedy = "a signal is one number", f"take {source}.x or {source}.y"

@@ -229,6 +229,13 @@ def is_name(name: str) -> bool:
     return bool(name) and "." not in name and "/" not in name
 
 
+def free_name(wish: str, taken: Container[str]) -> str:
+    """The wished name, with underscores behind it until it is free."""
+    while wish in taken:
+        wish += "_"
+    return wish
+
+
 def split_address(address: str, blocks: Container[str]) -> tuple[str, str]:
     """Block and port of an address: blocks inside of others have names with dots.
 

@@ -23,10 +23,9 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from blockmech.dynamics.dop853 import scheme
-from blockmech.dynamics.equation import LEAST_INERTIA
+from blockmech.dynamics.equation import LEAST_INERTIA, kept_rates
 from blockmech.dynamics.estimate import PARTED, ROUNDING, TARGET, spread
 from blockmech.dynamics.motion import EVALUATIONS, Floats
-from blockmech.dynamics.rates import rates_of
 from blockmech.engines.llvm import slots_of
 from blockmech.engines.stages import CompiledRhs, FleetSteps
 from blockmech.plane import EPS
@@ -47,11 +46,6 @@ MARGIN, SLIPS = 0, 3  # columns of what is watched, see `rates`
 TIME, GOAL, REST = range(3)  # why a motion is over
 
 
-def compiled_rates(compiled: Any) -> dict[Any, CompiledRhs | None]:
-    """The right-hand sides of a mechanism's family, by how friction is solved."""
-    return {}
-
-
 def rates_for(system: System, request: SimulationRequest) -> CompiledRhs | None:
     """The right-hand side that all designs share; None where motions go one by one."""
     structure, goal = system.compiled.structure, request.until.goal
@@ -69,10 +63,7 @@ def rates_for(system: System, request: SimulationRequest) -> CompiledRhs | None:
     laws = [law for b in structure.blocks.values() for law in b.friction.values()]
     if friction and any(law.acts and law.kernel_at_rest() is not None for law in laws):
         return None
-    kept = system.compiled.once(compiled_rates)
-    if system.method not in kept:
-        kept[system.method] = rates_of(system.equation_program, friction, system.signals)
-    return kept[system.method]
+    return kept_rates(system)
 
 
 class Motions(NamedTuple):

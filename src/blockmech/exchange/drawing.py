@@ -25,6 +25,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from blockmech.errors import FormatError, Problem, listed
+from blockmech.values import free_name
 
 FRAME = "frame"
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
@@ -380,10 +381,8 @@ class _Making:
         self.couplings[self._coupling_name(pair.name)] = made
 
     def _coupling_name(self, text: str) -> str:
-        name = _clean(text) or "gears"
-        while name in {*self.couplings, *self.links, *self.drivers, *self.joints}:
-            name += "_"
-        return name
+        taken = {*self.couplings, *self.links, *self.drivers, *self.joints}
+        return free_name(_clean(text) or "gears", taken)
 
     def _driver_name(self, joint: str) -> str:
         name = "motor"
@@ -400,9 +399,8 @@ class _Making:
                 continue
             if len(members) == 1:
                 own = self.links[self.names[members[0]]].setdefault("markers", {})
-                name = _clean(point) or "point"
-                while name in self.names.values() or name in self.links or name in own:
-                    name += "_"
+                taken = {*self.names.values(), *self.links, *own}
+                name = free_name(_clean(point) or "point", taken)
                 own[name] = {"at": self._place(z)}
             elif not members and point not in drawing.fixed:
                 drawing.note(f"point {point} is on no link: left out")
@@ -413,9 +411,8 @@ class _Making:
             if load.link not in self.names:
                 self.drawing.note(f"force {load.name} acts on no moving link: left out")
                 continue
-            name = _clean(load.name) or "force"
-            while name in loads or name in self.links or name in self.drivers:
-                name += "_"
+            taken = {*loads, *self.links, *self.drivers}
+            name = free_name(_clean(load.name) or "force", taken)
             loads[name] = {
                 "type": "force",
                 "link": self.names[load.link],

@@ -18,6 +18,7 @@ from blockmech.errors import listed
 from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Inertia
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import number, wrong, xml_of
+from blockmech.values import free_name
 
 AXES = {2: (0, 1, 1), 0: (1, 2, 1), 1: (0, 2, -1)}  # normal -> x and y of the plane, and its sense
 ACTUATORS = ("motor", "position", "velocity", "general", "intvelocity", "damper")
@@ -132,8 +133,7 @@ class _Reading:
             self._body(inner, name)
 
     def _point(self, name: str, z: complex, bodies: tuple[str, str]) -> str:
-        while name in self.found.points:
-            name += "_"
+        name = free_name(name, self.found.points)
         self.found.points[name] = z
         for link in (self.links[b] for b in bodies):
             if link == FRAME:

@@ -17,6 +17,7 @@ from blockmech.errors import listed
 from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Slot, direction
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import fields, items, json_of, number, wrong
+from blockmech.values import free_name
 
 STEP = "rates of pylinkage are radians a step: a step was taken as a second"
 LEGACY = {"Static", "Crank", "Revolute", "Fixed", "Prismatic"}
@@ -143,8 +144,7 @@ class _Components:
         for i, part in enumerate(linkage.components):
             kind = type(part).__name__
             name = str(part.name) if not str(part.name).isdigit() else f"{kind}_{i}"
-            while name in self.found.points:
-                name += "_"
+            name = free_name(name, self.found.points)
             self.names[id(part)] = name
             if kind not in kinds:
                 self.found.note(f"{name} is a {kind}: left out")

@@ -70,8 +70,7 @@ class Task:
     @property
     def size(self) -> float:
         """Size of the wanted path [m]; 1 where only angles are wanted."""
-        P = self.points
-        return 1.0 if P is None else float(np.abs(P - P.mean()).max())
+        return 1.0 if self.points is None else size_of(self.points)
 
     @property
     def _columns(self) -> Any:
@@ -154,6 +153,11 @@ class Task:
         ordered = (steps > 0).all(axis=1) | (steps < 0).all(axis=1)
         turns = np.abs(theta[:, -1] - theta[:, 0])
         return ordered & (least > 0) & (turns <= math.tau * (1 + 1e-12)), least
+
+
+def size_of(points: Points) -> float:
+    """Size of a path [m]: how far its points are from their mean."""
+    return float(np.abs(points - points.mean()).max())
 
 
 def similar(c: Points, P: Points) -> tuple[Points, Points]:

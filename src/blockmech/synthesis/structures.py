@@ -42,7 +42,7 @@ from blockmech.series import Floats
 from blockmech.studies.variation import Variation
 from blockmech.synthesis.designs import MET, Design
 from blockmech.synthesis.fourbar import Points
-from blockmech.synthesis.search import FAR, HIGH, LOW, path_of, similar
+from blockmech.synthesis.search import FAR, HIGH, LOW, path_of, similar, size_of
 from blockmech.told import DEGREES, TextReport, as_data
 from blockmech.typing import Progress
 
@@ -246,7 +246,7 @@ class _Family:
         """Numbers and crank angles nearest to the points, by least squares."""
         from scipy.optimize import least_squares
 
-        size, k = _size(wanted), len(x)
+        size, k = size_of(wanted), len(x)
         last: dict[str, Any] = {}
 
         def at(u: Floats) -> tuple[Floats, Floats]:
@@ -304,10 +304,6 @@ class _Family:
             return None
         moment = float(np.abs(run["crank.drive"]).max())
         return Design(graph, theta, self.output, np.abs(z - wanted), least), moment
-
-
-def _size(wanted: Points) -> float:
-    return float(np.abs(wanted - wanted.mean()).max())
 
 
 class _Load(NamedTuple):
@@ -541,7 +537,7 @@ def _of_structure(
         numbers, angles = family.refined(x, at, P, theta is None)
         judged = family.judged(numbers, angles, P, load)
         if judged is not None:
-            made.append(Candidate(s.name, s.links, *judged, MET * _size(P)))
+            made.append(Candidate(s.name, s.links, *judged, MET * size_of(P)))
     return count, made
 
 

@@ -62,38 +62,8 @@ NONE(Integer, int)
 NONE(Boolean, int)
 NONE(String, String)
 
-API Status fmi2GetFMUstate(Component c, void **state) { return get_snapshot(c, state); }
-API Status fmi2SetFMUstate(Component c, void *state)
-{
-    memcpy(c, state, sizeof(Instance));
-    return OK;
-}
-API Status fmi2FreeFMUstate(Component c, void **state)
-{
-    UNUSED(c);
-    free(*state);
-    *state = NULL;
-    return OK;
-}
-API Status fmi2SerializedFMUstateSize(Component c, void *state, size_t *size)
-{
-    UNUSED(c); UNUSED(state);
-    *size = sizeof(Instance);
-    return OK;
-}
-API Status fmi2SerializeFMUstate(Component c, void *state, char bytes[], size_t size)
-{
-    UNUSED(c);
-    if (size < sizeof(Instance)) return ERROR;
-    memcpy(bytes, state, sizeof(Instance));
-    return OK;
-}
-API Status fmi2DeSerializeFMUstate(Component c, const char bytes[], size_t size, void **state)
-{
-    if (size < sizeof(Instance) || fmi2GetFMUstate(c, state) != OK) return ERROR;
-    memcpy(*state, bytes, sizeof(Instance));
-    return OK;
-}
+STATES(fmi2GetFMUstate, fmi2SetFMUstate, fmi2FreeFMUstate, fmi2SerializedFMUstateSize,
+       fmi2SerializeFMUstate, fmi2DeSerializeFMUstate, char)
 API Status fmi2GetDirectionalDerivative(Component c, const Ref a[], size_t n, const Ref b[],
                                         size_t k, const double x[], double y[])
 {

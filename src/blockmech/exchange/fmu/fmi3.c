@@ -103,38 +103,8 @@ API Status fmi3SetClock(Component c, const Ref r[], size_t n, const bool x[])
     return n ? ERROR : OK;
 }
 
-API Status fmi3GetFMUState(Component c, void **state) { return get_snapshot(c, state); }
-API Status fmi3SetFMUState(Component c, void *state)
-{
-    memcpy(c, state, sizeof(Instance));
-    return OK;
-}
-API Status fmi3FreeFMUState(Component c, void **state)
-{
-    UNUSED(c);
-    free(*state);
-    *state = NULL;
-    return OK;
-}
-API Status fmi3SerializedFMUStateSize(Component c, void *state, size_t *size)
-{
-    UNUSED(c); UNUSED(state);
-    *size = sizeof(Instance);
-    return OK;
-}
-API Status fmi3SerializeFMUState(Component c, void *state, uint8_t bytes[], size_t size)
-{
-    UNUSED(c);
-    if (size < sizeof(Instance)) return ERROR;
-    memcpy(bytes, state, sizeof(Instance));
-    return OK;
-}
-API Status fmi3DeserializeFMUState(Component c, const uint8_t bytes[], size_t size, void **state)
-{
-    if (size < sizeof(Instance) || get_snapshot(c, state) != OK) return ERROR;
-    memcpy(*state, bytes, sizeof(Instance));
-    return OK;
-}
+STATES(fmi3GetFMUState, fmi3SetFMUState, fmi3FreeFMUState, fmi3SerializedFMUStateSize,
+       fmi3SerializeFMUState, fmi3DeserializeFMUState, uint8_t)
 
 /* What the model description says that a unit does not have. */
 #define ABSENT(name, ...) \

@@ -199,3 +199,38 @@ static Status get_snapshot(const void *m, void **state)
     memcpy(*state, m, sizeof(Instance));
     return OK;
 }
+
+/* States of a unit, kept and written out: either version has them, by its own names. */
+#define STATES(Get, Set, Free, Size, Write, Read, Byte) \
+    API Status Get(void *m, void **state) { return get_snapshot(m, state); } \
+    API Status Set(void *m, void *state) \
+    { \
+        memcpy(m, state, sizeof(Instance)); \
+        return OK; \
+    } \
+    API Status Free(void *m, void **state) \
+    { \
+        UNUSED(m); \
+        free(*state); \
+        *state = NULL; \
+        return OK; \
+    } \
+    API Status Size(void *m, void *state, size_t *size) \
+    { \
+        UNUSED(m); UNUSED(state); \
+        *size = sizeof(Instance); \
+        return OK; \
+    } \
+    API Status Write(void *m, void *state, Byte bytes[], size_t size) \
+    { \
+        UNUSED(m); \
+        if (size < sizeof(Instance)) return ERROR; \
+        memcpy(bytes, state, sizeof(Instance)); \
+        return OK; \
+    } \
+    API Status Read(void *m, const Byte bytes[], size_t size, void **state) \
+    { \
+        if (size < sizeof(Instance) || get_snapshot(m, state) != OK) return ERROR; \
+        memcpy(*state, bytes, sizeof(Instance)); \
+        return OK; \
+    }

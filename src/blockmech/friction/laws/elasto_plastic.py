@@ -24,7 +24,8 @@ from typing import Any, Literal
 from pydantic import model_validator
 
 from blockmech.friction.laws.contract import FrictionTerms
-from blockmech.friction.laws.lugre import BristleFriction, resisting, sliding
+from blockmech.friction.laws.lugre import BristleFriction, resisting
+from blockmech.friction.laws.stribeck import falling
 from blockmech.plane import expi, maximum, minimum, where
 from blockmech.typing import Real
 from blockmech.values import Positive, mistake
@@ -32,7 +33,7 @@ from blockmech.values import Positive, mistake
 
 def slipping(slip: Real, deflection: Real, p: Any) -> Real:
     """The share of the motion that slips, of bristles that are fully bent."""
-    top, f = sliding(abs(slip), p), p.stiffness * abs(deflection)
+    top, f = falling(abs(slip), p), p.stiffness * abs(deflection)
     place = (f - 0.5 * (top + p.breakaway)) / (top - p.breakaway)
     share = 0.5 * (1.0 + expi(math.pi * maximum(minimum(place, 0.5), -0.5)).imag)
     return where(slip * deflection > 0.0, share, 0.0 * share)
@@ -40,7 +41,7 @@ def slipping(slip: Real, deflection: Real, p: Any) -> Real:
 
 def bending(slip: Real, deflection: Real, p: Any) -> Real:
     """Rate of the deflection."""
-    lost = slipping(slip, deflection, p) * p.stiffness / sliding(abs(slip), p)
+    lost = slipping(slip, deflection, p) * p.stiffness / falling(abs(slip), p)
     return slip - lost * abs(slip) * deflection
 
 

@@ -21,25 +21,20 @@ from pydantic import model_validator
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.coulomb import DryFriction
 from blockmech.friction.laws.stiction import check_static
-from blockmech.plane import exp, power, sign
+from blockmech.friction.laws.stribeck import falling
+from blockmech.plane import sign
 from blockmech.typing import Real
 from blockmech.values import Axis, NotNegative, Positive, Units
 
 
-def sliding(speed: Real, p: Any) -> Real:
-    """The coefficient that the bristles tend to at a speed."""
-    left = exp(-power(speed / p.stribeck_speed, p.exponent))
-    return p.kinetic + (p.static - p.kinetic) * left
-
-
 def bending(slip: Real, deflection: Real, p: Any) -> Real:
     """Rate of the deflection."""
-    return slip - p.stiffness * abs(slip) * deflection / sliding(abs(slip), p)
+    return slip - p.stiffness * abs(slip) * deflection / falling(abs(slip), p)
 
 
 def bent(slip: Real, p: Any) -> Real:
     """Deflection of a pair that has slipped at a rate for long."""
-    return sign(slip) * sliding(abs(slip), p) / p.stiffness
+    return sign(slip) * falling(abs(slip), p) / p.stiffness
 
 
 def resisting(slip: Real, deflection: Real, rate: Real, p: Any) -> FrictionTerms:

@@ -21,10 +21,15 @@ from blockmech.typing import Real
 from blockmech.values import Axis, NotNegative, Positive, Units
 
 
+def falling(speed: Real, p: Any) -> Real:
+    """The coefficient at a speed without the viscous part."""
+    left = exp(-power(speed / p.stribeck_speed, p.exponent))
+    return p.kinetic + (p.static - p.kinetic) * left
+
+
 def stribeck(speed: Real, p: Any) -> FrictionTerms:
     """The curve at a speed."""
-    left = exp(-power(speed / p.stribeck_speed, p.exponent))
-    f = p.kinetic + (p.static - p.kinetic) * left + p.viscous * speed
+    f = falling(speed, p) + p.viscous * speed
     return FrictionTerms(f * p.arm, 0.0)
 
 

@@ -20,14 +20,14 @@ from blockmech.model.joints.contents import FRAME, LinkGiven
 from blockmech.model.joints.elements import elements
 from blockmech.model.joints.layout import Connection, Connections, Layout, Poses, Sums
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.making import GENERAL, BlockDraft, End, LinkPlacement, free_name, xy
+from blockmech.model.joints.making import GENERAL, BlockDraft, End, LinkPlacement, xy
 from blockmech.model.joints.references import coordinate_of
 from blockmech.model.joints.varied import phase, settled
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.structure import COORDINATE, JointRef, LinkRef, MarkerRef
 from blockmech.model.writing import plain
-from blockmech.values import Place
+from blockmech.values import Place, free_name
 
 MOST_IN_NAME = 3  # links that a group is named after
 

@@ -23,6 +23,7 @@ from blockmech.model.joints.layout import Connection, Connections, Poses
 from blockmech.model.joints.varied import phase, settled
 from blockmech.plane import EPS, dot
 from blockmech.typing import Guide
+from blockmech.values import free_name
 
 GENERAL = "group.general"
 DEAD = 64 * EPS
@@ -288,10 +289,3 @@ def general_group(unit: Unit, pairs: Connections) -> BlockDraft:
 def xy(z: complex) -> list[float]:
     """Two numbers as they stand in a file, without -0."""
     return [z.real + 0.0, z.imag + 0.0]
-
-
-def free_name(wish: str, taken: set[str] | Mapping[str, Any]) -> str:
-    """The wished name, with underscores behind it until it is free."""
-    while wish in taken:
-        wish += "_"
-    return wish
