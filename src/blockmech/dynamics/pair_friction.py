@@ -131,6 +131,7 @@ class PairFriction:
         self.names = program.names
         self.guides = program.guides
         self._laws = AdaptiveEvaluator(program.laws)
+        self._constant: dict[int, list[Row]] = {}  # what laws say that follow no speed, of n rates
         still = np.zeros((len(self.names), 1))
         self.static = tuple(float(x[0]) for x in self._asked(still)[1])  # (2 m,) that hold at rest
         solver, options = solvers.SOLVERS[method.method]
@@ -146,13 +147,17 @@ class PairFriction:
 
         x are the states of signals and laws, by default the initial ones.
         """
+        inputs, n = self.program.laws.inputs, rates.shape[1]
+        if not inputs and n in self._constant:
+            return self._constant[n]
         given = {f"slip_{j}": rate for j, rate in enumerate(rates)}
         states = self._initial if x is None else x
-        given |= {f"{STATE}{k}": np.full(rates.shape[1], s) for k, s in enumerate(states)}
-        inputs = self.program.laws.inputs
-        values = list(self._laws.run({x: given[x] for x in inputs}, rates.shape[1]))
-        n = 2 * len(self.names)
-        return [values[:n], values[n : 2 * n], values[2 * n :]]
+        given |= {f"{STATE}{k}": np.full(n, s) for k, s in enumerate(states)}
+        values, m = list(self._laws.run({x: given[x] for x in inputs}, n)), 2 * len(self.names)
+        terms = [values[:m], values[m : 2 * m], values[2 * m :]]
+        if not inputs:
+            self._constant[n] = terms
+        return terms
 
     def law(self, rates: Floats, x: Any = None) -> Row:
         """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n) and states x."""
