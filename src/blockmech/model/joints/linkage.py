@@ -29,7 +29,7 @@ from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Scene, Stops
 from blockmech.model.writing import plain
 from blockmech.signals.contract import Signal
-from blockmech.values import Marker, Vector, is_name
+from blockmech.values import Marker, Place, Vector, is_name
 
 if TYPE_CHECKING:
     from blockmech.friction.laws.contract import FrictionLaw
@@ -197,21 +197,60 @@ class Linkage(Document):
 
         Raises `GraphError` for links that there are not, or what does not fit.
         """
+        drawn = self._as_drawn(name, links)
+        at = _places(Marker(at=point).at, drawn)
+        self.add_joint(name, "R", links, at, friction=friction, clearance=clearance)
+        self._keep_poses(links, drawn)
+
+    def add_slider(
+        self,
+        name: str,
+        links: Sequence[str],
+        point: AnyPlace,
+        *,
+        angle: float | None = None,
+        dir: Two | None = None,
+        slider: Literal[0, 1] | None = None,
+        friction: FrictionLaw | None = None,
+    ) -> None:
+        """Add a guide between two links, where it is in the world in the poses they were given.
+
+        Both links have the point, so the guide's coordinate is 0 in these poses. A link without
+        a pose gets the pose zero, as for `add_pin`.
+
+        Parameters
+        ----------
+        links : names of two links, added before; the coordinate counts from the first to the second
+        point : place [m] in the world
+        angle, dir : of the guide in the world, [rad] or (dx, dy); default along x
+        slider, friction : of the joint, see `add_joint`
+
+        Raises `GraphError` for links that there are not, or what does not fit.
+
+        Example: ``m.add_slider("S", ["frame", "piston"], (0.4, 0.0), angle=0.0)``.
+        """
+        drawn = self._as_drawn(name, links)
+        guide = Marker(at=point, angle=angle, dir=dir)
+        along = [guide.direction * _turn_back(link) for link in drawn]
+        at = _places(guide.at, drawn)
+        self.add_joint(name, "P", links, at, dir=along, slider=slider, friction=friction)
+        self._keep_poses(links, drawn)
+
+    def _as_drawn(self, name: str, links: Sequence[str]) -> list[LinkGiven]:
+        """Links of a joint in the poses of the drawing, zero where none was given."""
         links = as_names(f"joints.{name}.links", links)
         unknown = [link for link in links if link not in self.links and link != FRAME]
         if unknown:
             found, known = f'no link "{unknown[0]}"', f"links: {listed([FRAME, *self.links])}"
             remedy = close_match(unknown[0], self.links) or "add it first: its pose counts"
             raise GraphError(Problem("unknown-link", f"joints.{name}.links", found, known, remedy))
-        z, poses = Marker(at=point).at.z, []
-        drawn = {FRAME: LinkGiven(pose=(0.0, 0.0, 0.0))} | self.links
-        for link in links:
-            if drawn[link].pose is None:
-                drawn[link] = drawn[link].model_copy(update={"pose": (0.0, 0.0, 0.0)})
-            poses.append(drawn[link].at)
-        at = [(z - o) * cmath.rect(1.0, -angle) for o, angle in poses]
-        self.add_joint(name, "R", links, at, friction=friction, clearance=clearance)
-        self.links.update((link, drawn[link]) for link in links if link in self.links)
+        given = {FRAME: LinkGiven()} | self.links
+        zero = (0.0, 0.0, 0.0)
+        return [given[link].model_copy(update={"pose": given[link].pose or zero}) for link in links]
+
+    def _keep_poses(self, links: Sequence[str], drawn: Sequence[LinkGiven]) -> None:
+        pairs = zip(links, drawn, strict=True)
+        self.links.update((link, posed) for link, posed in pairs if link != FRAME)
 
     @declared
     def add_driver(self, name: str, joint: str, law: LawOfMotion | None = None) -> None:
@@ -339,3 +378,13 @@ class Linkage(Document):
     def driven(self) -> dict[str, str]:
         """Driven joint -> the driver's name."""
         return {driver.joint: name for name, driver in self.drivers.items()}
+
+
+def _turn_back(link: LinkGiven) -> complex:
+    """What turns a direction in the world into the link's axes."""
+    return cmath.rect(1.0, -link.at[1])
+
+
+def _places(point: Place, drawn: Sequence[LinkGiven]) -> list[complex]:
+    """A place in the world [m], in the axes of each link."""
+    return [(point.z - link.at[0]) * _turn_back(link) for link in drawn]
