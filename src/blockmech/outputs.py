@@ -7,6 +7,7 @@ says how to read them; nothing is computed for outputs that nobody wants.
 
 from __future__ import annotations
 
+import copy
 import fnmatch
 import gc
 import re
@@ -410,6 +411,12 @@ class Catalogue(Mapping[str, Output]):
 
     def __repr__(self) -> str:
         return f"<outputs {listed(self, 8)}>"
+
+    def extended(self, more: Iterable[Output]) -> Catalogue:
+        """The catalogue with more outputs behind its own."""
+        other = copy.copy(self)
+        other._outputs = {**self._outputs, **{output.name: output for output in more}}
+        return other
 
     def match(self, want: Iterable[str]) -> tuple[str, ...]:
         """Names that the patterns ask for, in their order, those of one in the catalogue's.

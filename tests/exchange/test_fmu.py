@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from tests.gallery import mechanism
+from blockmech import signals
+from blockmech.builders import opened
+from tests.gallery import GRAPHS, mechanism
 
 fmpy = pytest.importorskip("fmpy", reason="the outside judge of FMUs")
 NEEDS_C = pytest.mark.skipif(
@@ -89,6 +91,119 @@ def test_friction_and_an_effort_count(tmp_path):
         assert again["crank.drive"][0] == pytest.approx(9000.0, abs=1e-6)
         assert row["crank.drive"] == pytest.approx(9000.0, abs=1e-6)
         assert row["dyad.C.reaction.x"] == pytest.approx(again["dyad.C.reaction"][0].real, rel=1e-9)
+
+
+def controlled_fivebar(limits=None):
+    """Two motors: a continuous controller that is fed, a sampled one after a step."""
+    g = bm.Graph("fivebar", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "E": (1.5, 0.0)}))
+    link = bm.Link(mass=2.0, inertia=0.3, cm=(0.5, 0.1))
+    g.add("left", bm.Crank(length=1.0, links={"crank": link}))
+    g.add("right", bm.Crank(length=1.1, links={"crank": link}))
+    g.add("dyad", bm.RRR(l_i=1.6, l_j=1.7, branch=1, links={"i": link, "j": link}))
+    ends = (("frame.A", "left.A"), ("frame.E", "right.A"), ("left.B", "dyad.B"))
+    for one, other in (*ends, ("right.B", "dyad.D")):
+        g.connect(one, other)
+    g.add("goal", signals.Input(value=2.0))
+    g.add("jump", signals.Step(value=1.2, time=0.33, before=1.0))
+    own = {"left": ("goal", "frame.A", {"limits": limits}), "right": ("jump", "frame.E", {})}
+    own["right"][2]["sample"] = 0.01
+    for crank, (goal, base, more) in own.items():
+        g.add(f"error_{crank}", signals.Sum(signs="+-"))
+        g.add(f"pid_{crank}", signals.Pid(kp=200.0, ki=100.0, kd=40.0, **more))
+        g.add(f"motor_{crank}", bm.Motor(law=bm.laws.Signal()))
+        g.connect(base, f"motor_{crank}.a")
+        g.connect(f"{crank}.crank", f"motor_{crank}.b")
+        g.connect(f"{goal}.y", f"error_{crank}.u0")
+        g.connect(f"{crank}.q", f"error_{crank}.u1")
+        g.connect(f"error_{crank}.y", f"pid_{crank}.u")
+        g.connect(f"pid_{crank}.y", f"motor_{crank}.law")
+    g.start("left", q=1.8)
+    g.start("right", q=1.0)
+    return g.compile()
+
+
+CONTROLLED = {  # what moves -> outputs that are compared, how long [s]
+    "speed_controlled_fourbar": (["crank.q", "pid.integral", "motor.current"], 0.4),
+    "sampled_fourbar": (["crank.q", "motor.current"], 0.215),
+    "joints/speed_controlled_pump": (["driver.shaft.q", "pid.integral", "tacho.x1"], 0.3),
+    "fivebar": (["left.q", "right.q", "pid_left.integral"], 0.5),
+}
+
+
+@NEEDS_C
+@pytest.mark.parametrize("name", CONTROLLED)
+@pytest.mark.parametrize("kind", ["ModelExchange", "CoSimulation"])
+def test_signal_blocks_are_inside(name, kind, tmp_path):
+    from fmpy.validation import validate_fmu
+
+    path = GRAPHS / "control" / f"{name}.json"
+    (names, end), fmi = CONTROLLED[name], "2" if kind == "ModelExchange" else "3"
+    # CVode refines at the kinks of limits, where Runge-Kutta's fixed steps lose their order.
+    limits = (-60, 60) if fmi == "2" else None
+    mech = controlled_fivebar(limits) if name == "fivebar" else opened(path).compile()
+    (path,) = bm.write(mech, tmp_path / "m.fmu", step=1e-4, fmi=fmi, want=names)
+    assert validate_fmu(str(path)) == []
+    more = {"solver": "CVode", "relative_tolerance": 1e-10} if fmi == "2" else {}
+    found = fmpy.simulate_fmu(
+        str(path), fmi_type=kind, stop_time=end, output_interval=end / 40, output=names, **more
+    )
+    times = np.linspace(0.0, end, 5)
+    ours = mech.simulate(f"time={end}", times=times, want=names, accuracy=1e-9)
+    for column in names:
+        theirs = np.interp(times, found["time"], found[column])
+        scale = max(1.0, np.abs(ours[column]).max())
+        assert np.abs(theirs - ours[column]).max() < AGREE * scale, column
+
+
+@NEEDS_C
+def test_what_a_controller_outside_gives_comes_in_by_name(tmp_path):
+    mech = controlled_fivebar()
+    (path,) = bm.write(mech, tmp_path / "m.fmu", step=1e-3, want=["left.q"])
+    stepper = mech.stepper(want=["left.q"])
+    stepper.reset()
+    goals = [2.0, 1.5, 2.2]
+    ours = [stepper.step(0.05, {"goal": x})["left.q"][0] for x in goals]
+    rows = [(0.05 * k + more, x) for k, x in enumerate(goals) for more in (0.0, 0.05)]
+    fed = np.array(rows, [("time", float), ("goal", float)])
+    found = fmpy.simulate_fmu(
+        str(path),
+        fmi_type="CoSimulation",
+        stop_time=0.15,
+        output_interval=0.05,
+        input=fed,
+        output=["left.q"],
+    )
+    assert found["left.q"][1:] == pytest.approx(ours, abs=1e-5)
+    assert np.ptp(ours) > 0.01
+
+
+@NEEDS_C
+def test_bristles_are_states(tmp_path):
+    g = bm.Graph("pendulum", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    law = bm.LuGre(
+        static=0.3, kinetic=0.2, stribeck_speed=0.2, stiffness=50.0, damping=0.2, radius=0.05
+    )
+    link = bm.Link(mass=2.0, inertia=0.3, cm=(0.5, 0.0))
+    g.add("rod", bm.Crank(length=1.0, links={"crank": link}, friction={"A": law}))
+    g.connect("frame.A", "rod.A")
+    g.start("rod", q=0.3)
+    names = ["rod.q", "rod.A.deflection"]
+    (path,) = bm.write(g, tmp_path / "m.fmu", want=names)
+    found = fmpy.simulate_fmu(
+        str(path),
+        fmi_type="ModelExchange",
+        stop_time=0.5,
+        output_interval=0.01,
+        output=names,
+        relative_tolerance=1e-10,
+    )
+    times = np.linspace(0.0, 0.5, 6)
+    ours = g.compile().simulate("time=0.5", times=times, want=names, accuracy=1e-9)
+    for column in names:
+        theirs = np.interp(times, found["time"], found[column])
+        assert np.abs(theirs - ours[column]).max() < AGREE, column
 
 
 def test_without_a_compiler_the_sources_are_all(tmp_path, monkeypatch):

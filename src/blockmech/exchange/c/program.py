@@ -22,14 +22,17 @@ import blockmech
 from blockmech.compiled import Compiled
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.numpy import Planar, leaves
-from blockmech.errors import BlockmechError, listed, printable, refused
+from blockmech.errors import BlockmechError, as_names, listed, printable, refused
 from blockmech.exchange.c.statements import DOUBLE, FLOAT, Statements, language_c, literal
 from blockmech.exchange.c.tracing import ClosedTrace, status
-from blockmech.plan import Plan
+from blockmech.model.structure import JointRef
+from blockmech.passes.signals import STATE
+from blockmech.plan import Output, Plan
 from blockmech.plane import EPS
 from blockmech.quality import WORDS
 from blockmech.runnable import EVERYTHING
 from blockmech.samples import Samples
+from blockmech.settings import friction_asked
 
 VECTORS = 24  # poses of the test program
 INPUTS = {"q": ("q", ""), "qd": ("rate", "/s"), "qdd": ("acceleration", "/s2")}
@@ -74,16 +77,20 @@ class CProgram:
         mechanism: Compiled,
         want: Iterable[str] | str = EVERYTHING,
         real: str = DOUBLE,
+        rates: Iterable[Output] | None = None,
         **settings: Any,
     ) -> None:
-        """``settings`` are those of `Compiled.plan`: friction, tolerance, iterations, static.
+        """``rates`` are outputs beside the catalogue's that move states, which are inputs then;
+        ``settings`` are those of `Compiled.plan`: friction, tolerance, iterations, static.
 
-        Raises `RequestError` for what C cannot say, e.g. a law that is a Python function.
+        Raises `RequestError` for what C cannot say, e.g. a law that is a Python function, and
+        without ``rates`` for what follows states.
         """
         if real not in TOLERANCES:
             raise refused("real", f"got {real!r}", valid=f"valid: {listed(TOLERANCES)}")
-        names = mechanism.outputs.match(want)
-        of_runs = [n for n in names if mechanism.outputs[n].kind == "number"]
+        self.catalogue = catalogue = mechanism.outputs.extended(rates or ())
+        names = catalogue.match([*as_names("want", want), *(output.name for output in rates or ())])
+        of_runs = [n for n in names if catalogue[n].kind == "number"]
         self.left_out = tuple(of_runs)
         names = tuple(n for n in names if n not in of_runs)
         if not names:
@@ -91,9 +98,12 @@ class CProgram:
             raise refused("want", what, "want an output that every pose has")
         self.mechanism, self.real = mechanism, real
         self.name = identifier(mechanism.name.lower())
-        self.plan: Plan = mechanism.plan(names, **settings)
+        how = [settings.get(k) for k in ("friction", "tolerance", "iterations")]
+        static = bool(settings.get("static"))
+        self.plan: Plan = catalogue.plan(mechanism.scene, names, friction_asked(*how), static)
         self._settings = settings
-        self._refuse_signals()
+        if rates is None:
+            self._refuse_states()
         eps = EPS if real == DOUBLE else float(np.finfo(np.float32).eps)
         try:
             self._trace = ClosedTrace(self.plan.program, eps)
@@ -106,17 +116,27 @@ class CProgram:
             found = f"{mechanism.name} is no C text: {why}"
             raise refused("--to c", found, "leave the outputs that need it out") from None
         self.parameters = tuple(_members(self.plan.program.parameters))
-        self.inputs = tuple(map(self._input, self.plan.program.inputs))
+        taken = Names()
+        self.inputs = tuple(self._input(x, taken) for x in self.plan.program.inputs)
         texts = {n: _comment(f"{n} [{self._unit(n) or '-'}]") for n in self._results}
         taken = Names()
         self.outputs = {n: Member(taken.fresh(n), texts[n]) for n in self._results}
 
-    def _refuse_signals(self) -> None:
-        """Raise `RequestError` where numbers follow signals, whose states only a motion knows."""
-        known = [x for x in self.plan.program.inputs if x != "t" and x.split("_")[0] not in INPUTS]
-        if known:
+    @property
+    def states(self) -> dict[str, JointRef]:
+        """Inputs that are states of signal blocks and of friction laws, with what they are of."""
+        refs = list(self.mechanism.structure.states)
+        inputs = self.plan.program.inputs
+        return {x: refs[int(x[len(STATE) :])] for x in inputs if x.startswith(STATE)}
+
+    def _refuse_states(self) -> None:
+        """Raise `RequestError` where numbers follow states, which only a motion knows."""
+        if self.states:
             of = listed(self.mechanism.structure.signals)
             found = f"what is wanted follows the signals {of}, which have states of their own"
+            if not of:
+                pairs = listed(map(str, self.states.values()))
+                found = f"friction in {pairs} has states of its own"
             raise refused("--to c", found, "want outputs that do not, e.g. positions")
 
     @property
@@ -130,13 +150,13 @@ class CProgram:
         return {"prismatic": prismatic, "following": frozenset(structure.followed)}
 
     def _unit(self, column: str) -> str:
-        return self.mechanism.outputs[self._parts[column][0]].unit
+        return self.catalogue[self._parts[column][0]].unit
 
     def _named(self, names: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
         """Each real number that is wanted: its output, part of it, and what it is in the trace."""
         drivers = self.mechanism.drivers
         for name in names:
-            output = self.mechanism.outputs[name]
+            output = self.catalogue[name]
             columns = [self._values[i] for i in self.plan.layout[name]]
             if output.kind == "matrix":
                 square = len(columns) == len(drivers) ** 2
@@ -156,14 +176,19 @@ class CProgram:
         places = dict.fromkeys(i for n in known for i in self.plan.layout[n])
         return [x for i in places for x in leaves(self._values[i])]
 
-    def _input(self, name: str) -> Member:
+    def _input(self, name: str, taken: Names) -> Member:
         if name == "t":
-            return Member("time", "[s]")
+            return Member(taken.fresh("time"), "[s]")
+        if name in self.states:
+            block, of = self.states[name]
+            signal = self.mechanism.structure.signals.get(block)
+            words = "a state of" if signal else "the deflection of"
+            return Member(taken.fresh(f"{block}_{of}"), f"{words} {_comment(f'{block}.{of}')}")
         quantity, _, i = name.rpartition("_")
         driver = self.mechanism.drivers[int(i)]
         word, per = INPUTS[quantity]
         unit = f"{self.mechanism.driver_joint(driver).coordinate_unit}{per}"
-        return Member(identifier(f"{driver}_{word}"), f"[{unit}]")
+        return Member(taken.fresh(f"{driver}_{word}"), f"[{unit}]")
 
     # -- text ---------------------------------------------------------------------------
 

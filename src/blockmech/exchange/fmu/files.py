@@ -1,8 +1,9 @@
 """The format ``fmu``: model exchange and co-simulation of FMI 2.0 or 3.0, with its sources.
 
 Sources are always inside; the machine's C compiler, where there is one, makes the binary for this
-platform. States are the drivers' coordinates and rates, inputs the efforts on the drivers, outputs
-what is wanted.
+platform. States are the drivers' coordinates and rates, then those of signal blocks and friction
+laws; inputs the efforts on the drivers and blocks ``signal.input``, outputs what is wanted.
+Discrete blocks switch at events in time.
 
 Sources: Functional Mock-up Interface 2.0 and 3.0, Modelica Association, 2014 and 2022.
 """
@@ -10,6 +11,7 @@ Sources: Functional Mock-up Interface 2.0 and 3.0, Modelica Association, 2014 an
 from __future__ import annotations
 
 import io
+import math
 import platform
 import shutil
 import subprocess
@@ -19,11 +21,13 @@ import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
+from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import blockmech
 from blockmech.errors import printable, refused, shown
 from blockmech.exchange.c.program import CProgram
+from blockmech.exchange.fmu.states import States
 from blockmech.exchange.formats import Order, Writer
 from blockmech.files import writing
 from blockmech.runnable import EVERYTHING
@@ -37,6 +41,21 @@ PLATFORMS = {  # version of FMI -> system -> folder of its binaries
 MACHINES = {"AMD64": "x86_64", "arm64": "aarch64", "ARM64": "aarch64"}  # names of FMI 3
 TIME = 0x7FFFFFFF  # value reference of FMI 3's independent variable, as in unit.h
 STEP = 1e-3  # [s] of the co-simulation's own integration
+
+
+class Variable(NamedTuple):
+    """A variable of a unit; its value reference is its place among all.
+
+    place : where the C text has it
+    start : of what can be set: states and inputs
+    derivative : of a rate, the state's value reference
+    """
+
+    name: str
+    place: str
+    causality: str = "output"
+    start: float | None = None
+    derivative: int | None = None
 
 
 class Unit:
@@ -57,31 +76,56 @@ class Unit:
         own += ["mechanism.M"] if many else [f"{self.of[drivers[0]]}.J_red"]
         names = mechanism.outputs.match(order.want)
         wanted = [n for n in names if mechanism.outputs[n].kind != "number"]
+        self.states = States(mechanism, order.settings.get("friction"))
         if order.want == EVERYTHING:
-            wanted = [n for n in wanted if n.startswith("mechanism.") or n in own]
+            known = (*own, *self.states.outputs)
+            wanted = [n for n in wanted if n.startswith("mechanism.") or n in known]
         self.program = CProgram(
-            mechanism, tuple(dict.fromkeys([*own, *wanted])), **dict(order.settings)
+            mechanism,
+            tuple(dict.fromkeys([*own, *wanted])),
+            rates=self.states.rates.values(),
+            **dict(order.settings),
         )
         self.step = float(order.options.get("step", STEP))
         if not 0 < self.step < 1e6:
             raise refused("step", f"got {self.step!r}", "give a time above 0 s")
-        states = [f"{self.of[d]}.{what}" for what in ("q", "rate", "acceleration") for d in drivers]
-        self.variables = [*states, *(f"{self.of[d]}.effort" for d in drivers)]
-        self.outputs = [n for n in self.program.outputs if n not in self.variables]
-        self.guid = str(uuid.uuid5(uuid.NAMESPACE_URL, self.program.source + "".join(self.outputs)))
+        self.variables = self._variables()
+        self.guid = str(uuid.uuid5(uuid.NAMESPACE_URL, self.program.source + repr(self.variables)))
 
-    def start(self) -> list[float]:
-        """Coordinates, then rates, at the start: the scene's, else the law's, else zero."""
-        starts: dict[str, tuple[float, float]] = {}
+    def _variables(self) -> list[Variable]:
+        """Coordinates, rates, accelerations, efforts; states, their rates; inputs; outputs."""
+        made, starts = [], self._starts()
+        of, k, states = list(self.of.values()), len(self.of), self.states
+        for i, (name, start) in enumerate(zip(of, starts, strict=True)):
+            made.append(Variable(f"{name}.q", f"m->q[{i}]", start=start[0]))
+        for i, (name, start) in enumerate(zip(of, starts, strict=True)):
+            made.append(Variable(f"{name}.rate", f"m->rate[{i}]", "output", start[1], i))
+        for i, name in enumerate(of):
+            made.append(Variable(f"{name}.acceleration", f"m->acceleration[{i}]", derivative=k + i))
+        for i, name in enumerate(of):
+            made.append(Variable(f"{name}.effort", f"m->effort[{i}]", "input", 0.0))
+        first = len(made)
+        for name, i in states.continuous.items():
+            made.append(Variable(name, f"m->x[{i}]", "output", states.initial[i]))
+        for j, name in enumerate(states.continuous):
+            made.append(Variable(f"der({name})", f"m->slope[{j}]", "local", None, first + j))
+        for name, i in states.inputs.items():
+            made.append(Variable(name, f"m->x[{i}]", "input", states.initial[i]))
+        known = {*(v.name for v in made), *states.rates}
+        p = self.program.outputs
+        made += [Variable(n, f"out.{p[n].name}") for n in p if n not in known]
+        return made
+
+    def _starts(self) -> list[tuple[float, float]]:
+        """Coordinate and rate of each driver: the scene's, else the law's, else zero."""
+        starts = []
         scene = self.mechanism.scene
         for driver in self.mechanism.drivers:
             initial, law = scene.initial.get(driver), scene.drive.get(driver)
-            first = (
-                float(getattr(law, "start", 0.0) or 0.0),
-                float(getattr(law, "rate", 0.0) or 0.0),
-            )
-            starts[driver] = first if initial is None else (float(initial.q), float(initial.rate))
-        return [x[i] for i in (0, 1) for x in starts.values()]
+            first = [float(getattr(law, x, 0.0) or 0.0) for x in ("start", "rate")]
+            q, rate = first if initial is None else (float(initial.q), float(initial.rate))
+            starts.append((q, rate))
+        return starts
 
     def sources(self) -> dict[str, str]:
         """The texts in C, by the names of their files."""
@@ -95,13 +139,13 @@ class Unit:
 
     def _unit_text(self) -> str:
         """Text of ``unit.h``."""
-        p, drivers = self.program, list(self.mechanism.drivers)
+        p, drivers, states = self.program, list(self.mechanism.drivers), self.states
         inputs = []
         for name, member in zip(p.plan.program.inputs, p.inputs, strict=True):
             quantity, _, i = name.rpartition("_")
             value = {"q": f"m->q[{i}]", "qd": f"m->rate[{i}]", "qdd": f"acceleration[{i}]"}
+            value |= {"x": f"m->x[{i}]"}
             inputs.append(f"    in.{member.name} = {value.get(quantity, 'm->time')};")
-        inputs += ["    UNUSED(m);", "    UNUSED(acceleration);"]
         terms = []
         for n, a in enumerate(drivers):
             drive = p.outputs[f"{self.of[a]}.drive"].name
@@ -109,20 +153,40 @@ class Unit:
             for j, b in enumerate(drivers):
                 one = f"mechanism.M.{a}.{b}" if len(drivers) > 1 else f"{self.of[a]}.J_red"
                 terms.append(f"        inertia[{n}][{j}] = out.{p.outputs[one].name};")
-        first = len(self.variables)
+        rates = {name: f"out.{p.outputs[name].name}" for name in states.rates}
+        slopes = [rates[f"der({n})"] for n in states.continuous]
         outputs = [
-            f"    m->values[{first + k}] = out.{p.outputs[n].name};"
-            for k, n in enumerate(self.outputs)
+            *(f"    m->slope[{j}] = {slope};" for j, slope in enumerate(slopes)),
+            *(f"    m->next[{j}] = {rates[n]};" for j, (n, *_) in enumerate(states.switched)),
+            *(f"    m->values[{k}] = {v.place};" for k, v in enumerate(self.variables)),
         ]
+        sets = [
+            f"        case {k}: {v.place} = values[i]; break;"
+            for k, v in enumerate(self.variables)
+            if v.start is not None
+        ]
+        starts = [x[i] for i in (0, 1) for x in self._starts()]
         texts = {
             "NAME": p.name,
             "DRIVERS": str(len(drivers)),
-            "VARIABLES": str(first + len(self.outputs)),
+            "ALL": str(len(states.initial)),
+            "STATES": str(len(states.continuous)),
+            "SWITCHED": str(len(states.switched)),
+            "BLOCKS": str(len(states.discrete)),
+            "VARIABLES": str(len(self.variables)),
             "GUID": self.guid,
             "INPUTS": "\n".join(inputs),
             "TERMS": "\n".join(terms),
             "OUTPUTS": "\n".join(outputs),
-            "START": ", ".join(map(repr, self.start())),
+            "SETS": "\n".join(sets),
+            "START": _row(starts),
+            "INITIAL": _row(states.initial),
+            "PLACES": _row(states.continuous.values()),
+            "SWITCHES": _row(i for _, i, _ in states.switched),
+            "OF": _row(block for *_, block in states.switched),
+            "PERIODS": _row(x.period for x in states.discrete),
+            "TIMES": _row(x.time for x in states.discrete),
+            "READS": _row(int(x.reads) for x in states.discrete),
             "STEP": repr(self.step),
         }
         text = (files("blockmech.exchange.fmu") / "unit.h").read_text("utf-8")
@@ -130,29 +194,26 @@ class Unit:
             text = text.replace(f"@{word}@", content)
         return text
 
-    def _variables(self) -> Iterator[dict[str, str]]:
-        """Attributes of each variable; of derivatives the reference of the state."""
-        k, start = len(self.mechanism.drivers), self.start()
-        for i, name in enumerate([*self.variables, *self.outputs]):
+    def _attributes(self) -> Iterator[dict[str, str]]:
+        """Attributes of each variable."""
+        for i, variable in enumerate(self.variables):
             attributes = {
-                "name": printable(name),
+                "name": printable(variable.name),
                 "valueReference": str(i),
                 "variability": "continuous",
+                "causality": variable.causality,
             }
-            kind, of = divmod(i, k)
-            if kind == 3:
-                yield attributes | {"causality": "input", "start": "0"}
-                continue
-            attributes |= {"causality": "output", "initial": "exact" if kind < 2 else "calculated"}
-            if kind < 2:
-                attributes["start"] = repr(start[i])
-            if kind in (1, 2):
-                attributes["derivative"] = str((kind - 1) * k + of)
+            if variable.causality != "input":
+                attributes["initial"] = "calculated" if variable.start is None else "exact"
+            if variable.start is not None:
+                attributes["start"] = repr(variable.start)
+            if variable.derivative is not None:
+                attributes["derivative"] = str(variable.derivative)
             yield attributes
 
     def description(self) -> str:
         """Text of ``modelDescription.xml``."""
-        p, k, two = self.program, len(self.mechanism.drivers), self.fmi == "2"
+        p, two = self.program, self.fmi == "2"
         states = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
         if not two:
             states = {name.replace("state", "State"): x for name, x in states.items()}
@@ -172,7 +233,7 @@ class Unit:
             for kind, more in (("ModelExchange", {}), ("CoSimulation", steps))
         ]
         lines.append("<ModelVariables>")
-        for variable in self._variables():
+        for variable in self._attributes():
             if not two:
                 lines.append(_open("Float64", variable, "/>"))
                 continue
@@ -185,12 +246,11 @@ class Unit:
             time = {"name": "time", "valueReference": str(TIME)}
             time |= {"causality": "independent", "variability": "continuous"}
             lines.append(_open("Float64", time, "/>"))
-        first = len(self.variables)
-        more = range(first, first + len(self.outputs))
+        known = list(enumerate(self.variables))
         unknowns = {
-            "Output": [*range(3 * k), *more],
-            "ContinuousStateDerivative": range(k, 3 * k),
-            "InitialUnknown": [*range(2 * k, 3 * k), *more],
+            "Output": [i for i, v in known if v.causality == "output"],
+            "ContinuousStateDerivative": [i for i, v in known if v.derivative is not None],
+            "InitialUnknown": [i for i, v in known if v.start is None],
         }
         lines += ["</ModelVariables>", "<ModelStructure>", *_structure(unknowns, two)]
         return "\n".join([*lines, "</ModelStructure>", "</fmiModelDescription>"]) + "\n"
@@ -211,6 +271,15 @@ class Unit:
             f"<{'File' if self.fmi == '2' else 'SourceFile'} name={quoteattr(name)}/>"
             for name in (f"{self.program.name}.c", f"fmi{self.fmi}.c")
         )
+
+
+def _row(numbers: Iterable[Any]) -> str:
+    """The entries of an array in C, which has none without entries."""
+    return ", ".join(map(_number, numbers)) or "0"
+
+
+def _number(x: float) -> str:
+    return "INFINITY" if x == math.inf else repr(x)
 
 
 def _open(tag: str, attributes: Mapping[str, str], end: str = ">") -> str:

@@ -38,11 +38,11 @@ API void fmi2FreeInstance(Component c) { free(c); }
 API Status fmi2SetupExperiment(Component c, int a, double b, double start, int d, double e)
 {
     UNUSED(a); UNUSED(b); UNUSED(d); UNUSED(e);
-    set_time(c, start);
+    begin(c, start);
     return OK;
 }
 API Status fmi2EnterInitializationMode(Component c) { UNUSED(c); return OK; }
-API Status fmi2ExitInitializationMode(Component c) { return update(c); }
+API Status fmi2ExitInitializationMode(Component c) { return switched(c); }
 API Status fmi2Terminate(Component c) { UNUSED(c); return OK; }
 
 API Status fmi2GetReal(Component c, const Ref refs[], size_t n, double values[])
@@ -75,9 +75,11 @@ API Status fmi2GetDirectionalDerivative(Component c, const Ref a[], size_t n, co
 API Status fmi2EnterEventMode(Component c) { UNUSED(c); return OK; }
 API Status fmi2NewDiscreteStates(Component c, EventInfo *info)
 {
-    UNUSED(c);
+    const Status done = switched(c);
     memset(info, 0, sizeof *info);
-    return OK;
+    info->nextEventTime = next_instant(c);
+    info->nextEventTimeDefined = isfinite(info->nextEventTime) ? 1 : 0;
+    return done;
 }
 API Status fmi2EnterContinuousTimeMode(Component c) { UNUSED(c); return OK; }
 API Status fmi2CompletedIntegratorStep(Component c, int a, int *enter, int *end)

@@ -43,10 +43,10 @@ API Status fmi3EnterInitializationMode(Component c, bool a, double b, double sta
                                        double e)
 {
     UNUSED(a); UNUSED(b); UNUSED(d); UNUSED(e);
-    set_time(c, start);
+    begin(c, start);
     return OK;
 }
-API Status fmi3ExitInitializationMode(Component c) { return update(c); }
+API Status fmi3ExitInitializationMode(Component c) { return switched(c); }
 API Status fmi3EnterEventMode(Component c) { UNUSED(c); return OK; }
 API Status fmi3Terminate(Component c) { UNUSED(c); return OK; }
 API Status fmi3Reset(Component c)
@@ -135,9 +135,11 @@ API Status fmi3EvaluateDiscreteStates(Component c) { UNUSED(c); return OK; }
 API Status fmi3UpdateDiscreteStates(Component c, bool *again, bool *end, bool *nominals,
                                     bool *values, bool *defined, double *next)
 {
-    UNUSED(c); UNUSED(next);
-    *again = *end = *nominals = *values = *defined = false;
-    return OK;
+    const Status done = switched(c);
+    *next = next_instant(c);
+    *defined = isfinite(*next);
+    *again = *end = *nominals = *values = false;
+    return done;
 }
 
 /* model exchange */
@@ -185,7 +187,7 @@ API Status fmi3GetNumberOfEventIndicators(Component c, size_t *n)
 API Status fmi3GetNumberOfContinuousStates(Component c, size_t *n)
 {
     UNUSED(c);
-    *n = 2 * K;
+    *n = N;
     return OK;
 }
 
