@@ -66,6 +66,7 @@ class Guide(NamedTuple):
     angle: float
     drive: Drive | None = None
     second_at: complex | None = None
+    name: str = ""  # of its joint, by default both links
 
 
 class Wheels(NamedTuple):
@@ -300,7 +301,7 @@ class _Making:
         known = {FRAME, *self.drawing.links}
         if not {guide.first, guide.second} <= known:
             return
-        name = self._free("joints", f"{guide.first}_{guide.second}")
+        name = self._free("joints", guide.name or f"{guide.first}_{guide.second}")
         second = guide.at if guide.second_at is None else guide.second_at
         self.joints[name] = {
             "type": "P",

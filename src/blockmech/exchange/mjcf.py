@@ -1,10 +1,11 @@
-"""The format ``mjcf``: a pin-jointed mechanism for MuJoCo, at a pose.
+"""The format ``mjcf``: a mechanism for MuJoCo, at a pose.
 
-A tree of bodies hangs on the frame, driven pairs first; every other pin closes a loop by
-``equality/connect``. All bodies have the frame's axes at the pose that is written, so coordinates
-count from there. Gravity lies in the plane of the mechanism; MuJoCo's contact and damping are off.
-The solver's time constant is two steps, as small as it may be: constraints are then met to the
-square of the step.
+A tree of bodies hangs on the frame, by driven pairs first, then by guides; every other pair is a
+pin and closes a loop by ``equality/connect``. A guide never does: the angles of a loop of guides
+and driven pairs add up to nothing, so its drivers were not free. All bodies have the frame's axes
+at the pose that is written, so coordinates count from there. Gravity lies in the plane of the
+mechanism; MuJoCo's contact and damping are off. The solver's time constant is two steps, as small
+as it may be: constraints are then met to the square of the step.
 
 Source: MuJoCo documentation, XML reference (``body``, ``joint``, ``equality/connect``).
 """
@@ -12,16 +13,24 @@ Source: MuJoCo documentation, XML reference (``body``, ``joint``, ``equality/con
 from __future__ import annotations
 
 import cmath
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from blockmech.compiled import Compiled
+from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import listed, printable, refused
 from blockmech.exchange.formats import Order, Writer
 from blockmech.files import writing
 from blockmech.model.structure import JointRef, LinkRef
+from blockmech.passes.forward import guide_direction
+from blockmech.passes.homotopy import schedule
+from blockmech.passes.pairs import slider_point
+from blockmech.plan import Friction, Schedule
+from blockmech.samples import Samples
 
 LEAST = 1e-9  # kg and kg m2: MuJoCo moves nothing without mass
 STEP = 1e-4  # [s]
@@ -31,7 +40,9 @@ class Model:
     """The tree of a mechanism, and what closes it."""
 
     def __init__(self, order: Order) -> None:
-        """Raises `RequestError` for guides that close a loop, and for couplings."""
+        """Raises `RequestError` for couplings, and where a loop closes at a link without mass."""
+        import networkx as nx
+
         self.mechanism = mechanism = order.mechanism.of_blocks
         self.structure = s = mechanism.structure
         if s.followers:
@@ -40,41 +51,45 @@ class Model:
         at = order.at.get("at")
         if at is None:
             at = {d: _start(mechanism.scene, d) for d in mechanism.drivers}
+        refs = [JointRef(b, j) for b, block in s.blocks.items() for j in block.joints]
+        guides = [ref for ref in refs if s.joint(ref).kind == "P"]
         result = mechanism.run(at=at, want=["*.p", "*.angle"], static=True)
         self.place = {n: complex(result[n][0]) for n in result if n.endswith(".p")}
         self.angle = {n: float(result[n][0]) for n in result if n.endswith(".angle")}
-        driven = {str(ref): d for d, ref in s.driven.items()}
-        refs = [JointRef(b, j) for b, block in s.blocks.items() for j in block.joints]
-        refs.sort(key=lambda ref: str(ref) not in driven)
-        self.drivers = driven
-        self.parent: dict[LinkRef, tuple[LinkRef, JointRef]] = {}
-        self.loops: list[JointRef] = []
-        known = {s.frame_link}
-        while refs:  # breadth first: each time the first pair that hangs a link on the tree
-            for ref in refs:
-                ends = s.earlier_link(ref), s.later_link(ref)
-                inside = [end in known for end in ends]
-                if all(inside):
-                    self.loops.append(ref)
-                elif any(inside):
-                    base, link = ends if inside[0] else ends[::-1]
-                    self.parent[link] = base, ref
-                    known.add(link)
-                else:
-                    continue
-                refs.remove(ref)
-                break
-        guides = [str(r) for r in (*self.loops, *(r for _, r in self.parent.values()))]
-        guides = [r for r, ref in zip(guides, self._all(), strict=True) if s.joint(ref).kind != "R"]
-        if guides:
-            found_ = f"{listed(guides)}: guides are not written"
-            raise refused("--to mjcf", found_, "a mechanism of pins alone can be written")
+        self.point, self.direction = (
+            dict(zip(guides, _at_pose(mechanism, result.samples, rule, guides), strict=True))
+            for rule in (slider_point, guide_direction)
+        )
+        self.drivers = driven = {str(ref): d for d, ref in s.driven.items()}
+        graph = nx.Graph()
+        for ref in refs:
+            rank = 0 if str(ref) in driven else 1 if ref in guides else 2 if self._light(ref) else 3
+            graph.add_edge(s.earlier_link(ref), s.later_link(ref), ref=ref, rank=rank)
+        tree = nx.minimum_spanning_tree(graph, weight="rank")
+        edges = nx.bfs_edges(tree, s.frame_link)
+        self.parent = {link: (base, tree.edges[base, link]["ref"]) for base, link in edges}
+        hung = {ref for _, ref in self.parent.values()}
+        self.loops = [ref for ref in refs if ref not in hung]
+        if light := [str(link) for ref in self.loops for link in self._light(ref)]:
+            found = (
+                f"a loop closes at {listed(light)} without mass, which MuJoCo holds only roughly"
+            )
+            raise refused("--to mjcf", found, "give it mass and inertia")
 
-    def _all(self) -> list[JointRef]:
-        return [*self.loops, *(ref for _, ref in self.parent.values())]
+    def _light(self, ref: JointRef) -> list[LinkRef]:
+        """Moving links of a pair that have neither mass nor inertia.
+
+        MuJoCo softens what closes a loop in proportion to the inverse of its links' inertia.
+        """
+        s = self.structure
+        moving = {s.earlier_link(ref), s.later_link(ref)} - {s.frame_link}
+        own = ((link, s.properties(link)) for link in sorted(moving))
+        return [link for link, of in own if not (float(of.mass) or float(of.inertia))]
 
     def pin(self, ref: JointRef) -> complex:
-        """Where a pin is [m]: its own place, or that of the marker that it is wired to."""
+        """Where a pair is [m]: its own place, or that of the marker that it is wired to."""
+        if ref in self.point:
+            return self.point[ref]
         own = self.place.get(f"{ref}.p")
         return self.place[f"{self.structure.feeds[ref]}.p"] if own is None else own
 
@@ -126,11 +141,14 @@ class Model:
             own = self.structure.properties(link)
             mass, inertia = max(float(own.mass), LEAST), max(float(own.inertia), LEAST)
             c, margin = self.centre(link) - here, "  " * depth
-            # The pair turns the body against its parent; a driver counts as in blockmech.
+            # The pair moves the body against its parent; a driver counts as in blockmech.
             sense = 1 if self.structure.later_link(ref) == link else -1
+            kind, axis = "hinge", f"0 0 {sense}"
+            if ref in self.direction:
+                kind, axis = "slide", _xyz(sense * self.direction[ref])
             lines += [
                 f'{margin}<body name={quoteattr(str(link))} pos="{_xyz(here - at)}">',
-                f'{margin}  <joint name={quoteattr(str(ref))} type="hinge" axis="0 0 {sense}"/>',
+                f'{margin}  <joint name={quoteattr(str(ref))} type="{kind}" axis="{axis}"/>',
                 f'{margin}  <inertial pos="{_xyz(c)}" mass="{mass!r}"'
                 f' diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>',
                 *self._bodies(link, here, depth + 1),
@@ -146,6 +164,19 @@ class Model:
         base = self.pin(self.parent[bodies[0]][1])
         names = f"name={quoteattr(str(ref))} {names}"
         return f'    <connect {names} anchor="{_xyz(self.pin(ref) - base)}"/>'
+
+
+def _at_pose(
+    mechanism: Compiled,
+    samples: Samples,
+    rule: Callable[[Schedule, JointRef], str],
+    refs: Sequence[JointRef],
+) -> list[complex]:
+    """What a rule answers for some pairs at the pose of some samples."""
+    s = schedule(mechanism.structure, mechanism.scene, Friction("none"), static=True)
+    program = s.program([s.ask(rule, ref) for ref in refs])
+    inputs = [float(np.ravel(samples.inputs[name])[0]) for name in program.inputs]
+    return [complex(value) for value in ScalarEngine(program).one(inputs)]
 
 
 def _start(scene: Any, driver: str) -> float:
@@ -167,7 +198,7 @@ def write_mjcf(order: Order, path: Path) -> list[Path]:
 
 
 WRITER = Writer(
-    "MuJoCo: bodies, hinges and loops of a pin-jointed mechanism",
+    "MuJoCo: bodies, hinges, slides and loops",
     (".xml", ".mjcf"),
     write_mjcf,
     {"step": "[s] of its integration; default 1e-4"},

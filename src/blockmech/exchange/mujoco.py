@@ -120,22 +120,26 @@ class _Reading:
         angle += self.plane.turn(body, at)
         self.frames[name] = o, angle
         joints = body.findall("joint")
-        if body.find("freejoint") is not None or len(joints) > 1:
-            raise wrong(at, "it has several degrees of freedom", "one hinge or slide a body")
-        if not joints:
-            self.links[name] = self.links[parent]
-        else:
-            self.links[name] = name
-            drawing.links[name] = []
-            self._joint(joints[0], name, parent, at)
+        if body.find("freejoint") is not None:
+            raise wrong(at, "it moves freely in space", "hinges and slides in one plane")
+        self.links[name] = self.links[parent]
+        for k, joint in enumerate(joints, 1):  # each hangs on what the one before it moves
+            last = k == len(joints)
+            link = name if last else free_name(f"{name}_{k}", self.links)
+            drawing.links[link] = []
+            self._joint(joint, link, self.links[name], o, angle, at)
+            self.links[name] = link
+        if joints:
             self._inertial(body, name, at)
+        elif self.links[name] != FRAME and body.find("inertial") is not None:
+            drawing.note(f"mass of {name}, which is fixed to {parent}: left out")
         for inner in body.findall("body"):
             self._body(inner, name)
 
-    def _point(self, name: str, z: complex, bodies: tuple[str, str]) -> str:
+    def _point(self, name: str, z: complex, links: tuple[str, str]) -> str:
         name = free_name(name, self.found.points)
         self.found.points[name] = z
-        for link in (self.links[b] for b in bodies):
+        for link in links:
             if link == FRAME:
                 self.found.fixed.add(name)
             else:
@@ -146,22 +150,24 @@ class _Reading:
         o, angle = self.frames[body]
         return o + local * cmath.rect(1.0, angle)
 
-    def _joint(self, raw: Element, name: str, parent: str, at: str) -> None:
-        key = raw.get("name") or f"joint_{name}"
-        z = self._at(name, self.plane.place(_numbers(raw.get("pos"), at, 3, "0 0 0")))
+    def _joint(self, raw: Element, link: str, base: str, o: complex, angle: float, at: str) -> None:
+        """A joint between two links, in a body that stands at a place with an angle."""
+        key = raw.get("name") or f"joint_{link}"
+        local = self.plane.place(_numbers(raw.get("pos"), at, 3, "0 0 0"))
+        z = o + local * cmath.rect(1.0, angle)
         kind = raw.get("type", "hinge")
         for word in ("stiffness", "damping", "frictionloss", "armature", "range"):
             if any(x for x in (raw.get(word) or "").split() if float(x)):
                 self.found.note(f"{word} of joint {key}: left out")
         if kind == "hinge":
-            self._point(key, z, (parent, name))
+            self._point(key, z, (base, link))
         elif kind == "slide":
             axis = self.plane.place(_numbers(raw.get("axis"), at, 3, "0 0 1"))
             if not axis:
                 raise wrong(at, f"joint {key} slides out of the plane", "a planar model")
-            angle = cmath.phase(axis) + self.frames[name][1]
             self.joints[key] = len(self.found.guides)
-            self.found.guides.append(Guide(self.links[parent], name, z, angle))
+            turned = cmath.phase(axis) + angle
+            self.found.guides.append(Guide(base, link, z, turned, name=key))
         else:
             raise wrong(at, f"joint {key} is a {kind}", "hinge or slide")
 
@@ -184,7 +190,7 @@ class _Reading:
             missing = listed(unknown_of(self.frames, str(one), two))
             raise wrong(at, f"no body {missing}", f"bodies: {listed(self.frames)}")
         z = self._at(one, self.plane.place(_numbers(raw.get("anchor"), at, 3)))
-        self._point(raw.get("name") or name, z, (one, two))
+        self._point(raw.get("name") or name, z, (self.links[one], self.links[two]))
 
     def _actuator(self, raw: Element) -> None:
         key = raw.get("joint", "")
