@@ -379,7 +379,8 @@ class Compiled(Runnable):
             for joint, law in block.friction.items()
             if law.acts
         )
-        meshes = (self.structure.followers[d].coupling for d in self.structure.meshes.values())
+        own = self.structure
+        meshes = (own.pair_name(mesh) for mesh in own.meshes if not own.separates(mesh))
         return (*(self.joint_names.get(joint, joint) for joint in joints), *meshes)
 
     def __repr__(self) -> str:

@@ -148,6 +148,8 @@ def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
         yield Output(f"{name}.force", "N", "vector", part("F", ZERO), _same, by, ends["on"])
         yield Output(f"{name}.moment", "N m", "real", part("M", NOUGHT), _same, by, ends["on"])
         for mesh in (m for m, follows in structure.meshes.items() if follows == driver):
+            if structure.separates(mesh):
+                continue
             yield _real(f"{name}.loss", "W", energy.friction_power, mesh)
         readings = structure.couplings[name].readings(structure.coupled_pair(name))
         for what, read in readings.items():
@@ -506,7 +508,7 @@ def _contact_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str, 
 
 def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str, ...]]]:
     """How the friction of a block was solved, and which of its pairs rest."""
-    joints = s.ask(friction.friction_joints, block)
+    structure, joints = s.structure, s.ask(friction.friction_joints, block)
     pairs_here = [
         (ref, *at) for ref in joints if (at := s.ask(forces.friction_at, ref)) is not None
     ]
@@ -518,5 +520,7 @@ def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str,
     if (c := s.ask(forces.existence, block)) is not None:
         yield f"existence/{block}", (c,)
     for ref, by, i in pairs_here:
+        if structure.separates(ref):
+            continue
         held = s.ask(friction.held, ref, f"{by}.g[{i}]")
         yield f"rest/{s.structure.pair_name(ref)}", (s.ask(friction.rest, ref), held)

@@ -55,7 +55,6 @@ MOST_BRANCHES = 100_000  # of the tree; each has all outputs
 MOST_PATHS = 4096  # complex solutions of one group; a triad with nine pins has 512
 SAME = 1e-6  # relative: two solutions of continuation and enumeration that are one
 ROWS, WIDTH = 40, 100  # lines of a printed table, characters of a line
-SIDED = "{} pushes its wheels apart whatever the sense of the effort, which is not linear in it"
 
 BOUND = bind_functions(
     {"newton": solvers.newton, "existence": existence, "load_norm": load_norm},
@@ -80,6 +79,7 @@ class Group(NamedTuple):
     drags: tuple[int, ...]
     loads: tuple[int, ...]
     rows: tuple[tuple[int, ...], ...]
+    separates: tuple[bool, ...]  # whether a row is a mesh that only adds to its contact
     known: bool  # whether its number `existence` is
 
 
@@ -98,9 +98,6 @@ class Equations:
 
     def __init__(self, compiled: Compiled, static: bool) -> None:
         structure = compiled.structure
-        for name, coupling in structure.couplings.items():
-            if coupling.sided and compiled.frictional_joints:
-                raise refused("friction", SIDED.format(name), "give its wheels no angle")
         s = schedule(structure, compiled.scene, GIVEN, static)
         self.joints = s.ask(friction.given_joints)
         self._values: dict[str, int] = {}
@@ -145,7 +142,8 @@ class Equations:
             raise refused(block, found, "leave friction out of some of its pairs", f"{MOST_PATHS}")
         inputs = tuple(self.joints.index(ref) for ref in joints)
         known = friction.knows_existence(s.structure, block, joints)
-        return Group(block, inputs, contacts, k, drags, loads, rows, known)
+        fixed = tuple(map(s.structure.separates, joints))
+        return Group(block, inputs, contacts, k, drags, loads, rows, fixed, known)
 
     def poses(self, taken: Samples) -> Samples:
         """The samples with the rates of slip, which laws of friction ask for."""
@@ -235,7 +233,8 @@ def _vector(column: Any, n: int) -> Vectors:
 
 
 def _systems(group: Group, values: tuple[Any, ...], n: int, scale: Floats) -> Systems:
-    k = np.stack([np.broadcast_to(values[i], n) * scale for i in group.k], axis=1)
+    factors = np.where(group.separates, 1.0, scale[:, None])
+    k = np.stack([np.broadcast_to(values[i], n) for i in group.k], axis=1) * factors
     drag = np.stack([np.broadcast_to(values[i], n) for i in group.drags], axis=1)
     base = np.stack([_vector(values[i], n) for i in group.loads], axis=1)
     rows = [np.stack([_vector(values[i], n) for i in row], axis=1) for row in group.rows]

@@ -12,7 +12,9 @@ its effort goes to.
     nothing of its own. Else x is the driver's coordinate.
  2. ``contact(here, effort, sense, p)`` gives what the driver's link does to the driven one,
     force and moment about the driven pair's marker: ``here`` is a `Meshing`, ``effort`` is what
-    must act along the driven coordinate, and ``sense`` its sign. It is linear in the effort.
+    must act along the driven coordinate, and ``sense`` its sign. It is linear in either; of a
+    coupling that is not ``sided`` it is the same for all. Where friction may turn the effort, what
+    the sense adds is a row among those of friction: a force that is there in either sense.
     What acts on the driven link acts back on the driver's. A coupling without it is a black box
     between the drivers, whose housing stands on their supports.
  3. ``tension(here, p)`` gives a load of the same kind that acts without any effort, and does no

@@ -138,7 +138,7 @@ class PanelBuilder:
         if friction is None:
             return of_rate(self.system, q, rows, sign), inertia
         slips = rows[SLIPS : SLIPS + len(friction.names), self.n // 2]
-        sides = tuple(int(x) for x in sign * np.sign(slips))
+        sides = tuple(map(int, friction.senses(sign * slips)))
         return of_friction(friction, q, rows, sign, sides), inertia
 
     def _settled(

@@ -40,7 +40,6 @@ from blockmech.dynamics.pair_friction import (
 from blockmech.dynamics.place import NOTHING
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine, Planar
-from blockmech.errors import refused
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.friction.equations import loads as pair_loads
@@ -54,7 +53,6 @@ from blockmech.plane import EPS, mul, where
 from blockmech.quality import left_undone
 
 GIVEN = Friction(friction.GIVEN)
-SIDED = "{} pushes or pulls otherwise in one sense of the effort than in the other"
 
 
 def bearing(load: Any) -> tuple[Any, Any]:
@@ -80,6 +78,7 @@ class ForcePassProgram:
     laws: Program  # factors and drags (2 m,) at relative rates; that hold at rest; elastic ones
     whole: Program  # values of the first, what signals add, factors and drags at relative rates
     remembers: tuple[bool, ...]  # (m,) whether a pair's law has a state of its own
+    separates: tuple[bool, ...]  # (m,) whether it is a mesh that only adds to its contact
     drags: bool  # whether a law has more than a factor
     smooth: bool  # whether all laws are analytic in the speed
 
@@ -91,10 +90,6 @@ class ForcePassProgram:
         joints = s.ask(friction.given_joints)
         if not joints:
             return None
-        for name, coupling in structure.couplings.items():
-            if coupling.sided and not structure.meshes.keys() >= set(joints):
-                remedy = 'friction="none", no pressure angle, or a belt under tension'
-                raise refused("friction", SIDED.format(name), remedy)
         values = [s.ask(forces.drive, driver) for driver in structure.drivers]
         for ref in joints:
             pair = s.ask(forces.reaction, ref)
@@ -117,6 +112,7 @@ class ForcePassProgram:
             apart.program(said),
             s.program([*values, *more, *terms(s, joints, friction.terms)]),
             tuple(law.remembers for law in laws),
+            tuple(map(structure.separates, joints)),
             any(law.drags for law in laws),
             all(law.smooth for law in laws),
         )
@@ -272,7 +268,7 @@ class JointFriction(PairFriction):
         """(m,) the size of factors [m] or [-]: the larger one of those at rest and at unit rate."""
         m = len(self.names)
         moving = [float(x[0]) for x in self.law(np.ones((m, 1)))[:m]]
-        return np.maximum(moving, self.static[:m])
+        return np.where(self.program.separates, 0.0, np.maximum(moving, self.static[:m]))
 
     def responses(self, rows: Floats) -> list[Row]:
         """Rows of the force pass, from `rows`: loads at rest, units of q'^2, q'', frictions."""
@@ -289,13 +285,12 @@ class JointFriction(PairFriction):
     def sides(self, q: float, direction: int) -> Sides:
         """Signs (m,) of the relative rates just beyond q in a direction of motion.
 
-        1 of a pair whose law has a state, as the law says the sign itself.
+        1 of a pair whose law says the sign itself.
         A slip that vanishes at q, as far as the next place tells, has the sign that it gets.
         """
         here, beyond, vanishes = self._beyond(q, direction)
         at = np.where(vanishes, beyond, here)
-        signs = direction * np.sign(np.nan_to_num(at))  # NaN: no pose
-        return tuple(int(x) for x in np.where(self.program.remembers, 1, signs))
+        return tuple(map(int, self.senses(direction * np.nan_to_num(at))))  # NaN: no pose
 
     def reversing(self, q: float) -> list[int]:
         """Pairs whose slip vanishes at q, as far as the next place tells."""
@@ -360,10 +355,11 @@ class JointFriction(PairFriction):
         still = [np.ones(q.size), *[Planar(0.0 * q, 0.0 * q) for _ in pairs]]
         slips = np.sign(np.nan_to_num(self.slips(q))).T
         solve, resist = self._bound["solve"], self._bound["resistance"]
-        ends = []
+        ends, fixed = [], self.program.separates
         with np.errstate(all="ignore"):
             for side in (-1, 1):
-                k, drag = self.against(tuple(side * s for s in slips), self.static)
+                sides = [1.0 if own else side * s for s, own in zip(slips, fixed, strict=True)]
+                k, drag = self.against(sides, self.static)
                 row = resist([acting, still, *pairs], k, drag, self.guides, solve, self.options)
                 start = -np.asarray(row.effort, float) + np.zeros(q.size)
                 ends.append(np.where(np.isfinite(start), start, side * math.inf))

@@ -120,7 +120,8 @@ class Track(Protocol):
 def fact_unit(name: str, coordinate: str) -> str:
     """Unit of a fact or figure, "" where dimensionless; ``coordinate`` is the driver's unit."""
     unit = "rad" if name.endswith(ANGLE) else FACT_UNITS.get(name, "")
-    return unit.format(q=coordinate, effort="N m" if coordinate == "rad" else "N")
+    effort = {"rad": "N m", "m": "N"}.get(coordinate, "N m or N")
+    return unit.format(q=coordinate, effort=effort)
 
 
 @dataclass(frozen=True, repr=False)

@@ -54,6 +54,10 @@ class PairProgram(Protocol):
         """(m,) whether a pair's law has a state of its own."""
 
     @property
+    def separates(self) -> tuple[bool, ...]:
+        """(m,) whether a pair is a mesh that only adds to its contact."""
+
+    @property
     def drags(self) -> bool:
         """Whether a law has more than a factor."""
 
@@ -130,6 +134,7 @@ class PairFriction:
         self._rounding, self.rate_loads, self._initial = rounding, rate_loads, initial
         self.names = program.names
         self.guides = program.guides
+        self.signed = np.logical_or(program.remembers, program.separates)  # laws say the sign
         self._laws = AdaptiveEvaluator(program.laws)
         self._constant: dict[int, list[Row]] = {}  # what laws say that follow no speed, of n rates
         still = np.zeros((len(self.names), 1))
@@ -139,6 +144,10 @@ class PairFriction:
         self.solver = solver
         kernels: Any = {"solve": solver, **self.kernels}
         self._bound = bind_functions(kernels, primitives(np.float64))
+
+    def senses(self, slips: Any) -> Floats:
+        """Signs (..., m) of slips; 1 of a pair whose law says the sign itself."""
+        return np.where(self.signed, 1.0, np.sign(slips))
 
     # -- the laws ------------------------------------------------------------------------
 

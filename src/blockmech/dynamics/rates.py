@@ -65,6 +65,7 @@ def rubbing(
     solved: Any,
     guides: Any,
     remembers: Any,
+    separates: Any,
     qd: Real,
     zero: Real,
     least: Real,
@@ -82,7 +83,8 @@ def rubbing(
     rates = _rates(margin, J, qd, solved.qdd, tau * qd, power, *states)
     parts = [x for F in solved.loads for x in (F.real, F.imag)]
     sides = [x for F, guide in zip(solved.loads, guides, strict=True) if guide for x in bearing(F)]
-    return (*rates, *parts, *_watched(margin, J, qd, least), *solved.slips, *sides, *kinks)
+    slips = [zero + 1.0 if x else s for s, x in zip(solved.slips, separates, strict=True)]
+    return (*rates, *parts, *_watched(margin, J, qd, least), *slips, *sides, *kinks)
 
 
 def rates_of(
@@ -160,8 +162,7 @@ def _rubbing(friction: JointFriction, signals: SignalProgram) -> CompiledRhs:
         solved = bound["resistance"](rows, *terms, own.guides, bound["solve"], friction.options)
         inert, _ = state(qd, zero, zero)
         more = state(qd, solved.qdd, one)[1][: signals.values] if signals.values else ()
-        return bound["rubbing"](
-            rows, inert, solved, own.guides, own.remembers, qd, zero, least, more[:n], more[n:]
-        )
+        about = own.guides, own.remembers, own.separates
+        return bound["rubbing"](rows, inert, solved, *about, qd, zero, least, more[:n], more[n:])
 
     return CompiledRhs(own.whole, body, 4 + n, 3 + m, 3 + m + 2 * sum(own.guides) + kinks)

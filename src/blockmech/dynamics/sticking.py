@@ -258,7 +258,7 @@ class SeveralFriction(PairFriction):
         except (ArithmeticError, ValueError, np.linalg.LinAlgError):
             nothing, lost = np.full(len(sides), np.nan), Outcome.NOT_CONVERGED
             return FrictionState(np.full(len(q), np.nan), 0.0, nothing, at.margin, lost, np.nan)
-        slipping = np.array(sides) != 0
+        slipping = (np.array(sides) != 0) & ~np.array(self.program.separates)
         power = -float(response.t[slipping] @ at.w[slipping])
         outcome = float(response.outcome)
         outcome = Outcome(int(outcome)) if outcome == outcome else Outcome.NOT_CONVERGED
@@ -305,7 +305,7 @@ class SeveralFriction(PairFriction):
                 rates[some] = self.kept(at, side)
             qdd[some], friction[some] = self._each(at, side)
             size = (np.abs(at.S) @ np.abs(at.rate[..., None]))[..., 0]
-            stands = (np.abs(at.w) <= RANK * size) & ~np.array(self.program.remembers)
+            stands = (np.abs(at.w) <= RANK * size) & ~self.signed
             stand[some] = stands | (np.array(side) == 0)
         return rates, qdd, friction, stand
 
@@ -344,17 +344,15 @@ class SeveralFriction(PairFriction):
         """Pairs without relative rate where ``some`` have none: those, and what goes with them."""
         rate = self.kept(at, tuple(0 if j in some else 1 for j in range(len(self.names))))
         off, size = np.abs(at.S @ rate), np.abs(at.S) @ np.abs(rate)
-        bristles = self.program.remembers  # whose friction goes on through a reversal
         return [
             j
             for j in range(len(off))
-            if j in some or (off[j] <= RANK * size[j] and not bristles[j])
+            if j in some or (off[j] <= RANK * size[j] and not self.signed[j])
         ]
 
     def sides_at(self, at: Instant, zero: Sequence[int]) -> Sides:
-        """Senses of slip, 0 of some; 1 of a pair whose law has a state, as it says its own."""
-        signs = np.where(self.program.remembers, 1.0, np.sign(at.w)).tolist()
-        return tuple(0 if j in zero else int(side) for j, side in enumerate(signs))
+        """Senses of slip, 0 of some; 1 of a pair whose law says its own."""
+        return tuple(0 if j in zero else int(s) for j, s in enumerate(self.senses(at.w)))
 
     def holds_all(self, at: Instant, sides: Sides) -> bool:
         """Whether the pairs stick, and leave no freedom."""

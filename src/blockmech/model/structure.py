@@ -25,6 +25,7 @@ from blockmech.values import Link, Marker, split_address
 
 COORDINATE = "coordinate"  # last word of the outputs that are coordinates of pairs
 MESH = "/mesh"  # after the name of a coupling: what no user can name, its mesh as a pair
+APART = "/apart"  # the same of what its contact adds in either sense of the effort
 STILL = Transmission(0.0, 0.0, 0.0)
 ROUNDED = 2.0**-40  # [-] of places that a file means to be one
 SAME_CARRIER = "give both pairs markers of one link"
@@ -470,16 +471,31 @@ class Structure:
 
     @cached_property
     def meshes(self) -> Mapping[JointRef, str]:
-        """Meshes that lose power, as pairs of the driven block -> the driver that follows by it."""
-        return {
-            JointRef(self.driven[driver].block, follower.coupling + MESH): driver
-            for driver, follower in self.followers.items()
-            if self.couplings[follower.coupling].lost
-        }
+        """Meshes as pairs of the driven block -> the driver that follows by it.
+
+        Those that lose power; and, where some joint has friction, of which that is the load, what
+        the contact adds in either sense of the effort, as it adds it to none.
+        """
+        rubs = any(law.acts for b in self.blocks.values() for law in b.friction.values())
+        found: dict[JointRef, str] = {}
+        for driver, follower in self.followers.items():
+            coupling, name = self.couplings[follower.coupling], follower.coupling
+            kinds = [MESH] * bool(coupling.lost) + [APART] * (coupling.sided and rubs)
+            found |= {JointRef(self.driven[driver].block, name + kind): driver for kind in kinds}
+        return found
+
+    def separates(self, ref: JointRef) -> bool:
+        """Whether a pair is a mesh that only adds to its contact: without slip and work."""
+        return ref.name.endswith(APART)
+
+    def signed(self, ref: JointRef) -> bool:
+        """Whether the law of a pair says the sign of its friction, whatever the sense of slip."""
+        return self.separates(ref) or self.friction_law(ref).remembers
 
     def pair_name(self, ref: JointRef) -> str:
         """Name of a pair in answers: a mesh has that of its coupling."""
-        return ref.name.removesuffix(MESH) if ref.name.endswith(MESH) else str(ref)
+        name = ref.name.removesuffix(MESH).removesuffix(APART)
+        return name if name != ref.name else str(ref)
 
     def joint(self, ref: JointRef) -> Joint:
         """Declaration of a joint."""
@@ -487,6 +503,8 @@ class Structure:
 
     def friction_law(self, ref: JointRef) -> FrictionLaw:
         """The friction law of a joint that has one; of a mesh its losses."""
+        if self.separates(ref):
+            return Coulomb.model_construct(coefficient=1.0)
         if ref.name.endswith(MESH):
             lost = self.couplings[ref.name.removesuffix(MESH)].lost
             return Coulomb.model_construct(coefficient=lost, guide_length=2.0)

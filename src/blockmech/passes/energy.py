@@ -61,6 +61,8 @@ def potential(s: Schedule) -> str:
 
 def friction_power(s: Schedule, ref: JointRef) -> str:
     """Power [W] that friction of a pair takes: heat, but for what a law with a state stores."""
+    if s.structure.separates(ref):
+        return NOUGHT
     t = s.ask(forces.resisting, ref)
     return t if t == NOUGHT else s.line(f"-{t} * {s.ask(forward.slip, ref)}", f"{ref}_loss")
 

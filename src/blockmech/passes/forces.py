@@ -30,7 +30,7 @@ from blockmech.passes.pairs import (
     effort_influence,
     friction_on,
     influence,
-    loss_load,
+    mesh_statics,
     slope_effort,
     statics,
     touches,
@@ -253,7 +253,7 @@ def meshing(s: Schedule, driver: str) -> str:
     parts = [s.ask(contact, driver, s.ask(effort_in, ref), base)]
     for mesh in s.ask(friction.friction_joints, ref.block):
         if s.structure.meshes.get(mesh) == driver:
-            parts.append(s.ask(loss_load, driver, s.ask(resisting, mesh)))
+            parts.append(mesh_statics(s, mesh).load(s, driver, s.ask(resisting, mesh)))
     tension = s.ask(preload, driver)
     parts += [] if tension is None else [tension]
     if len(parts) == 1:

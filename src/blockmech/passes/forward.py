@@ -417,9 +417,12 @@ def _suffix(mode: str) -> str:
 
 
 def slip(s: Schedule, ref: JointRef, mode: str = ACTUAL) -> str:
-    """Relative rate of a pair: [rad/s] for R, sliding rate [m/s] for P; later on earlier."""
+    """Relative rate of a pair: [rad/s] for R, sliding rate [m/s] for P; later on earlier.
+
+    1 of a mesh that separates, which neither reverses nor rests.
+    """
     if (follows := s.structure.meshes.get(ref)) is not None:
-        return s.ask(argument_rate, follows, mode)
+        return "1.0" if s.structure.separates(ref) else s.ask(argument_rate, follows, mode)
     block, joint = s.structure.blocks[ref.block], s.structure.joint(ref)
     if joint.driven:
         driver = block.driver_name(*ref)
@@ -441,7 +444,8 @@ def slip_acceleration(s: Schedule, ref: JointRef) -> str:
     where it is: Coriolis' acceleration is across the guide.
     """
     if (follows := s.structure.meshes.get(ref)) is not None:
-        return s.ask(argument_acceleration, follows, ACTUAL)
+        separates = s.structure.separates(ref)
+        return NOUGHT if separates else s.ask(argument_acceleration, follows, ACTUAL)
     later, earlier = s.structure.later_link(ref), s.structure.earlier_link(ref)
     a, al = s.ask(link_acceleration, later)
     a_support, al_support = s.ask(link_acceleration, earlier)

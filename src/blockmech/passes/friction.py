@@ -67,7 +67,7 @@ def given(s: Schedule, ref: JointRef) -> str:
 def contacts(structure: Structure, ref: JointRef) -> int:
     """Ways in which a pair is pressed: 0 of a pin, 2 of a guide, 4 of one with a length."""
     if ref in structure.meshes:
-        return 4
+        return 2 if structure.separates(ref) else 4
     if structure.joint(ref).kind == "R":
         return 0
     return 2 if structure.friction_law(ref).edge_distance is None else 4
@@ -232,8 +232,8 @@ def slip_speed(s: Schedule, ref: JointRef) -> str:
 
 
 def against_slip(s: Schedule, ref: JointRef, part: str, name: str) -> str:
-    """A part of what a law says, against the slip; 0 at rest, but of a law with a state."""
-    if s.structure.friction_law(ref).remembers:
+    """A part of what a law says, against the slip; 0 at rest, but of one that says its sign."""
+    if s.structure.signed(ref):
         return s.line(f"-{s.ask(terms, ref)}.{part}", name)
     speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
     args = (speed, top, f"{s.ask(terms, ref)}.{part}", s.ask(slip, ref), REST)

@@ -21,11 +21,13 @@ from typing import Any, TypeAlias, cast
 from blockmech.couplings.contract import LOSSES
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forward import (
+    ACTUAL,
     arm_of,
     guide_direction,
     link_position,
     marker_place,
     meshing,
+    moves,
     numbers,
     parameters,
     place,
@@ -190,15 +192,54 @@ class Mesh(Prismatic):
         """The larger one of both."""
         return pair
 
+    def load(self, s: Schedule, driver: str, t: str) -> str:
+        """Load on the driven link by losses ``t``: what the leader feels is less by it."""
+        name = s.structure.followers[driver].coupling
+        kernel = LOSSES[s.structure.coupled_pair(name)]
+        unit = s.emit(kernel, s.ask(meshing, driver), name=f"{name}_loss")
+        return s.emit(Load, f"mul({unit}.F, -{t})", f"-{t} * {unit}.M", name=f"{name}_lost")
+
+    def by_itself(self, s: Schedule, ref: JointRef) -> str:
+        """What a unit of it adds to what it transmits."""
+        return s.line("planar(0.0, -1.0)", f"{ref}_by_itself")
+
+
+class Apart(Mesh):
+    """What a contact adds in either sense of the effort, as a force [N] of that much: -t."""
+
+    edges = True
+
+    def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
+        """The force that the effort stands for, with its sign."""
+        unit = s.ask(apart, s.structure.meshes[ref])
+        return s.line(f"planar(hyp({unit}.F) * {own}, 0.0)", f"{ref}_of")
+
+    def load(self, s: Schedule, driver: str, t: str) -> str:
+        """Load on the driven link."""
+        unit = s.ask(apart, driver)
+        share = s.line(f"-{t} / hyp({unit}.F)", f"{driver}_apart_share")
+        return s.emit(Load, f"mul({unit}.F, {share})", f"{share} * {unit}.M", name=f"{unit}_by")
+
+    def by_itself(self, s: Schedule, ref: JointRef) -> str:
+        """Nothing."""
+        return ZERO
+
 
 STATICS: Mapping[str, Statics] = {"R": Revolute(), "P": Prismatic()}
 """The letter of a pair in files -> what it does with forces."""
-MESH = Mesh()
+MESH, APART = Mesh(), Apart()
 
 
 def statics(s: Schedule, ref: JointRef) -> Statics:
     """What the pair at a joint does with forces."""
-    return MESH if ref in s.structure.meshes else STATICS[s.structure.joint(ref).kind]
+    if ref in s.structure.meshes:
+        return mesh_statics(s, ref)
+    return STATICS[s.structure.joint(ref).kind]
+
+
+def mesh_statics(s: Schedule, ref: JointRef) -> Mesh:
+    """What a mesh does with forces."""
+    return APART if s.structure.separates(ref) else MESH
 
 
 def transmitted(s: Schedule, ref: JointRef, reactions: str, base: str | None) -> str:
@@ -209,7 +250,7 @@ def transmitted(s: Schedule, ref: JointRef, reactions: str, base: str | None) ->
     block = s.structure.blocks[ref.block]
     if ref in s.structure.meshes:
         name = s.structure.driven[s.structure.meshes[ref]].name
-        return MESH.transmitted(s, ref, f"{reactions}.{block.effort_field(name)}")
+        return mesh_statics(s, ref).transmitted(s, ref, f"{reactions}.{block.effort_field(name)}")
     pair = statics(s, ref).transmitted(s, ref, f"{reactions}.{block.joint_field(ref.name)}")
     driver = s.structure.contact_at(ref)
     if driver is None:
@@ -286,25 +327,35 @@ def contact(s: Schedule, driver: str, effort: str, base: str | None) -> str:
     """Load on the driven link about the marker of its pair, by an effort along its coordinate.
 
     ``base`` are the reactions to the loads alone, None without any; the sense of the effort in
-    them is that of the contact, so that what friction adds to it is linear.
+    them is that of the contact. Where friction may turn it, the part of either sense is a pair of
+    its own, `Apart`, so that what friction adds is linear.
     """
     name, ref = s.structure.followers[driver].coupling, s.structure.driven[driver]
-    kernel = s.structure.contact(driver)
-    assert kernel is not None
     field = s.structure.blocks[ref.block].effort_field(ref.name)
     sense = "1.0"
     if s.structure.couplings[name].sided:
-        sense = NOUGHT if base is None else s.line(f"sign({base}.{field})", f"{name}_sense")
+        turned = s.friction.method != "none" and moves(s, ref.block, ACTUAL)
+        own = any(
+            follows == driver and s.structure.separates(mesh)
+            for mesh, follows in s.structure.meshes.items()
+        )
+        known = base is not None and not (turned and own)
+        sense = s.line(f"sign({base}.{field})", f"{name}_sense") if known else NOUGHT
+    return _contact(s, driver, effort, sense)
+
+
+def _contact(s: Schedule, driver: str, effort: str, sense: str) -> str:
+    name, kernel = s.structure.followers[driver].coupling, s.structure.contact(driver)
+    assert kernel is not None
     args = s.ask(meshing, driver), effort, sense, s.ask(numbers, name)
     return s.emit(kernel, *args, name=f"{name}_contact")
 
 
-def loss_load(s: Schedule, driver: str, t: str) -> str:
-    """Load on the driven link by losses ``t`` of its mesh: what the leader feels is less by it."""
-    name = s.structure.followers[driver].coupling
-    kernel = LOSSES[s.structure.coupled_pair(name)]
-    unit = s.emit(kernel, s.ask(meshing, driver), name=f"{name}_loss")
-    return s.emit(Load, f"mul({unit}.F, -{t})", f"-{t} * {unit}.M", name=f"{name}_lost")
+def apart(s: Schedule, driver: str) -> str:
+    """What a contact adds to a unit of effort, and as much to its opposite."""
+    one, other = (s.ask(_contact, driver, "1.0", sense) for sense in ("1.0", NOUGHT))
+    parts = (f"{one}.{x} - {other}.{x}" for x in "FM")
+    return s.emit(Load, *parts, name=f"{driver}_apart")
 
 
 def slope_effort(s: Schedule, driver: str, effort: str) -> str:
@@ -357,11 +408,12 @@ def _response(s: Schedule, ref: JointRef, on: Loads) -> str:
 def influence(s: Schedule, ref: JointRef, unit: JointRef, base: str) -> str:
     """What a unit of friction in one pair adds to what another transmits."""
     if (driver := s.structure.meshes.get(unit)) is not None:
+        mesh = mesh_statics(s, unit)
         if ref == unit:
-            return s.line("planar(0.0, -1.0)", f"{ref}_by_itself")
+            return mesh.by_itself(s, ref)
         if ref != s.structure.driven[driver]:
             return ZERO
-        return statics(s, ref).relieved(s, ref, ZERO, s.ask(loss_load, driver, "1.0"))
+        return statics(s, ref).relieved(s, ref, ZERO, mesh.load(s, driver, "1.0"))
     later, earlier = s.ask(unit_reactions, unit)
     plus = s.ask(transmitted, ref, later, base)
     if not earlier:
