@@ -137,6 +137,9 @@ def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
 
     yield Output(f"{name}.slope", unit, "real", slope, _same)
     yield _real(f"{name}.effort", joint.effort_unit, forces.effort_in, ref, **ends)
+    for mesh, follows in structure.meshes.items():
+        if follows == driver and not structure.separates(mesh):
+            yield _real(f"{name}.loss", "W", energy.friction_power, mesh)
     if structure.contact(driver) is not None:
 
         def part(field: str, zero: str) -> Callable[[Schedule], tuple[str]]:
@@ -147,10 +150,6 @@ def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
 
         yield Output(f"{name}.force", "N", "vector", part("F", ZERO), _same, by, ends["on"])
         yield Output(f"{name}.moment", "N m", "real", part("M", NOUGHT), _same, by, ends["on"])
-        for mesh in (m for m, follows in structure.meshes.items() if follows == driver):
-            if structure.separates(mesh):
-                continue
-            yield _real(f"{name}.loss", "W", energy.friction_power, mesh)
         readings = structure.couplings[name].readings(structure.coupled_pair(name))
         for what, read in readings.items():
             more = {**ends, "words": read.about}

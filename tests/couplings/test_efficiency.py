@@ -6,6 +6,7 @@ be without losses where power goes to the driven side, eta of it where it comes 
 
 from __future__ import annotations
 
+import cmath
 import json
 import math
 
@@ -109,7 +110,44 @@ def planetary(ring, mesh, load, mass=False, suns=((60, 18), (18, 24)), internal=
     )
 
 
+def cranks(load, coupling):
+    """Two cranks and whatever couples them."""
+    return machine(
+        {"A": (0.0, 0.0), "B": (0.3, 0.1)},
+        {"mesh": coupling},
+        {
+            "one": (bm.Crank(sign=-1), "frame.A", None),
+            "two": (bm.Crank(), "frame.B", bm.Couple(moment=load)),
+        },
+    )
+
+
+def box(load, pair="RR", senses=(1, -1)):
+    """A black box between cranks or slides, either of which may count the other way."""
+    g = bm.Graph("box")
+    guide = bm.Marker(at=(0.3, 0.1), angle=0.4)
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "B": guide}))
+    for name, kind, sense in zip(("one", "two"), pair, senses, strict=True):
+        g.add(name, bm.Crank(sign=sense) if kind == "R" else bm.SlideDrive(sign=sense))
+        g.connect(
+            "frame.A" if (name, kind) == ("one", "R") else "frame.B", f"{name}.{'AS'[kind == 'P']}"
+        )
+    g.add(
+        "load", bm.Couple(moment=load) if pair[1] == "R" else bm.Force(force=cmath.rect(load, 0.4))
+    )
+    g.connect(*(("two.crank", "load.on") if pair[1] == "R" else ("two.slider", "load.at")))
+    law = {"kind": "polynomial", "coefficients": [0.1, -0.3, 0.2]}
+    g.add("mesh", bm.Ratio(driver="one", driven="two", law=law, efficiency=ETA))
+    return g
+
+
+SLOTS = bm.Geneva(driver="one", driven="two", slots=6, pin=0.1, efficiency=ETA)
 MACHINES = {
+    "geneva": lambda load: cranks(load, SLOTS),
+    "box": box,
+    "box RP": lambda load: box(load, "RP", (-1, -1)),
+    "box PR": lambda load: box(load, "PR", (-1, 1)),
+    "box PP": lambda load: box(load, "PP"),
     "gear": lambda load: gears(load),
     "ring": lambda load: gears(load, internal=True),
     "pinion leads": lambda load: rack("pinion", push=load),
@@ -118,7 +156,11 @@ MACHINES = {
     "crossed": lambda load: belt(load, crossed=True),
     "belt": lambda load: belt(load, preload=100.0),
 }
-SLOPES = {"gear": -0.5, "ring": 0.5, "pinion leads": 0.02, "rack leads": 50.0, "crossed": -0.5}
+BOX = -0.3 + 2 * 0.2 * 0.2  # q = 0.1 - 0.3 x + 0.2 x^2 at x = 0.2
+LAM, PIN = 0.5, math.cos(0.2 + 0.1)  # sin(pi / 6); the pin's place on its way back
+GENEVA = LAM * (PIN - LAM) / (1 - 2 * LAM * PIN + LAM**2)
+SLOPES = {"geneva": GENEVA, "box": -BOX, "box RP": -BOX, "box PR": BOX, "box PP": -BOX}
+SLOPES |= {"gear": -0.5, "ring": 0.5, "pinion leads": 0.02, "rack leads": 50.0, "crossed": -0.5}
 
 
 @pytest.mark.parametrize("rate", [3.0, -3.0])

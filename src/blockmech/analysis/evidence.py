@@ -172,10 +172,6 @@ class Evidence:
             sense = self.structure.coordinate(driver).sign
             yield plain(sense * r[f"{follower.coupling}.effort"] * r[f"{driver}.rate"])
 
-    def counted_rate(self, driver: str) -> Array:
-        """Rate (n,) of the pair of a driver, counter-clockwise or along its guide."""
-        return np.asarray(self.structure.coordinate(driver).sign * self.run[f"{driver}.rate"])
-
     def through_coupling(self, driver: str) -> list[Term]:
         """Powers that a coupling gives to the links that it acts on; their sum is nothing."""
         s, powers = self.structure, list(self._drive(driver))

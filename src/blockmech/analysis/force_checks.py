@@ -57,9 +57,8 @@ def couplings(e: Evidence) -> Iterator[Residual]:
         taken = e.run[f"{follower.coupling}.loss"] if lost else 0.0
         yield Residual("power through", follower.coupling, through.value + taken, scale)
         if lost and e.run.settings["friction"] in ("none", "newton"):
-            x = sum(sign * e.counted_rate(term) for term, sign in follower.terms)
-            out = e.run[f"{follower.coupling}.slope"] * e.run[f"{follower.coupling}.effort"] * x
-            most = np.maximum(np.abs(out), np.abs(out + taken))
+            x, felt = e.bodies.argument(driver)
+            most = np.maximum(np.abs(felt * x), np.abs(felt * x + taken))
             share = lost if e.run.settings["friction"] == "newton" else 0.0
             yield Residual("efficiency of", follower.coupling, taken - share * most, scale)
 

@@ -9,6 +9,7 @@ Source: [R10] Ruiz, Durango & Calle 2010, Eqs. 2-7.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -161,11 +162,22 @@ class FreeBodies:
                     place = self.ends(ref)[0].p
                     yield sign * r[f"{name}.force"], place, sign * r[f"{name}.moment"]
             elif leader is not None and link in (later, s.earlier_link(leader)):
-                senses = s.coordinate(driver).sign * s.coordinate(terms[0][0]).sign
-                meshes = s.couplings[name].meshes
-                felt = (1 if meshes else senses) * r[f"{name}.slope"] * r[f"{name}.effort"]
+                x, felt = self.argument(driver)
+                if f"{name}.loss" in r:
+                    felt = felt + r[f"{name}.loss"] / np.where(x == 0, math.inf, x)
+                felt *= 1 if s.couplings[name].meshes else s.coordinate(terms[0][0]).sign
                 t, end = (-felt if link == later else felt), self.ends(leader)[0]
                 yield (zero + 0j, end.p, t) if s.joint(leader).rotary else (t * end.e, end.p, zero)
+
+    def argument(self, driver: str) -> tuple[Array, Array]:
+        """Rate (n,) of what a coupled driver is a function of; effort along it without losses."""
+        r, s = self.run, self.structure
+        name, terms = s.followers[driver][:2]
+        counted = {d: s.coordinate(d).sign for d in (driver, *(d for d, _ in terms))}
+        if s.couplings[name].meshes:
+            x = sum(sign * counted[d] * r[f"{d}.rate"] for d, sign in terms)
+            return np.asarray(x), r[f"{name}.slope"] * r[f"{name}.effort"]
+        return r[f"{terms[0][0]}.rate"], counted[driver] * r[f"{name}.slope"] * r[f"{name}.effort"]
 
     def held(self, terminal: JointRef) -> Body:
         """Where an element takes hold of a link."""

@@ -31,7 +31,8 @@ whose load is the larger one of two,
     f1 = F' f2 - t,    t = -sgn(x') (1 - efficiency) max(|F' f2|, |f1|)
 
 so the sense of power decides by itself, a mesh at rest holds as teeth do, and solvers, motions and
-certificates of friction know it. What is lost acts on both links: `loss_load`.
+certificates of friction know it. What is lost acts on both links, or of a black box on the
+leading one alone.
 """
 
 from __future__ import annotations
@@ -225,7 +226,7 @@ class Coupling(Block):
 
 
 class LossyCoupling(Coupling):
-    """A coupling by teeth or a belt that takes some of the power through it.
+    """A coupling that takes some of the power through it.
 
     efficiency : [-] power that comes out over power that goes in, whichever side drives
     """

@@ -22,7 +22,14 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field
 
-from blockmech.couplings.contract import ROUND, Coupling, Curve, Meshing, Transmission, Where
+from blockmech.couplings.contract import (
+    ROUND,
+    Curve,
+    LossyCoupling,
+    Meshing,
+    Transmission,
+    Where,
+)
 from blockmech.plane import angle, apply, dot, expi, imul, modulo, mul, planar, sign, where
 from blockmech.typing import Load, Real
 from blockmech.values import Angle
@@ -72,7 +79,7 @@ def push(here: Meshing, effort: Real, sense: Real, p: GenevaNumbers) -> Load:
     return Load(imul(arm, effort / dot(arm, arm)), effort)
 
 
-class Geneva(Coupling, type="coupling.geneva"):
+class Geneva(LossyCoupling, type="coupling.geneva"):
     """A driver with one pin and a wheel with ``slots`` slots, which turns the other way.
 
     slots : of the wheel, three or more

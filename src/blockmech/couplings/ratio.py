@@ -14,12 +14,12 @@ from collections.abc import Callable, Iterable
 from fractions import Fraction
 from typing import Any
 
-from blockmech.couplings.contract import Coupling, Meshing
+from blockmech.couplings.contract import LossyCoupling, Meshing
 from blockmech.couplings.laws import AnyLaw, LawNumbers
 from blockmech.values import Number
 
 
-class Ratio(Coupling, type="coupling.ratio"):
+class Ratio(LossyCoupling, type="coupling.ratio"):
     """The driven coordinate as a function of the driver's, both as their drivers count them.
 
     law : "polynomial", "table" or "segments", see `blockmech.couplings.laws`

@@ -251,15 +251,20 @@ def meshing(s: Schedule, driver: str) -> str:
     ref = s.structure.driven[driver]
     base = s.loaded.ask(smooth, ref.block)
     parts = [s.ask(contact, driver, s.ask(effort_in, ref), base)]
-    for mesh in s.ask(friction.friction_joints, ref.block):
-        if s.structure.meshes.get(mesh) == driver:
-            parts.append(mesh_statics(s, mesh).load(s, driver, s.ask(resisting, mesh)))
+    for mesh in s.ask(meshes_of, driver):
+        parts.append(mesh_statics(s, mesh).load(s, driver, s.ask(resisting, mesh)))
     tension = s.ask(preload, driver)
     parts += [] if tension is None else [tension]
     if len(parts) == 1:
         return parts[0]
     force, moment = (" + ".join(f"{part}.{x}" for part in parts) for x in "FM")
     return s.emit(Load, force, moment, name=f"{driver}_meshing")
+
+
+def meshes_of(s: Schedule, driver: str) -> list[JointRef]:
+    """The meshes by which a driver follows, that lose power or separate."""
+    joints = s.ask(friction.friction_joints, s.structure.driven[driver].block)
+    return [ref for ref in joints if s.structure.meshes.get(ref) == driver]
 
 
 def coupling_reading(s: Schedule, driver: str, read: Reading) -> str:
@@ -300,7 +305,8 @@ def coupled(s: Schedule, link: LinkRef) -> Resultant:
             total += _about_origin(s, link, driver, s.ask(meshing, driver), "-")
             continue
         assert leader is not None
-        felt = s.ask(slope_effort, driver, s.ask(effort_in, ref))
+        lost = [s.ask(resisting, mesh) for mesh in s.ask(meshes_of, driver)]
+        felt = s.ask(slope_effort, driver, s.ask(effort_in, ref), s.sum(lost, f"{driver}_lost"))
         minus = s.line(f"-{felt}", f"{driver}_minus_felt")
         if link == structure.later_link(leader):
             total += statics(s, leader).along(s, leader, link, minus)

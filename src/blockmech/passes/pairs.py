@@ -185,7 +185,7 @@ class Mesh(Prismatic):
 
     def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
         """Slope times the effort that drives the other side, twice."""
-        felt = f"{s.ask(transmission, s.structure.meshes[ref])}.slope * {own}"
+        felt = s.ask(in_argument, s.structure.meshes[ref], own)
         return s.line(f"planar({felt}, {felt})", f"{ref}_felt")
 
     def measure(self, s: Schedule, ref: JointRef, pair: str) -> str:
@@ -358,13 +358,22 @@ def apart(s: Schedule, driver: str) -> str:
     return s.emit(Load, *parts, name=f"{driver}_apart")
 
 
-def slope_effort(s: Schedule, driver: str, effort: str) -> str:
-    """Effort that a black box takes from its leading pair; ``effort`` is on the driven pair."""
-    follower, coordinate = s.structure.followers[driver], s.structure.coordinate
-    meshes = s.structure.couplings[follower.coupling].meshes
-    senses = coordinate(driver).sign * coordinate(follower.terms[0][0]).sign
-    minus = "-" if senses < 0 and not meshes else ""
+def in_argument(s: Schedule, driver: str, effort: str) -> str:
+    """Effort along the argument of a transmission; ``effort`` is on the driven pair."""
+    meshes = s.structure.couplings[s.structure.followers[driver].coupling].meshes
+    minus = "-" if s.structure.coordinate(driver).sign < 0 and not meshes else ""
     return s.line(f"{minus}{s.ask(transmission, driver)}.slope * {effort}", f"{driver}_felt")
+
+
+def slope_effort(s: Schedule, driver: str, effort: str, lost: str) -> str:
+    """Effort that a black box takes from its leading pair, with losses along the argument."""
+    follower = s.structure.followers[driver]
+    meshes = s.structure.couplings[follower.coupling].meshes
+    felt = s.ask(in_argument, driver, effort)
+    if lost != NOUGHT:
+        felt = s.line(f"{felt} - {lost}", f"{driver}_felt_with_losses")
+    turned = s.structure.coordinate(follower.terms[0][0]).sign < 0 and not meshes
+    return s.line(f"-{felt}", f"{driver}_turned") if turned else felt
 
 
 # -- friction in a pair, as a load -----------------------------------------------------
@@ -411,7 +420,7 @@ def influence(s: Schedule, ref: JointRef, unit: JointRef, base: str) -> str:
         mesh = mesh_statics(s, unit)
         if ref == unit:
             return mesh.by_itself(s, ref)
-        if ref != s.structure.driven[driver]:
+        if ref != s.structure.driven[driver] or s.structure.contact(driver) is None:
             return ZERO
         return statics(s, ref).relieved(s, ref, ZERO, mesh.load(s, driver, "1.0"))
     later, earlier = s.ask(unit_reactions, unit)
