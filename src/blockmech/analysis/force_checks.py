@@ -54,7 +54,7 @@ def couplings(e: Evidence) -> Iterator[Residual]:
     for driver, follower in e.structure.followers.items():
         through, lost = total(e.through_coupling(driver)), e.structure.coupling_of(driver).lost
         scale = through.size + e.sizes(e.structure.driven[driver].block).power
-        taken = e.run[f"{follower.coupling}.loss"] if lost else 0.0
+        taken = e.run[f"{follower.coupling}.loss"] if e.structure.coupling_of(driver).lossy else 0.0
         yield Residual("power through", follower.coupling, through.value + taken, scale)
         if lost and e.run.settings["friction"] in ("none", "newton"):
             x, felt = e.bodies.argument(driver)

@@ -34,6 +34,7 @@ from blockmech.couplings.contract import (
     Curve,
     Meshing,
     Reading,
+    Touch,
     Transmission,
     Where,
     circle,
@@ -237,6 +238,53 @@ def face_radius_swinging(here: Meshing, p: CamNumbers) -> Real:
     return h + change / w
 
 
+# -- where it rubs ---------------------------------------------------------------------------
+#
+# The relative velocity at the tip is z' turned into the carrier's axes, along the profile; the
+# place of contact, a roller's radius behind it, adds what the follower turns against the cam.
+
+
+def rubbing(here: Meshing, tip: Tip, turns: Real, slope: Real, roller: Real) -> Touch:
+    """At a roller or knife edge; ``turns`` is the follower's rate per one of the cam's."""
+    one = tip.d - imul(tip.C, 1.0)
+    two = tip.dd - imul(tip.d, 2.0) - tip.C
+    size = hyp(one)
+    n = mul(imul(one, 1.0), 1.0 / size)
+    place = here.a.p + tip.C - mul(n, roller)
+    slip = -size - (turns - 1.0) * roller
+    return Touch(place, n, tip.unit, slip, -dot(one, two) / size - slope * roller)
+
+
+def rub_translating(here: Meshing, p: CamNumbers) -> Touch:
+    """Of a translating tip."""
+    return rubbing(here, translating(here, p.shape.at), 0.0, 0.0, p.shape.roller)
+
+
+def rub_swinging(here: Meshing, p: CamNumbers) -> Touch:
+    """Of a swinging tip, whose velocity at the contact is another than at the roller's centre."""
+    F = here.motion
+    at = rubbing(here, swinging(here, p.shape.at), F.slope, F.curve, p.shape.roller)
+    return at._replace(motion=imul(at.place - here.b.p, 1.0))
+
+
+def face_rub_translating(here: Meshing, p: CamNumbers) -> Touch:
+    """Of a translating face: v = s' (u . i n) - h."""
+    u, n, F = here.link.u, here.link.u * p.shape.normal, here.motion
+    along = dot(u, imul(n, 1.0))
+    h = dot(here.link.p + u * p.shape.at - here.a.p, n)
+    slope = F.curve * along - F.slope * dot(u, n)
+    return Touch(touch_translating(here, p), n, u, F.slope * along - h, slope)
+
+
+def face_rub_swinging(here: Meshing, p: CamNumbers) -> Touch:
+    """Of a swinging face, g from the pivot: v = F' g - h."""
+    n, d, F = here.link.u * p.shape.normal, here.b.p - here.a.p, here.motion
+    g = dot(here.link.p + here.link.u * p.shape.at - here.b.p, n)
+    place, h = touch_swinging(here, p), g + dot(d, n)
+    slope = F.curve * g - F.slope * dot(d, imul(n, 1.0))
+    return Touch(place, n, imul(place - here.b.p, 1.0), F.slope * g - h, slope)
+
+
 class Kind(NamedTuple):
     """The kernels of a follower."""
 
@@ -244,15 +292,25 @@ class Kind(NamedTuple):
     push: Callable[..., Any]
     pressure: Callable[..., Any]
     radius: Callable[..., Any]
+    touch: Callable[..., Any]
 
 
 TIPS = {
-    "P": Kind(on_translating, push_translating, pressure_translating, radius_translating),
-    "R": Kind(on_swinging, push_swinging, pressure_swinging, radius_swinging),
+    "P": Kind(
+        *(on_translating, push_translating, pressure_translating),
+        *(radius_translating, rub_translating),
+    ),
+    "R": Kind(on_swinging, push_swinging, pressure_swinging, radius_swinging, rub_swinging),
 }
 FACES = {
-    "P": Kind(face_on_translating, face_push, face_pressure_translating, face_radius_translating),
-    "R": Kind(face_on_swinging, face_push, face_pressure_swinging, face_radius_swinging),
+    "P": Kind(
+        *(face_on_translating, face_push, face_pressure_translating),
+        *(face_radius_translating, face_rub_translating),
+    ),
+    "R": Kind(
+        *(face_on_swinging, face_push, face_pressure_swinging),
+        *(face_radius_swinging, face_rub_swinging),
+    ),
 }
 
 
@@ -281,6 +339,8 @@ class Cam(Coupling, type="coupling.cam"):
     at : [m] knife edge, centre of the roller or a place on the face, in the follower's axes
     roller : [m] radius of the roller
     face : [rad] direction of a flat face's normal, away from the cam, in the follower's axes
+    friction : [-] coefficient of friction at the contact; of a roller that of its pin times the
+        pin's radius over the roller's
     phase : [rad or m] follower's coordinate where the law is zero; of points, a coordinate near
         which a swinging follower is, and whose sign says which way a translating one is pushed
 
@@ -301,6 +361,7 @@ class Cam(Coupling, type="coupling.cam"):
     at: PlaceGiven = default(Place(0j))
     roller: Annotated[NotNegative, in_unit("m")] = 0.0
     face: Annotated[Number, in_unit("rad")] = 0.0
+    friction: Annotated[NotNegative, in_unit("")] = 0.0
     phase: Number = 0.0
 
     @model_validator(mode="after")
@@ -330,6 +391,15 @@ class Cam(Coupling, type="coupling.cam"):
     def contact(self, pair: str) -> Callable[..., Any]:
         """The push of the cam."""
         return self.kind_of[pair[1]].contact
+
+    def touch(self, pair: str) -> Callable[..., Any]:
+        """Where the follower rubs on the cam."""
+        return self.kind_of[pair[1]].touch
+
+    @property
+    def rubs(self) -> Real:
+        """The coefficient of friction."""
+        return self.friction
 
     def readings(self, pair: str) -> Mapping[str, Reading]:
         """Pressure angle, radius of curvature and the push."""

@@ -47,8 +47,8 @@ from pydantic import Field
 
 from blockmech.blocks.block import Block
 from blockmech.errors import Problem
-from blockmech.plane import dot, imul, mul
-from blockmech.typing import Guide, Load, Real
+from blockmech.plane import cross, dot, imul, mul
+from blockmech.typing import Complex, Guide, Load, Real
 from blockmech.values import Axis, Number, Units, in_unit
 
 ROUND = 72  # straight pieces of a drawn circle
@@ -92,6 +92,34 @@ class Reading(NamedTuple):
     of_load: bool = False
     flag: str = ""
     about: str = ""
+
+
+class Touch(NamedTuple):
+    """How the links of a coupling touch, where they rub on each other.
+
+    place : [m] of the contact
+    n : unit normal, from the leading link to the driven one
+    motion : velocity there of the driven link for a unit of its rate
+    slip : velocity of the driven link there against the leading one, along i n, per unit of x'
+    slope : its derivative by x
+    """
+
+    place: Complex
+    n: Complex
+    motion: Complex
+    slip: Real
+    slope: Real
+
+
+def relief(touch: Touch) -> Real:
+    """Normal force [-] that a unit of friction along i n takes from the contact, at one effort."""
+    return dot(imul(touch.n, 1.0), touch.motion) / dot(touch.n, touch.motion)
+
+
+def rubbed(touch: Touch, b: Complex, t: Real) -> Load:
+    """Load of friction t [N] along i n with the normal force that leaves the effort as it is."""
+    force = imul(touch.n, t) - mul(touch.n, t * relief(touch))
+    return Load(force, cross(touch.place - b, force))
 
 
 class Curve(NamedTuple):
@@ -199,10 +227,24 @@ class Coupling(Block):
         """What cannot work where the parts are; ``where`` is the coupling's name."""
         yield from ()
 
+    def touch(self, pair: str) -> Callable[..., Any] | None:
+        """The kernel of a `Touch`, of (here, p); of couplings with `rubs`."""
+        return None
+
+    @property
+    def rubs(self) -> Real:
+        """Coefficient of friction where both links touch, 0 for none."""
+        return 0.0
+
     @property
     def lost(self) -> Real:
         """Share of the larger power that a mesh loses, 0 for none."""
         return 0.0
+
+    @property
+    def lossy(self) -> bool:
+        """Whether it takes power."""
+        return bool(self.lost or self.rubs)
 
     @property
     def sided(self) -> bool:

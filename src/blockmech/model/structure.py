@@ -25,6 +25,7 @@ from blockmech.values import Link, Marker, split_address
 
 COORDINATE = "coordinate"  # last word of the outputs that are coordinates of pairs
 MESH = "/mesh"  # after the name of a coupling: what no user can name, its mesh as a pair
+RUB = "/touch"  # the same of its contact, where both links rub on each other
 APART = "/apart"  # the same of what its contact adds in either sense of the effort
 STILL = Transmission(0.0, 0.0, 0.0)
 ROUNDED = 2.0**-40  # [-] of places that a file means to be one
@@ -473,14 +474,16 @@ class Structure:
     def meshes(self) -> Mapping[JointRef, str]:
         """Meshes as pairs of the driven block -> the driver that follows by it.
 
-        Those that lose power; and, where some joint has friction, of which that is the load, what
-        the contact adds in either sense of the effort, as it adds it to none.
+        Those that lose power or rub; and, where there is friction, what a contact adds in either
+        sense of the effort, which loads the pins that rub.
         """
         rubs = any(law.acts for b in self.blocks.values() for law in b.friction.values())
+        rubs |= any(coupling.rubs for coupling in self.couplings.values())
         found: dict[JointRef, str] = {}
         for driver, follower in self.followers.items():
             coupling, name = self.couplings[follower.coupling], follower.coupling
-            kinds = [MESH] * bool(coupling.lost) + [APART] * (coupling.sided and rubs)
+            kinds = [MESH] * bool(coupling.lost) + [RUB] * bool(coupling.rubs)
+            kinds += [APART] * (coupling.sided and rubs)
             found |= {JointRef(self.driven[driver].block, name + kind): driver for kind in kinds}
         return found
 
@@ -494,8 +497,12 @@ class Structure:
 
     def pair_name(self, ref: JointRef) -> str:
         """Name of a pair in answers: a mesh has that of its coupling."""
-        name = ref.name.removesuffix(MESH).removesuffix(APART)
-        return name if name != ref.name else str(ref)
+        name, kind, _ = ref.name.partition("/")
+        return name if kind else str(ref)
+
+    def touches(self, ref: JointRef) -> bool:
+        """Whether a pair is the contact of a coupling, whose links rub on each other there."""
+        return ref.name.endswith(RUB)
 
     def joint(self, ref: JointRef) -> Joint:
         """Declaration of a joint."""
@@ -505,6 +512,9 @@ class Structure:
         """The friction law of a joint that has one; of a mesh its losses."""
         if self.separates(ref):
             return Coulomb.model_construct(coefficient=1.0)
+        if self.touches(ref):
+            rubs = self.couplings[ref.name.removesuffix(RUB)].rubs
+            return Coulomb.model_construct(coefficient=rubs)
         if ref.name.endswith(MESH):
             lost = self.couplings[ref.name.removesuffix(MESH)].lost
             return Coulomb.model_construct(coefficient=lost, guide_length=2.0)

@@ -422,7 +422,12 @@ def slip(s: Schedule, ref: JointRef, mode: str = ACTUAL) -> str:
     1 of a mesh that separates, which neither reverses nor rests.
     """
     if (follows := s.structure.meshes.get(ref)) is not None:
-        return "1.0" if s.structure.separates(ref) else s.ask(argument_rate, follows, mode)
+        if s.structure.separates(ref):
+            return "1.0"
+        x = s.ask(argument_rate, follows, mode)
+        if x == NOUGHT or not s.structure.touches(ref):
+            return x
+        return s.line(f"{s.ask(touch, follows)}.slip * {x}", f"{ref}_slip{_suffix(mode)}")
     block, joint = s.structure.blocks[ref.block], s.structure.joint(ref)
     if joint.driven:
         driver = block.driver_name(*ref)
@@ -444,8 +449,13 @@ def slip_acceleration(s: Schedule, ref: JointRef) -> str:
     where it is: Coriolis' acceleration is across the guide.
     """
     if (follows := s.structure.meshes.get(ref)) is not None:
-        separates = s.structure.separates(ref)
-        return NOUGHT if separates else s.ask(argument_acceleration, follows, ACTUAL)
+        if s.structure.separates(ref):
+            return NOUGHT
+        xdd = s.ask(argument_acceleration, follows, ACTUAL)
+        if not s.structure.touches(ref):
+            return xdd
+        at, xd = s.ask(touch, follows), s.ask(argument_rate, follows, ACTUAL)
+        return s.line(f"{at}.slip * {xdd} + {at}.slope * {xd} * {xd}", f"{ref}_slip_a")
     later, earlier = s.structure.later_link(ref), s.structure.earlier_link(ref)
     a, al = s.ask(link_acceleration, later)
     a_support, al_support = s.ask(link_acceleration, earlier)
@@ -457,6 +467,14 @@ def slip_acceleration(s: Schedule, ref: JointRef) -> str:
         arm = s.line(f"{o} - {support}", f"{ref}_slip_arm")
         a += f" - ({a_support} + imul({arm}, {al_support}) - mul({arm}, {om} * {om}))"
     return s.line(f"dot({a}, {s.ask(guide_direction, ref)})", f"{ref}_slip_a")
+
+
+def touch(s: Schedule, driver: str) -> str:
+    """How the links of a coupling touch."""
+    name = s.structure.followers[driver].coupling
+    kernel = s.structure.couplings[name].touch(s.structure.coupled_pair(name))
+    assert kernel is not None
+    return s.emit(kernel, s.ask(meshing, driver), s.ask(numbers, name), name=f"{name}_touch")
 
 
 def guide_direction(s: Schedule, ref: JointRef) -> str:

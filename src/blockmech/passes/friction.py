@@ -67,7 +67,7 @@ def given(s: Schedule, ref: JointRef) -> str:
 def contacts(structure: Structure, ref: JointRef) -> int:
     """Ways in which a pair is pressed: 0 of a pin, 2 of a guide, 4 of one with a length."""
     if ref in structure.meshes:
-        return 2 if structure.separates(ref) else 4
+        return 2 if structure.separates(ref) or structure.touches(ref) else 4
     if structure.joint(ref).kind == "R":
         return 0
     return 2 if structure.friction_law(ref).edge_distance is None else 4
@@ -226,6 +226,8 @@ def slip_speed(s: Schedule, ref: JointRef) -> str:
     text = f"abs({s.ask(slip, ref)})"
     follows = s.structure.meshes.get(ref)
     leads = follows and s.structure.coupled_pair(s.structure.followers[follows].coupling)[0]
+    if s.structure.touches(ref):
+        leads = "P"
     if (leads or s.structure.joint(ref).kind) == "R":
         text += f" * {s.ask(size, ref.block)}"
     return s.line(text, f"{ref}_slip_speed")

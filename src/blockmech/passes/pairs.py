@@ -18,7 +18,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any, TypeAlias, cast
 
-from blockmech.couplings.contract import LOSSES
+from blockmech.couplings.contract import LOSSES, relief, rubbed
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forward import (
     ACTUAL,
@@ -32,6 +32,7 @@ from blockmech.passes.forward import (
     parameters,
     place,
     position,
+    touch,
     transmission,
 )
 from blockmech.passes.resultants import NOTHING, Resultant, at_arm
@@ -225,9 +226,28 @@ class Apart(Mesh):
         return ZERO
 
 
+class Rub(Mesh):
+    """A contact whose links rub on each other: the normal force, by the effort."""
+
+    def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
+        """The normal force without friction there."""
+        at = s.ask(touch, s.structure.meshes[ref])
+        return s.line(f"planar({own} / dot({at}.n, {at}.motion), 0.0)", f"{ref}_N")
+
+    def load(self, s: Schedule, driver: str, t: str) -> str:
+        """Load on the driven link."""
+        args = s.ask(touch, driver), f"{s.ask(meshing, driver)}.b.p", t
+        return s.emit(rubbed, *args, name=f"{driver}_rubbed")
+
+    def by_itself(self, s: Schedule, ref: JointRef) -> str:
+        """What it takes from the normal force, so that the effort stays."""
+        at = s.ask(touch, s.structure.meshes[ref])
+        return s.line(f"planar(-{s.emit(relief, at, name=f'{ref}_relief')}, 0.0)", f"{ref}_own")
+
+
 STATICS: Mapping[str, Statics] = {"R": Revolute(), "P": Prismatic()}
 """The letter of a pair in files -> what it does with forces."""
-MESH, APART = Mesh(), Apart()
+MESH, APART, RUB = Mesh(), Apart(), Rub()
 
 
 def statics(s: Schedule, ref: JointRef) -> Statics:
@@ -239,6 +259,8 @@ def statics(s: Schedule, ref: JointRef) -> Statics:
 
 def mesh_statics(s: Schedule, ref: JointRef) -> Mesh:
     """What a mesh does with forces."""
+    if s.structure.touches(ref):
+        return RUB
     return APART if s.structure.separates(ref) else MESH
 
 
