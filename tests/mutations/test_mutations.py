@@ -87,13 +87,15 @@ def with_masses(block, *links):
 def document(name):
     """A graph of the gallery as data; the bench is a shaper with every kind of load.
 
-    The couplings of one that is lossy have an efficiency.
+    The couplings of one that is lossy have an efficiency, its cams friction.
     """
     if name.startswith("lossy "):
         data = json.loads(json.dumps(document(name.removeprefix("lossy "))))
         for block in data["blocks"].values():
             if block["type"] in ("coupling.gear", "coupling.rack", "coupling.belt"):
                 block["efficiency"] = 0.8
+            elif block["type"] == "coupling.cam":
+                block["friction"] = 0.1
         return data | {"expect": []}
     if name == "rack_leads":
         return RACK
