@@ -183,6 +183,11 @@ class SimulationRequest:
         return self.until.value if self.until.goal == "time" else math.inf
 
     @property
+    def t_last(self) -> float:
+        """Time [s] at which the run ends; infinite without a goal in time."""
+        return self.start.t + self.span
+
+    @property
     def standstills(self) -> float:
         """How many end the run; infinite where they are not asked for."""
         counts = {"standstill": 1.0, "swings": self.until.value}

@@ -8,9 +8,8 @@ the state is looked at.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy.integrate import LSODA, OdeSolution, Radau
@@ -24,11 +23,9 @@ from blockmech.dynamics.events import (
     EventDetector,
     EventFunction,
     EventHit,
-    friction_rules,
     general_rules,
     kink_rules,
     leaving_rule,
-    release_rule,
     signal_rules,
     until_terminal,
 )
@@ -42,13 +39,11 @@ from blockmech.dynamics.motion import (
     Motion,
     Slips,
     State,
-    Status,
     Still,
 )
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.rest import first_beyond, released
 from blockmech.dynamics.singular import AHEAD, PAST, End, time_left, what_is_ahead
-from blockmech.dynamics.sticking import Settled, SeveralFriction
+from blockmech.dynamics.stick_slip import Now, SegmentEnd, Transition, stick_slip
 from blockmech.plane import EPS
 from blockmech.signals.contract import at_once
 
@@ -64,13 +59,9 @@ FINER = 20.0  # a second run is so much finer (numerics 14)
 SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
 CHAIN, CREEP = 4, 1e-6  # blocks in a row that a push may come through; [s] of a step of each
 ANYWHERE = (-math.inf, math.inf)
-
-
-class SegmentEnd(NamedTuple):
-    """Why a run is over."""
-
-    status: Status
-    end: str
+SILENT = frozenset(
+    {ends.KINK, ends.GOAL, ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.RELEASED, ends.DEFLECTION_KINK}
+)  # kinds of events that nobody asked for
 
 
 @dataclass(frozen=True)
@@ -113,8 +104,6 @@ class TimeIntegration:
     notes: list[str] = field(default_factory=list)
     standstills: int = 0
     fired: EventFunction | None = None
-    zero: Sequence[int] = ()  # pairs without relative rate when sides were settled last
-    settled: float = math.nan  # [s] when that was
     turned: float = 0.0  # [J] largest work on the way
     left: float = 0.0  # [s] to a singular place that the run stops short of
 
@@ -124,6 +113,7 @@ class TimeIntegration:
         quick = self.system.remembers and self.system.quick_states
         self.equation = Equation(self.system, q, EVALUATIONS * (QUICKER if quick else 1))
         self.equation.held = self.equation.drivers == 1 and bool(self.system.held)
+        self.pairs = stick_slip(self.equation, self.request)
         self.layout = self.equation.layout
         self.y = self.layout.start(q, rate)
         self.switched = self.request.switched  # when discrete signal blocks switched last
@@ -139,7 +129,7 @@ class TimeIntegration:
         """Integrate until the goal or whatever ends the motion before."""
         start = self.y
         try:
-            verdict = self._begun()
+            verdict = self._becomes(self.pairs.begin(self._now))
             self.scales = scales(self.equation, self.t, self.y)
             while verdict is None:
                 verdict = self._segment()
@@ -196,42 +186,32 @@ class TimeIntegration:
 
     # -- segments --------------------------------------------------------------------------
 
-    def _begun(self) -> SegmentEnd | None:
-        """Settle directions of slip at the start."""
-        if self.system.friction is None or self.equation.held:
-            return None
-        if self.several is not None:
-            return self._settle(())
-        if self.y[1] == 0.0:
-            return self._from_rest()
-        self.equation.sides = self._sides()
-        return None
+    @property
+    def _now(self) -> Now:
+        return Now(self.t, self.y, bool(self.pieces))
 
-    def _sides(self) -> tuple[int, ...]:
-        assert self.system.friction is not None
-        return self.system.friction.sides(float(self.y[0]), 1 if self.y[1] > 0 else -1)
+    def _becomes(self, change: Transition) -> SegmentEnd | None:
+        """Go on as pairs with friction do."""
+        self.events += change.events
+        self.facts |= change.facts
+        self.slips = [s for s in self.slips if not (change.slips and s.begin == self.t)]
+        self.slips += change.slips
+        self.y = self.y if change.y is None else change.y
+        if change.until is not None:
+            self._wait(change.until)
+        return change.end
 
     def _rules(self) -> list[EventFunction]:
         equation, system = self.equation, self.system
+        signals = signal_rules(equation.kinks, system.signals.kinks)
         if equation.held:
             ways = system.held.items()
             leaving = [leaving_rule(i, way, equation.stop_force) for i, way in ways]
-            rules = leaving or [release_rule(self._excess)]
-            return [*rules, *signal_rules(equation.kinks, system.signals.kinks)]
+            return [*(leaving or self.pairs.rules()), *signals]
         rules = general_rules(system, self.request, equation.closeness, equation.stop_force)
         if equation.drivers == 1:
             rules += kink_rules(float(self.y[0]), system.knots, system.period)
-        rules += signal_rules(equation.kinks, system.signals.kinks)
-        if self.several is not None:
-            own, sides = self.several.program, equation.sides
-            about = own.guides, own.remembers, sides
-            rules += friction_rules(equation.relative_rates, equation.pair_loads, *about)
-            rules += [release_rule(self._excess)] if 0 in sides else []
-        elif system.friction is not None:
-            own = system.friction.program
-            about = own.guides, own.remembers, ()
-            rules += friction_rules(equation.slips, equation.pair_loads, *about)
-        return rules
+        return [*rules, *signals, *self.pairs.rules()]
 
     def _segment(self) -> SegmentEnd | None:
         """Go on with one smooth right-hand side to whatever ends it."""
@@ -244,10 +224,8 @@ class TimeIntegration:
             return SegmentEnd("ended", ends.LEAVES_STOP)  # what has just switched pulls
         if (pressed := self._pressed()) is not None:
             return SegmentEnd("ended", pressed)
-        rests = self.equation.held and not held
-        stuck = rests or (0 in self.equation.sides and self.settled != self.t)
-        if stuck and self._excess(self.t, self.y) > 0:
-            return self._released()
+        if self.pairs.pushed_loose(self._now):
+            return self._becomes(self.pairs.release(self._now))
         kink = loads.next_time_kink(structure, self.t)
         bound = min(self.t_max, kink, self.system.signals.next_time(self.t))
         if self.t < self.request.apex:  # a step as long as a flight sees no blow at its end
@@ -260,7 +238,10 @@ class TimeIntegration:
         if self.equation.drivers > 1:
             length = loads.largest_length
             spans = [math.tau if turns else length(structure) for turns in self.system.rotary]
-        rules, here = self._rules(), (parts, spans, self.t, self.y, self._happened())
+        known = self.pairs.known(self._now)
+        if self.fired is not None and self.fired.kind != ends.RELEASED:
+            known.add((self.fired.kind, self.fired.index))
+        rules, here = self._rules(), (parts, spans, self.t, self.y, known)
         lookouts = [
             EventDetector.at([r for r in rules if r.own is x], *here) for x in (False, True)
         ]
@@ -308,20 +289,6 @@ class TimeIntegration:
                 self.events.append(Event(kind, self.t, *self.layout.motion(self.y)))
                 return kind
         return None
-
-    def _happened(self) -> set[tuple[str, int]]:
-        """Events (kind, index) at this very place: several pairs may reverse at once."""
-        friction, fired = self.system.friction, self.fired
-        happened = set() if fired is None else {(fired.kind, fired.index)}
-        if self.several is not None:
-            happened -= {(ends.RELEASED, 0)}
-            return happened | {(ends.REVERSAL, j) for j in self.zero if self.settled == self.t}
-        if friction is not None:
-            kinds = [
-                ends.DEFLECTION_KINK if own else ends.REVERSAL for own in friction.program.remembers
-            ]
-            happened |= {(kinds[j], j) for j in friction.reversing(float(self.y[0]))}
-        return happened
 
     def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
         if self.method in STEPPERS:
@@ -459,12 +426,9 @@ class TimeIntegration:
         return self.t - self.request.start.t, value if goal == "time" else None
 
     def _note(self, hits: list[EventHit], dense: Any) -> None:
-        unsaid = {ends.KINK, ends.GOAL, ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.RELEASED}
-        unsaid.add(ends.DEFLECTION_KINK)
-        if self.several is not None:  # it says which pair, once it is known what that does
-            unsaid.add(ends.REVERSAL)
+        silent = SILENT | self.pairs.silent
         for hit in hits:
-            if hit.rule.kind in unsaid:
+            if hit.rule.kind in silent:
                 continue
             y = np.array(dense(hit.t))
             if hit.rule.kind == ends.STANDSTILL:
@@ -479,18 +443,12 @@ class TimeIntegration:
         rule = self.fired = hit.rule
         if rule.kind == ends.KINK:
             self._past_kink()
-        elif rule.kind == ends.REVERSAL and self.several is not None:
-            stuck = [j for j, side in enumerate(self.equation.sides) if side == 0]
-            return self._settle((*stuck, rule.index))
-        elif rule.kind == ends.REVERSAL:  # and whatever pairs reverse at the same place
-            old, beyond = self.equation.sides[rule.index], self._sides()
-            self.equation.sides = tuple(
-                -old if i == rule.index else s for i, s in enumerate(beyond)
-            )
+        elif rule.kind == ends.REVERSAL:
+            return self._becomes(self.pairs.reverse(self._now, rule.index))
         elif rule.kind == ends.STANDSTILL:
             return self._stood()
         elif rule.kind == ends.RELEASED:
-            return self._released()
+            return self._becomes(self.pairs.release(self._now))
         elif rule.kind == ends.LEAVES_STOP:
             self._past_contact(rule)
             return SegmentEnd("ended", rule.kind)
@@ -511,10 +469,8 @@ class TimeIntegration:
         swing, self.swing_from = abs(float(self.y[0]) - self.swing_from), float(self.y[0])
         if self.standstills >= self.request.standstills:
             return SegmentEnd("reached", self.request.until.goal)
-        if self.system.friction is not None:
-            return self._from_rest()
-        counted = self.request.standstills < math.inf
-        return SegmentEnd("ended", ends.REST) if counted and swing <= self.rest else None
+        short = self.request.standstills < math.inf and swing <= self.rest
+        return self._becomes(self.pairs.stand(self._now, short))
 
     def _past_kink(self) -> None:
         """Go on to the far side of a kink, if there is one: else the load ends there.
@@ -536,30 +492,6 @@ class TimeIntegration:
         while not rule.value(self.t, self.y) < 0 and late < self.t_max - self.t:
             self.t, self.y, late = self.t + late, self.y + late * slope, 2 * late
 
-    def _from_rest(self) -> SegmentEnd | None:
-        """Which way a driver at rest with friction starts; what ends the run if it does not."""
-        friction, q = self.system.friction, float(self.y[0])
-        assert friction is not None
-        x = self.y[self.layout.signals] if self.layout.initial else None
-        rest = friction.rest(q, self.t, x)
-        low, high = rest.holding
-        if rest.ambiguous:
-            return SegmentEnd("failed", ends.AMBIGUOUS)
-        if rest.rests:
-            self.events.append(Event(ends.REST, self.t, q, 0.0))
-            self.facts |= {"holding_low": low, "holding_high": high}
-            if "state" in self.system.depends_on:
-                self.equation.held = True  # signals go on, and may start it again
-                return None
-            span = self.request.span
-            until, (low, high) = released(self.system, q, self.t, self.request.start.t + span)
-            if until is None and span == math.inf:
-                return SegmentEnd("ended" if self.pieces else "rest", ends.REST)
-            until = self.t_max if until is None else until
-            self._wait(until)
-        self.equation.sides = friction.sides(q, 1 if -high >= low else -1)
-        return None
-
     def _wait(self, until: float) -> None:
         """Stand still until a time [s]."""
         still = self.y.copy()
@@ -567,85 +499,6 @@ class TimeIntegration:
         self._took(
             AcceptedSteps(times, states, lambda t: np.multiply.outer(still, np.ones_like(t)))
         )
-
-    def _excess(self, t: float, y: Floats) -> float:
-        """By how much the loads push beyond what joint friction holds at rest: [N m or N] of one
-        driver, [-] of the share of what pairs that stick hold, of several.
-        """
-        friction = self.system.friction
-        assert friction is not None
-        if isinstance(friction, SeveralFriction):
-            at, sides = self._instant(t, y), self.equation.sides
-            return friction.share(at, sides, friction.respond(at, sides)) - 1.0
-        low, high = friction.rest(float(y[0]), t, y[self.layout.signals]).holding
-        return max(low, -high)
-
-    # -- pairs that stick, with several drivers -----------------------------------------
-
-    @property
-    def several(self) -> SeveralFriction | None:
-        """Joint friction of several drivers; None where there is none."""
-        friction = self.system.friction
-        return friction if isinstance(friction, SeveralFriction) else None
-
-    def _instant(self, t: float, y: Floats) -> Any:
-        assert self.several is not None
-        x = y[self.layout.signals] if self.layout.initial else None
-        return self.several.instant(*self.layout.motion(y), t, x, self.system.free)
-
-    def _settle(self, standing: Sequence[int], released: bool = False) -> SegmentEnd | None:
-        """Which pairs stick from here on, and in which sense others slip; see `sticking`."""
-        friction = self.several
-        assert friction is not None
-        at = self._instant(self.t, self.y)
-        self.zero, self.settled = friction.without_slip(at, standing), self.t
-        sides = friction.sides_at(at, self.zero)
-        settled = friction.settled(at, sides, self.zero, released)
-        if settled.end:
-            goes = settled.end == ends.SELF_LOCKED and self.pieces
-            return SegmentEnd("ended" if goes else "failed", settled.end)
-        self.y = self.y.copy()
-        self.y[self.layout.rate] = friction.kept(at, settled.sides)
-        q, qd = self.layout.motion(self.y)
-        for j, (old, new) in enumerate(zip(self.equation.sides, settled.sides, strict=False)):
-            if old != new:
-                kind = ends.REVERSES if old and new else ends.SLIPS if new else ends.STICKS
-                self.events.append(Event(f"{kind} of {self.system.pair_name(j)}", self.t, q, qd))
-        self.equation.sides = settled.sides
-        self.slips = [s for s in self.slips if s.begin < self.t]
-        self.slips.append(Slips(self.t, settled.sides))
-        return self._stand(settled) if friction.holds_all(at, settled.sides) else None
-
-    def _stand(self, settled: Settled) -> SegmentEnd | None:
-        """Stay where all pairs stick, until loads of the time push beyond what they hold."""
-        friction, system = self.several, self.system
-        assert friction is not None
-        q, qd = self.layout.motion(self.y)
-        self.events.append(Event(ends.REST, self.t, q, qd))
-        self.facts["holding_share"] = settled.share
-        if "state" in system.depends_on:
-            return None
-        t_last, still = self.request.start.t + self.request.span, self.y.copy()
-        until, _ = first_beyond(system, lambda s: self._excess(s, still), self.t, t_last)
-        if until is None and t_last == math.inf:
-            return SegmentEnd("ended" if self.pieces else "rest", ends.REST)
-        self._wait(self.t_max if until is None else until)
-        return None if until is None else self._released()
-
-    def _released(self) -> SegmentEnd | None:
-        """Start the driver that joint friction held, in the direction in which it is pushed."""
-        friction, q = self.system.friction, float(self.y[0])
-        assert friction is not None
-        if self.several is not None:
-            stuck = [j for j, side in enumerate(self.equation.sides) if side == 0]
-            return self._settle(stuck, True)
-        rest = friction.rest(q, self.t, self.y[self.layout.signals])
-        if rest.ambiguous:
-            return SegmentEnd("failed", ends.AMBIGUOUS)
-        self.equation.held = False
-        low, high = rest.holding
-        self.equation.sides = friction.sides(q, 1 if -high >= low else -1)
-        return None
 
     def _given_up(self) -> SegmentEnd | None:
         """Why the run is over where a solver gave up; None if another one goes on."""
