@@ -260,10 +260,12 @@ def mistake(
     return PydanticCustomError(code, "{said}", {"said": message, **parts})
 
 
-def check_table(what: str, x: Sequence[float], values: Sequence[float]) -> None:
+def check_table(
+    what: str, x: Sequence[float], values: Sequence[float], called: str = "values"
+) -> None:
     """Refuse a table whose values are not one for each x, or whose x, called ``what``, fall."""
     if len(x) != len(values):
-        raise mistake("bad-table", f'"{what}" and "values" must have the same length')
+        raise mistake("bad-table", f'"{what}" and "{called}" must have the same length')
     if any(b <= a for a, b in pairwise(x)):
         raise mistake("bad-table", f'"{what}" must increase')
 

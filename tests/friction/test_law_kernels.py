@@ -20,6 +20,7 @@ STRIBECK = {"static": 0.3, "kinetic": 0.2, "stribeck_speed": 0.5, "viscous": 0.0
 PIN = {"radius": 0.05}
 BEARING = {"mean_diameter": 0.05, "f1": 0.0006, "f0": 2.0, "viscosity": 20e-6}
 FILM = {"viscosity": 0.02, "radius": 0.025, "length": 0.05, "clearance": 2.5e-5}
+TABLE = {"sommerfeld": [0.0, 0.05, 0.3, 2.0], "friction_variable": [3.0, 1.8, 6.5, 39.7]}
 EXAMPLES = {
     "coulomb, pin": bm.Coulomb(coefficient=0.2, radius=0.05),
     "coulomb, guide": bm.Coulomb(coefficient=0.2, guide_length=0.3),
@@ -34,6 +35,7 @@ EXAMPLES = {
     "lugre, guide": bm.LuGre(**STRIBECK, stiffness=1e4, damping=9.0, guide_length=0.3),
     "elasto-plastic": bm.ElastoPlastic(**STRIBECK, stiffness=1e3, breakaway=0.1, **PIN),
     "hydrodynamic": bm.Hydrodynamic(**FILM),
+    "hydrodynamic, table": bm.Hydrodynamic(**FILM, **TABLE),
 }
 
 
@@ -54,6 +56,28 @@ def test_laws_say_what_their_formulas_do():
 def test_a_film_resists_by_petroffs_equation():
     drag = bm.Hydrodynamic(**FILM).at(100.0).drag
     assert drag == pytest.approx(2 * math.pi * 0.02 * 0.025**3 * 0.05 / 2.5e-5 * 100, rel=1e-14)
+
+
+def test_a_film_with_a_table_is_its_friction_variable_at_sommerfelds_number():
+    law, speed, turns = EXAMPLES["hydrodynamic, table"], 60.0, 60.0 / math.tau
+    scale = 1e3**2 * 0.02 * turns * 2 * 0.025 * 0.05  # S times the load
+    for S, F in zip(TABLE["sommerfeld"][1:], TABLE["friction_variable"][1:], strict=True):
+        factor, drag = law.at(speed, scale / S)
+        assert factor * scale / S + drag == pytest.approx(F * 2.5e-5 * scale / S, rel=1e-12)
+    beyond = law.at(speed, scale / 50.0)  # as an unloaded bearing
+    assert beyond == (pytest.approx(0.0, abs=1e-18), pytest.approx(39.7 / 2 * 2.5e-5 * scale))
+    assert law.at_rest() == (3.0 * 2.5e-5, 0.0)
+
+
+def test_a_films_tangent_is_that_of_its_couple_and_none_is_steeper():
+    law, loads = EXAMPLES["hydrodynamic, table"], np.logspace(0, 6, 61)
+    for load in loads:
+        factor, _ = law.at(60.0, load)
+        step = 1e-5 * load
+        ends = load - step, load + step
+        low, high = (law.at(60.0, x).factor * x + law.at(60.0, x).drag for x in ends)
+        assert (high - low) / (2 * step) == pytest.approx(factor, abs=2e-9)
+        assert abs(factor) <= law.parameters().steepest
 
 
 @pytest.mark.parametrize(("n", "part"), [(50.0, 160.0), (955.0, 19100.0 ** (2 / 3))])
@@ -133,6 +157,11 @@ WRONG = {
     ),
     "soft": ({"law": "dahl", "kinetic": 0.2, "stiffness": 0.0, **PIN}, "wrong-value"),
     "film": ({"law": "hydrodynamic", **FILM, "clearance": 0.02}, "bad-friction"),
+    "range": (
+        {"law": "hydrodynamic", **FILM, **TABLE, "sommerfeld": [0.01, 0.05, 0.3, 2.0]},
+        "bad-friction",
+    ),
+    "rows": ({"law": "hydrodynamic", **FILM, **TABLE, "sommerfeld": [0.0, 0.05]}, "bad-table"),
     "name": ({"law": "stribek", **STRIBECK, **PIN}, "unknown-friction-law"),
     "no name": ({"law": 3, **PIN}, "unknown-friction-law"),
     "no object": (0.3, "wrong-type"),

@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 
 from tests.independent import multibody as mb
 
-Law = Callable[[float], tuple[float, float]]  # speed -> factor of the load, drag
+Law = Callable[[float], Any]  # speed -> factor of the load and drag, or a function of the load
 TOLERANCE = 1e-12
 STILL = 1e-8  # [rad/s or m/s] all slips below it: the mechanism stands
 
@@ -35,6 +35,31 @@ def stribeck(
         return arm * (kinetic + fall + viscous * w), 0.0
 
     return law
+
+
+def film(viscosity: float, r: float, length: float, c: float, S: Any, F: Any) -> Law:
+    """A journal of radius r, clearance c [m] whose friction variable is F at Sommerfeld's S."""
+    from scipy.interpolate import pchip_interpolate
+
+    def law(w: float) -> Callable[[float], float]:
+        turns = w / (2 * np.pi)
+
+        def couple(load: float) -> float:
+            s = (r / c) ** 2 * viscosity * turns * 2 * r * length / load
+            variable = F[-1] * s / S[-1] if s > S[-1] else float(pchip_interpolate(S, F, s))
+            return variable * c / r * load * r
+
+        return couple
+
+    return law
+
+
+def resisting(said: Any, load: float) -> float:
+    """What a law holds against the slip under a load."""
+    if callable(said):
+        return float(said(load))
+    factor, drag = said
+    return float(factor * load + drag)
 
 
 def acceleration(
@@ -54,10 +79,7 @@ def acceleration(
     right[:n, 1:] = slips.T
     found = np.linalg.solve(matrix, right)
     places = {name: 2 * list(system.joints).index(name) for name in laws}
-    terms = {
-        name: [-sides[name] * x for x in laws[name](abs(float(row @ instant.q_dot)))]
-        for (name, row) in zip(laws, slips, strict=True)
-    }
+    said = [laws[x](abs(float(row @ instant.q_dot))) for x, row in zip(laws, slips, strict=True)]
     t = np.zeros(len(laws))
     for _ in range(200):
         last, x = t, found[n:, 0] + found[n:, 1:] @ t
@@ -65,7 +87,8 @@ def acceleration(
             np.hypot(x[k], x[k + 1]) if system.joints[name].type == "R" else abs(x[k])
             for name, k in places.items()
         ]
-        t = np.array([c * g + d for g, (c, d) in zip(loads, terms.values(), strict=True)])
+        resists = [resisting(x, g) for x, g in zip(said, loads, strict=True)]
+        t = np.array([-sides[name] * x for name, x in zip(laws, resists, strict=True)])
         if np.abs(t - last).max() <= 1e-15 * np.abs(t).max():
             return (found[:n, 0] + found[:n, 1:] @ t).reshape(-1, 3)
     raise mb.NoSolution("friction does not settle")

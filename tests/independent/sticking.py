@@ -17,7 +17,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from tests.independent import multibody as mb
-from tests.independent.rubbing import Law
+from tests.independent.rubbing import Law, resisting
 
 TOLERANCE = 1e-12
 STILL = 1e-9  # [-] of the sum of what makes a relative rate: below it it is zero
@@ -66,14 +66,14 @@ def instant(
             np.hypot(x[n + k], x[n + k + 1]) if pin else abs(x[n + k])
             for k, pin in zip(places, pins, strict=True)
         ]
-        t = np.array([-sides[j] * (moving[j][0] * loads[j] + moving[j][1]) for j in slips])
+        t = np.array([-sides[j] * resisting(moving[j], loads[j]) for j in slips])
         if np.abs(t - last).max(initial=0.0) <= 1e-15 * np.abs(t).max(initial=0.0):
             break
     else:
         raise mb.NoSolution("friction does not settle")
     whole = np.zeros(len(sides))
     whole[slips], whole[stuck] = t, x[n + held :]
-    most = np.array([c * g + d for (c, d), g in zip(standing, loads, strict=True)])
+    most = np.array([resisting(law, g) for law, g in zip(standing, loads, strict=True)])
     return Instant(x[:n], whole, most, slip, S @ x[:n] + drift, np.abs(S) @ np.abs(here.q_dot))
 
 

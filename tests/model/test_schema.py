@@ -38,7 +38,7 @@ BEYOND_A_SCHEMA = {  # what a schema cannot say: how parts of a file fit each ot
         "half_character",
     ),
     *("infinite_inertia", "inner_joint", "nan", "no_frame", "no_such_block", "not_a_marker"),
-    *("static_below_kinetic", "thick_film"),
+    *("static_below_kinetic", "thick_film", "film_not_from_rest"),
     *("pair_mismatch", "self_wire", "taken_name", "two_frames", "unknown_block"),
     *("unknown_driver", "unknown_joint", "unknown_marker", "unwired_joint"),
     *("many_drivers", "wrong_home"),

@@ -1,6 +1,6 @@
 r"""Deflections of bristles along a given motion: the states of friction laws that remember.
 
-The rate of a state follows the slip of its pair alone, not the load (rule 7 of
+The rate of a state follows the slip of its pair alone, not the load (rule 8 of
 `blockmech.friction.laws.contract`), so in a motion that is given each is one scalar equation
 
     dz/dt = rate(slip(t), z)

@@ -110,9 +110,9 @@ def friction(e: Evidence) -> Iterator[Residual]:
                     left = t + (k * load + d if method == "newton" else 0.0)
                     yield Residual("friction in", ref, np.abs(left), scale)
                 continue
-            factor, drag = law.sliding(bound_kernel)(np.abs(slip))
+            factor, drag = law.sliding(bound_kernel)(np.abs(slip), load)
             bound = factor * load + drag if method != "none" else 0.0 * load
-            scale = (factor * terms + drag) * e.condition(name)
+            scale = (np.abs(factor) * terms + np.abs(drag)) * e.condition(name)
             # a thousand times: the solver measures speed and size of the group alone
             rests = np.abs(slip) * way <= 1e3 * REST_SHARE * np.maximum(speed, turning * way)
             driven = np.where(rests, 0.0, np.maximum(t * np.sign(slip), 0.0))

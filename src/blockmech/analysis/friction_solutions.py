@@ -55,6 +55,7 @@ MOST_BRANCHES = 100_000  # of the tree; each has all outputs
 MOST_PATHS = 4096  # complex solutions of one group; a triad with nine pins has 512
 SAME = 1e-6  # relative: two solutions of continuation and enumeration that are one
 ROWS, WIDTH = 40, 100  # lines of a printed table, characters of a line
+BY_LOAD = "its friction law is not linear in the load, so that its solutions are not counted"
 
 BOUND = bind_functions(
     {"newton": solvers.newton, "existence": existence, "load_norm": load_norm},
@@ -100,6 +101,10 @@ class Equations:
         structure = compiled.structure
         s = schedule(structure, compiled.scene, GIVEN, static)
         self.joints = s.ask(friction.given_joints)
+        for ref in self.joints:
+            if structure.friction_law(ref).reads_load:
+                remedy = "runs say with their certificate whether theirs is the only one"
+                raise refused(structure.pair_name(ref), BY_LOAD, remedy)
         self._values: dict[str, int] = {}
         self.steps: list[Group | Driven] = []
         for block in reversed(list(structure.blocks)):

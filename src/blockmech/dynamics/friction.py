@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -43,8 +43,8 @@ from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.friction.equations import loads as pair_loads
-from blockmech.friction.laws.contract import FrictionTerms
-from blockmech.friction.solvers import with_drag
+from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
+from blockmech.friction.solvers import by_tangents, with_drag
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs, signals
 from blockmech.passes.homotopy import schedule
@@ -79,6 +79,7 @@ class ForcePassProgram:
     whole: Program  # values of the first, what signals add, factors and drags at relative rates
     remembers: tuple[bool, ...]  # (m,) whether a pair's law has a state of its own
     separates: tuple[bool, ...]  # (m,) whether it is a mesh that only adds to its contact
+    steepest: tuple[float, ...]  # (m,) of laws that are not linear in the load; () without any
     drags: bool  # whether a law has more than a factor
     smooth: bool  # whether all laws are analytic in the speed
 
@@ -113,6 +114,7 @@ class ForcePassProgram:
             s.program([*values, *more, *terms(s, joints, friction.terms)]),
             tuple(law.remembers for law in laws),
             tuple(map(structure.separates, joints)),
+            steepest(laws),
             any(law.drags for law in laws),
             all(law.smooth for law in laws),
         )
@@ -126,6 +128,13 @@ class ForcePassProgram:
     def single(self) -> SingleEvaluator:
         """The program at one state."""
         return SingleEvaluator(self.program)
+
+
+def steepest(laws: Sequence[FrictionLaw]) -> tuple[float, ...]:
+    """Largest slopes of friction over the load where a law is not linear in it; 0 of the others."""
+    if not any(law.reads_load for law in laws):
+        return ()
+    return tuple(float(law.parameters().steepest) if law.reads_load else 0.0 for law in laws)
 
 
 def terms(s: Schedule, joints: Sequence[JointRef], rule: Callable[..., str]) -> list[str]:
@@ -168,11 +177,12 @@ class FrictionSolution(NamedTuple):
 
 
 def resistance(
-    rows: Any, k: Any, drag: Any, guides: Any, solve: Any, options: Any
+    rows: Any, k: Any, drag: Any, guides: Any, solve: Any, options: Any, by_load: Any = None
 ) -> FrictionSolution:
     """Friction from the program's values, with signed factors (m,) and drags (m,) or ().
 
     ``rows`` are those of the loads at the rate, of a unit of q'', of a unit of each friction.
+    ``by_load``, if any, is `solvers.by_tangents` with its laws, which say k and drag then.
     """
     m = len(k)
     J, push = rows[1][0], -rows[0][0]
@@ -183,9 +193,12 @@ def resistance(
         tuple(rows[2 + i][1 + j] + mul(rows[1][1 + j], s[i] / J) for i in range(m))
         for j in range(m)
     )
-    solution = solve(k, guides, pair_loads(drag, base, matrix) if drag else base, matrix, *options)
-    if drag:
-        solution = with_drag(solution, drag)
+    if by_load is not None:
+        solution = by_load(guides, base, matrix)
+    else:
+        shifted = pair_loads(drag, base, matrix) if drag else base
+        solution = solve(k, guides, shifted, matrix, *options)
+        solution = with_drag(solution, drag) if drag else solution
     effort, taken = push, 0.0
     for x, t in zip(s, solution.t, strict=True):
         effort, taken = effort + x * t, taken + abs(x * t)
@@ -303,16 +316,29 @@ class JointFriction(PairFriction):
 
     # -- solutions ------------------------------------------------------------
 
-    def solve(self, rows: list[Row], sides: Sides, law: Sequence[Any]) -> FrictionSolution:
+    def solve(
+        self, rows: list[Row], sides: Sides, law: Sequence[Any], rates: Floats | None = None
+    ) -> FrictionSolution:
         """Friction at n states with these directions of slip, see `resistance`.
 
         ``law`` : (2 m,) factors and drags, see `law`
+        ``rates`` : (m, n) at which laws are asked again that are not linear in the load
         """
-        n = np.size(rows[0][0])
+        n, most = np.size(rows[0][0]), self.program.steepest
         k, drag = self.against(sides, [np.broadcast_to(x, n) for x in law])
         solve, resist = self._bound["solve"], self._bound["resistance"]
+        by_load = None
+        if most and rates is not None:
+            speeds = rates
+
+            def laws(loads: Any) -> tuple[Any, Any]:
+                return self.against(sides, self.law(speeds, None, np.array(loads)))
+
+            by_load = partial(self._bound["by_tangents"], laws, most, solve, self.options)
         with np.errstate(all="ignore"):
-            solution: FrictionSolution = resist(rows, k, drag, self.guides, solve, self.options)
+            solution: FrictionSolution = resist(
+                rows, k, drag, self.guides, solve, self.options, by_load
+            )
         return solution
 
     def at(self, q: float, qd: float, t: float, sides: Sides, x: Any = None) -> FrictionState:
@@ -325,9 +351,16 @@ class JointFriction(PairFriction):
         rows = [engine.one(self._inputs(q, state)) for state in states]
         margin = min([1.0, *rows[0][1 + 2 * m :]], key=lambda x: (x == x, x))
         rates = np.array([rows[0][1 + m : 1 + 2 * m]]).T
-        terms = self.against(sides, [float(y[0]) for y in self.law(rates, x)])
+
+        def laws(loads: Any = None) -> tuple[Any, Any]:
+            column = None if loads is None else np.array([loads]).T
+            return self.against(sides, [float(y[0]) for y in self.law(rates, x, column)])
+
+        most = self.program.steepest
+        how = self.solver, self.options
+        by_load = partial(by_tangents, laws, most, *how) if most else None
         try:
-            resisted = resistance(rows, *terms, self.guides, self.solver, self.options)
+            resisted = resistance(rows, *laws(), self.guides, *how, by_load)
         except (ArithmeticError, ValueError):
             nothing = np.full(m, math.nan)
             return FrictionState(

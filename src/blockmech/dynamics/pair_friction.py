@@ -58,6 +58,10 @@ class PairProgram(Protocol):
         """(m,) whether a pair is a mesh that only adds to its contact."""
 
     @property
+    def steepest(self) -> tuple[float, ...]:
+        """(m,) largest slopes over the load of laws that are not linear in it, 0 of others; ()."""
+
+    @property
     def drags(self) -> bool:
         """Whether a law has more than a factor."""
 
@@ -142,7 +146,7 @@ class PairFriction:
         solver, options = solvers.SOLVERS[method.method]
         self.options = tuple(getattr(method, name) for name in options)
         self.solver = solver
-        kernels: Any = {"solve": solver, **self.kernels}
+        kernels: Any = {"solve": solver, "by_tangents": solvers.by_tangents, **self.kernels}
         self._bound = bind_functions(kernels, primitives(np.float64))
 
     def senses(self, slips: Any) -> Floats:
@@ -151,10 +155,11 @@ class PairFriction:
 
     # -- the laws ------------------------------------------------------------------------
 
-    def _asked(self, rates: Floats, x: Any = None) -> list[Row]:
+    def _asked(self, rates: Floats, x: Any = None, loads: Any = None) -> list[Row]:
         """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n), at rest, and elastic.
 
-        x are the states of signals and laws, by default the initial ones.
+        x are the states of signals and laws, by default the initial ones; ``loads`` (m, n) [N]
+        those of laws that are not linear in them, by default none.
         """
         inputs, n = self.program.laws.inputs, rates.shape[1]
         if not inputs and n in self._constant:
@@ -162,15 +167,17 @@ class PairFriction:
         given = {f"slip_{j}": rate for j, rate in enumerate(rates)}
         states = self._initial if x is None else x
         given |= {f"{STATE}{k}": np.full(n, s) for k, s in enumerate(states)}
+        loads = np.zeros(rates.shape) if loads is None else loads
+        given |= {f"load_{j}": load for j, load in enumerate(loads)}
         values, m = list(self._laws.run({x: given[x] for x in inputs}, n)), 2 * len(self.names)
         terms = [values[:m], values[m : 2 * m], values[2 * m :]]
         if not inputs:
             self._constant[n] = terms
         return terms
 
-    def law(self, rates: Floats, x: Any = None) -> Row:
-        """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n) and states x."""
-        return self._asked(rates, x)[0]
+    def law(self, rates: Floats, x: Any = None, loads: Any = None) -> Row:
+        """Factors and drags (2 m,) of arrays (n,) at relative rates, states and loads."""
+        return self._asked(rates, x, loads)[0]
 
     def standing(self, x: Any) -> tuple[float, ...]:
         """Factors and drags (2 m,) at a standstill with states x: those of bristles are elastic."""

@@ -12,6 +12,7 @@ say the same to rounding.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from blockmech.dynamics.friction import bearing, power_taken, resistance
@@ -21,6 +22,7 @@ from blockmech.engines.nodes import Untraceable
 from blockmech.engines.stages import CompiledRhs
 from blockmech.engines.trace import PRIMITIVES
 from blockmech.errors import MissingEngineError
+from blockmech.friction.solvers import by_tangents
 from blockmech.plane import NAN, minimum, where
 from blockmech.quality import NEAR as LEAST_MARGIN
 from blockmech.typing import Real
@@ -129,6 +131,7 @@ def _rubbing(friction: JointFriction, signals: SignalProgram) -> CompiledRhs:
         "resistance": resistance,
         "rubbing": rubbing,
         "solve": friction.solver,
+        "by_tangents": by_tangents,
     }
     bound = bind_functions(functions, PRIMITIVES)
 
@@ -143,23 +146,34 @@ def _rubbing(friction: JointFriction, signals: SignalProgram) -> CompiledRhs:
         x, (t, zero, one, least, *sides) = numbers[:n], numbers[n:]
 
         def state(
-            rate: Any, qdd: Any, share: Any, pair: int = -1, slips: Any = (zero,) * m
+            rate: Any,
+            qdd: Any,
+            share: Any,
+            pair: int = -1,
+            slips: Any = (zero,) * m,
+            loads: Any = (zero,) * m,
         ) -> tuple[Any, Any]:
-            """The row of a state, and what the laws say at relative rates."""
+            """The row of a state, and what the laws say at relative rates and loads."""
             given = {"q_0": q, "qd_0": rate, "qdd_0": qdd, "t": t, "load_share": share}
             given |= {f"friction_{i}": one if i == pair else zero for i in range(m)}
             given |= dict(zip(signals.names, x, strict=True))
             given |= {f"slip_{i}": slip for i, slip in enumerate(slips)}
+            given |= {f"load_{i}": load for i, load in enumerate(loads)}
             values = run(*(given[x] for x in inputs))
             return values[: len(values) - first], values[len(values) - first :]
 
         acting, _ = state(qd, zero, one)
-        _, law = state(qd, zero, one, slips=acting[1 + m : 1 + 2 * m])
-        law = law[signals.values :]
+
+        def laws(loads: Any = (zero,) * m) -> tuple[Any, Any]:
+            _, law = state(qd, zero, one, slips=acting[1 + m : 1 + 2 * m], loads=loads)
+            return signed_terms(sides, law[signals.values :], own.drags)
+
         rows = [acting, state(zero, one, zero)[0]]
         rows += [state(zero, zero, zero, i)[0] for i in range(m)]
-        terms = signed_terms(sides, law, own.drags)
-        solved = bound["resistance"](rows, *terms, own.guides, bound["solve"], friction.options)
+        how, by_load = (bound["solve"], friction.options), None
+        if own.steepest:
+            by_load = partial(bound["by_tangents"], laws, own.steepest, *how)
+        solved = bound["resistance"](rows, *laws(), own.guides, *how, by_load)
         inert, _ = state(qd, zero, zero)
         more = state(qd, solved.qdd, one)[1][: signals.values] if signals.values else ()
         about = own.guides, own.remembers, own.separates

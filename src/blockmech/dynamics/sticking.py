@@ -33,6 +33,7 @@ from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.pair_friction import FrictionState, PairFriction, Sides, State
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
 from blockmech.engines.numpy import Planar
+from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.friction.equations import loads as pair_loads
 from blockmech.friction.solvers import with_drag
@@ -122,9 +123,7 @@ class SeveralFriction(PairFriction):
         drives, loads = values[..., :k].real, values[..., k : k + m]
         slips, rise = (values[..., k + i * m : k + (i + 1) * m].real for i in (1, 2))
         w = slips[..., 0, :]
-        terms = self.law(w.reshape(-1, m).T, None if x is None else np.transpose(x))
-        rows = np.array([np.broadcast_to(x, w.size // m) for x in terms]).T
-        law = rows.reshape(*w.shape[:-1], -1)
+        law = self._law_at(w, None if x is None else np.transpose(x))
 
         def of(x: Any, first: int, count: int) -> Any:
             return np.swapaxes(x[..., first : first + count, :], -1, -2)
@@ -133,6 +132,22 @@ class SeveralFriction(PairFriction):
         S = np.where(np.abs(S) <= 8 * EPS * np.abs(S).max(axis=(-1, -2), keepdims=True), 0.0, S)
         push, b, f = -drives[..., 0, :], rise[..., 0, :], loads[..., 0, :]
         return Instant(q, qd, M, push, S, b, w, f, G, R, law, margin, free)
+
+    def _law_at(self, w: Floats, x: Any = None, loads: Any = None) -> Floats:
+        """Factors and drags (..., 2 m) at relative rates and loads (..., m)."""
+        m = len(self.names)
+        column = None if loads is None else np.reshape(loads, (-1, m)).T
+        terms = self.law(w.reshape(-1, m).T, x, column)
+        rows = np.array([np.broadcast_to(x, w.size // m) for x in terms]).T
+        law: Floats = rows.reshape(*w.shape[:-1], -1)
+        return law
+
+    def _tangents(self, at: Instant, law: Floats, loads: Any) -> Floats:
+        """A law (..., 2 m), of those that are not linear in the load at loads (..., m)."""
+        most = np.array(self.program.steepest * 2)
+        if not most.size:
+            return law
+        return np.asarray(np.where(most > 0, self._law_at(at.w, None, loads), law))
 
     def instant(self, q: Floats, qd: Floats, t: float, x: Any, free: Any) -> Instant:
         """One state; x are states of signal blocks, None the initial ones."""
@@ -213,12 +228,23 @@ class SeveralFriction(PairFriction):
         F = at.G @ qdd + at.R @ t
         F[..., 0] += at.f
         along = np.array([sides[j] for j in slips])
-        k = -along * law[..., slips]
-        drag = -along * law[..., [m + j for j in slips]] if self.program.drags else ()
+
+        def laws(loads: Any = None) -> tuple[Any, Any]:
+            """Signed factors and drags of what slips, (..., a); ``loads`` are those on it."""
+            own = law
+            if loads is not None:
+                whole = np.zeros(at.w.shape)
+                whole[..., slips] = loads
+                own = self._tangents(at, law, whole)
+            drag = -along * own[..., [m + j for j in slips]] if self.program.drags else ()
+            return -along * own[..., slips], drag
+
         one = np.ones((*at.rate.shape[:-1], 1))
         solution: Any = None
         if slips:
-            solution = self._solved(k, drag, [self.guides[j] for j in slips], F[..., slips, :])
+            most = [self.program.steepest[j] for j in slips] if self.program.steepest else ()
+            guides = [self.guides[j] for j in slips]
+            solution = self._solved(laws, most, guides, F[..., slips, :])
             one = np.concatenate([one, np.stack(solution.t, axis=-1)], axis=-1)
         qdd, t, F = ((x @ one[..., None])[..., 0] for x in (qdd, t, F))
         if solution is None:
@@ -226,7 +252,7 @@ class SeveralFriction(PairFriction):
         misfit = left_undone(solution.residual, solution.contraction)
         return Response(qdd, t, F, solution.outcome, solution.limit, misfit)
 
-    def _solved(self, k: Any, drag: Any, guides: Sequence[bool], F: Any) -> Any:
+    def _solved(self, laws: Any, steepest: Any, guides: Sequence[bool], F: Any) -> Any:
         """Friction of the pairs that slip, from loads (..., a, 1 + a) as of `_linear`."""
         single = F.ndim == 2
         solve = self.solver if single else self._bound["solve"]
@@ -241,10 +267,19 @@ class SeveralFriction(PairFriction):
         rows = tuple(
             tuple(vector(F[..., j, 1 + i]) for i in range(F.shape[-2])) for j in range(F.shape[-2])
         )
-        if len(drag):
-            drag = columns(drag)
-            base = pair_loads(drag, base, rows)
+
+        def tangents(loads: Any) -> tuple[Any, Any]:
+            k, drag = laws(np.stack(loads, axis=-1))
+            return columns(k), columns(drag)
+
         with np.errstate(all="ignore"):
+            if any(steepest):
+                found = solvers.by_tangents if single else self._bound["by_tangents"]
+                return found(tangents, steepest, solve, self.options, tuple(guides), base, rows)
+            k, drag = laws()
+            if len(drag):
+                drag = columns(drag)
+                base = pair_loads(drag, base, rows)
             solution = solve(columns(k), tuple(guides), base, rows, *self.options)
         return with_drag(solution, drag) if len(drag) else solution
 
@@ -412,7 +447,8 @@ class SeveralFriction(PairFriction):
             last, held = t.copy(), self._held(at, loads)
             if slips:
                 g = at.norms(loads, self.guides)
-                t[slips] = -side * (at.law[slips] * g[slips] + at.law[[m + j for j in slips]])
+                law = self._tangents(at, at.law, g)
+                t[slips] = -side * (law[slips] * g[slips] + law[[m + j for j in slips]])
             need = wanted - t[slips] @ S[slips]
             share = float(need @ v) / max(float(work @ held[moved]), np.finfo(float).tiny)
             if not share > 0:

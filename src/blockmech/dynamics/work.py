@@ -70,8 +70,8 @@ def of_friction(friction: JointFriction, q: Floats, rows: Floats, sign: int, sid
             acting = friction.acting(q, sign * rate)
         else:
             acting = friction.at_square(rest, square, qd2)
-        law = friction.law(slips * np.sqrt(np.maximum(qd2, 0.0)))
-        solution = friction.solve([acting, *responses], sides, law)
+        slipping = slips * np.sqrt(np.maximum(qd2, 0.0))
+        solution = friction.solve([acting, *responses], sides, friction.law(slipping), slipping)
         return EffortFunction(solution.effort + square[0] * qd2, solution.taken, solution.loads)
 
     return work

@@ -115,9 +115,9 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
     inside = (knots[0] <= x) & (x <= knots[-1])
     k = np.minimum(np.searchsorted(knots, x, side="right"), len(knots) - 1) - 1
     k = np.where(inside, k, 0)
-    s, total = x - knots[k], rows[0][k]
+    s, total = x - np.take(knots, k), np.take(rows[0], k)
     for row in rows[1:]:
-        total = total * s + row[k]
+        total = total * s + np.take(row, k)
     return np.where(inside, total, np.nan)
 
 

@@ -35,6 +35,7 @@ from blockmech.typing import Real
 
 CAP = 100  # iterations of `successive`: enough for P up to 0.85, whose 100th power is 1e-7
 SMALL_CHANGE = 1e-7  # of the largest load: the paper's 1e-3 N at its reactions of 1e4 N
+TANGENTS = 5  # steps to the loads of laws that are not linear in them; P^63 is left
 NEWTON_CAP = 12  # steps: 5 from rounding on the square root of P on, others where edges change
 
 
@@ -53,6 +54,57 @@ class Solution(NamedTuple):
 def with_drag(solved: Solution, drag: Any) -> Solution:
     """The solution for loads that the drag has shifted, with the drag in its friction."""
     return solved._replace(t=tuple(t + d for t, d in zip(solved.t, drag, strict=True)))
+
+
+def tangent_step(
+    t: Any, k: Any, drag: Any, edges: Any, base: Any, rows: Any
+) -> tuple[tuple[Real, ...], tuple[Real, ...]]:
+    """Friction, and the loads with it, by a step of Newton's method from friction t.
+
+    ``k`` and ``drag`` are the laws' tangents at the loads with t.
+    """
+    own = tuple(x - d for x, d in zip(t, drag, strict=True))
+    last, _, _ = newton_step((own, 0.0, True), k, edges, loads(drag, base, rows), rows)
+    t = tuple(x + d for x, d in zip(last, drag, strict=True))
+    return t, norms(loads(t, base, rows), edges)
+
+
+def by_tangents(
+    laws: Any, steepest: Any, solve: Any, options: Any, edges: Any, base: Any, rows: Any
+) -> Solution:
+    """Friction of laws that are not linear in the load, by their tangents at the loads.
+
+    ``laws(g)`` are the signed factors and drags at loads g [N], ``steepest`` the largest slopes of
+    such laws, 0 of others. The loads are found by Newton's
+    method, a fixed number of steps, as each squares what is left.
+    """
+    g, t = norms(base, edges), tuple(0.0 * abs(f.real) for f in base)
+    for _ in range(TANGENTS):
+        k, drag = laws(g)
+        t, g = tangent_step(t, k, drag, edges, base, rows)
+    k, drag = law = laws(g)
+    solved = solve(k, edges, loads(drag, base, rows), rows, *options)
+    most = [x or kj for x, kj in zip(steepest, k, strict=True)]
+    return with_drag(judged(solved, law, laws(solved.g), most, edges, rows), drag)
+
+
+def judged(
+    solved: Solution, law: Any, there: Any, steepest: Any, edges: Any, rows: Any
+) -> Solution:
+    """A solution by tangents ``law`` (k, drag): it stands if its laws say the same ``there``.
+
+    The certificate is that of the steepest slopes, with which one solution exists whatever the
+    laws are below them. Where it fails nothing is proved, and there is no answer.
+    """
+    said, true = (
+        [a * g + b for a, b, g in zip(k, drag, solved.g, strict=True)] for k, drag in (law, there)
+    )
+    off = largest_of([a - b for a, b in zip(said, true, strict=True)])
+    P = contraction_bound(steepest, edges, rows)
+    lost = (P >= 1.0) | (off > SETTLED * EPS * largest_of(true))
+    outcome = where(lost, float(Outcome.NOT_CONVERGED), solved.outcome)
+    t = tuple(where(lost, NAN, x) for x in solved.t)
+    return solved._replace(t=t, contraction=P, outcome=outcome)
 
 
 def _known(g: Any) -> Real:

@@ -108,29 +108,71 @@ def solution(s: Schedule, block: str) -> str | None:
 def solve(s: Schedule, block: str, reactions: str) -> str:
     """The solved friction of a block with these frictionless reactions: ``t``, and how it went."""
     joints = s.ask(friction.coupled_joints, block)
-    k = factors(s, joints)
     edges = tuple_of(str(statics(s, j).edges) for j in joints)
     base = tuple_of(
         statics(s, j).measure(s, j, s.ask(transmitted, j, reactions, reactions)) for j in joints
     )
     rows = influences(s, joints, reactions)
+    if any(s.structure.friction_law(j).reads_load for j in joints):
+        return _by_load(s, block, joints, edges, base, rows)
+    k, drag = laws_at(s, joints)
+    solved = _solve(s, block, joints, k, drag, edges, base, rows)
+    return s.emit(solvers.with_drag, solved, drag, name=f"{block}_friction") if drag else solved
+
+
+def _solve(
+    s: Schedule,
+    block: str,
+    joints: tuple[JointRef, ...],
+    k: str,
+    drag: str,
+    edges: str,
+    base: str,
+    rows: str,
+) -> str:
+    """The solver's answer for signed factors, with loads that drags shift (none: an empty text)."""
     solver, options = solvers.SOLVERS[s.friction.method]
     given = {"tolerance": s.friction.tolerance, "iterations": s.friction.iterations}
     more = [repr(given[o]) for o in options]
     c = s.ask(existence, block)
     more += [] if c is None else [f"{c} < 1.0"]
-    drags = [s.ask(friction.drag, j) for j in joints]
-    if not any(drag != NOUGHT for drag in drags):
+    if not drag:
         return s.emit(solver, k, edges, base, rows, *more, name=f"{block}_friction")
-    drag = tuple_of(drags)
     base = s.emit(equations.loads, drag, base, rows, name=f"{block}_dragged")
-    solved = s.emit(solver, k, edges, base, rows, *more, name=f"{block}_by_load")
-    return s.emit(solvers.with_drag, solved, drag, name=f"{block}_friction")
+    return s.emit(solver, k, edges, base, rows, *more, name=f"{block}_by_load")
 
 
-def factors(s: Schedule, joints: Iterable[JointRef]) -> str:
-    """Signed factors of several pairs."""
-    return tuple_of(s.ask(friction.resistance, j) for j in joints)
+def _by_load(
+    s: Schedule, block: str, joints: tuple[JointRef, ...], edges: str, base: str, rows: str
+) -> str:
+    """The same with laws that are not linear in the load: by their tangents at the loads.
+
+    The steps of `solvers.by_tangents`, here as calls of a program.
+    """
+    g = s.emit(equations.norms, base, edges, name=f"{block}_loads")
+    once = s.friction.method == "single"
+    t = tuple_of([NOUGHT] * len(joints))
+    for _ in range(0 if once else solvers.TANGENTS):
+        k, drag = laws_at(s, joints, g)
+        found = s.emit(solvers.tangent_step, t, k, drag, edges, base, rows, name=f"{block}_step")
+        t, g = f"{found}[0]", f"{found}[1]"
+    law = laws_at(s, joints, g)
+    solved = _solve(s, block, joints, *law, edges, base, rows)
+    if once:
+        return s.emit(solvers.with_drag, solved, law[1], name=f"{block}_friction")
+    there = laws_at(s, joints, f"{solved}.g")
+    most = tuple_of(s.ask(friction.steepest, j) for j in joints)
+    args = (solved, tuple_of(law), tuple_of(there), most, edges, rows)
+    judged = s.emit(solvers.judged, *args, name=f"{block}_by_tangents")
+    return s.emit(solvers.with_drag, judged, law[1], name=f"{block}_friction")
+
+
+def laws_at(s: Schedule, joints: Iterable[JointRef], g: str = "") -> tuple[str, str]:
+    """Signed factors and drags of several pairs, no text without drags; ``g`` are their loads."""
+    loads = [(j, *((f"{g}[{i}]",) if g else ())) for i, j in enumerate(joints)]
+    drags = [s.ask(friction.drag, *key) for key in loads]
+    k = tuple_of(s.ask(friction.resistance, *key) for key in loads)
+    return k, tuple_of(drags) if any(drag != NOUGHT for drag in drags) else ""
 
 
 def influences(s: Schedule, joints: tuple[JointRef, ...], base: str) -> str:
@@ -151,19 +193,21 @@ def existence(s: Schedule, block: str) -> str | None:
     if reactions is None or not friction.knows_existence(s.structure, block, joints):
         return None
     contacts = str(tuple(friction.contacts(s.structure, ref) for ref in joints))
-    args = (factors(s, joints), contacts, influences(s, joints, reactions))
+    args = (laws_at(s, joints)[0], contacts, influences(s, joints, reactions))
     return s.emit(existence_of, *args, name=f"{block}_existence")
 
 
 def solve_driven(s: Schedule, ref: JointRef, pair: str) -> str:
     """The friction of a driven pair, which does not change what the pair transmits."""
-    k, edges = s.ask(friction.resistance, ref), str(statics(s, ref).edges)
-    args = (f"({k},)", f"({edges},)", f"({statics(s, ref).measure(s, ref, pair)},)")
-    drag = s.ask(friction.drag, ref)
-    if drag == NOUGHT:
-        return s.emit(solvers.direct, *args, name=f"{ref}_friction")
-    solved = s.emit(solvers.direct, *args, name=f"{ref}_by_load")
-    return s.emit(solvers.with_drag, solved, f"({drag},)", name=f"{ref}_friction")
+    edges, base = f"({statics(s, ref).edges},)", f"({statics(s, ref).measure(s, ref, pair)},)"
+    g = ""
+    if s.structure.friction_law(ref).reads_load:
+        g = s.emit(equations.norms, base, edges, name=f"{ref}_loads")
+    k, drag = laws_at(s, (ref,), g)
+    if not drag:
+        return s.emit(solvers.direct, k, edges, base, name=f"{ref}_friction")
+    solved = s.emit(solvers.direct, k, edges, base, name=f"{ref}_by_load")
+    return s.emit(solvers.with_drag, solved, drag, name=f"{ref}_friction")
 
 
 def tuple_of(items: Iterable[str]) -> str:

@@ -101,13 +101,18 @@ def rate(s: Schedule, ref: JointRef) -> str:
     return s.line(f"abs({signed})", f"{ref}_slip_rate")
 
 
-def terms(s: Schedule, ref: JointRef) -> str:
-    """What its law says of a pair that slips: `FrictionTerms`.
+def terms(s: Schedule, ref: JointRef, load: str = "") -> str:
+    """What its law says of a pair that slips: `FrictionTerms`, of a law that reads it at a load.
 
     The one place at which a law is asked, for runs and for motions.
     """
     law = s.structure.friction_law(ref)
+    if law.reads_load and not load:
+        if s.friction.method != GIVEN:
+            return s.ask(terms_at_rest, ref)  # to which it tends as the load grows
+        load = s.unknown(f"load_{s.ask(given_joints).index(ref)}")
     speed = [s.ask(rate, ref)] if law.reads_speed or law.remembers else []
+    speed += [load] if law.reads_load else []
     speed += [s.ask(deflection, ref)] if law.remembers else []
     return s.emit(law.kernel(), *speed, s.ask(numbers, ref), name=f"{ref}_law")
 
@@ -233,12 +238,13 @@ def slip_speed(s: Schedule, ref: JointRef) -> str:
     return s.line(text, f"{ref}_slip_speed")
 
 
-def against_slip(s: Schedule, ref: JointRef, part: str, name: str) -> str:
+def against_slip(s: Schedule, ref: JointRef, part: str, name: str, load: str = "") -> str:
     """A part of what a law says, against the slip; 0 at rest, but of one that says its sign."""
     if s.structure.signed(ref):
         return s.line(f"-{s.ask(terms, ref)}.{part}", name)
     speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
-    args = (speed, top, f"{s.ask(terms, ref)}.{part}", s.ask(slip, ref), REST)
+    said = s.ask(terms, ref, *at(s, ref, load))
+    args = (speed, top, f"{said}.{part}", s.ask(slip, ref), REST)
     value = s.emit(resisting, *args, name=name)
     if not s.friction.sticking:
         return value
@@ -250,18 +256,34 @@ def sticks(s: Schedule, ref: JointRef) -> str:
     return s.unknown(f"sticks_{s.ask(given_joints).index(ref)}")
 
 
-def resistance(s: Schedule, ref: JointRef) -> str:
-    """Signed factor of a pair: friction on the later link per newton on the pair."""
-    return s.ask(against_slip, ref, "factor", f"{ref}_k")
+def at(s: Schedule, ref: JointRef, load: str) -> tuple[str, ...]:
+    """The load, of a law that reads it: so that rules are asked once for all others."""
+    return (load,) if load and s.structure.friction_law(ref).reads_load else ()
 
 
-def drag(s: Schedule, ref: JointRef) -> str:
+def steepest(s: Schedule, ref: JointRef) -> str:
+    """Largest magnitude of what friction of a pair follows its load by, at any load."""
+    if not s.structure.friction_law(ref).reads_load:
+        return s.ask(resistance, ref)
+    return f"{s.ask(numbers, ref)}.steepest"
+
+
+def resistance(s: Schedule, ref: JointRef, load: str = "") -> str:
+    """Signed factor of a pair: friction on the later link per newton on the pair.
+
+    Of a law that reads the load, of its tangent at one; without any, of a load without bound.
+    """
+    return s.ask(against_slip, ref, "factor", f"{ref}_k", *at(s, ref, load))
+
+
+def drag(s: Schedule, ref: JointRef, load: str = "") -> str:
     """Friction of a pair on the later link, whatever the load: couple [N m] or force [N].
 
     Of one that sticks it is all that it takes.
     """
     drags = s.structure.friction_law(ref).drags
-    value = s.ask(against_slip, ref, "drag", f"{ref}_drag") if drags else NOUGHT
+    more = at(s, ref, load)
+    value = s.ask(against_slip, ref, "drag", f"{ref}_drag", *more) if drags else NOUGHT
     if not s.friction.sticking:
         return value
     held = s.unknown(f"held_{s.ask(given_joints).index(ref)}")

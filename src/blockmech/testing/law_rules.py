@@ -27,7 +27,7 @@ IDLE = 1e-9  # [-] of the efforts: accelerations of a motion, and the drive that
 
 
 class LawRules(Checks):
-    """Rules 1 to 4 and 7 of a friction law, and that motions obey it as runs do."""
+    """Rules 1 to 4, 6 and 8 of a friction law, and that motions obey it as runs do."""
 
     def __init__(self, law: FrictionLaw) -> None:
         super().__init__()

@@ -16,8 +16,13 @@ revolute pair, max(|N|, 2 |C| / guide length) of a prismatic one) the friction o
  4. ``drags`` is False where the drag is 0.0 at all speeds; then it is not computed.
  5. ``smooth`` is False where factor or drag are not analytic in the speed, from 0 on: where they
     have a kink, or go with a fractional power. Motions are then integrated in time.
- 6. A law does not depend on where the pair is, nor on the time.
- 7. A law that ``remembers`` has a state of its own, the deflection z [rad] or [m] of the pair
+ 6. A law that follows the load otherwise than in proportion reads it: its kernel is
+    ``kernel(speed, load, p)`` with ``load`` [N] >= 0, and says the tangent there, factor the
+    slope and drag what is left of its friction. At rest it is a factor, to which friction of any
+    load tends as the speed falls or the load grows; ``p.steepest`` is the largest magnitude of the
+    slope, at any speed and load, from which the certificate is.
+ 7. A law does not depend on where the pair is, nor on the time.
+ 8. A law that ``remembers`` has a state of its own, the deflection z [rad] or [m] of the pair
     before it slips, 0 where it was never loaded. Its kernel is ``kernel(slip, deflection, p)`` of
     the rate with its sign, and friction is -(factor g + drag) in either sense. ``rate_kernel``
     gives dz/dt, of the same arguments, and ``steady_kernel`` the z, of ``(slip, p)``, at which
@@ -51,7 +56,7 @@ LAWS = Registry("friction law", code="unknown-friction-law")
 """Every friction law by the name that files give it."""
 
 PLAIN = "coulomb"  # the law of data that name none
-SPEED = "speed"  # what a kernel may read besides the law's numbers
+SPEED, LOAD = "speed", "load"  # what a kernel may read besides the law's numbers
 SLIP, DEFLECTION = "slip", "deflection"  # what that of a law with a state reads
 
 
@@ -67,7 +72,7 @@ class FrictionLaw(StrictModel):
 
     kinds : the pairs that may have it, "R" and "P"
     drags : whether some of it does not follow the load, see rule 4
-    remembers : whether it has a state of its own, see rule 7
+    remembers : whether it has a state of its own, see rule 8
     """
 
     kind_key: ClassVar[str] = "law"
@@ -95,7 +100,7 @@ class FrictionLaw(StrictModel):
             _check(self.rate_kernel(), [(SLIP, DEFLECTION)])
             _check(self.steady_kernel(), [(SLIP,)])
         else:
-            _check(self.kernel(), [(SPEED,), ()])
+            _check(self.kernel(), [(SPEED,), (), (SPEED, LOAD)])
 
     def kernel(self) -> Callable[..., FrictionTerms]:
         """The function of rule 1."""
@@ -106,11 +111,11 @@ class FrictionLaw(StrictModel):
         return None
 
     def rate_kernel(self) -> Callable[..., Real]:
-        """dz/dt of rule 7, for laws that remember."""
+        """dz/dt of rule 8, for laws that remember."""
         raise TypeError(f"{type(self).__name__} declares no rate of its state")
 
     def steady_kernel(self) -> Callable[..., Real]:
-        """z of rule 7 at a steady rate, for laws that remember."""
+        """z of rule 8 at a steady rate, for laws that remember."""
         raise TypeError(f"{type(self).__name__} declares no steady state")
 
     @property
@@ -123,6 +128,11 @@ class FrictionLaw(StrictModel):
         """Whether friction depends on the speed."""
         return SPEED in inspect.signature(self.kernel()).parameters
 
+    @property
+    def reads_load(self) -> bool:
+        """Whether friction is not linear in the load, see rule 6."""
+        return LOAD in inspect.signature(self.kernel()).parameters
+
     def numbers(self) -> dict[str, Any]:
         """The law's numbers by name."""
         fields = ((name, getattr(self, name)) for name in type(self).model_fields)
@@ -133,24 +143,27 @@ class FrictionLaw(StrictModel):
         numbers = self.numbers()
         return _record(type(self).__name__ + "Numbers", tuple(numbers))(*numbers.values())
 
-    def at(self, speed: float) -> FrictionTerms:
+    def at(self, speed: float, load: float = 0.0) -> FrictionTerms:
         """Factor and drag at a speed [rad/s or m/s], of a pair that has slipped at it for long.
+
+        ``load`` [N] is that of laws that are not linear in it.
 
         >>> from blockmech import Stribeck
         >>> law = Stribeck(static=0.3, kinetic=0.2, stribeck_speed=0.5, radius=0.05)
         >>> round(law.at(0.5).factor / 0.05, 6)
         0.236788
         """
-        terms: FrictionTerms = self.sliding()(speed)
+        terms: FrictionTerms = self.sliding()(speed, load)
         return terms
 
     def sliding(self, bind: Callable[[Any], Any] = lambda kernel: kernel) -> Callable[..., Any]:
-        """The function behind `at`, of speeds of any number type that ``bind`` gives kernels."""
+        """The function behind `at`, of numbers of any type that ``bind`` gives kernels."""
         kernel, p = bind(self.kernel()), self.parameters()
         if self.remembers:
             steady = bind(self.steady_kernel())
-            return lambda speed: kernel(speed, steady(speed, p), p)
-        return lambda speed: kernel(*((speed,) if self.reads_speed else ()), p)
+            return lambda speed, load=0.0: kernel(speed, steady(speed, p), p)
+        read = self.reads_speed + self.reads_load
+        return lambda speed, load=0.0: kernel(*(speed, load)[:read], p)
 
     def at_rest(self) -> FrictionTerms:
         """Factor and drag of a pair that does not slip: the half width of what holds it."""
