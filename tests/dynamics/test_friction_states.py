@@ -13,7 +13,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import blockmech as bm
-from blockmech.errors import RequestError
 from tests.dynamics.test_friction_laws import HANGING, G, pendulum, wheel
 from tests.gallery import changed, document
 
@@ -337,16 +336,28 @@ def test_links_and_joints_know_the_deflection():
     assert mech.verify(samples=5).ok
 
 
-@pytest.mark.parametrize(
-    "ask",
-    [
-        lambda m: m.sensitivity("crank.drive", ["crank.length"], at=1.0),
-        lambda m: m.study({"crank.length": [0.3, 0.4]}, want="max(crank.drive)", at=1.0),
-    ],
-)
-def test_what_takes_one_design_for_another_is_refused(ask):
-    with pytest.raises(RequestError, match="friction laws with a state"):
-        ask(four_bar())
+def test_derivatives_and_studies_of_a_given_motion_follow_its_deflections():
+    """Against fourth-order differences of whole runs; a study against runs of its designs."""
+    data, times = document("ruiz_fourbar"), np.linspace(0.0, 0.5, 5)
+    soft = {"law": "lugre", **CURVE, "stiffness": 2.0, "damping": 0.01, "radius": PIN}
+    data["blocks"]["dyad"]["friction"] = {"C": soft}
+    mech = changed(data)
+    names = ("dyad.l_i", "dyad.friction.C.stiffness")
+    exact = mech.sensitivity("crank.drive", names, times=times)
+    values = mech.parameters()
+
+    def drive(name, x):
+        return mech.document.replace({name: x}).run(times=times, want="crank.drive")["crank.drive"]
+
+    for name in names:
+        x = values[name].value
+        h = 1e-4 * x
+        f = [drive(name, x + k * h) for k in (-2, -1, 1, 2)]
+        slope = np.dot([1, -8, 8, -1], f) / (12 * h)
+        assert np.abs(exact["crank.drive", name] - slope).max() <= 1e-6 * np.abs(slope).max() > 0
+    kept = mech.study({names[1]: [2.5, 9.0]}, want="poses(crank.drive)", times=times)
+    for row, x in zip(kept["poses(crank.drive)"], (2.5, 9.0), strict=True):
+        assert row == pytest.approx(drive(names[1], x), rel=1e-12)
 
 
 def test_all_solutions_have_the_friction_of_the_run():

@@ -96,22 +96,28 @@ class Course:
 
     def at(self, taken: Samples) -> Floats:
         """States (m, n) of the pairs at samples."""
-        if taken.at_rest:
-            return np.zeros((len(self.pairs), taken.n))
+        return np.array([self.of(j, taken) for j in range(len(self.pairs))])
+
+    def of(self, j: int, taken: Samples) -> Floats:
+        """States (n,) of one pair at samples."""
         t = taken.time
-        if t is None or not np.isfinite(t).all():
-            slips = self.slips(taken.inputs, taken.n)
-            kernels = zip(self.laws, slips, strict=True)
-            return np.array(
-                [_bound(law.steady_kernel())(w, law.parameters()) for law, w in kernels]
-            )
-        return np.array([self._along(j, t) for j in range(len(self.pairs))])
+        if taken.at_rest:
+            return np.zeros(taken.n)
+        if t is not None and np.isfinite(t).all():
+            return self._along(j, t)
+        law, slip = self.laws[j], self.slips(taken.inputs, taken.n)[j]
+        return np.asarray(_bound(law.steady_kernel())(slip, law.parameters()))
 
     def slips(self, inputs: Any, n: int) -> Floats:
         """Relative rates (m, n) of the pairs."""
         with np.errstate(all="ignore"):
             columns = self._slips.run({x: inputs[x] for x in self._slips.program.inputs}, n)
         return np.array([np.broadcast_to(w, n) for w in columns], dtype=np.float64)
+
+    def same(self, j: int, other: Course) -> bool:
+        """Whether nothing that a pair's states follow from is another one's, under one motion."""
+        slips = self._slips.program.parameters == other._slips.program.parameters
+        return slips and self.laws[j] == other.laws[j]
 
     # -- the motion ----------------------------------------------------------------------
 

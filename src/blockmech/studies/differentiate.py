@@ -4,6 +4,9 @@ One run on dual numbers gives them for all samples, outputs and numbers at once,
 friction included. A second run in the opposite directions tells where an output has a kink.
 Rates and accelerations of the drivers are held, also where the driver's coordinate turns.
 
+The states of friction laws along a given motion are integrals of it: their own derivatives, which
+dual numbers take from there, are differences of fourth order of the courses of designs near by.
+
 Source: `blockmech.engines.derivatives`.
 """
 
@@ -18,18 +21,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.deflections import refuse_deflections
+from blockmech.analysis.deflections import Course
 from blockmech.arguments import declared
 from blockmech.compiled import Compiled
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual, slope
 from blockmech.errors import Problem, RequestError, refused
 from blockmech.model.parameters import Parameter, named
+from blockmech.passes.signals import STATE
 from blockmech.plan import Output, Plan
 from blockmech.plane import REST_SHARE
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
-from blockmech.studies.family import parameters
+from blockmech.studies.family import parameters, remade
 from blockmech.studies.reductions import POSES, REST, STROKE, WHOLE, Wanted, is_reduction, wanted
 from blockmech.studies.rests import rest_slopes
 from blockmech.studies.sampling import as_sequence
@@ -38,6 +42,8 @@ from blockmech.studies.variation import GIVEN, Variation, moves_drivers
 from blockmech.typing import Coordinates, FrictionMethod, Numbers, OnGap
 
 Array = NDArray[Any]
+STEP = 2.0**-9  # of a number, for differences of courses known to some 1e-11
+CENTRAL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
 INPUTS = {"q": "q", "rate": "qd", "acceleration": "qdd"}  # output of a driver -> program input
 
 
@@ -106,8 +112,9 @@ def sensitivity(
         raise RequestError(
             [Problem("no-derivative", a, why) for a, why in left_out.items() if a in wrong]
         )
-    ahead, going = _derived(plan, near, seeds, chosen, result)
-    behind, _ = _derived(plan, near, -seeds, chosen, result)
+    bent = _deflections(result, plan, chosen)
+    ahead, going = _derived(plan, near, seeds, chosen, result, bent)
+    behind, _ = _derived(plan, near, -seeds, chosen, result, bent)
     none = np.zeros((len(chosen), result.n), bool)
     jumps = dict.fromkeys(ahead, none)
     if any(x.any() for x in going.values()):
@@ -213,20 +220,49 @@ def _varies(plan: Plan, near: Variation, seeds: Array) -> bool:
     return True
 
 
+def _deflections(
+    result: Result, plan: Plan, chosen: Mapping[str, Parameter]
+) -> dict[str, tuple[Array, Array]]:
+    """States (n,) of friction laws that a program reads, and their derivatives (k, n)."""
+    m, taken = result.mechanism, result.samples
+    names = (f"{STATE}{m.structure.states[ref]}" for ref in m.structure.remembering)
+    read = {i: name for i, name in enumerate(names) if name in plan.program.inputs}
+    if not read:
+        return {}
+    own = m.once(Course)
+    here = {i: own.of(i, taken) for i in read}
+    slopes = {i: np.zeros((len(chosen), result.n)) for i in read}
+    for (j, p), place in itertools.product(enumerate(chosen.values()), CENTRAL):
+        if p.path[0] == GIVEN:
+            continue  # they are held, as rates are
+        step = STEP * (abs(p.value) or 1.0)
+        there = remade(m, {p.address: p.value + place * step}).once(Course)
+        for i in read:
+            if not there.same(i, own):
+                slopes[i][j] += CENTRAL[place] / step * (there.of(i, taken) - here[i])
+    return {name: (here[i], slopes[i]) for i, name in read.items()}
+
+
 def _derived(
-    plan: Plan, near: Variation, seeds: Array, chosen: Mapping[str, Parameter], result: Result
+    plan: Plan,
+    near: Variation,
+    seeds: Array,
+    chosen: Mapping[str, Parameter],
+    result: Result,
+    bent: Mapping[str, tuple[Array, Array]],
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Derivatives (k, n) of the outputs of a result, each in the direction of a chosen number.
 
-    ``seeds`` (k, k) change each number by its own size. And of pairs with friction, whether
-    (k, n) they rest and the number sets them going.
+    ``seeds`` (k, k) change each number by its own size; ``bent`` are the states of friction laws
+    with their derivatives. And of pairs with friction, whether (k, n) they rest and the number
+    sets them going.
     """
     shape = len(chosen), result.n
-    refuse_deflections(result.mechanism, plan, "derivatives")
     given, own = result.samples.given(plan.program.inputs), result.mechanism.drivers
     inputs = dict(given)
     for (i, driver), x in itertools.product(enumerate(near.base.drivers), INPUTS.values()):
         inputs[f"{x}_{i}"] = given[f"{x}_{own.index(driver)}"]
+    inputs |= {name: Dual(z, seeds @ slopes) for name, (z, slopes) in bent.items()}
     for j, p in enumerate(chosen.values()):
         if p.path[0] == GIVEN:
             _, x, driver = map(str, p.path)

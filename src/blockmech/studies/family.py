@@ -77,9 +77,15 @@ class Family:
     general : a mechanism whose plans hold for every design, if one serves all
     """
 
-    def __init__(self, mechanism: Compiled, addresses: Iterable[str]) -> None:
-        """Raises `RequestError` for addresses of nothing."""
+    def __init__(
+        self, mechanism: Compiled, addresses: Iterable[str], friction: str | None = "none"
+    ) -> None:
+        """Raises `RequestError` for addresses of nothing.
+
+        ``friction`` is the method with which designs run, as that of a run.
+        """
         self.mechanism = mechanism
+        self._courses = friction != "none" and bool(mechanism.structure.remembering)
         self.parameters = tuple(named(parameters(mechanism), dict.fromkeys(addresses)))
         self._taken = {p: (p.value, p.value) for p in self.parameters}
         self.general = mechanism
@@ -111,6 +117,8 @@ class Family:
                 return f"{p.address} goes through the geometry of the document"
         own = {path: p.value for p in self.parameters for path in self.places[p]}
         self.general = planned_aside(self.mechanism, own)
+        if self._courses:
+            return "friction laws with a state have a course of their own in each design"
         return self._moved(self.general.structure)
 
     def _moved(self, general: Structure) -> str:

@@ -149,7 +149,7 @@ def objective(
     Raises `RequestError` for unknown names, or settings that do not fit.
     """
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
-    family = Family(mechanism, as_sequence("to", to))
+    family = Family(mechanism, as_sequence("to", to), friction)
     poses: dict[str, Any] = {"at": poses_of(over, at), "samples": samples, "times": times}
     runner = runner_of(family, want, poses, how, simulate)
     if isinstance(runner, MotionRunner):

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.deflections import refuse_deflections
 from blockmech.compiled import COMPILED_FROM, Compiled
 from blockmech.engines.numpy import CHUNK, Planar, Whole
 from blockmech.errors import (
@@ -219,11 +218,12 @@ class _Planned:
         self.samples = runner.samples(mechanism)
         names = tuple(dict.fromkeys(column.output for column in runner.want))
         self.plan: Plan = mechanism.plan(names, **runner.settings)
-        refuse_deflections(mechanism, self.plan, "each design has another course")
         samples = count * self.samples.n
         self.engine = mechanism.engine_of_designs(self.plan, samples, runner.engine)
         self.together = 1 if runner.family.alone else self.engine.designs_together // CHUNK
-        self.inputs = self.samples.given(self.plan.program.inputs)
+        moved = mechanism.structure.remembering and runner.family.alone
+        taken = mechanism.with_deflections(self.samples) if moved else self.samples
+        self.inputs = taken.given(self.plan.program.inputs)
         self.weights = self.samples.weights(len(mechanism.drivers))
         blocks = mechanism.structure.blocks
         self.prismatic = frozenset(

@@ -94,7 +94,7 @@ def study(
     """
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
     chosen = designs(vary, sampling, count, seed)
-    family = Family(mechanism, vary)
+    family = Family(mechanism, vary, friction)
     poses = {"at": poses_of(over, at), "samples": samples, "times": times}
     runner = runner_of(family, want, poses, how, simulate)
     spans = runner.checked(chosen)

@@ -167,7 +167,7 @@ def tolerance(
     linear = sensitivity(centre, want, laws, **poses, friction=friction, static=static)  # type: ignore[arg-type]
     sampled = {}
     if count is not None:
-        family, how = Family(centre, laws), linear.result.settings
+        family, how = Family(centre, laws, friction), linear.result.settings
         every = [n if n in linear.reduced else f"poses({n})" for n in linear]
         runner = Runner.of(family, every, poses, how)
         sampled = _drawn(runner, designs(laws, "random", count, seed), linear, progress)
