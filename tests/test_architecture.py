@@ -22,7 +22,7 @@ ROOMS = (
     "early",
     "typing",
     "plane",
-    "told",
+    "report",
     "errors",
     "arguments",
     "units",

@@ -52,16 +52,13 @@ def failure_of(result: Result) -> SampleError:
     same = [i for i in quality.gaps if quality.blame[i] == block]
     drivers = {name: float(q[first]) for name, q in result.drivers.items()}
     margin = float(quality.margin[block][first]) if block in quality.margin else float("nan")
-    place = ", ".join(
-        f"{name} = {q:.9g} {result.unit_of_driver(name)}" for name, q in drivers.items()
-    )
     failing = mechanism.block_name(block) if block else "mechanism"
     error, code, reason = _what(result, first, block, margin, drivers)
     count = f"{len(same)} of {result.n} samples" if len(same) > 1 else "one sample"
     return error(
         Problem(
             code,
-            f"{failing} at {place} (sample {first} of {result.n})",
+            f"{failing} at {result.place(first)} (sample {first} of {result.n})",
             f"{reason}; {count} affected",
             _arcs(result, first) if block and error is not FrictionError else "",
             'choose other samples, or pass on_gap="mark" to keep the rest',

@@ -17,6 +17,7 @@ from blockmech.errors import held, listed, refused
 from blockmech.export import Exported
 from blockmech.plan import Output, Plan
 from blockmech.quality import OK, Flag, Quality, assess
+from blockmech.report import DEGREES, places
 from blockmech.samples import Samples
 from blockmech.wires import on_wires
 
@@ -120,6 +121,11 @@ class Result(Exported):
         names = self.mechanism.drivers
         name = self.mechanism.of_driver
         return {name(d, "q"): self.samples.coordinate(i) for i, d in enumerate(names)}
+
+    def place(self, sample: int, degrees: bool = DEGREES) -> str:
+        """Where the drivers stand at a sample, in words: ``crank.q = 0.5 rad``."""
+        at = {name: float(q[sample]) for name, q in self.drivers.items()}
+        return places(at, {name: self.unit_of_driver(name) for name in at}, degrees)
 
     def output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom."""

@@ -19,7 +19,7 @@ from blockmech.draw.paper import styled
 from blockmech.draw.shapes import Stage, load_ways
 from blockmech.draw.sketch import hull, sketch_of
 from blockmech.export import table
-from blockmech.told import DEGREES
+from blockmech.report import DEGREES
 from tests.draw.scenes import fourbar, quick_return, rocking_slide, slider_crank
 from tests.gallery import GRAPHS
 from tests.wiring import chain, ruiz, toggle, watt

@@ -44,9 +44,9 @@ from blockmech.analysis.trade.derived import run_off_by_a_digit
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import COMPILED_FROM, Compiled
 from blockmech.errors import as_names, listed, refused
+from blockmech.report import Facts
 from blockmech.result import Result
 from blockmech.samples import Samples
-from blockmech.told import as_data
 from blockmech.values import is_number
 
 PROBE = 65  # samples
@@ -63,7 +63,7 @@ FRICTION = (
 
 
 @dataclass(frozen=True)
-class Accuracy:
+class Accuracy(Facts):
     """What was chosen for a wanted accuracy, and the error that it is estimated to have.
 
     Attributes
@@ -73,6 +73,8 @@ class Accuracy:
     friction, iterations, precision : the settings taken
     why : the reason in words
     """
+
+    FACTS = ("target", "estimate", "friction", "iterations", "precision", "why", "reached")
 
     target: float
     estimate: float
@@ -95,10 +97,6 @@ class Accuracy:
             f"accuracy {self.target:.1g}: {method}, {self.precision}; "
             f"estimated error {self.estimate:.1g}, {self.why}{reached}"
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """The choice as JSON data."""
-        return as_data(self) | {"reached": self.reached}
 
 
 class Probe(NamedTuple):

@@ -17,8 +17,8 @@ import numpy as np
 
 from blockmech.dynamics.tangents import Tangents
 from blockmech.plane import EPS
+from blockmech.report import DEGREES, Facts, Report, as_json, places, with_unit
 from blockmech.series import Floats
-from blockmech.told import DEGREES, TextReport, as_data, with_unit
 
 Kind = Literal["stable", "unstable", "indifferent"]
 
@@ -26,7 +26,7 @@ NONE = 1e-9  # relative: what roots and eigenvalues leave of nothing
 
 
 @dataclass(frozen=True, repr=False)
-class Equilibrium(TextReport):
+class Equilibrium(Facts, Report):
     """A pose in which the loads alone move nothing.
 
     Attributes
@@ -43,6 +43,11 @@ class Equilibrium(TextReport):
     stop : whether it is an end stop that the loads push against
     jump : whether the effort of the loads jumps there from one sign to the other
     """
+
+    FACTS = (
+        *("at", "kind", "potential", "interval", "stop", "jump"),
+        *("M", "C", "K", "values", "frequencies"),
+    )
 
     at: Mapping[str, float]
     units: Mapping[str, str]
@@ -71,11 +76,12 @@ class Equilibrium(TextReport):
         """Natural frequencies [rad/s] of small oscillations, rising; those without damping."""
         return natural_frequencies(self.M, self.K) if len(self.values) else np.empty(0)
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The equilibrium as a line."""
-        at = ", ".join(f"{d} = {with_unit(q, self.units[d], degrees)}" for d, q in self.at.items())
+        at = places(self.at, self.units, degrees)
         if self.stop:
-            return f"{at}  pushed against the end stop"
+            yield f"{at}  pushed against the end stop"
+            return
         rows = [f"{at}  {self.kind}" + (", where the effort jumps" if self.jump else "")]
         w = self.frequencies
         if self.kind == "unstable" and len(self.values):
@@ -86,19 +92,11 @@ class Equilibrium(TextReport):
             rows.append(f"potential {self.potential:.6g} J")
         if self.interval is not None:
             rows.append(f"friction holds it {_between(self.interval, self._unit, degrees)}")
-        return ", ".join(rows)
+        yield ", ".join(rows)
 
     @property
     def _unit(self) -> str:
         return next(iter(self.units.values()))
-
-    def to_dict(self) -> dict[str, Any]:
-        """The equilibrium as a JSON object."""
-        values = [[float(z.real), float(z.imag)] for z in self.values]
-        names = ("at", "kind", "potential", "interval", "stop", "jump")
-        data = {name: getattr(self, name) for name in names}
-        data |= {name: getattr(self, name).tolist() for name in ("M", "C", "K")}
-        return as_data({**data, "values": values, "frequencies": self.frequencies.tolist()})
 
 
 class Curve(NamedTuple):
@@ -110,7 +108,7 @@ class Curve(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Equilibria(TextReport, Sequence[Equilibrium]):
+class Equilibria(Facts, Report, Sequence[Equilibrium]):
     """All equilibria that were found, in rising order of the first driver's coordinate.
 
     Attributes
@@ -123,6 +121,8 @@ class Equilibria(TextReport, Sequence[Equilibrium]):
     coordinate, unit : of the only driver, e.g. "crank.q"; "" of several
     notes : what should be known
     """
+
+    FACTS = ("rests", "balanced", "notes")
 
     found: tuple[Equilibrium, ...]
     rests: tuple[tuple[float, float], ...] = ()
@@ -147,11 +147,8 @@ class Equilibria(TextReport, Sequence[Equilibrium]):
         """Those at which it stays."""
         return tuple(e for e in self.found if e.kind == "stable")
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """One equilibrium a line, then the intervals of rest."""
-        return "\n".join(self._lines(degrees))
-
-    def _lines(self, degrees: bool) -> Iterator[str]:
         yield from (e.text(degrees) for e in self.found)
         if not self.found and not self.balanced:
             yield "no equilibrium"
@@ -163,9 +160,7 @@ class Equilibria(TextReport, Sequence[Equilibrium]):
 
     def to_dict(self) -> dict[str, Any]:
         """All of it as a JSON object."""
-        rows = [e.to_dict() for e in self.found]
-        more = {"rests": self.rests, "balanced": self.balanced, "notes": self.notes}
-        return {"equilibria": rows, **as_data(more)}
+        return {"equilibria": as_json(self.found), **super().to_dict()}
 
 
 def _between(ends: tuple[float, float], unit: str, degrees: bool) -> str:

@@ -8,7 +8,6 @@ friction moment that changes its sign) minimisation takes over.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -18,7 +17,7 @@ from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import shown_place
 from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
 from blockmech.errors import held, listed, refused, shown
-from blockmech.told import DEGREES, TextReport, with_unit
+from blockmech.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
@@ -31,7 +30,7 @@ Kind = Literal["minimum", "maximum"]
 
 
 @dataclass(frozen=True)
-class Extreme:
+class Extreme(Facts):
     """One extreme value and where it is.
 
     Attributes
@@ -44,6 +43,8 @@ class Extreme:
     end : whether it is no turn of the output but an end of the range or of an arc
     """
 
+    FACTS = ("kind", "value", "time", "end")
+
     kind: Kind
     value: float
     at: Mapping[str, float]
@@ -53,40 +54,31 @@ class Extreme:
 
     def place(self, degrees: bool = DEGREES) -> str:
         """Where it is, in words."""
-        coordinates = ((d, shown_place(q), self.units[d]) for d, q in self.at.items())
-        return ", ".join(f"{d} = {with_unit(q, unit, degrees)}" for d, q, unit in coordinates)
+        return places({d: shown_place(q) for d, q in self.at.items()}, self.units, degrees)
 
     def to_dict(self) -> dict[str, Any]:
         """The extreme as a JSON object; null stands for infinity."""
-        value = self.value if math.isfinite(self.value) else None
-        data: dict[str, Any] = {"kind": self.kind, "value": value, "drivers": dict(self.at)}
-        return data | {"time": self.time, "end": self.end}
+        return {**super().to_dict(), "drivers": dict(self.at)}
 
 
 @dataclass(frozen=True)
-class Range:
+class Range(Facts):
     """Smallest and largest value of one real quantity, and all its turns in between.
 
     ``part`` is "x", "y" or "magnitude" of a vector, "" of a real output. ``turns`` are
     the local extremes inside the range, in the order of the cycle.
     """
 
+    FACTS = ("minimum", "maximum", "turns")
+
     part: str
     minimum: Extreme
     maximum: Extreme
     turns: tuple[Extreme, ...]
 
-    def to_dict(self) -> dict[str, Any]:
-        """The range as a JSON object."""
-        return {
-            "minimum": self.minimum.to_dict(),
-            "maximum": self.maximum.to_dict(),
-            "turns": [t.to_dict() for t in self.turns],
-        }
-
 
 @dataclass(frozen=True, repr=False)
-class Extremes(TextReport):
+class Extremes(Facts, Report):
     """Extremes of one output; of a vector those of x, y and its magnitude.
 
     ``minimum``, ``maximum`` and ``turns`` are those of a real output, or of a vector's
@@ -119,11 +111,8 @@ class Extremes(TextReport):
         """All local extremes inside the range, in the order of the cycle."""
         return self._main.turns
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The extremes of each part, one a line."""
-        return "\n".join(self._lines(degrees))
-
-    def _lines(self, degrees: bool) -> Iterator[str]:
         for part, span in self.ranges.items():
             name = f"{self.name}.{part}".rstrip(".")
             for one in (span.minimum, span.maximum):

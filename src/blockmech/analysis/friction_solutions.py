@@ -15,7 +15,7 @@ Index +1 is necessary for a stable one and not sufficient, so all are reported, 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,9 +26,8 @@ from blockmech.arguments import declared
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
 from blockmech.errors import listed, refused
-from blockmech.export import Column, aligned, counted, csv_of
+from blockmech.export import Column, CsvTable, aligned, counted
 from blockmech.export.columns import output_columns
-from blockmech.files import AnyPath
 from blockmech.friction import enumeration, solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.friction.equations import load_norm
@@ -37,9 +36,9 @@ from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Schedule
+from blockmech.report import DEGREES, Facts, Report, as_json, places
 from blockmech.result import Result
 from blockmech.samples import Samples
-from blockmech.told import DEGREES, TextReport, with_unit
 from blockmech.typing import Coordinates, Numbers
 
 if TYPE_CHECKING:
@@ -329,7 +328,7 @@ def _tree(equations: Equations, taken: Samples, scale: Floats) -> Tree:
 
 
 @dataclass(frozen=True, repr=False)
-class FrictionSolutions(TextReport):
+class FrictionSolutions(CsvTable, Facts, Report):
     """All solutions of the friction equations at n poses.
 
     ``found["crank.drive"]`` is an array (s,), one number for each of s solutions; those of a
@@ -394,7 +393,7 @@ class FrictionSolutions(TextReport):
         m = self.answers.mechanism
         return {m.of_driver(d, "q"): self.samples.coordinate(i) for i, d in enumerate(m.drivers)}
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The solutions as a table, and what proves that there are no others."""
         columns, more = self._fitting(self._columns(degrees))
         head = [column.head for column in columns]
@@ -408,7 +407,10 @@ class FrictionSolutions(TextReport):
         rows = zip(*words[: self._led], which, linked, *index, *words[self._led :], strict=True)
         names = [f"{self._said(group)} index" for group in self.index]
         title = [*head[: self._led], "solution", "connected", *names, *head[self._led :]]
-        return "\n".join([*self._head(), *aligned(title, rows), *self._foot(degrees, more)])
+        name = self.answers.mechanism.name
+        yield f"{name}: {counted(self.n, 'pose')}, {counted(len(self), 'solution')}"
+        yield from ("", *aligned(title, rows))
+        yield from self._foot(degrees, more)
 
     def _fitting(self, columns: list[Column]) -> tuple[list[Column], list[str]]:
         """The columns that a line has room for, one at least, and the names of the others."""
@@ -435,11 +437,6 @@ class FrictionSolutions(TextReport):
         for name in self.answers:
             columns += output_columns(self.answers, name, degrees)
         return columns
-
-    def _head(self) -> Iterator[str]:
-        name = self.answers.mechanism.name
-        yield f"{name}: {counted(self.n, 'pose')}, {counted(len(self), 'solution')}"
-        yield ""
 
     def _foot(self, degrees: bool, more: Sequence[str]) -> Iterator[str]:
         if more:
@@ -469,10 +466,9 @@ class FrictionSolutions(TextReport):
             yield f"at zero relative speed, friction there taken as 0: {listed(resting, 4)}"
 
     def _place(self, word: str, degrees: bool) -> str:
-        i = self.proof.index(word)
-        units = (self.answers.unit_of_driver(name) for name in self.drivers)
-        at = zip(self.drivers.items(), units, strict=True)
-        return ", ".join(f"{name} = {with_unit(q[i], unit, degrees)}" for (name, q), unit in at)
+        i, drivers = self.proof.index(word), self.drivers
+        units = {name: self.answers.unit_of_driver(name) for name in drivers}
+        return places({name: float(q[i]) for name, q in drivers.items()}, units, degrees)
 
     def _said(self, group: str) -> str:
         return str(self.answers.mechanism.block_name(group))
@@ -480,38 +476,31 @@ class FrictionSolutions(TextReport):
     def to_dict(self) -> dict[str, Any]:
         """The solutions by pose, as JSON data in SI units."""
         columns, first = self._columns(), np.searchsorted(self.pose, np.arange(self.n + 1))
-        poses = []
-        for i in range(self.n):
-            poses.append(
-                {
-                    "drivers": {name: float(q[i]) for name, q in self.drivers.items()},
-                    "scale": float(self.scale[i]),
-                    "complete": bool(self.complete[i]),
-                    "proof": self.proof[i],
-                    "existence": {
-                        name: float(c[i]) if np.isfinite(c[i]) else None
-                        for name, c in self.existence.items()
-                    },
-                    "at_rest": [name for name, at in self.at_rest.items() if at[i]],
-                    "solutions": [
-                        self._solution(j, columns[self._led :])
-                        for j in range(first[i], first[i + 1])
-                    ],
-                }
-            )
+        solutions = [
+            {
+                "connected": self.connected[j],
+                "index": {name: column[j] for name, column in self.index.items()},
+                "outputs": {column.name: column.values[j] for column in columns[self._led :]},
+            }
+            for j in range(len(self))
+        ]
+        poses = [
+            {
+                "drivers": {name: q[i] for name, q in self.drivers.items()},
+                "scale": self.scale[i],
+                "complete": self.complete[i],
+                "proof": self.proof[i],
+                "existence": {name: c[i] for name, c in self.existence.items()},
+                "at_rest": [name for name, at in self.at_rest.items() if at[i]],
+                "solutions": solutions[first[i] : first[i + 1]],
+            }
+            for i in range(self.n)
+        ]
         units = {c.name: c.unit for c in columns}
-        return {"name": self.answers.mechanism.name, "units": units, "poses": poses}
+        return {"name": self.answers.mechanism.name, "units": units, "poses": as_json(poses)}
 
-    def _solution(self, j: int, columns: Sequence[Column]) -> dict[str, Any]:
-        return {
-            "connected": bool(self.connected[j]),
-            "index": {name: int(column[j]) for name, column in self.index.items()},
-            "outputs": {column.name: float(column.values[j]) for column in columns},
-        }
-
-    @declared
-    def to_csv(self, path: AnyPath | None = None, separator: str = ",", decimal: str = ".") -> str:
-        """CSV text, a row a solution, units in the head; written if a path is given."""
+    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[Any]]]:
+        """A row a solution."""
         columns, complete = self._columns(), self.complete
         names = [f"{self._said(group)} index" for group in self.index]
         where, values = columns[: self._led], columns[self._led :]
@@ -528,7 +517,7 @@ class FrictionSolutions(TextReport):
             ]
             for j, p in enumerate(self.pose)
         ]
-        return csv_of(head, rows, path, separator, decimal)
+        return head, rows
 
 
 @declared

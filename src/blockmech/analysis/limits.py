@@ -31,8 +31,8 @@ from blockmech.arguments import declared
 from blockmech.errors import Problem, RequestError, among, listed, refused
 from blockmech.model.structure import Structure
 from blockmech.reach import shortfall
+from blockmech.report import DEGREES, Facts, Report
 from blockmech.series import DOUBLE_ROOT, SCANNED
-from blockmech.told import DEGREES, TextReport, as_data
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -81,7 +81,7 @@ class Arc:
 
 
 @dataclass(frozen=True, repr=False)
-class Limits(TextReport):
+class Limits(Facts, Report):
     """The feasible arcs of one driver.
 
     Attributes
@@ -96,6 +96,8 @@ class Limits(TextReport):
     prefix : what names of outputs put before the driver's, "driver." in a document of joints
     why : by how much the nearest group misses closing there, in words
     """
+
+    FACTS = ("unit", "whole_turn", "arcs", "nearest", "spacing")
 
     driver: str
     unit: str
@@ -133,13 +135,10 @@ class Limits(TextReport):
         word = "feasible arc" + ("s" if len(self.arcs) > 1 else "")
         return f"{word} of {name}: {', '.join(map(str, self.arcs))} {self.unit}"
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterable[str]:
         """The arcs, their ends and change points, one a line."""
         turned = degrees and self.unit == "rad"
         scale, unit = (180 / math.pi, "deg") if turned else (1.0, self.unit)
-        return "\n".join(self._lines(scale, unit))
-
-    def _lines(self, scale: float, unit: str) -> Iterable[str]:
         held = ", ".join(f"{self._q(d)} = {q:.9g}" for d, q in self.held.items())
         count = "turns fully" if self.whole_turn else f"{len(self.arcs) or 'no'} feasible arc"
         plural = "s" if len(self.arcs) > 1 else ""
@@ -162,11 +161,9 @@ class Limits(TextReport):
             yield f"  {SECOND_KIND}"
 
     def to_dict(self) -> dict[str, Any]:
-        """The limits as a JSON object; null stands for infinity."""
-        names = ("unit", "whole_turn", "arcs", "nearest", "spacing")
+        """The limits as a JSON object, drivers by the names of their coordinates."""
         held = {self._q(d): q for d, q in self.held.items()}
-        data = {"driver": self._q(self.driver), "held": held}
-        return as_data(data | {name: getattr(self, name) for name in names})
+        return {"driver": self._q(self.driver), "held": held, **super().to_dict()}
 
 
 @declared

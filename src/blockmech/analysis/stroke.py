@@ -11,7 +11,7 @@ of driver travel.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
@@ -25,8 +25,8 @@ from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turns import ALIKE, Signal, Turn, Turns, signal_of, turns_of
 from blockmech.errors import refused
+from blockmech.report import DEGREES, Facts, Report, with_unit
 from blockmech.series import EPS, Floats, fit, panels
-from blockmech.told import DEGREES, TextReport, with_unit
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ Velocity = Callable[[Floats], NDArray[np.complex128]]
 
 
 @dataclass(frozen=True, repr=False)
-class Stroke(TextReport):
+class Stroke(Facts, Report):
     """A stroke between two extreme positions.
 
     Attributes
@@ -56,6 +56,8 @@ class Stroke(TextReport):
     out, back : driver travel [rad] from low to high and from high to low; None unless the
         driver is one crank that makes a whole turn
     """
+
+    FACTS = ("unit", "length", "path", "chord", "low", "high", "out", "back", "time_ratio")
 
     name: str
     unit: str
@@ -74,7 +76,7 @@ class Stroke(TextReport):
             return None
         return max(self.out, self.back) / min(self.out, self.back)
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The stroke as a sentence."""
         text = (
             f"{self.name}  stroke {with_unit(self.length, self.unit, degrees)}, "
@@ -83,22 +85,11 @@ class Stroke(TextReport):
         if not (self.path == "scalar" or self.low.end or self.high.end):
             text += ", where it stands: singular poses of the first kind (Gosselin, Angeles)"
         ratio = self.time_ratio
-        return text if ratio is None else f"{text}; time ratio {ratio:.6g}"
+        yield text if ratio is None else f"{text}; time ratio {ratio:.6g}"
 
     def to_dict(self) -> dict[str, Any]:
         """The stroke as a JSON object."""
-        return {
-            "output": self.name,
-            "unit": self.unit,
-            "length": self.length,
-            "path": self.path,
-            "chord": self.chord,
-            "low": self.low.to_dict(),
-            "high": self.high.to_dict(),
-            "out": self.out,
-            "back": self.back,
-            "time_ratio": self.time_ratio,
-        }
+        return {"output": self.name, **super().to_dict()}
 
 
 def stroke(

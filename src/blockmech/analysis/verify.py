@@ -33,10 +33,10 @@ from blockmech.dynamics.along import result_along
 from blockmech.errors import refused
 from blockmech.model.structure import LinkRef
 from blockmech.passes.signals import STATE
+from blockmech.report import DEGREES, Facts, Report
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 from blockmech.samples import Samples
-from blockmech.told import DEGREES, TextReport
 from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, Precision
 
 if TYPE_CHECKING:
@@ -63,11 +63,13 @@ CHECKS: tuple[CheckOf, ...] = (
 
 
 @dataclass(frozen=True)
-class Check:
+class Check(Facts):
     """One check: the largest relative error over the samples, and what is allowed.
 
     ``value`` is in units of the sum of absolute terms times the conditioning [-].
     """
+
+    FACTS = ("name", "value", "allowed", "ok")
 
     name: str
     value: float
@@ -80,7 +82,7 @@ class Check:
 
 
 @dataclass(frozen=True, repr=False)
-class Verification(TextReport):
+class Verification(Facts, Report):
     """All checks of a mechanism.
 
     Attributes
@@ -89,6 +91,8 @@ class Verification(TextReport):
     samples : number of samples with an answer that were checked
     conditioning : largest conditioning of a block met [-]
     """
+
+    FACTS = ("ok", "rows")
 
     rows: tuple[Check, ...]
     samples: int
@@ -99,19 +103,17 @@ class Verification(TextReport):
         """Whether every check holds and there was something to check."""
         return self.samples > 0 and all(r.ok for r in self.rows)
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The checks, one a line."""
         width = max((len(r.name) for r in self.rows), default=4)
-        lines = [f"{'check':<{width}}  error [-]  allowed [-]"]
-        lines += [
-            f"{r.name:<{width}}  {r.value:9.2e}  {r.allowed:9.2e}  {'ok' if r.ok else 'FAILS'}"
-            for r in self.rows
-        ]
-        lines.append(
+        yield f"{'check':<{width}}  error [-]  allowed [-]"
+        for r in self.rows:
+            word = "ok" if r.ok else "FAILS"
+            yield f"{r.name:<{width}}  {r.value:9.2e}  {r.allowed:9.2e}  {word}"
+        yield (
             f"{self.samples} samples; errors are relative to the sum of absolute terms "
             f"times the conditioning (at most {self.conditioning:.3g})"
         )
-        return "\n".join(lines)
 
 
 @np.errstate(all="ignore")  # a check that is not finite fails

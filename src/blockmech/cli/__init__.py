@@ -24,6 +24,7 @@ from blockmech.cli.draw import draw
 from blockmech.cli.export import export
 from blockmech.cli.import_ import import_
 from blockmech.cli.new import new
+from blockmech.cli.options import flat
 from blockmech.cli.page import page
 from blockmech.cli.run import run
 from blockmech.cli.sensitivity import sensitivity
@@ -119,7 +120,7 @@ def command() -> Any:
     )
     app.callback()(_shared)
     for function in COMMANDS:
-        app.command()(function)
+        app.command()(flat(function))
     return typer.main.get_command(app)
 
 

@@ -10,15 +10,8 @@ import typer
 
 from blockmech.builders import Graph, Opened, compiled, compiled_of, opened
 from blockmech.cli.numbers import coordinates
-from blockmech.cli.options import (
-    AsJson,
-    At,
-    DegreesOfText,
-    GraphFile,
-    option,
-    si_only,
-    switch,
-)
+from blockmech.cli.options import AsJson, At, GraphFile, option, switch
+from blockmech.cli.output import Drawn, Several, Shown
 from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, progress_bar, reading
 from blockmech.errors import (
     BlockmechError,
@@ -31,7 +24,6 @@ from blockmech.errors import (
 )
 from blockmech.mechanism import Mechanism
 from blockmech.testing.expectations import check_closing
-from blockmech.told import DEGREES
 
 
 def check(file: GraphFile, json: AsJson = False) -> None:
@@ -42,11 +34,10 @@ def check(file: GraphFile, json: AsJson = False) -> None:
     """
     doubts: list[Problem] = []
     try:
-        with reading(file):
-            model = opened(file)
-            problems = in_file(model.check(), file)
-            facts, text = ({}, "") if problems else _facts(model)
-            doubts = [] if problems else _doubts(model, file)
+        model = reading(file, opened)
+        problems = in_file(model.check(), file)
+        facts, text = ({}, "") if problems else _facts(model)
+        doubts = [] if problems else _doubts(model, file)
     except (FormatError, GraphError) as error:
         problems, facts, text = list(error.problems), {}, ""
     if problems and not json:
@@ -88,36 +79,31 @@ def _facts(model: Opened) -> tuple[dict[str, Any], str]:
     }, text
 
 
-def verify(file: GraphFile, at: At = None, json: AsJson = False) -> None:
+def verify(file: GraphFile, shown: Shown, at: At = None) -> None:
     """Check balances, powers and the two routes to the driving moment."""
-    with reading(file):
-        mechanism = compiled(file)
-    given = coordinates(mechanism, at or [])
+    mechanism = shown.read(file, compiled)
+    given = coordinates(mechanism, at)
     with progress_bar("verifying"):
         report = mechanism.verify(given)
-    rows = [{**vars(row), "ok": row.ok} for row in report.rows]
-    answer(file, json, {"ok": report.ok, "rows": rows}, str(report))
+    shown.show(file, report)
     if not report.ok:
         raise typer.Exit(NO_ANSWER)
 
 
 def limits(
     file: GraphFile,
+    shown: Shown,
     driver: Annotated[str | None, option("Only this driver; by default each.", "NAME")] = None,
     at: Annotated[
         list[str] | None,
         option("Where another driver is held; by default where its law begins.", "[DRIVER=]NUMBER"),
     ] = None,
-    deg: DegreesOfText = DEGREES,
-    json: AsJson = False,
 ) -> None:
     """Find the arcs of each driver on which the mechanism closes."""
-    si_only(json, deg)
-    with reading(file):
-        mechanism = compiled(file)
+    mechanism = shown.read(file, compiled)
     moving = mechanism.drivers if driver is None else (driver,)
     held = {}
-    for name, row in (coordinates(mechanism, at or []) or {}).items():
+    for name, row in (coordinates(mechanism, at) or {}).items():
         if len(row) != 1:
             raise refused(f"--at {name}", f"it names {len(row)} places", "give one number")
         if moving == (name,):
@@ -128,33 +114,30 @@ def limits(
             mechanism.limits(moved, {d: q for d, q in held.items() if d != moved})
             for moved in moving or (None,)
         ]
-    text = "\n".join(f.text(degrees=deg) for f in reports)
-    answer(file, json, {"limits": [f.to_dict() for f in reports]}, text)
+    shown.show(file, Several("limits", reports))
 
 
 def modes(
     file: GraphFile,
+    shown: Drawn,
     at: At = None,
     group: Annotated[list[str] | None, option("Only this group; may be repeated.", "NAME")] = None,
     driver: Annotated[
         str | None, option("Along which arcs are sought; by default the only one.", "NAME")
     ] = None,
     no_arcs: Annotated[bool, switch("no-arcs", "Do not seek the arcs of each mode.")] = False,
-    deg: DegreesOfText = DEGREES,
-    json: AsJson = False,
 ) -> None:
     """List all assembly modes of each group, what chooses them, and where they exist."""
-    si_only(json, deg)
-    with reading(file):
-        mechanism = compiled(file)
-    given = coordinates(mechanism, at or [])
+    mechanism = shown.read(file, compiled)
+    given = coordinates(mechanism, at)
     with progress_bar("searching"):
         report = mechanism.modes(given, driver=driver, groups=group or None, arcs=not no_arcs)
-    answer(file, json, report.to_dict(), report.text(degrees=deg))
+    shown.show(file, report)
 
 
 def extremes(
     file: GraphFile,
+    shown: Shown,
     names: Annotated[
         list[str],
         typer.Argument(metavar="OUTPUT...", help="Outputs or patterns, e.g. dyad.C.p.x 'crank.*'."),
@@ -162,19 +145,13 @@ def extremes(
     stroke: Annotated[
         bool, switch("stroke", "Of each its stroke and the time ratio instead.")
     ] = False,
-    deg: DegreesOfText = DEGREES,
-    json: AsJson = False,
 ) -> None:
     """Find extremes of outputs over the cycle, refined beyond the samples."""
-    si_only(json, deg)
-    with reading(file):
-        mechanism = compiled(file)
+    mechanism = shown.read(file, compiled)
     ask: Any = mechanism.stroke if stroke else mechanism.extremes
     with progress_bar("searching"):
         reports = [row for name in names for row in _of_all(mechanism, name, ask)]
-    rows = [f.to_dict() for f in reports]
-    text = "\n".join(f.text(degrees=deg) for f in reports)
-    answer(file, json, {"strokes" if stroke else "extremes": rows}, text)
+    shown.show(file, Several("strokes" if stroke else "extremes", reports))
 
 
 def _of_all(mechanism: Mechanism, name: str, ask: Callable[[str], Any]) -> list[Any]:

@@ -43,8 +43,7 @@ def decompose(
 
     Without -o nothing is written.
     """
-    with reading(file):
-        model = opened(file)
+    model = reading(file, opened)
     if isinstance(model, Graph):
         raise refused(file, "it is a graph of blocks already", "name a file of links and joints")
     made = model.decompose(general.value if general else "")

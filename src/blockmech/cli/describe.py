@@ -67,8 +67,7 @@ def outputs(
 
     Of a vector, .x and .y behind its name are its parts.
     """
-    with reading(file):
-        known = compiled(file).outputs
+    known = reading(file, compiled).outputs
     shown = [known[name] for name in known.match(names or EVERYTHING)]
     rows = [(o.name, o.unit or "-", o.about) for o in shown]
     data = [{"name": o.name, "unit": o.unit, "kind": o.kind, "about": o.about} for o in shown]

@@ -9,54 +9,28 @@ import typer
 
 from blockmech.builders import compiled
 from blockmech.cli.numbers import coordinates, rates_of
-from blockmech.cli.options import (
-    AsJson,
-    At,
-    DegreesOfText,
-    Friction,
-    GraphFile,
-    Static,
-    names_of,
-    one_of,
-    option,
-    quantity,
-    si_only,
-)
-from blockmech.cli.output import check_places, write_found
-from blockmech.cli.terminal import answer, note, progress_bar, reading
+from blockmech.cli.options import At, Friction, GraphFile, Static, names_of, option, quantity
+from blockmech.cli.output import Drawn, Shown
+from blockmech.cli.terminal import note, progress_bar
 from blockmech.errors import refused
 from blockmech.files import refuse_spared
-from blockmech.told import DEGREES
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
 
-Plot = Annotated[str | None, option("Draw the answer (png, svg, pdf).", "FILE")]
 
-
-def _answered(
-    file: str,
-    doing: str,
-    ask: Callable[[Mechanism], Any],
-    plot: str | None,
-    json: bool,
-    degrees: bool = DEGREES,
-) -> Any:
-    """Ask the mechanism of a file something, and show the answer as text, JSON or picture."""
-    si_only(json, degrees)
-    one_of(json=json, plot=plot is not None)
-    check_places(None, plot)
-    with reading(file):
-        mechanism = compiled(file)
+def _answered(file: str, doing: str, ask: Callable[[Mechanism], Any], shown: Shown) -> Any:
+    """Ask the mechanism of a file something, and show the answer."""
+    mechanism = shown.read(file, compiled)
     with progress_bar(doing):
         report = ask(mechanism)
-    answer(file, json, report.to_dict(), report.text(degrees=degrees))
-    write_found(report, None, plot)
+    shown.show(file, report)
     return report
 
 
 def equilibria(
     file: GraphFile,
+    shown: Drawn,
     friction: Friction = None,
     time: Annotated[
         float | None,
@@ -64,17 +38,15 @@ def equilibria(
             "Time at which loads that follow it are held [s].", "X", parser=quantity("time", "s")
         ),
     ] = None,
-    plot: Plot = None,
-    deg: DegreesOfText = DEGREES,
-    json: AsJson = False,
 ) -> None:
     """Find where the mechanism comes to rest, stable or not, and what friction holds."""
     how: dict[str, Any] = {"friction": friction, "time": time}
-    _answered(file, "searching", lambda m: m.equilibria(**how), plot, json, deg)
+    _answered(file, "searching", lambda m: m.equilibria(**how), shown)
 
 
 def linearize(
     file: GraphFile,
+    shown: Drawn,
     at: At = None,
     rates: Annotated[
         list[str] | None,
@@ -91,22 +63,20 @@ def linearize(
         list[str] | None, option("Outputs of the system; by default the coordinates.", "A,B")
     ] = None,
     friction: Friction = None,
-    plot: Plot = None,
-    deg: DegreesOfText = DEGREES,
-    json: AsJson = False,
 ) -> None:
     """Find how the mechanism vibrates about a pose: frequencies, damping, mode shapes."""
     request: dict[str, Any] = {"inputs": names_of(inputs), "outputs": names_of(outputs)}
     request |= {"friction": friction, "states": dict(map(_named, states or []))}
 
     def ask(m: Mechanism) -> Any:
-        return m.linearize(coordinates(m, at or []), rates=rates_of(m, rates or []), **request)
+        return m.linearize(coordinates(m, at), rates=rates_of(m, rates), **request)
 
-    _answered(file, "differentiating", ask, plot, json, deg)
+    _answered(file, "differentiating", ask, shown)
 
 
 def balance(
     file: GraphFile,
+    shown: Drawn,
     numbers: Annotated[
         list[str], option("Addresses of springs and counterweights, e.g. spring.stiffness.", "A,B")
     ],
@@ -119,9 +89,6 @@ def balance(
         list[str] | None, option("Lowest and highest value of a number.", "ADDRESS=LOW:HIGH")
     ] = None,
     save: Annotated[str | None, option("Write the mechanism with these numbers.", "FILE")] = None,
-    plot: Plot = None,
-    deg: DegreesOfText = DEGREES,
-    json: AsJson = False,
 ) -> None:
     """Find the springs or counterweights that leave the least effort over the poses."""
     refuse_spared(*filter(None, (save,)))
@@ -129,9 +96,9 @@ def balance(
     wanted = names_of(want) or None
 
     def ask(m: Mechanism) -> Any:
-        return m.balance(names_of(numbers), wanted, coordinates(m, at or []), bounds=ends)
+        return m.balance(names_of(numbers), wanted, coordinates(m, at), bounds=ends)
 
-    balanced = _answered(file, "balancing", ask, plot, json, deg)
+    balanced = _answered(file, "balancing", ask, shown)
     if save is not None:
         balanced.mechanism.document.save(save)
         note(f"wrote {save}")
@@ -166,6 +133,7 @@ def _number(name: str, text: str) -> float:
 
 def identify(
     file: GraphFile,
+    shown: Drawn,
     data: Annotated[
         str,
         typer.Argument(metavar="DATA", help="Measured columns (CSV), e.g. crank.q,crank.drive."),
@@ -173,9 +141,7 @@ def identify(
     to: Annotated[list[str], option("Addresses of the numbers to identify.", "A,B")],
     friction: Friction = None,
     static: Static = False,
-    plot: Plot = None,
-    json: AsJson = False,
 ) -> None:
     """Identify numbers of the mechanism from what was measured on it."""
     request: dict[str, Any] = {"friction": friction, "static": static}
-    _answered(file, "fitting", lambda m: m.identify(names_of(to), data, **request), plot, json)
+    _answered(file, "fitting", lambda m: m.identify(names_of(to), data, **request), shown)

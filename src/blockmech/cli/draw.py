@@ -7,13 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from blockmech.builders import compiled_of, opened
+from blockmech.builders import compiled, opened
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.options import At, GraphFile, names_of, option, switch
 from blockmech.cli.terminal import progress_bar, reading, say
 from blockmech.files import refuse_spared
+from blockmech.report import DEGREES
 from blockmech.runnable import EVERYTHING
-from blockmech.told import DEGREES
 
 Picture = Annotated[
     str,
@@ -61,14 +61,11 @@ def draw(
     if kind is None:
         moving = Path(picture).suffix.lower() in MOVING
         kind = "animation" if moving else "mechanism" if at or trace else "diagram"
-    with reading(file):
-        subject: Any = opened(file)
-        if kind not in (None, "diagram"):
-            subject = compiled_of(subject, file)
+    subject: Any = reading(file, opened if kind == "diagram" else compiled)
     refuse_spared(picture)
     given: Any = at  # which a diagram refuses
     if kind in ("mechanism", "animation") or (kind == "centrodes" and at):
-        given = coordinates(subject, at or [])
+        given = coordinates(subject, at)
     with progress_bar("drawing"):
         request: dict[str, Any] = {"kind": kind, "at": given, "degrees": deg}
         request |= {"trace": names_of(trace) or None, "want": names_of(want) or EVERYTHING}

@@ -7,18 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from blockmech.builders import compiled_of, opened
-from blockmech.cli.numbers import coordinates, times
-from blockmech.cli.options import (
-    At,
-    Friction,
-    GraphFile,
-    Samples,
-    Static,
-    Times,
-    Want,
-    names_of,
-    option,
-)
+from blockmech.cli.options import Friction, GraphFile, Poses, Static, Want, names_of, option
 from blockmech.cli.terminal import progress_bar, reading, say
 from blockmech.errors import refused
 from blockmech.runnable import EVERYTHING
@@ -26,6 +15,7 @@ from blockmech.runnable import EVERYTHING
 
 def export(
     file: GraphFile,
+    poses: Poses,
     output: Annotated[
         str | None,
         typer.Option("--output", "-o", metavar="FILE", help="The file to write."),
@@ -34,9 +24,6 @@ def export(
         str | None, option("The format; by default the suffix says it. list names all.", "FORMAT")
     ] = None,
     want: Want = None,
-    at: At = None,
-    samples: Samples = None,
-    at_times: Times = None,
     friction: Friction = None,
     static: Static = False,
     set_: Annotated[
@@ -53,15 +40,13 @@ def export(
     if file == "list":
         say("\n".join(_formats(WRITERS)))
         return
-    with reading(file):
-        document = opened(file)
-        mechanism = compiled_of(document, file)
+    document = reading(file, opened)
+    mechanism = compiled_of(document, file)
     if output is None:
         if to is None or to not in WRITERS:
             raise refused("export", "no file to write is named", "add -o FILE, or --to FORMAT")
         output = f"{mechanism.name}{WRITERS[to].suffixes[0]}"
-    request: dict[str, Any] = {"at": coordinates(mechanism, at or []), "samples": samples}
-    request |= {"times": times(at_times), "friction": friction, "static": static or None}
+    request = poses.of(mechanism) | {"friction": friction, "static": static or None}
     with progress_bar("writing"):
         files = write(
             document, output, to, want=names_of(want) or EVERYTHING, **request, **_options(set_)

@@ -30,8 +30,7 @@ def import_(
 
     Without -o the document is printed. What could not be taken is noted.
     """
-    with reading(source):
-        model = read(source, unit=unit, format=format)
+    model = reading(source, lambda text: read(text, unit=unit, format=format))
     notes = model.extras.get("notes") or []
     note(*(f"note: {text}" for text in ([notes] if isinstance(notes, str) else notes)))
     if output is None:

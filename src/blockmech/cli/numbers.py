@@ -25,7 +25,7 @@ Units: TypeAlias = Mapping[str, float]
 Read = TypeVar("Read")
 
 
-def coordinates(mechanism: Compiled, given: list[str]) -> dict[str, list[float]] | None:
+def coordinates(mechanism: Compiled, given: list[str] | None) -> dict[str, list[float]] | None:
     """Driver coordinates from the ``--at`` options, one for each driver; None without any.
 
     ``0,1,60deg`` for the one driver, ``crank=0,1`` by name with several. Angles that look like
@@ -66,12 +66,12 @@ def _in_degrees(text: str) -> str:
     return ",".join(parts)
 
 
-def rates_of(mechanism: Compiled, given: list[str]) -> dict[str, list[float]] | None:
+def rates_of(mechanism: Compiled, given: list[str] | None) -> dict[str, list[float]] | None:
     """Driver rates from the ``--rates`` options, as `coordinates` reads them."""
     return _by_driver(mechanism, given, "--rates", "2", lambda at, x, of: row(at, x, RATES[of]))
 
 
-def starts(mechanism: Compiled, given: list[str]) -> dict[str, tuple[float, float]] | None:
+def starts(mechanism: Compiled, given: list[str] | None) -> dict[str, tuple[float, float]] | None:
     """Driver -> (q [rad or m], rate) from the ``--start`` options; None without any.
 
     ``1.2,-3deg/s`` for the one driver, ``crank=60deg`` by name with several; without a rate
@@ -82,7 +82,7 @@ def starts(mechanism: Compiled, given: list[str]) -> dict[str, tuple[float, floa
 
 def _by_driver(
     mechanism: Compiled,
-    given: list[str],
+    given: list[str] | None,
     option: str,
     example: str,
     read: Callable[[str, str, str], Read],
@@ -95,7 +95,7 @@ def _by_driver(
     values: dict[str, Read] = {}
     problems: list[Problem] = []
     named = set()
-    for text in given:
+    for text in given or ():
         where = f"{option} {text}"
         name, equals, numbers = text.partition("=")
         if not equals:

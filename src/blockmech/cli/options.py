@@ -1,15 +1,23 @@
-"""The options that commands share, and what does not go together."""
+"""The options that commands share, and what does not go together.
+
+Options that belong together are a dataclass: a command takes it as one argument, and `flat`
+gives typer its fields.
+"""
 
 from __future__ import annotations
 
+import functools
+import inspect
 import os
 from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from blockmech.cli.numbers import MOST
+from blockmech.cli.numbers import MOST, coordinates, times
+from blockmech.compiled import Compiled
 from blockmech.errors import close_match, listed, refused
 from blockmech.testing.files import gallery
 from blockmech.units import number_in, units_of
@@ -64,6 +72,38 @@ GraphFile = Annotated[
         **FILE_OR_NAME,
     ),
 ]
+
+
+def flat(command: Callable[..., None]) -> Callable[..., None]:
+    """A command with each group of options spread out into its fields, as typer takes them."""
+    hints = get_type_hints(command, include_extras=True)
+    parameters: list[inspect.Parameter] = []
+    groups: dict[str, Any] = {}
+    for p in inspect.signature(command).parameters.values():
+        group = hints[p.name]
+        if not is_dataclass(group):
+            parameters.append(p.replace(annotation=group, kind=p.KEYWORD_ONLY))
+            continue
+        groups[p.name] = group
+        inner = get_type_hints(group, include_extras=True)
+        parameters += [
+            inspect.Parameter(f.name, p.KEYWORD_ONLY, default=f.default, annotation=inner[f.name])
+            for f in fields(group)
+        ]
+
+    @functools.wraps(command)
+    def spread(**given: Any) -> None:
+        whole = {
+            name: group(**{f.name: given.pop(f.name) for f in fields(group)})
+            for name, group in groups.items()
+        }
+        command(**given, **whole)
+
+    spread.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    spread.__annotations__ = {p.name: p.annotation for p in parameters}
+    return spread
+
+
 At = Annotated[
     list[str] | None,
     option(
@@ -90,6 +130,29 @@ Static = Annotated[bool, switch("static", "Leave inertia out.")]
 Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
 AsJson = Annotated[bool, switch("json", "Print as JSON.")]
 DegreesOfText = Annotated[bool, switch("deg", "Angles in degrees in the text.")]
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Where the drivers stand."""
+
+    at: At = None
+    samples: Samples = None
+    at_times: Times = None
+
+    def of(self, mechanism: Compiled) -> dict[str, Any]:
+        """The arguments at, samples and times of a run."""
+        at = coordinates(mechanism, self.at)
+        return {"at": at, "samples": self.samples, "times": times(self.at_times)}
+
+
+@dataclass(frozen=True)
+class FrictionOptions:
+    """How joint friction is solved: as keyword arguments of a run they are ``vars``."""
+
+    friction: Friction = None
+    tolerance: Tolerance = None
+    iterations: Iterations = None
 
 
 def names_of(want: list[str] | None) -> tuple[str, ...]:

@@ -3,36 +3,29 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
-from blockmech.cli.options import one_of, option, si_only, switch
+from blockmech.cli.options import AsJson, one_of, option, si_only, switch
 from blockmech.cli.terminal import (
     UNDRAWN,
     Interrupted,
+    T,
     answer,
     note,
     pour,
     progress_bar,
+    reading,
     saving,
     say,
 )
 from blockmech.errors import refused
 from blockmech.export import csv_chunks, json_chunks, table, write_csv
 from blockmech.files import folder, refuse_spared, writing
+from blockmech.report import DEGREES, Facts, Report, as_json
 from blockmech.result import Result
-
-Json = Annotated[bool, switch("json", "Print the result as JSON.")]
-Out = Annotated[str | None, option("Write results.csv, result.json and the pictures.", "DIR")]
-Csv = Annotated[
-    str | None, option("Write a CSV file, or results.csv into a folder; - prints it.", "FILE")
-]
-Plot = Annotated[str | None, option("Draw the wanted outputs (png, svg, pdf).", "FILE")]
-Degrees = Annotated[bool, switch("deg", "Angles in degrees in the table, CSV and plots.")]
-Separator = Annotated[str, option('Of CSV cells: "," ";" "|" or tab.', "SIGN")]
-Decimal = Annotated[str, option('Of CSV numbers: "." or ",".', "SIGN")]
 
 Pictures: TypeAlias = Callable[..., list[Path]]  # (result, folder, degrees=) -> files drawn
 
@@ -73,26 +66,79 @@ def check_places(table: str | None, plot: str | None) -> None:
         suffix_of(plot)
 
 
-def show_found(
-    file: str, found: Any, text: str, json: bool, csv: str | None, plot: str | None
-) -> None:
-    """Print what was found as text, JSON or with ``-`` as CSV; or write its table or picture."""
-    if csv == "-":
-        pour([found.to_csv()])
-        return
-    answer(file, json, found.to_dict(), text)
-    write_found(found, csv, plot)
-
-
-def write_found(found: Any, table: str | None, plot: str | None) -> None:
-    """Write what a study or sensitivity found: its table (csv, parquet) and its picture."""
+def write_answer(answer: Any, table: str | None, plot: str | None) -> None:
+    """Write the table (csv, parquet) and the picture of an answer."""
     if table is not None:
         is_parquet = Path(table).suffix.lower() == ".parquet"
-        (getattr(found, "to_parquet", found.to_csv) if is_parquet else found.to_csv)(table)
+        (getattr(answer, "to_parquet", answer.to_csv) if is_parquet else answer.to_csv)(table)
         say(f"wrote {table}")
     if plot is not None:
         with progress_bar("drawing"):
-            say(f"wrote {found.plot(plot)}")
+            say(f"wrote {answer.plot(plot)}")
+
+
+@dataclass(frozen=True)
+class Shown:
+    """How an answer is shown: as text or as JSON."""
+
+    deg: Annotated[bool, switch("deg", "Angles in degrees in the text.")] = DEGREES
+    json: AsJson = False
+
+    def __post_init__(self) -> None:
+        chosen = {name: vars(self).get(name) is not None for name in ("csv", "plot")}
+        one_of(json=self.json, **chosen)
+        si_only(self.json, self.deg)
+
+    def files(self) -> tuple[str | None, str | None]:
+        """Where the table and the picture go. Raises `RequestError` where they cannot."""
+        table, plot = csv_place(vars(self).get("csv")), vars(self).get("plot")
+        check_places(table, plot)
+        return table, plot
+
+    def read(self, file: str, how: Callable[[str], T]) -> T:
+        """What ``how`` reads from a file; raises `RequestError` if no answer could be written."""
+        model = reading(file, how)
+        self.files()
+        return model
+
+    def show(self, file: str, report: Any) -> None:
+        """Print an answer, or its table, and write what of it goes into a file."""
+        table, plot = self.files()
+        if table == "-":
+            pour([report.to_csv()])
+            return
+        answer(file, self.json, report.to_dict(), report.text(degrees=self.deg))
+        write_answer(report, table, plot)
+
+
+@dataclass(frozen=True)
+class Drawn(Shown):
+    """The same, or as a picture."""
+
+    plot: Annotated[str | None, option("Draw the answer (png, svg, pdf).", "FILE")] = None
+
+
+@dataclass(frozen=True)
+class Tabled(Drawn):
+    """The same, or as a table."""
+
+    csv: Annotated[str | None, option("Write all of it (csv); - prints it.", "FILE")] = None
+
+
+@dataclass(frozen=True)
+class Several(Facts, Report):
+    """Answers of one kind, e.g. the limits of each driver."""
+
+    kind: str
+    reports: Sequence[Any]
+
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+        """The lines of all."""
+        yield from (report.text(degrees) for report in self.reports)
+
+    def to_dict(self) -> dict[str, Any]:
+        """All under the name of their kind."""
+        return {self.kind: as_json(self.reports)}
 
 
 @dataclass(frozen=True)
@@ -102,24 +148,30 @@ class Output:
     Raises `RequestError` for ways that do not go together.
     """
 
-    json: bool
-    out: str | None
-    csv: str | None
-    plot: str | None
-    degrees: bool
-    separator: str
-    decimal: str
+    json: Annotated[bool, switch("json", "Print the result as JSON.")] = False
+    out: Annotated[
+        str | None, option("Write results.csv, result.json and the pictures.", "DIR")
+    ] = None
+    csv: Annotated[
+        str | None, option("Write a CSV file, or results.csv into a folder; - prints it.", "FILE")
+    ] = None
+    plot: Annotated[str | None, option("Draw the wanted outputs (png, svg, pdf).", "FILE")] = None
+    deg: Annotated[bool, switch("deg", "Angles in degrees in the table, CSV and plots.")] = DEGREES
+    separator: Annotated[str, option('Of CSV cells: "," ";" "|" or tab.', "SIGN")] = ","
+    decimal: Annotated[str, option('Of CSV numbers: "." or ",".', "SIGN")] = "."
 
     def __post_init__(self) -> None:
         chosen = {name: getattr(self, name) is not None for name in ("out", "csv", "plot")}
         one_of(json=self.json, **chosen)
-        si_only(self.json, self.degrees)
+        si_only(self.json, self.deg)
 
-    def check(self) -> None:
-        """Raise `RequestError`, before anything is computed, where files cannot be written."""
-        object.__setattr__(self, "csv", csv_place(self.csv))
+    def read(self, file: str, how: Callable[[str], T]) -> T:
+        """What ``how`` reads from a file; raises `RequestError` if no answer could be written."""
+        model = reading(file, how)
         inside = (Path(self.out or "") / name for name in (*NUMBERS, *PICTURES))
-        refuse_spared(*filter(None, (self.csv, self.plot)), *(inside if self.out else ()))
+        places = csv_place(self.csv), self.plot
+        refuse_spared(*filter(None, places), *(inside if self.out else ()))
+        return model
 
     @property
     def is_table(self) -> bool:
@@ -149,23 +201,24 @@ class Output:
             note(*gaps)
             return
         files = [f"wrote {path}" for path in self._written(result, pictures)]
-        say("\n".join([table(result, degrees=self.degrees, of=of), *lines, *files]))
+        say("\n".join([table(result, degrees=self.deg, of=of), *lines, *files]))
 
     def _csv(self, result: Result) -> Any:
         cells = "\t" if self.separator == "tab" else self.separator
-        return csv_chunks(result, separator=cells, decimal=self.decimal, degrees=self.degrees)
+        return csv_chunks(result, separator=cells, decimal=self.decimal, degrees=self.deg)
 
     def _written(self, result: Result, pictures: Pictures) -> list[Path]:
         """Write what is asked for."""
-        if self.csv is not None:
+        table = csv_place(self.csv)
+        if table is not None:
             with progress_bar("writing"):
-                write_csv(self._csv(result), self.csv)
-            return [Path(self.csv)]
+                write_csv(self._csv(result), table)
+            return [Path(table)]
         if self.plot is not None:
             from blockmech.draw import plot
 
             with progress_bar("drawing"):
-                return [plot(result, self.plot, degrees=self.degrees)]
+                return [plot(result, self.plot, degrees=self.deg)]
         return [] if self.out is None else self._filled(Path(self.out), result, pictures)
 
     def _filled(self, out: Path, result: Result, pictures: Pictures) -> list[Path]:
@@ -184,6 +237,6 @@ class Output:
             return written
         try:
             with progress_bar("drawing"):
-                return sorted(written + pictures(result, out, degrees=self.degrees))
+                return sorted(written + pictures(result, out, degrees=self.deg))
         except KeyboardInterrupt:
             raise Interrupted(UNDRAWN) from None

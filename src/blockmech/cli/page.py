@@ -2,23 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from blockmech.builders import opened
-from blockmech.cli.numbers import coordinates, times
-from blockmech.cli.options import (
-    At,
-    Friction,
-    GraphFile,
-    Samples,
-    Static,
-    Times,
-    Want,
-    names_of,
-    option,
-)
+from blockmech.cli.options import Friction, GraphFile, Poses, Static, Want, names_of, option
 from blockmech.cli.terminal import progress_bar, reading, say
 from blockmech.runnable import EVERYTHING
 
@@ -28,14 +17,12 @@ def page(
     output: Annotated[
         str, typer.Option("--output", "-o", metavar="PAGE", help="The page, PAGE.html.")
     ],
+    poses: Poses,
     want: Want = None,
     slider: Annotated[
         list[str] | None,
         option("Numbers that have a slider at first; by default a few.", "NAMES"),
     ] = None,
-    at: At = None,
-    samples: Samples = None,
-    at_times: Times = None,
     friction: Friction = None,
     static: Static = False,
 ) -> None:
@@ -45,11 +32,9 @@ def page(
     """
     from blockmech.exchange.writing import write
 
-    with reading(file):
-        document = opened(file)
-        mechanism = document.compile()
-    request: dict[str, Any] = {"at": coordinates(mechanism, at or []), "samples": samples}
-    request |= {"times": times(at_times), "friction": friction, "static": static or None}
+    document = reading(file, opened)
+    mechanism = document.compile()
+    request = poses.of(mechanism) | {"friction": friction, "static": static or None}
     request["slider"] = ",".join(slider) if slider else None
     with progress_bar("writing"):
         (path,) = write(document, output, "page", want=names_of(want) or EVERYTHING, **request)

@@ -9,28 +9,22 @@ from typing import Annotated, Any
 import typer
 
 from blockmech.builders import compiled
-from blockmech.cli.numbers import coordinates, times
 from blockmech.cli.options import (
-    At,
     Explain,
-    Friction,
+    FrictionOptions,
     GraphFile,
-    Iterations,
-    Samples,
+    Poses,
     Static,
-    Times,
-    Tolerance,
     Want,
     names_of,
     option,
 )
-from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
-from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, reading, say
+from blockmech.cli.output import Output
+from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, say
 from blockmech.export import gap_lines, leading
 from blockmech.failures import why_not, without_gaps
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
-from blockmech.told import DEGREES
 
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")
@@ -42,25 +36,15 @@ OnGap = Annotated[str, option("Samples without an answer: mark, raise or stop.",
 
 def run(
     file: GraphFile,
-    at: At = None,
-    samples: Samples = None,
-    at_times: Times = None,
+    poses: Poses,
+    how: FrictionOptions,
+    output: Output,
     want: Want = None,
-    friction: Friction = None,
-    tolerance: Tolerance = None,
-    iterations: Iterations = None,
     accuracy: Accuracy = None,
     static: Static = False,
     engine: Engine = "auto",
     precision: Precision = None,
     on_gap: OnGap = "mark",
-    json: Json = False,
-    out: Out = None,
-    csv: Csv = None,
-    plot: Plot = None,
-    deg: Degrees = DEGREES,
-    separator: Separator = ",",
-    decimal: Decimal = ".",
     explain: Explain = False,
 ) -> None:
     """Compute a mechanism over its range and print a table.
@@ -68,12 +52,8 @@ def run(
     Without --json, --out, --csv or --plot nothing is written. Exit code 1 says that
     some sample has no answer.
     """
-    output = Output(json, out, csv, plot, deg, separator, decimal)
-    with reading(file):
-        mechanism = compiled(file)
-    output.check()
-    settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
-    request: dict[str, Any] = {"want": names_of(want) or EVERYTHING, "static": static, **settings}
+    mechanism = output.read(file, compiled)
+    request: dict[str, Any] = {"want": names_of(want) or EVERYTHING, "static": static, **vars(how)}
     if explain:
         say(mechanism.explain(**request))
         return
@@ -81,11 +61,10 @@ def run(
     if output.is_table and not want:
         everything = mechanism.outputs
         request["want"] = leading(mechanism.outputs)  # the table has no room for more
-    request |= {"at": coordinates(mechanism, at or []), "samples": samples}
-    request |= {"times": times(at_times), "engine": engine, "precision": precision}
+    request |= poses.of(mechanism) | {"engine": engine, "precision": precision}
     with progress_bar("computing"):
         result = mechanism.run(**request, accuracy=accuracy, on_gap="mark")
-        gaps = gap_lines(result, deg)
+        gaps = gap_lines(result, output.deg)
         why = [why_not(result)] if gaps else []
         result = without_gaps(result, on_gap)
     if result.accuracy is not None:

@@ -13,25 +13,22 @@ from blockmech.cli.numbers import starts, times
 from blockmech.cli.options import (
     Accuracy,
     Explain,
-    Friction,
+    FrictionOptions,
     GraphFile,
-    Iterations,
     Method,
     Start,
     Times,
-    Tolerance,
     Until,
     Want,
     names_of,
     option,
     quantity,
 )
-from blockmech.cli.output import Csv, Decimal, Degrees, Json, Out, Output, Plot, Separator
-from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, reading, say
+from blockmech.cli.output import Output
+from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
 from blockmech.export import gap_lines
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
-from blockmech.told import DEGREES
 
 Step = Annotated[
     float | None,
@@ -48,24 +45,16 @@ DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
 
 def simulate(
     file: GraphFile,
+    how: FrictionOptions,
+    output: Output,
     until: Until = None,
     start: Start = None,
     at_times: Times = None,
     want: Want = None,
-    friction: Friction = None,
-    tolerance: Tolerance = None,
-    iterations: Iterations = None,
     method: Method = "auto",
     accuracy: Accuracy = None,
     step: Step = None,
     engine: Engine = "auto",
-    json: Json = False,
-    out: Out = None,
-    csv: Csv = None,
-    plot: Plot = None,
-    deg: Degrees = DEGREES,
-    separator: Separator = ",",
-    decimal: Decimal = ".",
     explain: Explain = False,
 ) -> None:
     """Move a mechanism under its loads from the scene's start or another, and print a table.
@@ -74,22 +63,15 @@ def simulate(
     motion ended before some wanted time, or that none could be computed. Ctrl-C ends the
     run: what was computed until then is shown or written, and the exit code is 130.
     """
-    output = Output(json, out, csv, plot, deg, separator, decimal)
-    with reading(file):
-        mechanism = compiled(file)
-    output.check()
-    names = names_of(want) or (EVERYTHING if out is not None else DRIVERS)
-    settings: dict[str, Any] = {
-        "friction": friction,
-        "tolerance": tolerance,
-        "iterations": iterations,
-    }
+    mechanism = output.read(file, compiled)
+    names = names_of(want) or (EVERYTHING if output.out is not None else DRIVERS)
+    settings: dict[str, Any] = vars(how)
     if explain:
         from blockmech.dynamics.simulation import evaluation_cost
 
         say(mechanism.explain(names, **settings), "\n\n", evaluation_cost(mechanism, **settings))
         return
-    given, begun = times(at_times), starts(mechanism, start or [])
+    given, begun = times(at_times), starts(mechanism, start)
     settings |= {"method": method, "engine": engine}
     with progress_bar("simulating") as progress:
         result = mechanism.simulate(
@@ -102,8 +84,8 @@ def simulate(
             progress=progress,
             **settings,
         )
-        gaps = gap_lines(result, deg)
-    output.show(result, _pictures, gaps, ["", *motion_lines(result, deg)])
+        gaps = gap_lines(result, output.deg)
+    output.show(result, _pictures, gaps, ["", *motion_lines(result, output.deg)])
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, given):

@@ -9,23 +9,19 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from blockmech.builders import compiled
-from blockmech.cli.numbers import UNITS, coordinates, row, starts, times
+from blockmech.cli.numbers import UNITS, row, starts
 from blockmech.cli.options import (
     Accuracy,
-    At,
-    Friction,
+    FrictionOptions,
     GraphFile,
-    Iterations,
     Method,
-    Samples,
+    Poses,
     Start,
     Static,
-    Times,
-    Tolerance,
     Until,
     option,
 )
-from blockmech.cli.output import check_places, write_found
+from blockmech.cli.output import check_places, write_answer
 from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
 from blockmech.compiled import Compiled
 from blockmech.errors import needed, refused
@@ -60,15 +56,11 @@ def sweep(
     file: GraphFile,
     vary: Vary,
     want: Keep,
-    at: At = None,
-    samples: Samples = None,
-    at_times: Times = None,
+    poses: Poses,
+    how: FrictionOptions,
     sampling: How = None,
     count: Count = None,
     seed: Seed = 0,
-    friction: Friction = None,
-    tolerance: Tolerance = None,
-    iterations: Iterations = None,
     static: Static = False,
     out: Out = None,
     plot: Plot = None,
@@ -83,24 +75,21 @@ def sweep(
 
     With --until each design moves under its loads, and what is kept is of its motion.
     """
-    with reading(file):
-        mechanism = compiled(file)
+    mechanism = reading(file, compiled)
     check_places(out, plot)
     if out is not None and Path(out).suffix.lower() not in (*TABLES, ""):
         remedy = "give the name such a suffix, or none: that of a folder"
         raise refused(out, "a table is csv or parquet", remedy)
     in_parts = out is not None and not Path(out).suffix
-    over = coordinates(mechanism, at or [])
+    over = poses.of(mechanism)
     moving: dict[str, Any] | None = None
     if until is not None:
         moving = {"until": until, "method": method, "accuracy": accuracy}
-        moving |= {"start": starts(mechanism, start or []), "times": times(at_times)}
+        moving |= {"start": starts(mechanism, start), "times": over.pop("times")}
     elif start or method != "auto" or accuracy is not None:
         where, remedy = "--start, --method, --accuracy", "say what ends it: --until standstill"
         raise refused(where, "no design moves", remedy, code="useless-setting")
-    given = times(at_times) if moving is None else None
-    request: dict[str, Any] = {"over": over, "samples": samples, "times": given, "simulate": moving}
-    request |= {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+    request: dict[str, Any] = {"over": over.pop("at"), **over, **vars(how), "simulate": moving}
     request |= {"sampling": sampling, "count": count, "seed": seed, "static": static}
     request |= {
         "want": [_reduction(mechanism, x) for x in want],
@@ -113,7 +102,7 @@ def sweep(
     say(repr(study))
     if in_parts:
         say(f"wrote {out}")
-    write_found(study, None if in_parts else out, None if study.interrupted else plot)
+    write_answer(study, None if in_parts else out, None if study.interrupted else plot)
     if study.interrupted:
         raise Interrupted("what was run is kept")
 

@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import IO, Any
+from typing import IO, Any, TypeVar
 
 import typer
 
@@ -19,6 +19,7 @@ from blockmech.early import leave
 from blockmech.errors import printable
 from blockmech.files import cannot_write, spare
 
+T = TypeVar("T")
 DONE, NO_ANSWER, WRONG, FAULT, INTERRUPTED = 0, 1, 2, 3, 130  # exit codes
 PATIENCE = 1.0  # [s] after which a reader wants to see that something happens
 
@@ -189,9 +190,11 @@ def progress_bar(what: str, still: bool = False) -> Iterator[Callable[..., None]
         bar.stop()
 
 
-@contextmanager
-def reading(file: str) -> Iterator[None]:
-    """Read the command's file inside, once, so that a pipe will do; no output is written to it."""
+def reading(file: str, how: Callable[[str], T]) -> T:
+    """What ``how`` reads from a command's file, once, so that a pipe will do.
+
+    No output is written to the file afterwards.
+    """
     spare(file)
     with progress_bar("reading"):
-        yield
+        return how(file)

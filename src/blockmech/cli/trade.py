@@ -8,20 +8,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from blockmech.builders import compiled
-from blockmech.cli.numbers import SECONDS, coordinates, row, starts, times
-from blockmech.cli.options import (
-    At,
-    GraphFile,
-    Samples,
-    Static,
-    Times,
-    names_of,
-    one_of,
-    option,
-    switch,
-)
+from blockmech.cli.numbers import SECONDS, row, starts
+from blockmech.cli.options import GraphFile, Poses, Static, names_of, one_of, option, switch
 from blockmech.cli.output import check_places, csv_place
-from blockmech.cli.terminal import UNDRAWN, Interrupted, pour, progress_bar, reading, saving, say
+from blockmech.cli.terminal import (
+    UNDRAWN,
+    Interrupted,
+    pour,
+    progress_bar,
+    reading,
+    saving,
+    say,
+)
 from blockmech.errors import refused
 from blockmech.files import folder, refuse_spared, writing
 
@@ -53,14 +51,12 @@ FILES = ("trade.csv", "trade.json", "trade.png")
 
 def trade(
     file: GraphFile,
+    poses: Poses,
     question: Question = "run",
     want: Wants = None,
     budget: Budget = "30s",
     target: Target = None,
     within: Within = None,
-    at: At = None,
-    samples: Samples = None,
-    at_times: Times = None,
     until: Until = None,
     start: Start = None,
     friction: Friction = None,
@@ -75,8 +71,7 @@ def trade(
 
     one_of(json=json, csv=csv is not None, out=out is not None, plot=plot is not None)
     csv = csv_place(csv)
-    with reading(file):
-        mechanism = compiled(file)
+    mechanism = reading(file, compiled)
     wants: list[Any] = [names_of([text]) for text in want or ()] or [None]
     if len(wants) > 1 and any(place is not None for place in (csv, out, plot)):
         raise refused("--want", "pictures and files are of one request", "give --want once")
@@ -87,11 +82,9 @@ def trade(
     for names in wants:
         mechanism.outputs.match(names or ())
     request: dict[str, Any] = {
-        "at": coordinates(mechanism, at or []),
-        "samples": samples,
-        "times": times(at_times),
+        **poses.of(mechanism),
         "until": until,
-        "start": starts(mechanism, start or []),
+        "start": starts(mechanism, start),
         "friction": friction,
         "static": static or None,
         "target": target,

@@ -28,9 +28,9 @@ from blockmech.errors import Problem, RequestError, as_names, close_match, liste
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
 from blockmech.model.graph import Graph
+from blockmech.report import DEGREES
 from blockmech.result import Result
 from blockmech.runnable import Runnable
-from blockmech.told import DEGREES
 
 __all__ = [
     "Animation",

@@ -33,8 +33,8 @@ from blockmech.draw.shapes import Stage, shapes_of
 from blockmech.draw.sketch import Sketch, sketch_of
 from blockmech.errors import refused
 from blockmech.files import AnyPath, writing
+from blockmech.report import DEGREES
 from blockmech.result import Result
-from blockmech.told import DEGREES
 
 MOVING = (".gif", ".html", ".mp4")
 FPS = 30  # of a film

@@ -15,8 +15,8 @@ from blockmech.draw.sensitivity import THICK
 from blockmech.errors import refused
 from blockmech.modes.found import Arc, GroupModes, Modes
 from blockmech.modes.listing import modes as found_modes
+from blockmech.report import DEGREES
 from blockmech.runnable import wrap_result
-from blockmech.told import DEGREES
 
 
 class Bar(NamedTuple):

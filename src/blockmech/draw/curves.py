@@ -17,8 +17,8 @@ from blockmech.draw.palette import MOST
 from blockmech.draw.panels import Abscissa, Array, Panel
 from blockmech.draw.paper import shown_name
 from blockmech.errors import refused
+from blockmech.report import DEGREES
 from blockmech.result import Result
-from blockmech.told import DEGREES
 
 Axis = Literal["auto", "coordinate", "time"]
 Panels = tuple[Panel, ...]

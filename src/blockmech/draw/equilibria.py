@@ -12,8 +12,8 @@ from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured
 from blockmech.errors import refused
+from blockmech.report import DEGREES
 from blockmech.runnable import wrap_result
-from blockmech.told import DEGREES
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel
 MARKS = {"stable": "o", "unstable": "^", "indifferent": "s"}

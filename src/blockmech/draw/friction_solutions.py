@@ -12,8 +12,8 @@ from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, legend_above, scaled_unit, shown_name
 from blockmech.draw.pictured import Pictured
 from blockmech.errors import refused
+from blockmech.report import DEGREES
 from blockmech.runnable import wrap_result
-from blockmech.told import DEGREES
 
 HEIGHT = 17 * ink.TEXT  # [pt] of the axes
 FILLS = (ink.GREY, ink.PAPER, ink.LINK_FILLS[0], ink.LINK_FILLS[1])

@@ -22,7 +22,7 @@ from blockmech.draw.shapes import Stage
 from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of
 from blockmech.errors import among
 from blockmech.model.structure import MarkerRef
-from blockmech.told import DEGREES
+from blockmech.report import DEGREES
 
 SWEEP = 241  # samples of a path
 PATHS = 8  # that are drawn if none are named

@@ -31,8 +31,8 @@ from blockmech.draw.paper import (
 from blockmech.dynamics.along import result_along
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
+from blockmech.report import DEGREES
 from blockmech.result import Result
-from blockmech.told import DEGREES
 
 CURVE = 721  # times of a curve
 FRAME = 0.04  # [s] on the screen

@@ -10,8 +10,8 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.report import DEGREES, Facts, Report, as_json
 from blockmech.series import SCANNED
-from blockmech.told import DEGREES, TextReport
 
 Floats: TypeAlias = NDArray[np.float64]
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
@@ -125,7 +125,7 @@ def fact_unit(name: str, coordinate: str) -> str:
 
 
 @dataclass(frozen=True, repr=False)
-class Motion(TextReport):
+class Motion(Facts, Report):
     """The driver's motion from the start to what ended it.
 
     Attributes
@@ -154,6 +154,11 @@ class Motion(TextReport):
     notes : what a reader must know: doubts, targets missed, limits
     facts : further numbers by name (period, work of a period, multiplier ...), see `fact_unit`
     """
+
+    FACTS = (
+        *("method", "why", "regime", "status", "end", "error", "time_error"),
+        *("accuracy", "reached", "notes"),
+    )
 
     method: str
     why: str
@@ -184,9 +189,14 @@ class Motion(TextReport):
         """Whether the error estimate is within the target (True if there is none)."""
         return self.accuracy is None or self.error <= self.accuracy
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> list[str]:
         """What ended it, method, error and figures, one a line."""
-        return "\n".join(self.summary())
+        return self.summary()
+
+    def to_dict(self) -> dict[str, Any]:
+        """How it moved as a JSON object."""
+        more = {"end_time": self.t_end, "evaluations": self.cost.evaluations}
+        return {**super().to_dict(), **as_json({**more, "facts": self.figures()})}
 
     def summary(self, unit: str = "rad or m") -> list[str]:
         """Lines about its end, method, error and figures; ``unit`` is the coordinates'."""

@@ -12,7 +12,7 @@ from blockmech.arguments import declared
 from blockmech.export.columns import AnyPath, Column, Labelled, columns
 from blockmech.export.data import json_chunks, to_dataframe, to_dict, to_npz, to_xarray
 from blockmech.export.schema import result_schema
-from blockmech.export.spreadsheet import csv_chunks, csv_of, to_csv, write_csv
+from blockmech.export.spreadsheet import CsvTable, csv_chunks, to_csv, write_csv
 from blockmech.export.tables import (
     aligned,
     counted,
@@ -25,12 +25,12 @@ from blockmech.export.tables import (
 
 __all__ = [
     "Column",
+    "CsvTable",
     "Exported",
     "aligned",
     "columns",
     "counted",
     "csv_chunks",
-    "csv_of",
     "flag_lines",
     "gap_lines",
     "html_table",

@@ -14,6 +14,7 @@ from pydantic_core import to_json
 from blockmech.errors import needed
 from blockmech.export.columns import Column, Labelled, columns
 from blockmech.files import AnyPath, writing
+from blockmech.report import as_json
 
 FORMAT, VERSION = "blockmech/result", 1
 
@@ -136,31 +137,12 @@ def _motion(result: Labelled, motion: Any) -> dict[str, Any]:
     for event in motion.events:
         q, qd = np.atleast_1d(event.q), np.atleast_1d(event.qd)
         states = {
-            name.replace(".q", ending): _finite(x)
+            name.replace(".q", ending): x
             for values, ending in ((q, ".q"), (qd, ".rate"))
             for name, x in zip(names, values, strict=True)
         }
-        events.append({"kind": event.kind, "time": _finite(event.t), **states})
-    about = {
-        "method": motion.method,
-        "why": motion.why,
-        "regime": motion.regime,
-        "status": motion.status,
-        "end": motion.end,
-        "end_time": _finite(motion.t_end),
-        "error": _finite(motion.error),
-        "time_error": _finite(motion.time_error),
-        "accuracy": motion.accuracy,
-        "reached": motion.reached,
-        "evaluations": motion.cost.evaluations,
-        "notes": list(motion.notes),
-        "facts": {name: _finite(x) for name, x in motion.figures().items()},
-    }
-    return {"events": events, "motion": about}
-
-
-def _finite(x: float) -> float | None:
-    return float(x) if np.isfinite(x) else None
+        events.append(as_json({"kind": event.kind, "time": event.t, **states}))
+    return {"events": events, "motion": motion.to_dict()}
 
 
 def _output(result: Labelled, name: str) -> dict[str, Any]:

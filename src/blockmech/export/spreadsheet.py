@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from pydantic_core import to_json
 
+from blockmech.arguments import declared
 from blockmech.errors import Problem, RequestError, printable
 from blockmech.export.columns import AnyPath, Column, Labelled, columns
 from blockmech.files import writing
@@ -38,6 +40,24 @@ def to_csv(
     if path is not None:
         write_csv([text], path)
     return text
+
+
+class CsvTable(ABC):
+    """An answer that is a table, so that spreadsheets open it."""
+
+    @abstractmethod
+    def csv_rows(self) -> tuple[Sequence[str], Iterable[Iterable[Any]]]:
+        """The head, names with units, and the rows."""
+
+    @declared
+    def to_csv(self, path: AnyPath | None = None, separator: str = ",", decimal: str = ".") -> str:
+        """CSV text, units in the head; written if a path is given.
+
+        Numbers read back to the last bit, a cell without one is empty, words are no formulas.
+        Raises `RequestError` for a separator that would tear numbers, and where the place
+        cannot be written.
+        """
+        return csv_of(*self.csv_rows(), path, separator, decimal)
 
 
 def csv_chunks(

@@ -15,7 +15,7 @@ import numpy as np
 from blockmech.export.columns import Column, Labelled, driver_columns, output_columns
 from blockmech.plan import Output, Undefined
 from blockmech.quality import OK
-from blockmech.told import DEGREES
+from blockmech.report import DEGREES
 
 if TYPE_CHECKING:
     from rich.console import Console

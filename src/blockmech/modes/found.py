@@ -6,12 +6,11 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import chain
 from typing import Any
 
 from blockmech.analysis.scan import shown_place
 from blockmech.errors import among
-from blockmech.told import DEGREES, TextReport, as_data, with_unit
+from blockmech.report import DEGREES, Facts, Report, with_unit
 
 TURN = 2 * math.pi
 DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
@@ -119,7 +118,7 @@ class GroupModes:
 
 
 @dataclass(frozen=True, repr=False)
-class Modes(TextReport):
+class Modes(Facts, Report):
     """The modes of a mechanism's groups.
 
     Attributes
@@ -130,6 +129,8 @@ class Modes(TextReport):
     groups : in formation order
     prefix : what names of outputs put before the driver's, "driver." in a document of joints
     """
+
+    FACTS = ("drivers", "units", "driver", "groups")
 
     drivers: Mapping[str, tuple[float, ...]]
     units: Mapping[str, str]
@@ -142,41 +143,26 @@ class Modes(TextReport):
         groups = {modes.group: modes for modes in self.groups}
         return groups[among(groups, "group", group)[0]]
 
-    def text(self, degrees: bool = DEGREES) -> str:
-        """The modes as lines of text."""
-        return "\n".join(_lines(self, degrees))
-
-    def to_dict(self) -> dict[str, Any]:
-        """The modes as a JSON object; null stands for infinity."""
-        plain = as_data(self)
-        del plain["prefix"]
-        for group in plain["groups"]:
-            for mode in chain.from_iterable(group["samples"]):
-                if mode["residual"] is None:
-                    del mode["residual"]
-        return plain
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+        """All groups: modes by sample, then arcs."""
+        for group in self.groups:
+            yield f"{group.group}  {group.kind}"
+            if group.note:
+                yield f"  {group.note}"
+            for n, modes in enumerate(group.samples):
+                where = ", ".join(
+                    f"{self.prefix}{d}.q = {_coordinate(row[n], self.units[d], degrees)}"
+                    for d, row in self.drivers.items()
+                )
+                yield f"  {where}: {_count(modes, group)}" if where else f"  {_count(modes, group)}"
+                for k, mode in enumerate(modes, start=1):
+                    yield from _mode_lines(k, mode, self, degrees)
+            if group.arcs:
+                yield f"  along {self.prefix}{self.driver}.q:"
+                yield from _arc_lines(group, self.units[self.driver], degrees)
 
 
 # ---- text --------------------------------------------------------------------------------
-
-
-def _lines(modes: Modes, degrees: bool) -> Iterator[str]:
-    """All groups: modes by sample, then arcs."""
-    for group in modes.groups:
-        yield f"{group.group}  {group.kind}"
-        if group.note:
-            yield f"  {group.note}"
-        for n, modes_ in enumerate(group.samples):
-            where = ", ".join(
-                f"{modes.prefix}{d}.q = {_coordinate(row[n], modes.units[d], degrees)}"
-                for d, row in modes.drivers.items()
-            )
-            yield f"  {where}: {_count(modes_, group)}" if where else f"  {_count(modes_, group)}"
-            for k, mode in enumerate(modes_, start=1):
-                yield from _mode_lines(k, mode, modes, degrees)
-        if group.arcs:
-            yield f"  along {modes.prefix}{modes.driver}.q:"
-            yield from _arc_lines(group, modes.units[modes.driver], degrees)
 
 
 def _count(modes: tuple[GroupMode, ...], group: GroupModes) -> str:

@@ -21,13 +21,13 @@ from blockmech.compiled import Compiled
 from blockmech.errors import BlockmechError, listed, refused
 from blockmech.export import aligned
 from blockmech.plane import EPS
+from blockmech.report import DEGREES, Facts, Report, with_unit
 from blockmech.result import Result
 from blockmech.series import Floats
 from blockmech.studies.differentiate import chosen_numbers, sensitivity
 from blockmech.studies.family import remade
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import size_of
-from blockmech.told import DEGREES, TextReport, as_data, with_unit
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 FAR = 1e9  # times the size of the outputs: a design that cannot be
@@ -49,7 +49,7 @@ def left_of(y: Any) -> Left:
 
 
 @dataclass(frozen=True, repr=False)
-class Balance(TextReport):
+class Balance(Facts, Report):
     """Numbers that balance a mechanism best.
 
     Attributes
@@ -63,6 +63,8 @@ class Balance(TextReport):
     at_bounds : numbers that their bounds hold
     """
 
+    FACTS = ("numbers", "units", "linear", "at_bounds", "before", "after")
+
     mechanism: Compiled
     numbers: Mapping[str, float]
     before: Mapping[str, Left]
@@ -72,20 +74,14 @@ class Balance(TextReport):
     linear: bool
     at_bounds: tuple[str, ...]
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The numbers, then what is left of each output, and where most."""
-        return "\n".join(self._lines(degrees))
-
-    def _lines(self, degrees: bool) -> Iterator[str]:
         rows = [(a, with_unit(x, self.units[a])) for a, x in self.numbers.items()]
         yield from aligned(("number", "value"), rows)
         run = self.runs[1]
         for name, left in self.after.items():
             was, unit = self.before[name], self.units[name]
-            at = ", ".join(
-                f"{d} = {with_unit(float(q[left.sample]), run.unit_of_driver(d), degrees)}"
-                for d, q in run.drivers.items()
-            )
+            at = run.place(left.sample, degrees)
             yield (
                 f"{name}: rms {left.rms:.4g} {unit} of {was.rms:.4g}, "
                 f"largest {left.largest:.4g} of {was.largest:.4g}, at {at}"
@@ -94,14 +90,6 @@ class Balance(TextReport):
             yield f"at their bounds: {listed(self.at_bounds)}"
         if not self.linear:
             yield "not linear in these numbers: the best near the start"
-
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as a JSON object."""
-        names = ("numbers", "units", "linear", "at_bounds")
-        data = {n: getattr(self, n) for n in names}
-        for word in ("before", "after"):
-            data[word] = {n: x._asdict() for n, x in getattr(self, word).items()}
-        return as_data(data)
 
 
 @declared

@@ -12,7 +12,7 @@ IEEE/ASME Trans. Mechatronics 3 (1998).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,11 +26,11 @@ from blockmech.engines.dual import Dual
 from blockmech.errors import listed, refused
 from blockmech.plan import Plan
 from blockmech.plane import EPS
+from blockmech.report import DEGREES, Facts, Report
 from blockmech.samples import Samples
 from blockmech.series import Floats
 from blockmech.studies.differentiate import chosen_numbers
 from blockmech.studies.family import Family
-from blockmech.told import DEGREES, TextReport, as_data
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 BLOCK = 4096  # samples of a force at hand at a time
@@ -38,7 +38,7 @@ STEPS = 40  # of Newton's method for a force at hand; from afar, friction includ
 
 
 @dataclass(frozen=True, repr=False)
-class MotorDemand(TextReport):
+class MotorDemand(Facts, Report):
     """What a driver asks of its motor over the samples of a run.
 
     Attributes
@@ -50,6 +50,8 @@ class MotorDemand(TextReport):
     limits : what the motor can: rms, peak, speed
     fits : whether all of them hold
     """
+
+    FACTS = ("driver", "unit", "ratio", "rms", "peak", "fastest", "power", "limits", "fits")
 
     driver: str
     unit: str
@@ -73,22 +75,16 @@ class MotorDemand(TextReport):
         """Whether the motor can do it."""
         return all(x <= 1.0 for x in self.margins.values())
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """What is asked, and whether the motor can."""
         per = "rad/s" if self.unit == "N m" else "m/s"
-        rows = [
+        yield (
             f"ratio {self.ratio:.6g}: rms {self.rms:.6g} {self.unit}, peak {self.peak:.6g} "
             f"{self.unit}, {self.fastest:.6g} {per}, {self.power:.6g} W"
-        ]
-        rows += [f"{name}: {x:.1%} of the motor's" for name, x in self.margins.items()]
+        )
+        yield from (f"{name}: {x:.1%} of the motor's" for name, x in self.margins.items())
         if self.limits:
-            rows.append("the motor fits" if self.fits else "the motor does not fit")
-        return "\n".join(rows)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The numbers as a JSON object."""
-        names = ("driver", "unit", "ratio", "rms", "peak", "fastest", "power", "limits", "fits")
-        return as_data({n: getattr(self, n) for n in names})
+            yield "the motor fits" if self.fits else "the motor does not fit"
 
 
 @declared

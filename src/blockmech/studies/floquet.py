@@ -14,8 +14,9 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +25,9 @@ from blockmech.analysis.equilibrium import companion
 from blockmech.arguments import declared
 from blockmech.dynamics.tangents import tangents
 from blockmech.errors import refused
+from blockmech.report import DEGREES, Facts, Report
 from blockmech.result import Result
 from blockmech.series import Floats
-from blockmech.told import DEGREES, TextReport, as_data
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -36,7 +37,7 @@ STEPS = 256  # of a period
 
 
 @dataclass(frozen=True, repr=False)
-class Floquet(TextReport):
+class Floquet(Facts, Report):
     """What a period of a motion makes of small disturbances.
 
     Attributes
@@ -56,18 +57,10 @@ class Floquet(TextReport):
         with np.errstate(divide="ignore"):
             return np.asarray(np.log(self.multipliers.astype(complex)) / self.period)
 
-    def text(self, degrees: bool = DEGREES) -> str:
-        """The multipliers, one a line."""
-        rows = [f"period {self.period:.9g} s"]
-        rows += [f"multiplier {_shown(complex(z))}" for z in self.multipliers.tolist()]
-        return "\n".join(rows)
-
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as a JSON object."""
-        rows = [[complex(z).real, complex(z).imag] for z in self.multipliers.tolist()]
-        return as_data({"period": self.period, "monodromy": self.monodromy.tolist()}) | {
-            "multipliers": rows
-        }
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+        """The period and the multipliers."""
+        yield f"period {self.period:.9g} s"
+        yield from (f"multiplier {_shown(complex(z))}" for z in self.multipliers.tolist())
 
 
 def _shown(z: complex) -> str:

@@ -10,8 +10,9 @@ Source: Norton, Design of Machinery, 6th ed., 11.11 (flywheels).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,12 +24,12 @@ from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import refuse_signals
 from blockmech.errors import refused
 from blockmech.plane import EPS
+from blockmech.report import DEGREES, Facts, Report
 from blockmech.series import SCANNED, Floats, Series, fit, panels
-from blockmech.told import DEGREES, TextReport, as_data
 
 
 @dataclass(frozen=True, repr=False)
-class Flywheel(TextReport):
+class Flywheel(Facts, Report):
     """A flywheel on the driving crank, and the turn that it makes even.
 
     Attributes
@@ -42,6 +43,8 @@ class Flywheel(TextReport):
     speeds, speeds_without : (n,) [rad/s]
     """
 
+    FACTS = ("inertia", "moment", "fluctuation", "without", "speed")
+
     inertia: float
     moment: float
     fluctuation: float
@@ -51,18 +54,13 @@ class Flywheel(TextReport):
     speeds: Floats
     speeds_without: Floats
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The flywheel as a sentence."""
         alone = f"{self.without:.4g}" if math.isfinite(self.without) else "it does not get round"
-        return (
+        yield (
             f"flywheel {self.inertia:.6g} kg m2 for a fluctuation of {self.fluctuation:.4g} at "
             f"{self.speed:.6g} rad/s, motor {self.moment:.6g} N m; without it {alone}"
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """The numbers as a JSON object."""
-        names = ("inertia", "moment", "fluctuation", "without", "speed")
-        return as_data({n: getattr(self, n) for n in names})
 
 
 class _Turn(NamedTuple):

@@ -43,13 +43,13 @@ from blockmech.export import aligned
 from blockmech.model.joints.varied import Varied
 from blockmech.model.parameters import Parameter
 from blockmech.plan import Plan
+from blockmech.report import DEGREES, Facts, Report
 from blockmech.series import Floats
 from blockmech.studies.differentiate import chosen_numbers, program_numbers
 from blockmech.studies.family import remade
 from blockmech.studies.records import Record, part_of, record_of
 from blockmech.studies.sensitivity import size_of
 from blockmech.studies.variation import Variation, is_written_out, of_links
-from blockmech.told import DEGREES, TextReport, as_data
 from blockmech.typing import FrictionMethod
 
 PART = 512  # samples of a long record that are fitted first
@@ -83,7 +83,7 @@ class Combination(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Identification(TextReport):
+class Identification(Facts, Report):
     """Numbers that were identified.
 
     Attributes
@@ -100,6 +100,8 @@ class Identification(TextReport):
     doubts : columns whose residual is no noise: the model misses something there
     notes : what should be known
     """
+
+    FACTS = ("values", "deviations", "unseen", "noise", "units", "doubts", "combinations")
 
     mechanism: Compiled
     values: Mapping[str, float]
@@ -126,11 +128,8 @@ class Identification(TextReport):
         """Numbers without a value of their own."""
         return frozenset([*self.unseen, *(a for c in self.combinations for a in c.weights)])
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The numbers with their scatter, then what the data do not tell."""
-        return "\n".join(self._lines())
-
-    def _lines(self) -> Iterator[str]:
         rows = [
             (a, f"{x:.7g} {self.units[a]}".rstrip(), f"± {self.deviations[a]:.2g}")
             for a, x in self.values.items()
@@ -146,15 +145,6 @@ class Identification(TextReport):
         for name in self.doubts:
             yield f"{name} leaves a pattern, not noise: the model misses something there"
         yield from self.notes
-
-    def to_dict(self) -> dict[str, Any]:
-        """All but the residuals as a JSON object."""
-        rows = [
-            {"weights": dict(c.weights), "value": c.value, "deviation": c.deviation}
-            for c in self.combinations
-        ]
-        names = ("values", "deviations", "unseen", "noise", "units", "doubts")
-        return as_data({n: getattr(self, n) for n in names} | {"combinations": rows})
 
 
 # -- fitting -------------------------------------------------------------------------------

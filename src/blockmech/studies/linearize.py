@@ -32,6 +32,7 @@ from blockmech.analysis.equilibrium import Equilibrium, natural_frequencies
 from blockmech.arguments import declared
 from blockmech.dynamics.tangents import refuse_friction_states
 from blockmech.errors import close_match, listed, needed, refused
+from blockmech.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.series import Floats
 from blockmech.studies.derivatives_at import (
     Derivatives,
@@ -42,7 +43,6 @@ from blockmech.studies.derivatives_at import (
     states_of,
 )
 from blockmech.studies.differentiate import chosen_numbers
-from blockmech.told import DEGREES, TextReport, as_data, with_unit
 from blockmech.typing import Coordinates, FrictionMethod
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class Mode(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Linearization(TextReport):
+class Linearization(Facts, Report):
     """A mechanism about a state, as a linear system.
 
     Attributes
@@ -86,6 +86,11 @@ class Linearization(TextReport):
     units : name of an input or output -> unit
     notes : what should be known
     """
+
+    FACTS = (
+        *("effort", "M", "damping", "K", "A", "B", "C", "D", "frequencies", "eigenvalues"),
+        *("at", "rates", "states", "inputs", "outputs", "units", "notes"),
+    )
 
     mechanism: Compiled
     at: Mapping[str, float]
@@ -173,17 +178,11 @@ class Linearization(TextReport):
         inputs, outputs = ([n.replace(".", "_") for n in x] for x in (self.inputs, self.outputs))
         return control.ss(self.A, self.B, self.C, self.D, inputs=inputs, outputs=outputs)
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The state and the modes, one a line."""
-        return "\n".join(self._lines(degrees))
-
-    def _lines(self, degrees: bool) -> Iterator[str]:
         m = self.mechanism
-        unit = {d: m.driver_joint(d).coordinate_unit for d in self.at}
-        places = (
-            f"{m.of_driver(d, 'q')} = {with_unit(q, unit[d], degrees)}" for d, q in self.at.items()
-        )
-        yield f"about {', '.join(places)}"
+        at = {m.of_driver(d, "q"): q for d, q in self.at.items()}
+        yield f"about {places(at, {name: m.outputs[name].unit for name in at}, degrees)}"
         if self.states:
             yield f"with {', '.join(f'{n} = {x:.9g}' for n, x in self.states.items())}"
         for d, x in zip(self.at, self.effort.tolist(), strict=True):
@@ -202,14 +201,6 @@ class Linearization(TextReport):
             else:
                 yield f"no oscillation: exp({mode.value.real:.9g} t)"
         yield from self.notes
-
-    def to_dict(self) -> dict[str, Any]:
-        """The system as a JSON object."""
-        arrays = ("effort", "M", "damping", "K", "A", "B", "C", "D", "frequencies")
-        data: dict[str, Any] = {name: getattr(self, name).tolist() for name in arrays}
-        data["eigenvalues"] = [[z.real, z.imag] for z in self.eigenvalues.tolist()]
-        names = ("at", "rates", "states", "inputs", "outputs", "units", "notes")
-        return as_data(data | {name: getattr(self, name) for name in names})
 
 
 @declared

@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.arguments import declared
 from blockmech.errors import held, listed
-from blockmech.export import Column, aligned, counted, csv_of, flag_lines
-from blockmech.export.columns import AnyPath, driver_columns
+from blockmech.export import Column, CsvTable, aligned, counted, flag_lines
+from blockmech.export.columns import driver_columns
 from blockmech.model.parameters import Parameter
 from blockmech.plane import EPS
+from blockmech.report import DEGREES, Report, as_json, sections
 from blockmech.result import Result
 from blockmech.studies.reductions import POSES, Wanted, components
 
@@ -46,8 +46,8 @@ class Effect(NamedTuple):
     change: float
 
 
-@dataclass(frozen=True)
-class Sensitivity(Mapping[str, Array]):
+@dataclass(frozen=True, repr=False)
+class Sensitivity(CsvTable, Report, Mapping[str, Array]):
     """Derivatives of outputs: ``s["crank.drive"]`` is (m, n), by numbers and samples.
 
     ``s["crank.drive", "dyad.l_i"]`` is (n,), complex x + iy for vectors, NaN where a sample
@@ -139,15 +139,11 @@ class Sensitivity(Mapping[str, Array]):
 
     # -- shown ------------------------------------------------------------------------
 
-    def text(self, shown: int = SHOWN) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """For each output a table of its numbers, ranked; then the flags of the run."""
-        tables = ["\n".join(self._table(output, shown)) for output in self]
-        flags = "\n".join(flag_lines(self.result))
-        return "\n\n".join([*tables, flags] if flags else tables)
+        yield from sections([*map(self._table, self), flag_lines(self.result)])
 
-    __repr__ = text
-
-    def _table(self, output: str, shown: int) -> Iterator[str]:
+    def _table(self, output: str) -> Iterator[str]:
         if not np.isfinite(self[output]).any():
             yield f"{output}: no answer"
             return
@@ -159,12 +155,12 @@ class Sensitivity(Mapping[str, Array]):
                 f"{_shown(e.derivative)} {e.unit}".rstrip(),
                 f"{e.change:.3g}",
             )
-            for e in effects[:shown]
+            for e in effects[:SHOWN]
         ]
         yield f"{output} [{unit or '-'}]"
         yield from aligned(("number", "value", "largest derivative", "by 1 %"), rows)
-        if len(effects) > shown:
-            yield f"and {len(effects) - shown} numbers that do less"
+        if len(effects) > SHOWN:
+            yield f"and {len(effects) - SHOWN} numbers that do less"
         yield from self.doubts(output)
         if self.left_out:
             yield f"without a derivative: {listed(self.left_out, 4)}"
@@ -177,7 +173,7 @@ class Sensitivity(Mapping[str, Array]):
                     {
                         "number": e.parameter.address,
                         "value": e.parameter.value,
-                        "derivative": _parts(e.derivative),
+                        "derivative": as_json(e.derivative),
                         "unit": e.unit,
                         "sample": e.sample,
                         "change": e.change,
@@ -190,12 +186,8 @@ class Sensitivity(Mapping[str, Array]):
             "left_out": dict(self.left_out),
         }
 
-    @declared
-    def to_csv(self, path: AnyPath | None = None, separator: str = ",", decimal: str = ".") -> str:
-        """CSV text: a row an output (component) and sample, a column a number, units in the head.
-
-        Written if a path is given. Raises `RequestError` where the place cannot be written.
-        """
+    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[Any]]]:
+        """A row an output (component) and sample, a column a number."""
         drivers = driver_columns(self.result, False)
 
         def at(column: Any) -> Callable[[int, str], Any]:
@@ -209,18 +201,13 @@ class Sensitivity(Mapping[str, Array]):
             for name, whole in components(output, both)
             for k, row in enumerate(whole.T.tolist())
         )
-        head = ["output", "unit", *(c.head for c in drivers), *(f"per {h}" for h in heads)]
-        return csv_of(head, rows, path, separator, decimal)
+        return ["output", "unit", *(c.head for c in drivers), *(f"per {h}" for h in heads)], rows
 
 
 def size_of(p: Parameter, others: Iterable[Parameter]) -> float:
     """A number's own size; of a zero the largest of its unit, or 1."""
     alike = (abs(x.value) for x in others if x.unit == p.unit != "")
     return abs(p.value) or max(alike, default=0.0) or 1.0
-
-
-def _parts(x: Any) -> Any:
-    return [x.real, x.imag] if isinstance(x, complex) else float(x)
 
 
 def _shown(x: Any) -> str:

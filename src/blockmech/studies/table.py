@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from blockmech.arguments import declared
 from blockmech.errors import held, listed, needed
-from blockmech.export import Column, aligned, counted, csv_of
+from blockmech.export import Column, CsvTable, aligned, counted
 from blockmech.export.data import dataframe
 from blockmech.files import AnyPath
 from blockmech.model.parameters import Parameter
+from blockmech.report import DEGREES, Report
 from blockmech.studies.parts import REASONS, WITHOUT, Block, Parts, write_parquet
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.studies.sampling import Designs
@@ -30,8 +31,8 @@ ROWS = 12  # designs that are shown
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Study(Mapping[str, Array]):
+@dataclass(frozen=True, repr=False)
+class Study(CsvTable, Report, Mapping[str, Array]):
     """Numbers of designs: ``study["max_abs(crank.drive)"]`` is an array (m,).
 
     Attributes
@@ -140,18 +141,12 @@ class Study(Mapping[str, Array]):
             rows += [Column(name, w.unit, x, w.label) for name, x in components(w.label, values)]
         return rows
 
-    @declared
-    def to_csv(self, path: AnyPath | None = None, separator: str = ",", decimal: str = ".") -> str:
-        """CSV text, a row a design, units in the head, the last column says why it has no answer.
-
-        Numbers read back to the last bit; a cell without one is empty. Written if a path is
-        given. Raises `RequestError` where the place cannot be written.
-        """
+    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[Any]]]:
+        """A row a design; the last column says why it has no answer."""
         rows = self.table()
         reasons = (self.reason(i) or "ok" for i in range(self.n))
         cells = zip(*(column.values.tolist() for column in rows), reasons, strict=True)
-        head = [*(column.head for column in rows), "status"]
-        return csv_of(head, cells, path, separator, decimal)
+        return [*(column.head for column in rows), "status"], cells
 
     @declared
     def to_parquet(self, path: AnyPath) -> None:
@@ -194,26 +189,24 @@ class Study(Mapping[str, Array]):
 
     # -- for people -----------------------------------------------------------------
 
-    def __repr__(self) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+        """Some designs as a table, then why others have no answer."""
         rows = self.table()
         step = max(1, -(-(self.n - 1) // (ROWS - 1)))
         shown = sorted({*range(0, self.n, step), *range(self.n)[-1:]})
         texts = [[f"{x + 0.0:.6g}" if x == x else "-" for x in c.values[shown]] for c in rows]
         cells = list(zip(*texts, (self.status[i] for i in shown), strict=True))
-        lines = [self._title(), "", *aligned((*(c.head for c in rows), "status"), cells)]
+        yield from (self._title(), "", *aligned((*(c.head for c in rows), "status"), cells))
         if len(shown) < self.n:
-            lines.append(f"{len(shown)} of {self.n} designs shown")
-        lines += [
-            f"{word}: {counted(k, 'design')}"
-            for word, k in Counter(self.status).items()
-            if word != "ok"
-        ]
+            yield f"{len(shown)} of {self.n} designs shown"
+        for word, k in Counter(self.status).items():
+            if word != "ok":
+                yield f"{word}: {counted(k, 'design')}"
         if isinstance(self.rows, Parts) and self.rows.damaged:
             damaged = counted(len(self.rows.damaged), "damaged part")
-            lines.append(f"{damaged} done again: {listed(self.rows.damaged, 3)}")
+            yield f"{damaged} done again: {listed(self.rows.damaged, 3)}"
         if self.alone:
-            lines.append(f"each design compiled by itself: {self.alone}")
-        return "\n".join(lines)
+            yield f"each design compiled by itself: {self.alone}"
 
     def _title(self) -> str:
         count = f"{self.n} of " * self.interrupted + counted(self.designs.count, "design")

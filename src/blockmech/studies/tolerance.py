@@ -24,6 +24,7 @@ from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError
 from blockmech.export import aligned
 from blockmech.model.parameters import named
+from blockmech.report import DEGREES, Report, sections
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.family import Family, parameters, remade
 from blockmech.studies.runner import Runner
@@ -48,8 +49,8 @@ class Scatter(NamedTuple):
     designs: Array
 
 
-@dataclass(frozen=True)
-class Tolerance(Mapping[str, Array]):
+@dataclass(frozen=True, repr=False)
+class Tolerance(Report, Mapping[str, Array]):
     """Standard deviations of outputs: ``t["crank.drive"]`` is (n,), linear.
 
     Attributes
@@ -85,24 +86,22 @@ class Tolerance(Mapping[str, Array]):
 
     # -- shown --------------------------------------------------------------------------
 
-    def text(self) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """For each output its largest deviation, and what the numbers have in it there."""
-        return "\n\n".join("\n".join(self._table(output)) for output in self)
+        yield from sections(self._table(output, degrees) for output in self)
 
-    __repr__ = text
-
-    def _table(self, output: str) -> Iterator[str]:
+    def _table(self, output: str, degrees: bool) -> Iterator[str]:
         run = self.sensitivity.result
         deviation, unit = self[output], self.sensitivity.unit_of(output)
         if not np.isfinite(deviation).any():
             yield f"{output}: no answer"
             return
         k = int(np.nanargmax(deviation))
-        at = ", ".join(f"{d} = {q[k]:.6g} {run.unit_of_driver(d)}" for d, q in run.drivers.items())
         if self.sensitivity.one_number(output):
             yield f"{output}: deviation {deviation[0]:.4g} {unit}".rstrip()
         else:
-            yield f"{output}: deviation up to {deviation[k]:.4g} {unit}".rstrip() + f", at {at}"
+            most = f"{output}: deviation up to {deviation[k]:.4g} {unit}".rstrip()
+            yield f"{most}, at {run.place(k, degrees)}"
         if output in self.sampled:
             sample = self.sampled[output]
             n, off = int(sample.designs[k]), sample.deviation[k]

@@ -27,7 +27,7 @@ from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of
 from blockmech.studio.looks import LINES, Plain, beside
 from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
-from blockmech.studio.work import TextReport, Work
+from blockmech.studio.work import OnProgress, Work
 from blockmech.typing import FrictionMethod
 from blockmech.wires import on_wires, wires_of
 
@@ -261,7 +261,7 @@ class Answers:
         free = () if mechanism is None else {*mechanism.drivers} - {*mechanism.scene.initial}
         start = {driver: (q, 0.0) for driver, q in shown.items() if driver in free}
 
-        def task(report: TextReport) -> Result:
+        def task(report: OnProgress) -> Result:
             simulated = simulate(
                 mechanism, until, start=start, want=(), friction=friction, progress=report
             )

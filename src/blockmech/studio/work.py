@@ -10,7 +10,7 @@ import panel as pn
 
 from blockmech.errors import BlockmechError
 
-TextReport = Callable[..., None]
+OnProgress = Callable[..., None]
 
 
 class Work:
@@ -27,7 +27,7 @@ class Work:
         """Ask the work to end: it does where it next tells of its progress."""
         self._stopped = True
 
-    def begin(self, task: Callable[[TextReport], Any], done: Callable[[Any], None]) -> None:
+    def begin(self, task: Callable[[OnProgress], Any], done: Callable[[Any], None]) -> None:
         """Run ``task(told)`` in a thread; ``done`` gets its answer, in the page's own thread.
 
         ``told(what, done, whole)`` is to be called now and then.

@@ -12,10 +12,10 @@ import numpy as np
 
 from blockmech.builders import Graph
 from blockmech.export import aligned
+from blockmech.report import DEGREES, Facts, Report
 from blockmech.series import Floats
 from blockmech.synthesis.fourbar import SHAPE, coupler_point
 from blockmech.synthesis.search import Task, search
-from blockmech.told import DEGREES, TextReport, as_data
 from blockmech.typing import Progress
 
 ALIKE = 1e-4  # two designs are one
@@ -23,7 +23,7 @@ MET = 1e-9  # of the size of what is wanted: nearer than that, the margin decide
 
 
 @dataclass(frozen=True, repr=False)
-class Design(TextReport):
+class Design(Facts, Report):
     """A mechanism, and how far it is from what is wanted.
 
     Attributes
@@ -46,22 +46,17 @@ class Design(TextReport):
         """The largest of the errors."""
         return float(self.errors.max())
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The miss, and where the driver stands at the positions."""
         at = np.degrees(self.at) if degrees else self.at
         places = ", ".join(f"{q:.6g}" for q in at)
         unit = "deg" if degrees else "rad"
         words = f"largest miss {self.miss:.6g}, least margin {self.margin:.3g}"
-        return f"{self.output}: {words}, at {places} {unit}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """The design as a JSON object."""
-        row = {"output": self.output, "at": self.at.tolist(), "errors": self.errors.tolist()}
-        return as_data({**row, "margin": self.margin, "graph": self.graph.to_data()})
+        yield f"{self.output}: {words}, at {places} {unit}"
 
 
 @dataclass(frozen=True, repr=False)
-class Synthesis(TextReport, Sequence[Design]):
+class Synthesis(Facts, Report, Sequence[Design]):
     """Designs, the best first: by their miss, and where that is nothing by their margin.
 
     Attributes
@@ -82,16 +77,11 @@ class Synthesis(TextReport, Sequence[Design]):
     def __len__(self) -> int:
         return len(self.designs)
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The designs, one a line."""
         rows = [(str(i), f"{d.miss:.6g}", f"{d.margin:.3g}") for i, d in enumerate(self.designs)]
-        last = f"{self.tried} starts tried, {self.left_out} left out for circuit, branch or order"
-        return "\n".join([*aligned(("design", "largest miss", "least margin"), rows), last])
-
-    def to_dict(self) -> dict[str, Any]:
-        """The designs as a JSON object."""
-        rows = [d.to_dict() for d in self.designs]
-        return {"designs": rows, "tried": self.tried, "left_out": self.left_out}
+        yield from aligned(("design", "largest miss", "least margin"), rows)
+        yield f"{self.tried} starts tried, {self.left_out} left out for circuit, branch or order"
 
 
 def proposed(

@@ -18,7 +18,7 @@ import itertools
 import json
 import math
 import time as clock
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -38,12 +38,12 @@ from blockmech.export import aligned
 from blockmech.files import AnyPath, writing
 from blockmech.model.joints.varied import Varied
 from blockmech.plan import Plan
+from blockmech.report import DEGREES, Facts, Report
 from blockmech.series import Floats
 from blockmech.studies.variation import Variation
 from blockmech.synthesis.designs import MET, Design
 from blockmech.synthesis.fourbar import Points
 from blockmech.synthesis.search import FAR, HIGH, LOW, path_of, similar, size_of
-from blockmech.told import DEGREES, TextReport, as_data
 from blockmech.typing import Progress
 
 if TYPE_CHECKING:
@@ -335,7 +335,7 @@ def _with_bars(graph: Graph, density: float, gravity: tuple[float, float]) -> Gr
 
 
 @dataclass(frozen=True, repr=False)
-class Candidate(TextReport):
+class Candidate(Facts, Report):
     """A design of a structure.
 
     Attributes
@@ -346,6 +346,8 @@ class Candidate(TextReport):
     moment : largest driving moment [N m] on the way
     met : error [m] below which designs are alike
     """
+
+    FACTS = ("structure", "links", "moment", "design")
 
     structure: str
     links: int
@@ -364,18 +366,13 @@ class Candidate(TextReport):
         error = max(self.design.miss, self.met)
         return error, self.moment, -self.design.margin, float(self.links)
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """Structure, moment and design."""
-        return f"{self.structure}: moment {self.moment:.4g} N m, {self.design.text(degrees)}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """The candidate as a JSON object."""
-        row = {"structure": self.structure, "links": self.links, "moment": self.moment}
-        return as_data({**row, "design": self.design.to_dict()})
+        yield f"{self.structure}: moment {self.moment:.4g} N m, {self.design.text(degrees)}"
 
 
 @dataclass(frozen=True, repr=False)
-class Candidates(TextReport, Sequence[Candidate]):
+class Candidates(Facts, Report, Sequence[Candidate]):
     """Designs over structures, those with the least error first.
 
     Attributes
@@ -384,6 +381,8 @@ class Candidates(TextReport, Sequence[Candidate]):
     tried : structure -> random designs of it that were tried
     unfinished : structures that the budget left out
     """
+
+    FACTS = ("tried", "unfinished", "designs")
 
     candidates: tuple[Candidate, ...]
     tried: Mapping[str, int]
@@ -408,7 +407,12 @@ class Candidates(TextReport, Sequence[Candidate]):
             )
         )
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    @property
+    def designs(self) -> tuple[Candidate, ...]:
+        """The same as ``candidates``, as JSON names them."""
+        return self.candidates
+
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """A table; * marks those that no other one beats."""
         best = {id(c) for c in self.pareto}
         rows = [
@@ -417,14 +421,10 @@ class Candidates(TextReport, Sequence[Candidate]):
             for i, c in enumerate(self.candidates)
         ]  # fmt: skip
         head = ("design", "error [m]", "moment [N m]", "margin", "links", "structure")
-        last = f"{sum(self.tried.values())} designs of {len(self.tried)} structures tried"
-        left = [f"not tried: {', '.join(self.unfinished)}"] if self.unfinished else []
-        return "\n".join([*aligned(head, rows), last, *left])
-
-    def to_dict(self) -> dict[str, Any]:
-        """All of it as a JSON object."""
-        rows = [c.to_dict() for c in self.candidates]
-        return as_data({"tried": self.tried, "unfinished": self.unfinished}) | {"designs": rows}
+        yield from aligned(head, rows)
+        yield f"{sum(self.tried.values())} designs of {len(self.tried)} structures tried"
+        if self.unfinished:
+            yield f"not tried: {', '.join(self.unfinished)}"
 
 
 @declared

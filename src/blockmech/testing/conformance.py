@@ -25,16 +25,16 @@ from blockmech.testing.block_rules import BlockRules
 from blockmech.testing.coupling_rules import CouplingRules
 from blockmech.testing.element_rules import ElementRules
 from blockmech.testing.law_rules import LawRules
-from blockmech.testing.rules import ConformanceError, Report
+from blockmech.testing.rules import Conformance, ConformanceError
 from blockmech.testing.signal_rules import SignalRules
 
-__all__ = ["ConformanceError", "Report", "conformance"]
+__all__ = ["Conformance", "ConformanceError", "conformance"]
 
 
 @declared
 def conformance(
     block: str | Block | FrictionLaw, example: Mapping[str, Any] | None = None, *, seed: int = 0
-) -> Report:
+) -> Conformance:
     """Test a block against the numbered rules of its contract.
 
     Parameters
@@ -46,7 +46,7 @@ def conformance(
 
     Returns
     -------
-    Report with the errors that were measured; print it
+    Conformance with the errors that were measured; print it
 
     Raises
     ------
@@ -73,4 +73,4 @@ def conformance(
         return SignalRules(block).report(name)
     if isinstance(block, Moving):
         return BlockRules(block, seed).report(name)
-    return Report(name)  # a frame has no kernels
+    return Conformance(name)  # a frame has no kernels

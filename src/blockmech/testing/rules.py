@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines.numpy import Planar
+from blockmech.report import DEGREES, Report
 
 Array = NDArray[Any]
 Leaves = Mapping[str, Array]
@@ -24,17 +25,17 @@ class ConformanceError(AssertionError):
     """A block breaks its contract; the text names the rules."""
 
 
-@dataclass(frozen=True)
-class Report:
+@dataclass(frozen=True, repr=False)
+class Conformance(Report):
     """What was measured: the largest relative error [-] of each thing compared."""
 
     name: str
     measured: Mapping[str, float] = field(default_factory=dict)
 
-    def __str__(self) -> str:
-        rows = [f"{self.name} keeps its contract"]
-        rows += [f"  {what:<60} {error:.1e}" for what, error in self.measured.items()]
-        return "\n".join(rows)
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+        """What was measured, one a line."""
+        yield f"{self.name} keeps its contract"
+        yield from (f"  {what:<60} {error:.1e}" for what, error in self.measured.items())
 
 
 class Checks:
@@ -45,7 +46,7 @@ class Checks:
     def __init__(self) -> None:
         self.measured: dict[str, float] = {}
 
-    def report(self, name: str) -> Report:
+    def report(self, name: str) -> Conformance:
         """Run every rule. Raises `ConformanceError` with all that fails."""
         failed = []
         for number, rule in enumerate(self.rules, start=1):
@@ -56,7 +57,7 @@ class Checks:
                 failed.append(f"{title}: raised {type(error).__name__}: {error}")
         if failed:
             raise ConformanceError("\n".join([f"{name} breaks its contract", *failed]))
-        return Report(name, self.measured)
+        return Conformance(name, self.measured)
 
     def same(
         self, what: str, found: Any, wanted: Any, scale: float, allowed: float = ROUNDING

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import platform
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from blockmech.analysis.trade.measure import Point, Reference, Skipped, front
-from blockmech.arguments import declared
-from blockmech.export import aligned, csv_of
-from blockmech.files import AnyPath
-from blockmech.told import DEGREES, TextReport, as_data
+from blockmech.export import CsvTable, aligned
+from blockmech.report import DEGREES, Facts, Report, as_json
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
@@ -22,7 +21,7 @@ HEAD = ("", "method", "setting", "time", "spread", "evaluations", "error", "of")
 
 
 @dataclass(frozen=True, repr=False)
-class Trade(TextReport):
+class Trade(CsvTable, Facts, Report):
     """Speed against accuracy for one question, measured.
 
     Attributes
@@ -38,6 +37,11 @@ class Trade(TextReport):
     target, within : the wanted error, and the longest time of a run [s], or None
     spent : time that the whole took [s]
     """
+
+    FACTS = (
+        *("question", "measure", "counted", "reference", "notes", "target", "within", "spent"),
+        "recommendation",
+    )
 
     mechanism: str
     question: str
@@ -106,57 +110,48 @@ class Trade(TextReport):
             by_method.setdefault(point.method, []).append(point)
         return by_method
 
-    def text(self, degrees: bool = DEGREES) -> str:
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The table with a star at the front, the reference, what was skipped, the sentence."""
         pareto, reference = self.pareto, self.reference
         rows = [_row(p, p in pareto) for series in self.series().values() for p in series]
-        lines = [
-            f"{self.mechanism}, {self.question}",
-            "",
-            *aligned(HEAD, rows),
-            "",
-            "* no other setting is both faster, beyond the noise, and at least as exact",
-            f"time: median of at least 5 warm repeats, or of one run; evaluations: {self.counted}",
-            f"error: {self.measure}",
-        ]
+        yield from (f"{self.mechanism}, {self.question}", "", *aligned(HEAD, rows), "")
+        yield "* no other setting is both faster, beyond the noise, and at least as exact"
+        yield f"time: median of at least 5 warm repeats, or of one run; evaluations: {self.counted}"
+        yield f"error: {self.measure}"
         if math.isfinite(reference.floor):
-            lines.append(
+            yield (
                 f"reference: {reference.method}; checked by {reference.check}, "
                 f"known to {size(reference.floor)} (the floor)"
             )
-        lines += [f"note: {note}" for note in self.notes]
+        yield from (f"note: {note}" for note in self.notes)
         reasons: dict[str, list[str]] = {}
         for s in self.skipped:
             reasons.setdefault(s.why, []).append(s.label)
-        lines += [f"skipped: {'; '.join(labels)}: {why}" for why, labels in reasons.items()]
-        return "\n".join([*lines, f"measured in {self.spent:.1f} s", "", self.recommendation])
+        yield from (f"skipped: {'; '.join(labels)}: {why}" for why, labels in reasons.items())
+        yield from (f"measured in {self.spent:.1f} s", "", self.recommendation)
 
     def to_dict(self) -> dict[str, Any]:
         """The trade as JSON data; what is not finite is None."""
         best, lean = self.recommended, self.pareto_by_evaluations
         points = [row | {"pareto_by_evaluations": p in lean} for p, row in self._rows()]
-        kept = ("question", "measure", "counted", "reference", "notes", "target", "within", "spent")
-        return as_data(
-            {"format": "blockmech/trade", "version": 1, "graph": self.mechanism}
-            | {name: getattr(self, name) for name in kept}
-            | {
-                "points": points,
-                "skipped": [{"setting": s.label, "why": s.why} for s in self.skipped],
-                "recommended": None if best is None else best.label,
-                "recommendation": self.recommendation,
-                "machine": machine(),
-            }
-        )
+        return {
+            "format": "blockmech/trade",
+            "version": 1,
+            "graph": self.mechanism,
+            **super().to_dict(),
+            "points": as_json(points),
+            "skipped": [{"setting": s.label, "why": s.why} for s in self.skipped],
+            "recommended": None if best is None else best.label,
+            "machine": machine(),
+        }
 
-    @declared
-    def to_csv(self, path: AnyPath | None = None, separator: str = ",", decimal: str = ".") -> str:
-        """The points as CSV text, one line a point, written to a file if a path is given."""
+    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[Any]]]:
+        """The points, one a row."""
         rows = [row | {"floor": self.reference.floor} for _, row in self._rows()]
         names = [name for name in (rows[0] if rows else {}) if name != "options"]
         times = ("seconds", "fastest", "slowest")
         head = [f"{name} [s]" if name in times else name for name in names]
-        cells = ([row[name] for name in names] for row in rows)
-        return csv_of(head, cells, path, separator, decimal)
+        return head, ([row[name] for name in names] for row in rows)
 
     def _rows(self) -> list[tuple[Point, dict[str, Any]]]:
         """Points, and each as data."""

@@ -1,0 +1,92 @@
+"""Answers of analyses: facts as `Facts`, for JSON, and lines for people as a `Report`.
+
+What an answer holds is declared once, on its class; text, notebook and JSON follow from it.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any, ClassVar
+
+DEGREES = False  # angles that are shown, in text, tables and pictures alike: else radians
+
+
+def with_unit(x: float, unit: str, degrees: bool = DEGREES) -> str:
+    """A number to nine digits with its unit, an angle in degrees if asked for."""
+    if degrees and unit == "rad":
+        x, unit = math.degrees(x), "deg"
+    return f"{x:.9g} {unit}".rstrip()
+
+
+def places(at: Mapping[str, float], units: Mapping[str, str], degrees: bool = DEGREES) -> str:
+    """Coordinates by name as words, e.g. ``crank.q = 30 deg, slide.q = 0.1 m``."""
+    return ", ".join(f"{name} = {with_unit(q, units[name], degrees)}" for name, q in at.items())
+
+
+def sections(parts: Iterable[Iterable[str]]) -> Iterator[str]:
+    """Parts of a text with an empty line between them; those without lines are left out."""
+    yield "\n\n".join(filter(None, map("\n".join, parts)))
+
+
+def as_json(x: Any) -> Any:
+    """Anything that an answer holds as JSON data; null stands for what is not finite.
+
+    Arrays are lists, complex numbers ``[re, im]``, records and tuples with names objects.
+    """
+    if isinstance(x, str | int | None):
+        return x
+    if isinstance(x, float):
+        return x if math.isfinite(x) else None
+    if isinstance(x, complex):
+        return [as_json(x.real), as_json(x.imag)]
+    if isinstance(x, Facts):
+        return x.to_dict()
+    if hasattr(x, "tolist"):  # of NumPy
+        return as_json(x.tolist())
+    if hasattr(x, "_asdict"):
+        return as_json(x._asdict())
+    if is_dataclass(x):
+        return {f.name: as_json(getattr(x, f.name)) for f in fields(x)}
+    if isinstance(x, Mapping):
+        return {key: as_json(value) for key, value in x.items()}
+    return [as_json(part) for part in x]
+
+
+class Facts:
+    """Facts with names.
+
+    ``FACTS`` are the attributes that leave as JSON, properties among them; of a dataclass all
+    its fields unless it says otherwise.
+    """
+
+    FACTS: ClassVar[tuple[str, ...]] = ()
+
+    def to_dict(self) -> dict[str, Any]:
+        """The facts as a JSON object, in SI units; null stands for what is not finite."""
+        names = self.FACTS or tuple(f.name for f in fields(self))  # type: ignore[arg-type]
+        return {name: as_json(getattr(self, name)) for name in names}
+
+
+class Report(ABC):
+    """What people read, alike at a prompt, in a notebook and on the command line."""
+
+    @abstractmethod
+    def lines(self, degrees: bool = DEGREES) -> Iterable[str]:
+        """What people read, line by line."""
+
+    def text(self, degrees: bool = DEGREES) -> str:
+        """The lines as one text; angles in degrees if asked for."""
+        return "\n".join(self.lines(degrees))
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{html.escape(self.text())}</pre>"
