@@ -230,6 +230,56 @@ def test_wheels_of_linkage_turn_by_their_sizes(kind, ratio, first):
         assert np.ptp(lengths) < 1e-9 * lengths[0]
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_slot_on_an_arc_of_linkage_keeps_the_distance_from_its_centre(sign):
+    centre, radius = 60 - 15j * sign, 55.0
+    ends = [centre + radius * np.exp(1j * sign * x) for x in (0.5, 2.2)]
+    pin = centre + radius * np.exp(1j * sign * 1.6)
+    points = {0: (0, 0), 1: (10, 15), 2: pin, 3: ends[0], 4: ends[1], 5: pin + 20}
+    points = {k: (z.real, z.imag) if isinstance(z, complex) else z for k, z in points.items()}
+    bars = [[0, 1], [1, 2, 5]]
+    text = linkage_xml([0, 3, 4], {0: 10}, points, bars, {2: (3, 4)})
+    linkage = bm.read(text.replace('slider="true"', f'slider="true" slideradius="{sign * radius}"'))
+    assert not linkage.check()
+    assert "connector 2 slides on an arc" in " ".join(linkage.extras["notes"])
+    at = {str(k): complex(*xy) for k, xy in points.items()} | {"c": centre}
+    bodies = [[str(p) for p in own] for own in bars] + [["c", "2"]]
+    solver = Distances(at, bodies, ["0", "3", "4", "c"], {}, ("0", "1"))
+    angles = [-0.05 * k for k in range(1, 25)]
+    expected, found = solver.follow(angles), places(linkage, angles)
+    for point in ("2", "5"):
+        assert np.abs(found[point] * 1000 - expected[point]).max() < EXACT * solver.size
+
+
+def test_a_link_with_two_pins_on_one_arc_turns_about_its_centre():
+    centre = 30 + 0j
+    arc = [centre + 20 * np.exp(1j * x) for x in (0.3, 2.8, 1.0, 2.0)]
+    points = {0: (0, 0), 1: (5, 15), 2: arc[2], 3: arc[3], 4: arc[0], 5: arc[1], 6: (20 + 30j)}
+    points = {k: (z.real, z.imag) if isinstance(z, complex) else z for k, z in points.items()}
+    text = linkage_xml(
+        [0, 4, 5], {0: 10}, points, [[0, 1], [1, 6], [2, 3, 6]], {2: (4, 5), 3: (4, 5)}
+    )
+    linkage = bm.read(text.replace('slider="true"', 'slider="true" slideradius="20"'))
+    assert not linkage.check()
+    found = places(linkage, [-0.1, -0.2])
+    for point in ("2", "3"):
+        assert np.abs(found[point] * 1e3 - centre) == pytest.approx(20.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_gear_joint_of_pmks_is_the_pitch_point(inside):
+    pitch = -0.7 if inside else 1.1  # on the line of centres, beyond the first or between both
+    gear = "M[J[R, P[0, 0], L[ground, a]], J[R, P[3, 0], L[ground, b]], J[R, P[1, 1], L[a]], "
+    gear += f"J[R, P[3, 2], L[b]], J[G, P[{pitch}, 0], L[a, b]]]"
+    linkage = bm.read(gear)
+    assert not linkage.check()
+    q = np.linspace(0.0, 2.0, 5)
+    found = places(linkage, q)
+    ratio = pitch / (pitch - 3)  # both rims have one velocity at the pitch point
+    assert np.abs(found["C"] - (1 + 1j) * np.exp(1j * q)).max() < 1e-9
+    assert np.abs(found["D"] - (3 + 2j * np.exp(1j * ratio * q))).max() < 1e-9
+
+
 def test_a_planetary_set_of_linkage_turns_on_its_arm():
     points = {0: (0, 0), 1: (30, 0), 2: (35, 8), 3: (5, 5)}
     text = linkage_xml([0], {0: 10}, points, [[0, 1], [1, 2], [0, 3]], {})

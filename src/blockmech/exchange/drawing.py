@@ -31,6 +31,8 @@ FRAME = "frame"
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 TURN = (0.0, math.tau)
 MOST_TEETH = 1000  # of a wheel whose size is a ratio
+ROUNDING = 1e-12  # of a ratio that teeth give
+ON_LINE = 1e-3  # of the distance of two centres: how far from their line a pitch point is drawn
 
 
 class Slot(NamedTuple):
@@ -70,13 +72,17 @@ class Guide(NamedTuple):
 
 
 class Wheels(NamedTuple):
-    """Two links that turn as gear wheels or by a chain, with their sizes: teeth or radii."""
+    """Two links that turn as gear wheels or by a chain, with their sizes: teeth or radii.
+
+    Of gears that are drawn by their pitch point alone, sizes follow from the centres.
+    """
 
     name: str
     first: str
     second: str
-    sizes: tuple[float, float]
+    sizes: tuple[float, float] = (1.0, 1.0)
     chain: bool = False
+    pitch: complex | None = None
 
 
 class Load(NamedTuple):
@@ -364,20 +370,35 @@ class _Making:
 
     def _follow(self, pair: Wheels, ends: tuple[str, str], leading: int) -> None:
         driven = ends[1 - leading]
+        a, b = (complex(*self.joints[end]["at"][0]) for end in ends)
+        sizes, inside = pair.sizes, False
+        if pair.pitch is not None:
+            arms = [self.scale * pair.pitch - centre for centre in (a, b)]
+            across = arms[0].conjugate() * arms[1]
+            if not all(arms) or abs(across.imag) > ON_LINE * abs(a - b) ** 2:
+                self.drawing.note(f"{pair.name}: left out")
+                self.drawing.note(f"{pair.name} is not on the line of its wheels' centres")
+                return
+            sizes, inside = (abs(arms[0]), abs(arms[1])), across.real > 0
         name = self._driver_name(driven)
         self.drivers[name] = {"joint": driven}
-        sizes = pair.sizes if not leading else pair.sizes[::-1]
+        sizes = sizes if not leading else sizes[::-1]
         made: dict[str, Any] = {"type": "gear"}
         if pair.chain:
-            a, b = (complex(*self.joints[end]["at"][0]) for end in ends)
             radii = [size * self.scale for size in sizes]
             if sum(radii) > abs(a - b):  # sizes that are teeth: the ratio is what counts
                 radii = [size * abs(a - b) / (2 * sum(sizes)) for size in sizes]
                 self.drawing.note(f"{pair.name}: radii from the ratio and the distance of the pins")
             made = {"type": "belt", "radii": radii}
         else:
-            ratio = Fraction(sizes[0] / sizes[1]).limit_denominator(MOST_TEETH)
+            exact = sizes[0] / sizes[1]
+            ratio = Fraction(exact).limit_denominator(MOST_TEETH)
             made["teeth"] = [ratio.numerator, ratio.denominator]
+            if inside:
+                made["internal"] = True
+            if abs(float(ratio) / exact - 1) > ROUNDING:  # no teeth give it
+                law = {"kind": "polynomial", "coefficients": [0.0, exact if inside else -exact]}
+                made = {"type": "ratio", "law": law}
         made |= {"driver": self._driver_of(ends[leading]), "driven": name}
         self.couplings[self._coupling_name(pair.name)] = made
 

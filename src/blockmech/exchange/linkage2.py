@@ -2,8 +2,11 @@
 
 Lengths are those of the drawing times its scale, y points up, ``rpm`` counts clockwise. A
 connector that slides has two limits, between which its line lies: a slot in the link of both, or
-in the frame. An actuator is a link that changes its length. A ratio of type ``gears`` or ``chain``
-couples two links that turn on one: sizes are teeth or radii, what counts is their ratio.
+in the frame. On an arc of ``slideradius`` it keeps its distance from the arc's centre, so a link
+without mass holds it there. The centre is the one of the two that fits the drawn place; where both
+do it lies left of the way from limit to limit if the radius is positive. An actuator is a link that
+changes its length. A ratio of type ``gears`` or ``chain`` couples two links that turn on one: sizes
+are teeth or radii, what counts is their ratio.
 
 Source: rectorsquid/Linkage, ``LinkageDoc.cpp`` (reading and writing) and its examples.
 """
@@ -13,6 +16,7 @@ from __future__ import annotations
 import cmath
 import math
 import re
+from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 from blockmech.errors import listed
@@ -21,7 +25,16 @@ from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import number, wrong, xml_of
 
 RPM = math.tau / 60
+ROOM = 9e-4  # by which Linkage keeps the diameter of an arc above the distance of its limits
 UNITS = {"millimeters": "mm", "inches": "in"}
+
+
+class Slide(NamedTuple):
+    """A connector that slides between two others, on an arc where the radius is not 0."""
+
+    key: str
+    limits: list[str]
+    radius: float
 
 
 def read(text: str, where: str) -> Drawing:
@@ -36,13 +49,13 @@ def read(text: str, where: str) -> Drawing:
     if program is not None:
         scale = number(program.get("scalefactor"), f"{where}, program", 1.0)
         drawing.unit = UNITS.get((program.get("units") or "Millimeters").lower(), "mm")
-    slides: list[tuple[str, list[str]]] = []
+    slides: list[Slide] = []
     for raw in root.findall("connector"):
         _connector(raw, where, scale, drawing, slides)
     for raw in root.findall("Link"):
         _link(raw, where, scale, drawing)
-    for key, limits in slides:
-        _slot(key, limits, drawing, where)
+    for slide in slides:
+        _slot(slide, drawing, where)
     _ratios(root, where, drawing)
     turning = {wheel for pair in drawing.wheels for wheel in (pair.first, pair.second)}
     for name, points in list(drawing.links.items()):
@@ -77,7 +90,7 @@ def _is(raw: Element, word: str) -> bool:
 
 
 def _connector(
-    raw: Element, where: str, scale: float, drawing: Drawing, slides: list[tuple[str, list[str]]]
+    raw: Element, where: str, scale: float, drawing: Drawing, slides: list[Slide]
 ) -> None:
     key = str(raw.get("id"))
     at = f"{where}, connector {key}"
@@ -94,10 +107,7 @@ def _connector(
         drawing.drives[key] = Drive(-number(raw.get("rpm"), at, 15.0) * RPM)
     if _is(raw, "slider"):
         limits = [str(x.get("id")) for x in raw.findall("slidelimit")]
-        if number(raw.get("slideradius"), at, 0.0):
-            drawing.note(f"connector {key} slides on an arc: left out as a slide")
-        else:
-            slides.append((key, limits))
+        slides.append(Slide(key, limits, number(raw.get("slideradius"), at, 0.0) * scale))
     if raw.get("fasten") or raw.find("fastened") is not None:
         drawing.note(f"connector {key} is fastened to another: left out")
 
@@ -133,11 +143,13 @@ def _actuator(
     drawing.note(f"{name} is an actuator: its stroke is driven once, at a constant rate")
 
 
-def _slot(key: str, limits: list[str], drawing: Drawing, where: str) -> None:
+def _slot(slide: Slide, drawing: Drawing, where: str) -> None:
+    key, limits = slide.key, slide.limits
     at = f"{where}, connector {key}"
     if len(limits) != 2 or any(p not in drawing.points for p in limits):
         raise wrong(at, "its slide has no two limits", "two slidelimit elements")
-    angle = direction(drawing.points[limits[0]], drawing.points[limits[1]], at)
+    a, b = (drawing.points[p] for p in limits)
+    unit = cmath.rect(1.0, direction(a, b, at))
     on = drawing.link_of(limits)
     if on is None:
         drawing.note(f"connector {key} slides between points of two links: left out as a slide")
@@ -146,10 +158,47 @@ def _slot(key: str, limits: list[str], drawing: Drawing, where: str) -> None:
     if on != FRAME and members == [on]:
         drawing.note(f"connector {key} slides in its own link: left out as a slide")
         return
-    line, unit = drawing.points[limits[0]], cmath.rect(1.0, angle)
-    off = ((drawing.points[key] - line) * unit.conjugate()).imag
+    here = drawing.points[key]
+    if slide.radius:
+        half = abs(b - a) / 2
+        radius = max(abs(slide.radius), half + ROOM)
+        side = 1j * unit * math.copysign(math.sqrt(radius**2 - half**2), slide.radius)
+        ends = [(a + b) / 2 + side, (a + b) / 2 - side]
+        centre = min(ends, key=lambda c: round(abs(abs(here - c) - radius) / radius, 6))
+        drawing.points[key] = centre + (here - centre) / abs(here - centre) * radius
+        _arm(key, centre, on, members, drawing)
+        return
+    off = ((here - a) * unit.conjugate()).imag
     drawing.points[key] -= 1j * unit * off  # drawn on the line to a pixel
-    drawing.slots[key] = [Slot(angle, on)]
+    drawing.slots[key] = [Slot(cmath.phase(unit), on)]
+
+
+def _arm(key: str, centre: complex, on: str, members: list[str], drawing: Drawing) -> None:
+    """What holds a connector at its distance from the centre of its arc.
+
+    A link of its own; where a link has slid on the same arc already, that link turns about it.
+    """
+    same = abs(centre - drawing.points[key]) * 1e-6
+    for name in members:
+        for other in [p for p in drawing.links[name] if f"arm_{p}" in drawing.links]:
+            point = f"centre_{other}"
+            if abs(drawing.points[point] - centre) < same:
+                del drawing.links[f"arm_{other}"]
+                drawing.links[name].append(point)
+                drawing.note(
+                    f"{name} slides along one arc at {other} and {key}: it turns about {point}"
+                )
+                return
+        if any(p.startswith("centre_") for p in drawing.links[name]):
+            return
+    point = f"centre_{key}"
+    drawing.points[point] = centre
+    if on == FRAME:
+        drawing.fixed.add(point)
+    else:
+        drawing.links[on].append(point)
+    drawing.links[f"arm_{key}"] = [point, key]
+    drawing.note(f"connector {key} slides on an arc: a link without mass turns about its centre")
 
 
 READER = Reader(

@@ -1,7 +1,8 @@
 """PMKS: text and JSON of the program, and the expressions of Pyslvs, which say the same.
 
 A joint is a line: names of its links, its type, a place, an angle in degrees, flags. ``ground`` is
-the frame. R is a pin, P slides without turning, RP is a pin in a slot of the first link.
+the frame. R is a pin, P slides without turning, RP is a pin in a slot of the first link, G is the
+pitch point of two gear wheels.
 
 Sources: DesignEngrLab/PMKS, ``Simulator.Main.cs`` and its examples; KmolYuan/Pyslvs-UI,
 ``docs/introduction.md``.
@@ -13,7 +14,7 @@ import math
 import re
 from typing import Any, NamedTuple
 
-from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Slot
+from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Slot, Wheels
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import fields, items, json_of, number, wrong
 
@@ -64,7 +65,11 @@ def _take(row: Row, drawing: Drawing) -> None:
     moving = [link for link in row.links if link != GROUND]
     first, *others = [FRAME if link == GROUND else link for link in row.links]
     if row.kind == "G":
-        drawing.note(f"gear joint {row.name} between {' and '.join(row.links)}: left out")
+        name = f"gear joint {row.name} between {' and '.join(row.links)}"
+        if len(moving) == 2:
+            drawing.wheels.append(Wheels(name, *moving, pitch=row.at))
+        else:
+            drawing.note(f"{name}: left out")
         return
     if row.kind == "P" and others:
         for other in others:
