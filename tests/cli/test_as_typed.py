@@ -181,3 +181,40 @@ def test_plain_numbers_take_units_too(call, ruiz):
     moved = ("simulate", ruiz, "--start", "60°,300rpm", "--until", "time=1ms", "--method", "rk4")
     assert call(*moved, "--step", "0.1ms").out == call(*moved, "--step", "1e-4").out
     assert call(*moved, "--step", "nan").code == 2
+
+
+def test_drivers_may_share_an_option(capsys):
+    from blockmech.cli import main
+
+    shared = ["--at", "boom=1.2m,arm=1.4,curl=1.5m", "--want", "boom.q,curl.q", "--csv", "-"]
+    main(["run", "excavator", *shared])
+    assert capsys.readouterr().out.splitlines()[1].startswith("1.2,1.4,1.5")
+
+
+def test_a_time_with_its_unit_is_the_end_of_a_motion():
+    from blockmech.dynamics.request import Until
+
+    assert Until.parse("500ms") == Until.parse("time=0.5") == Until("time", 0.5)
+    with pytest.raises(RequestError, match="no stopping condition"):
+        Until.parse("2")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["run", "ruiz"], 'did you mean "ruiz_fourbar"'),
+        (["export", "pump", "--to", "fmi"], 'did you mean "fmu"'),
+        (["export", "watt_sixbar", "-o", "m.xml", "--set", "step=fast"], "write for example 0.1ms"),
+        (["export", "watt_sixbar", "-o", "m.fmu", "--set", "step=-1"], "a number above 0"),
+        (["export", "ruiz_fourbar", "-o", "m.dxf", "--set", "hole=no"], "write for example 20mm"),
+    ],
+)
+def test_slips_have_one_message(words, said, capsys, tmp_path, monkeypatch):
+    from blockmech.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    message = capsys.readouterr().err
+    assert said in message
+    assert "Traceback" not in message
+    assert not list(tmp_path.iterdir())

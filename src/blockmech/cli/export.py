@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -32,7 +33,7 @@ def export(
     ] = None,
 ) -> None:
     """Write a mechanism, or what it computes, for another program: C, FMU, MJCF, DXF, XLSX ..."""
-    from blockmech.exchange.formats import WRITERS
+    from blockmech.exchange.formats import WRITERS, writer_for
     from blockmech.exchange.writing import write
 
     if to == "list":
@@ -43,9 +44,9 @@ def export(
     document = reading(file, opened)
     mechanism = compiled_of(document, file)
     if output is None:
-        if to is None or to not in WRITERS:
+        if to is None:
             raise refused("export", "no file to write is named", "add -o FILE, or --to FORMAT")
-        output = f"{mechanism.name}{WRITERS[to].suffixes[0]}"
+        output = f"{mechanism.name}{writer_for(Path(), to).suffixes[0]}"
     request = poses.of(mechanism) | {"friction": friction, "static": static or None}
     with progress_bar("writing"):
         files = write(

@@ -19,6 +19,7 @@ UNITS = {of: units_of(of) for of in ("rad", "m")}
 RATES = {of: {**units, **units_of(f"{of}/s")} for of, units in UNITS.items()}
 SECONDS = units_of("s")
 MOST = 10**8  # samples of one range; no memory holds more
+NAMED = re.compile(r",(?=[^,=]+=)")  # before the next driver's name
 ROW = ("numbers are separated by commas and", "write for example 0,0.5,1")
 
 Units: TypeAlias = Mapping[str, float]
@@ -89,13 +90,14 @@ def _by_driver(
 ) -> dict[str, Read] | None:
     """Driver -> what ``read(where, text, unit of the coordinate)`` finds; None without any.
 
-    The only driver needs no name. Raises `RequestError` with all problems.
+    The only driver needs no name; several may stand in one option, each with its own. Raises
+    `RequestError` with all problems.
     """
     drivers = mechanism.drivers
     values: dict[str, Read] = {}
     problems: list[Problem] = []
     named = set()
-    for text in given or ():
+    for text in (part for whole in given or () for part in NAMED.split(whole)):
         where = f"{option} {text}"
         name, equals, numbers = text.partition("=")
         if not equals:

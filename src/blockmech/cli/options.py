@@ -51,12 +51,16 @@ def switch(name: str, help: str) -> Any:
 
 def of_gallery(name: str) -> str:
     """The file of a gallery mechanism that is named without a path; other names as they are."""
-    if not name or os.path.exists(name) or Path(name).suffix:
+    word = name.removesuffix(".json")
+    if not word or os.path.exists(name) or Path(word).suffix:
         return name
     known = gallery()
-    if name not in known and (remedy := close_match(name, known)):
+    if word in known:
+        return str(known[word])
+    alike = [f'did you mean "{other}"?' for other in known if other.startswith(word)]
+    if remedy := close_match(word, known) or (alike or [""])[0]:
         raise refused(name, "no such file, and nothing of that name in the gallery", remedy)
-    return str(known.get(name, name))
+    return name
 
 
 def _like(incomplete: str) -> list[str]:

@@ -108,9 +108,12 @@ class Until:
     def parse(cls, text: str) -> Until:
         """Read ``standstill``, ``steady``, ``event`` or ``<goal>=<number>``.
 
-        ``steady=<s>`` names the period of the loads.
+        ``steady=<s>`` names the period of the loads, and a time with its unit alone, ``2s`` or
+        ``500ms``, is the time.
         """
-        name, _, number = text.partition("=")
+        seconds = {unit: x for unit, x in _UNITS["time"].items() if unit}
+        whole = f"time={text}" if number_in(text, seconds) is not None else text
+        name, _, number = whole.partition("=")
         given = number_in(number, _UNITS.get(name, {"": 1.0})) if number else 1.0
         value = math.nan if given is None else given
         if name not in GOALS:

@@ -6,6 +6,7 @@ An outside package names an object in the entry-point group ``blockmech.readers`
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,10 +15,11 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from blockmech.compiled import Compiled
-from blockmech.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.errors import Problem, RequestError, close_match, listed, refused, shown
 from blockmech.exchange.drawing import Drawing
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
+from blockmech.units import number_in, units_of
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,18 @@ class Order:
     def result(self) -> Result:
         """The wanted outputs, samples without an answer marked."""
         return self.mechanism.run(**self.at, want=self.want, **self.settings, on_gap="mark")
+
+    def positive(self, name: str, default: float, unit: str, example: str) -> float:
+        """A number above 0 among the options, in SI or as text with its unit.
+
+        Raises `RequestError` for anything else.
+        """
+        raw = self.options.get(name, default)
+        x = number_in(str(raw), units_of(unit))
+        if x is None or not 0 < x < math.inf:
+            found = f"got {shown(raw)}"
+            raise refused(name, found, f"write for example {example}", "a number above 0")
+        return x
 
 
 class Writer(NamedTuple):

@@ -47,7 +47,7 @@ class Model:
         self.structure = s = mechanism.structure
         if s.followers:
             raise refused("--to mjcf", "a coupling has no element there", "leave it out")
-        self.step = float(order.options.get("step", STEP))
+        self.step = order.positive("step", STEP, "s", "0.1ms")
         at = order.at.get("at")
         if at is None:
             at = {d: _start(mechanism.scene, d) for d in mechanism.drivers}

@@ -20,7 +20,6 @@ from blockmech.errors import printable, refused
 from blockmech.exchange.formats import Order, Writer
 from blockmech.files import writing
 from blockmech.model.structure import JointRef
-from blockmech.units import number_in, units_of
 
 MM = 1e3
 OPTIONS = {
@@ -73,8 +72,9 @@ def outlines(order: Order) -> dict[str, list[Shape]]:
             if all(abs(z - other) > 1e-9 for other in pins):
                 pins.append(z)
     spans = [abs(a - b) for pins in places.values() for a in pins for b in pins]
-    width = _length(order, "width", max(spans, default=8.0) / 8)
-    hole = _length(order, "hole", width / 3)
+    span = max(spans, default=8.0) / MM
+    width = order.positive("width", span / 8, "m", "20mm") * MM
+    hole = order.positive("hole", width / MM / 3, "m", "20mm") * MM
     if not 0 < hole < width:
         raise refused("hole", f"{hole:g} mm in a link of {width:g} mm", "make it smaller")
     frame = str(s.frame_link)
@@ -83,17 +83,6 @@ def outlines(order: Order) -> dict[str, list[Shape]]:
         outline: list[Shape] = [] if name == frame else list(_outline(_hull(pins), width / 2))
         made[name] = [*outline, *(Circle(z, hole / 2) for z in pins)]
     return made
-
-
-def _length(order: Order, name: str, default: float) -> float:
-    """A length [mm] from an option: a number is in m, a text has a unit."""
-    raw: Any = order.options.get(name)
-    if raw is None:
-        return default
-    x = number_in(str(raw), units_of("m"))
-    if x is None or x <= 0:
-        raise refused(name, f"got {str(raw)[:40]!r}", "write for example 20mm")
-    return x * MM
 
 
 def _hull(points: list[complex]) -> list[complex]:

@@ -67,7 +67,7 @@ def _take(row: Row, drawing: Drawing) -> None:
     if row.kind == "G":
         name = f"gear joint {row.name} between {' and '.join(row.links)}"
         if len(moving) == 2:
-            drawing.wheels.append(Wheels(name, *moving, pitch=row.at))
+            drawing.wheels.append(Wheels(name, moving[0], moving[1], pitch=row.at))
         else:
             drawing.note(f"{name}: left out")
         return

@@ -86,9 +86,7 @@ class Unit:
             rates=self.states.rates.values(),
             **dict(order.settings),
         )
-        self.step = float(order.options.get("step", STEP))
-        if not 0 < self.step < 1e6:
-            raise refused("step", f"got {self.step!r}", "give a time above 0 s")
+        self.step = order.positive("step", STEP, "s", "1ms")
         self.variables = self._variables()
         self.guid = str(uuid.uuid5(uuid.NAMESPACE_URL, self.program.source + repr(self.variables)))
 
