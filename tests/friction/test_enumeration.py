@@ -77,6 +77,16 @@ def test_a_lever_has_the_roots_of_a_quadratic():
     assert found.complete.all()
 
 
+def test_where_rounding_hides_what_is_apart_exact_misfits_decide():
+    """Groups of the campaign whose loads differ by so many digits that doubles prove nothing."""
+    groups = dyads.random_groups("RRP", 250, 3.0, np.random.default_rng(1)).of(np.array([9, 156]))
+    found = enumerated(groups)
+    assert found.complete.all()
+    total = np.zeros(2)
+    np.add.at(total, found.system, found.signs)
+    assert np.array_equal(total == 1, existence_of(groups) < 1)
+
+
 def test_a_double_solution_is_undecided():
     """At the fold the two solutions of a lever meet: rounding cannot tell whether they are."""
     f, R = 10 + 3j, -1 + 0j

@@ -14,7 +14,9 @@ They are followed from zero friction, where they are z_j = +-|f_j|, to the frict
 along the real factors, on which solutions meet in folds, but along a bow through complex ones
 that meets none. What is reached is proved, not believed: Newton-Kantorovich's theorem, with a
 bound of the rounding errors, encloses each in a ball that holds exactly one solution. Where 2^p
-balls lie apart, these are all; a path that has jumped to another's end leaves fewer.
+balls lie apart, these are all; a path that has jumped to another's end leaves fewer. Where
+rounding is what hides it (loads of one group that differ by many digits) the misfits are
+evaluated exactly, in rational numbers.
 
 Sources: Sommese & Wampler, The Numerical Solution of Systems of Polynomials, World Scientific
 2005 (parameter homotopy); Rump, Verification methods, Acta Numerica 19 (2010).
@@ -24,6 +26,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from fractions import Fraction
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -163,7 +166,13 @@ def _of_chunk(f: Vectors, A: Vectors, contacts: Sequence[int], first: int) -> An
         balls = _proved(systems, z[again])
         apart[again] = _apart(balls)
     whole = Equations(f[of], A[of], u, np.zeros(m, complex))
-    system, loads, found, complete = _judged(whole, _proved(whole, z), apart, of, n, contacts)
+    balls = _proved(whole, z)
+    if (open_ := np.flatnonzero(~apart)).size:
+        better = _proved(whole.of(open_), z[open_], exactly=True)
+        for rough, exact in zip(balls, better, strict=True):
+            rough[open_] = exact
+        apart[open_] = _apart(better)
+    system, loads, found, complete = _judged(whole, balls, apart, of, n, contacts)
     return system + first, loads, found, complete
 
 
@@ -276,8 +285,10 @@ def _runge_kutta(systems: Equations, z: Vectors, s: Floats, h: Floats, bend: flo
 
 
 @np.errstate(all="ignore")
-def _proved(systems: Equations, z: Vectors) -> Balls:
+def _proved(systems: Equations, z: Vectors, exactly: bool = False) -> Balls:
     """Balls about ends (n, paths, m), by Newton-Kantorovich's theorem in the maximum norm.
+
+    ``exactly`` : with misfits in rational numbers, and ends that these correct
 
     With C the computed inverse of the slope J: |C misfit| + rounding = b, |1 - C J| = d, and
     |C J'| = w for the constant second derivative J'. If (1 - d)^2 > 2 w b, a solution is
@@ -289,6 +300,10 @@ def _proved(systems: Equations, z: Vectors) -> Balls:
     bad = ~np.isfinite(slope).all(axis=(1, 2)) | (np.abs(np.linalg.det(slope)) < 1e-290)
     slope[bad] = np.eye(m)
     inverse = np.linalg.inv(slope)
+    if exactly:  # iterative refinement: a step leaves what the ends are rounded by
+        flat = flat - np.einsum("njm,nm->nj", inverse, _exact_misfit(tracks, flat))
+        misfit, z = _exact_misfit(tracks, flat), flat.reshape(z.shape)
+        _, slope, _ = _lines(tracks, flat, np.ones(len(flat)), np.ones(len(flat)))
     pin = tracks.u == 0
     sums = np.abs(tracks.A.real).sum(axis=2), np.abs(tracks.A.imag).sum(axis=2)
     bend = np.where(pin, 2.0 * (1.0 + sums[0] ** 2 + sums[1] ** 2), 0.0)
@@ -296,7 +311,8 @@ def _proved(systems: Equations, z: Vectors) -> Balls:
     terms = np.where(pin, np.abs(flat) ** 2 + 2.0 * size**2, np.abs(flat) + 2.0 * size)
     C = np.abs(inverse)
     change = np.abs(np.einsum("njm,nm->nj", inverse, misfit))
-    rounding = 4.0 * (m + 4) * EPS * np.einsum("njm,nm->nj", C, terms)
+    terms = np.abs(misfit) if exactly else 4.0 * terms
+    rounding = (m + 4) * EPS * np.einsum("njm,nm->nj", C, terms)
     b = (change + rounding).max(axis=1)
     d = np.abs(np.eye(m) - inverse @ slope).sum(axis=2).max(axis=1) + 8.0 * m * EPS * (
         (C @ np.abs(slope)).sum(axis=2).max(axis=1)
@@ -308,6 +324,32 @@ def _proved(systems: Equations, z: Vectors) -> Balls:
     radius = np.where(proved, 2.0 * b / (1.0 - d + root), np.inf)
     alone = np.where(proved, np.where(w > 0.0, (1.0 - d) / np.where(w > 0.0, w, 1.0), np.inf), 0.0)
     return Balls(z, radius.reshape(n, count), alone.reshape(n, count))
+
+
+def _exact_misfit(systems: Equations, z: Vectors) -> Vectors:
+    """Misfit (n, m) of the equations, rounded once."""
+    misfits = np.full(z.shape, np.nan, complex)
+    for n in np.flatnonzero(np.isfinite(z).all(axis=1)):
+        re, im = ([Fraction(x) for x in part] for part in (z[n].real.tolist(), z[n].imag.tolist()))
+        for j, u in enumerate(systems.u[n].tolist()):
+            f, A = systems.f[n, j], systems.A[n, j]
+            loads = []  # its components x and y, each real and imaginary
+            for first, row in ((f.real, A.real), (f.imag, A.imag)):
+                a = [Fraction(x) for x in row.tolist()]
+                real, imaginary = (
+                    sum((p * q for p, q in zip(a, part, strict=True)), Fraction(0))
+                    for part in (re, im)
+                )
+                loads.append((Fraction(float(first)) + real, imaginary))
+            (xr, xi), (yr, yi) = loads
+            if u == 0:
+                real = re[j] ** 2 - im[j] ** 2 - xr**2 + xi**2 - yr**2 + yi**2
+                imaginary = 2 * (re[j] * im[j] - xr * xi - yr * yi)
+            else:
+                c, s = Fraction(u.real), Fraction(u.imag)
+                real, imaginary = re[j] - c * xr - s * yr, im[j] - c * xi - s * yi
+            misfits[n, j] = complex(real, imaginary)
+    return misfits
 
 
 def _apart(balls: Balls) -> NDArray[np.bool_]:
