@@ -82,12 +82,15 @@ class Friction:
     iterations : fixed number of iterations of ``successive``, or None
     sticking : whether the friction of pairs that stick is an input, as along a motion of several
         drivers: ``sticks_j`` 1 or 0, ``held_j`` its friction or 0
+    pushed : pairs (`JointRef`) along whose coordinates something else pushes, such as an end stop:
+        ``push_j`` is an input [N m or N], on the later link
     """
 
     method: str = "newton"
     tolerance: float | None = None
     iterations: int | None = None
     sticking: bool = False
+    pushed: tuple[Any, ...] = ()
 
 
 class UnitLoad(NamedTuple):

@@ -8,7 +8,19 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from tests.independent.blows import CENTRE, GUIDE, INERTIA, MASS, L, R, slider_crank_blow
+from tests.independent.blows import (
+    CENTRE,
+    GUIDE,
+    INERTIA,
+    MASS,
+    PLACES,
+    TURNING,
+    WEIGHT,
+    L,
+    R,
+    five_bar_blow,
+    slider_crank_blow,
+)
 
 E = 0.4
 STOPS = {"rod.S.coordinate": {"high": 0.38}, "rod.C.coordinate": {"low": 0.1, "high": 0.3}}
@@ -82,9 +94,63 @@ def test_what_cannot_be_is_one_message():
         g.compile().simulate("time=1")
     with pytest.raises(bm.GraphError, match="unknown-driver"):
         machine("rod.X.coordinate", low=0.36).compile()
-    two = machine("rod.S.coordinate", high=0.38)
+    two = machine("rod.S.coordinate", low=0.36)
     two.add("other", bm.Crank(length=0.1, links={"crank": bm.Link(inertia=1.0)}))
     two.connect("frame.A", "other.A")
     two.start("other")
-    with pytest.raises(bm.RequestError, match="of several drivers each has stops of its own"):
+    with pytest.raises(bm.RequestError, match=r"start-outside-stops.*rod\.S\.coordinate"):
         two.compile().simulate("time=1")
+
+
+# -- several drivers ------------------------------------------------------------------------------
+
+ARM = 0.02  # [m] of friction in all pins
+ANGLES = {
+    "left": ((None, 0), {"high": 1.35}),
+    "right": ((None, 1), {"high": 2.88}),
+    "dyad.B.coordinate": ((0, 2), {"low": -0.78}),
+    "dyad.C.coordinate": ((2, 3), {"high": 0.55}),
+}
+
+
+def five_bar(name, restitution, arm=0.0, **bounds):
+    """The five-bar of `blows`, falling from rates, with a stop of some angle."""
+    g = bm.Graph("five", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "E": (2.0, 0.0)}))
+    given = zip(WEIGHT, TURNING, PLACES, strict=True)
+    links = [bm.Link(mass=m, inertia=j, cm=c) for m, j, c in given]
+    rub = bm.Coulomb(coefficient=arm, radius=1.0)
+    pins = {"left": "A", "right": "A", "dyad": "BCD"} if arm else {}
+    rubs = {block: {"friction": dict.fromkeys(js, rub)} for block, js in pins.items()}
+    for crank, link in zip(("left", "right"), links[:2], strict=True):
+        g.add(crank, bm.Crank(length=1.0, links={"crank": link}, **rubs.get(crank, {})))
+    rods = dict(zip("ij", links[2:], strict=True))
+    g.add("dyad", bm.RRR(l_i=2.0, l_j=2.0, branch=1, links=rods, **rubs.get("dyad", {})))
+    for ends in ("frame.A left.A", "frame.E right.A", "left.B dyad.B", "right.B dyad.D"):
+        g.connect(*ends.split())
+    g.start("left", q=1.2, rate=0.5)
+    g.start("right", q=2.2, rate=1.5)
+    g.stop(name, restitution=restitution, **bounds)
+    return g
+
+
+@pytest.mark.parametrize(("e", "arm"), [(0.5, 0.0), (0.0, ARM), (0.5, ARM)])
+@pytest.mark.parametrize("name", ANGLES)
+def test_blows_on_any_angle_of_a_five_bar_are_those_of_momentum(name, e, arm):
+    links, bounds = ANGLES[name]
+    mech = five_bar(name, e, arm, **bounds).compile()
+    blow = mech.simulate("time=0.45", accuracy=1e-3).motion.impacts[0]
+    wanted = five_bar_blow(blow.q, blow.before, e, links, arm)
+    size = abs(wanted["P"])
+    assert blow.driver == name
+    assert blow.pushes[name] == pytest.approx(wanted["P"], rel=1e-12)
+    assert np.abs(blow.after - blow.before - wanted["jump"]).max() <= 1e-12 * abs(blow.before).max()
+    found = mech.impulses(blow)
+    pairs = {"left.A": "A", "right.A": "E", "dyad.B": "B", "dyad.C": "C", "dyad.D": "D"}
+    for pair, key in pairs.items():
+        assert abs(found[f"{pair}.reaction"] - wanted["pins"][key]) <= 1e-12 * size, pair
+    if arm:
+        assert np.abs([*blow.friction.values()] - wanted["T"]).max() <= 1e-12 * size
+    for driver in ("left", "right"):
+        given = blow.pushes[name] if driver == name else 0.0
+        assert found[f"{driver}.drive"] == pytest.approx(given, abs=1e-12 * size)

@@ -151,6 +151,8 @@ class Evidence:
         r, powers = self.run, []
         for name in self.structure.blocks[block].joints:
             powers.append(plain(-r[f"{block}.{name}.friction_power"]))
+            if (push := self.bodies.pushes.get(JointRef(block, name))) is not None:
+                powers.append(plain(push * r[f"{block}.{name}.slip"]))
         for ref in self.outer(block):
             powers += self._wire(ref, -1.0)
         for d in self.structure.drivers_of(block):

@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.dynamics.pair_stops import lain_against
 from blockmech.model.structure import JointRef, LinkRef, Structure
 
 if TYPE_CHECKING:
@@ -115,6 +116,14 @@ class FreeBodies:
 
     # -- what acts -----------------------------------------------------------------
 
+    @cached_property
+    def pushes(self) -> dict[JointRef, Array]:
+        """What end stops push with along the coordinates of pairs, on their later links."""
+        motion = self.run.motion
+        pairs = None if motion is None else lain_against(self.run.mechanism, motion.lying)
+        inputs, refs = self.run.samples.inputs, () if pairs is None else pairs.refs
+        return {ref: np.asarray(inputs[f"push_{j}"]) for j, ref in enumerate(refs)}
+
     def terms(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:
         """Everything that acts on a link: force [N], where it acts [m], couple [N m]."""
         yield from self.inertia_and_weight(link)
@@ -205,6 +214,7 @@ class FreeBodies:
         place, zero = earlier.p if revolute else self._slider(ref), np.zeros(r.n)
         yield sign * r[f"{ref}.reaction"], place, zero if revolute else sign * r[f"{ref}.C"]
         along = [sign * r[f"{ref}.friction"]]
+        along += [sign * self.pushes[ref]] if ref in self.pushes else []
         if joint.driven:
             driver = self.structure.blocks[ref.block].driver_name(*ref)
             along += [sign * x for x in self._drive(driver)]

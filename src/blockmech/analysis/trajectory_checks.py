@@ -65,7 +65,9 @@ def trajectory(result: Result) -> Iterator[tuple[str, float, float]]:
     names = [mechanism.of_driver(driver, "acceleration") for driver in mechanism.drivers]
     how = {key: result.settings[key] for key in ("friction", "tolerance", "iterations")}
     pushed = result_along(mechanism, motion, over.nodes.ravel(), names, **how)
-    ends, inside = motion.at(over.edges), motion.at(over.nodes)
+    blows = np.isin(over.edges, [blow.t for blow in motion.impacts]) & [False, True]
+    before = np.where(blows, np.nextafter(over.edges, -np.inf), over.edges)
+    ends, inside = motion.at(before), motion.at(over.nodes)
     for k, driver in enumerate(mechanism.drivers):
         alone = len(mechanism.drivers) == 1
         q, qd, rate = (x if alone else x[..., k] for x in (ends.q, ends.qd, inside.qd))

@@ -11,9 +11,11 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
+from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.motion import Floats, Motion
+from blockmech.dynamics.pair_stops import lain_against
 from blockmech.dynamics.sticking import SeveralFriction
-from blockmech.dynamics.system import System, solved, without
+from blockmech.dynamics.system import System, solved
 from blockmech.passes.signals import STATE
 from blockmech.plan import Friction
 from blockmech.result import Result
@@ -40,7 +42,9 @@ class MotionInputs(Mapping[str, Any]):
         self.q, self.qd = motion.at(t)
         self.qd[unknown] = np.nan
         self.mechanism, self.how, self.t = mechanism, how, t
-        self.held = motion.held(t, k)
+        self.pairs = lain_against(mechanism, motion.lying)
+        names = () if self.pairs is None else self.pairs.names
+        self.lies = motion.held(t, (*mechanism.drivers, *names))
         self.states = motion.signal_states(t)
         self.several: dict[str, Floats] = {}
         if k > 1 and how.method != "none":
@@ -50,19 +54,41 @@ class MotionInputs(Mapping[str, Any]):
 
     def _with_several(self, motion: Motion) -> None:
         """Rates and accelerations of several drivers, and friction of pairs that stick."""
-        friction = system_of(self.mechanism, method=self.how).friction
-        if not isinstance(friction, SeveralFriction):
+        pushed = () if self.pairs is None else self.pairs.refs
+        friction = system_of(self.mechanism, method=self.how).friction_of(SeveralFriction, pushed)
+        if friction is None:
             return
         if motion.slips:
             sides = motion.sides(self.t)
         else:  # of a motion that only begins
-            begun = friction.from_state(self.q[0], self.qd[0], self.t[0], ~self.held[0])
+            begun, _, _ = friction.from_state(self.q[0], self.qd[0], self.t[0], None)
             sides = np.tile(begun.sides, (len(self.t), 1))
-        parts = friction.along(self.q, self.qd, self.t, self.states, sides, ~self.held)
-        self.qd, self.several = parts[0], _by_driver("qdd", parts[1], parts[1].shape[1])
-        for j, t in enumerate(parts[2].T):
-            stuck = parts[3][:, j]
+        along = friction.along(
+            self.q, self.qd, self.t, self.states, sides, self.lies, self._against
+        )
+        self.qd, self.several = along.rates, _by_driver("qdd", along.qdd, along.qdd.shape[1])
+        self.several |= self._pushed(along.pushes)
+        for j, t in enumerate(along.friction.T):
+            stuck = along.stand[:, j]
             self.several |= {f"sticks_{j}": 1.0 * stuck, f"held_{j}": np.where(stuck, t, 0.0)}
+
+    def _against(self, q: Floats, qd: Floats, which: Any) -> Held:
+        """Rows of stops that it lies against at n states."""
+        k, senses = len(self.mechanism.drivers), [1] * len(self.mechanism.drivers)
+        rows, drift = np.tile(np.eye(k), (len(q), 1, 1)), np.zeros((len(q), k))
+        if self.pairs is not None:
+            at = [self.pairs.rows(*state) for state in zip(q, qd, strict=True)]
+            rows = np.concatenate([rows, [of_pairs for of_pairs, _ in at]], axis=1)
+            drift = np.concatenate([drift, [of_pairs for _, of_pairs in at]], axis=1)
+            senses += [sense for _, sense in self.pairs.pairs]
+        own = tuple((max(int(i) - k, -1), senses[i]) for i in which)
+        return Held(rows[:, which], drift[:, which], own)
+
+    def _pushed(self, pushes: Floats) -> dict[str, Floats]:
+        """Inputs of what stops of pairs push with, from that of all stops (n, a)."""
+        k = len(self.mechanism.drivers)
+        pairs = () if self.pairs is None else self.pairs.pairs
+        return {f"push_{j}": sense * pushes[:, k + j] for j, (_, sense) in enumerate(pairs)}
 
     def __getitem__(self, name: str) -> Any:
         return self.known[name] if name in self.known else self.accelerations[name]
@@ -80,24 +106,34 @@ class MotionInputs(Mapping[str, Any]):
         k = len(self.mechanism.drivers)
         system = system_of(self.mechanism, method=self.how)  # not kept: programs do not pickle
         if k > 1 or system.friction is None:
-            return _by_driver("qdd", self._without_friction(), k)
+            return self._without_friction()
         rows = zip(self.q, self.qd, self.t.tolist(), self.states, strict=True)
         accelerations = [_with_friction(system, float(q), float(qd), t, x) for q, qd, t, x in rows]
-        return {"qdd_0": np.where(self.held[:, 0], 0.0, np.array(accelerations))}
+        more = {} if self.pairs is None else self._without_friction()
+        return {**more, "qdd_0": np.where(self.lies.any(axis=1), 0.0, np.array(accelerations))}
 
-    def _without_friction(self) -> Floats:
-        """(n,) or (n, k) from M q'' = Q - c."""
+    def _without_friction(self) -> dict[str, Floats]:
+        """Accelerations from M q'' = Q - c, and what stops push with."""
         mechanism, n = self.mechanism, len(self.t)
         drivers, k = mechanism.drivers, len(mechanism.drivers)
         idle = [mechanism.of_driver(d, "drive_by_reduction") for d in drivers]  # c - Q, q'' = 0
         mass = mechanism.of_driver(drivers[0], "J_red") if k == 1 else "mechanism.M"
         samples = Samples(n, self.known | {f"qdd_{i}": np.zeros(n) for i in range(k)}, self.t)
         result = frictionless(mechanism, (*idle, mass), samples)
-        if k == 1:
-            return np.where(self.held[:, 0], 0.0, -result[idle[0]] / result[mass])
-        right, M = -np.stack([result[name] for name in idle], axis=-1), result[mass]
-        rows = zip(M, right, self.held, strict=True)
-        return np.array([without(*row) if row[2].any() else solved(*row[:2]) for row in rows])
+        right = -np.stack([result[name] for name in idle], axis=-1)
+        M = result[mass].reshape(n, k, k)
+        qdd, pushes = np.empty((n, k)), np.zeros(self.lies.shape)
+        if k == 1 and not self.lies.any():
+            return {"qdd_0": right[:, 0] / M[:, 0, 0]}
+        for i, lies in enumerate(self.lies):
+            if not lies.any():
+                qdd[i] = solved(M[i], right[i])
+                continue
+            which = np.flatnonzero(lies)
+            q, rate = self.q[i].reshape(1, k), self.qd[i].reshape(1, k)
+            rows, drift, pairs = self._against(q, rate, which)
+            qdd[i], pushes[i, which] = constrained(M[i], right[i], Held(rows[0], drift[0], pairs))
+        return _by_driver("qdd", qdd[:, 0] if k == 1 else qdd, k) | self._pushed(pushes)
 
 
 def states_along(motion: Motion, t: Floats) -> dict[str, Floats]:
@@ -148,6 +184,8 @@ def result_along(
     how = friction_asked(friction, tolerance, iterations)
     if len(mechanism.drivers) > 1 and how.method != "none":
         how = replace(how, sticking=True)
+    if (pairs := lain_against(mechanism, motion.lying)) is not None:
+        how = replace(how, pushed=pairs.refs)
     plan = mechanism.planned(want, how)
     unknown = t == motion.t_end
     if motion.end != ends.DEAD_CENTRE or _margin_at_end(mechanism, motion) > SINGULAR:

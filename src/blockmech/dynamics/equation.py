@@ -166,7 +166,7 @@ class Equation:
         works = [Q @ qd]
         if self.layout.rubs:
             works.append(0.0 if known is None else known.power)
-        acc = self.system.accelerations(M, Q - c) if known is None else known.qdd
+        acc = self.system.accelerations(M, Q - c, q, qd)[0] if known is None else known.qdd
         return np.concatenate([qd, acc, works, more[: len(self.layout.initial)]])
 
     def switched(self, t: float, y: Floats, due: Collection[str]) -> Floats:
@@ -218,19 +218,21 @@ class Equation:
         assert friction is not None
         x = y[self.layout.signals] if self.layout.initial else None
         if isinstance(friction, SeveralFriction):
-            return friction.at(*self.layout.motion(y), t, self.sides, x, self.system.free)
+            q, qd = self.layout.motion(y)
+            return friction.at(q, qd, t, self.sides, x, self.system.against(q, qd))
         return friction.at(*self.layout.motion(y), t, self.sides, x)
 
     def stop_force(self, i: int, t: float, y: Floats) -> float:
-        """What a stop gives a driver that lies against it [N m or N], on its coordinate."""
+        """What a stop that it lies against pushes with [N m or N], along its coordinate."""
+        which = sorted(self.system.held).index(i)
         if self.sides:
-            return float(self.resisted(t, y).idle[i])
+            return float(self.resisted(t, y).pushes[which])
         q, qd = self.layout.motion(y)
         x = y[self.layout.signals]
         if self.drivers == 1:
             return -float(self.system.one_of(q, qd, t, x, 0.0)[0].tau)
         M, c, Q, _ = self.system.terms_of(q, qd, t, x)[0]
-        return float((M @ self.system.accelerations(M, Q - c) + c - Q)[i])
+        return float(self.system.accelerations(M, Q - c, q, qd)[1][which])
 
     def pair_loads(self, t: float, y: Floats) -> Any:
         """Loads on the pairs with friction."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -75,6 +76,15 @@ def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> Event
     return EventFunction(kind, lambda t, y: y[driver] - q, direction, place=q, arrays=True)
 
 
+def pair_at(system: System, kind: str, place: float, direction: int, i: int) -> EventFunction:
+    """A pair with end stops reaches a coordinate [rad or m]; i is its place among all of them."""
+
+    def value(t: Any, y: Any) -> Any:
+        return system.places(y[: len(system.drivers)])[i] - place
+
+    return EventFunction(kind, value, direction, parts=PARTS // 2, index=i)
+
+
 def general_rules(
     system: System,
     request: SimulationRequest,
@@ -83,7 +93,7 @@ def general_rules(
 ) -> list[EventFunction]:
     """The rules that hold all along a run; ``closeness``: y -> (margin, relative inertia).
 
-    ``stop_force`` : (driver, t, y) -> what its stop gives it
+    ``stop_force`` : (place among the stops, t, y) -> what that pushes with
     """
     k = len(system.drivers)
     rules = [user_rule(w, StateLayout(k)) for w in request.watch]
@@ -94,13 +104,14 @@ def general_rules(
             return closeness(y)[i] - least
 
         rules.append(EventFunction(kind, above, -1, parts=1, dips=True))
-    for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=True)):
-        kind = ends.END_STOP if k == 1 else f"{ends.END_STOP} of {driver}"
+    for i, (name, between) in enumerate(zip(system.stopped, system.stops, strict=True)):
+        kind = ends.END_STOP if k == 1 else f"{ends.END_STOP} of {name}"
         if i in system.held:
             rules.append(leaving_rule(i, system.held[i], stop_force))
             continue
+        rule = driver_at if i < k else partial(pair_at, system)
         pairs = zip(between, (-1, 1), strict=True)
-        rules += [driver_at(kind, q, way, i) for q, way in pairs if math.isfinite(q)]
+        rules += [rule(kind, q, way, i) for q, way in pairs if math.isfinite(q)]
     if k > 1:
         return rules
     rules += [driver_at(ends.GOAL, q) for q in request.places]
@@ -110,7 +121,7 @@ def general_rules(
 
 
 def leaving_rule(i: int, way: int, stop_force: Callable[..., float]) -> EventFunction:
-    """A stop no longer pushes a driver that lies against it."""
+    """A stop no longer pushes what lies against it."""
 
     def push(t: Any, y: Any) -> Any:
         return -way * stop_force(i, t, y)

@@ -123,7 +123,7 @@ class Stroboscope:
         self.flow, self.T = flow, T
         k, system = flow.k, flow.system
         self.turns = np.zeros(2 * k)
-        for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=True)):
+        for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=False)):
             if not any(map(math.isfinite, between)):
                 self.turns[i] = loads.period_of(system.compiled.structure, driver) or 0.0
         self._check_period()

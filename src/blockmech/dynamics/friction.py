@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar, NamedTuple
 
@@ -84,10 +84,13 @@ class ForcePassProgram:
     smooth: bool  # whether all laws are analytic in the speed
 
     @classmethod
-    def of(cls, compiled: Any) -> ForcePassProgram | None:
-        """The program of a mechanism; None where no pair has friction that can act."""
+    def of(cls, compiled: Any, pushed: tuple[JointRef, ...] = ()) -> ForcePassProgram | None:
+        """The program of a mechanism; None where no pair has friction that can act.
+
+        ``pushed`` : pairs along whose coordinates stops may push
+        """
         structure = compiled.structure
-        s = schedule(structure, compiled.scene, GIVEN)
+        s = schedule(structure, compiled.scene, replace(GIVEN, pushed=pushed))
         joints = s.ask(friction.given_joints)
         if not joints:
             return None

@@ -1,18 +1,13 @@
 r"""Impacts at end stops: a chain of motions, each from one blow to the next.
 
-Newton's law of restitution at the stop of driver i, e its restitution, n the unit row of i:
-
-    q'_i after = -e q'_i before
-    dq' = -(1 + e) q'_i M^-1 n / (n M^-1 n),    impulse P = -(1 + e) q'_i / (n M^-1 n)
-    loss (1 - e^2) q'_i^2 / (2 n M^-1 n)
-
-Whatever method computes the motion ends it at the stop, the next one starts there with the
-rates after. Ever lower bounces are a geometric series once the effort no longer changes over
-one: from a height on that is below the accuracy they are closed by their sum, and the driver
-lies against its stop as long as the loads push it there.
+Whatever method computes the motion ends it at the stop, `blow` says what that does, and the next
+one starts there with the rates after. Ever lower bounces are a geometric series once the effort no
+longer changes over one: from a height on that is below the accuracy they are closed by their sum,
+and it lies against the stop as long as the loads push it there.
 
 The impulses in all joints are what the force pass says of the velocity jumps in place of the
-accelerations, all else left out (`impulses`).
+accelerations, of the impulses of stops in place of loads, and of those of joint friction
+(`impulses`); all else has none.
 
 Sources: Pfeiffer & Glocker, Multibody Dynamics with Unilateral Contacts, 1996, ch. 8; Brach,
 Mechanical Impact Dynamics, 1991.
@@ -21,37 +16,46 @@ Mechanical Impact Dynamics, 1991.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 
 from blockmech.dynamics import ends
+from blockmech.dynamics.blow import Blow, blow
+from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.estimate import TARGET
+from blockmech.dynamics.friction import GIVEN
 from blockmech.dynamics.motion import Event, Floats, Impact, Lying, Motion, State, Track
+from blockmech.dynamics.pair_stops import PairStops, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.rest import first_beyond
+from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.stops import Stop
+from blockmech.dynamics.system import System, solved
 from blockmech.errors import refused
-from blockmech.loads import Motor, Thrust
-from blockmech.loads.contract import Element
-from blockmech.model.structure import COORDINATE, JointRef, MarkerRef, Structure
-from blockmech.typing import FrictionMethod
-from blockmech.values import Marker, Place, Vector, split_address
+from blockmech.model.structure import JointRef
+from blockmech.result import Result
+from blockmech.samples import Samples
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
-    from blockmech.dynamics.system import System
-    from blockmech.result import Result
 
 Move: TypeAlias = Callable[["System", SimulationRequest], Motion]
 LOW = 0.1  # of the accuracy: the height of a bounce from which on they are summed up
 IMPULSES = ("reaction", "N", "C", "drive")  # outputs whose impulses are asked for
-STRUCK = "/stop"  # name of what no user can name
 MOST = 10_000  # flights of a run
-RUBS = "joint friction is left out during impacts: the slips reverse in them"
-SUDDEN = 1e12  # by which velocity jumps outweigh what lasts, where both are in one pass
+STILL = 1e-12  # [-] of what rates make of a coordinate, below which they leave it at rest
+PARTED = 1e-9  # [-] of the speed of a blow, at which another stop is left
+GAIN = 1e-9  # [-] of what a blow takes, above which a stop gives back more than rounding
+REVERSES = "slips of joints end or turn back inside impacts: their friction is followed through it"
+LEFT_OUT = "joint friction is left out of an impact: no impulses satisfy its laws"
+GAINED = (
+    "a stop gives back up to {:.6g} J more than it takes in an impact: its restitution is too high "
+    "for the friction of the joints"
+)
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,10 @@ class Bounces:
     impacts: list[Impact] = field(default_factory=list)
     facts: dict[str, float] = field(default_factory=dict)
     held: dict[int, int] = field(default_factory=dict)
-    since: dict[int, float] = field(default_factory=dict)  # [s] that they lie
+    since: dict[int, tuple[float, float]] = field(default_factory=dict)  # [s] lying, push [N, N m]
+    struck: dict[int, tuple[float, float]] = field(default_factory=dict)  # [s], speed after it
+    notes: list[str] = field(default_factory=list)
+    gained: float = 0.0  # [J] most that a stop gave
     lying: list[Lying] = field(default_factory=list)
     flights: float = 0.0  # [s] sum of those to come
     apex: float = math.inf
@@ -104,7 +111,8 @@ class Bounces:
             leg = self._leg(at)
             self.legs.append(leg)
             where = self._stop_of(leg)
-            self.events += [e for e in leg.events if not (where and e.kind == leg.end)]
+            known = (leg.end if where else "", ends.LEAVES_STOP)  # these are told below
+            self.events += [e for e in leg.events if e.kind not in known]
             if leg.end == ends.LEAVES_STOP:
                 after = self._released(leg)
             elif where is not None and len(self.legs) < MOST:
@@ -115,7 +123,9 @@ class Bounces:
             if left is None:
                 self.legs[-1] = replace(leg, end="time", status="reached")
                 return self._whole(after)
-            q = leg.q_end if len(self.system.drivers) > 1 else float(np.asarray(leg.q_end))
+            q = self.legs[-1].q_end
+            if self.system.counted is not None:
+                self.system.counted = self.system.counted.begun(q)
             at = replace(at, start=Start(q, after, leg.t_end), until=left, apex=self.apex)
             times = tuple(t for t in at.times if t > leg.t_end)
             at = replace(at, times=times, switched=leg.switched)
@@ -127,24 +137,29 @@ class Bounces:
                 return self._lying(request)
             (way,), (q, _, t) = self.held.values(), request.start
             push = self.system.one_of(q, 0.0, t, begin, 0.0)[0].tau
-            self.facts["contact"] = -float(push) / self._stop(0, way).slope
+            self._touches(-float(push) / self._stop(0, way).slope)
         if begin or dict(self.system.held) != self.held:
             self.system = replace(self.system, held=dict(self.held), begin=begin)
+        if self.held and len(self.system.drivers) > 1:
+            q, rate, t = request.start
+            pushes = self.system.pushes(q, rate, t, np.array(begin) if begin else None)
+            for i, push in zip(sorted(self.held), pushes, strict=True):
+                self.since[i] = self.since[i][0], self.since[i][1] or float(push)
         return self.move(self.system, request)
 
     def _stop_of(self, leg: Motion) -> tuple[int, int] | None:
-        """Number of the driver whose stop ended a motion, and which one; None for no bounce."""
+        """Place of the stop that ended a motion, and which end; None for no bounce."""
         if not leg.end.startswith(ends.END_STOP):
             return None
-        driver = leg.end.partition(" of ")[2] or self.system.drivers[0]
-        i = self.system.drivers.index(driver)
+        name = leg.end.partition(" of ")[2] or self.system.drivers[0]
+        i = self.system.stopped.index(name)
         low, high = self.system.stops[i]
-        q = float(np.atleast_1d(leg.q_end)[i])
-        way = 1 if abs(q - high) < abs(q - low) else -1
+        place = float(self.system.places(leg.q_end)[i])
+        way = 1 if abs(place - high) < abs(place - low) else -1
         return None if self._stop(i, way).restitution is None else (i, way)
 
     def _stop(self, i: int, way: int) -> Stop:
-        """The highest or lowest stop of a driver."""
+        """A highest or lowest stop."""
         stop: Stop = self.request.stops[i][way > 0]
         return stop
 
@@ -170,70 +185,162 @@ class Bounces:
         J, tau, dJ, _ = self.system.one_of(float(q[0]), float(rate[0]), t, x)[0]
         return np.array([[J]]), np.array([tau - 0.5 * dJ * rate[0] ** 2])
 
+    def _side(self, i: int, way: int) -> int:
+        """+1 where a stop is the highest of its own coordinate, -1 where it is the lowest."""
+        return way if self._stop(i, way).slope > 0 else -way
+
+    def _rows(self, struck: dict[int, int], q: Floats, rate: Floats) -> Held:
+        """Rows of some stops at a state."""
+        system, those = self.system, [*struck]
+        if len(system.drivers) > 1:
+            rows, drift = system.rows(q, rate)
+            return Held(rows[those], drift[those], system.pairs_of(those))
+        stop = self._stop(0, struck[0])
+        pair = self._pair(stop.name)
+        at = -1 if self.pairs is None or pair is None else self.pairs.pairs.index(pair)
+        return Held(np.array([[stop.slope]]), np.zeros(1), ((at, pair[1] if pair else 1),))
+
+    def _pair(self, name: str) -> tuple[JointRef, int] | None:
+        """The pair whose stop a name is of, and how its coordinate counts; None of a driver's."""
+        if self.pairs is None or name not in self.pairs.names:
+            return None
+        return self.pairs.pairs[self.pairs.names.index(name)]
+
+    @cached_property
+    def pairs(self) -> PairStops | None:
+        """Pairs that have stops."""
+        if self.system.counted is not None:
+            return self.system.counted.pairs
+        names = [stop.name for between in self.request.stops for stop in between]
+        return stopped_pairs(cast("Compiled", self.system.compiled), names)
+
+    @cached_property
+    def friction(self) -> SeveralFriction | None:
+        """Joint friction of blows."""
+        pushed = () if self.pairs is None else self.pairs.refs
+        friction: SeveralFriction | None = self.system.friction_of(SeveralFriction, pushed)
+        return friction
+
+    def _onto(self, q: Floats, rate: Floats, M: Floats, struck: dict[int, int]) -> Floats:
+        """Coordinates of the drivers with which stops are touched, the nearest by M."""
+        those = [*struck]
+        wanted = np.array([self.system.stops[i][way > 0] for i, way in struck.items()])
+        if len(q) == 1:
+            return wanted
+        off = wanted - self.system.places(q)[those]
+        rows = self._rows(struck, q, rate).rows
+        back = np.linalg.solve(M, rows.T)
+        q = q + back @ (np.linalg.pinv(rows @ back) @ off)
+        for i, x in zip(those, wanted, strict=True):
+            if i < len(q):
+                q[i] = x
+        return q
+
     def _struck(self, leg: Motion, i: int, way: int) -> Any:
         """The rates after a blow."""
         q, before = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
-        q[i] = self.system.stops[i][way > 0]
-        stop = self._stop(i, way)
-        e = stop.restitution
-        assert e is not None
+        struck = {i: way} | {j: self.held[j] for j in sorted(self.held) if j != i}
         M, _ = self._matrix(q, before, leg.t_end)
-        row = np.linalg.inv(self._free(M))[:, i]
-        speed = float(before[i])
-        impulse = -(1 + e) * speed / row[i]
-        after = before + impulse * row
-        after[i] = -e * speed if e else 0.0
-        low, more = self._is_low(q, after, leg.t_end, i, way, e)
+        q = self._onto(q, before, M, struck)
+        stop, rows = self._stop(i, way), self._rows(struck, q, before).rows
+        e, speed = stop.restitution, float(rows[0] @ before)
+        assert e is not None
+        if abs(speed) <= STILL * float(np.abs(rows[0]) @ np.abs(before)):
+            speed = 0.0
+        done = self._blow(leg, q, M, before, struck, e)
+        impulse = float(done.pushes[0])
+        low, more = self._is_low(q, done.after, leg.t_end, i, way, speed)
         if low:
             self.unseen += self.height
-            impulse += more
-            after = before - speed * row / row[i]
-            after[i], e = 0.0, 0.0
+            done, impulse = self._blow(leg, q, M, before, struck, 0.0), impulse + more
             self.held[i] = way
-            self._lies(leg, i, before)
+            self._lies(leg, i, bool(speed))
+        after = done.after if speed else before
+        if i < len(q):
+            after[i] = 0.0 if low or not e else -e * before[i]
+        for (j, side), row in zip([*struck.items()][1:], rows[1:], strict=True):
+            if -side * float(row @ after) > PARTED * abs(speed):
+                self._leaves(j, leg)
         if speed:
-            loss = (1 - e * e) * speed**2 / (2 * row[i])
-            along = float(impulse) / stop.slope
-            impact = Impact(leg.t_end, stop.name, q, before, after, along, float(loss))
-            self.impacts.append(impact)
+            self.struck = {i: (leg.t_end, abs(float(rows[0] @ after)))}
+            names = [self._stop(*end).name for end in struck.items()]
+            pushes = dict(zip(names, done.pushes.tolist(), strict=True))
+            pairs = () if self.friction is None else self.friction.names
+            rubbed = dict(zip(pairs, done.friction.tolist(), strict=True))
+            loss = -0.5 * float((before + after) @ M @ (after - before))
+            what = stop.name, q, before, after, impulse, loss, pushes, rubbed
+            self.impacts.append(Impact(leg.t_end, *what))
             self.events.append(Event(ends.IMPACT, leg.t_end, self._plain(q), self._plain(after)))
         self.legs[-1] = replace(leg, q_end=self._plain(q), qd_end=self._plain(after))
         return self._plain(after)
 
-    def _free(self, M: Floats) -> Floats:
-        """The inertia with drivers that lie against stops as if they were very heavy."""
-        heavy = np.array(M)
-        for j in self.held:
-            heavy[j, :] = heavy[:, j] = 0.0
-            heavy[j, j] = 1.0
-        return heavy
+    def _blow(
+        self, leg: Motion, q: Floats, M: Floats, before: Floats, struck: dict[int, int], e: float
+    ) -> Blow:
+        """A blow on the first of some stops; it lies against the others."""
+        stops = self._rows(struck, q, before)
+        back, at = np.array([e] + [0.0] * (len(struck) - 1)), None
+        if self.friction is not None and before.any():
+            x = np.array(leg.x_end) if leg.x_end else None
+            at = self.friction.instant(q, before, leg.t_end, x, None)
+        sides = np.array([self._side(*stop) for stop in struck.items()])
+        done = blow(M, before, stops, sides, back, self.friction, at)
+        self.notes += [REVERSES] if done.reverses else [] if done.solved else [LEFT_OUT]
+        self.gained = max(self.gained, done.gained)
+        return done
 
     def _is_low(
-        self, q: Floats, after: Floats, t: float, i: int, way: int, e: float
+        self, q: Floats, after: Floats, t: float, i: int, way: int, before: float
     ) -> tuple[bool, float]:
-        """Whether all bounces to come are too low to be seen, and their impulses' sum."""
+        """Whether all bounces to come are too low to be seen, and their impulses' sum.
+
+        With joint friction the way up is not as the way down: the last flight says how much is
+        left of the speed over one.
+        """
+        stops, side = self._rows({i: way}, q, after), self._side(i, way)
+        speed, kept = abs(float(stops.rows[0] @ after)), 1.0
         M, Q = self._matrix(q, after, t)
-        push = way * float(np.linalg.solve(self._free(M), Q)[i])
-        speed = abs(float(after[i]))
+        lain = {j: end for j, end in self.held.items() if j != i}
+        others = self._rows(lain, q, after) if lain else None
+        loads = solved(M, Q) if others is None else constrained(M, Q, others)[0]
+        push = side * float(stops.rows[0] @ loads + stops.drift[0])
+        if len(q) > 1 and self.friction is not None:
+            rubbed = self.friction.from_state(q, after, t, others)[1]
+            push = max(push, side * float(stops.rows[0] @ rubbed + stops.drift[0]))
         self.apex = math.inf
         if not push > 0:
             return (speed == 0.0 and push == 0), 0.0
+        e = self._stop(i, way).restitution or 0.0
         target = self.request.accuracy or TARGET
         flight, self.height = 2 * speed / push, speed * speed / (2 * push)
-        if e == 1.0:
+        if e == 1.0 and self.friction is None:
             self.apex = t + flight / 2
             return False, 0.0
-        self.flights, self.apex = flight / (1 - e), t + flight / 2
-        mass = 1 / float(np.linalg.inv(self._free(M))[i, i])
-        total = -way * mass * speed * (1 + e) / (1 - e)
+        if i in self.struck and self.friction is not None and before:
+            last, left = self.struck[i]
+            kept, flight = abs(before) / left, (t - last) * speed / left
+        if e * kept >= 1.0:
+            return False, 0.0
+        self.flights, self.apex = flight / (1 - e * kept), t + flight / 2
+        Z = np.eye(len(q)) if others is None else others.free()[0]
+        row = stops.rows[0] @ Z
+        mass = 1 / float(row @ np.linalg.solve(Z.T @ M @ Z, row))
+        total = -side * mass * speed * kept * (1 + e) / (1 - e * kept)
         return self.height <= LOW * target, total
 
-    def _lies(self, leg: Motion, i: int, before: Floats) -> None:
-        """A driver comes to rest against its stop."""
-        t = leg.t_end + (self.flights if before[i] else 0.0)
+    def _lies(self, leg: Motion, i: int, struck: bool) -> None:
+        """It comes to rest against a stop."""
+        t = leg.t_end + (self.flights if struck else 0.0)
         self.facts["rest_time"] = t
-        self.since[i] = leg.t_end
-        self.events.append(Event(ends.REST, t, leg.q_end, 0 * np.asarray(before)))
+        self.since[i] = leg.t_end, 0.0
+        self.events.append(Event(ends.REST, t, leg.q_end, 0 * np.asarray(leg.qd_end)))
+
+    def _leaves(self, i: int, leg: Motion) -> None:
+        """It leaves a stop that it lay against."""
+        name = self._stop(i, self.held.pop(i)).name
+        begin, push = self.since.pop(i)
+        self.lying.append(Lying(name, begin, leg.t_end, push, self._pair(name)))
+        self.events.append(Event(ends.LEAVES_STOP, leg.t_end, leg.q_end, leg.qd_end))
 
     def _lying(self, request: SimulationRequest) -> Motion:
         """The only driver lies against its stop until the loads let it go, or the run ends."""
@@ -244,7 +351,7 @@ class Bounces:
         def away(s: float) -> float:
             return -way * float(system.one(q, 0.0, s).tau)
 
-        self.facts["contact"] = away(t) * way / stop.slope
+        self._touches(away(t) * way / stop.slope)
         t_last = t + request.span
         until, _ = first_beyond(system, away, t, t_last)
         still = replace(request.standing, method=self.legs[0].method, regime=ends.REST)
@@ -258,21 +365,31 @@ class Bounces:
         return replace(still, end=ends.END_STOP + " at rest", status="ended")
 
     def _released(self, leg: Motion) -> Any:
-        """A driver leaves the stop that it lay against: the one that is pushed away most."""
+        """It leaves the stop that would have to pull most."""
         q, rate = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
+        those = sorted(self.held)
+        pulls = [0.0]
         if len(q) > 1:
-            M, Q = self._matrix(q, rate, leg.t_end)
-            force = M @ self.system.accelerations(M, Q) - Q
-            i = max(self.held, key=lambda j: self.held[j] * force[j])
-        else:
-            (i,) = self.held
-        del self.held[i]
-        self.lying.append(Lying(i, self.since.pop(i), leg.t_end))
+            x = np.array(leg.x_end) if leg.x_end else None
+            pushes = self.system.pushes(q, rate, leg.t_end, x)
+            pulls = [self.held[j] * float(P) for j, P in zip(those, pushes, strict=True)]
+            M, _ = self._matrix(q, rate, leg.t_end)
+            q = self._onto(q, rate, M, {j: self.held[j] for j in those})
+        leg = self.legs[-1] = replace(leg, q_end=self._plain(q))
+        self._leaves(those[int(np.argmax(pulls))], leg)
         if len(q) > 1:
             self.system = replace(self.system, held=dict(self.held))
-        self.events = [e for e in self.events if e.kind != ends.LEAVES_STOP]
-        self.events.append(Event(ends.LEAVES_STOP, leg.t_end, leg.q_end, leg.qd_end))
         return leg.qd_end
+
+    def _still_lying(self, t: float) -> Iterator[Lying]:
+        for i, (begin, push) in self.since.items():
+            name = self._stop(i, self.held[i]).name
+            yield Lying(name, begin, t, push, self._pair(name))
+
+    def _touches(self, push: float) -> None:
+        """Keep what the stop pushes with that the only driver comes to lie against."""
+        self.facts["contact"] = push
+        self.since[0] = self.since[0][0], push
 
     def _plain(self, x: Floats) -> Any:
         return float(x[0]) if len(x) == 1 else x
@@ -291,10 +408,9 @@ class Bounces:
         facts.pop("energy_balance", None)
         facts["impacts"] = float(len(self.impacts))
         facts["impact_loss"] = math.fsum(i.loss for i in self.impacts)
-        notes = dict.fromkeys(note for leg in legs for note in leg.notes)
-        reverse = any(len(i.q) > 1 or (i.before * i.after < 0).any() for i in self.impacts)
-        if self.system.friction is not None and reverse:
-            notes[RUBS] = None
+        notes = dict.fromkeys([*(note for leg in legs for note in leg.notes), *self.notes])
+        if self.gained > GAIN * max((i.loss for i in self.impacts), default=0.0):
+            notes[GAINED.format(self.gained)] = None
         return replace(
             last,
             method=legs[0].method,
@@ -306,7 +422,7 @@ class Bounces:
             events=tuple(sorted(self.events, key=lambda e: e.t)),
             impacts=tuple(self.impacts),
             slips=tuple(s for leg in legs for s in leg.slips),
-            lying=(*self.lying, *(Lying(i, t, last.t_end) for i, t in self.since.items())),
+            lying=(*self.lying, *self._still_lying(last.t_end)),
             error=math.fsum(leg.error for leg in legs) + self.unseen,
             cost=self.system.cost,
             notes=tuple(notes),
@@ -335,78 +451,25 @@ def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
 
     Returns
     -------
-    reactions, guide couples and driving impulses under the names of the outputs; that of the
-    driver whose stop was struck is the stop's, the others are nothing. The stop of another pair
-    strikes both of its links. Joint friction follows the impulses where a blow takes all of the
-    only driver's rate, for then no slip reverses in it; else it is left out
+    reactions, guide couples and driving impulses under the names of the outputs, joint friction
+    included as the motion has it; that of a driver whose stop was struck is the stop's, the others
+    are nothing. The stop of another pair strikes both of its links
     """
-    bare = replace(mechanism.structure, elements={}, holds={})
-    at, jump, none = (
-        dict(zip(mechanism.drivers, map(float, row), strict=True))
-        for row in (impact.q, impact.after - impact.before, 0 * impact.q)
-    )
-
-    def run(
-        structure: Structure,
-        accelerations: Mapping[str, float],
-        rates: Mapping[str, float] = none,
-        friction: FrictionMethod = "none",
-    ) -> Result:
-        scene = mechanism.scene.model_copy(update={"gravity": Vector(0j), "stops": {}})
-        names = mechanism.names and replace(mechanism.names, loads={})
-        alone = type(mechanism)(structure, scene, mechanism.name, names)
-        want = [n for n in alone.outputs if n.rpartition(".")[2] in IMPULSES]
-        return alone.run(
-            at=at, rates=rates, accelerations=accelerations, want=want, friction=friction
-        )
-
-    moved, tensioned = run(bare, jump), run(bare, none)
-    reactions = {name: moved[name][0] - tensioned[name][0] for name in moved.plan.want}
-    if impact.driver in mechanism.drivers:
-        if len(impact.q) > 1 or impact.after[0] or not mechanism.frictional_joints:
-            return reactions
-        before = {impact.driver: float(impact.before[0])}
-        sudden = {driver: SUDDEN * x for driver, x in jump.items()}
-        rubbed = run(bare, sudden, before, "newton")
-        return {name: rubbed[name][0] / SUDDEN for name in reactions}
-    struck = run(_struck_at(mechanism, bare, impact.driver), none)
-    (driver,) = mechanism.drivers
-    drive = mechanism.of_driver(driver, "drive")
-    unit = {name: struck[name][0] - tensioned[name][0] for name in reactions}
-    size = -reactions[drive] / unit[drive]  # of the impulse that leaves nothing to the driver
-    return {name: x + size * unit[name] for name, x in reactions.items()}
-
-
-def _struck_at(mechanism: Compiled, structure: Structure, coordinate: str) -> Structure:
-    """A structure with a unit load along the coordinate of a pair, on both of its links."""
-    pair = coordinate.removesuffix(f".{COORDINATE}")
-    ref = JointRef(*split_address(pair, structure.blocks))
-    if mechanism.names is not None:
-        ref = mechanism.names.joints[pair.partition(".")[2]].joint
-    joint, block = structure.joint(ref), structure.blocks[ref.block]
-    ends = structure.earlier_link(ref), structure.later_link(ref)
-    if joint.driven:
-        return structure
-    if joint.rotary:
-        load: Element = Motor(law={"kind": "constant", "value": 1.0})
-        at = tuple(MarkerRef(*link, link.link) for link in ends)
-    else:
-        links = block.links_or_default()
-        own = [e.link for e in ends if e.block == ref.block]
-        lines = {link: block.guide_line(joint.name, link) for link in own}
-        for link in own:
-            place, along = lines[link]
-            place = block.slider_place(joint.name, link) if link == joint.later else place
-            here = Marker.model_construct(at=Place(place), angle=None, dir=Vector(along))
-            marked = {**links[link].markers, STRUCK: here}
-            links[link] = links[link].model_copy(update={"markers": marked})
-        changed = block.model_copy(update={"links": links})
-        structure = replace(structure, blocks={**structure.blocks, ref.block: changed})
-        at = tuple(MarkerRef(*link, STRUCK) for link in ends)
-        if joint.outer:
-            at = structure.feeds[ref], at[1]
-        guide = structure.marker(at[0])
-        along = guide.direction if isinstance(guide, Marker) else 1 + 0j
-        load = Thrust(law={"kind": "constant", "value": 1.0}, direction=(along.real, along.imag))
-    holds = dict(zip((JointRef(STRUCK, "a"), JointRef(STRUCK, "b")), at, strict=True))
-    return replace(structure, elements={STRUCK: load}, holds=holds)
+    pairs = stopped_pairs(mechanism, tuple(impact.pushes))
+    how = replace(GIVEN, pushed=() if pairs is None else pairs.refs)
+    want = [n for n in mechanism.outputs if n.rpartition(".")[2] in IMPULSES]
+    plan = mechanism.outputs.plan(mechanism.scene, want, how, False, quality=False)
+    given = dict.fromkeys(plan.program.inputs, 0.0)  # no rates, no loads
+    jump = impact.after - impact.before
+    for i, (q, qdd) in enumerate(zip(impact.q, jump, strict=True)):
+        given |= {f"q_{i}": float(q), f"qdd_{i}": float(qdd)}
+    for j, size in enumerate(impact.friction.values()):
+        given[f"friction_{j}"] = size
+    known = () if pairs is None else zip(pairs.names, pairs.pairs, strict=True)
+    for j, (name, (_, sense)) in enumerate(known):
+        given[f"push_{j}"] = sense * impact.pushes[name]
+    samples = Samples(1, {name: np.array([x]) for name, x in given.items()}, np.zeros(1))
+    values, engine = mechanism.evaluate(plan, samples, "numpy")
+    settings = {"friction": how.method, "static": False}
+    result = Result(mechanism, plan, samples, values, engine, settings)
+    return {name: result[name][0] for name in want}

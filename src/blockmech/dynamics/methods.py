@@ -19,7 +19,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import watched
-from blockmech.dynamics.motion import INTEGRATORS, Event, Motion, Status
+from blockmech.dynamics.motion import INTEGRATORS, Event, Floats, Motion, Status
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import WATCH, SimulationRequest, check_method
 from blockmech.dynamics.rest import balanced, failed_start
@@ -28,6 +28,7 @@ from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
 from blockmech.errors import RequestError, listed, refused
 
+STILL = 1e-12  # [-] of what rates make of a coordinate, below which they leave it at rest
 LOOKED_AT = 31  # states of a motion at which iterations of friction are judged
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 
@@ -210,28 +211,31 @@ def unmoved(system: System, request: SimulationRequest) -> Motion | None:
 def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
     """A start that is pressed against an end stop."""
     start = request.start
-    at, rates = (np.atleast_1d(x) for x in start[:2])
-    for i, (q, rate) in enumerate(zip(at, rates, strict=True)):
-        way = 0 if i in system.held else system.at_stop(i, q)
-        if way and way * (rate or _push(system, request, i)) > 0:
-            driver = system.drivers[i]
-            end = ends.END_STOP if at.size == 1 else f"{ends.END_STOP} of {driver}"
+    rows, drift = system.rows(start.q, start.rate)
+    rates = rows @ np.atleast_1d(start.rate)
+    for i, (name, place) in enumerate(zip(system.stopped, system.places(start.q), strict=True)):
+        way = 0 if i in system.held else system.at_stop(i, place)
+        still = abs(rates[i]) <= STILL * float(np.abs(rows[i]) @ np.abs(np.atleast_1d(start.rate)))
+        if way and way * (_push(system, request, rows[i], drift[i]) if still else rates[i]) > 0:
+            end = ends.END_STOP if len(system.drivers) == 1 else f"{ends.END_STOP} of {name}"
             events = (Event(end, start.t, start.q, start.rate),)
             still = replace(request.standing, why="it starts at an end stop that holds it")
             return replace(still, regime=ends.END_STOP, status="ended", end=end, events=events)
     return None
 
 
-def _push(system: System, request: SimulationRequest, i: int) -> float:
-    """Which way a driver at rest would start."""
+def _push(system: System, request: SimulationRequest, row: Floats, drift: float) -> float:
+    """Which way a coordinate with a row over the drivers would start, that is at rest."""
+    q, rate, t = request.start
     if isinstance(system.friction, SeveralFriction):
-        return float(system.friction.from_state(*request.start, system.free).response.qdd[i])
+        qdd = system.friction.from_state(q, rate, t, system.against(q, rate))[1]
+        return float(row @ qdd + drift)
     if system.friction is not None:
         return system.friction.rest(float(request.start.q), request.start.t).moves
     if len(system.drivers) == 1:
         return system.one(*request.start).tau
-    terms = system.terms(*request.start)
-    return float(system.accelerations(terms.M, terms.Q - terms.c)[i])
+    terms = system.terms(q, rate, t)
+    return float(row @ system.accelerations(terms.M, terms.Q - terms.c, q, rate)[0] + drift)
 
 
 # -- running -------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
@@ -76,10 +76,13 @@ class Impact(NamedTuple):
     """A blow on an end stop.
 
     t, q : time [s], coordinates (k,) of all drivers
-    driver : whose stop it is
+    driver : whose stop it is: a driver's, or that of a pair's coordinate by its name
     before, after : rates (k,) of all drivers
-    impulse : of the stop along the driver's coordinate [N m s or N s]
-    loss : kinetic energy that it takes [J]
+    impulse : of the stop along its coordinate [N m s or N s]; of bounces that are closed by their
+        sum, that of all of them
+    loss : kinetic energy that it takes [J], of joint friction included
+    pushes : impulses of all stops in this blow, of those that it lay against as well
+    friction : impulses of joint friction along the coordinates of the pairs, on the later link
     """
 
     t: float
@@ -89,6 +92,8 @@ class Impact(NamedTuple):
     after: Floats
     impulse: float
     loss: float
+    pushes: Mapping[str, float] = {}
+    friction: Mapping[str, float] = {}
 
 
 class Slips(NamedTuple):
@@ -102,11 +107,18 @@ class Slips(NamedTuple):
 
 
 class Lying(NamedTuple):
-    """While a driver, by its number, lies against an end stop: from and to [s]."""
+    """While it lies against an end stop, a driver's or that of a pair's coordinate.
 
-    driver: int
+    begin, end : [s]
+    push : of the stop at the begin, along its coordinate [N m or N]
+    pair : whose coordinate it is, and +1 or -1, how that counts; None of a driver
+    """
+
+    stop: str
     begin: float
     end: float
+    push: float = 0.0
+    pair: tuple[Any, int] | None = None
 
 
 class Track(Protocol):
@@ -141,7 +153,7 @@ class Motion(Facts, Report):
     track : dense output
     events : standstills and the user's events, in order
     impacts : blows on end stops, in order
-    lying : while which drivers lie against their stops
+    lying : while it lies against which stops
     slips : with joint friction and several drivers, which pairs stick and slip from when on
     error : estimated bound of the error of q over the run [rad or m]
     time_error : the same of ``t_end`` [s], where an event and not a time ends the run
@@ -247,11 +259,12 @@ class Motion(Facts, Report):
         which = np.maximum(np.searchsorted(begins, t, "right") - 1, 0)
         return np.array([s.sides for s in self.slips])[which]
 
-    def held(self, t: Floats, drivers: int) -> Any:
-        """Whether each driver lies against a stop at times (n,) [s]; (n, drivers)."""
-        held = np.zeros((len(t), drivers), dtype=bool)
-        for i, begin, end in self.lying:
-            held[:, i] |= (begin <= t) & ((t < end) | (t == self.t_end))
+    def held(self, t: Floats, stops: Sequence[str]) -> Any:
+        """Whether it lies against some stops at times (n,) [s]; (n, stops)."""
+        held = np.zeros((len(t), len(stops)), dtype=bool)
+        for lain in self.lying:
+            here = (lain.begin <= t) & ((t < lain.end) | (t == self.t_end))
+            held[:, stops.index(lain.stop)] |= here
         return held
 
     def times(self, count: int) -> Floats:

@@ -85,6 +85,7 @@ class State(NamedTuple):
     qdd: Any = 0.0
     share: float = 0.0  # of the applied loads
     pair: int = -1  # the one with a unit of friction; -1: none
+    push: int = -1  # the stop with a unit of push; -1: none
     t: Any = 0.0
     x: Any = None  # states of signal blocks; None: the initial ones
 
@@ -99,7 +100,7 @@ class FrictionState(NamedTuple):
     outcome: Outcome
     limit: float
     misfit: float = 0.0  # [-] bound of what an iteration left undone, of the largest friction
-    idle: Any = 0.0  # (k,) [N m or N] what several drivers that lie against stops get from these
+    pushes: Any = ()  # (a,) [N m or N] of the stops that several drivers lie against
 
     @property
     def locked(self) -> bool:
@@ -207,6 +208,8 @@ class PairFriction:
             given[f"qdd_{i}"] = column(of(i, s.qdd) for s in states)
         for k in range(m):
             given[f"friction_{k}"] = column(float(s.pair == k) for s in states)
+        for name in (x for x in self.program.program.inputs if x.startswith("push_")):
+            given[name] = column(float(name == f"push_{s.push}") for s in states)
         for k, x in enumerate(self._initial):
             given[f"{STATE}{k}"] = column(x if s.x is None else s.x[..., k] for s in states)
         program = self.program.program
@@ -234,5 +237,5 @@ class PairFriction:
         signals = self._initial if state.x is None else state.x
         given |= {f"{STATE}{k}": float(x) for k, x in enumerate(signals)}
         inputs = self.program.program.inputs
-        pair = f"friction_{state.pair}"
-        return [given.get(x, float(x == pair)) for x in inputs]
+        units = f"friction_{state.pair}", f"push_{state.push}"
+        return [given.get(x, float(x in units)) for x in inputs]

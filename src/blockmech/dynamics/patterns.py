@@ -76,7 +76,7 @@ def affine_patterns(rows: Floats, shift: Floats) -> set[tuple[int, ...]]:
     """All patterns of signs of A_j x + b_j; ``shift`` is b (m,)."""
     if not shift.any():
         return patterns(rows)
-    size = np.abs(shift).max() / (np.abs(rows).max() or 1.0)  # x of about one
+    size = np.abs(shift).max() / (np.abs(rows).max(initial=0.0) or 1.0)  # x of about one
     last = np.eye(1, rows.shape[1] + 1, rows.shape[1])
     whole = patterns(np.vstack([np.column_stack([rows, shift / size]), last]))
     return {pattern[:-1] for pattern in whole if pattern[-1] > 0}

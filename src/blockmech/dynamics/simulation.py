@@ -39,7 +39,7 @@ from blockmech.dynamics.request import (
     request_of,
     times_of,
 )
-from blockmech.dynamics.stops import bouncing, bounds_of, stops_of
+from blockmech.dynamics.stops import bouncing, bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.errors import listed
 from blockmech.samples import Samples
@@ -84,8 +84,8 @@ def simulate(
     step : of the fixed-step methods: time [s] for rk4, driver coordinate for euler_q
     times : (n,) output times [s]; by default 201 over the whole run
     start : driver -> (q [rad or m], rate); by default the scene's ``initial``
-    stops : driver, or with one driver the coordinate of a pair such as ``"rod.S.coordinate"``
-        -> (lowest, highest) [rad or m]; by default the scene's
+    stops : driver, or the coordinate of a pair such as ``"rod.S.coordinate"`` -> (lowest,
+        highest) [rad or m]; by default the scene's
     watch : the user's events
     want : outputs at the output times
     friction : of the joints: "none", "single", "successive" or "newton" (default)
@@ -114,9 +114,8 @@ def simulate(
     request = replace(request, stops=between if bouncing(between) else ())
     refuse_no_inertia(mechanism.structure, mechanism.name)
     refuse_memory(mechanism.structure, starts)
-    system = system_of(
-        mechanism, stops=bounds_of(between), method=how, progress=report, engine=engine
-    )
+    at_stops = {"stops": bounds_of(between), "counted": counted_pairs(mechanism, starts, between)}
+    system = system_of(mechanism, method=how, progress=report, engine=engine, **at_stops)
     if engine == "llvm" and system.engine_of_states.name != engine:
         compiled_program(system.equation_program)  # says why it cannot be
     motion = with_undefined_loads(mechanism, _moved(system, request))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from blockmech.dynamics.request import (
     size_of,
     starts_of,
 )
-from blockmech.dynamics.stops import bounds_of, stops_of
+from blockmech.dynamics.stops import bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
 from blockmech.errors import as_names, close_match, listed, refused
@@ -84,6 +85,7 @@ class Stepper:
         self.t = np.zeros(copies)
         self._y = np.zeros((copies, self._layout.size))
         self.ended = [""] * copies
+        self._counted = [system.counted] * copies
         self.reset()
 
     def __repr__(self) -> str:
@@ -111,6 +113,8 @@ class Stepper:
                 found, valid = f"there is no copy {i}", f"copies: 0 to {self.copies - 1}"
                 raise refused("copies", found, valid=valid)
             self._y[i], self.t[i], self.ended[i] = self._layout.start(*self._pair(given)), 0.0, ""
+            if self._system.counted is not None:
+                self._counted[i] = self._system.counted.begun(self._y[i, self._layout.q])
         return self.observe()
 
     def step(
@@ -176,10 +180,15 @@ class Stepper:
         layout, t = self._layout, float(self.t[i])
         q, rate = layout.motion(self._y[i])
         request = SimulationRequest(Start(q, rate, t), Until("time", dt))
-        run = TimeIntegration(self._system, request, "dop853", self._tolerance, "step", 0.0)
+        system, counted = self._system, self._counted[i]
+        if counted is not None:
+            system = replace(system, counted=counted)
+        run = TimeIntegration(system, request, "dop853", self._tolerance, "step", 0.0)
         run.y = self._y[i].copy()
         motion = run.motion()
         self._y[i] = run.y
+        if counted is not None:
+            self._counted[i] = counted.begun(run.y[layout.q])
         if motion.end == "time" or motion.end == ends.REST:
             self.t[i] = t + dt
         else:
@@ -217,7 +226,7 @@ def stepper(
     want : names or patterns of the outputs that a step gives
     copies : number of copies, each with a state of its own
     start : driver -> (q [rad or m], rate); by default the scene's ``initial``
-    stops : driver -> (lowest, highest) coordinate [rad or m]; by default the scene's
+    stops : driver, or coordinate of a pair -> (lowest, highest) [rad or m]; by default the scene's
     friction : of the joints: "none", "single", "successive" or "newton" (default)
     accuracy : relative tolerance of a step; default 1e-9
     engine : "scalar", "llvm" (machine code), or "auto": machine code once it pays
@@ -250,10 +259,11 @@ def stepper(
             "copies", f"{copies!r} is no number of copies", valid="a whole number from 1 on"
         )
     starts = starts_of(mechanism.scene, mechanism.drivers, start)
-    bounds = bounds_of(stops_of(mechanism, starts, stops))
+    between = stops_of(mechanism, starts, stops)
+    at_stops = {"stops": bounds_of(between), "counted": counted_pairs(mechanism, starts, between)}
     refuse_no_inertia(mechanism.structure, mechanism.name)
     refuse_memory(mechanism.structure, starts)
     how = friction_asked(friction, None, None)
-    system = system_of(mechanism, stops=bounds, method=how, engine=engine)
+    system = system_of(mechanism, method=how, engine=engine, **at_stops)
     tolerance = size_of("accuracy", accuracy) or ACCURATE
     return Stepper(mechanism, system, starts, as_names("want", want), copies, tolerance)

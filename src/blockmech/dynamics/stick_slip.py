@@ -235,8 +235,9 @@ class SeveralDrivers(Frictionless):
         return [j for j, side in enumerate(self.equation.sides) if side == 0]
 
     def _instant(self, t: float, y: Floats) -> Any:
-        free = self.equation.system.free
-        return self.friction.instant(*self.equation.layout.motion(y), t, self._states(y), free)
+        q, qd = self.equation.layout.motion(y)
+        held = self.equation.system.against(q, qd)
+        return self.friction.instant(q, qd, t, self._states(y), held)
 
     def _excess(self, t: float, y: Floats) -> float:
         """What loads need beyond all that pairs that stick hold, as a share of it [-]."""
@@ -271,8 +272,8 @@ class SeveralDrivers(Frictionless):
     def _held(self, now: Now) -> Transition:
         """Stay where all pairs stick, until loads of the time push beyond what they hold."""
         system = self.equation.system
-        if "state" in system.depends_on:
-            return Transition()
+        if "state" in system.depends_on or (system.held and "time" in system.depends_on):
+            return Transition()  # signals go on, or a stop lets go before
         until, _ = first_beyond(
             system, lambda t: self._excess(t, now.y), now.t, self.request.t_last
         )

@@ -22,13 +22,14 @@ balance the one whose largest share is least is taken.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from blockmech.dynamics import ends
+from blockmech.dynamics.contacts import Held
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.pair_friction import FrictionState, PairFriction, Sides, State
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
@@ -40,6 +41,8 @@ from blockmech.friction.solvers import with_drag
 from blockmech.plane import EPS
 from blockmech.quality import left_undone
 
+Against: TypeAlias = Callable[[Floats, Floats, Any], Held]
+
 RANK = 1e-10  # [-] of the largest eigenvalue: rows below it depend on the others
 SETTLED = 1e-9  # [-] by which a law may be missed where pairs start or stay: rounding of a state
 LOCATED = 1e-6  # [-] the same where an event was located on a dense output
@@ -48,22 +51,85 @@ BEYOND = 1e-4  # [rad or m] how far beyond a place the sense of a pair shows
 BALANCED = 200  # iterations of the shares of pairs that stick, of which any contraction needs fewer
 
 
+class Contact(NamedTuple):
+    """What stops that something lies against leave free: q'' = basis z'' + shift; see `Held`.
+
+    Their pushes are an affine function of z'' and of the friction of the pairs.
+    """
+
+    basis: Floats  # (..., k, z)
+    shift: Floats  # (..., k)
+    push: Floats  # (..., a)
+    of_z: Floats  # (..., a, z)
+    of_t: Floats  # (..., a, m)
+
+
 class Instant(NamedTuple):
-    """What loads, accelerations and friction do at a state, or at n of them (leading axis)."""
+    """What loads, accelerations and friction do at a state, or at n of them (leading axis).
+
+    From M on it is about the z freedoms that stops leave, of the k: all, where nothing lies
+    against one (``contact`` None).
+    """
 
     q: Floats  # (..., k)
     rate: Floats  # (..., k)
-    M: Floats  # (..., k, k)
-    push: Floats  # (..., k) efforts of the loads, less what the rates take
-    S: Floats  # (..., m, k) relative rate of a pair per rate of a driver
-    b: Floats  # (..., m) relative acceleration without any of the drivers'
+    M: Floats  # (..., z, z)
+    push: Floats  # (..., z) efforts of the loads, less what the rates take
+    S: Floats  # (..., m, z) relative rate of a pair per rate of a freedom
+    b: Floats  # (..., m) relative acceleration without any of the freedoms'
     w: Floats  # (..., m) relative rate
-    f: Any  # (..., m) loads on the pairs without accelerations of drivers and without friction
-    G: Any  # (..., m, k)
+    f: Any  # (..., m) loads on the pairs without accelerations of freedoms and without friction
+    G: Any  # (..., m, z)
     R: Any  # (..., m, m)
     law: Floats  # (..., 2 m) factors and drags at these rates
     margin: Any
-    free: Any  # (k,) drivers that do not lie against a stop
+    contact: Contact | None = None
+
+    def against(self, held: Held, loads: Any, lasting: bool = True) -> Instant:
+        """The same while it lies against stops, of which a unit push adds ``loads`` (..., m, a).
+
+        ``lasting`` : pairs that stops alone leave no freedom do not move; in a blow they may
+        """
+        Z, shift, back = held.free()
+        at_shift = self.push - (self.M @ shift[..., None])[..., 0]
+        push = -(back @ at_shift[..., None])[..., 0]
+        of_z, of_t = back @ self.M @ Z, -back @ np.swapaxes(self.S, -1, -2)
+        G, turned = self.G + loads @ back @ self.M, np.swapaxes(Z, -1, -2)
+        shifted = (self.G @ shift[..., None] + loads @ push[..., None])[..., 0]
+        S, b = self.S @ Z, self.b + (self.S @ shift[..., None])[..., 0]
+        tied = np.abs(S).max(axis=-1, initial=0.0) <= RANK * np.abs(self.S).max(axis=-1)
+        return self._replace(
+            M=turned @ self.M @ Z,
+            push=(turned @ at_shift[..., None])[..., 0],
+            S=np.where(tied[..., None], 0.0, S),
+            b=np.where(tied & lasting, 0.0, b),
+            f=self.f + shifted,
+            G=G @ Z,
+            R=self.R + loads @ of_t,
+            contact=Contact(Z, shift, push, of_z, of_t),
+        )
+
+    @property
+    def freedoms(self) -> Floats:
+        """Rates (..., z) of what is free."""
+        if self.contact is None:
+            return self.rate
+        return (np.swapaxes(self.contact.basis, -1, -2) @ self.rate[..., None])[..., 0]
+
+    def of_drivers(self, x: Floats, shifted: bool = True) -> Floats:
+        """Accelerations (..., k) of the drivers by those of what is free, or rates."""
+        if self.contact is None:
+            return x
+        of_q = (self.contact.basis @ x[..., None])[..., 0]
+        return of_q + self.contact.shift if shifted else of_q
+
+    def pushes(self, response: Response) -> Floats:
+        """What stops that it lies against give [N m or N] (..., a)."""
+        if self.contact is None:
+            return np.zeros((*self.push.shape[:-1], 0))
+        push, of_z, of_t = self.contact[2:]
+        more = of_z @ response.qdd[..., None] + of_t @ response.t[..., None]
+        return np.asarray(push + more[..., 0])
 
     def norms(self, loads: Any, guides: Sequence[bool]) -> Floats:
         """Loads (..., m) as friction is of them [N]."""
@@ -74,12 +140,22 @@ class Instant(NamedTuple):
 class Response(NamedTuple):
     """Accelerations and friction at an instant, for some sides."""
 
-    qdd: Floats  # (..., k)
+    qdd: Floats  # (..., z) of what is free
     t: Floats  # (..., m)
     loads: Any  # (..., m)
     outcome: Any
     limit: Any
     misfit: Any
+
+
+class Along(NamedTuple):
+    """What pairs with friction do at n states of a motion."""
+
+    rates: Floats  # (n, k) without what rounding leaves pairs that stick
+    qdd: Floats  # (n, k)
+    friction: Floats  # (n, m)
+    stand: Any  # (n, m) which pairs stand
+    pushes: Floats  # (n, a) of the stops that it lies against
 
 
 class Settled(NamedTuple):
@@ -109,19 +185,23 @@ class SeveralFriction(PairFriction):
 
     # -- an instant ------------------------------------------------------------
 
-    def _states(self, qd: Any, t: Any, x: Any, k: int) -> list[State]:
-        """Columns of inputs: loads and rates, a unit of each acceleration, of each friction."""
-        units = [State(qd=np.zeros(k), qdd=row) for row in np.eye(k)]
-        pairs = [State(qd=np.zeros(k), qdd=np.zeros(k), pair=j) for j in range(len(self.names))]
-        return [State(qd=qd, qdd=np.zeros(k), share=1.0, t=t, x=x), *units, *pairs]
+    def _states(self, qd: Any, t: Any, x: Any, k: int, held: Held | None) -> list[State]:
+        """Columns of inputs: loads and rates, a unit of each acceleration, friction and push."""
+        still, pairs = State(qd=np.zeros(k), qdd=np.zeros(k)), held.pairs if held else ()
+        units = [still._replace(qdd=row) for row in np.eye(k)]
+        units += [still._replace(pair=j) for j in range(len(self.names))]
+        units += [still._replace(push=j) for j, _ in pairs if j >= 0]
+        return [State(qd=qd, qdd=np.zeros(k), share=1.0, t=t, x=x), *units]
 
     def _instant(
-        self, values: Any, margin: Any, q: Floats, qd: Floats, x: Any, free: Any
+        self, values: Any, margin: Any, q: Floats, qd: Floats, x: Any, held: Held | None
     ) -> Instant:
         """From values (..., states, values) of the program; x are states, (..., n) or None."""
         m, k = len(self.names), qd.shape[-1]
         drives, loads = values[..., :k].real, values[..., k : k + m]
         slips, rise = (values[..., k + i * m : k + (i + 1) * m].real for i in (1, 2))
+        if k == 1:  # its program has no relative accelerations, and a blow needs their rows alone
+            rise = np.eye(slips.shape[-2])[:, [1]] * slips[..., :1, :] / qd
         w = slips[..., 0, :]
         law = self._law_at(w, None if x is None else np.transpose(x))
 
@@ -131,7 +211,10 @@ class SeveralFriction(PairFriction):
         M, S, G, R = of(drives, 1, k), of(rise, 1, k), of(loads, 1, k), of(loads, 1 + k, m)
         S = np.where(np.abs(S) <= 8 * EPS * np.abs(S).max(axis=(-1, -2), keepdims=True), 0.0, S)
         push, b, f = -drives[..., 0, :], rise[..., 0, :], loads[..., 0, :]
-        return Instant(q, qd, M, push, S, b, w, f, G, R, law, margin, free)
+        at = Instant(q, qd, M, push, S, b, w, f, G, R, law, margin)
+        if held is None:
+            return at
+        return at.against(held, _pressed(held, of(loads, 1 + k + m, values.shape[-2])))
 
     def _law_at(self, w: Floats, x: Any = None, loads: Any = None) -> Floats:
         """Factors and drags (..., 2 m) at relative rates and loads (..., m)."""
@@ -149,18 +232,27 @@ class SeveralFriction(PairFriction):
             return law
         return np.asarray(np.where(most > 0, self._law_at(at.w, None, loads), law))
 
-    def instant(self, q: Floats, qd: Floats, t: float, x: Any, free: Any) -> Instant:
+    def pressed(self, q: Floats, held: Held) -> Any:
+        """What a unit push of each stop adds to the loads (m, a) on the pairs."""
+        k, m = len(q), len(self.names)
+        engine = self.program.single.engine(self._compiled())
+        still = State(qd=np.zeros(k), qdd=np.zeros(k))
+        units = [still._replace(push=j) for j, _ in held.pairs if j >= 0]
+        rows = [engine.one(self._inputs(q, state))[k : k + m] for state in units]
+        return _pressed(held, np.array(rows, dtype=np.complex128).reshape(-1, m).T)
+
+    def instant(self, q: Floats, qd: Floats, t: float, x: Any, held: Held | None) -> Instant:
         """One state; x are states of signal blocks, None the initial ones."""
         key = (t, q.tobytes(), qd.tobytes(), None if x is None else x.tobytes())
         if self._last[0] != key:
             k, m = len(q), len(self.names)
-            states = self._states(qd, t, x, k)
+            states = self._states(qd, t, x, k, held)
             self._count(len(states), False)
             engine = self.program.single.engine(self._compiled())
             rows = [engine.one(self._inputs(q, state)) for state in states]
             margin = min([1.0, *rows[0][k + 3 * m :]], key=lambda x: (x == x, x))
             values = np.array([row[: k + 3 * m] for row in rows], dtype=np.complex128)
-            self._last = key, self._instant(values, margin, q, qd, x, free)
+            self._last = key, self._instant(values, margin, q, qd, x, held)
         instant: Instant = self._last[1]
         return instant
 
@@ -186,20 +278,18 @@ class SeveralFriction(PairFriction):
         ``share`` (m,) is friction of pairs that stick, beside that of the least squares.
         """
         stuck, slips = ([j for j, s in enumerate(sides) if (s == 0) is x] for x in (True, False))
-        S, inverse = at.S[..., at.free], np.linalg.inv(at.M[..., at.free, :][..., at.free])
+        S, inverse = at.S, np.linalg.inv(at.M)
         weights = self.weights[stuck][:, None]
         held, turned = weights * S[..., stuck, :], np.swapaxes(S[..., slips, :], -1, -2)
         back = inverse @ np.swapaxes(held, -1, -2)
         yields = np.linalg.pinv(held @ back, rcond=RANK, hermitian=True)
-        push = at.push[..., at.free] + share @ S
+        push = at.push + share @ S
         free = inverse @ np.concatenate([push[..., None], turned], axis=-1)
         drift = held @ free
         drift[..., 0] += weights[:, 0] * at.b[..., stuck]
         force = -yields @ drift
-        n = at.rate.shape[:-1]
-        qdd = np.zeros((*n, at.rate.shape[-1], 1 + len(slips)))
-        qdd[..., at.free, :] = free + back @ force
-        t = np.zeros((*n, len(sides), 1 + len(slips)))
+        qdd = free + back @ force
+        t = np.zeros((*at.rate.shape[:-1], len(sides), 1 + len(slips)))
         t[..., stuck, :] = weights * force
         t[..., 0] += share
         t[..., slips, range(1, 1 + len(slips))] = 1.0
@@ -284,10 +374,10 @@ class SeveralFriction(PairFriction):
         return with_drag(solution, drag) if len(drag) else solution
 
     def at(
-        self, q: Floats, qd: Floats, t: float, sides: Sides, x: Any = None, free: Any = None
+        self, q: Floats, qd: Floats, t: float, sides: Sides, x: Any = None, held: Held | None = None
     ) -> FrictionState:
-        """One state; ``free`` (k,) are drivers that do not lie against a stop."""
-        at = self.instant(q, qd, t, x, all_of(qd) if free is None else free)
+        """One state, while it lies against stops that are held."""
+        at = self.instant(q, qd, t, x, held)
         try:
             response = self.respond(at, sides)
         except (ArithmeticError, ValueError, np.linalg.LinAlgError):
@@ -297,59 +387,65 @@ class SeveralFriction(PairFriction):
         power = -float(response.t[slipping] @ at.w[slipping])
         outcome = float(response.outcome)
         outcome = Outcome(int(outcome)) if outcome == outcome else Outcome.NOT_CONVERGED
-        idle = at.M @ response.qdd - at.push - response.t @ at.S
         return FrictionState(
-            response.qdd,
+            at.of_drivers(response.qdd),
             power,
             response.loads,
             at.margin,
             outcome,
             float(response.limit),
             float(response.misfit),
-            idle,
+            at.pushes(response),
         )
 
-    def from_state(self, q: Floats, qd: Floats, t: float, free: Any) -> Settled:
-        """What a motion begins with."""
-        at = self.instant(q, qd, t, None, free)
+    def from_state(
+        self, q: Floats, qd: Floats, t: float, held: Held | None, x: Any = None
+    ) -> tuple[Settled, Floats, Floats]:
+        """What a motion begins with; accelerations of the drivers (k,), and pushes of stops."""
+        at = self.instant(q, qd, t, x, held)
         zero = self.without_slip(at, ())
-        return self.settled(at, self.sides_at(at, zero), zero)
+        begun = self.settled(at, self.sides_at(at, zero), zero)
+        return begun, at.of_drivers(begun.response.qdd), at.pushes(begun.response)
 
     def along(
-        self, q: Floats, qd: Floats, t: Floats, x: Any, sides: Any, free: Any
-    ) -> tuple[Floats, Floats, Floats, Any]:
-        """At n states of a motion: rates (n, k) without what rounding leaves pairs that stick,
-        accelerations (n, k), friction (n, m), and which pairs stand (n, m).
+        self, q: Floats, qd: Floats, t: Floats, x: Any, sides: Any, lies: Any, against: Against
+    ) -> Along:
+        """What the pairs do at n states of a motion.
 
-        ``sides`` (n, m), ``free`` (n, k). Of a pair that only starts or turns back the friction is
-        that of the sense in which it goes on.
+        ``sides`` (n, m); ``lies`` (n, a) whether it lies against each of some stops, ``against``
+        says which rows those have. Of a pair that only starts or turns back the friction is that
+        of the sense in which it goes on.
         """
         rates, qdd, friction = qd.copy(), np.empty(qd.shape), np.empty(sides.shape)
-        stand = np.zeros(sides.shape, dtype=bool)
-        kinds, which = np.unique(np.hstack([sides, free]), axis=0, return_inverse=True)
+        stand, pushes = np.zeros(sides.shape, dtype=bool), np.zeros(lies.shape)
+        kinds, which = np.unique(np.hstack([sides, lies]), axis=0, return_inverse=True)
         for kind, row in enumerate(kinds):
             some = np.flatnonzero(which.ravel() == kind)
-            side, moves = tuple(row[: sides.shape[1]].tolist()), row[sides.shape[1] :] > 0
+            side, those = tuple(row[: sides.shape[1]].tolist()), row[sides.shape[1] :] > 0
             for _ in range(2):  # the second time with rates that are those of what sticks
-                columns = self._states(rates[some], t[some], x[some], qd.shape[1])
+                held = against(q[some], rates[some], np.flatnonzero(those)) if any(those) else None
+                columns = self._states(rates[some], t[some], x[some], qd.shape[1], held)
                 rows = self._columns(q[some], columns)
                 values = np.array([[as_complex(v) for v in r] for r in rows])
                 count = qd.shape[1] + 3 * len(side)
                 values = np.moveaxis(values[:, :count], -1, 0)
-                at = self._instant(values, 1.0, q[some], rates[some], x[some], moves)
+                at = self._instant(values, 1.0, q[some], rates[some], x[some], held)
                 rates[some] = self.kept(at, side)
-            qdd[some], friction[some] = self._each(at, side)
-            size = (np.abs(at.S) @ np.abs(at.rate[..., None]))[..., 0]
+            response = self._each(at, side)
+            qdd[some], friction[some] = at.of_drivers(response.qdd), response.t
+            pushes[np.ix_(some, those)] = at.pushes(response)
+            size = (np.abs(at.S) @ np.abs(at.freedoms[..., None]))[..., 0]
             stands = (np.abs(at.w) <= RANK * size) & ~self.signed
             stand[some] = stands | (np.array(side) == 0)
-        return rates, qdd, friction, stand
+        return Along(rates, qdd, friction, stand, pushes)
 
-    def _each(self, at: Instant, sides: Sides) -> tuple[Floats, Floats]:
-        """Accelerations (n, k) and friction (n, m) at n states."""
-        states = [Instant._make([*(x[i] for x in at[:-2]), *at[-2:]]) for i in range(len(at.q))]
+    def _each(self, at: Instant, sides: Sides) -> Response:
+        """What n states respond with."""
+        states = [
+            Instant._make([*(x[i] for x in at[:-2]), at.margin, None]) for i in range(len(at.q))
+        ]
         if not states or not self._surplus(states[0], sides):
-            response = self.respond(at, sides)
-            return response.qdd, response.t
+            return self.respond(at, sides)
         known: dict[bytes, Response] = {}  # where all stands, one state is as the other
         rows = []
         for state in states:
@@ -357,27 +453,30 @@ class SeveralFriction(PairFriction):
             if key not in known:
                 known[key] = self.respond(state, sides)
             rows.append(known[key])
-        return np.array([x.qdd for x in rows]), np.array([x.t for x in rows])
+        qdd, t = (np.array([getattr(x, part) for x in rows]) for part in ("qdd", "t"))
+        return rows[0]._replace(qdd=qdd, t=t)
 
     def kept(self, at: Instant, sides: Sides) -> Floats:
         """Rates (..., k) of drivers with which what sticks does not move, the nearest by M."""
+        return at.of_drivers(self._kept(at, sides), shifted=False)
+
+    def _kept(self, at: Instant, sides: Sides) -> Floats:
+        """Those (..., z) of what is free."""
         stuck = [j for j, s in enumerate(sides) if s == 0]
-        held = self.weights[stuck][:, None] * at.S[..., stuck, :][..., at.free]
-        inverse = np.linalg.inv(at.M[..., at.free, :][..., at.free])
-        back = inverse @ np.swapaxes(held, -1, -2)
-        off = held @ at.rate[..., at.free, None]
-        rate = np.zeros(at.rate.shape)
+        held = self.weights[stuck][:, None] * at.S[..., stuck, :]
+        back = np.linalg.inv(at.M) @ np.swapaxes(held, -1, -2)
+        off = held @ at.freedoms[..., None]
         step = back @ (np.linalg.pinv(held @ back, rcond=RANK, hermitian=True) @ off)
-        rate[..., at.free] = at.rate[..., at.free] - step[..., 0]
+        rate = at.freedoms - step[..., 0]
         # where nothing is left but rounding, nothing is left
-        left = np.abs(rate).max(axis=-1, keepdims=True)
+        left = np.abs(rate).max(axis=-1, keepdims=True, initial=0.0)
         return np.where(left <= RANK * np.abs(at.rate).max(axis=-1, keepdims=True), 0.0, rate)
 
     # -- which sides -------------------------------------------------------------
 
     def without_slip(self, at: Instant, some: Sequence[int]) -> list[int]:
         """Pairs without relative rate where ``some`` have none: those, and what goes with them."""
-        rate = self.kept(at, tuple(0 if j in some else 1 for j in range(len(self.names))))
+        rate = self._kept(at, tuple(0 if j in some else 1 for j in range(len(self.names))))
         off, size = np.abs(at.S @ rate), np.abs(at.S) @ np.abs(rate)
         return [
             j
@@ -391,8 +490,8 @@ class SeveralFriction(PairFriction):
 
     def holds_all(self, at: Instant, sides: Sides) -> bool:
         """Whether the pairs stick, and leave no freedom."""
-        S = at.S[:, at.free]
-        return not any(sides) and bool(np.linalg.matrix_rank(S) == S.shape[1])
+        whole = at.S.shape[1] == 0 or np.linalg.matrix_rank(at.S) == at.S.shape[1]
+        return not any(sides) and bool(whole)
 
     def share(self, at: Instant, sides: Sides, found: Response) -> float:
         """How much of what they can hold [-] the pairs that stick need at most."""
@@ -402,18 +501,18 @@ class SeveralFriction(PairFriction):
         return _largest(np.abs(found.t[stuck]), self._held(at, found.loads)[stuck])
 
     def _stuck(self, at: Instant, sides: Sides) -> list[int]:
-        """Pairs that stick, where some driver moves them."""
-        return [j for j, s in enumerate(sides) if s == 0 and at.S[j, at.free].any()]
+        """Pairs that stick, where something free moves them."""
+        return [j for j, s in enumerate(sides) if s == 0 and at.S[j].any()]
 
     def _surplus(self, at: Instant, sides: Sides) -> bool:
         """Whether more pairs stick than balance needs."""
-        S = at.S[self._stuck(at, sides)][:, at.free]
+        S = at.S[self._stuck(at, sides)]
         return len(S) > 0 and np.linalg.matrix_rank(S, tol=RANK * np.abs(S).max()) < len(S)
 
     def _shared(self, at: Instant, sides: Sides, found: Response) -> tuple[float, Floats]:
         """The least that the largest share of pairs that stick can be, and friction (m,) so."""
         stuck = self._stuck(at, sides)
-        directions = rays(at.S[stuck][:, at.free])
+        directions = rays(at.S[stuck])
         tried = [self._share_along(at, sides, found, stuck, v) for v in directions]
         right = [x for x in tried if x[1] <= x[0] * (1 + SETTLED)]
         best = min(right, key=lambda x: x[0]) if right else max(tried, key=lambda x: x[0])
@@ -433,13 +532,13 @@ class SeveralFriction(PairFriction):
         there as many pairs are at one share as balance leaves open (linear programming; the loads
         that the shares are of follow from the friction, so both are iterated).
         """
-        S, t, m = at.S[:, at.free], response.t.copy(), len(sides)
+        S, t, m = at.S, response.t.copy(), len(sides)
         way = np.array(signs(S[stuck], v))
         moved, others = np.array(stuck)[way != 0], np.array(stuck)[way == 0]
         way, work = way[way != 0], np.abs(S[moved] @ v)
         slips = [j for j, s in enumerate(sides) if s]
         side = np.array([sides[j] for j in slips])
-        wanted = at.M[np.ix_(at.free, at.free)] @ response.qdd[at.free] - at.push[at.free]
+        wanted = at.M @ response.qdd - at.push
         weights = self.weights[others][:, None]
         back = np.linalg.pinv((weights * S[others]).T, rcond=RANK)
         share, loads = 0.0, response.loads
@@ -472,12 +571,13 @@ class SeveralFriction(PairFriction):
         fit = [x for x in tried if x[0] <= (LOCATED if released else SETTLED)]
         if not fit:
             none = np.full(len(sides), np.nan)
-            nothing = Response(np.full(len(at.rate), np.nan), none, none, 0.0, 0.0, 0.0)
+            nothing = Response(np.full(len(at.push), np.nan), none, none, 0.0, 0.0, 0.0)
             return Settled(sides, nothing, np.nan, ends.SELF_LOCKED)
         best = min(fit, key=lambda x: x[0])[1]  # of equal ones that with the fewest that slip
         sure = [x.response.qdd for missed, x in fit if missed <= SETTLED]
-        size = max((float(np.abs(qdd).max()) for qdd in sure), default=0.0)
-        if any(np.abs(qdd - best.response.qdd).max() > APART * size for qdd in sure):
+        size = max((float(np.abs(qdd).max(initial=0.0)) for qdd in sure), default=0.0)
+        off = (np.abs(qdd - best.response.qdd).max(initial=0.0) for qdd in sure)
+        if any(x > APART * size for x in off):
             return best._replace(end=ends.AMBIGUOUS)
         return best._replace(sides=self._beyond_place(at, best))
 
@@ -485,7 +585,7 @@ class SeveralFriction(PairFriction):
         self, at: Instant, sides: Sides, zero: Sequence[int], but: Sides | None
     ) -> list[tuple[float, Settled]]:
         """By how much patterns miss the laws, but for one, those first in which fewest slip."""
-        m, S = len(sides), at.S[:, at.free]
+        m, S = len(sides), at.S
         law, those = at.law.copy(), [*zero, *(m + j for j in zero)]
         law[those] = np.array(self.static)[those]
         trials = []
@@ -508,8 +608,10 @@ class SeveralFriction(PairFriction):
 
     def _beyond_place(self, at: Instant, settled: Settled) -> Sides:
         """The sides; of pairs that no driver moves at this place, those just beyond it."""
-        S, rate, qdd = at.S[:, at.free], at.rate, settled.response.qdd
+        S, rate, qdd = at.S, at.rate, at.of_drivers(settled.response.qdd)
+        held = () if at.contact is None else at.contact.of_t
         nowhere = [j for j, side in enumerate(settled.sides) if side == 0 and not S[j].any()]
+        nowhere = [j for j in nowhere if not any(row[j] for row in held)]  # nor do stops hold it
         fast, push = float(np.abs(rate).max()), float(np.abs(qdd).max())
         if not nowhere or not fast + push > 0:
             return settled.sides
@@ -530,17 +632,19 @@ class SeveralFriction(PairFriction):
         share: float,
     ) -> float:
         """By how much [-] a pattern of sides misses the laws."""
-        S = at.S[:, at.free]
-        pushed = np.linalg.inv(at.M[np.ix_(at.free, at.free)]) @ at.push[at.free]
-        size = np.abs(S) @ (np.abs(pushed) + np.abs(response.qdd[at.free])) + np.abs(at.b)
-        u = (S @ response.qdd[at.free] + at.b) / np.where(size > 0, size, 1.0)
+        pushed = np.linalg.inv(at.M) @ at.push
+        size = np.abs(at.S) @ (np.abs(pushed) + np.abs(response.qdd)) + np.abs(at.b)
+        u = (at.S @ response.qdd + at.b) / np.where(size > 0, size, 1.0)
         wrong = [abs(u[j]) if sides[j] == 0 else -sides[j] * u[j] for j in zero]
         return float(max(share - 1.0, *wrong, 0.0))
 
 
-def all_of(qd: Floats) -> Any:
-    """All drivers move."""
-    return np.ones(len(qd), dtype=bool)
+def _pressed(held: Held, loads: Any) -> Any:
+    """Loads (..., m, a) on the pairs by unit pushes: those (..., m, p) of the stops of pairs."""
+    of_pairs = [j >= 0 for j, _ in held.pairs]
+    pressed = np.zeros((*loads.shape[:-1], len(of_pairs)), dtype=np.complex128)
+    pressed[..., of_pairs] = loads * [sense for j, sense in held.pairs if j >= 0]
+    return pressed
 
 
 def as_complex(values: Any) -> Any:

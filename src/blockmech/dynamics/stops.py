@@ -3,7 +3,8 @@
 The only driver of a mechanism moves each pair along one path, so a stop of any pair is a stop of
 the driver: at the place x where the pair's coordinate phi gets to its bound. A blow there with
 restitution e turns phi' = phi_x x' to -e phi', and with it x' to -e x'; the impulse along the
-pair's coordinate is the driver's over phi_x.
+pair's coordinate is the driver's over phi_x. Several drivers get there at a place that nobody
+knows before: their stops of pairs are watched along the motion (`pair_stops`).
 
 Source: Pfeiffer & Glocker, Multibody Dynamics with Unilateral Contacts, 1996, ch. 8.
 """
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.loads import largest_length
+from blockmech.dynamics.pair_stops import Counted, stopped_pairs
 from blockmech.dynamics.request import STOPS, Pairs, pairs_of
 from blockmech.errors import Problem, RequestError, close_match, listed, refused
 from blockmech.model.structure import COORDINATE
@@ -31,10 +33,10 @@ LEAST_SLOPE = 1e-8  # of a pair's coordinate by the driver's, where it still str
 
 
 class Stop(NamedTuple):
-    """An end stop as the driver gets to it.
+    """An end stop as the only driver gets to it, or where it is of one of several or of a pair.
 
     name : of the driver, or of the pair's coordinate, whose stop it is
-    q : coordinate of the driver there [rad or m], infinite where there is none
+    q : coordinate there [rad or m], of the only driver; infinite where there is none
     restitution : [-], None where a motion ends there
     slope : of the coordinate whose stop it is by the driver's
     """
@@ -50,6 +52,8 @@ Between = tuple[Stop, Stop]
 
 def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, ...]:
     """The lowest and the highest stop of each driver: those given, else the scene's.
+
+    With several drivers then those of pairs.
 
     Raises `RequestError` for names of nothing, stops in the wrong order, or a start that is
     not between them.
@@ -72,6 +76,9 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
         elif not low < high:
             order = f"the lowest must be below the highest, got {low:.9g} and {high:.9g}"
             problems.append(Problem("bad-value", where, order))
+        elif name not in starts and len(starts) > 1:
+            e = scene.stops[name].restitution if name in scene.stops else None
+            stops_by_driver[name] = Stop(name, float(low), e), Stop(name, float(high), e)
         elif name not in starts:
             try:
                 between = stops_by_driver[next(iter(starts))]
@@ -111,20 +118,39 @@ def _narrower(between: Between, more: tuple[Stop, ...]) -> Between:
     return low, high
 
 
+def _turns(place: float, low: float, high: float, rotary: bool) -> float:
+    """Whole turns [rad] that a place is counted with: stops say how many, where it is an angle."""
+    nearest = min(max(place, low), high)
+    return math.tau * round((nearest - place) / math.tau) if rotary else 0.0
+
+
+def counted_pairs(mechanism: Compiled, starts: Pairs, stops: tuple[Between, ...]) -> Counted | None:
+    """Coordinates of pairs that have stops along a motion of several drivers; None without any.
+
+    Raises `RequestError` for a start that is not between them.
+    """
+    pairs = stopped_pairs(mechanism, [low.name for low, _ in stops[len(starts) :]])
+    if pairs is None:
+        return None
+    q = np.array([q for q, _ in starts.values()])
+    places, turns = pairs.places(q), []
+    for (low, high), place, rotary in zip(stops[len(starts) :], places, pairs.rotary, strict=True):
+        turns.append(_turns(place, low.q, high.q, rotary))
+        if not low.q <= place + turns[-1] <= high.q:  # nor does a start that does not close
+            where = mechanism.scene.address("stops", low.name)
+            start = (float(place + turns[-1]), low.q, high.q)
+            raise RequestError(_outside(where, low.name, *start))
+    return Counted(pairs, q, np.array(turns))
+
+
 def _of_pair(
     mechanism: Compiled, name: str, bounds: tuple[float, float], starts: Pairs, where: str
 ) -> Iterator[Stop]:
     """The places of the only driver, below and above its start, at which a pair gets to a bound."""
-    if len(starts) > 1:
-        found = f"{name} has end stops, and there are {len(starts)} drivers"
-        valid = "of several drivers each has stops of its own"
-        raise refused(where, found, "give the drivers stops", valid, "stops")
     ((driver, (q0, _)),) = starts.items()
     phi = _Coordinate(mechanism, driver, name, q0)
     low, high = bounds
-    turn = math.tau * round((min(max(phi.start, low), high) - phi.start) / math.tau)
-    if phi.rotary:  # it is known but for whole turns, of which the stops say how many
-        phi.shift = turn
+    phi.shift = _turns(phi.start, low, high, phi.rotary)
     if not low <= phi.start + phi.shift <= high:
         raise RequestError(_outside(where, name, phi.start + phi.shift, low, high))
     stop = mechanism.scene.stops.get(name)

@@ -16,7 +16,7 @@ Sources: [D14] Durango et al. 2014, Eqs. 1-6.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
@@ -25,8 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import loads
+from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.friction import ForcePassProgram, JointFriction, margins
 from blockmech.dynamics.motion import Cost, Floats
+from blockmech.dynamics.pair_stops import Counted
 from blockmech.dynamics.signals import (
     NO_SIGNALS,
     SignalProgram,
@@ -39,7 +41,7 @@ from blockmech.engines.llvm import WORTH, LlvmEngine, SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine
 from blockmech.model.scene import Scene
-from blockmech.model.structure import Structure
+from blockmech.model.structure import JointRef, Structure
 from blockmech.passes import friction, reduction, signals
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Program
@@ -150,11 +152,13 @@ class System:
 
     Attributes
     ----------
-    stops : (low, high) end stops of each driver, infinite where there is none
+    stops : (low, high) end stops of each driver, infinite where there is none; with several
+        drivers then those of pairs
+    counted : coordinates of the pairs that have end stops along the motion, with several drivers
     method : how joint friction is solved; None where it is left out or there is none
     engine : of single states: "scalar", "llvm" (machine code), or "auto": machine code once
         the mechanism was asked for so many, in all its runs, that compiling pays
-    held : number of a driver that lies against a stop -> +1 at its highest, -1 at its lowest
+    held : place among ``stops`` of one that it lies against -> +1 the highest, -1 the lowest
     begin : states from which signal blocks and friction laws go on; empty: their own
     """
 
@@ -165,6 +169,7 @@ class System:
     engine: str = "auto"
     signals: SignalProgram = field(init=False, default=NO_SIGNALS)
     held: Mapping[int, int] = field(default_factory=dict)
+    counted: Counted | None = None
     begin: tuple[float, ...] = ()
     samples: int = 0
     calls: int = 0
@@ -295,28 +300,74 @@ class System:
 
         None where there is none or it is left out.
         """
+        pushed = () if self.counted is None else self.counted.pairs.refs
+        friction: JointFriction | None = self.friction_of(
+            JointFriction if len(self.drivers) == 1 else SeveralFriction, pushed
+        )
+        return friction
+
+    def friction_of(self, kind: Any, pushed: tuple[JointRef, ...] = ()) -> Any:
+        """Joint friction as one driver has it or several, with stops of pairs that may push."""
         if self.method is None or self.method.method == "none":
             return None
         program = self.compiled.once(ForcePassProgram.of)
+        if pushed and program is not None:
+            if ("pushed", pushed) not in self.kept:
+                self.kept["pushed", pushed] = ForcePassProgram.of(self.compiled, pushed)
+            program = self.kept["pushed", pushed]
         if program is None:
             return None
         states, rates = (lambda: self.compiled_states), self.depends_on != {"q"}
         initial, count = self.signals.initial, self._count
-        kind: Any = JointFriction if len(self.drivers) == 1 else SeveralFriction
-        friction: JointFriction = kind(
-            program, self.method, count, states, self.rounding, rates, initial
+        return kind(program, self.method, count, states, self.rounding, rates, initial)
+
+    # -- end stops -------------------------------------------------------------
+
+    @cached_property
+    def stopped(self) -> tuple[str, ...]:
+        """Names of what `stops` are of: the drivers, then coordinates of pairs."""
+        return (*self.drivers, *(() if self.counted is None else self.counted.pairs.names))
+
+    def rows(self, q: Any, rate: Any) -> tuple[Floats, Floats]:
+        """Rows (n, k) of all that has stops over the drivers, and drifts (n,): see `pair_stops`."""
+        k = len(self.drivers)
+        if self.counted is None:
+            return np.eye(k), np.zeros(k)
+        rows, drift = self.counted.pairs.rows(q, rate)
+        return np.vstack([np.eye(k), rows]), np.append(np.zeros(k), drift)
+
+    def against(self, q: Any, rate: Any) -> Held | None:
+        """The stops that it lies against at a state; None where it lies against none."""
+        if not self.held:
+            return None
+        those = sorted(self.held)
+        rows, drift = self.rows(q, rate)
+        return Held(rows[those], drift[those], self.pairs_of(those))
+
+    def pairs_of(self, those: Sequence[int]) -> tuple[tuple[int, int], ...]:
+        """Of some of what has stops, its place among the pairs and its sense; see `Held`."""
+        k = len(self.drivers)
+        senses = [1] * k + (
+            [] if self.counted is None else [x for _, x in self.counted.pairs.pairs]
         )
-        return friction
+        return tuple((max(i - k, -1), senses[i]) for i in those)
 
-    @property
-    def free(self) -> Any:
-        """(k,) drivers that do not lie against a stop."""
-        return ~np.isin(np.arange(len(self.drivers)), list(self.held))
+    def pushes(self, q: Floats, rate: Floats, t: float, x: Any) -> Floats:
+        """What the stops push with (a,) that several drivers lie against; x are signal states."""
+        if isinstance(self.friction, SeveralFriction):
+            return self.friction.from_state(q, rate, t, self.against(q, rate), x)[2]
+        M, c, Q, _ = self.terms_of(q, rate, t, x)[0]
+        return self.accelerations(M, Q - c, q, rate)[1]
 
-    def at_stop(self, i: int, q: float) -> int:
-        """Which end stop of a driver a coordinate is at: +1 the highest, -1 the lowest, 0 none."""
+    def places(self, q: Any) -> Floats:
+        """Coordinates (n,) of all that has stops."""
+        own = np.atleast_1d(np.asarray(q, dtype=np.float64))
+        return own if self.counted is None else np.append(own, self.counted.at(own))
+
+    def at_stop(self, i: int, place: float) -> int:
+        """Which end stop a coordinate is at: +1 the highest, -1 the lowest, 0 none."""
         for way, stop in zip((-1, 1), self.stops[i], strict=True):
-            if math.isfinite(stop) and abs(q - stop) <= loads.SAME * max(1.0, abs(stop)):
+            if math.isfinite(stop) and abs(place - stop) <= loads.SAME * max(1.0, abs(stop)):
                 return way
         return 0
 
@@ -414,11 +465,10 @@ class System:
             values = self._single(given | {f"qdd_{i}": float(qdd[i]) for i in range(k)}, x)
         return Terms(M, c, Q, least(values[last:])), values[first:last]
 
-    def accelerations(self, M: Floats, Q: Floats) -> Floats:
-        """Accelerations (k,) of the drivers by efforts; none of those that lie against a stop."""
-        if not self.held:
-            return solved(M, Q)
-        return without(M, Q, np.isin(np.arange(len(Q)), list(self.held)))
+    def accelerations(self, M: Floats, Q: Floats, q: Any, rate: Any) -> tuple[Floats, Floats]:
+        """Accelerations (k,) by efforts, and what stops push with (a,) that it lies against."""
+        held = self.against(q, rate)
+        return (solved(M, Q), np.empty(0)) if held is None else constrained(M, Q, held)
 
     def typical_inertia(self, q: float) -> float:
         """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""
@@ -492,13 +542,6 @@ def solved(M: Floats, Q: Floats) -> Floats:
         return np.asarray(np.linalg.solve(M, Q), dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.full(len(Q), math.nan)
-
-
-def without(M: Floats, Q: Floats, held: Any) -> Floats:
-    """The same of some drivers, while those of which (k,) ``held`` is true stand still."""
-    solution, free = np.zeros(len(Q)), np.flatnonzero(~held)
-    solution[free] = solved(M[np.ix_(free, free)], Q[free])
-    return solution
 
 
 def least(values: Any) -> float:

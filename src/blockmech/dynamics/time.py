@@ -115,6 +115,8 @@ class TimeIntegration:
         self.equation.held = self.equation.drivers == 1 and bool(self.system.held)
         self.pairs = stick_slip(self.equation, self.request)
         self.layout = self.equation.layout
+        if self.system.counted is not None:
+            self.system.counted.again()
         self.y = self.layout.start(q, rate)
         self.switched = self.request.switched  # when discrete signal blocks switched last
         if self.method == "rk4" and self.request.until.goal == "time":

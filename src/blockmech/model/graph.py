@@ -283,8 +283,8 @@ class Graph(Document):
     ) -> None:
         """Give a driver end stops for free motion: lowest and highest coordinate [rad or m].
 
-        With one driver any pair may have some, by its coordinate: ``"rod.S.coordinate"`` of a
-        slider's way, ``"rod.C.coordinate"`` of a pin's angle.
+        Any pair may have some, by its coordinate: ``"rod.S.coordinate"`` of a slider's way,
+        ``"rod.C.coordinate"`` of a pin's angle.
 
         With a restitution, from 0 to 1, it bounces back; without the motion ends there.
 

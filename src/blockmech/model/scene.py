@@ -33,7 +33,7 @@ class Initial(StrictModel):
 
 
 class Stops(StrictModel):
-    """End stops of a driver in free motion: its lowest and highest coordinate [rad or m].
+    """End stops of a driver or a pair in free motion: lowest and highest coordinate [rad or m].
 
     Either may be left out. A free motion ends at a stop, or bounces back where the stops have a
     ``restitution`` [-], rate after over rate before; a given motion is not bound by them.
@@ -67,8 +67,8 @@ class Scene(StrictModel):
     """What surrounds the mechanism. Gravity [m/s2] is off unless it is stated.
 
     ``drive`` gives the drivers' laws of motion; a free motion starts from ``initial`` and
-    ends at the ``stops`` if it gets there: those of drivers, and with one driver those of
-    pairs by their coordinate, ``"rod.S.coordinate"``.
+    ends at the ``stops`` if it gets there: those of drivers, and of pairs by their coordinate,
+    ``"rod.S.coordinate"``.
     """
 
     remade: ClassVar[str] = "on a graph set gravity, and call drive(), start() and stop()"

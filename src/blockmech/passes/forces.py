@@ -70,9 +70,25 @@ def link_load(s: Schedule, link: LinkRef) -> str:
         loads = s.ask(shared, link) + s.ask(given_on, link)
     else:
         loads = s.ask(applied, link)
+    loads += s.ask(pushes_on, link)
     total = s.ask(inertial, link) + loads + s.ask(carried, link) + s.ask(coupled, link)
     force, moment = s.sum(total.forces, f"{link}_F", ZERO), s.sum(total.moments, f"{link}_M")
     return s.emit(Load, force, moment, name=f"{link}_load")
+
+
+def pushes_on(s: Schedule, link: LinkRef) -> Resultant:
+    """Given pushes along the coordinates of pairs of a block on one of its links."""
+    total = NOTHING
+    for ref in s.friction.pushed:
+        if ref.block == link.block and touches(s, ref, link):
+            total += friction_on(s, ref, link, s.ask(push, ref))
+    return total
+
+
+def push(s: Schedule, ref: JointRef) -> str:
+    """What is given to push along the coordinate of a pair, on its later link [N m or N]."""
+    known = ref in s.friction.pushed and s.unit_load is None
+    return s.unknown(f"push_{s.friction.pushed.index(ref)}") if known else NOUGHT
 
 
 def given_on(s: Schedule, link: LinkRef) -> Resultant:
@@ -286,7 +302,7 @@ def wrench(s: Schedule, ref: JointRef) -> tuple[str, str]:
         joint.driven and s.structure.contact_at(ref) is None
     )  # by the support, not by another link
     effort = s.ask(effort_in, ref) if held else NOUGHT
-    along = s.sum((s.ask(resisting, ref), effort), f"{ref}_along")
+    along = s.sum((s.ask(resisting, ref), effort, s.ask(push, ref)), f"{ref}_along")
     return statics(s, ref).back(s, ref, pair, along)
 
 

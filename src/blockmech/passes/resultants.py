@@ -35,7 +35,7 @@ def at_arm(s: Schedule, force: str, arm: str | None, name: str) -> Resultant:
 
 
 def active(s: Schedule, block: str) -> bool:
-    """Whether a block has mass, a load, friction without one, or an active later block."""
+    """Whether a block has mass, a load, friction without one, a push, or an active later block."""
     s.ask_first(active, block, lambda b: later_blocks(s, b))
     structure = s.structure
     if s.unit_load is not None:
@@ -49,6 +49,8 @@ def active(s: Schedule, block: str) -> bool:
             return True
         if structure.tensioned_on[link]:
             return True
+    if any(ref.block == block for ref in s.friction.pushed):
+        return True
     laws = structure.blocks[block].friction.values() if s.friction.method != "none" else ()
     if any(law.drags and law.acts for law in laws):
         return True

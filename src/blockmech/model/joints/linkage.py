@@ -349,8 +349,8 @@ class Linkage(Document):
     ) -> None:
         """Give a driver end stops for free motion: lowest and highest coordinate [rad or m].
 
-        With a restitution, from 0 to 1, it bounces back; without the motion ends there. With one
-        driver any joint may have some, by its coordinate: ``stop("joint.slide.coordinate", ...)``.
+        With a restitution, from 0 to 1, it bounces back; without the motion ends there. Any joint
+        may have some, by its coordinate: ``stop("joint.slide.coordinate", ...)``.
         """
         self.stops[driver] = Stops(**{"from": low, "to": high, "restitution": restitution})
 

@@ -1,0 +1,138 @@
+r"""A blow on end stops: the rates after it, and the impulses of stops and of joint friction.
+
+Newton's law of restitution in the rows n of the stops that push, count positive away from them:
+
+    M (q'+ - q'-) = sum n^T P + S^T T,     n q'+ = -e n q'-,    P >= 0,
+    others part:  n q'+ >= -e n q'-,       T_j = -side_j c_j |R_j|
+
+A stop that is lain against has n q'- = 0. With friction the impulses R in the joints, of which the
+T are, follow from the jumps of the rates, from T and from P as loads do from accelerations, so all
+is a state of joint friction without anything that lasts. The rates n q' of the stops go from before
+to after in one sense; what is between is followed in stages (Routh): a pair whose slip ends within
+the blow sticks from there on or slips in its new sense, by the same rule as at any standstill.
+
+Sources: Pfeiffer & Glocker, Multibody Dynamics with Unilateral Contacts, 1996, ch. 8; Routh,
+Dynamics of a System of Rigid Bodies, 1905, ch. 5; Stronge, Impact Mechanics, 2000, ch. 5.
+"""
+
+from __future__ import annotations
+
+import copy
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from blockmech.dynamics.contacts import Held, constrained, pushing
+from blockmech.dynamics.motion import Floats
+from blockmech.dynamics.sticking import RANK, Instant, SeveralFriction
+
+STAGES = 64  # of a blow at most: each ends with a slip
+DONE = 1e-12  # [-] of a blow: what is left of it is rounding
+WRONG = 1e-9  # [-] of the largest push or rate, by which one may have the wrong sense
+
+
+class Blow(NamedTuple):
+    """What a blow does.
+
+    after : (k,) rates
+    pushes : (a,) impulses of the stops along their coordinates
+    friction : (m,) of the pairs
+    reverses : whether a slip ends or turns back before the blow does
+    gained : [J] what stops gave back more than they took: restitution and friction are at odds
+    solved : whether impulses satisfy the friction laws; else friction is left out
+    """
+
+    after: Floats
+    pushes: Floats
+    friction: Floats
+    reverses: bool = False
+    gained: float = 0.0
+    solved: bool = True
+
+
+def blow(
+    M: Floats,
+    before: Floats,
+    stops: Held,
+    ways: Floats,
+    restitution: Floats,
+    friction: SeveralFriction | None = None,
+    at: Instant | None = None,
+) -> Blow:
+    """The blow on stops (a,) that are struck or lain against.
+
+    ``ways`` (a,) are +1 at the highest stop, -1 at the lowest; ``friction`` with the instant ``at``
+    of the state before, where joints have some.
+    """
+    rate = stops.rows @ before
+    sets = pushing(M, -ways[:, None] * stops.rows, -ways * (1 + restitution) * rate)
+    if friction is not None and at is not None:
+        for some in sets:
+            found = _rubbed(friction, at, stops, list(some), (1 + restitution) * rate)
+            if found is not None and _fits(found, before, stops, ways, restitution):
+                return found
+    chosen, pushes = list(sets[0]), np.zeros(len(rate))
+    held = _of(stops, chosen, ((1 + restitution) * rate)[chosen])
+    jump, pushes[chosen] = constrained(M, np.zeros(len(before)), held)
+    none = np.zeros(0 if friction is None else len(friction.names))
+    return Blow(before + jump, pushes, none, solved=friction is None)
+
+
+def _of(stops: Held, some: list[int], drift: Floats) -> Held:
+    return Held(stops.rows[some], drift, tuple(stops.pairs[i] for i in some))
+
+
+def _fits(found: Blow, before: Floats, stops: Held, ways: Floats, restitution: Floats) -> bool:
+    """Whether all stops push, and those that do not are left."""
+    after, back = stops.rows @ found.after, restitution * (stops.rows @ before)
+    pushes, parted = -ways * found.pushes, -ways * (after + back)
+    size = np.abs(stops.rows) @ (np.abs(found.after) + np.abs(before))
+    return bool(
+        (pushes >= -WRONG * np.abs(pushes).max(initial=0.0)).all()
+        and (parted >= -WRONG * size).all()
+    )
+
+
+def _rubbed(
+    friction: SeveralFriction, at: Instant, stops: Held, some: list[int], change: Floats
+) -> Blow | None:
+    """The blow on some of the stops with joint friction; None where no impulses satisfy it."""
+    friction = copy.copy(friction)
+    m = len(friction.names)
+    friction.static = (*friction.static[:m], *[0.0] * m)  # what lasts has no impulse
+    law = np.append(at.law[:m], np.zeros(m))
+    still = at._replace(push=0 * at.push, b=0 * at.b, f=0 * at.f, law=law)
+    rate, zero = at.rate, friction.without_slip(at, ())
+    pushes, T, done, gained, reverses = np.zeros(len(stops.rows)), np.zeros(m), 0.0, 0.0, False
+    held = _of(stops, some, change[some])
+    loads = friction.pressed(at.q, held)
+    for _ in range(STAGES):
+        w = at.S @ rate
+        now = still._replace(rate=rate, w=w)
+        sides = friction.sides_at(now, zero)
+        stage = now.against(held, loads, lasting=False)
+        settled = friction.settled(stage, sides, zero)
+        if settled.end:
+            return None
+        response = friction.respond(stage, settled.sides)
+        jump = stage.of_drivers(response.qdd)
+        slips = np.flatnonzero((np.array(sides) != 0) & ~np.array(friction.program.remembers))
+        ends = _until(w, at.S @ jump, slips)
+        step = min(1.0 - done, float(ends.min(initial=np.inf)))
+        P = step * stage.pushes(response)
+        pushes[some] += P
+        T += step * response.t
+        gained += float(P @ (held.rows @ (rate + step / 2 * jump)))
+        rate, done = rate + step * jump, done + step
+        if 1.0 - done <= DONE:
+            return Blow(rate, pushes, T, reverses, max(gained, 0.0))
+        reverses = True
+        zero = [*(j for j in zero if settled.sides[j] == 0), *slips[ends <= step * (1 + RANK)]]
+    return None
+
+
+def _until(w: Floats, jump: Floats, slips: Any) -> Floats:
+    """Shares of a blow after which slips come to their end; infinite of those that do not."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = -w[slips] / jump[slips]
+    return np.where(share > 0, share, np.inf)

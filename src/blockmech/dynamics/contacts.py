@@ -1,0 +1,81 @@
+r"""What holds while something lies against end stops, and which of them push.
+
+A coordinate with a stop changes at the rate n q', n its row over the drivers, that at n q'' + b.
+Against stops
+
+    M q'' = push + sum n^T P,    n q'' + b = 0,
+
+so q'' = Z z'' + q_p with the columns of Z a basis of what the stops leave free, and the pushes P of
+the stops follow from what is left over. The stop of a driver has a row of the identity.
+
+Source: Pfeiffer & Glocker, Multibody Dynamics with Unilateral Contacts, 1996, ch. 5 and 8.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from blockmech.dynamics.motion import Floats
+
+DEPENDENT = 1e-10  # [-] of the largest singular value of rows: below it they depend on others
+PULLS = 1e-9  # [-] of what acts: a push of less than none is rounding
+
+
+class Held(NamedTuple):
+    """Stops that something lies against, at a state or at n of them: n q'' + b = 0.
+
+    pairs : of each its place among the pairs with stops, -1 of a driver's, and its sense
+    """
+
+    rows: Floats  # (..., a, k)
+    drift: Floats  # (..., a)
+    pairs: tuple[tuple[int, int], ...]
+
+    def free(self) -> tuple[Floats, Floats, Floats]:
+        """Z (..., k, z), q_p (..., k), and W (..., a, k) with P = W (sum n^T P)."""
+        rows, drift = self.rows, self.drift
+        if ((rows == 0) | (rows == 1)).all() and (rows.sum(axis=-1) == 1).all():
+            which = rows.reshape(-1, rows.shape[-1]).any(axis=0)  # drivers alone: exactly
+            shift = -(np.swapaxes(rows, -1, -2) @ drift[..., None])[..., 0]
+            return np.eye(rows.shape[-1])[:, ~which], shift, rows
+        _, size, turned = np.linalg.svd(rows)
+        rank = int((size > DEPENDENT * size.max()).sum(axis=-1).min())
+        back = np.linalg.pinv(rows, rcond=DEPENDENT)
+        shift = -(back @ drift[..., None])[..., 0]
+        return np.swapaxes(turned[..., rank:, :], -1, -2), shift, np.swapaxes(back, -1, -2)
+
+
+def constrained(M: Floats, push: Floats, held: Held) -> tuple[Floats, Floats]:
+    """Accelerations (k,), and pushes (a,) of the stops."""
+    Z, shift, back = held.free()
+    try:
+        z = np.linalg.solve(Z.T @ M @ Z, Z.T @ (push - M @ shift))
+    except np.linalg.LinAlgError:
+        z = np.full(Z.shape[1], math.nan)
+    qdd = shift + Z @ z
+    return qdd, back @ (M @ qdd - push)
+
+
+def pushing(M: Floats, rows: Floats, apart: Floats) -> list[tuple[int, ...]]:
+    """Sets of stops that may push while the others part, the one without friction first.
+
+    ``rows`` (a, k) count positive away from the stops; ``apart`` (a,) is how fast each would part
+    without any push. The first set fulfils 0 <= P, 0 <= apart + G P, one of them zero, with
+    G = n M^-1 n^T (a linear complementarity problem); of the others friction may make one right.
+    """
+    G = rows @ np.linalg.solve(M, rows.T)
+    sets, wrong = [], []
+    for some in (c for n in range(len(rows) + 1) for c in combinations(range(len(rows)), n)):
+        at, P = list(some), np.zeros(len(rows))
+        part = G[np.ix_(at, at)]
+        if some and np.linalg.matrix_rank(part, tol=DEPENDENT * G.max()) < len(some):
+            continue
+        P[at] = np.linalg.solve(part, -apart[at])
+        left = apart + G @ P
+        sets.append(some)
+        wrong.append(bool((P < 0).any() or (left < -PULLS * np.abs(apart).max()).any()))
+    return [sets[i] for i in np.argsort(wrong, kind="stable")]
