@@ -68,6 +68,7 @@ def whole(e: Evidence) -> Iterator[Residual]:
     r = e.run
     terms = [plain(r[f"{d}.power"]) for d in e.structure.drivers]
     terms.append(plain(-np.asarray(r["mechanism.friction_power"])))
+    terms += [plain(push * r[f"{ref}.slip"]) for ref, push in e.bodies.pushes.items()]
     for link in e.structure.links:
         terms += e.power_of_loads(link)
     yield Residual("power of", "the whole", total(terms).value, _flow(e))

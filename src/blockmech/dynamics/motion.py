@@ -263,7 +263,9 @@ class Motion(Facts, Report):
         """Whether it lies against some stops at times (n,) [s]; (n, stops)."""
         held = np.zeros((len(t), len(stops)), dtype=bool)
         for lain in self.lying:
-            here = (lain.begin <= t) & ((t < lain.end) | (t == self.t_end))
+            here = (lain.begin <= t) & (
+                (t < lain.end) | ((t == lain.end) & (lain.end == self.t_end))
+            )
             held[:, stops.index(lain.stop)] |= here
         return held
 
