@@ -27,6 +27,7 @@ from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.sticking import RANK, Instant, SeveralFriction
 
 STAGES = 64  # of a blow at most: each ends with a slip
+SUDDEN = 2.0**20  # [1/s]: a blow takes a microsecond for laws that are not linear in the load
 DONE = 1e-12  # [-] of a blow: what is left of it is rounding
 WRONG = 1e-9  # [-] of the largest push or rate, by which one may have the wrong sense
 
@@ -104,7 +105,7 @@ def _rubbed(
     still = at._replace(push=0 * at.push, b=0 * at.b, f=0 * at.f, law=law)
     rate, zero = at.rate, friction.without_slip(at, ())
     pushes, T, done, gained, reverses = np.zeros(len(stops.rows)), np.zeros(m), 0.0, 0.0, False
-    held = _of(stops, some, change[some])
+    held = _of(stops, some, SUDDEN * change[some])
     loads = friction.pressed(at.q, held)
     for _ in range(STAGES):
         w = at.S @ rate
@@ -115,13 +116,13 @@ def _rubbed(
         if settled.end:
             return None
         response = friction.respond(stage, settled.sides)
-        jump = stage.of_drivers(response.qdd)
-        slips = np.flatnonzero((np.array(sides) != 0) & ~np.array(friction.program.remembers))
+        jump = stage.of_drivers(response.qdd) / SUDDEN
+        slips = np.flatnonzero((np.array(sides) != 0) & ~friction.signed)
         ends = _until(w, at.S @ jump, slips)
         step = min(1.0 - done, float(ends.min(initial=np.inf)))
-        P = step * stage.pushes(response)
+        P = step / SUDDEN * stage.pushes(response)
         pushes[some] += P
-        T += step * response.t
+        T += step / SUDDEN * response.t
         gained += float(P @ (held.rows @ (rate + step / 2 * jump)))
         rate, done = rate + step * jump, done + step
         if 1.0 - done <= DONE:

@@ -37,8 +37,12 @@ from blockmech.dynamics.stops import Stop
 from blockmech.dynamics.system import System, solved
 from blockmech.errors import refused
 from blockmech.model.structure import JointRef
+from blockmech.passes.friction import given_joints
+from blockmech.passes.homotopy import schedule
+from blockmech.plan import Friction
 from blockmech.result import Result
 from blockmech.samples import Samples
+from blockmech.values import Vector
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -456,20 +460,26 @@ def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
     are nothing. The stop of another pair strikes both of its links
     """
     pairs = stopped_pairs(mechanism, tuple(impact.pushes))
-    how = replace(GIVEN, pushed=() if pairs is None else pairs.refs)
-    want = [n for n in mechanism.outputs if n.rpartition(".")[2] in IMPULSES]
-    plan = mechanism.outputs.plan(mechanism.scene, want, how, False, quality=False)
-    given = dict.fromkeys(plan.program.inputs, 0.0)  # no rates, no loads
+    how = GIVEN if impact.friction else Friction("none")
+    how = replace(how, pushed=() if pairs is None else pairs.refs)
+    structure = replace(mechanism.structure, elements={}, holds={})  # what lasts has no impulse
+    scene = mechanism.scene.model_copy(update={"gravity": Vector(0j), "stops": {}})
+    names = mechanism.names and replace(mechanism.names, loads={})
+    alone = type(mechanism)(structure, scene, mechanism.name, names)
+    want = [n for n in alone.outputs if n.rpartition(".")[2] in IMPULSES]
+    plan = alone.outputs.plan(scene, want, how, False, quality=False)
+    given = dict.fromkeys(plan.program.inputs, np.zeros(2))  # no rates
+    blow = np.array([1.0, 0.0])  # beside it what tension of belts does without any
     jump = impact.after - impact.before
     for i, (q, qdd) in enumerate(zip(impact.q, jump, strict=True)):
-        given |= {f"q_{i}": float(q), f"qdd_{i}": float(qdd)}
-    for j, size in enumerate(impact.friction.values()):
-        given[f"friction_{j}"] = size
+        given |= {f"q_{i}": np.full(2, q), f"qdd_{i}": qdd * blow}
+    for j, ref in enumerate(schedule(structure, scene, how).ask(given_joints)):
+        given[f"friction_{j}"] = impact.friction.get(structure.pair_name(ref), 0.0) * blow
     known = () if pairs is None else zip(pairs.names, pairs.pairs, strict=True)
     for j, (name, (_, sense)) in enumerate(known):
-        given[f"push_{j}"] = sense * impact.pushes[name]
-    samples = Samples(1, {name: np.array([x]) for name, x in given.items()}, np.zeros(1))
-    values, engine = mechanism.evaluate(plan, samples, "numpy")
+        given[f"push_{j}"] = sense * impact.pushes[name] * blow
+    samples = Samples(2, given, np.zeros(2))
+    values, engine = alone.evaluate(plan, samples, "numpy")
     settings = {"friction": how.method, "static": False}
-    result = Result(mechanism, plan, samples, values, engine, settings)
-    return {name: result[name][0] for name in want}
+    result = Result(alone, plan, samples, values, engine, settings)
+    return {name: result[name][0] - result[name][1] for name in want}
