@@ -119,6 +119,39 @@ def test_a_geneva_wheel_turns_as_worked_out_and_rests_between():
     assert g.compile().structure.turns("one") == 6
 
 
+@pytest.mark.parametrize("slots", [3, 4, 8])
+def test_an_internal_geneva_wheel_turns_with_its_driver(slots):
+    """The pin seen from the wheel's centre: d + r exp(i th), r = d sin(pi / n)."""
+    g = cranks(
+        bm.Geneva(driver="one", driven="two", slots=slots, internal=True, pin=0.4, phase=0.1)
+    )
+    mech, half = g.compile(), math.pi / 2 + math.pi / slots
+    th = np.linspace(-0.99, 0.99, 7) * half
+    run = mech.run(at=0.4 + th, rates=1.0, want="*")
+    z = 1 + math.sin(math.pi / slots) * np.exp(1j * th)
+    np.testing.assert_allclose(run["two.q"], 0.1 + np.angle(z), rtol=ROUNDING)
+    np.testing.assert_allclose(run["two.rate"], ((z - 1) / z).real, rtol=1e-11)
+    turns = mech.run(at=0.4 + math.pi + math.tau * np.arange(slots + 1), rates=1.0)
+    np.testing.assert_allclose(np.diff(turns["two.q"]), math.tau / slots, rtol=ROUNDING)
+    assert not turns["two.rate"].any()
+    assert mech.verify(at=0.4 + th, rates=2.0, accelerations=-3.0).ok
+    assert mech.structure.turns("one") == slots
+
+
+def test_wheels_on_one_centre_and_fixed_wheels_that_follow_are_refused():
+    for coupling in (
+        bm.Gear(driver="one", driven="two", teeth=(20, 30)),
+        bm.Geneva(driver="one", driven="two", slots=4),
+    ):
+        g = cranks(coupling)
+        g.wires = [w for w in g.wires if "two.A" not in str(w)]
+        g.connect("frame.A", "two.A")
+        with pytest.raises(GraphError, match=r"\[no-room\] mesh: both wheels have one centre"):
+            g.compile()
+    with pytest.raises(GraphError, match=r"place on a link, not a driver.*fixed leads"):
+        cranks(bm.Gear(driver="one", driven="frame.E", teeth=(20, 30))).compile()
+
+
 @pytest.mark.parametrize("n", [-1, 1, -2])
 def test_a_geared_five_bar_stands_where_it_should(n):
     places = {  # C at q = 1 and 2.5; loop closure in mpmath, 30 digits

@@ -142,6 +142,13 @@ def circle(radius: float) -> list[complex]:
     return [complex(0.85 * radius), *round_]
 
 
+def concentric(where: str, here: Where) -> Iterator[Problem]:
+    """Wheels on one centre, which touch nowhere."""
+    at = here(0.0)
+    if abs(at.b.p - at.a.p) <= 1e-12 * max(abs(at.a.p), abs(at.b.p), 1e-300):
+        yield Problem("no-room", where, "both wheels have one centre", "", "move the centres apart")
+
+
 # -- what losses do to both links ------------------------------------------------------------
 #
 # For one unit of what the driver feels more the load on the driven link about its marker, which

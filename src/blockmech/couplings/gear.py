@@ -20,7 +20,16 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, StrictBool, model_validator
 
-from blockmech.couplings.contract import Curve, LossyCoupling, Meshing, Transmission, Where, circle
+from blockmech.couplings.contract import (
+    Curve,
+    LossyCoupling,
+    Meshing,
+    Transmission,
+    Where,
+    circle,
+    concentric,
+)
+from blockmech.errors import Problem
 from blockmech.plane import apply, dot, imul, mul
 from blockmech.typing import Load, Real
 from blockmech.values import Angle, in_unit, mistake
@@ -105,6 +114,10 @@ class Gear(LossyCoupling, type="coupling.gear"):
     def contact(self, pair: str) -> Any:
         """`tooth_force`."""
         return tooth_force
+
+    def faults(self, where: str, pair: str, here: Where, p: Any) -> Iterator[Problem]:
+        """Wheels on one centre."""
+        return concentric(where, here)
 
     def curves(self, pair: str, here: Where, p: Any) -> Iterator[Curve]:
         """Both pitch circles."""

@@ -8,6 +8,9 @@ While the pin is in a slot, |th| <= pi/2 - pi/n, the wheel turns by -psi; else i
 the lock, an arc about A. psi'' jumps where the pin enters and leaves. The force is square to the
 slot, at rest that of the lock, whose line goes through A: the shortest that holds the effort.
 
+A wheel that surrounds the pin's path turns with the driver: with -l in place of l and |th| <=
+pi/2 + pi/n, th from where the pin is farthest from B.
+
 Source: Norton, Design of Machinery, 5th ed. 2012, sec. 2.11; Bickford, Mechanisms for
 Intermittent Motion, 1972.
 """
@@ -20,7 +23,7 @@ from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import Field
+from pydantic import Field, StrictBool
 
 from blockmech.couplings.contract import (
     ROUND,
@@ -29,7 +32,10 @@ from blockmech.couplings.contract import (
     Meshing,
     Transmission,
     Where,
+    circle,
+    concentric,
 )
+from blockmech.errors import Problem
 from blockmech.plane import angle, apply, dot, expi, imul, modulo, mul, planar, sign, where
 from blockmech.typing import Load, Real
 from blockmech.values import Angle
@@ -43,8 +49,8 @@ class GenevaNumbers(NamedTuple):
     pin: Real  # [rad] angle of the driver with the pin on the line of centres
     phase: Real  # [rad] angle of the wheel there
     half: Real  # [rad] largest th in a slot
-    step: Real  # [rad] of the wheel in a turn of the driver, half of it on either side
-    arm: Real  # [-] radius of the pin's path over the distance of the centres
+    step: Real  # [rad] of the wheel against a turn of the driver, half of it on either side
+    arm: Real  # [-] radius of the pin's path over the distance of the centres; internal: negative
 
 
 def near(x: Real, p: GenevaNumbers) -> Real:
@@ -83,6 +89,7 @@ class Geneva(LossyCoupling, type="coupling.geneva"):
     """A driver with one pin and a wheel with ``slots`` slots, which turns the other way.
 
     slots : of the wheel, three or more
+    internal : whether the slots open inward, so that the wheel turns with the driver
     pin : [rad] angle of the driver where the pin is on the line of centres
     phase : [rad] angle of the wheel there
 
@@ -96,14 +103,19 @@ class Geneva(LossyCoupling, type="coupling.geneva"):
     fixed = True
 
     slots: Slots
+    internal: StrictBool = False
     pin: Angle = 0.0
     phase: Angle = 0.0
 
     def parameters(self) -> GenevaNumbers:
         """Angles and the pin's arm."""
-        half = math.pi / self.slots
+        half = math.pi / self.slots * (-1 if self.internal else 1)
         arm = apply("expi", half).imag
         return GenevaNumbers(self.pin, self.phase, math.pi / 2 - half, 2 * half, arm)
+
+    def faults(self, where: str, pair: str, here: Where, p: Any) -> Iterator[Problem]:
+        """Wheels on one centre."""
+        return concentric(where, here)
 
     def transmission(self, pair: str) -> Callable[..., Any]:
         """`stepping`."""
@@ -124,7 +136,7 @@ class Geneva(LossyCoupling, type="coupling.geneva"):
         """The pin's path and the pin, and the wheel with its slots."""
         at = here(p.pin)
         d = at.b.p - at.a.p
-        r, size = abs(d) * p.arm, abs(d)
+        r, size = abs(d) * p.arm, abs(d)  # a negative radius turns the pin to the other side
         lead = cmath.exp(1j * p.pin) * here(0.0).lead.u  # of the driver with its pin at the slot
         pin, slim = r * d / size / lead, 0.1 * r
         path = [pin * cmath.exp(2j * math.pi * k / ROUND) for k in range(ROUND + 1)]
@@ -139,6 +151,7 @@ class Geneva(LossyCoupling, type="coupling.geneva"):
             for along, aside in ((rim, -slim), (deep, -slim), (deep, slim), (rim, slim)):
                 outline.append(e * (along + 1j * aside))
             lock = e * size * cmath.exp(0.5j * p.step)  # the driver's centre seen while it rests
+            lock *= not self.internal  # whose lock is not drawn
             radius = abs(e * (rim + 1j * slim) - lock)
             one, two = (
                 cmath.phase(e * s * (rim + 1j * slim * w) - lock)
@@ -148,7 +161,9 @@ class Geneva(LossyCoupling, type="coupling.geneva"):
             arc = (lock + cmath.rect(radius, one + sweep * j / 8) for j in range(1, 8))
             outline += arc
         yield Curve("driven", [*outline, outline[0]])
+        if self.internal:
+            yield Curve("driven", circle(deep + 2 * abs(slim))[1:])
 
     def advance(self, turns: Fraction) -> Fraction:
         """A step a turn."""
-        return -turns / self.slots
+        return (turns if self.internal else -turns) / self.slots

@@ -38,9 +38,12 @@ def coupling_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
         ends = {"driver": coupling.driver, "driven": coupling.driven}
         for key, driver in ends.items():
             if driver not in drivers:
-                if key == "driver" and coupling.meshes and _is_marker(blocks, driver):
-                    continue
                 found, remedy = f'no driver "{driver}"', close_match(driver, drivers)
+                if coupling.meshes and _is_marker(blocks, driver):
+                    if key == "driver":
+                        continue
+                    found = f"{driver} is a place on a link, not a driver"
+                    remedy = "a wheel that is fixed leads: name it as the driver"
                 yield Problem("unknown-driver", f"{name}.{key}", found, valid, remedy)
                 continue
             joint = drivers[driver]

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from blockmech.blocks.contract import Block, BuiltIn, Coordinate, Joint, Moving
 from blockmech.couplings.contract import Coupling, Meshing, Transmission, Where
-from blockmech.errors import GraphError, Problem
+from blockmech.errors import GraphError, Problem, listed
 from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.friction.laws.coulomb import Coulomb
 from blockmech.loads.contract import Element
@@ -210,7 +210,11 @@ class Structure:
             found = f"the centres of {coupling.driver} and {coupling.driven} are on {support} "
             found += f"and {own}"
             found += "" if coupling.fixed else ", and neither hangs on the other by driven pairs"
-            raise GraphError(Problem("coupling-mismatch", name, found, "", SAME_CARRIER))
+            groups = [k for k in (support, own) if k.block in self.blocks]
+            free = [str(k) for k in groups if self.blocks[k.block].closes]
+            remedy = f"couple drivers on one link: none counts how {listed(free)} turns"
+            remedy = remedy if free else SAME_CARRIER
+            raise GraphError(Problem("coupling-mismatch", name, found, "", remedy))
         if leader is not None and not self.joint(leader).rotary:
             if support != own:
                 found = f"{coupling.driver} slides on {support}, {coupling.driven} turns on {own}"
