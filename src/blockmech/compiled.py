@@ -219,7 +219,8 @@ class Compiled(Runnable):
             if settings["friction"] is None:
                 settings["friction"] = "newton"
             plan = self.plan_at(taken, want, **settings)
-            self._refuse_states(plan, taken.inputs)
+            if self.structure.states:
+                self._refuse_states(plan, taken.inputs)
             values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
             result = Result(self, plan, taken, values, name, settings)
         return without_gaps(result, on_gap)
@@ -260,13 +261,10 @@ class Compiled(Runnable):
         check_chunk(chunk)
         if engine == "auto":
             engine = self._chosen(plan, taken.n) if precision == "complex128" else "numpy"
-        known, places = taken.inputs, self.structure.states
-        bent = {f"{STATE}{places[x]}" for x in self.structure.remembering}
-        if any(name not in known for name in bent.intersection(plan.program.inputs)):
-            taken = self.with_deflections(taken)
-        inputs = taken.given(plan.program.inputs)
-        states = self._states_at_start(plan, inputs, taken.n)
-        inputs = {**inputs, **states} if states else inputs
+        if self.structure.states:
+            inputs = self._with_states(plan, taken)
+        else:
+            inputs = taken.given(plan.program.inputs)
         if engine in ("scalar", "llvm") and precision == "complex128":
             return self._engine(plan, engine, "").run(inputs, taken.n), engine
         if engine != "numpy" or precision not in PRECISIONS:
@@ -306,11 +304,14 @@ class Compiled(Runnable):
 
         return tuple(each_part(mended, values, better))
 
-    def _states_at_start(self, plan: Plan, known: Collection[str], n: int) -> dict[str, Any]:
-        """Inputs (n,) of states of signal blocks that a request does not say: the initial ones."""
-        needed = {i for i in self._states_needed(plan) if f"{STATE}{i}" not in known}
-        initial = self.structure.initial_states
-        return {f"{STATE}{i}": np.full(n, initial[i]) for i in needed}
+    def _with_states(self, plan: Plan, taken: Samples) -> Mapping[str, Any]:
+        """Inputs (n,) of a program that reads states; those not given are the initial ones."""
+        bent = {f"{STATE}{self.structure.states[x]}" for x in self.structure.remembering}
+        if any(name not in taken.inputs for name in bent.intersection(plan.program.inputs)):
+            taken = self.with_deflections(taken)
+        inputs, initial = taken.given(plan.program.inputs), self.structure.initial_states
+        needed = {i for i in self._states_needed(plan) if f"{STATE}{i}" not in inputs}
+        return {**inputs, **{f"{STATE}{i}": np.full(taken.n, initial[i]) for i in needed}}
 
     def _states_needed(self, plan: Plan) -> Iterator[int]:
         """Places of the states of signal blocks that a plan's program reads."""
