@@ -1,6 +1,6 @@
 """Why samples have no answer, as the error that a result with gaps becomes.
 
-The first gap is told: which group fails and where the drivers are there, whether it cannot
+The first gap is reported: which group fails and where the drivers are there, whether it cannot
 close, stands at a dead centre or locks itself, and on which arcs it would close.
 """
 

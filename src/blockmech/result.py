@@ -138,7 +138,7 @@ class Result(Exported):
         """Unit of an output; empty where dimensionless."""
         return self.output(name).unit
 
-    @np.errstate(all="ignore")  # what is not finite is told by the quality
+    @np.errstate(all="ignore")  # what is not finite is reported by the quality
     def _make(self, name: str) -> Any:
         if name not in self:
             known = dict.fromkeys(self.plan.want)

@@ -198,7 +198,7 @@ def reseat(
     index = {a: v for v, a in enumerate(moving)}
     pins = [pin for pin in _pins(ordered) if _is_tree(pin, earlier)]
     pinned = {p.name for pin in pins for p in pin}
-    # a pin is a node of two freedoms that each of its links holds in place
+    # a pin is a node of two degrees of freedom that each of its links holds in place
     edges: list[Edge] = []
     for p in ordered:
         number = (p.name not in pinned) * 2 + (p.name in drivers)

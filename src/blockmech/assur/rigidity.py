@@ -1,6 +1,6 @@
 """Which links can move, which are determined, and which are held more than once.
 
-Structure alone, no lengths: every link has three freedoms, a pair (R or P) takes
+Structure alone, no lengths: every link has three degrees of freedom, a pair (R or P) takes
 two of them and a driver a third. Counting 3n - 2p is not enough, as one part may
 be over-constrained while another is loose, so the *generic rank* of the velocity
 conditions decides, exactly as it would for lengths chosen at random. For R pairs
@@ -53,7 +53,7 @@ class Overconstraint:
 
 @dataclass(frozen=True)
 class Loose:
-    """Links that still move, joined to each other, and the freedom they have left."""
+    """Links that still move, joined to each other, and the degrees of freedom they have left."""
 
     links: tuple[str, ...]
     freedom: int
@@ -65,7 +65,7 @@ class Rigidity:
 
     Attributes
     ----------
-    mobility : freedoms left, for generic lengths
+    mobility : degrees of freedom left, for generic lengths
     counted : the formula 3n - 2p - drivers; it is the mobility less the redundant conditions
     overconstrained : sets of links held too often, each with its pairs, ties by name
     loose : sets of links that still move; every other link is determined

@@ -94,7 +94,7 @@ def _run(words: list[str]) -> int:
     try:
         code = command().main(args=words, prog_name="blockmech", standalone_mode=False)
     except Exception as error:
-        # Typer took click into itself under another name, so its errors are told by form.
+        # Typer took click into itself under another name, so its errors are recognised by form.
         if type(error).__name__ == "Abort":
             raise KeyboardInterrupt from None
         if not hasattr(error, "format_message"):

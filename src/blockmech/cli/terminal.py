@@ -159,7 +159,7 @@ def progress_bar(what: str, still: bool = False) -> Iterator[Callable[..., None]
     """A bar on a terminal for work that lasts over a second, and what tells it how far that is.
 
     ``told(what, done, whole)`` moves the bar; ``whole`` is None where it is not known. None
-    where nobody would see it: in a pipe. A ``still`` one moves only when it is told: one that
+    where nobody would see it: in a pipe. A ``still`` one moves only when it is called: one that
     draws itself would be measured as well.
     """
     if sys.stderr is None or not sys.stderr.isatty():

@@ -359,7 +359,7 @@ class Table(Law):
 
     A quintic spline has four derivatives and needs six rows, a cubic one two. With ``period``
     the first value, and ``step`` more, is repeated one period after the first argument; without,
-    the law says nothing outside.
+    the law is not defined outside.
     """
 
     kind: Literal["table"] = "table"

@@ -75,9 +75,9 @@ def draw(
     subject : graph (for a diagram it need not be complete), linkage or mechanism
     path : .png, .svg or .pdf; .gif, .html or .mp4 (by ffmpeg) for an animation
     kind : "diagram" (default), "mechanism" at poses, "animation" (default for those),
-        "schedule" of the kernel calls that some outputs take, "structure": a vertex a group,
-        with its number of links and the freedoms it adds, "centrodes" of links that ``want``
-        names, over ``at`` or the driver's range
+        "schedule" of the kernel calls that some outputs take, "structure": groups with
+        their number of links and the degrees of freedom they add, "centrodes" of links that
+        ``want`` names, over ``at`` or the driver's range
     at : float or (n,) [rad or m], or a mapping driver -> (n,)
         Driver coordinates of the poses, the first in full; by default over the range
         of the drivers' laws of motion.

@@ -1,6 +1,6 @@
 """Colours, line styles and sizes of all pictures, said once.
 
-The colours are those of Okabe & Ito (2008), told apart with any colour vision;
+The colours are those of Okabe & Ito (2008), distinguished with any colour vision;
 what matters never hangs on colour alone (line style, symbol or word go with it).
 Sizes are in points of the printed picture; a paper's column is 8.5 cm wide.
 """

@@ -1,6 +1,6 @@
-"""The structural graph: a vertex a group, with its number of links and the freedoms it adds.
+"""The structural graph: a vertex for each group, with its links and the degrees of freedom it adds.
 
-A vertex ``2,0 (5,6)`` is a module of two links, 5 and 6, that adds no freedom: an Assur group.
+A vertex ``2,0 (5,6)`` is a module of two links, 5 and 6, that adds none: an Assur group.
 An edge is where one group hangs on another, by the pairs written at it.
 
 Source: [D14] Durango et al. 2014, section 3.3, graph (7).
@@ -26,7 +26,7 @@ SIZE = 5.5 * TEXT, 3.2 * TEXT  # [pt] of a vertex
 def structural_graph(mechanism: Compiled) -> nx.DiGraph:
     """Blocks with ``links`` (their names or numbers) and ``freedoms``; edges with ``pairs``.
 
-    What follows by a coupling adds no freedom, and has an edge from what leads.
+    What follows by a coupling adds none, and has an edge from what leads.
     """
     import networkx as nx
 
@@ -85,7 +85,7 @@ def draw_structural_graph(mechanism: Compiled) -> Any:
             axes.text(x + SIZE[0] / 2, y - SIZE[1] / 2, f"({of})", size=SMALL, ha="center")
             below = {"size": SMALL, "color": GREY, "ha": "center", "va": "top"}
             axes.text(x, y + SIZE[1] / 2 + 2, shown_name(name, 18), **below)
-        caption = "number of links, freedoms added (links); at the edges the pairs"
+        caption = "number of links, degrees of freedom added (links); at the edges the pairs"
         axes.text(-COLUMN / 2 + TEXT, -ROW / 2 - 2 * TEXT, caption, size=SMALL, va="center")
     return figure
 

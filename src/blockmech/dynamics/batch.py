@@ -420,7 +420,7 @@ class _Run:
     def _event(self, series: Floats, y0: Floats, y1: Floats) -> tuple[Floats, NDArray[np.int64]]:
         """Shares of the last steps at which something happens, and what.
 
-        0: nothing, 1: a standstill, 2: the goal's place, -1: more than can be told apart.
+        0: nothing, 1: a standstill, 2: the goal's place, -1: more than can be distinguished.
         """
         inner = np.linspace(0.0, 1.0, 9)
         at = np.array([powers_of(np.full(len(y0), x), series) for x in inner])  # (9, m, 2)

@@ -117,7 +117,7 @@ def signed_terms(sides: Any, law: Any, drags: bool) -> tuple[Any, Any]:
 class PairFriction:
     """Friction of all pairs of a mechanism.
 
-    ``count`` is told of evaluations (samples, whether they are a batch); ``compiled`` says whether
+    ``count`` is called with evaluations (samples, whether a batch); ``compiled`` says whether
     single states are machine code's; ``rounding`` [N m or N] is what that leaves unknown at a
     place of the effort of the loads; ``rate_loads``: whether one follows the rate or the time;
     ``initial`` are states of signal blocks and laws.

@@ -75,7 +75,7 @@ def turns(
 ) -> PeriodicContinuation | None:
     """A turn that is followed by others like it; None where the next one has to tell.
 
-    tolerance : to which panels are resolved; told : of the time [s] reached
+    tolerance : to which panels are resolved; told : called with the time [s] reached
     """
     begin, period, count = float(turn.panels.spans.begin[0]), abs(turn.step), math.inf
     if turn.gain:

@@ -335,7 +335,7 @@ def refuse_memory(structure: Structure, starts: Pairs) -> None:
 def _same_again(call: Callable[..., Any], given: Sequence[float]) -> bool:
     """Whether a function gives the same twice, with another question in between."""
     answers = []
-    with suppress(Exception):  # what it raises is told where the motion asks it
+    with suppress(Exception):  # what it raises is reported where the motion calls it
         for step in (0.0, ELSEWHERE, 0.0):
             answers.append(np.asarray(call(*(x + step for x in given)), dtype=np.float64))
     return len(answers) < 3 or np.array_equal(answers[0], answers[2], equal_nan=True)
@@ -401,7 +401,7 @@ def watches_of(given: Any) -> tuple[Watch, ...]:
 
 
 def _checked(watch: Watch) -> Watch:
-    """The same, with mistakes of its surface told as such; NaN where there is no state."""
+    """The same, with mistakes of its surface reported as such; NaN where there is no state."""
 
     def surface(t: float, q: Any, qd: Any) -> float:
         if not (np.isfinite(q).all() and np.isfinite(qd).all()):
@@ -424,7 +424,7 @@ def _checked(watch: Watch) -> Watch:
 
 
 def progress_of(progress: Any) -> Progress | None:
-    """Who is told of progress; silent from when it raised: what is kept is still looked at."""
+    """What is called with progress; silent after it raised, as the run goes on."""
     if progress is None:
         return None
     if not callable(progress):

@@ -92,7 +92,7 @@ def simulate(
     tolerance, iterations : of ``successive``, as in a run
     engine : of the integrators: "scalar", "llvm" (machine code), or "auto": machine code once
         the mechanism's motions are worth compiling. Path methods work on NumPy's arrays
-    progress : told now and then (what is at work, how far it is, the whole or None)
+    progress : called now and then with (what is at work, how far it is, the whole or None)
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""A mechanism for controllers of one's own: it moves on by a time whenever it is told to.
+"""A mechanism for controllers outside: it moves on by a time at each call.
 
 What a controller gives are blocks ``signal.input`` of the graph; their values are held over a
 step. All else, friction, events, sampled blocks, is that of `simulate`, by the same integrator.

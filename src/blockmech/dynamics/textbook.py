@@ -1,4 +1,4 @@
-"""Motions by the textbooks' schemes of fixed steps, their error told by a method that knows better.
+"""Motions by the textbooks' schemes of fixed steps, their error measured by a better method.
 
 Half the step would not tell it: in front of a singular place no step is small against what is left,
 and two runs may agree by chance.

@@ -89,7 +89,7 @@ class TimeIntegration:
     request: SimulationRequest
     method: str
     tolerance: float
-    name: str  # told to those who follow the progress
+    name: str  # for those who follow the progress
     rest: float  # [rad or m]: a swing shorter than this is none
     max_step: float = math.inf  # [s]
     step: float = math.nan  # [s], or [rad or m] of euler_q, of the schemes of fixed steps

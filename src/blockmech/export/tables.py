@@ -52,7 +52,7 @@ def leading(outputs: Mapping[str, Output]) -> tuple[str, ...]:
     """Of all outputs those that a table has room for, and what it says of each run.
 
     Where nothing is asked for by name, no others need to be computed. The margins are among
-    them: a group that does not close is told, whatever depends on it.
+    them: a group that does not close is reported, whatever depends on it.
     """
     ranked = sorted((n for n, o in outputs.items() if o.kind != "number"), key=_rank)
     others = (n for n, o in outputs.items() if o.kind == "number" or n.endswith(".margin"))

@@ -253,7 +253,7 @@ class Table(_Repeating):
 
     With ``period``, or ``turns`` for an angle, the first value is repeated one period
     after the first argument, and the table covers everything; the spline is then
-    periodic. Without, it is a not-a-knot spline, and the law says nothing outside.
+    periodic. Without, it is a not-a-knot spline, and the law is not defined outside.
 
     >>> law = Table(arguments=[0.0, 1.0, 3.0], values=[0.0, 2.0, 0.0], interpolation="linear")
     >>> law.kernel()(2.0, law.numbers())

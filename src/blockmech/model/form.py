@@ -2,7 +2,7 @@
 
 A document is read in one way: format and version, the sections by a pydantic model, then the
 named items of a section (blocks, links, loads ...) one by one by the model of their kind. All
-that is wrong is told at once.
+that is wrong is reported at once.
 """
 
 from __future__ import annotations

@@ -98,7 +98,7 @@ class Graph(Document):
     def _wire_up(self, ends: list[WireEnds], unread: set[str], wrong: bool) -> Iterator[Problem]:
         """Take the wires that fit; where something is wrong, tell all that is.
 
-        What follows from blocks that are ``unread`` and from wires left out is not told.
+        What follows from blocks that are ``unread`` and from wires left out is not reported.
         """
         fed: dict[str, Wire] = {}
         refused: set[str] = set()

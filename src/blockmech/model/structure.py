@@ -1,7 +1,7 @@
 """Structure: the formation sequence of a checked graph, frozen.
 
 Sources: [R10] Eq. 17 and [D14] Eq. 7 (structural formula); Chebyshev-Gruebler
-mobility 3n - 2p, or 3n - sum (3 - f) with f freedoms of each pair.
+mobility 3n - 2p, or 3n - sum (3 - f) with f degrees of freedom of each pair.
 """
 
 from __future__ import annotations
@@ -439,7 +439,7 @@ class Structure:
     def mobility(self) -> int:
         """Chebyshev-Gruebler mobility 3n - sum (3 - f) of the moving links.
 
-        What two coupled links have with each other is a pair of two freedoms.
+        What two coupled links have with each other is a pair with two degrees of freedom.
         """
         joints = (joint for block in self.blocks.values() for joint in block.joints.values())
         held = sum(3 - joint.pair.freedoms for joint in joints) + len(self.couplings)

@@ -1,4 +1,4 @@
-"""What is told about the modes of a mechanism: by group, by sample, with their arcs."""
+"""What is known about the modes of a mechanism: by group, by sample, with their arcs."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ def study(
     count, seed : of distributions, how many designs, and which
     friction, tolerance, iterations, static : as those of a run
     engine : "numpy", "llvm" for machine code (extra ``fast``), or "auto" by size
-    progress : told how far it is: ``progress(what, done, whole)``
+    progress : called as ``progress(what, done, whole)``
     out : folder
         Where what is done is kept as Parquet files: asked again, a study that was interrupted
         goes on where it stopped. The numbers are read when they are asked for.

@@ -142,7 +142,7 @@ def tolerance(
     at, samples, times : the samples, as those of a run
     count, seed : of designs drawn at random for Monte Carlo; by default none
     friction, static : as those of a run
-    progress : told how far it is: ``progress(what, done, whole)``
+    progress : called as ``progress(what, done, whole)``
 
     Returns
     -------

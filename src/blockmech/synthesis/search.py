@@ -45,7 +45,7 @@ FAR = 1e3  # residual of a pose that does not close
 
 @dataclass(frozen=True)
 class Task:
-    """What a four-bar shall do at n positions.
+    """What a four-bar must do at n positions.
 
     Attributes
     ----------

@@ -189,7 +189,7 @@ class Closing:
         A pose is known to rounding over the singular value along the motion, so the singular
         value itself to this times as much: where it bends, as in a dyad near its dead centre,
         values below the root of rounding tell nothing. Guides that are nearly parallel hold
-        equally weakly wherever the links stand, and that can be told down to rounding.
+        equally weakly wherever the links stand, and that can be seen down to rounding.
         """
         step = math.sqrt(SINGULAR)
         ahead, behind = (
@@ -230,7 +230,7 @@ MOST_LINKS = 60
 class Special(NamedTuple):
     """Links that move because of their lengths, against the count.
 
-    freedom : freedoms in the pose, drivers not held
+    freedom : degrees of freedom in the pose, drivers not held
     links : those that take part, by name
     spare : a link without which the rest is a mechanism as it should be, with its joints
     """
@@ -255,7 +255,7 @@ def special_geometry(layout: Layout, mobility: int) -> Special | None:
 
 
 def _keeps_moving(closing: Closing, poses: Poses, motion: Floats, mobility: int) -> bool:
-    """Whether the freedoms are there a step further on as well.
+    """Whether the degrees of freedom are there a step further on as well.
 
     The step's square, by which a structure at a dead centre gapes, is larger than what is
     taken for nothing.

@@ -1,7 +1,7 @@
 """Why links and joints make no mechanism, in the trade's words.
 
 Counting and generic rank (`assur.diagnosis`) tell what holds for almost all lengths. Whether
-the given lengths are special, as in a parallelogram with three equal cranks, is told by the
+the given lengths are special, as in a parallelogram with three equal cranks, is found from the
 rank of the velocity conditions in the pose of the document (`closing`).
 """
 
@@ -63,7 +63,7 @@ def _undriven(layout: Layout) -> Rigidity:
 
 
 def _by_count(layout: Layout, unplaced: Iterable[str]) -> Problem:
-    """What can be told of very many links in loops: which of them cannot be placed."""
+    """What can be said of very many links in loops: which of them cannot be placed."""
     links, pairs = len(layout.links), len(layout.pairs)
     found = f"{links} links and {pairs} pairs, 3n - 2p is {3 * links - 2 * pairs}, drivers "
     found += f"{len(layout.drivers)}; {listed(unplaced) or 'some of them'} cannot be placed"
