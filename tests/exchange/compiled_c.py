@@ -32,18 +32,25 @@ def compiled(folder, name, *sources, compiler=None, shared=False):
     return made
 
 
+BATCH = """#include "{name}.h"
+void batch(const {name}_inputs *in, {name}_outputs *out, int *words, long n)
+{{
+    for (long i = 0; i < n; ++i) words[i] = {name}(&{name}_defaults, in + i, out + i);
+}}
+"""
+
+
 class Called:
     """A `CProgram` as machine code: answers (n, outputs) and words (n,) at samples."""
 
     def __init__(self, program, folder, compiler=None):
-        self.program = program
-        (folder / f"{program.name}.h").write_text(program.header, "ascii")
-        (folder / f"{program.name}.c").write_text(program.source, "ascii")
-        name = f"{program.name}.c"
-        library = compiled(folder, program.name, name, compiler=compiler, shared=True)
+        self.program, name = program, program.name
+        texts = {f"{name}.h": program.header, f"{name}.c": program.source}
+        texts["batch.c"] = BATCH.format(name=name)
+        for file, text in texts.items():
+            (folder / file).write_text(text, "ascii")
+        library = compiled(folder, name, f"{name}.c", "batch.c", compiler=compiler, shared=True)
         self.library = ctypes.CDLL(str(library))
-        self.function = getattr(self.library, program.name)
-        self.defaults = ctypes.c_char.in_dll(self.library, f"{program.name}_defaults")
 
     def __call__(self, samples):
         wanted = self.program.plan.program.inputs
@@ -52,11 +59,9 @@ class Called:
         inputs = np.zeros((n, max(k, 1)))
         for j, name in enumerate(wanted):
             inputs[:, j] = np.asarray(given[name], float)
-        found, words = np.empty((n, len(self.program.outputs))), np.empty(n, int)
-        at = ctypes.c_void_p(ctypes.addressof(self.defaults))
-        for i in range(n):
-            x, y = (ctypes.c_void_p(row.ctypes.data) for row in (inputs[i], found[i]))
-            words[i] = self.function(at, x, y)
+        found, words = np.empty((n, len(self.program.outputs))), np.empty(n, np.intc)
+        arrays = (ctypes.c_void_p(x.ctypes.data) for x in (inputs, found, words))
+        self.library.batch(*arrays, ctypes.c_long(n))
         return found, words
 
 
