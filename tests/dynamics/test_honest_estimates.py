@@ -158,6 +158,6 @@ def test_the_finest_two_of_several_runs_tell_the_error(last):
         return Motion("any", "", 0.0, 1.0, 1 + off, 1 + off, track, None)
 
     offs = iter([2e-4, 2e-4 + 1e-5, last, None])
-    found = refined(run, next(offs), lambda *_: next(offs), 1e-9, (True,))
+    found, _ = refined(run, next(offs), lambda *_: next(offs), 1e-9, (True,))
     assert found.q_end == 1 + last
     assert found.error == pytest.approx(abs(last - 2e-4 - 1e-5))

@@ -22,10 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from blockmech.dynamics.dop853 import scheme
-from blockmech.dynamics.equation import LEAST_INERTIA, kept_rates
+from blockmech.dynamics.dop853 import powers_of, scheme
+from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import PARTED, ROUNDING, TARGET, spread
 from blockmech.dynamics.motion import EVALUATIONS, Floats
+from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.engines.llvm import slots_of
 from blockmech.engines.stages import CompiledRhs, FleetSteps
 from blockmech.plane import EPS
@@ -42,7 +43,7 @@ FINER, FLOOR = 20.0, 100 * EPS
 SHORTER = FINER ** (-1 / 8)  # the longest step of a finer run, as of single motions
 HALVED, SECANTS = 10, 4  # how often the bracket of a place in a step is halved; what finds it then
 UNSURE = 1e-9  # of the accelerations at a standstill: what is smaller is decided by itself
-MARGIN, SLIPS = 0, 3  # columns of what is watched, see `rates`
+MARGIN, SLIPS = 0, 2  # columns of what is watched, see `rates`
 TIME, GOAL, REST = range(3)  # why a motion is over
 
 
@@ -147,14 +148,6 @@ class Track:
         values = powers_of(x.ravel(), self.series[:, i.ravel()])
         states[rows] = values.reshape(*wanted.shape, 2)
         return states
-
-
-def powers_of(x: Any, series: Floats) -> Floats:
-    """Dense output at shares x (p,) of steps, from their series (8, p, n)."""
-    factors, powers = (1 - x[:, None], x[:, None]), np.array(series[0])
-    for k, row in enumerate(series[1:], start=1):  # of z z z x, z z z, z z x, ..., z = x (1 - x)
-        powers = powers * factors[k % 2] + row
-    return powers
 
 
 def moved(
@@ -314,7 +307,7 @@ class _Run:
     def _slip(self, which: Any, way: Floats) -> Floats:
         """Set the directions of slip of designs that move in a direction; the row then."""
         row = self._rows(which, self.y[which, 0], 0.0)
-        slips = row[:, -self.rates.watched + SLIPS :]
+        slips = row[:, -self.rates.watched + SLIPS : -1]
         self.given[which, 3:] = way[:, None] * np.sign(slips)
         self.alone[which] |= ~(np.abs(slips) > math.sqrt(EPS)).all(axis=1)
         return self._rows(which, self.y[which, 0], 0.0)
@@ -394,7 +387,7 @@ class _Run:
         watched = K[:, :, -self.rates.watched :]
         in_doubt = taken_steps.doubtful & ~alone
         close = _may_dip(watched[..., MARGIN] + LEAST_MARGIN) | _may_dip(K[:, :, self.n + 1])
-        slips = watched[..., SLIPS:]
+        slips = watched[..., SLIPS:-1]
         turns = (slips * slips[:, -1:] <= 0).any(axis=(1, 2)) if slips.shape[2] else False
         alone |= in_doubt & (close | turns)
         share, kind = np.ones(len(which)), np.zeros(len(which), np.int64)

@@ -7,7 +7,8 @@ Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 199
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -32,38 +33,93 @@ def scheme() -> Scheme:
 
 
 class Dop853(DOP853):  # type: ignore[misc]
-    """The method on an `Equation`."""
+    """The method on an `Equation`, whose rates at the start are known.
+
+    By machine code nothing of SciPy's is needed but its coefficients: the rest is made for the
+    first step that it cannot do.
+    """
 
     t: float
     y: Floats
     f: Floats
     h_abs: float
 
-    def __init__(self, equation: Equation, t0: float, y0: Floats, bound: float, **how: Any) -> None:
-        super().__init__(equation, t0, y0, bound, **how)
-        self.equation = equation
+    def __init__(
+        self,
+        equation: Equation,
+        t0: float,
+        y0: Floats,
+        bound: float,
+        *,
+        slope: Floats,
+        rtol: Floats,
+        atol: Floats,
+        max_step: float,
+    ) -> None:
+        self.equation, self.begun = equation, False
+        self.t, self.y, self.f, self.t_old = t0, y0, slope, None
+        self.t_bound, self.max_step, self.status = bound, max_step, "running"
+        self.tolerances = np.array([rtol, atol])
+        self.h_abs = self._first_step()
 
-    def steps(self, road: tuple[float, float]) -> AcceptedSteps | None:
-        """The next steps by machine code, up to one that may leave a road; None without any."""
+    def _first_step(self) -> float:
+        """The step [s] to try first, as SciPy's methods do.
+
+        Source: Hairer, Norsett & Wanner, II.4, starting step size.
+        """
+        y, f, (rtol, atol) = self.y, self.f, self.tolerances
+        scale, longest = atol + np.abs(y) * rtol, self.t_bound - self.t
+
+        def size(x: Floats) -> float:
+            x = x / scale
+            return math.sqrt(float(x @ x) / x.size)
+
+        far, fast = size(y), size(f)
+        h = min(1e-6 if far < 1e-5 or fast < 1e-5 else 0.01 * far / fast, longest)
+        bends = size(np.asarray(self.equation(self.t + h, y + h * f)) - f) / h
+        quick = max(fast, bends)
+        fits = (0.01 / quick) ** (1 / (self.error_estimator_order + 1)) if quick > 1e-15 else 0.0
+        return min(100 * h, fits or max(1e-6, 1e-3 * h), longest, self.max_step)
+
+    def step(self) -> str | None:
+        """One step, by SciPy."""
+        if not self.begun:
+            rtol, atol = self.tolerances
+            how = {"rtol": rtol, "atol": atol, "max_step": self.max_step}
+            h = min(self.h_abs, self.t_bound - self.t)
+            super().__init__(self.equation, self.t, self.y, self.t_bound, first_step=h, **how)
+            self.begun = True
+        failed: str | None = super().step()
+        return failed
+
+    def steps(self, road: tuple[float, float], every: bool) -> AcceptedSteps | None:
+        """The next steps by machine code, up to one that may leave a road; None without any.
+
+        every : whether a standstill ends a step
+        """
         code, by = self.equation.code, scheme()
         if code is None:
             return None
-        tolerances = np.array([self.rtol + 0 * self.y, self.atol + 0 * self.y])
         begin, ends = (self.t, self.y), (self.t_bound, self.max_step)
         left = (self.equation.most - self.equation.spent) / len(by.C)
         most = int(min(REPORTED, left + 1))
-        accepted = code.steps(by, begin, self.h_abs, ends, road, tolerances, most)
-        many = len(accepted.K)
+        made = code.steps(by, begin, self.h_abs, ends, road, self.tolerances, most, every)
+        many = len(made.K)
         more = len(by.C) - self.n_stages - 1
-        self.equation.took(1 + accepted.tried * self.n_stages + many * more)
+        self.equation.took(1 + made.tried * self.n_stages + many * more)
         if not many:
             return None
-        self.t_old, self.t = accepted.t[-2:].tolist()
-        self.y_old, self.y = accepted.y[-2:]
-        self.h_abs, self.f = accepted.h, accepted.K[-1, self.n_stages].copy()
+        self.t_old, self.t = made.t[-2:].tolist()
+        self.y_old, self.y = made.y[-2:]
+        self.h_abs, self.f = made.h, made.K[-1, self.n_stages, : self.y.size].copy()
         self.h_previous = self.t - self.t_old
         self.status = "finished" if self.t >= self.t_bound else "running"
-        return AcceptedSteps(accepted.t, accepted.y, Dense.of(accepted), accepted.calm)
+        doubtful = [many - 1] if made.doubtful else []
+        if not every:
+            rate = made.K[:, :, 0]
+            turns = ((rate * rate[:, self.n_stages, None] <= 0) & (rate != 0)).any(axis=1)
+            doubtful = sorted({*doubtful, *np.flatnonzero(turns).tolist()})
+        return AcceptedSteps(made.t, made.y, Dense.of(made), doubtful)
 
 
 class AcceptedSteps(NamedTuple):
@@ -71,13 +127,13 @@ class AcceptedSteps(NamedTuple):
 
     t : (m + 1,) [s], y : (m + 1, n) where they begin, and where the last ends
     dense : states (n, ...) at times (...): at one, or (p,)
-    calm : in how many, the first ones, nothing happens for sure
+    doubtful : in which of them something may happen
     """
 
     t: Floats
     y: Floats
     dense: Callable[[Any], Any]
-    calm: int = 0
+    doubtful: Sequence[int] = (0,)
 
     def part(self, first: int, end: int) -> AcceptedSteps:
         """Some of them."""
@@ -90,24 +146,58 @@ class AcceptedSteps(NamedTuple):
 
 @dataclass(frozen=True)
 class Dense:
-    """Dense output: ``series`` (8, m, n) times powers of the share x of a step and of x (1 - x)."""
+    """Dense output of steps that begin at t (m,) and last h (m,) [s], see `powers_of`.
+
+    series : (8, m, n)
+    """
 
     t: Floats
+    h: Floats
     series: Floats
 
     @classmethod
     def of(cls, steps: Steps) -> Dense:
         """From the rates at their stages."""
-        t, y, K = steps[:3]
-        h, moved, series = t[1:] - t[:-1], y[1:] - y[:-1], np.empty((8, *y[1:].shape))
-        ways = h[:, None] * K[:, [0, DOP853.n_stages]].swapaxes(0, 1)
-        series[:4] = h[:, None] * (DOP853.D[::-1] @ K).swapaxes(0, 1)
-        series[4:] = 2 * moved - ways[1] - ways[0], ways[0] - moved, moved, y[:-1]
-        return cls(t, series)
+        t, y, K, n = steps.t, steps.y, steps.K, steps.y.shape[1]
+        h, moved, series = t[1:] - t[:-1], y[1:] - y[:-1], np.empty((8, len(K), n))
+        series[:4] = h[:, None] * (DOP853.D[::-1] @ K)[..., :n].swapaxes(0, 1)
+        first, last = h[:, None] * K[:, 0, :n], h[:, None] * K[:, DOP853.n_stages, :n]
+        series[4:] = 2 * moved - last - first, first - moved, moved, y[:-1]
+        return cls(t[:-1], h, series)
+
+    @classmethod
+    def joined(cls, times: Sequence[float], pieces: Sequence[Dense]) -> Dense:
+        """That of pieces, each from one of the times [s] to the next.
+
+        What a piece knows of steps beyond is left out.
+        """
+        if len(pieces) == 1:
+            return pieces[0]
+        kept = []
+        for piece, end in zip(pieces, times[1:], strict=True):
+            m = max(int(piece.t.searchsorted(end)), 1)
+            kept.append((piece.t[:m], piece.h[:m], piece.series[:, :m]))
+        t, h, series = zip(*kept, strict=True)
+        return cls(np.concatenate(t), np.concatenate(h), np.concatenate(series, axis=1))
 
     def __call__(self, t: Any) -> Floats:
-        i = self.t[1:-1].searchsorted(t)
-        x = (t - self.t[i]) / (self.t[i + 1] - self.t[i])
-        z = x * (1 - x)
-        powers = np.array([z * z * z * x, z * z * z, z * z * x, z * z, z * x, z, x, 1 + 0 * x])
-        return np.asarray(np.einsum("k...,k...n->n...", powers, self.series[:, i]))
+        i = self.t[1:].searchsorted(t)
+        x, series = (t - self.t[i]) / self.h[i], self.series[:, i]
+        if np.ndim(t):
+            return powers_of(x, series).T
+        total, *rows = series.tolist()
+        for k, row in enumerate(rows, start=1):
+            factor = x if k % 2 else 1 - x
+            total = [a * factor + b for a, b in zip(total, row, strict=True)]
+        return np.array(total)
+
+
+def powers_of(x: Any, series: Floats) -> Floats:
+    """Dense output (p, n) at shares x (p,) of steps, from their series (8, p, n).
+
+    They are those of z z z x, z z z, z z x, z z, z x, z, x, 1, with z = x (1 - x).
+    """
+    factors, powers = (1 - x[:, None], x[:, None]), np.array(series[0])
+    for k, row in enumerate(series[1:], start=1):
+        powers = powers * factors[k % 2] + row
+    return powers

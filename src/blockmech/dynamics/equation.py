@@ -20,7 +20,7 @@ import numpy as np
 
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.motion import Floats
-from blockmech.dynamics.rates import rates_of
+from blockmech.dynamics.rates import LEAST_INERTIA, rates_of
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
 from blockmech.engines.stages import CompiledRhs, CompiledStepper
@@ -28,8 +28,6 @@ from blockmech.engines.stages import CompiledRhs, CompiledStepper
 if TYPE_CHECKING:
     from blockmech.dynamics.pair_friction import FrictionState
 
-
-LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
 LOOKED_AT = 64  # states of a step and more at which the relative rates of pairs are kept
 
 
@@ -50,7 +48,6 @@ class Equation:
     held: bool = False  # whether the only driver rests while signals go on
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
-    _own: tuple[Any, Any] = (None, None)  # directions of slip, machine code with them
     _rates: dict[bytes, Floats] = field(default_factory=dict)  # of states looked at last
 
     @cached_property
@@ -114,21 +111,19 @@ class Equation:
 
         None where there can be none, and where they are to be interpreted.
         """
-        if self.held:
+        if self.held or self.drivers > 1:
             return None
-        if self._own[0] != self.sides or self._own[1] is None:
-            self._own = self.sides, self._stages()
-        code: CompiledStepper | None = self._own[1]
-        return code
-
-    def _stages(self) -> CompiledStepper | None:
+        made, key = self.system.steppers, (self.q0, self.sides)
+        if key in made:
+            return made[key]
         unsettled = self.system.friction is not None and not self.sides
         if not self.system.compiled_states or unsettled:
             return None
         if (rates := kept_rates(self.system)) is None:
             return None
         least = LEAST_INERTIA * self.typical
-        return CompiledStepper(rates, (0.0, 1.0, least, *map(float, self.sides)))
+        made[key] = CompiledStepper(rates, (0.0, 1.0, least, *map(float, self.sides)))
+        return made[key]
 
     def took(self, states: int) -> None:
         """Count states that machine code was asked for."""
@@ -193,7 +188,7 @@ class Equation:
         """Values of signal blocks of which a change of sign is a kink."""
         n, many = len(self.layout.initial), self.system.signals.kinks
         row = self.row(t, y)
-        return self.signals(t, y)[n:] if row is None else row[len(row) - many :]
+        return self.signals(t, y)[n:] if row is None else row[-many - 1 : -1]
 
     def signals(self, t: float, y: Floats, qdd: float | None = None) -> Any:
         """Rates of states of signal blocks, and where these have kinks; see `SignalProgram`.
@@ -248,7 +243,7 @@ class Equation:
         assert self.system.friction is not None
         if self._slips[0] != q:
             row, m = self.row(0.0, self.layout.start(q, 1.0)), len(self.sides)
-            first = self.layout.size + 5 + 2 * m  # behind margin, J, loads and what is watched
+            first = self.layout.size + 4 + 2 * m  # behind margin, J, loads and the least of both
             known = None if row is None else row[first : first + m]
             self._slips = q, known or self.system.friction.slips(np.array([q]))[0]
         return self._slips[1]
@@ -293,9 +288,10 @@ class Equation:
     def inertia(self, y: Floats) -> Floats:
         """Inertia (k, k) on the drivers."""
         q, qd = self.layout.motion(y)
-        if self.drivers == 1:
-            return np.array([[self.system.one(q).J]])
-        return self.system.terms(q, qd).M
+        if self.drivers > 1:
+            return self.system.terms(q, qd).M
+        row = self.row(0.0, self.layout.start(q, 0.0))
+        return np.array([[self.system.one(q).J if row is None else row[self.layout.size + 1]]])
 
     def kinetic(self, y: Floats) -> float:
         """Kinetic energy [J]."""

@@ -133,31 +133,33 @@ def refined(
     target: float,
     rotary: tuple[bool, ...],
     wanted: tuple[float, ...] = (),
-) -> Motion:
+) -> tuple[Motion, Difference | None]:
     """A motion whose error is estimated, and meets the target if a setting does.
 
-    ``finer`` gives the next setting from the last one and the difference seen (infinite
+    With it what two runs said of it, if its states are those of the finer. ``finer`` gives the next setting from the last one and the difference seen (infinite
     before there is one), None where there is none.
     """
     coarse, setting, best = run(first), first, None
-    off = math.inf
+    off, by = math.inf, None
     while True:
         if coarse.end in (ends.INTERRUPTED, ends.TOO_MANY):
-            return stopped(coarse, best)
+            return stopped(coarse, best), None
         following = finer(setting, off)
         if following is None:
             break
         fine = run(following)
         if fine.end in (ends.INTERRUPTED, ends.TOO_MANY) and fine.t_end < coarse.t_end:
-            return stopped(fine, best or coarse)
+            return stopped(fine, best or coarse), None
         apart = difference(coarse, fine, rotary, wanted)
         off = apart.q
         if apart.agree or best is None or best.end == ends.UNDECIDED:
-            best = judged(coarse, fine, apart, wanted)
+            best, by = judged(coarse, fine, apart, wanted), apart
         if apart.agree and best.error <= target:
             break
         coarse, setting = fine, following
-    return replace(coarse, error=math.inf, time_error=math.inf) if best is None else best
+    if best is None:
+        return replace(coarse, error=math.inf, time_error=math.inf), None
+    return best, by
 
 
 def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: tuple[float, ...]) -> Motion:

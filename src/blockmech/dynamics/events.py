@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.equation import LEAST_INERTIA
 from blockmech.dynamics.friction import bearing
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.motion import Event, Floats, Motion
+from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
@@ -237,6 +237,11 @@ class EventDetector:
             if (r.kind, r.index) in happened:
                 values[i] = 0.0 if r.kind != ends.KINK or abs(values[i]) <= near else values[i]
         return cls(rules, parts, spans, t, values)
+
+    @property
+    def ends_at_standstill(self) -> bool:
+        """Whether a standstill of the only driver ends a step."""
+        return any(rule.kind == ends.STANDSTILL and rule.terminal for rule in self.rules)
 
     @property
     def simple(self) -> bool:

@@ -3,7 +3,8 @@ r"""The right-hand side of one driver as machine code: what `equation` says, a s
 A row of numbers tells of a state (q, q', W), with joint friction (q, q', W, F):
 
     the rates of the state, margin, J, real and imaginary part of the load on each pair, and what
-    is watched: margin and J above the least that counts, q', slips of the pairs, sides of guides
+    is watched: margin and J above the least that counts (J in usual ones), slips of the pairs,
+    sides of guides, kinks of signals, q'
 
 Given are 0, 1 (states of the force pass are made of them; nothing is folded), the least J and the
 directions of slip. The text is made of the programs that are interpreted otherwise, so both
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from blockmech.dynamics.signals import SignalProgram
     from blockmech.plan import Program
 
+LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
+
 
 def free(
     values: Any, qd: Real, zero: Real, least: Real, states: int, kinks: int
@@ -40,11 +43,11 @@ def free(
     J, tau, dJ, *rest = values
     margin, more = _least(rest[states + kinks :], zero), rest[:states]
     rates = _rates(margin, J, qd, (tau - 0.5 * dJ * qd * qd) / J, tau * qd, *more)
-    return (*rates, *_watched(margin, J, qd, least), *rest[states : states + kinks])
+    return (*rates, *_watched(margin, J, least), *rest[states : states + kinks], qd)
 
 
-def _watched(margin: Real, J: Real, qd: Real, least: Real) -> tuple[Real, ...]:
-    return margin - LEAST_MARGIN, J - least, qd
+def _watched(margin: Real, J: Real, least: Real) -> tuple[Real, ...]:
+    return margin - LEAST_MARGIN, J / least * LEAST_INERTIA - LEAST_INERTIA
 
 
 def _rates(margin: Real, J: Real, qd: Real, qdd: Real, *powers: Real) -> tuple[Real, ...]:
@@ -86,7 +89,7 @@ def rubbing(
     parts = [x for F in solved.loads for x in (F.real, F.imag)]
     sides = [x for F, guide in zip(solved.loads, guides, strict=True) if guide for x in bearing(F)]
     slips = [zero + 1.0 if x else s for s, x in zip(solved.slips, separates, strict=True)]
-    return (*rates, *parts, *_watched(margin, J, qd, least), *slips, *sides, *kinks)
+    return (*rates, *parts, *_watched(margin, J, least), *slips, *sides, *kinks, qd)
 
 
 def rates_of(

@@ -48,6 +48,7 @@ from blockmech.plan import Friction, Program
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:
+    from blockmech.engines.stages import CompiledStepper
     from blockmech.typing import Progress
 
 T = TypeVar("T")
@@ -175,9 +176,8 @@ class System:
     calls: int = 0
     singles: int = 0
     states: int = 0  # of integrations, from whatever they are
-    _typical: tuple[float, float] = (math.nan, math.nan)  # place, inertia about it
     _single_state: tuple[Any, Any] = (None, None)  # asked for last, and what it yields
-    _rounding: tuple[float, float] = (math.nan, math.nan)  # place, see `rounding`
+    steppers: dict[Any, CompiledStepper] = field(default_factory=dict)  # see `Equation.code`
 
     def __post_init__(self) -> None:
         if not self.stops:
@@ -290,9 +290,7 @@ class System:
         """
         if np.ndim(q):
             return 8 * EPS * self.load_size(q)
-        if self._rounding[0] != q:
-            self._rounding = q, 8 * EPS * float(self.load_size(np.array([q]))[0])
-        return self._rounding[1]
+        return self._once("rounding", q, lambda: 8 * EPS * float(self.load_size(np.array([q]))[0]))
 
     @cached_property
     def friction(self) -> JointFriction | None:
@@ -472,14 +470,20 @@ class System:
 
     def typical_inertia(self, q: float) -> float:
         """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""
-        if self._typical[0] != q:  # of many runs that start at one place, the first asks
-            self._typical = self.kept.get("typical", self._typical)
-        if self._typical[0] != q:
+
+        def usual() -> float:
             J = self.sample(q + self.span * np.linspace(0.0, 1.0, 8, endpoint=False)).J
             good = J[np.isfinite(J) & (J > 0)]
-            self._typical = q, float(np.median(good)) if good.size else 1.0
-            self.kept["typical"] = self._typical
-        return self._typical[1]
+            return float(np.median(good)) if good.size else 1.0
+
+        return self._once("typical", q, usual)
+
+    def _once(self, what: str, q: float, make: Callable[[], float]) -> float:
+        """A number of a place; of many runs that start at one place the first asks."""
+        known: tuple[Any, float] = self.kept.get((what, type(self)), (None, math.nan))
+        if known[0] != q:
+            known = self.kept[what, type(self)] = q, make()
+        return known[1]
 
     def inertia_rounding(self, q: float) -> float:
         """How many times the rounding of the inertia of the only driver at a place is its own.

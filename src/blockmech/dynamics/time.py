@@ -8,6 +8,7 @@ the state is looked at.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -15,7 +16,7 @@ import numpy as np
 from scipy.integrate import LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import ends, loads
-from blockmech.dynamics.dop853 import AcceptedSteps, Dop853
+from blockmech.dynamics.dop853 import AcceptedSteps, Dense, Dop853
 from blockmech.dynamics.equation import Equation, TooMany, scales
 from blockmech.dynamics.estimate import TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
@@ -69,7 +70,14 @@ class Steps:
     """Dense output of a run: that of its steps, one after the other."""
 
     layout: StateLayout
-    solution: OdeSolution
+    solution: Callable[[Floats], Floats]
+
+    @classmethod
+    def of(cls, layout: StateLayout, times: Sequence[float], pieces: Sequence[Any]) -> Steps:
+        """From pieces, each from one of the times [s] to the next."""
+        if all(isinstance(piece, Dense) for piece in pieces):
+            return cls(layout, Dense.joined(times, pieces))
+        return cls(layout, OdeSolution(times, pieces))
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]."""
@@ -93,6 +101,7 @@ class TimeIntegration:
     rest: float  # [rad or m]: a swing shorter than this is none
     max_step: float = math.inf  # [s]
     step: float = math.nan  # [s], or [rad or m] of euler_q, of the schemes of fixed steps
+    scales: tuple[float, float] | None = None  # typical speed and work, for the tolerances
     longest: float = 0.0  # [s] step so far
     t: float = 0.0
     y: Floats = field(default_factory=lambda: np.empty(0))
@@ -132,7 +141,7 @@ class TimeIntegration:
         start = self.y
         try:
             verdict = self._becomes(self.pairs.begin(self._now))
-            self.scales = scales(self.equation, self.t, self.y)
+            self.scales = self.scales or scales(self.equation, self.t, self.y)
             while verdict is None:
                 verdict = self._segment()
         except KeyboardInterrupt:  # what is done so far is kept
@@ -150,7 +159,6 @@ class TimeIntegration:
             self.notes.append(f"{verdict.end}: {at}")
         if self.method != self.asked and verdict.status == "reached":
             self.notes.append(f"{self.asked} gave up on the way, {self.method} went on")
-        solution = OdeSolution(self.times, self.pieces) if self.pieces else None
         fixed = self.asked in STEPPERS
         return replace(
             self.request.standing,
@@ -163,7 +171,7 @@ class TimeIntegration:
             qd_end=qd,
             x_end=tuple(self.y[self.layout.signals].tolist()),
             switched=self.switched,
-            track=Still(q, qd) if solution is None else Steps(self.layout, solution),
+            track=Steps.of(self.layout, self.times, self.pieces) if self.pieces else Still(q, qd),
             events=tuple(self.events),
             slips=tuple(self.slips),
             error=math.inf,
@@ -292,9 +300,10 @@ class TimeIntegration:
                 return kind
         return None
 
-    def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
+    def _solver(self, bound: float, t: float, y: Floats, slope: Floats, longest: float) -> Any:
         if self.method in STEPPERS:
             return STEPPERS[self.method](self.equation, t, y, bound, self.step)
+        assert self.scales is not None
         at, (speed, work), tol = self.layout, self.scales, self.tolerance
         rtol: Any = max(tol, FLOOR)
         if self.method != "radau":  # SciPy's takes one number only
@@ -303,19 +312,22 @@ class TimeIntegration:
         atol = np.full(at.size, tol)
         atol[at.rate], atol[at.works] = tol * speed, tol * work
         atol[at.signals] = tol * np.array(self.system.signals.sizes)
-        solver = SOLVERS[self.method](
-            self.equation, t, y, bound, rtol=rtol, atol=atol, max_step=longest
-        )
+        how: dict[str, Any] = {"rtol": rtol, "atol": atol, "max_step": longest}
+        if self.method == "dop853":
+            how["slope"] = slope
+        solver = SOLVERS[self.method](self.equation, t, y, bound, **how)
         if self.method == "radau":
             # SciPy's iterates to 10 EPS, every step to the same side: no finer run would show it.
             # This falls with the tolerance, to 10 EPS at the finest.
             solver.newton_tol = max(solver.newton_tol, math.sqrt(EPS / rtol))
         return solver
 
-    def _stepped(self, solver: Any, road: tuple[float, float] = ANYWHERE) -> AcceptedSteps | None:
+    def _stepped(
+        self, solver: Any, road: tuple[float, float] = ANYWHERE, every: bool = True
+    ) -> AcceptedSteps | None:
         """One more step, or some of them at once by machine code; None where there is none."""
         with np.errstate(all="ignore"):
-            if self.method == "dop853" and (steps := solver.steps(road)):
+            if self.method == "dop853" and (steps := solver.steps(road, every)):
                 return cast(AcceptedSteps, steps)
             y = solver.y
             try:
@@ -337,9 +349,10 @@ class TimeIntegration:
         slope = np.asarray(self.equation(self.t, self.y), dtype=np.float64)
         if not np.isfinite(slope).all():  # from which SciPy's would never come back
             return self._given_up()
-        solver = self._solver(bound, self.t, self.y, self.max_step)
+        solver = self._solver(bound, self.t, self.y, slope, self.max_step)
+        every = lookout.ends_at_standstill
         while solver.status == "running":
-            steps = self._stepped(solver, lookout.road(float(solver.y[0])))
+            steps = self._stepped(solver, lookout.road(float(solver.y[0])), every)
             if steps is None:
                 return self._given_up()
             met = self._over(steps, lookout, own) if solver.t > solver.t_old else None
@@ -351,10 +364,9 @@ class TimeIntegration:
         self, steps: AcceptedSteps, lookout: EventDetector, own: EventDetector
     ) -> EventHit | None:
         """Go over steps, to the first terminal event in them; ``own`` looks for a user's."""
-        m = len(steps.t) - 1
         hits_in = own.within(*steps[:3])
-        if steps.calm < m:
-            hits_in += lookout.within(*steps.part(m - 1, m)[:3])
+        for i in steps.doubtful:
+            hits_in += lookout.within(*steps.part(i, i + 1)[:3])
         hits = until_terminal(hits_in)
         self._note(hits, steps.dense)
         if not (hits and hits[-1].rule.terminal):
@@ -377,7 +389,8 @@ class TimeIntegration:
         if not t > t0:
             return coarse
         finer = math.isfinite(self.max_step)  # not the one step of the coarser run again
-        solver = self._solver(t, t0, y0, SHORTER * (t - t0) if finer else math.inf)
+        slope = np.asarray(self.equation(t0, y0), dtype=np.float64)
+        solver = self._solver(t, t0, y0, slope, SHORTER * (t - t0) if finer else math.inf)
         while solver.status == "running":
             more = self._stepped(solver)
             if more is None:
@@ -524,15 +537,17 @@ class TimeIntegration:
 def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
     """The motion by an integrator, with its estimated error."""
     target = request.accuracy or TARGET
-    runs, longest = 0, math.inf
+    runs, longest, typical = 0, math.inf, None
 
     def run(tolerance: float) -> Motion:
-        nonlocal runs, longest
+        nonlocal runs, longest, typical
         runs += 1
         name = method if runs == 1 else f"{method}, run {runs}"
-        one = TimeIntegration(system, request, method, tolerance, name, target, SHORTER * longest)
+        one = TimeIntegration(
+            system, request, method, tolerance, name, target, SHORTER * longest, scales=typical
+        )
         motion = one.motion()
-        longest = one.longest or math.inf
+        longest, typical = one.longest or math.inf, one.scales
         return motion
 
     def finer(tolerance: float, apart: float) -> float | None:
@@ -542,5 +557,5 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
         return max(tolerance * share, FLOOR)
 
     first = max(target / 10, FLOOR * FINER)
-    judged_run = refined(run, first, finer, target, system.rotary, request.times)
-    return with_rounding(system, judged_run, target)
+    judged_run, apart = refined(run, first, finer, target, system.rotary, request.times)
+    return with_rounding(system, judged_run, target, apart)

@@ -7,9 +7,11 @@
 
 A step in which something may happen is the last: its first component leaves the ``road``, or what
 is ``watched`` changes its sign at a stage of the step. Of the first two, which may also dip to zero
-between two stages, a stage may not differ from the end by a third of it either: then none is twice
-another. The rates are those of a traced program of one lane (`blockmech.engines.assembly`), asked
-by a body: they are worked out state by state, hundreds of times in what a call from Python takes.
+between two stages, a stage that is not `FAR` from zero may not differ from the end by a third of it
+either: then none is twice another. The rates are those of a traced program of one lane
+(`blockmech.engines.assembly`), asked by a body: they are worked out state by state, hundreds of
+times in what a call from Python takes. Components of a state are the parts of one vector, all
+sizes numbers of the text.
 
 Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.1, II.4
 (control of the step: safety 0.9, factors from 0.2 to 10 as in SciPy) and II.10 (the estimates).
@@ -18,6 +20,7 @@ Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 199
 from __future__ import annotations
 
 import ctypes
+import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -31,70 +34,65 @@ from blockmech.engines.trace import FOLLOWED, Body, Trace
 from blockmech.plan import Program
 
 Floats = NDArray[np.float64]
-FLEET = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 13, *[ctypes.c_int64] * 9)
-KIND = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 11, *[ctypes.c_int64] * 6)
+FLEET = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 13, *[ctypes.c_int64] * 7)
+KIND = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 11, *[ctypes.c_int64] * 4)
+FAR = 0.125  # of a margin, 21 degrees of a transmission angle; and of inertia, in usual ones
 STEPS = """
 declare double @llvm.sqrt.f64(double)
 declare double @llvm.fabs.f64(double)
+declare STATE @llvm.fabs.vSIZEf64(STATE)
+declare double @llvm.vector.reduce.fadd.vSIZEf64(double, STATE)
 declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)
 
-define double @weighted(ptr %weights, ptr %K, i64 %count, i64 %width, i64 %i) {
+define internal STATE @weighted(ptr %weights, ptr %K, i64 %count) {
 start:
   br label %test
 test:
   %j = phi i64 [ 0, %start ], [ %j.next, %add ]
-  %sum = phi double [ 0.0, %start ], [ %sum.next, %add ]
+  %sum = phi STATE [ zeroinitializer, %start ], [ %sum.next, %add ]
   %more = icmp slt i64 %j, %count
   br i1 %more, label %add, label %done
 add:
   %weight.at = getelementptr double, ptr %weights, i64 %j
   %weight = load double, ptr %weight.at
-  %row = mul i64 %j, %width
-  %place = add i64 %row, %i
+  %first = insertelement STATE poison, double %weight, i32 0
+  %each = shufflevector STATE %first, STATE poison, <SIZE x i32> zeroinitializer
+  %place = mul i64 %j, WIDTH
   %k.at = getelementptr double, ptr %K, i64 %place
-  %k = load double, ptr %k.at
-  %product = fmul double %weight, %k
-  %sum.next = fadd double %sum, %product
+  %k = load STATE, ptr %k.at, align 8
+  %product = fmul STATE %each, %k
+  %sum.next = fadd STATE %sum, %product
   %j.next = add i64 %j, 1
   br label %test
 done:
-  ret double %sum
+  ret STATE %sum
 }
 
-define void @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, double %t,
-    double %h, i64 %first, i64 %last, i64 %n, i64 %width, i64 %columns) {
+define internal void @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C,
+    double %t, double %h, i64 %begin, i64 %end, i64 %columns) {
 start:
-  %clock = getelementptr double, ptr %state, i64 %n
+  %clock = getelementptr double, ptr %state, i64 SIZE
+  %h.first = insertelement STATE poison, double %h, i32 0
+  %h.each = shufflevector STATE %h.first, STATE poison, <SIZE x i32> zeroinitializer
+  %y.old = load STATE, ptr %y, align 8
   br label %stage
 stage:
-  %s = phi i64 [ %first, %start ], [ %s.next, %placed ]
-  %s.more = icmp slt i64 %s, %last
+  %s = phi i64 [ %begin, %start ], [ %s.next, %place ]
+  %s.more = icmp slt i64 %s, %end
   br i1 %s.more, label %place, label %done
 place:
   %s.row = mul i64 %s, %columns
   %A.row = getelementptr double, ptr %A, i64 %s.row
-  br label %component
-component:
-  %i = phi i64 [ 0, %place ], [ %i.next, %summed ]
-  %i.more = icmp slt i64 %i, %n
-  br i1 %i.more, label %summed, label %placed
-summed:
-  %sum = call double @weighted(ptr %A.row, ptr %K, i64 %s, i64 %width, i64 %i)
-  %way = fmul double %h, %sum
-  %y.at = getelementptr double, ptr %y, i64 %i
-  %y.old = load double, ptr %y.at
-  %y.new = fadd double %y.old, %way
-  %state.at = getelementptr double, ptr %state, i64 %i
-  store double %y.new, ptr %state.at
-  %i.next = add i64 %i, 1
-  br label %component
-placed:
+  %sum = call STATE @weighted(ptr %A.row, ptr %K, i64 %s)
+  %way = fmul STATE %h.each, %sum
+  %y.new = fadd STATE %y.old, %way
+  store STATE %y.new, ptr %state, align 8
   %c.at = getelementptr double, ptr %C, i64 %s
   %c = load double, ptr %c.at
   %later = fmul double %c, %h
   %time = fadd double %t, %later
   store double %time, ptr %clock
-  %K.row = mul i64 %s, %width
+  %K.row = mul i64 %s, WIDTH
   %K.at = getelementptr double, ptr %K, i64 %K.row
   call double @fill(ptr %x, ptr %numbers, ptr %K.at, i64 1, i64 1, i64 0, i64 1)
   %s.next = add i64 %s, 1
@@ -104,8 +102,8 @@ done:
 }
 
 define i64 @steps(ptr %x, ptr %numbers, ptr %blocks, ptr %states, ptr %state, ptr %A, ptr %C,
-    ptr %E, ptr %tolerances, ptr %control, ptr %times, i64 %most, i64 %n, i64 %width,
-    i64 %ends, i64 %all, i64 %watched) {
+    ptr %E, ptr %tolerances, ptr %control, ptr %times, i64 %most, i64 %ends, i64 %all,
+    i64 %watched) {
 start:
   %bound.at = getelementptr double, ptr %control, i64 1
   %bound = load double, ptr %bound.at
@@ -116,13 +114,13 @@ start:
   %road.low = load double, ptr %road.low.at
   %road.high.at = getelementptr double, ptr %control, i64 5
   %road.high = load double, ptr %road.high.at
-  %block = mul i64 %all, %width
+  %block = mul i64 %all, WIDTH
   %end = sub i64 %ends, 1
-  %end.place = mul i64 %end, %width
-  %bytes = mul i64 %n, 8
-  %row.bytes = mul i64 %width, 8
-  %column.first = sub i64 %width, %watched
-  %components = sitofp i64 %n to double
+  %end.place = mul i64 %end, WIDTH
+  %components = sitofp i64 SIZE to double
+  %rtol = load STATE, ptr %tolerances, align 8
+  %atol.at = getelementptr double, ptr %tolerances, i64 SIZE
+  %atol = load STATE, ptr %atol.at, align 8
   %E.third = getelementptr double, ptr %E, i64 %ends
   br label %step
 step:
@@ -137,9 +135,9 @@ begin:
   %K.place = mul i64 %m, %block
   %K = getelementptr double, ptr %blocks, i64 %K.place
   %K.next = getelementptr double, ptr %K, i64 %block
-  %y.place = mul i64 %m, %n
+  %y.place = mul i64 %m, SIZE
   %y = getelementptr double, ptr %states, i64 %y.place
-  %y.next = getelementptr double, ptr %y, i64 %n
+  %y.next = getelementptr double, ptr %y, i64 SIZE
   %size = call double @llvm.fabs.f64(double %t)
   %unit = fmul double %size, 0x3CB0000000000000
   %shortest = fmul double %unit, 10.0
@@ -163,40 +161,23 @@ within:
   %tried.next = fadd double %tried, 1.0
   store double %tried.next, ptr %tried.at
   call void @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, double %t,
-    double %h, i64 1, i64 %ends, i64 %n, i64 %width, i64 %all)
-  br label %judge
-judge:
-  %i = phi i64 [ 0, %within ], [ %i.next, %component ]
-  %fifths = phi double [ 0.0, %within ], [ %fifths.next, %component ]
-  %thirds = phi double [ 0.0, %within ], [ %thirds.next, %component ]
-  %i.more = icmp slt i64 %i, %n
-  br i1 %i.more, label %component, label %judged
-component:
-  %old.at = getelementptr double, ptr %y, i64 %i
-  %old = load double, ptr %old.at
-  %old.size = call double @llvm.fabs.f64(double %old)
-  %new.at = getelementptr double, ptr %state, i64 %i
-  %new = load double, ptr %new.at
-  %new.size = call double @llvm.fabs.f64(double %new)
-  %grown = fcmp ogt double %new.size, %old.size
-  %larger = select i1 %grown, double %new.size, double %old.size
-  %rtol.at = getelementptr double, ptr %tolerances, i64 %i
-  %rtol = load double, ptr %rtol.at
-  %atol.at = getelementptr double, ptr %rtol.at, i64 %n
-  %atol = load double, ptr %atol.at
-  %share = fmul double %larger, %rtol
-  %scale = fadd double %atol, %share
-  %e5 = call double @weighted(ptr %E, ptr %K, i64 %ends, i64 %width, i64 %i)
-  %q5 = fdiv double %e5, %scale
-  %p5 = fmul double %q5, %q5
-  %fifths.next = fadd double %fifths, %p5
-  %e3 = call double @weighted(ptr %E.third, ptr %K, i64 %ends, i64 %width, i64 %i)
-  %q3 = fdiv double %e3, %scale
-  %p3 = fmul double %q3, %q3
-  %thirds.next = fadd double %thirds, %p3
-  %i.next = add i64 %i, 1
-  br label %judge
-judged:
+    double %h, i64 1, i64 %ends, i64 %all)
+  %old = load STATE, ptr %y, align 8
+  %old.size = call STATE @llvm.fabs.vSIZEf64(STATE %old)
+  %new = load STATE, ptr %state, align 8
+  %new.size = call STATE @llvm.fabs.vSIZEf64(STATE %new)
+  %grown = fcmp ogt STATE %new.size, %old.size
+  %larger = select <SIZE x i1> %grown, STATE %new.size, STATE %old.size
+  %share = fmul STATE %larger, %rtol
+  %scale = fadd STATE %atol, %share
+  %e5 = call STATE @weighted(ptr %E, ptr %K, i64 %ends)
+  %q5 = fdiv STATE %e5, %scale
+  %p5 = fmul STATE %q5, %q5
+  %fifths = call double @llvm.vector.reduce.fadd.vSIZEf64(double 0.0, STATE %p5)
+  %e3 = call STATE @weighted(ptr %E.third, ptr %K, i64 %ends)
+  %q3 = fdiv STATE %e3, %scale
+  %p3 = fmul STATE %q3, %q3
+  %thirds = call double @llvm.vector.reduce.fadd.vSIZEf64(double 0.0, STATE %p3)
   %both = fadd double %fifths, %thirds
   %none = fcmp oeq double %both, 0.0
   %hundredth = fmul double %thirds, 0x3F847AE147AE147B
@@ -221,34 +202,38 @@ accepted:
   %much = fcmp ogt double %factor, %grows
   %stretch = select i1 %much, double %grows, double %factor
   %h.next = fmul double %h, %stretch
-  call void @llvm.memcpy.p0.p0.i64(ptr %y.next, ptr %state, i64 %bytes, i1 0)
+  store STATE %new, ptr %y.next, align 8
   call void @stages(ptr %x, ptr %numbers, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, double %t,
-    double %h, i64 %ends, i64 %all, i64 %n, i64 %width, i64 %all)
+    double %h, i64 %ends, i64 %all, i64 %all)
   store double %h.next, ptr %control
   %m.next = add i64 %m, 1
   %t.next = getelementptr double, ptr %times, i64 %m.next
   store double %t.new, ptr %t.next
   %slope = getelementptr double, ptr %K, i64 %end.place
-  call void @llvm.memcpy.p0.p0.i64(ptr %K.next, ptr %slope, i64 %row.bytes, i1 0)
+  call void @llvm.memcpy.p0.p0.i64(ptr %K.next, ptr %slope, i64 ROW, i1 0)
   br label %watch
 watch:
   %w = phi i64 [ 0, %accepted ], [ %w.next, %calm ]
   %w.more = icmp slt i64 %w, %watched
   %falls = icmp slt i64 %w, 2
-  %column = add i64 %column.first, %w
+  %column = add i64 FIRST, %w
   %last.at = getelementptr double, ptr %slope, i64 %column
   br i1 %w.more, label %scan, label %on.road
 scan:
   %s = phi i64 [ 0, %watch ], [ %s.next, %seen ]
   %last = load double, ptr %last.at
-  %s.row = mul i64 %s, %width
+  %s.row = mul i64 %s, WIDTH
   %s.place = add i64 %s.row, %column
   %seen.at = getelementptr double, ptr %K, i64 %s.place
   %seen.now = load double, ptr %seen.at
   %apart = fsub double %seen.now, %last
   %apart.size = call double @llvm.fabs.f64(double %apart)
   %thrice = fmul double %apart.size, 3.0
-  %near = fcmp olt double %thrice, %last
+  %like = fcmp olt double %thrice, %last
+  %far.now = fcmp ogt double %seen.now, FAR
+  %far.last = fcmp ogt double %last, FAR
+  %far = and i1 %far.now, %far.last
+  %near = or i1 %like, %far
   %signs = fmul double %seen.now, %last
   %same = fcmp ogt double %signs, 0.0
   %zero = fcmp oeq double %seen.now, 0.0
@@ -278,18 +263,16 @@ done:
 }
 
 define void @fleet(ptr %x, ptr %numbers, ptr %blocks, ptr %states, ptr %state, ptr %A, ptr %C,
-    ptr %E, ptr %tolerances, ptr %controls, ptr %times, ptr %given, ptr %counts, i64 %most, i64 %n,
-    i64 %width, i64 %ends, i64 %all, i64 %watched, i64 %slots, i64 %more, i64 %designs) {
+    ptr %E, ptr %tolerances, ptr %controls, ptr %times, ptr %given, ptr %counts, i64 %most,
+    i64 %ends, i64 %all, i64 %watched, i64 %slots, i64 %more, i64 %designs) {
 start:
-  %bytes = mul i64 %n, 8
   %more.bytes = mul i64 %more, 8
-  %clock = getelementptr double, ptr %state, i64 %n
+  %clock = getelementptr double, ptr %state, i64 SIZE
   %held = getelementptr double, ptr %clock, i64 1
   %rows = add i64 %most, 1
-  %states.each = mul i64 %rows, %n
-  %row.each = mul i64 %all, %width
+  %states.each = mul i64 %rows, SIZE
+  %row.each = mul i64 %all, WIDTH
   %block.each = mul i64 %rows, %row.each
-  %two = mul i64 %n, 2
   br label %test
 test:
   %d = phi i64 [ 0, %start ], [ %d.next, %one ]
@@ -302,7 +285,7 @@ one:
   %K = getelementptr double, ptr %blocks, i64 %K.place
   %y.place = mul i64 %d, %states.each
   %y = getelementptr double, ptr %states, i64 %y.place
-  %tol.place = mul i64 %d, %two
+  %tol.place = mul i64 %d, TWICE
   %tol = getelementptr double, ptr %tolerances, i64 %tol.place
   %control.place = mul i64 %d, 6
   %control = getelementptr double, ptr %controls, i64 %control.place
@@ -310,14 +293,14 @@ one:
   %t = getelementptr double, ptr %times, i64 %t.place
   %given.place = mul i64 %d, %more
   %own = getelementptr double, ptr %given, i64 %given.place
-  call void @llvm.memcpy.p0.p0.i64(ptr %state, ptr %y, i64 %bytes, i1 0)
+  %y.first = load STATE, ptr %y, align 8
+  store STATE %y.first, ptr %state, align 8
   %t.now = load double, ptr %t
   store double %t.now, ptr %clock
   call void @llvm.memcpy.p0.p0.i64(ptr %held, ptr %own, i64 %more.bytes, i1 0)
   call double @fill(ptr %x, ptr %P, ptr %K, i64 1, i64 1, i64 0, i64 1)
   %made = call i64 @steps(ptr %x, ptr %P, ptr %K, ptr %y, ptr %state, ptr %A, ptr %C, ptr %E,
-    ptr %tol, ptr %control, ptr %t, i64 %most, i64 %n, i64 %width, i64 %ends, i64 %all,
-    i64 %watched)
+    ptr %tol, ptr %control, ptr %t, i64 %most, i64 %ends, i64 %all, i64 %watched)
   %count.at = getelementptr i64, ptr %counts, i64 %d
   store i64 %made, ptr %count.at
   %d.next = add i64 %d, 1
@@ -344,7 +327,8 @@ class CompiledRhs:
     """A body of a program, as machine code for states and for steps.
 
     Its inputs are the components of the state, the time, and ``more`` numbers that are given; its
-    values their rates, and last what is ``watched``.
+    values their rates, and last what is ``watched``: two that may dip to zero, others, and one
+    that need not be looked at.
     """
 
     def __init__(
@@ -357,11 +341,19 @@ class CompiledRhs:
         if trace.asked:
             raise Untraceable(FOLLOWED)
         self.rows: list[Any] = [*trace.values]
-        text = Text(1).fill(self.inputs, self.rows) + STEPS
+        text = Text(1).fill(self.inputs, self.rows) + self._steps_text()
         kinds = ("fill", FILL), ("steps", KIND), ("fleet", FLEET)
         self.at, self.steps, self._fleet = machine_code(text, *kinds)
         self.program = program
         self.numbers = row_of(program)
+
+    def _steps_text(self) -> str:
+        """The text of steps, with the sizes of a state and of a row as numbers."""
+        n, width = self.dimension, len(self.rows)
+        sizes = {"SIZE": n, "TWICE": 2 * n, "WIDTH": width, "ROW": 8 * width}
+        numbers = sizes | {"FIRST": width - self.watched, "FAR": FAR}
+        text = STEPS.replace("STATE", "<SIZE x double>")
+        return re.sub("|".join(numbers), lambda found: str(numbers[found[0]]), text)
 
     def room_of(self, by: Scheme, most: int) -> int:
         """How many numbers so many steps of a design leave at their stages."""
@@ -399,7 +391,7 @@ class CompiledRhs:
         )
         arrays = slots, K, y, state, by.A, by.C, by.E, tolerances, control, t, given, counts
         ends, own = by.E.shape[1], given.shape[1]
-        numbers = most, n, width, ends, stages, self.watched, slots.shape[1], own, m
+        numbers = most, ends, stages, self.watched, slots.shape[1], own, m
         self._fleet(x, *(a.ctypes.data for a in arrays), *numbers)
         return FleetSteps(t, y, K, np.abs(counts), counts < 0, control[:, 0], control[:, 3])
 
@@ -427,10 +419,10 @@ class Steps(NamedTuple):
     """Some steps, one after the other.
 
     t : (m + 1,) [s], y : (m + 1, n) where they begin, and where the last ends
-    K : (m, s, n) rates at their stages, until the next steps are made
+    K : (m, s, r) rows of the program at their stages, until the next steps are made
     h : [s] the step to try next
     tried : how many steps were tried
-    calm : in how many, the first ones, nothing happens: all, or all but the last
+    doubtful : whether something may happen in the last one
     """
 
     t: Floats
@@ -438,7 +430,7 @@ class Steps(NamedTuple):
     K: Floats
     h: float
     tried: int
-    calm: int
+    doubtful: bool
 
 
 class CompiledStepper:
@@ -463,15 +455,17 @@ class CompiledStepper:
         road: tuple[float, float],
         tolerances: Floats,
         most: int,
+        every: bool = True,
     ) -> Steps:
         """Steps from ``begin`` (t, y), at most so many.
 
         ends : [s] where they end, and the longest one
         road : between which the first component is to stay
         tolerances : (2, n) relative and absolute ones
+        every : whether all that is watched is looked at, or all but the last
         """
         r, n, width = self._rates, self._rates.dimension, self._row.size
-        stages = len(by.C)
+        stages, watched = len(by.C), self._rates.watched - (not every)
         if len(self._room) <= most:
             self._room = np.zeros((most + 1, stages, width))
         K, t, y = self._room, np.zeros(most + 1), np.zeros((most + 1, n))
@@ -481,12 +475,11 @@ class CompiledStepper:
         arrays = K, y, self._state, by.A, by.C, by.E, tolerances, control, t
         places = (x.ctypes.data for x in arrays)
         count = r.steps(
-            self._x, self._parameters, *places, most, n, width, by.E.shape[1], stages, r.watched
+            self._x, self._parameters, *places, most, by.E.shape[1], stages, watched
         )
         m = abs(count)
-        calm = m if count > 0 else max(m - 1, 0)
-        tried = int(control[3])
-        return Steps(t[: m + 1], y[: m + 1], K[:m, :, :n], float(control[0]), tried, calm)
+        h, tried = float(control[0]), int(control[3])
+        return Steps(t[: m + 1], y[: m + 1], K[:m], h, tried, count < 0)
 
     def at(self, t: float, y: Sequence[float]) -> list[float]:
         """What the program says of a state."""
