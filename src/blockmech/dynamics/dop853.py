@@ -112,14 +112,14 @@ class Dop853(DOP853):  # type: ignore[misc]
         self.t_old, self.t = made.t[-2:].tolist()
         self.y_old, self.y = made.y[-2:]
         self.h_abs, self.f = made.h, made.K[-1, self.n_stages, : self.y.size].copy()
-        self.h_previous = self.t - self.t_old
+        self.h_previous = float(made.t[-1] - made.t[-2])
         self.status = "finished" if self.t >= self.t_bound else "running"
-        doubtful = [many - 1] if made.doubtful else []
+        calm, turns = many - made.doubtful, []
         if not every:
-            rate = made.K[:, :, 0]
-            turns = ((rate * rate[:, self.n_stages, None] <= 0) & (rate != 0)).any(axis=1)
-            doubtful = sorted({*doubtful, *np.flatnonzero(turns).tolist()})
-        return AcceptedSteps(made.t, made.y, Dense.of(made), doubtful)
+            rate = made.K[:calm, :, 0]
+            signs = (rate * rate[:, self.n_stages, None] <= 0) & (rate != 0)
+            turns = signs.any(axis=1).nonzero()[0].tolist()
+        return AcceptedSteps(made.t, made.y, Dense.of(made), calm, turns)
 
 
 class AcceptedSteps(NamedTuple):
@@ -127,13 +127,15 @@ class AcceptedSteps(NamedTuple):
 
     t : (m + 1,) [s], y : (m + 1, n) where they begin, and where the last ends
     dense : states (n, ...) at times (...): at one, or (p,)
-    doubtful : in which of them something may happen
+    calm : in how many, the first ones, nothing happens for sure but standstills
+    turns : in which of those the only driver may stand still
     """
 
     t: Floats
     y: Floats
     dense: Callable[[Any], Any]
-    doubtful: Sequence[int] = (0,)
+    calm: int = 0
+    turns: Sequence[int] = ()
 
     def part(self, first: int, end: int) -> AcceptedSteps:
         """Some of them."""

@@ -136,8 +136,9 @@ def refined(
 ) -> tuple[Motion, Difference | None]:
     """A motion whose error is estimated, and meets the target if a setting does.
 
-    With it what two runs said of it, if its states are those of the finer. ``finer`` gives the next setting from the last one and the difference seen (infinite
-    before there is one), None where there is none.
+    With it what the last two runs said of each other, whose states are those of the finer.
+    ``finer`` gives the next setting from the last one and the difference seen (infinite before
+    there is one), None where there is none.
     """
     coarse, setting, best = run(first), first, None
     off, by = math.inf, None

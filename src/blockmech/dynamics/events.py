@@ -243,6 +243,11 @@ class EventDetector:
         """Whether a standstill of the only driver ends a step."""
         return any(rule.kind == ends.STANDSTILL and rule.terminal for rule in self.rules)
 
+    def of_standstills(self) -> EventDetector:
+        """That of standstills alone."""
+        standing = [rule for rule in self.rules if rule.kind == ends.STANDSTILL]
+        return replace(self, rules=standing, t=math.nan)
+
     @property
     def simple(self) -> bool:
         """Whether all rules of more than ends are those of the only driver."""

@@ -365,8 +365,11 @@ class TimeIntegration:
     ) -> EventHit | None:
         """Go over steps, to the first terminal event in them; ``own`` looks for a user's."""
         hits_in = own.within(*steps[:3])
-        for i in steps.doubtful:
-            hits_in += lookout.within(*steps.part(i, i + 1)[:3])
+        standing, m = lookout.of_standstills() if steps.turns else lookout, len(steps.t) - 1
+        for i in steps.turns:
+            hits_in += standing.within(*steps.part(i, i + 1)[:3])
+        if steps.calm < m:
+            hits_in += lookout.within(*steps.part(m - 1, m)[:3])
         hits = until_terminal(hits_in)
         self._note(hits, steps.dense)
         if not (hits and hits[-1].rule.terminal):

@@ -474,9 +474,7 @@ class CompiledStepper:
         control = np.array([h, *ends, 0.0, *road])
         arrays = K, y, self._state, by.A, by.C, by.E, tolerances, control, t
         places = (x.ctypes.data for x in arrays)
-        count = r.steps(
-            self._x, self._parameters, *places, most, by.E.shape[1], stages, watched
-        )
+        count = r.steps(self._x, self._parameters, *places, most, by.E.shape[1], stages, watched)
         m = abs(count)
         h, tried = float(control[0]), int(control[3])
         return Steps(t[: m + 1], y[: m + 1], K[:m], h, tried, count < 0)
