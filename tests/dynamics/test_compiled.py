@@ -166,9 +166,9 @@ def test_in_steps_that_machine_code_calls_calm_nothing_happens(monkeypatch, make
     passed = make().simulate(watch=[PASSES], **request).motion
     steps = Dop853.steps
 
-    def in_doubt(self, road):
-        found = steps(self, road)
-        return found and found._replace(calm=0)
+    def in_doubt(self, road, every):
+        found = steps(self, road, every)
+        return found and found._replace(calm=0, turns=())
 
     monkeypatch.setattr(dop853, "REPORTED", 1)
     monkeypatch.setattr(Dop853, "steps", in_doubt)

@@ -107,7 +107,7 @@ def test_too_many_evaluations_lose_nothing_that_was_computed(monkeypatch):
 @pytest.mark.parametrize(
     ("name", "until", "method", "whole"),
     [
-        ("watt_sixbar", "time=6", "dop853", 6.0),
+        ("watt_sixbar", "time=30", "dop853", 30.0),
         ("engine", "turns=2", "dop853", 2.0),
         ("engine", "angle=10", "dop853", 10 - 0.3),  # from its start
         ("fivebar_falling", "time=0.6", "auto", 0.6),
