@@ -157,10 +157,14 @@ class Runner:
             return self._with_followed(planned.block(program.values(*design), m), columns)
         numbers = {p.address: as_said(p, x[0]) for p, x in columns.items()}
         try:
-            own = _Planned(self, remade(self.family.mechanism, numbers), 1)
+            return self.design(remade(self.family.mechanism, numbers), columns)
         except BlockmechError as error:
             return self._without(planned.samples.n, error)
-        answered = own.block(tuple(own.plan.program.parameters.values()), 1)
+
+    def design(self, own: Compiled, columns: Mapping[Parameter, Array]) -> Block:
+        """One design, made already."""
+        planned = _Planned(self, own, 1)
+        answered = planned.block(tuple(planned.plan.program.parameters.values()), 1)
         return self._with_followed(answered, columns)
 
     def _with_followed(self, block: Block, columns: Mapping[Parameter, Array]) -> Block:

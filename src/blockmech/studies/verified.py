@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from copy import copy
 from dataclasses import replace
 from typing import Any, ParamSpec
 
@@ -50,10 +49,7 @@ def _made_again(mechanism: Compiled, study: Study) -> Verification:
     answered = np.flatnonzero(study.found.word == 0)
     some = answered[np.unique(np.linspace(0, len(answered) - 1, DESIGNS).round().astype(int))]
     sizes = {w.label: float(np.nanmax(np.abs(study[w.label]))) or 1.0 for w in study.columns}
-    family = copy(runner.family)
-    family.alone = family.alone or "each is verified by itself"
-    alone = replace(runner, family=family, engine="numpy")
-    planned, worst, most = alone.prepared(1), dict.fromkeys(sizes, 0.0), 1.0
+    alone, worst, most = replace(runner, engine="numpy"), dict.fromkeys(sizes, 0.0), 1.0
     for design in some.tolist():
         columns = {p: study.vary[a][[design]] for a, p in study.parameters.items()}
         own = remade(mechanism, {p.address: as_said(p, x[0]) for p, x in columns.items()})
@@ -62,7 +58,7 @@ def _made_again(mechanism: Compiled, study: Study) -> Verification:
         margin = min((float(np.min(run[name])) for name in names), default=1.0)
         condition = 1 / math.sqrt(margin)
         most = max(most, condition)
-        for label, again in alone.block(planned, columns).values.items():
+        for label, again in alone.design(own, columns).values.items():
             gap = np.abs(again[0] - study[label][design]) / (sizes[label] * condition)
             worst[label] = max(worst[label], float(np.max(gap)))
     rows = tuple(Check(f"{label} made again", value) for label, value in worst.items())
