@@ -42,6 +42,7 @@ DONE = {
     "expected numbers": ["test", "watt_sixbar"],
     "the gallery": ["new"],
     "formats that are written": ["export", "list"],
+    "a report": ["report", "FILE", "-o", "report.html"],
     "a drawing": ["import", "M[J[R, P[0, 0], L[ground, a]], J[R, P[0, 1], L[a]]]"],
     "all blocks": ["blocks"],
     "all outputs": ["outputs", "FILE"],

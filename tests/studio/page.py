@@ -145,6 +145,59 @@ def save(page, name):
     told(page, f"wrote {name}")
 
 
+class Hand:
+    """A pointer over the drawing, which counts what it does."""
+
+    def __init__(self, page):
+        self.page, self.acts = page, 0
+        self.area = page.locator("svg[role=application]").bounding_box()
+
+    def at(self, x, y):
+        """A place of the drawing, both from 0 to 1, in pixels."""
+        return (
+            self.area["x"] + x * self.area["width"],
+            self.area["y"] + y * self.area["height"],
+        )
+
+    def pin(self, name):
+        return middle(self.page.locator(f'[data-pin="{name}"] .ring'))
+
+    def drag(self, start, end, typed=""):
+        self.acts += 1
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        self.page.mouse.move(*end, steps=4)
+        if typed:
+            self.page.keyboard.type(typed)
+        self.page.mouse.up()
+
+    def link(self, start, end, new, typed=""):
+        """Draw a link that ends at a new pin."""
+        self.drag(start, end, typed)
+        self.page.locator(f'[data-pin="{new}"]').wait_for()
+
+    def click(self, name, **how):
+        self.acts += 1
+        self.page.locator(f'[data-pin="{name}"] .ring').click(**how)
+
+    def key(self, name):
+        self.acts += 1
+        self.page.locator("svg[role=application]").press(name)
+
+    def press(self, name, said):
+        self.acts += 1
+        press(self.page, name)
+        self.page.get_by_role("status").get_by_text(said).wait_for()
+
+
+def drawing(page, studio):
+    """An empty drawing of links and joints."""
+    page.goto(f"{studio[0]}?draw")
+    page.get_by_text("Drag: a link is drawn").wait_for()
+    page.wait_for_function("Bokeh.documents[0].is_idle")
+    return Hand(page)
+
+
 def accessible(page, *rules):
     """Let axe look at what is shown, by all of its rules or some."""
     if not AXE.exists():

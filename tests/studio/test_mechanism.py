@@ -365,18 +365,6 @@ def test_forces_that_cannot_be_known_are_told_while_they_are_asked_for():
 # -- files and the browser -------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("kind", "head"),
-    [(".svg", b"<?xml"), (".png", b"\x89PNG"), (".pdf", b"%PDF"), (".html", b"<!DOCTYPE html>")],
-)
-def test_the_pose_and_the_motion_are_pictures(kind, head):
-    view = MechanismView(sheet_of())
-    view.pose = 90
-    view.kind.value = kind
-    assert view.picture.filename == f"mechanism{kind}"
-    assert view._picture().getvalue().startswith(head)
-
-
 def test_a_motion_is_played_round_or_to_and_fro(page, studio):
     """One and a quarter of it: the frames as the browser counts them."""
     page.goto(studio[0])

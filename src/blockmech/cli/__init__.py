@@ -25,7 +25,7 @@ from blockmech.cli.export import export
 from blockmech.cli.import_ import import_
 from blockmech.cli.new import new
 from blockmech.cli.options import flat
-from blockmech.cli.page import page
+from blockmech.cli.page import page, report
 from blockmech.cli.run import run
 from blockmech.cli.sensitivity import sensitivity
 from blockmech.cli.simulate import simulate
@@ -51,7 +51,8 @@ from blockmech.files import sparing
 COMMANDS = (
     *(run, simulate, check, decompose, draw, verify, limits, solutions, modes, extremes),
     *(equilibria, linearize, balance, identify),
-    *(trade, sweep, sensitivity, test, new, import_, export, page, blocks, outputs, schema, studio),
+    *(trade, sweep, sensitivity, test, new, import_, export, page, report, blocks, outputs, schema),
+    studio,
 )
 
 FAULTY = "This is a fault of blockmech: please report it with these lines."

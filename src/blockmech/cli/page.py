@@ -1,8 +1,8 @@
-"""``blockmech page``: a mechanism as one page that needs no server."""
+"""``blockmech page`` and ``report``: a mechanism as one page that moves, or is printed."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -11,12 +11,12 @@ from blockmech.cli.options import Friction, GraphFile, Poses, Static, Want, name
 from blockmech.cli.terminal import progress_bar, reading, say
 from blockmech.runnable import EVERYTHING
 
+Page = Annotated[str, typer.Option("--output", "-o", metavar="PAGE", help="The page, PAGE.html.")]
+
 
 def page(
     file: GraphFile,
-    output: Annotated[
-        str, typer.Option("--output", "-o", metavar="PAGE", help="The page, PAGE.html.")
-    ],
+    output: Page,
     poses: Poses,
     want: Want = None,
     slider: Annotated[
@@ -30,12 +30,29 @@ def page(
 
     The page works everything out itself, with the numbers that blockmech has.
     """
+    more = {"slider": ",".join(slider) if slider else None, "friction": friction}
+    _write(file, output, "page", poses, want, static=static or None, **more)
+
+
+def report(
+    file: GraphFile,
+    output: Page,
+    poses: Poses,
+    want: Want = None,
+    friction: Friction = None,
+    static: Static = False,
+) -> None:
+    """Write one HTML page to be printed: drawing, dimensions, curves, table, verification."""
+    _write(file, output, "report", poses, want, friction=friction, static=static or None)
+
+
+def _write(
+    file: str, output: str, to: str, poses: Poses, want: list[str] | None, **settings: Any
+) -> None:
     from blockmech.exchange.writing import write
 
     document = reading(file, opened)
-    mechanism = document.compile()
-    request = poses.of(mechanism) | {"friction": friction, "static": static or None}
-    request["slider"] = ",".join(slider) if slider else None
+    request = poses.of(document.compile()) | settings
     with progress_bar("writing"):
-        (path,) = write(document, output, "page", want=names_of(want) or EVERYTHING, **request)
+        (path,) = write(document, output, to, want=names_of(want) or EVERYTHING, **request)
     say(f"wrote {path}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
@@ -12,18 +11,20 @@ import panel as pn
 
 from blockmech.draw.curves import chosen_panels
 from blockmech.draw.panels import Abscissa, Panel, draw_panels
-from blockmech.draw.paper import rendered
+from blockmech.draw.paper import image
 from blockmech.errors import BlockmechError
 from blockmech.samples import Samples
 from blockmech.studies.family import remade
 from blockmech.studies.sampling import normal
 from blockmech.studies.variation import moves_drivers
-from blockmech.studio.looks import LINES, Plain, beside
+from blockmech.studio.looks import TABLE, Plain, beside
 from blockmech.studio.session import together
 from blockmech.studio.work import Work
 from blockmech.typing import FrictionMethod
 
+PICTURE = "picture of the answer"
 CURVES = 5  # of a family, the middle one as the sheet has it
+EVERY = 10  # of the poses, for what takes long at each
 NOTHING = "nothing moves on this sheet yet, or no output is ticked under Curves"
 
 
@@ -48,6 +49,12 @@ def _tolerance(request: Asked) -> Any:
     return request.mechanism.tolerance(lengths, request.name, friction=request.friction)
 
 
+def _solutions(request: Asked) -> Any:
+    """All solutions of the friction equations at some of the poses."""
+    at = {driver: q[::EVERY] for driver, q in request.at.items()}
+    return request.mechanism.friction_solutions(at, want=request.name)
+
+
 def _limits(request: Asked) -> Any:
     """The arcs of the driver that moves, the others held where they are shown."""
     moved, *held = sorted(request.at, key=lambda driver: -np.ptp(request.at[driver]))
@@ -67,15 +74,14 @@ ANALYSES: dict[str, tuple[str, Callable[[Asked], Any]]] = {
         "What are the least and the largest value of the first output?",
         lambda ask: ask.mechanism.extremes(ask.name, friction=ask.friction),
     ),
+    "Friction solutions": ("How many answers do the friction equations have?", _solutions),
+    "Sensitivity": (
+        "How much does the first output change with each number?",
+        lambda ask: ask.mechanism.sensitivity(ask.name, at=ask.at, friction=ask.friction),
+    ),
     "Tolerance": ("How does the first output scatter with the lengths?", _tolerance),
     "Verify": ("Do the equations of mechanics hold?", lambda ask: ask.mechanism.verify()),
 }
-
-
-def picture(figure: Any) -> str:
-    """A figure as the address of an image, in which no script runs."""
-    data = base64.b64encode(rendered(figure, ".svg")).decode()
-    return f"data:image/svg+xml;base64,{data}"
 
 
 def family(asked: Asked, address: str) -> Panel:
@@ -102,7 +108,7 @@ class Analyses:
         self, ask: Callable[[], Asked | None], along: Callable[[], Abscissa], work: Work
     ) -> None:
         self.ask, self.along, self.work = ask, along, work
-        self.text = Plain("", sizing_mode="stretch_width", stylesheets=[LINES])
+        self.text = Plain("", sizing_mode="stretch_width", stylesheets=[TABLE])
         self.image = pn.pane.HTML("", sizing_mode="stretch_width")
         self.buttons = [
             pn.widgets.Button(label=name, description=words, on_click=self._pressed)
@@ -133,10 +139,10 @@ class Analyses:
         self.show("", "")
         self.vary()
 
-    def show(self, text: str, image: str) -> None:
+    def show(self, text: str, picture: str) -> None:
         """Show an answer."""
         self.text.object = text
-        self.image.object = f'<img alt="picture of the answer" src="{image}">' if image else ""
+        self.image.object = picture
 
     def _pressed(self, event: Any) -> None:
         self.run(event.obj.label)
@@ -153,7 +159,7 @@ class Analyses:
             answered = ANALYSES[name][1](request)
             with suppress(BlockmechError):  # of what has no picture the text stands alone
                 figure = getattr(answered, "figure", None)
-                return str(answered), picture(figure()) if figure else ""
+                return str(answered), image(figure(), PICTURE) if figure else ""
             return str(answered), ""
 
         self.work.begin(task, lambda answered: self.show(*answered))
@@ -169,7 +175,8 @@ class Analyses:
         except BlockmechError as error:
             self.show(str(error), "")
         else:
-            self.show(f"{request.name} for {CURVES} values of {address}", picture(drawn))
+            words = f"{request.name} for {CURVES} values of {address}"
+            self.show(words, image(drawn, PICTURE))
 
     def _asked(self) -> Asked | None:
         request = self.ask()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import io
 import time
 from collections.abc import Callable, Iterable
 from typing import Any, get_args
@@ -23,6 +22,7 @@ from blockmech.errors import BlockmechError
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.analyses import Analyses, Asked
+from blockmech.studio.candidates import Candidates
 from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of
 from blockmech.studio.looks import LINES, Plain, beside
 from blockmech.studio.session import heard, together
@@ -110,11 +110,11 @@ class Answers:
         self.result: Result | None = None
         self.drawn: list[Plot] = []
         self.names = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
-        self.find = Find(label="Add an output", placeholder="part of its name", width=230, **FINDS)
+        self.find = Find(label="Add an output", placeholder="part of its name", width=190, **FINDS)
         self.find.param.watch(lambda event: self._add(event.new), "value")
         methods = list(get_args(FrictionMethod))
         self.friction = pn.widgets.Select(
-            label="Friction", options=methods, value="newton", width=100
+            label="Friction", options=methods, value="newton", width=92
         )
         self.accuracy = pn.widgets.Select(
             label="Accuracy",
@@ -126,9 +126,6 @@ class Answers:
         self.values = Div(text="", sizing_mode="stretch_width")
         self.costs = Plain("", sizing_mode="stretch_width")
         self.plots = pn.pane.Bokeh(column(sizing_mode="stretch_width"), sizing_mode="stretch_width")
-        self.csv = pn.widgets.FileDownload(
-            callback=self._csv, filename="result.csv", label="CSV", width=100
-        )
         self.work = Work(lambda message: self.said.param.update(object=message))
         acts = (self.simulate, view.turn, self.explain, self.trade)
         self.buttons = [
@@ -149,16 +146,15 @@ class Answers:
         simulate, turn, cost, compare = self.buttons
 
         def curves() -> Any:
-            choices = (self.find, self.names, beside(self.friction, self.accuracy, self.csv))
-            return pn.Row(
-                pn.Column(*choices, width=250), pn.Column(self.values, self.plots, **wide)
-            )
+            choices = (self.find, self.names, beside(self.friction, self.accuracy), self.values)
+            return pn.Row(pn.Column(*choices, width=206), self.plots, **wide)
 
         return {
             "Curves": curves,
             "Motion": lambda: beside(self.until, simulate, turn),
             "Margins": self.view.margins,
             "Analyses": self.analyses.panel,
+            "Synthesis": Candidates(self.sheet, self.work).panel,
             "Methods": lambda: pn.Column(beside(cost, compare), self.costs, **wide),
         }
 
@@ -233,10 +229,6 @@ class Answers:
             return None
         result = motion.result
         return Asked(result.mechanism, result.samples, motion.q, names[0], self.friction.value)
-
-    def _csv(self) -> io.StringIO:
-        """The shown curves as text."""
-        return io.StringIO("" if self.result is None else self.result.to_csv())
 
     def wires(self, name: str) -> str:
         """What travels on a wire in the shown pose, for the diagram; "" where nothing is known."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import io
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from blockmech.builders import Graph, Linkage, Opened, opened
 from blockmech.errors import BlockmechError
 from blockmech.studio.answers import Answers
 from blockmech.studio.diagram import Diagram
+from blockmech.studio.exports import SAVE, exported, kinds, sent
 from blockmech.studio.fields import CHOICES, Shown
 from blockmech.studio.files import Desk, Filed, files_of
 from blockmech.studio.form import MECHANISM, Form
@@ -46,8 +46,8 @@ document.cookie = `{UNITS}=${{words}}; path=/; max-age=${{10 * 365 * 86400}}; sa
 SAID = 400  # letters of a message that an address carries
 
 FIRST = "Add a frame and a crank, then wire the crank to a marker of the frame."
-FORMULA = 52  # px above the canvas, which does not move when problems come and go
-BELOW = 240  # px of form and answers; diagram and mechanism have the rest
+FORMULA = 36  # px above the canvas, which does not move when problems come and go
+BELOW = 250  # px of form and answers; diagram and mechanism have the rest
 ABOVE = 480, 400  # px of either side; in a lower window it scrolls
 
 
@@ -64,14 +64,17 @@ class Page:
         self.answers = Answers(sheet, self.view)
         self.form = Form(sheet, self.say)
         self.diagram = Diagram(sheet, self.say, self.select, self.answers.wires)
-        self.file = pn.widgets.TextInput(label="File", width=140)
+        self.file = pn.widgets.TextInput(label="File", width=170, css_classes=["line"])
         self.save = self._button("Save", lambda: self._save(False), button_type="primary")
         self.replace = self._button("Replace the file", lambda: self._save(True), visible=False)
         self.undo = self._button("Undo", lambda: self.say(f"Undo: {sheet.undo()}"))
         self.redo = self._button("Redo", lambda: self.say(f"Redo: {sheet.redo()}"))
-        self.download = pn.widgets.FileDownload(
-            callback=lambda: io.BytesIO(sheet.text().encode()), label="Download"
+        self.kind = pn.widgets.Select(
+            label="Export as", groups=kinds(), width=130, css_classes=["bare"]
         )
+        self.export = self._button("Export", self._export)
+        self.sent = Div(text="", visible=False)
+        self.sent.js_on_change("text", CustomJS(args={"sent": self.sent}, code=SAVE))
         self.share = pn.widgets.Button(label="Copy link")
         self.packed = Div(text="", visible=False)
         self.packed.js_on_change("text", CustomJS(args={"packed": self.packed}, code=COPY))
@@ -82,7 +85,9 @@ class Page:
             pn.state.curdoc.js_on_event("document_ready", asks)
         kept = Shown.of(pn.state.cookies.get(UNITS, ""))
         self.units = [
-            pn.widgets.Select(label=label, options=list(known), value=unit, width=78)
+            pn.widgets.Select(
+                label=label, options=list(known), value=unit, width=66, css_classes=["bare"]
+            )
             for (label, known), unit in zip(CHOICES.items(), kept, strict=True)
         ]
         for widget in self.units:
@@ -97,20 +102,20 @@ class Page:
 
     def panel(self) -> Any:
         """The page."""
-        picture = pn.widgets.FileDownload(
-            callback=self._picture, label="Picture of the diagram", filename="diagram.svg"
-        )
         blocks = beside(
             self._button("Lay out", self.diagram.lay_out),
             self._button("Duplicate block", lambda: self.diagram.duplicate(self._chosen())),
             self._button("Delete block", lambda: self.diagram.remove(self._chosen())),
-            picture,
         )
         bar = beside(
             pn.pane.HTML("<h1>blockmech</h1>"),
-            *(self.file, self.save, self.replace, self.undo, self.redo, self.download, self.share),
-            *(*self.units, pn.pane.Bokeh(self.kept, visible=False)),
-            pn.pane.Bokeh(self.packed, visible=False),
+            *(self.file, self.save, self.replace, self.undo, self.redo, self.share),
+            *(self.kind, self.export),
+            pn.layout.HSpacer(),
+            *self.units,
+            *(pn.pane.Bokeh(x, visible=False) for x in (self.kept, self.packed, self.sent)),
+            css_classes=["bar"],
+            sizing_mode="stretch_width",
         )
         flow = (blocks, self.formula, self.diagram.flow)
         ways = {
@@ -118,7 +123,12 @@ class Page:
             "Blocks": lambda: pn.Column(*flow, sizing_mode="stretch_both"),
         }
         drawn = either(ways, list(ways)[not isinstance(self.sheet.document, Linkage)])
-        below = {"sizing_mode": "stretch_width", "height": BELOW, "scroll": "y-auto"}
+        below = {
+            "sizing_mode": "stretch_width",
+            "height": BELOW,
+            "scroll": "y-auto",
+            "css_classes": ["drawer"],
+        }
         left = drawn, self.status, pn.Column(self.form.page, **below)
         head = beside(self.answers.work.stop, self.answers.said, sizing_mode="stretch_width")
         right = self.view.panel(), either(self.answers.tabs(), "Curves", head)
@@ -147,7 +157,6 @@ class Page:
         sheet = self.sheet
         at = sheet.path.relative_to(sheet.folder).as_posix() if sheet.path else ""
         self.file.value = at or self.file.value or f"{sheet.form['name']}.json"
-        self.download.filename = f"{sheet.form['name']}.json"
         self.undo.param.update(disabled=not sheet.undoable, description=sheet.undoable or None)
         self.redo.param.update(disabled=not sheet.redoable, description=sheet.redoable or None)
         self.save.label = "Saved" if sheet.saved and sheet.path else "Save"
@@ -178,16 +187,25 @@ class Page:
         self.packed.text = packed(self.sheet.text())
         self.say("the link with the document is copied")
 
+    def _export(self) -> None:
+        """Write what is chosen, beside the page; the browser saves it."""
+        kind = self.kind.value
+
+        def task(report: Callable[..., None]) -> str:
+            report(f"{kind} ...")
+            return sent(exported(kind, self.sheet, self.view, self.answers))
+
+        def done(text: str) -> None:
+            self.sent.text = ""
+            self.sent.text = text
+            self.say(f"exported {kind}")
+
+        self.answers.work.begin(task, done)
+
     def _chosen(self) -> list[str]:
         """Blocks that are selected on the canvas, or the one of the form."""
         names = self.diagram.flow.chosen or self.form.selected[1:]
         return [name for name in names if name in self.sheet.form.get("blocks", ())]
-
-    def _picture(self) -> io.BytesIO:
-        from blockmech.draw.diagram import draw_diagram
-        from blockmech.draw.paper import rendered
-
-        return io.BytesIO(rendered(draw_diagram(self.sheet.document).figure, ".svg"))
 
 
 def started(folder: Path, file: str | None, port: int, told: Callable[[str], None]) -> Any:

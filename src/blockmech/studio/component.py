@@ -12,9 +12,9 @@ import param
 HERE = Path(__file__).parent
 
 
-def script(name: str) -> str:
+def script(*names: str) -> str:
     """The text of a part, behind what all of them share."""
-    return "\n".join((HERE / file).read_text("utf-8") for file in ("shared.js", name))
+    return "\n".join((HERE / name).read_text("utf-8") for name in ("shared.js", *names))
 
 
 def style(name: str) -> str:

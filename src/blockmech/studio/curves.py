@@ -12,13 +12,13 @@ from bokeh.plotting import figure
 
 from blockmech.draw import palette as ink
 from blockmech.draw.curves import chosen_panels, without_friction
-from blockmech.draw.panels import PANEL, WITHOUT, Abscissa, Panel
+from blockmech.draw.panels import WITHOUT, Abscissa, Panel
 from blockmech.draw.paper import scaled_unit, shown_name
 from blockmech.result import Result
-from blockmech.studio.plots import FONT, PIXELS, coloured, dress
+from blockmech.studio.plots import FONT, coloured, dress
 from blockmech.studio.session import heard
 
-CURVE = round(PANEL * PIXELS)  # [px] height of a figure
+CURVE = 192  # [px] height of a figure: one stands in the drawer as a whole
 
 
 def panels_of(result: Result, names: Iterable[str]) -> list[Panel]:
@@ -106,4 +106,4 @@ class Plot:
 def labels_of(panel: Panel) -> list[str]:
     """The curves as a legend names them."""
     shown = [shown_name(name) or panel.quantity for name in panel.curves]
-    return shown + [f"{shown_name(name) or panel.quantity} {WITHOUT}" for name in panel.without]
+    return shown + [WITHOUT for _ in panel.without]  # thin lines, named once

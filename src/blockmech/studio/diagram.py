@@ -13,8 +13,7 @@ from typing import Any
 import param
 
 from blockmech.blocks.registry import REGISTRY
-from blockmech.builders import Graph
-from blockmech.draw.boxes import content_of, graph_of
+from blockmech.draw.boxes import content_of
 from blockmech.draw.palette import ROW
 from blockmech.errors import BlockmechError, Problem
 from blockmech.model import graph
@@ -95,10 +94,8 @@ class Diagram:
 
     def show(self) -> None:
         """Blocks, wires and problems of the sheet."""
-        shown, sheet = self.sheet.document, self.sheet
-        ours = isinstance(shown, Graph)
-        if not ours:
-            shown = graph_of(sheet.mechanism.of_blocks) if sheet.mechanism else Graph()
+        shown, sheet = self.sheet.blocks, self.sheet
+        ours = shown is sheet.document
         content = content_of(shown, most=len(shown.blocks) + 1)
         wrong = {at: p.found for p in sheet.problems if ours for at in _about(p, shown)}
         laid = Canvas.of(content, shown, wrong)

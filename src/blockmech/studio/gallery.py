@@ -13,7 +13,8 @@ import panel as pn
 from blockmech.builders import Opened, opened, read_text
 from blockmech.draw.paper import rendered
 from blockmech.errors import BlockmechError
-from blockmech.studio.looks import CARDS, begin, page
+from blockmech.studio.component import style
+from blockmech.studio.looks import begin, page
 from blockmech.testing.files import gallery
 
 
@@ -61,7 +62,7 @@ def gallery_page(names: Sequence[str], put: Callable[[Opened], str], said: str, 
     head = f'<h1>blockmech studio</h1><p><a href="?draw{theme}">Draw links and joints</a> '
     head += f'or <a href="?new{theme}">wire blocks</a> on an empty sheet</p>'
     here = f"<h2>In this folder</h2><ul class=files>{files}</ul>" if files else ""
-    shown = f"{CARDS}<h2>Gallery</h2><div class=cards>{cards}</div>"
+    shown = f"<style>{style('cards.css')}</style><h2>Gallery</h2><div class=cards>{cards}</div>"
     parts = (head, line, upload, here, shown)
     wide = "stretch_width"
     return page(

@@ -61,7 +61,7 @@ class Canvas(Component):
     pairs = param.List(default=PAIRS)
     guide = param.List(default=GUIDE)
 
-    _esm = script("sketch.js")
+    _esm = script("trace.js", "sketch.js")
     _stylesheets = [style("sketch.css")]
 
 
@@ -154,10 +154,16 @@ class LinksSheet:
     def __init__(self, sheet: Sheet, dark: bool = False, view: Any = None) -> None:
         self.sheet, self.dark, self.view = sheet, dark, view
         self.canvas = Canvas(self.meant, sizing_mode="stretch_both")
-        self.pins = pn.widgets.MultiSelect(label="Pins", size=3, width=110)
-        self.angle = pn.widgets.FloatInput(label="Slides along [°]", value=None, width=110)
-        self.slot = pn.widgets.Select(label="Slides on", options=[FRAME], width=110)
-        self.place = pn.widgets.TextInput(label="New pin at x, y [m]", value="", width=130)
+        self.pins = pn.widgets.MultiSelect(label="Pins", size=2, width=140, css_classes=["line"])
+        self.angle = pn.widgets.FloatInput(
+            label="along [°]", value=None, width=110, css_classes=["line"]
+        )
+        self.slot = pn.widgets.Select(
+            label="Slides on", options=[FRAME], width=140, css_classes=["line"]
+        )
+        self.place = pn.widgets.TextInput(
+            label="New pin at x, y [m]", value="", width=190, css_classes=["line"]
+        )
         self.acts: dict[str, Callable[[Form, list[str]], Form]] = {
             "Link": sketching.linked,
             "To the frame": sketching.attached,

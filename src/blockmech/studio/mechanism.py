@@ -6,7 +6,6 @@ A whole turn is computed when the sheet changes; a pose is a row of it. Looks co
 
 from __future__ import annotations
 
-import io
 from dataclasses import replace
 from typing import Any
 
@@ -15,13 +14,11 @@ import panel as pn
 import param
 from bokeh.models import HoverTool
 
-from blockmech.draw.animation import MOVING, Animation
 from blockmech.draw.curves import abscissa
-from blockmech.draw.mechanism import caption, draw_mechanism
+from blockmech.draw.mechanism import caption
 from blockmech.draw.motion import Motion
 from blockmech.draw.panels import Abscissa
-from blockmech.draw.paper import rendered
-from blockmech.draw.simulation import FRAME, screen_time
+from blockmech.draw.simulation import screen_time
 from blockmech.errors import BlockmechError, refused
 from blockmech.result import Result
 from blockmech.studio.curves import CURVE, Plot, labels_of, margins_of
@@ -33,8 +30,6 @@ from blockmech.studio.looks import beside
 from blockmech.studio.session import follow, heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import closing, dead_centres, gaps_of, shown_motion, travel
-
-PICTURES = (".svg", ".png", ".pdf", *MOVING)
 
 
 class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
@@ -65,22 +60,12 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self._margins: Plot | None = None
         self._closed: Result | None = None
         self.figure = MechanismFigure(dark, self.meant)
-        self._make_controls()
+        self.strip: Any = None
         follow(sheet, self.renew, "form", "mechanism")
         self.param.watch(lambda *_: self._draw(), ["show"])
         self.param.watch(heard(self._show_units), ["shown"])
         self.param.watch(lambda *_: self._show_pose(), ["pose"])
         self.renew()
-
-    def _make_controls(self) -> None:
-        self.strip: Any = None
-        self.kind = pn.widgets.Select(label="Picture as", options=list(PICTURES), width=80)
-        self.picture = pn.widgets.FileDownload(
-            callback=self._picture, filename="mechanism.svg", label="Picture", align="end"
-        )
-        self.kind.param.watch(
-            lambda event: self.picture.param.update(filename=f"mechanism{event.new}"), "value"
-        )
 
     # -- what is shown ---------------------------------------------------------------------
 
@@ -128,7 +113,6 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         gaps = [] if closed is None else gaps_of(closed)
         self.param.update(gaps=gaps, said=said, pose=min(self.pose, last))
         self.motion = motion
-        self.picture.disabled = motion is None
         self._closed = closed
         self._show_margins()
         self._draw()
@@ -137,7 +121,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     def _draw(self) -> None:
         """Compute what is drawn in all poses."""
         whole = self.sheet.mechanism and self.sheet.mechanism.structure
-        self.figure.seconds = 1.0 if self.motion is None else self._seconds
+        self.figure.seconds = 1.0 if self.motion is None else self.playing
         self.figure.draw(self.motion, self.show, whole)
         self.figure.picture.drivers = self.drivers()
         self._show_pose()
@@ -201,7 +185,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self.pose = int(np.argmin(np.abs(self.motion.q[driver] - q)))
 
     @property
-    def _seconds(self) -> float:
+    def playing(self) -> float:
         """How long the motion is played: one under loads in its own time, or a round multiple."""
         simulated = self.motion.result.motion is not None
         return screen_time(float(np.ptp(self.motion.time))) if simulated else self.seconds
@@ -212,23 +196,10 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         """The figure with its sliders, play button and choice of what is shown."""
         choice = pn.widgets.CheckButtonGroup.from_param(self.param.show, label="Show")
         return pn.Column(
-            beside(choice, self.kind, self.picture),
+            beside(choice),
             self.figure.picture,
             sizing_mode="stretch_both",
         )
-
-    def _picture(self) -> io.BytesIO:
-        """The shown pose, or the motion, as a file."""
-        motion, suffix = self.motion, self.kind.value
-        if suffix not in MOVING:
-            at = {driver: [q] for driver, q in self.coordinates.items()}
-            drawn = draw_mechanism(motion.mechanism, at, degrees=self.degrees)
-            return io.BytesIO(rendered(drawn.figure, suffix))
-        every = max(1, round(len(motion.samples) * FRAME / self._seconds))
-        if motion.result.motion is None:
-            motion, every = motion.only(np.arange(0, len(motion.samples), every)), 0
-        film = Animation(motion, self._seconds, degrees=self.degrees, every=every)
-        return io.BytesIO(film.gif if suffix == ".gif" else film.html.encode())
 
     @together
     def _show_pose(self) -> None:

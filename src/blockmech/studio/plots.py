@@ -26,7 +26,7 @@ def dress(plot: Any, dark: bool) -> None:
     for legend in plot.legend:
         legend.update(background_fill_color=paper, border_line_color=None, label_text_color=line)
         legend.update(label_text_font=FONT, label_text_font_size="11px")
-        legend.update(ncols=2, padding=0, spacing=10, margin=2)
+        legend.update(ncols=2, padding=0, spacing=2, margin=0, glyph_width=16, label_height=12)
         plot.add_layout(legend, "above")
 
 

@@ -14,7 +14,9 @@ from typing import Any, NamedTuple
 import param
 
 from blockmech.builders import Graph, Opened, from_data
+from blockmech.draw.boxes import graph_of
 from blockmech.errors import GraphError, Problem
+from blockmech.model.graph import Graph as Blocks
 from blockmech.model.writing import canonical_text
 
 
@@ -97,6 +99,13 @@ class Sheet(param.Parameterized):  # type: ignore[misc]  # param's own types say
     def empty(self) -> bool:
         """Whether nothing is drawn yet: then a first step is said, and no problem."""
         return not (self.form.get("blocks") or self.form.get("links") or self.form.get("view"))
+
+    @property
+    def blocks(self) -> Blocks:
+        """The document's blocks; of links and joints those that they become, or none."""
+        if isinstance(self.document, Graph):
+            return self.document
+        return graph_of(self.mechanism.of_blocks) if self.mechanism else Graph()
 
     def text(self) -> str:
         """The file's text, as `Graph.save` writes it."""

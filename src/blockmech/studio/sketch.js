@@ -34,6 +34,8 @@ export function render({ model, el }) {
   let drag = null; // what the hand does now
   let said = 0;
   let taken = []; // where words stand
+  let trace = null; // the picture below: what `tracedFile` gives, its corner [m] and m in its unit
+  let hold = ""; // what a drag does to it: "Place" or "Scale"
 
   const across = (x) => view.x + x * view.scale;
   const down = (y) => view.y - y * view.scale;
@@ -53,6 +55,7 @@ export function render({ model, el }) {
     const { width, height } = svg.getBoundingClientRect();
     if (!width) return;
     const places = pins().map((one) => one.at);
+    if (trace) places.push(trace.at, farCorner());
     const span = (k) => (places.length ? places.map((z) => z[k]) : [0, 1]);
     const [xs, ys] = [span(0), span(1)];
     const [low, high] = [Math.min, Math.max].map((of) => [of(...xs), of(...ys)]);
@@ -81,10 +84,9 @@ export function render({ model, el }) {
   };
 
   // Where a dragged end goes: a pin, what was typed, a direction, the grid.
-  function aimed(p, event, from) {
+  function aimed(p, event, start = null, but = null) {
     const step = grid();
-    const onto = nearest(p, from?.name);
-    const start = from && (from.at ?? from);
+    const onto = nearest(p, but);
     const words = drag && typedVector(drag.text, model.drawing.unit, model.drawing.degree);
     if (words && start) {
       const z = metres(p);
@@ -112,9 +114,11 @@ export function render({ model, el }) {
 
   function draw() {
     svg.replaceChildren();
+    traceTools();
     taken = pins().map((one) => [across(at(one)[0]) - 8, down(at(one)[1]) - 8, 16, 16]);
     const { width, height } = svg.getBoundingClientRect();
     if (!view.scale || !width) return;
+    drawTrace();
     drawGrid(width, height);
     const shapes = put(svg, "g");
     for (const link of model.drawing.links) {
@@ -143,8 +147,75 @@ export function render({ model, el }) {
       });
     }
     svg.dataset.tool = model.tool;
-    guide.hidden = pins().length > 0 || !model.drawing.ours;
+    guide.hidden = pins().length > 0 || Boolean(trace) || !model.drawing.ours;
   }
+
+  // -- the picture below ---------------------------------------------------------------------
+
+  const farCorner = () => [trace.at[0] + trace.scale * trace.width, trace.at[1] - trace.scale * trace.height];
+
+  function drawTrace() {
+    if (!trace) return;
+    const turn = `translate(${across(trace.at[0])} ${down(trace.at[1])}) scale(${view.scale * trace.scale}) translate(${-trace.x} ${-trace.y})`;
+    const look = { transform: turn, class: "trace", opacity: opacity.value / 100, "aria-hidden": "true" };
+    if (trace.d) put(svg, "path", { ...look, d: trace.d });
+    else put(svg, "image", { ...look, href: trace.href, width: trace.width, height: trace.height });
+  }
+
+  function traceTools() {
+    for (const part of [...tools.children].slice(1)) part.hidden = !trace;
+    for (const [act, part] of holds) part.setAttribute("aria-pressed", hold === act);
+  }
+
+  async function load(file) {
+    const found = file && (await tracedFile(file));
+    if (file && !found) tell("wrong", { said: `${file.name}: it is no picture, and no DXF with lines` });
+    if (!found) return;
+    const { width, height } = svg.getBoundingClientRect();
+    const fits = Math.min(width / found.width, height / found.height) * 0.8 / view.scale;
+    const scale = found.scale ?? fits;
+    const [x, y] = found.scale ? [0, scale * found.height] : metres({ x: width * 0.1, y: height * 0.1 });
+    trace = { ...found, scale, at: [x, y] };
+    if (found.scale) fit();
+    draw();
+  }
+
+  // What was dragged: from one point of the picture to where it belongs, or along a length that
+  // was typed.
+  function changeTrace({ from, to, text }) {
+    const apart = (z) => Math.hypot(z[0] - from.at[0], z[1] - from.at[1]);
+    const by = hold === "Scale" ? apart(to.at) / apart(metres(pointer)) : 1;
+    if (hold === "Scale" && !text) tell("wrong", { said: "type the true length while you drag along it" });
+    else if (hold === "Place") trace.at = trace.at.map((x, k) => x + to.at[k] - from.at[k]);
+    else if (by > 0 && Number.isFinite(by)) {
+      trace.at = trace.at.map((x, k) => from.at[k] + by * (x - from.at[k]));
+      trace.scale *= by;
+    }
+  }
+
+  const tools = element(box, "div", "tracing");
+  const button = (text, act, name) => {
+    const made = element(tools, "button", "", text);
+    made.setAttribute("aria-label", name);
+    made.addEventListener("click", act);
+    return made;
+  };
+  const file = element(box, "input", "");
+  Object.assign(file, { type: "file", hidden: true, accept: "image/*,.dxf" });
+  file.addEventListener("change", () => { load(file.files[0]); file.value = ""; });
+  button("Trace\u2026", () => file.click(), "Trace a picture or DXF");
+  const holds = Object.entries({
+    Place: "drag a point of the picture to where it belongs, or use the arrows",
+    Scale: "drag along a length of the picture and type what it is, or use the arrows",
+  }).map(([act, title]) => {
+    const take = () => { hold = hold === act ? "" : act; draw(); svg.focus(); };
+    return [act, Object.assign(button(act, take, `${act} the picture`), { title })];
+  });
+  const opacity = element(tools, "input", "");
+  Object.assign(opacity, { type: "range", min: 5, max: 100, value: 50 });
+  opacity.setAttribute("aria-label", "opacity of the picture");
+  opacity.addEventListener("input", () => draw());
+  button("\u00d7", () => { trace = null; hold = ""; draw(); }, "Remove the picture");
 
   function drawGrid(width, height) {
     const step = nice(60 / view.scale);
@@ -163,12 +234,12 @@ export function render({ model, el }) {
     put(lines, "text", { x: width - 6, y: 14, "text-anchor": "end" }, `[${model.drawing.length}]`);
   }
 
-  // The first of some places of a word where no other word stands; [left, top, width, height].
+  // The first of some places of a word where no other word stands, if any; [left, top, width, height].
   function roomy(places, area) {
     const free = ([x, y, w, h]) => taken.every(([x2, y2, w2, h2]) =>
       x + w <= x2 || x2 + w2 <= x || y + h <= y2 || y2 + h2 <= y);
-    const found = places.find((place) => free(area(place))) ?? places[0];
-    taken.push(area(found));
+    const found = places.find((place) => free(area(place)));
+    if (found) taken.push(area(found));
     return found;
   }
 
@@ -190,9 +261,10 @@ export function render({ model, el }) {
     if (one.loose) put(own, "path", { d: "M-5-5L5 5M-5 5L5-5", class: "cross" });
     else put(own, "circle", { r: 5, class: "dot" });
     if (one.driven) put(own, "path", { d: "M-13-9A16 16 0 0 1 13-9m1-7l-1 7l-7-1", class: "arrow" });
-    const width = 8 * one.name.length;
-    const [dx, dy] = roomy([[10, -10], [10, 18], [-10 - width, -10], [-10 - width, 18], [-width / 2, -18], [-width / 2, 28]],
-      ([ax, ay]) => [x + ax, y + ay - 11, width, 13]);
+    const width = 6.8 * one.name.length;
+    const tried = [0, 13, 26, 39].flatMap((more) => [[10, -10 - more], [10, 18 + more], [-10 - width, -10 - more],
+      [-10 - width, 18 + more], [-width / 2, -18 - more], [-width / 2, 28 + more]]);
+    const [dx, dy] = roomy(tried, ([ax, ay]) => [x + ax, y + ay - 11, width, 13]) ?? tried[0];
     put(own, "text", { x: dx, y: dy, class: "name" }, one.name);
   }
 
@@ -227,7 +299,8 @@ export function render({ model, el }) {
     const up = off[1] > 0 ? -1 : 1;
     const middle = (side, share) => [0, 1].map((k) => a[k] + share * (b[k] - a[k]) + side * off[k]);
     const tried = [0.5, 0.3, 0.7].flatMap((share) => [middle(up, share), middle(-up, share)]);
-    const [x, y] = roomy(tried, ([cx, cy]) => [cx - 4 * text.length, cy - 8, 8 * text.length, 15]);
+    const [x, y] = roomy(tried, ([cx, cy]) => [cx - 4 * text.length, cy - 8, 8 * text.length, 15]) ?? [];
+    if (x === undefined) return; // it has room when the wheel makes the drawing larger
     const name = `distance ${dim.a} to ${dim.b}`;
     number(x, y, text, name, model.drawing.length, () => edit(x, y, {
       value: dim.value * model.drawing.unit, name: `new ${name} in ${model.drawing.length}`,
@@ -249,7 +322,7 @@ export function render({ model, el }) {
     const on = (share, radius) => [x0 + radius * Math.cos(base + share * angle), y0 - radius * Math.sin(base + share * angle)];
     put(svg, "path", { d: `M${on(0, r)}A${r} ${r} 0 0 ${angle > 0 ? 0 : 1} ${on(1, r)}`, class: "arc" });
     const text = `${rounded(angle * model.drawing.degree)}${model.drawing.angle}`;
-    const [x, y] = roomy([on(0.5, 58), on(0.5, 78), on(1.4, 58)], ([cx, cy]) => [cx - 20, cy - 8, 40, 15]);
+    const [x, y] = roomy([on(0.5, 58), on(0.5, 78), on(1.4, 58)], ([cx, cy]) => [cx - 20, cy - 8, 40, 15]) ?? on(0.5, 58);
     number(x, y, text, `angle of ${names.join(", ")}`, "", () => edit(x, y, {
       value: angle * model.drawing.degree, name: `new angle of ${names.join(", ")}`,
       wrong: "is no angle", least: -Infinity,
@@ -311,11 +384,12 @@ export function render({ model, el }) {
     const link = event.target.dataset?.link;
     const begun = { begun: pointer, text: "", pin: one, link };
     if (event.button === 1) drag = { kind: "pan", last: pointer, ...begun };
+    else if (hold) drag = { kind: "link", from: { at: metres(pointer) }, ...begun };
     else if (one && chosen().includes(one.name) && !model.tool) drag = { kind: "move", moved: {}, ...begun };
     else if (one) drag = { kind: "link", from: { pin: one.name, at: one.at }, ...begun };
     else if (link && !model.tool) drag = { kind: "body", moved: {}, ...begun };
     else if (model.pairs.includes(model.tool) || !pins().length)
-      drag = { kind: "link", from: { at: aimed(pointer, event).at }, ...begun };
+      drag = { kind: "link", from: { at: aimed(pointer, event).at, on: link }, ...begun };
     else drag = { kind: "box", ...begun };
     event.preventDefault();
   });
@@ -333,7 +407,7 @@ export function render({ model, el }) {
   function follow() {
     const [p, event] = [pointer, drag.event ?? {}];
     if (drag.kind === "link") {
-      drag.to = aimed(p, event, drag.from.pin ? pin(drag.from.pin) : drag.from.at);
+      drag.to = aimed(p, event, drag.from.at, drag.from.pin);
       const [dx, dy] = [0, 1].map((k) => drag.to.at[k] - drag.from.at[k]);
       const angle = Math.atan2(dy, dx) * model.drawing.degree;
       const now = `${rounded(Math.hypot(dx, dy) * model.drawing.unit)} ${model.drawing.length} @ ${rounded(angle)}${model.drawing.angle}`;
@@ -346,7 +420,7 @@ export function render({ model, el }) {
       let by = [b[0] - a[0], b[1] - a[1]];
       if (drag.kind === "move") {
         const to = aimed({ x: across(drag.pin.at[0] + by[0]), y: down(drag.pin.at[1] + by[1]) },
-          event, null);
+          event);
         const onto = to.pin && !names.includes(to.pin) ? to.at : null;
         const step = grid();
         const end = onto ?? (event.altKey ? drag.pin.at.map((x, k) => x + by[k])
@@ -368,12 +442,9 @@ export function render({ model, el }) {
     if (!done) return;
     [drag, typed.hidden] = [null, true];
     const more = event.ctrlKey || event.shiftKey || event.metaKey;
-    if (!done.far && !done.text) tap(done, more, event);
-    else if (done.kind === "link") {
-      const target = document.elementsFromPoint ? under(event) : null;
-      const on = done.to.pin || done.text ? null : target;
-      tell("draw", { tool: model.tool, from: done.from, to: { ...done.to, on } });
-    } else if (done.kind === "move" || done.kind === "body") tell("move", { pins: done.moved });
+    if (!done.far && !done.text && !hold) tap(done, more, event);
+    else if (done.kind === "link") drawn(done, done.to?.pin || done.text ? null : under(event));
+    else if (done.kind === "move" || done.kind === "body") tell("move", { pins: done.moved });
     else if (done.kind === "box" && done.now) {
       const [a, b] = [done.begun, done.now];
       const within = (x, p, q) => x >= Math.min(p, q) && x <= Math.max(p, q);
@@ -383,8 +454,13 @@ export function render({ model, el }) {
     draw();
   }
 
-  const under = (event) =>
-    svg.getRootNode().elementsFromPoint?.(event.clientX, event.clientY)
+  function drawn(done, on) {
+    if (!done.to) return;
+    if (hold) changeTrace(done);
+    else tell("draw", { tool: model.tool, from: done.from, to: { ...done.to, on } });
+  }
+
+  const under = (event) => svg.getRootNode().elementsFromPoint?.(event.clientX, event.clientY)
       .map((part) => part.dataset?.link).find(Boolean) ?? null;
 
   function tap(done, more, event) {
@@ -451,14 +527,19 @@ export function render({ model, el }) {
     if (drag?.kind === "link" && /^[-+.,@\d ]$/.test(event.key)) drag.text += event.key.replace(",", ".");
     else if (drag?.kind === "link" && event.key === "Backspace") drag.text = drag.text.slice(0, -1);
     else if (drag?.kind === "link" && event.key === "Enter") {
-      const { from, to } = drag;
+      const done = drag;
       [drag, typed.hidden] = [null, true];
-      if (to) tell("draw", { tool: model.tool, from, to: { ...to, on: null } });
+      drawn(done, null);
     } else if (event.key === "Escape") {
       if (drag) [drag, typed.hidden] = [null, true];
+      else if (hold) hold = "";
       else if (model.tool) model.tool = "";
       else choose([]);
       bubble.hidden = true;
+    } else if (ARROWS[event.key] && hold) {
+      const [x, y] = ARROWS[event.key];
+      if (hold === "Place") trace.at = trace.at.map((z, k) => z + grid() * [x, y][k]);
+      else trace.scale *= 1.01 ** (x + y);
     } else if (ARROWS[event.key] && names.length) {
       const step = grid() * (event.shiftKey ? 10 : 1);
       const to = (one) => one.at.map((x, k) => Number((x + step * ARROWS[event.key][k]).toPrecision(12)));

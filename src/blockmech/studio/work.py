@@ -18,7 +18,7 @@ class Work:
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self.say = say
-        self.stop = pn.widgets.Button(label="Stop", disabled=True, width=60)
+        self.stop = pn.widgets.Button(label="Stop", disabled=True, visible=False, width=60)
         self.stop.on_click(lambda _: self.cancel())
         self._stopped = False
         self.thread: Thread | None = None
@@ -34,7 +34,8 @@ class Work:
         """
         if not self.stop.disabled:
             return
-        self._stopped, self.stop.disabled, page = False, False, pn.state.curdoc
+        self._stopped, page = False, pn.state.curdoc
+        self.stop.param.update(disabled=False, visible=True)
         later = page.add_next_tick_callback if page is not None else lambda act: act()
 
         def told(what: str, reached: float = 0, whole: float | None = None) -> None:
@@ -44,7 +45,7 @@ class Work:
             later(lambda: self.say(f"{what}{part}"))
 
         def end(answer: Any, message: str) -> None:
-            self.stop.disabled = True
+            self.stop.param.update(disabled=True, visible=False)
             self.say(message)
             if answer is not None:
                 done(answer)

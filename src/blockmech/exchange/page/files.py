@@ -38,10 +38,10 @@ FEW = 3  # sliders where none are asked for
 def write_page(order: Order, path: Path) -> list[Path]:
     """One page; ``slider`` names the numbers that have a slider when it is opened."""
     mechanism = order.mechanism
-    curves = Script(mechanism, _wanted(order), **order.settings)
+    curves = Script(mechanism, wanted_of(order), **order.settings)
     of_blocks = mechanism.of_blocks
     drawing = Script(of_blocks, ["*.angle", "*.p"])
-    samples = _samples(order)
+    samples = samples_of(order)
     shown = _picture(drawing)
     offered = [m.name for m in curves.parameters if not m.is_array and _is_given(m.name)]
     chosen = _chosen(order.options.get("slider"), offered)
@@ -77,7 +77,7 @@ def write_page(order: Order, path: Path) -> list[Path]:
     return [path]
 
 
-def _wanted(order: Order) -> tuple[str, ...]:
+def wanted_of(order: Order) -> tuple[str, ...]:
     """What the order wants, or where it says nothing what moves the drivers."""
     if tuple(order.want) != EVERYTHING:
         return tuple(order.want)
@@ -86,7 +86,8 @@ def _wanted(order: Order) -> tuple[str, ...]:
     return tuple(name for name in drives if name in known)
 
 
-def _samples(order: Order) -> Samples:
+def samples_of(order: Order) -> Samples:
+    """The poses of the order, or where it says nothing those of the laws, or of a turn."""
     if order.at:
         how = (order.at.get(key) for key in ("at", "samples", "times"))
         return order.mechanism.samples(*how, None, None)

@@ -1,0 +1,120 @@
+"""The format ``report``: one HTML page to be printed, of what a mechanism is and does.
+
+Drawing, formation, dimensions, curves, a table of the wanted outputs and what `verify` finds.
+Pictures are images in the page, in which no script runs; the page loads nothing.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import blockmech
+from blockmech.analysis.verify import verify
+from blockmech.draw.curves import abscissa, chosen_panels
+from blockmech.draw.mechanism import draw_mechanism
+from blockmech.draw.panels import draw_panels
+from blockmech.draw.paper import image
+from blockmech.exchange.formats import Order, Writer
+from blockmech.exchange.page.files import samples_of, wanted_of
+from blockmech.files import refuse_spared, writing
+from blockmech.model.parameters import parameters_of
+from blockmech.result import Result
+
+ROWS = 13  # of the table: every 30 degrees of a turn
+POSES = 4  # in the drawing
+STYLE = """
+body { font: 15px/1.45 system-ui, "DejaVu Sans", sans-serif; color: #1a1a1a; max-width: 900px;
+  margin: 24px auto; padding: 0 16px }
+h1 { font-size: 24px; margin: 0 } h2 { font-size: 17px; margin: 28px 0 6px; break-after: avoid }
+img { max-width: 100%; display: block; margin: auto } section, tr, img { break-inside: avoid }
+table { border-collapse: collapse; font-size: 12px; font-variant-numeric: tabular-nums }
+th, td { text-align: right; padding: 2px 10px; border-bottom: 1px solid #ddd }
+th:first-child, td:first-child { text-align: left } th { font-weight: 600 }
+.numbers { columns: 2; column-gap: 32px } .numbers table { width: 100% } pre { font-size: 11px;
+  white-space: pre-wrap } @page { margin: 16mm } @media print { body { margin: 0 } }
+"""
+
+
+def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Rows of words and numbers below their heads."""
+
+    def line(tag: str, cells: Iterable[str]) -> str:
+        return f"<tr>{''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in cells)}</tr>"
+
+    body = "".join(line("td", row) for row in rows)
+    return f"<table><thead>{line('th', head)}</thead><tbody>{body}</tbody></table>"
+
+
+def write_report(order: Order, path: Path) -> list[Path]:
+    """One page; without wanted outputs it shows the drives."""
+    mechanism, result = order.mechanism, order.computed
+    if result is None:
+        how = dict.fromkeys(("friction", "tolerance", "iterations")) | {"static": False}
+        how |= order.settings
+        samples, wanted = samples_of(order), wanted_of(order)
+        result = mechanism.answer(samples, wanted, how, None, "auto", None, None, "mark")
+    document = mechanism.document
+    sections = {} if document is None else document.sections()
+    title = getattr(document, "title", "") or mechanism.name
+    numbers = [(p.address, f"{p.value:.6g} {p.unit}") for p in parameters_of(sections).values()]
+    curves = image(draw_panels(chosen_panels(result, result), abscissa(result)), "curves")
+    parts = {
+        "": image(_drawing(result), f"{mechanism.name} in {POSES} poses"),
+        "Structure": f"<p>{html.escape(mechanism.structure.formula.replace('->', '→'))}</p>",
+        "Dimensions and loads": f"<div class=numbers>{table(('number', 'value'), numbers)}</div>",
+        "Curves": curves,
+        "Values": _values(result),
+        "Verification": f"<pre>{html.escape(str(verify(mechanism, result)))}</pre>",
+    }
+    extras: Mapping[str, Any] = getattr(document, "extras", {})
+    words = [str(extras[key]) for key in ("source", "notes") if extras.get(key)]
+    head = "".join(f"<p>{html.escape(text)}</p>" for text in words)
+    body = "".join(
+        f"<section>{f'<h2>{name}</h2>' if name else ''}{part}</section>"
+        for name, part in parts.items()
+    )
+    page = (
+        f"<!DOCTYPE html><html lang=en><meta charset=utf-8><title>{html.escape(title)}</title>"
+        f"<style>{STYLE}</style><h1>{html.escape(title)}</h1>{head}{body}"
+        f"<p>blockmech {blockmech.__version__}</p></html>\n"
+    )
+    refuse_spared(path)
+    with writing(path) as stream:
+        stream.write(page.encode(errors="replace"))
+    return [path]
+
+
+def _drawing(result: Result) -> Any:
+    """The mechanism in some of its poses, with the paths of its markers where laws move it."""
+    good = np.setdiff1d(np.arange(result.n), result.quality.gaps)
+    shown = good[np.linspace(0, len(good), min(POSES, len(good)), endpoint=False, dtype=int)]
+    drivers = enumerate(result.mechanism.drivers)
+    at = {driver: result.samples.coordinate(i)[shown] for i, driver in drivers}
+    return draw_mechanism(result.mechanism, at).figure
+
+
+def _values(result: Result) -> str:
+    """The wanted outputs at some of the samples."""
+    along = abscissa(result)
+    shown = np.unique(np.linspace(0, result.n - 1, ROWS, dtype=int))
+    head = [along.words, *(f"{name} [{result.output(name).unit or '–'}]" for name in result)]
+    rows = ([_text(x[k]) for x in (along.values, *result.values())] for k in shown)
+    return table(head, rows)
+
+
+def _text(value: Any) -> str:
+    """A number, or the two of a vector; nothing where there is no answer."""
+    parts = (value.real, value.imag) if np.iscomplexobj(value) else (value,)
+    return ", ".join(f"{float(x):.6g}" for x in parts if np.isfinite(x))
+
+
+WRITER = Writer(
+    "one HTML page to be printed: drawing, dimensions, curves, table, verification",
+    (".html",),
+    write_report,
+)

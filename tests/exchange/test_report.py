@@ -1,0 +1,64 @@
+"""A page to be printed: its numbers are those of the mechanism, and its texts run nothing."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.builders import opened
+
+GRAPHS = Path(__file__).parents[2] / "graphs"
+HURT = "</title><script>hurt=1</script>"
+
+
+def report_of(document, path, **more):
+    bm.write(document, path, to="report", **more)
+    return path.read_text("utf-8")
+
+
+@pytest.mark.parametrize("name", ["whitworth_shaper", "excavator", "joints/slider_crank"])
+def test_a_report_has_drawing_dimensions_values_and_verification(tmp_path, name):
+    mechanism = opened(GRAPHS / f"{name}.json").compile()
+    text = report_of(mechanism, tmp_path / "r.html")
+    assert text.count("<img") == 2
+    numbers = re.findall(r"<tr><td>([^<]+)</td><td>([^ <]+) ?[^<]*</td></tr>", text)
+    known = {p.address: f"{p.value:.6g}" for p in mechanism.parameters().values()}
+    assert dict(numbers).items() >= known.items()
+    assert "FAILS" not in text
+    assert "reaction" not in text.partition("<h2>Values")[2].partition("<h2>")[0]
+
+
+def test_the_table_has_the_wanted_outputs_where_the_run_has_them(tmp_path):
+    shaper = opened(GRAPHS / "ruiz_fourbar.json")
+    text = report_of(shaper, tmp_path / "r.html", want="dyad.C.reaction", samples=25)
+    rows = re.findall(r"<tr><td>([-\d.e]+)</td><td>([^<]+)</td></tr>", text)
+    assert len(rows) == 13
+    run = shaper.run(samples=25, want=["dyad.C.reaction"])["dyad.C.reaction"][::2]
+    shown = [complex(*map(float, values.split(", "))) for _, values in rows]
+    assert np.abs(np.array(shown) - run).max() < 1e-5 * np.abs(run).max()
+
+
+def test_a_mechanism_without_laws_is_reported_over_a_turn_or_at_poses(tmp_path):
+    data = opened(GRAPHS / "ruiz_fourbar.json").to_data()
+    data["scene"]["drive"] = {}
+    loose = bm.Graph.from_data(data)
+    assert "crank.drive" in report_of(loose, tmp_path / "a.html")
+    assert "crank.drive" in report_of(loose, tmp_path / "b.html", at=[0.1, 0.2])
+
+
+def test_texts_run_nothing_in_a_report(tmp_path):
+    data = json.loads((GRAPHS / "slider_crank.json").read_text("utf-8"))
+    data |= {"title": HURT, "notes": HURT, "source": HURT}
+    text = report_of(bm.Graph.from_data(data), tmp_path / "r.html")
+    assert "<script" not in text
+    assert text.count("&lt;script&gt;hurt=1") == 4
+
+
+def test_what_a_report_cannot_have_is_one_sentence(tmp_path, call):
+    path = tmp_path / "r.html"
+    said = call("report", GRAPHS / "ruiz_fourbar.json", "-o", path, "--want", "crank.drve")
+    assert (said.code, path.exists()) == (2, False)
+    assert "crank.drive" in said.err

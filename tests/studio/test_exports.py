@@ -1,0 +1,81 @@
+"""What a sheet is exported as: every kind is the file that Python writes."""
+
+import io
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from blockmech.builders import from_data, opened
+from blockmech.errors import BlockmechError
+from blockmech.studio.answers import Answers
+from blockmech.studio.exports import exported, kinds
+from blockmech.studio.mechanism import MechanismView
+from blockmech.studio.sheet import Sheet
+from tests.studio.page import choose, press, show, told
+
+GRAPHS = Path(__file__).parents[2] / "graphs"
+HEADS = {
+    "document .json": b'{\n  "format"',
+    "diagram .svg": b"<?xml",
+    "diagram .png": b"\x89PNG",
+    "pose .pdf": b"%PDF",
+    "motion .html": b"<!DOCTYPE html>",
+    "motion .gif": b"GIF89a",
+    "numbers .csv": b"driver.motor.q",
+    "numbers .xlsx": b"PK",
+    "numbers .npz": b"PK",
+    "numbers .json": b"{",
+    "outlines .dxf": b"0",
+    "outlines .svg": b"<",
+    "c": b"PK",
+    "fmu": b"PK",
+    "page": b"<!",
+    "report": b"<!DOCTYPE html>",
+}
+
+
+@pytest.fixture(scope="module")
+def shown():
+    sheet = Sheet(opened(GRAPHS / "joints" / "slider_crank.json"))
+    view = MechanismView(sheet)
+    return sheet, view, Answers(sheet, view)
+
+
+@pytest.mark.parametrize("kind", HEADS)
+def test_every_kind_is_a_file(shown, kind):
+    assert kind in {kind for group in kinds().values() for kind in group}
+    name, data = exported(kind, *shown)
+    assert data.startswith(HEADS[kind])
+    if kind == "c":
+        files = zipfile.ZipFile(io.BytesIO(data)).namelist()
+        assert name == "slider_crank-c.zip"
+        assert "slider_crank.c" in files
+
+
+def test_what_cannot_be_exported_says_why(shown):
+    with pytest.raises(BlockmechError, match="guides are not written"):
+        exported("mjcf", *shown)
+    sheet = Sheet()
+    view = MechanismView(sheet)
+    with pytest.raises(BlockmechError, match="nothing moves"):
+        exported("pose .svg", sheet, view, Answers(sheet, view))
+
+
+def test_a_name_leads_out_of_no_folder(shown):
+    sheet, view, answers = shown
+    other = Sheet(from_data({**sheet.form, "name": "../../up"}, None))
+    assert exported("numbers .csv", other, view, answers)[0] == "_up.csv"
+
+
+def test_the_browser_saves_what_is_exported(page, studio):
+    show(page, studio, "?example=slider_crank")
+    for kind, name in (
+        ("outlines .dxf", "slider_crank.dxf"),
+        ("numbers .xlsx", "slider_crank.xlsx"),
+    ):
+        choose(page, "Export as", kind)
+        with page.expect_download() as saved:
+            press(page, "Export")
+        assert saved.value.suggested_filename == name
+        told(page, f"exported {kind}")
