@@ -491,3 +491,64 @@ def test_keys_and_a_wrong_gesture_in_the_browser(page, studio):
     page.locator("svg[role=application]").press("Control+a")
     page.keyboard.press("Delete")
     page.get_by_text("Drag: a link is drawn").wait_for()
+
+
+DXF = """0
+SECTION
+2
+HEADER
+9
+$INSUNITS
+70
+4
+0
+ENDSEC
+2
+ENTITIES
+0
+LINE
+10
+0
+20
+0
+11
+200
+21
+0
+0
+CIRCLE
+10
+200
+20
+50
+40
+25
+0
+EOF
+"""
+
+
+def test_a_picture_is_placed_and_scaled_to_be_traced(page, studio, tmp_path):
+    """A DXF in mm has its size; a length of it that is typed is that long afterwards."""
+    hand = drawing(page, studio)
+    (tmp_path / "plan.dxf").write_text(DXF, "utf-8")
+    page.locator("input[type=file][accept*=dxf]").set_input_files(tmp_path / "plan.dxf")
+    trace = page.locator("path.trace")
+    trace.wait_for()
+    ends = trace.evaluate(
+        "it => { const {x, y, width} = it.getBoundingClientRect(); return [x, y, width]; }"
+    )
+    scale = 0.225 / ends[2]  # [m/px]: the line and half of the circle are 225 mm wide
+    page.get_by_role("button", name="Scale the picture").click()
+    start = hand.at(0.2, 0.5)
+    hand.drag(start, (start[0] + 0.1 / scale, start[1]), typed="0.2")
+    width = trace.evaluate("it => it.getBoundingClientRect().width")
+    assert width == pytest.approx(2 * ends[2], rel=0.01)
+    page.get_by_role("button", name="Place the picture").click()
+    before = trace.evaluate("it => it.getBoundingClientRect().x")
+    hand.drag(start, (start[0] + 60, start[1]))
+    after = trace.evaluate("it => it.getBoundingClientRect().x")
+    assert after - before == pytest.approx(60, abs=12)  # to the grid
+    page.get_by_role("button", name="Remove the picture").click()
+    trace.wait_for(state="detached")
+    assert page.locator("[data-pin]").count() == 0

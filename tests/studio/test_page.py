@@ -185,12 +185,50 @@ def test_the_four_bar_stands_with_its_answers_in_the_chosen_units(page, studio, 
     page.get_by_role("checkbox", name="dyad.C.reaction", checked=True).wait_for()
 
 
-@pytest.mark.parametrize("size", [(1280, 800), (1440, 900)])
+OVERLAPS = """() => {
+    const all = (root) => [...root.querySelectorAll("*")]
+        .flatMap((one) => [one, ...(one.shadowRoot ? all(one.shadowRoot) : [])]);
+    const up = (one) => one.parentElement ?? one.getRootNode().host ?? null;
+    const shown = [];
+    for (const one of all(document).filter((it) => /^(BUTTON|INPUT|SELECT|LABEL)$/.test(it.tagName))) {
+        const { visibility, clipPath } = getComputedStyle(one);
+        let { left, top, right, bottom } = one.getBoundingClientRect();
+        for (let part = up(one); part; part = up(part)) {
+            if (getComputedStyle(part).overflowY === "visible") continue;
+            const area = part.getBoundingClientRect();
+            [left, top] = [Math.max(left, area.left), Math.max(top, area.top)];
+            [right, bottom] = [Math.min(right, area.right), Math.min(bottom, area.bottom)];
+        }
+        const seen = right - left > 2 && bottom - top > 2 && visibility !== "hidden";
+        if (seen && clipPath === "none") shown.push({ one, left, top, right, bottom });
+    }
+    const apart = (a, b) => a.right < b.left + 2 || b.right < a.left + 2 || a.bottom < b.top + 2
+        || b.bottom < a.top + 2 || a.one.contains(b.one) || b.one.contains(a.one);
+    const name = ({ one }) => one.getAttribute("aria-label") ?? one.innerText ?? one.tagName;
+    return shown.flatMap((a, k) => shown.slice(k + 1).filter((b) => !apart(a, b))
+        .map((b) => [name(a), name(b)]));
+}"""
+
+
+def test_nothing_overlaps_in_a_small_window(page, studio):
+    """Of a machine with three drivers and long names, on all tabs."""
+    page.set_viewport_size({"width": 1024, "height": 700})
+    page.goto(f"{studio[0]}?example=joints/excavator")
+    page.locator("[data-pin] .ring").first.wait_for()
+    for tab in ("Motion", "Margins", "Analyses", "Synthesis", "Methods", "Blocks", "Curves"):
+        press(page, tab)
+        page.wait_for_function("Bokeh.documents[0].is_idle")
+        assert page.evaluate(OVERLAPS) == []
+    high = "[document.documentElement.scrollHeight, document.documentElement.scrollWidth]"
+    assert page.evaluate(high) == [700, 1024]
+
+
+@pytest.mark.parametrize("size", [(1280, 800)])
 def test_nothing_is_below_the_fold_and_no_two_buttons_share_a_name(page, studio, size):
     """The answer of *Trade* is seen without scrolling, and the mechanism beside it."""
     page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
     show(page, studio, "?example=slider_crank")
-    tabs = ("Curves", "Motion", "Margins", "Analyses", "Methods")
+    tabs = ("Curves", "Motion", "Margins", "Analyses", "Synthesis", "Methods")
     for tab in (*tabs, "Links and joints"):
         press(page, tab)
         texts = page.get_by_role("button").evaluate_all(

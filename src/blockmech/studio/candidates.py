@@ -44,6 +44,7 @@ class Candidates:
         self.sheet, self.work = sheet, work
         self.button = pn.widgets.Button(label="Candidates", on_click=lambda _: self.search())
         self.said = Plain(HOW, stylesheets=[LINES], sizing_mode="stretch_width")
+        self.designs: list[Any] = []
         self.found = pn.Row(styles={"flex-wrap": "wrap"})
 
     def panel(self) -> Any:
@@ -67,6 +68,7 @@ class Candidates:
         """Show designs, each with a button that takes it as one step."""
         none = "No four-bar without defects passes these; move them, or ask for fewer."
         self.said.object = HOW if designs else none
+        self.designs = [design for design, _ in designs]
         self.found.objects = [
             pn.Column(
                 pn.pane.HTML(picture, stylesheets=[THUMB], margin=2),

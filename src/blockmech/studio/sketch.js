@@ -389,7 +389,7 @@ export function render({ model, el }) {
     else if (one) drag = { kind: "link", from: { pin: one.name, at: one.at }, ...begun };
     else if (link && !model.tool) drag = { kind: "body", moved: {}, ...begun };
     else if (model.pairs.includes(model.tool) || !pins().length)
-      drag = { kind: "link", from: { at: aimed(pointer, event).at, on: link }, ...begun };
+      drag = { kind: "link", from: { at: aimed(pointer, event).at, on: link ?? null }, ...begun };
     else drag = { kind: "box", ...begun };
     event.preventDefault();
   });
