@@ -535,15 +535,13 @@ def test_a_picture_is_placed_and_scaled_to_be_traced(page, studio, tmp_path):
     page.locator("input[type=file][accept*=dxf]").set_input_files(tmp_path / "plan.dxf")
     trace = page.locator("path.trace")
     trace.wait_for()
-    ends = trace.evaluate(
-        "it => { const {x, y, width} = it.getBoundingClientRect(); return [x, y, width]; }"
-    )
-    scale = 0.225 / ends[2]  # [m/px]: the line and half of the circle are 225 mm wide
+    drawn = trace.evaluate("it => it.getBoundingClientRect().width")
+    scale = 0.225 / drawn  # [m/px]: the line and half of the circle are 225 mm wide
     page.get_by_role("button", name="Scale the picture").click()
     start = hand.at(0.2, 0.5)
     hand.drag(start, (start[0] + 0.1 / scale, start[1]), typed="0.2")
     width = trace.evaluate("it => it.getBoundingClientRect().width")
-    assert width == pytest.approx(2 * ends[2], rel=0.01)
+    assert width == pytest.approx(2 * drawn, rel=0.01)
     page.get_by_role("button", name="Place the picture").click()
     before = trace.evaluate("it => it.getBoundingClientRect().x")
     hand.drag(start, (start[0] + 60, start[1]))

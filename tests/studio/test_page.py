@@ -190,7 +190,8 @@ OVERLAPS = """() => {
         .flatMap((one) => [one, ...(one.shadowRoot ? all(one.shadowRoot) : [])]);
     const up = (one) => one.parentElement ?? one.getRootNode().host ?? null;
     const shown = [];
-    for (const one of all(document).filter((it) => /^(BUTTON|INPUT|SELECT|LABEL)$/.test(it.tagName))) {
+    const kinds = /^(BUTTON|INPUT|SELECT|LABEL)$/;
+    for (const one of all(document).filter(({ tagName }) => kinds.test(tagName))) {
         const { visibility, clipPath } = getComputedStyle(one);
         let { left, top, right, bottom } = one.getBoundingClientRect();
         for (let part = up(one); part; part = up(part)) {

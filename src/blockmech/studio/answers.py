@@ -24,7 +24,7 @@ from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.analyses import Analyses, Asked
 from blockmech.studio.candidates import Candidates
 from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of
-from blockmech.studio.looks import LINES, Plain, beside
+from blockmech.studio.looks import LINES, TABLE, Plain, beside
 from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.work import OnProgress, Work
@@ -124,7 +124,7 @@ class Answers:
         self.until = pn.widgets.TextInput(label="Simulate until", value="time=2", width=100)
         self.said = Plain("", sizing_mode="stretch_width", min_width=160, stylesheets=[LINES])
         self.values = Div(text="", sizing_mode="stretch_width")
-        self.costs = Plain("", sizing_mode="stretch_width")
+        self.costs = Plain("", sizing_mode="stretch_width", stylesheets=[TABLE])
         self.plots = pn.pane.Bokeh(column(sizing_mode="stretch_width"), sizing_mode="stretch_width")
         self.work = Work(lambda message: self.said.param.update(object=message))
         acts = (self.simulate, view.turn, self.explain, self.trade)

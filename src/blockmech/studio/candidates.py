@@ -92,4 +92,6 @@ class Candidates:
 def _thumbnail(design: Any) -> str:
     mechanism = design.graph.compile()
     at = dict.fromkeys(mechanism.drivers, design.at)
-    return image(draw_mechanism(mechanism, at).figure, "a candidate in the wanted positions")
+    return image(
+        draw_mechanism(mechanism, at).figure, "a candidate in the wanted positions", crop=True
+    )

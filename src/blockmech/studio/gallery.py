@@ -11,7 +11,7 @@ from urllib.parse import quote
 import panel as pn
 
 from blockmech.builders import Opened, opened, read_text
-from blockmech.draw.paper import rendered
+from blockmech.draw.paper import cropped
 from blockmech.errors import BlockmechError
 from blockmech.studio.component import style
 from blockmech.studio.looks import begin, page
@@ -24,7 +24,7 @@ def picture_of(name: str) -> bytes:
     from blockmech.draw.mechanism import draw_mechanism
 
     mechanism = opened(gallery()[name]).compile()
-    return rendered(draw_mechanism(mechanism).figure, ".svg")
+    return cropped(draw_mechanism(mechanism).figure)
 
 
 @cache

@@ -140,7 +140,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         if closed is not None and self.strip.visible:
             panel = margins_of(closed)
             if self._margins is None or self._margins.curves != labels_of(panel):
-                look = {"height": CURVE // 2, "toolbar_location": None}
+                look = {"height": CURVE, "toolbar_location": None}
                 self._margins = Plot(panel, self.dark, self.seek, **look)
                 self._margins.figure.above = []  # no legend: a pointer on a curve is told its name
                 self._margins.figure.add_tools(HoverTool(tooltips="@name"))
