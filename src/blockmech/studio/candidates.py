@@ -17,7 +17,7 @@ from blockmech.draw.mechanism import draw_mechanism
 from blockmech.draw.paper import image
 from blockmech.studio.looks import LINES, Plain, beside
 from blockmech.studio.sketching import outlines_of, pins_of
-from blockmech.studio.work import TextReport, Work
+from blockmech.studio.work import OnProgress, Work
 
 HOW = """Draw what is wanted with links and joints, three or more of a kind, then press Candidates:
 points of a path (a click each, in their order), or positions of a body (a lone link each)."""
@@ -55,7 +55,7 @@ class Candidates:
         """Search beside the page; fewer than three of a kind are refused with the reason."""
         points, positions = wanted(self.sheet.form)
 
-        def task(report: TextReport) -> list[tuple[Any, str]]:
+        def task(report: OnProgress) -> list[tuple[Any, str]]:
             if len(positions) >= len(points):
                 found = blockmech.synthesis.body_guidance(positions, progress=report)
             else:
