@@ -117,14 +117,35 @@ EXAMPLES |= {
     "coupling.ratio": [
         {**ENDS, "law": {"kind": "polynomial", "coefficients": [0.1, 0.5, 0.3]}},
         {**ENDS, "law": LIFT, "phase": 0.1},
+        {**ENDS, "law": {"kind": "polynomial", "coefficients": [0.1, 0.5, 0.3]}, "efficiency": 0.6},
         {**ENDS, "law": {"kind": "table", **ROWS, "period": 6.0}},
         {**ENDS, "law": {"kind": "table", **ROWS, "interpolation": "quintic"}},
     ],
-    "coupling.geneva": [{**ENDS, "slots": 6}, {**ENDS, "slots": 4, "pin": 0.4}],
+    "coupling.geneva": [
+        {**ENDS, "slots": 6},
+        {**ENDS, "slots": 4, "pin": 0.4},
+        {**ENDS, "slots": 5, "internal": True, "efficiency": 0.8},
+    ],
     "coupling.cam": [
         {**ENDS, "law": LIFT, "phase": 0.4, "at": (1.0, 0.2)},
-        {**ENDS, "law": LIFT, "phase": 0.4, "at": (1.0, 0.2), "follower": "roller", "roller": 0.1},
-        {**ENDS, "law": LIFT, "phase": 0.4, "at": (1.3, 0.2), "follower": "flat", "face": -0.1},
+        {
+            **ENDS,
+            "law": LIFT,
+            "phase": 0.4,
+            "at": (1.0, 0.2),
+            "follower": "roller",
+            "roller": 0.1,
+            "friction": 0.05,
+        },
+        {
+            **ENDS,
+            "law": LIFT,
+            "phase": 0.4,
+            "at": (1.3, 0.2),
+            "follower": "flat",
+            "face": -0.1,
+            "friction": 0.05,
+        },
     ],
 }
 CASES = [

@@ -19,7 +19,9 @@ its effort goes to.
     between the drivers, whose housing stands on their supports.
  3. ``tension(here, p)`` gives a load of the same kind that acts without any effort, and does no
     work along the coordinates: the tension of a belt.
- 4. All are kernels: pure, batch-transparent, of primitives alone.
+ 4. ``touch(here, p)`` gives the contact of a coupling with friction there, ``rubs``: a `Touch`.
+    Friction is Coulomb's, of the normal force that the effort needs.
+ 5. All are kernels: pure, batch-transparent, of primitives alone.
 
 Power balances by rule 1: the effort that the driver feels is the slope times the driven one's.
 

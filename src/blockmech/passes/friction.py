@@ -40,7 +40,7 @@ def coupled_joints(s: Schedule, block: str) -> tuple[JointRef, ...]:
     """Those of them whose friction loads each other.
 
     Friction in a driven pair only changes what the drive has to give, unless that is the
-    contact with another link, which loads the pair.
+    contact with another link, which loads the pair, or a mesh that loses a share of it.
     """
     return tuple(ref for ref in s.ask(friction_joints, block) if rubs(s.structure, ref))
 
@@ -50,8 +50,10 @@ def rubs(structure: Structure, ref: JointRef) -> bool:
     if ref in structure.meshes:
         return True
     law = structure.blocks[ref.block].friction.get(ref.name)
-    free = not structure.joint(ref).driven or structure.contact_at(ref) is not None
-    return law is not None and law.acts and free
+    if law is None or not law.acts:
+        return False
+    lossy = any(mesh.block == ref.block for mesh in structure.meshes)
+    return lossy or not structure.joint(ref).driven or structure.contact_at(ref) is not None
 
 
 def given_joints(s: Schedule) -> tuple[JointRef, ...]:

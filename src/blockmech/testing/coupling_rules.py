@@ -5,8 +5,9 @@ The rules stand at the head of `blockmech.couplings.contract`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from blockmech.friction.laws import Coulomb
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import Harmonic
+from blockmech.model.structure import Structure
 from blockmech.testing.rules import DERIVATIVE, Array, Checks, derivative, same_bits
 from blockmech.values import Link, Marker, Place, Vector
 
@@ -26,7 +28,7 @@ COORDINATE = ("second.q", "second.rate", "second.acceleration")
 
 
 class CouplingRules(Checks):
-    """Rules 1 to 3 of a coupling, for the kinds of pairs that it takes."""
+    """Rules 1 to 5 of a coupling, for the kinds of pairs that it takes."""
 
     def __init__(self, coupling: Coupling) -> None:
         super().__init__()
@@ -52,6 +54,18 @@ class CouplingRules(Checks):
                 how = f" with friction {friction!r}"
                 yield from self.verified(rig.verify(times=TIMES, friction=friction), how)
 
+    def touch(self) -> Iterator[str]:
+        """The speed at a contact that rubs is differentiated."""
+        for rig in self.rigs:
+            structure = rig.structure
+            kernel = structure.couplings["coupling"].touch(structure.coupled_pair("coupling"))
+            if kernel is None:
+                continue
+            touches = _touching(kernel, structure)  # times do for arguments
+            slopes = touches(0.0)["slope"]
+            rise, scale = derivative(touches)["slip"], float(np.max(abs(slopes))) or 1.0
+            yield from self.same("slope of the slip", rise, slopes, scale, DERIVATIVE)
+
     def kernels(self) -> Iterator[str]:
         """Engines agree, and a sample does not depend on its neighbours."""
         for rig in self.rigs:
@@ -63,7 +77,17 @@ class CouplingRules(Checks):
                 if not same_bits(alone[name], batch[name][4:5]):
                     yield f"{name} of a sample alone is not the same as in a batch"
 
-    rules = (transmission, contact, kernels)
+    rules = (transmission, contact, touch, kernels)
+
+
+def _touching(kernel: Any, structure: Structure) -> Callable[[float], dict[str, Array]]:
+    here, p = structure.where("coupling"), structure.coupling_numbers("coupling")
+
+    def at(step: float) -> dict[str, Array]:
+        rows = [kernel(here(x + step), p) for x in TIMES]
+        return {name: np.array([getattr(row, name) for row in rows]) for name in ("slip", "slope")}
+
+    return at
 
 
 def _rig(coupling: Coupling, lead: str, follow: str) -> Mechanism:
