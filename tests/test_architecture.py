@@ -19,7 +19,7 @@ from blockmech.plane import SCALAR_PRIMITIVES
 from tests.source import MODULES, TREES
 
 ROOMS = (
-    "early",
+    "sigint",
     "typing",
     "plane",
     "report",
@@ -51,7 +51,7 @@ ROOMS = (
     "export",
     "wires",
     "result",
-    "reach",
+    "shortfall",
     "failures",
     "settings",
     "runnable",

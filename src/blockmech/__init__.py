@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from blockmech import early as _early  # noqa: F401 (before all that takes time)
+from blockmech import sigint as _sigint  # noqa: F401 (before all that takes time)
 
 # isort: split
 from importlib import import_module

@@ -23,8 +23,8 @@ from blockmech.errors import (
 )
 from blockmech.passes.homotopy import followed, last_good, path_of
 from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY
-from blockmech.reach import shortfall
 from blockmech.result import Result
+from blockmech.shortfall import shortfall
 
 MOST_GROUPS = 8  # whose limits take a few milliseconds
 

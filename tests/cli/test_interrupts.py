@@ -35,7 +35,7 @@ def ctrl_c():
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.parametrize("seen", ["blockmech.early", "pydantic", "blockmech.builders"])
+@pytest.mark.parametrize("seen", ["blockmech.sigint", "pydantic", "blockmech.builders"])
 @pytest.mark.parametrize("called", ["module", "script"])
 def test_ctrl_c_while_modules_are_loaded(called, seen, tmp_path):
     """That takes most of the first half second."""

@@ -30,9 +30,9 @@ from blockmech.analysis.scan import TURN, shown_place
 from blockmech.arguments import declared
 from blockmech.errors import Problem, RequestError, among, listed, refused
 from blockmech.model.structure import Structure
-from blockmech.reach import shortfall
 from blockmech.report import DEGREES, Facts, Report
 from blockmech.series import DOUBLE_ROOT, SCANNED
+from blockmech.shortfall import shortfall
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -13,8 +13,8 @@ from blockmech.draw.paper import captioned, shown_name
 from blockmech.draw.pictured import Pictured
 from blockmech.draw.sensitivity import THICK
 from blockmech.errors import refused
-from blockmech.modes.found import Arc, GroupModes, Modes
 from blockmech.modes.listing import modes as found_modes
+from blockmech.modes.report import Arc, GroupModes, Modes
 from blockmech.report import DEGREES
 from blockmech.runnable import wrap_result
 

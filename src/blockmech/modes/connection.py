@@ -42,7 +42,7 @@ from blockmech.modes.closing import (
     poses,
     solved,
 )
-from blockmech.modes.found import DEAD, LOST, RANGE, TURN, WHOLE, Arc, ArcEnd
+from blockmech.modes.report import DEAD, LOST, RANGE, TURN, WHOLE, Arc, ArcEnd
 from blockmech.modes.triad import Floats, Placed, Support, Triad, placed
 from blockmech.plane import EPS
 from blockmech.series import GOLDEN, NOISE, fit

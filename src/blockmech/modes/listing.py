@@ -25,7 +25,8 @@ from blockmech.model.joints.layout import Pose
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.closing import NEAR, triad_modes
 from blockmech.modes.connection import CHECKS, Connections, connect
-from blockmech.modes.found import (
+from blockmech.modes.groups import Outline, outline
+from blockmech.modes.report import (
     DEAD,
     EARLIER,
     RANGE,
@@ -37,7 +38,6 @@ from blockmech.modes.found import (
     GroupModes,
     Modes,
 )
-from blockmech.modes.groups import Outline, outline
 from blockmech.modes.search import NOTE, searched
 from blockmech.modes.standing import Standing
 from blockmech.modes.triad import Support

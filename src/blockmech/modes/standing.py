@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import Mode
 from blockmech.model.structure import LinkRef
-from blockmech.modes.found import TURN
+from blockmech.modes.report import TURN
 from blockmech.plane import angle
 from blockmech.typing import LinkPosition
 

@@ -1,4 +1,4 @@
-"""What is known about the modes of a mechanism: by group, by sample, with their arcs."""
+"""The modes of a mechanism as they are read: by group, by sample, with their arcs."""
 
 from __future__ import annotations
 
