@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.friction.continuation import Outcome
+from blockmech.report import Facts, as_json
 
 OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
     "ok",
@@ -38,7 +39,7 @@ DETAIL = {
 
 
 @dataclass(frozen=True)
-class Flag:
+class Flag(Facts):
     """One remark on one sample: code, the block or joint, and its numbers."""
 
     sample: int
@@ -49,16 +50,11 @@ class Flag:
 
     def to_dict(self) -> dict[str, Any]:
         """The flag as a JSON object."""
-        data: dict[str, Any] = {"sample": self.sample, "code": self.code, "where": self.where}
-        if self.interval is not None:
-            data["interval"] = list(self.interval)
-        if self.value is not None:
-            data["value"] = self.value
-        return data
+        return {name: x for name, x in super().to_dict().items() if x is not None}
 
 
 @dataclass(frozen=True)
-class Quality:
+class Quality(Facts):
     """Quality of n samples.
 
     Attributes
@@ -70,6 +66,8 @@ class Quality:
         the blocks of which it is known (`blockmech.friction.existence`)
     flags : remarks, by sample
     """
+
+    FACTS = ("status", "margin", "residual", "friction_error", "contraction", "existence", "flags")
 
     status: tuple[str, ...]
     blame: Mapping[int, str]
@@ -93,16 +91,8 @@ class Quality:
 
     def to_dict(self) -> dict[str, Any]:
         """The ``quality`` section of a result."""
-        return {
-            "status": list(self.status),
-            "margin": _columns(self.margin),
-            "iterations": {k: [int(x) for x in v] for k, v in self.iterations.items()},
-            "residual": _columns(self.residual),
-            "friction_error": _columns(self.friction_error),
-            "contraction": _columns(self.contraction),
-            "existence": _columns(self.existence),
-            "flags": [f.to_dict() for f in self.flags],
-        }
+        counts = {block: [int(x) for x in row] for block, row in self.iterations.items()}
+        return {**super().to_dict(), "iterations": counts}
 
 
 class Failures(NamedTuple):
@@ -201,7 +191,7 @@ def assess(
     for block, (_, _, _, outcome, limit) in friction.items():
         for i in np.flatnonzero(outcome > 0):
             how = Outcome(int(outcome[i]))
-            flags.append(Flag(int(i), DETAIL[how], block, value=_finite(limit[i])))
+            flags.append(Flag(int(i), DETAIL[how], block, value=as_json(limit[i])))
     for block, c in existence.items():
         for i in np.flatnonzero((c > 1) & (failed.word == 0)):
             flags.append(Flag(int(i), OTHER_SOLUTIONS, block, value=float(c[i])))
@@ -258,11 +248,3 @@ def left_undone(residual: Any, contraction: Any) -> Any:
 def at_most_one(margin: Any) -> Any:
     """A margin [-] without the last bit by which rounding may pass its bound, 1."""
     return np.minimum(margin, 1.0)
-
-
-def _finite(x: Any) -> float | None:
-    return float(x) if np.isfinite(x) else None
-
-
-def _columns(columns: Mapping[str, NDArray[Any]]) -> dict[str, list[float | None]]:
-    return {k: [_finite(x) for x in v] for k, v in columns.items()}

@@ -47,6 +47,8 @@ def as_json(x: Any) -> Any:
         return x.to_dict()
     if hasattr(x, "tolist"):  # of NumPy
         return as_json(x.tolist())
+    if hasattr(x, "to_data"):  # a document
+        return x.to_data()
     if hasattr(x, "_asdict"):
         return as_json(x._asdict())
     if is_dataclass(x):

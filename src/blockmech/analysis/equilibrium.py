@@ -198,7 +198,7 @@ def kind_of(M: Floats, C: Floats, K: Floats) -> tuple[Kind, Any]:
     size = float(np.abs(K).max(initial=0.0))
     values: Any = np.empty(0)
     if M.any() and np.linalg.cond(M) < 1 / EPS:
-        values = np.linalg.eigvals(companion(M, C, K))
+        values = np.linalg.eigvals(companion(M, C, K)).astype(complex)
         values = values[np.argsort(-values.real, kind="stable")]
     symmetric = np.abs(K - K.T).max() <= NONE * size
     if symmetric or not len(values):

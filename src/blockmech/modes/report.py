@@ -66,7 +66,7 @@ class Arc:
 
 
 @dataclass(frozen=True)
-class GroupMode:
+class GroupMode(Facts):
     """One mode of a group at one sample. Modes and arcs are numbered from 0.
 
     Attributes
@@ -95,6 +95,15 @@ class GroupMode:
     reach: tuple[float, float] | None = None
     after_turn: int | None = None
     residual: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The mode as a JSON object; a residual only of triads."""
+        data = super().to_dict()
+        return (
+            data
+            if self.residual is not None
+            else {k: x for k, x in data.items() if k != "residual"}
+        )
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -29,6 +29,7 @@ from blockmech.errors import (
 )
 from blockmech.export import aligned
 from blockmech.model.expect import Expectation
+from blockmech.report import Facts
 from blockmech.validation_errors import validated
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class Expecting(Protocol):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Outcome(Facts):
     """One expected number, and what came out.
 
     Attributes
@@ -90,12 +91,8 @@ class Outcome:
 
     def to_dict(self) -> dict[str, Any]:
         """The outcome as a JSON object; vectors are [x, y]."""
-        pairs = {
-            name: [x.real, x.imag] if isinstance(x, complex) else x
-            for name, x in (("expected", self.expected), ("got", self.got))
-        }
         drivers = {f"{d}.q": q for d, q in self.drivers.items()}
-        data = asdict(self) | pairs | {"drivers": drivers, "ok": self.ok}
+        data = super().to_dict() | {"drivers": drivers, "ok": self.ok}
         left_out = {"entry"} if self.reason else {"entry", "reason"}
         return {name: x for name, x in data.items() if name not in left_out}
 
