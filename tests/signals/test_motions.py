@@ -388,6 +388,41 @@ def test_equilibria_refuse_states(fourbar):
         fourbar.equilibria()
 
 
-def test_no_steady_state_is_looked_for(fourbar):
-    with pytest.raises(RequestError, match="states of signals"):
-        fourbar.simulate("steady")
+def test_a_controlled_fourbar_turns_as_its_integral_asks_and_its_states_repeat(fourbar):
+    """An integral of the error that repeats leaves none in the mean: ten radians a second."""
+    period = 2 * math.pi / 10
+    want = ["crank.q", "crank.rate", "pid.integral", "motor.current"]
+    r = fourbar.simulate("steady", times=[0.0, 0.2, period, 0.2 + period], want=want)
+    motion = r.motion
+    assert motion.facts["period"] == pytest.approx(period, rel=1e-9)
+    assert motion.facts["mean_speed"] == pytest.approx(10.0, rel=1e-9)
+    assert 0 < motion.facts["multiplier"] < 1
+    assert abs(r["crank.q"][0] - 1.0) < math.pi
+    for name in want:
+        turn = 2 * math.pi if name == "crank.q" else 0.0
+        assert r[name][2:] == pytest.approx(r[name][:2] + turn, rel=1e-8), name
+    assert fourbar.verify(r).ok
+
+
+def test_a_controlled_wheel_settles_with_the_roots_of_its_loop():
+    """J q'' = kp e + ki I: disturbances fade by the roots of J s^2 + kp s + ki over a turn."""
+    kp, ki = 8.0, 6.0
+    mech = speed_control(signals.Pid(kp=kp, ki=ki)).compile()
+    inertia = float(mech.run(at=[0.0], want=["wheel.J_red"])["wheel.J_red"][0])
+    motion = mech.simulate("steady").motion
+    roots = np.roots([inertia, kp, ki])
+    fades = np.sort(np.abs(np.exp(roots * motion.facts["period"])))[::-1]
+    assert motion.facts["mean_speed"] == pytest.approx(10.0, rel=1e-10)
+    found = [motion.facts["multiplier"], motion.facts["multiplier_2"]]
+    assert np.abs(found) == pytest.approx(fades, rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("controller", "said"),
+    [({"sample": 0.01}, "blocks that switch at instants"), ({}, "only turns are looked for")],
+)
+def test_steady_states_that_no_turn_has_are_refused(controller, said):
+    pid = signals.Pid(kp=8.0, ki=6.0, **controller)
+    mech = speed_control(pid, wish=10.0 if controller else 0.0).compile()
+    with pytest.raises(RequestError, match=said):
+        mech.simulate("steady")

@@ -138,8 +138,7 @@ def check(system: System, request: SimulationRequest) -> None:
     name, goal, several = request.method, request.until.goal, len(system.drivers) > 1
     if several and goal not in ("time", "event", "steady"):
         raise _unfitting("until", goal, "it needs one driver", ("time", "event", "steady"))
-    if goal == "steady" and "state" in system.depends_on:
-        why = "the loads depend on states of signals or friction, which no search for it follows"
+    if goal == "steady" and (why := _no_search(system, request.start.t)):
         raise _unfitting("until", goal, why, ("time", "event"))
     if goal == "event" and not any(w.terminal for w in request.watch):
         remedy = f"give one in Python: watch=[{WATCH}]"
@@ -159,6 +158,21 @@ def check(system: System, request: SimulationRequest) -> None:
     if why:
         fit = (n for n, m in METHODS.items() if not _unfit(m, system, request))
         raise _unfitting("method", name, why, ("auto", *fit))
+
+
+def _no_search(system: System, t: float) -> str:
+    """Why no search for a steady state follows the states of signals; empty where one does."""
+    if "state" not in system.depends_on:
+        return ""
+    if system.remembers:
+        return "the loads depend on states of friction laws, which no search for it follows"
+    if len(system.drivers) > 1 or "time" in system.depends_on:
+        return (
+            "states of signals are followed with one driver and loads that do not follow the time"
+        )
+    if math.isfinite(system.signals.next_time(t)):
+        return "blocks that switch at instants do not repeat with the turns of the driver"
+    return ""
 
 
 def _unfit(method: Method, system: System, request: SimulationRequest) -> str:

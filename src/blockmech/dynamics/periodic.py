@@ -196,6 +196,13 @@ class PeriodicMotion:
         many = turn if q.ndim == 1 else turn[:, None]
         return State(q + many * self.shift, qd)
 
+    def signal_states(self, t: Floats) -> Floats:
+        """States (m, n) of signal blocks at times (m,) [s]."""
+        turn = np.floor((t - self.t0) / self.period)
+        local = np.clip(t - turn * self.period, self.t0, self.t0 + self.period)
+        states: Floats = self.once.signal_states(local)  # type: ignore[attr-defined]
+        return states
+
 
 def repeated(
     found: FixedPoint,
@@ -228,11 +235,15 @@ def repeated(
     regime = "steady state" if found.kind == "stable" else f"{found.kind} periodic motion"
     k, many = shift.size, (max([t0 + period, *request.times]) - t0) / period
     fastest = float(np.abs(once.at(once.times(SCANNED + 1)).qd).max())
-    missed_by = np.append(once.q_end, once.qd_end) - found.x - np.append(shift, np.zeros(k))
+    moved = np.append(once.q_end, once.qd_end)
+    missed_by = moved - found.x[: 2 * k] - np.append(shift, np.zeros(k))
     off = float(np.abs(missed_by[:k]).max() + period * np.abs(missed_by[k:]).max())
     late = 0.0 if once.end == "time" else found.gain * (once.time_error + off / fastest)
     errors = found.gain * (once.error + off) + (many - 1) * late * fastest, many * late
-    return _steady(request, method, regime, track, t0 + period, errors, facts, (note, *notes))
+    steady = _steady(request, method, regime, track, t0 + period, errors, facts, (note, *notes))
+    if not once.x_end:
+        return steady
+    return replace(steady, x_end=tuple(track.signal_states(np.array([steady.t_end]))[0].tolist()))
 
 
 def _named(multipliers: Any) -> dict[str, float]:

@@ -4,6 +4,7 @@
 |---------------------------------|---------------------------------------------------------|
 | the time, and repeat            | the state after a period of them: stroboscopic map      |
 | place and rate, one driver      | the next standstill or turn: return map                 |
+| states of signals, one driver   | the same of turns, of the rate and the states at once   |
 | place and rate, several drivers | the equilibrium at which it comes to rest               |
 | the place alone                 | every motion is its own                                 |
 
@@ -25,7 +26,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from blockmech.dynamics import ends
+from blockmech.dynamics import ends, loads
 from blockmech.dynamics.equation import Equation, scales
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import watched
@@ -34,6 +35,7 @@ from blockmech.dynamics.forcing import (
     ELSEWHERE,
     INWARD,
     SETTLING,
+    TIMES,
     MotionEnded,
     Orbit,
     Stroboscope,
@@ -71,6 +73,7 @@ FAMILY = (
     "no load dissipates, so every motion near by is periodic too: this is the one from the "
     "start, and disturbances neither grow nor fade"
 )
+TURNS_ALONE = "under signals only turns are looked for"
 CYCLIC = (
     "nothing depends on the coordinate of a driver: its rate repeats, and the coordinate advances "
     "by what it advances in a period"
@@ -93,7 +96,8 @@ def steady_motion(system: System, request: SimulationRequest) -> Motion:
     follow = sorted(depends - {"q"}) or ["joint friction"]
     request = replace(request, why=request.why or f"the loads depend on {listed(follow)}")
     flow = Flow(system, request)
-    steady = _forced(flow) if "time" in depends else _settled(flow)
+    states = bool(flow.layout.initial)
+    steady = _forced(flow) if "time" in depends else (_turning if states else _settled)(flow)
     if several and request.watch:
         note = "events are not looked for along the steady motion of several drivers"
         return replace(steady, notes=(*steady.notes, note))
@@ -150,7 +154,10 @@ class Gone(Watch):
 
 @dataclass
 class Flow:
-    """Motions of a system from any state (2k,), without an estimate of their errors."""
+    """Motions of a system from any state (2k,), without an estimate of their errors.
+
+    Behind coordinates and rates stand those of signal blocks, where there are some.
+    """
 
     system: System
     request: SimulationRequest
@@ -160,36 +167,58 @@ class Flow:
     def __post_init__(self) -> None:
         start, span = self.request.start, self.system.span
         self.k = len(self.system.drivers)
+        self.period = _period(self.system)
         self.equation = Equation(self.system, start.q)
         self.layout = self.equation.layout
-        self.x = self.layout.start(start.q, start.rate)[: self.layout.moving]
+        self.x = self._parts(self.layout.start(start.q, start.rate))
         if self.system.friction is not None:
             self.equation.sides = self.system.friction.sides(float(self.x[0]), 1)
         self.speed = scales(self.equation, start.t, self._whole(self.x))[0]
-        self.size = np.repeat([min(span, 1.0), self.speed], self.k)  # of the parts of a state
+        # of the parts of a state
+        self.size = np.append(np.repeat([min(span, 1.0), self.speed], self.k), self._sizes(self.x))
         if not np.isfinite(self.acceleration(self.x)).all():
             why = what_is_ahead(self.equation, start.t, self._whole(self.x)).kind
             raise no_steady(f"{why} at the start", "start elsewhere")
 
     def acceleration(self, x: Floats, later: float = 0.0) -> Floats:
         """q'' (k,) at a state, some time [s] after the start."""
+        return self._slope(x, later)[self.layout.rate]
+
+    def _slope(self, x: Floats, later: float = 0.0) -> Floats:
         slope = self.equation(self.request.start.t + later, self._whole(x))
-        return np.asarray(slope, dtype=np.float64)[self.layout.rate]
+        return np.asarray(slope, dtype=np.float64)
+
+    def repeats(self, x: Floats) -> bool:
+        """Whether signals do the same a period on, whatever they read."""
+        here, there = (self._slope(x + at * (np.arange(x.size) < 1)) for at in (0.0, self.period))
+        return bool(np.abs(there - here).max() <= NONE * np.abs(here).max())
 
     def _whole(self, x: Floats) -> Floats:
-        """A state (2k,) of the maps as one of the integration."""
-        return self.layout.start(*self.layout.motion(x))
+        """A state of the maps as one of the integration."""
+        y = self.layout.start(*self.layout.motion(x))
+        y[self.layout.signals] = x[self.layout.moving :]
+        return y
+
+    def _parts(self, y: Floats) -> Floats:
+        """A state of the integration as one of the maps."""
+        return np.append(y[: self.layout.moving], y[self.layout.signals])
+
+    def _sizes(self, x: Floats) -> Floats:
+        """Sizes (n,) of the states of signal blocks."""
+        return np.maximum(np.abs(x[self.layout.moving :]), self.system.signals.sizes)
 
     def asked(self, x: Floats, until: Until, watch: Sequence[Watch] = ()) -> SimulationRequest:
         """A request for a motion from a state."""
         start = Start(*self.layout.motion(x), self.request.start.t)
         return replace(self.request, start=start, until=until, watch=tuple(watch), times=())
 
-    def run(self, asked: SimulationRequest, tolerance: float) -> Motion:
-        """One integration."""
+    def run(self, asked: SimulationRequest, x: Floats, tolerance: float) -> Motion:
+        """One integration from a state."""
         own = asked.method in SOLVERS and tolerance > FLOWS
         method, rest = asked.method if own else "dop853", SMALL * self.system.span
-        motion = TimeIntegration(self.system, asked, method, tolerance, self.name, rest).motion()
+        run = TimeIntegration(self.system, asked, method, tolerance, self.name, rest)
+        run.y = self._whole(x)
+        motion = run.motion()
         if motion.end == ends.INTERRUPTED:
             raise KeyboardInterrupt
         return motion
@@ -198,16 +227,17 @@ class Flow:
         """The state some time [s] later."""
         if not (np.abs(x - self.x) <= FAR * self.size).all():  # a root search went astray
             raise MotionEnded("a way without end")
-        motion = self.run(self.asked(x, Until("time", time)), tolerance)
+        motion = self.run(self.asked(x, Until("time", time)), x, tolerance)
         if motion.end != "time":
             raise MotionEnded(motion.end, motion.t_end - motion.t_start)
         return np.append(motion.q_end, motion.qd_end)
 
     def passage(self, x: Floats, tolerance: float = LOOSE) -> SectionReturn:
         """The way of one driver to the next standstill or whole turn."""
-        begin, period = float(x[0]), self.system.period
+        begin, period = float(x[0]), self.period
         stopped = any(map(math.isfinite, self.system.stops[0]))
         by_place = self.system.damped and self.system.friction is None and period is not None
+        by_place &= not self.layout.initial
         if by_place and x[1] and not stopped:  # a turn: swings are many short panels
             passage = self._along_path(x, FINE if tolerance <= FLOWS else COARSE)
             if passage is not None:
@@ -217,13 +247,15 @@ class Flow:
         def gone(t: Any, q: Any, qd: Any) -> Any:
             return np.abs(q - begin) - far
 
-        motion = self.run(self.asked(x, Until("standstill"), [Gone(ends.TURN, gone)]), tolerance)
+        asked = self.asked(x, Until("standstill"), [Gone(ends.TURN, gone)])
+        motion = self.run(asked, x, tolerance)
         time = motion.t_end - motion.t_start
         if motion.end == ends.TURN and far != period:
             raise MotionEnded("a way without end")
         if motion.end not in (ends.STANDSTILL, ends.TURN, ends.REST):
             raise MotionEnded(motion.end, time)
-        return SectionReturn(motion.end, np.append(motion.q_end, motion.qd_end), time)
+        there = np.array([motion.q_end, motion.qd_end, *motion.x_end])
+        return SectionReturn(motion.end, there, time)
 
     def _along_path(self, x: Floats, nodes: int) -> SectionReturn | None:
         """The same by place data, to rounding; None where the path ends otherwise."""
@@ -242,7 +274,8 @@ class Flow:
         At a speed that stays the path has nothing but rounding to resolve: then it goes in time.
         """
         request = self.asked(x, until)
-        if until.goal == "turns" and request.method not in SOLVERS and self.system.smooth_friction:
+        by_path = until.goal == "turns" and request.method not in SOLVERS
+        if by_path and self.system.smooth_friction and not self.layout.initial:
             found = along_path(self.system, request)
             if found.end == ends.INTERRUPTED:
                 raise KeyboardInterrupt
@@ -250,10 +283,24 @@ class Flow:
                 return found
         own = request.method if request.method in SOLVERS else "dop853"
         finer = (request.accuracy or TARGET) / 10  # the gain of the map enlarges it
-        motion = in_time(self.system, replace(request, accuracy=finer), own)
+        system = replace(self.system, begin=tuple(x[self.layout.moving :].tolist()))
+        motion = in_time(system, replace(request, accuracy=finer), own)
         if motion.end == ends.INTERRUPTED:
             raise KeyboardInterrupt
         return motion
+
+
+def _period(system: System) -> float | None:
+    """Period of all that depends on the only driver's coordinate, but for signals."""
+    structure = system.compiled.structure
+    if system.period is not None or not structure.signals or len(system.drivers) > 1:
+        return system.period
+    elements = {
+        name: element
+        for name, element in structure.elements.items()
+        if element.counted is None or element.counted.driver
+    }
+    return loads.period_of(replace(structure, elements=elements), system.drivers[0])
 
 
 # -- loads of the time ---------------------------------------------------------------------
@@ -298,6 +345,56 @@ def _forced_motion(flow: Flow, map_: Stroboscope, orbit: Orbit) -> Motion:
     notes += [CYCLIC] if map_.cyclic else []
     periods = {"periods_of_the_loads": float(orbit.periods)}
     return repeated(point, once, shift, flow.request, flow.name, notes, **periods)
+
+
+# -- states of signals -------------------------------------------------------------------------
+
+
+def _turning(flow: Flow) -> Motion:
+    """What a driver under signals settles to that turns on and on.
+
+    A turn maps rate and states to those after it: several numbers, so it is let settle before the
+    root of what a turn changes is looked for.
+    """
+    x, clock, last = flow.x, 0.0, math.inf
+    period = flow.period
+    if period is None or not flow.repeats(flow.x):
+        raise no_steady(f"nothing repeats after a turn; {TURNS_ALONE}")
+    try:
+        for _ in range(TIMES * SETTLING):
+            way = flow.passage(x)
+            off = np.abs((way.x - x) / flow.size)[1:].max() if way.kind == ends.TURN else math.inf
+            x, clock, before, last = way.x, clock + way.time, last, float(off)
+            flow.size[flow.layout.moving :] = flow._sizes(x)
+            if way.kind == ends.REST:
+                raise MotionEnded(ends.REST)
+            if last <= SMALL or before <= last < INWARD:  # settled, or as near as it comes
+                shift = math.copysign(period, float(x[1]))
+                x[0] = flow.x[0] + math.remainder(float(x[0] - flow.x[0]), period)
+                if (point := _turn_of(flow, x, shift)) is not None:
+                    once = flow.once(point.x, Until("turns", period / math.tau))
+                    notes = (f"found from the speed {x[1]:.6g} at the start of a turn",)
+                    return repeated(point, once, np.array([shift]), flow.request, flow.name, notes)
+    except MotionEnded as lost:
+        if lost.end != "time":
+            raise lost.after(clock) from None
+        raise no_steady(f"it turns no more after {clock:.6g} s; {TURNS_ALONE}", ELSEWHERE) from None
+    why = f"the motion from the start has not settled after {clock:.6g} s"
+    raise no_steady(f"{why}; {TURNS_ALONE}", ELSEWHERE)
+
+
+def _turn_of(flow: Flow, x: Floats, shift: float) -> FixedPoint | None:
+    """The turn near a state that leaves rate and states as they are."""
+
+    def change(state: Floats) -> Floats:
+        passage = flow.passage(state, FLOWS)
+        if passage.kind != ends.TURN:
+            return np.full(state.size, math.nan)
+        step = passage.x - state
+        step[0] -= shift
+        return step
+
+    return fixed_point(change, x, range(1, x.size), flow.size)
 
 
 # -- loads of place and rate ---------------------------------------------------------------
