@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.dynamics.contacts import pushing
 from blockmech.errors import GraphError, RequestError
 from tests.gallery import GRAPHS
 from tests.independent import newton
@@ -322,3 +323,58 @@ def test_one_driver_rubs_on_the_way_in_and_on_the_way_out():
     g.stop("rod", high=0.4, restitution=1.0)  # with friction a stop would have to give for this
     notes = g.compile().simulate("time=0.5").motion.notes
     assert any("too high for the friction" in note for note in notes)
+
+
+# -- stops of pairs with several drivers --------------------------------------------------------
+
+
+def test_a_pin_strikes_after_whole_turns_of_one_of_two_drivers():
+    g = bm.Graph("wheels")
+    g.add("frame", bm.Frame(markers={"O": (0.0, 0.0)}))
+    g.add("arm", bm.Crank(length=1.0, links={"crank": bm.Link(mass=1.0, inertia=1.0)}))
+    g.add("wheel", bm.Crank(length=0.5, links={"crank": bm.Link(mass=1.0, inertia=0.1)}))
+    g.connect("frame.O", "arm.A")
+    g.connect("arm.B", "wheel.A")
+    g.start("arm", q=0.0, rate=1.0)
+    g.start("wheel", q=0.5, rate=7.0)
+    g.stop("wheel.A.coordinate", high=15.0, restitution=0.5)
+    mech = g.compile()
+    blow = mech.simulate("time=3").motion.impacts[0]
+    assert blow.t == pytest.approx((15.0 - 0.5) / 7.0, rel=1e-12)
+    # the arm carries the wheel's mass and its inertia about the wheel's pin: momentum of both stays
+    assert blow.after[1] == pytest.approx(-3.5)
+    spins = (blow.before, blow.after)
+    before, after = ((1.0 + 1.0) * w[0] + 0.1 * (w[0] + w[1]) for w in spins)
+    assert before == pytest.approx(after, rel=1e-12)
+    assert mech.impulses(blow)["arm.drive"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_knee_lies_against_its_stop_while_both_arms_move():
+    g = five_bar()
+    g.scene = g.scene.model_copy(update={"stops": {}})
+    g.stop("dyad.C.coordinate", high=0.9, restitution=0.0)
+    mech = g.compile()
+    r = mech.simulate("time=0.6", want="*", times=np.linspace(0.0, 0.6, 61))
+    (lain,) = r.motion.lying
+    lies = r.time > lain.begin + 1e-9
+    assert lies.sum() > 5
+    assert lain.push < 0  # it keeps the knee from opening
+    np.testing.assert_allclose(r["dyad.C.coordinate"][lies], 0.9, rtol=1e-9)
+    for driver in mech.drivers:
+        assert np.abs(r[f"{driver}.drive"]).max() < 1e-9
+    assert mech.verify(r).ok
+
+
+def test_of_several_stops_those_push_that_must():
+    """0 <= P, 0 <= n q' after, one of them zero: by a quadratic programme of SciPy."""
+    from scipy.optimize import nnls
+
+    rng = np.random.default_rng(7)
+    for _ in range(50):
+        A, rows = rng.normal(size=(3, 3)), rng.normal(size=(3, 3))
+        M, before = A @ A.T + np.eye(3), rng.normal(size=3)
+        # least M-norm of the rates after: their change is a sum of pushes
+        L = np.linalg.cholesky(M)
+        P, _ = nnls(np.linalg.solve(L, rows.T), -L.T @ before)
+        chosen = pushing(M, rows, rows @ before)[0]
+        assert set(chosen) == set(np.flatnonzero(P > 1e-12).tolist())

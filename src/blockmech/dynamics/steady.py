@@ -188,9 +188,9 @@ class Flow:
         slope = self.equation(self.request.start.t + later, self._whole(x))
         return np.asarray(slope, dtype=np.float64)
 
-    def repeats(self, x: Floats) -> bool:
+    def repeats(self, x: Floats, period: float) -> bool:
         """Whether signals do the same a period on, whatever they read."""
-        here, there = (self._slope(x + at * (np.arange(x.size) < 1)) for at in (0.0, self.period))
+        here, there = (self._slope(x + at * (np.arange(x.size) < 1)) for at in (0.0, period))
         return bool(np.abs(there - here).max() <= NONE * np.abs(here).max())
 
     def _whole(self, x: Floats) -> Floats:
@@ -283,7 +283,9 @@ class Flow:
                 return found
         own = request.method if request.method in SOLVERS else "dop853"
         finer = (request.accuracy or TARGET) / 10  # the gain of the map enlarges it
-        system = replace(self.system, begin=tuple(x[self.layout.moving :].tolist()))
+        system = self.system
+        if self.layout.initial:
+            system = replace(system, begin=tuple(x[self.layout.moving :].tolist()))
         motion = in_time(system, replace(request, accuracy=finer), own)
         if motion.end == ends.INTERRUPTED:
             raise KeyboardInterrupt
@@ -358,7 +360,7 @@ def _turning(flow: Flow) -> Motion:
     """
     x, clock, last = flow.x, 0.0, math.inf
     period = flow.period
-    if period is None or not flow.repeats(flow.x):
+    if period is None or not flow.repeats(flow.x, period):
         raise no_steady(f"nothing repeats after a turn; {TURNS_ALONE}")
     try:
         for _ in range(TIMES * SETTLING):
