@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex
 import blockmech as bm
 from blockmech.draw import palette
 from blockmech.draw.labels import Crowd, Label
-from blockmech.draw.mechanism import Picture, caption, draw_mechanism
+from blockmech.draw.mechanism import Picture, caption, draw_mechanism, draw_tile
 from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.paper import styled
 from blockmech.draw.shapes import Stage, load_ways
@@ -262,3 +262,20 @@ def test_a_label_that_moves_avoids_what_is_drawn_in_any_frame():
     assert place.centre(1) - place.centre(0) == -10
     for frame, line in enumerate((53, 47)):
         assert abs(place.centre(frame).imag - line) >= place.half.imag
+
+
+@pytest.mark.parametrize("build", [slider_crank, quick_return])
+def test_a_tile_is_a_square_that_holds_the_mechanism_without_words(build):
+    mechanism = build().compile()
+    figure = draw_tile(mechanism)
+    (axes,) = figure.axes
+    assert figure.get_figwidth() == figure.get_figheight()
+    assert not axes.axison
+    assert axes.get_legend() is None
+    words = [text.get_text() for text in (*figure.texts, *axes.texts)]
+    assert not any(words), words
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    assert right - left == pytest.approx(high - low)
+    run = mechanism.run(want="*.*.p")  # a guide's marker of the frame may lie far off
+    z = np.concatenate([run[name] for name in run if not name.startswith("frame.")])
+    assert ((left < z.real) & (z.real < right) & (low < z.imag) & (z.imag < high)).all()

@@ -24,8 +24,8 @@ Picture = Annotated[
 Kind = Annotated[
     str | None,
     option(
-        "diagram, mechanism, animation, schedule, structure or centrodes; by default what the "
-        "others say.",
+        "diagram, mechanism, animation, schedule, structure, centrodes or tile; by default what "
+        "the others say.",
         "KIND",
     ),
 ]
@@ -64,7 +64,7 @@ def draw(
     subject: Any = reading(file, opened if kind == "diagram" else compiled)
     refuse_spared(picture)
     given: Any = at  # which a diagram refuses
-    if kind in ("mechanism", "animation") or (kind == "centrodes" and at):
+    if kind in ("mechanism", "animation") or (kind in ("centrodes", "tile") and at):
         given = coordinates(subject, at)
     with progress_bar("drawing"):
         request: dict[str, Any] = {"kind": kind, "at": given, "degrees": deg}

@@ -18,7 +18,7 @@ from blockmech.draw.boxes import graph_of
 from blockmech.draw.centrodes import centrodes
 from blockmech.draw.curves import Axis, abscissa, chosen_panels, pictures_of
 from blockmech.draw.diagram import draw_diagram
-from blockmech.draw.mechanism import draw_mechanism
+from blockmech.draw.mechanism import draw_mechanism, draw_tile
 from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.panels import draw_panels
 from blockmech.draw.paper import STILL, rendered, suffix_of, write_figure
@@ -53,8 +53,11 @@ KINDS = {
     "schedule": STILL,
     "structure": STILL,
     "centrodes": STILL,
+    "tile": STILL,
 }
-Kind: TypeAlias = Literal["diagram", "mechanism", "animation", "schedule", "structure", "centrodes"]
+Kind: TypeAlias = Literal[
+    "diagram", "mechanism", "animation", "schedule", "structure", "centrodes", "tile"
+]
 
 
 @declared
@@ -77,7 +80,8 @@ def draw(
     kind : "diagram" (default), "mechanism" at poses, "animation" (default for those),
         "schedule" of the kernel calls that some outputs take, "structure": groups with
         their number of links and the degrees of freedom they add, "centrodes" of links that
-        ``want`` names, over ``at`` or the driver's range
+        ``want`` names, over ``at`` or the driver's range, "tile": a square mechanism without
+        axes and words
     at : float or (n,) [rad or m], or a mapping driver -> (n,)
         Driver coordinates of the poses, the first in full; by default over the range
         of the drivers' laws of motion.
@@ -106,6 +110,8 @@ def draw(
         return write_figure(_centrodes_figure(subject.compile(), at, want, degrees), path, suffix)
     if kind == "mechanism":
         return write_figure(_mechanism_figure(subject, at, trace, degrees), path, suffix)
+    if kind == "tile":
+        return write_figure(draw_tile(subject.compile(), at), path, suffix)
     useless = "at" if at is not None else "trace" if trace is not None else ""
     if useless:
         found = f"a {'block diagram' if kind == 'diagram' else kind} has no poses"

@@ -27,6 +27,7 @@ from blockmech.report import DEGREES
 SWEEP = 241  # samples of a path
 PATHS = 8  # that are drawn if none are named
 MANY = 9  # labels from which the picture is two columns wide
+TILE, ROOM = 2.4, 1.3  # [in] side of a tile; of the mechanism's size that it holds
 POSES = (0.125, 0.375, 0.625, 0.875)  # of the range; the first is the main one, others faint
 
 
@@ -55,6 +56,7 @@ def draw_mechanism(
     trace: Iterable[str] | None = None,
     degrees: bool = DEGREES,
     curves: Paths | None = None,
+    named: bool = True,
 ) -> Picture:
     """Draw a mechanism at poses: the first in full, the others faintly.
 
@@ -66,6 +68,7 @@ def draw_mechanism(
         default the user's markers, or inner joints if there are none
     degrees : angles in the caption in degrees
     curves : name -> places (n,) [m] to be drawn in place of paths
+    named : with names and a caption
 
     Raises `RequestError` where the range is not known and no pose is named, and the
     errors of `Compiled.run` where the first pose cannot be reached.
@@ -77,7 +80,7 @@ def draw_mechanism(
     sketch = sketch_of(sweep if sweep is not None and sweep.feasible.any() else motion)
     paths = paths_of(sweep, trace) if sweep is not None and sweep.result.n > 1 else {}
     paths = worded(paths) if curves is None else curves
-    text = caption(motion, range(len(motion.samples)), degrees)
+    text = caption(motion, range(len(motion.samples)), degrees) if named else ""
     with styled():
         page = page_of(sketch, motion, paths, [text] * bool(text))
         stage = Stage(sketch, motion, page.unit)
@@ -90,11 +93,34 @@ def draw_mechanism(
         drawn = shapes.shapes_of(stage)
         for shape in drawn:
             page.draw(shape)
+        if not named:
+            return picture
         crowd = page.crowd(drawn, paths)
         for place in map(crowd.place, _labels(page, stage)):
             page.draw(page.leader(place))
             picture.labels.append(page.write(place))
     return picture
+
+
+def draw_tile(mechanism: Compiled, at: Any = None) -> Any:
+    """A square figure of a mechanism without axes and words, one of many in a table.
+
+    Arguments and errors are those of `draw_mechanism`.
+    """
+    picture = draw_mechanism(mechanism, at, named=False)
+    figure, axes = picture.figure, picture.axes
+    if (legend := axes.get_legend()) is not None:
+        legend.remove()
+    axes.set_axis_off()
+    axes.set_position((0.0, 0.0, 1.0, 1.0))
+    figure.set_size_inches(TILE, TILE)
+    places = places_of(picture.stage.sketch, picture.stage.motion, {})
+    low = complex(places.real.min(), places.imag.min())
+    high = complex(places.real.max(), places.imag.max())
+    half, middle = max((high - low).real, (high - low).imag) * ROOM / 2, (low + high) / 2
+    axes.set(xlim=(middle.real - half, middle.real + half))
+    axes.set(ylim=(middle.imag - half, middle.imag + half))
+    return figure
 
 
 def page_of(sketch: Sketch, motion: Motion, paths: Paths, captions: Iterable[str]) -> Page:
