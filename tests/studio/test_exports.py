@@ -54,7 +54,7 @@ def test_every_kind_is_a_file(shown, kind):
 
 
 def test_what_cannot_be_exported_says_why(shown):
-    with pytest.raises(BlockmechError, match="guides are not written"):
+    with pytest.raises(BlockmechError, match="--to mjcf"):
         exported("mjcf", *shown)
     sheet = Sheet()
     view = MechanismView(sheet)
