@@ -220,7 +220,7 @@ class Compiled(Runnable):
                 settings["friction"] = "newton"
             plan = self.plan_at(taken, want, **settings)
             if self.structure.states:
-                self._refuse_states(plan, taken.inputs)
+                self.refuse_states(plan, taken.inputs)
             values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
             result = Result(self, plan, taken, values, name, settings)
         return without_gaps(result, on_gap)
@@ -319,7 +319,7 @@ class Compiled(Runnable):
             if name.startswith(STATE):
                 yield int(name[len(STATE) :])
 
-    def _refuse_states(self, plan: Plan, known: Collection[str]) -> None:
+    def refuse_states(self, plan: Plan, known: Collection[str]) -> None:
         """Refuse a run of given motions that needs states of signal blocks."""
         needed = {i for i in self._states_needed(plan) if f"{STATE}{i}" not in known}
         needed -= {self.structure.states[ref] for ref in self.structure.remembering}

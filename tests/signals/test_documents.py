@@ -9,7 +9,7 @@ import pytest
 
 import blockmech as bm
 from blockmech import signals
-from blockmech.errors import FormatError, GraphError
+from blockmech.errors import FormatError, GraphError, RequestError
 from blockmech.loads import laws
 from tests.doors import linkage_of
 from tests.gallery import JOINTS
@@ -130,3 +130,16 @@ def test_designs_of_a_document_under_control_vary_its_numbers():
     there = m.replace({"signals.pid.ki": 4.0}).compile().simulate("time=0.5", want=["pid.integral"])
     here = m.compile().simulate("time=0.5", want=["pid.integral"])
     assert there["pid.integral"][-1] != here["pid.integral"][-1]
+
+
+def test_a_study_of_what_follows_states_is_refused_as_a_run_is():
+    mech = bm.Graph.load(CONTROL / "speed_controlled_pump.json").compile()
+    drive = f"{mech.drivers[0]}.drive"
+    name = next(a for a in mech.parameters() if a.endswith(".mass"))
+    for ask in (
+        lambda: mech.run(samples=3, want=drive),
+        lambda: mech.study({name: [1.0, 1.1]}, want=f"max({drive})", samples=3),
+    ):
+        with pytest.raises(RequestError) as refused:
+            ask()
+        assert refused.value.problems[0].code == "signal-states"

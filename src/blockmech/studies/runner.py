@@ -227,6 +227,7 @@ class _Planned:
         self.together = 1 if runner.family.alone else self.engine.designs_together // CHUNK
         moved = mechanism.structure.remembering and runner.family.alone
         taken = mechanism.with_deflections(self.samples) if moved else self.samples
+        mechanism.refuse_states(self.plan, taken.inputs)
         self.inputs = taken.given(self.plan.program.inputs)
         self.weights = self.samples.weights(len(mechanism.drivers))
         blocks = mechanism.structure.blocks
