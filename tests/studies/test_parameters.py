@@ -113,7 +113,7 @@ def test_a_mechanism_lists_its_numbers_with_units():
 
 RATIOS = {  # of forces, and of components
     *("coefficient", "static", "kinetic", "exponent"),
-    *("restitution", "efficiency", "direction", "dir"),
+    *("restitution", "efficiency", "friction", "direction", "dir"),
 }
 CHOICES = {"branch", "side", "sign", "slider", "turns", "teeth"}
 
