@@ -133,16 +133,30 @@ def remainder(x: Any, period: float) -> Any:
     return math.remainder(at, period) + (x - at)
 
 
+PLAIN = frozenset({float, complex, int, bool, str, type(None)})
+
+
 def settled(x: Any) -> Any:
-    """Numbers without derivatives, also inside records, lists and mappings."""
+    """Numbers without derivatives, also inside records, lists and mappings.
+
+    What holds none with derivatives is given back itself.
+    """
+    kind = type(x)
+    if kind in PLAIN:
+        return x
     if isinstance(x, Varied):
         z = complex(x)
         return z if z.imag else z.real
-    if isinstance(x, Mapping):
-        return {key: settled(item) for key, item in x.items()}
     if isinstance(x, list | tuple):
         parts = [settled(item) for item in x]
-        return type(x)(*parts) if hasattr(x, "_fields") else type(x)(parts)
+        if all(a is b for a, b in zip(parts, x, strict=True)):
+            return x
+        return kind(*parts) if hasattr(x, "_fields") else kind(parts)
+    if isinstance(x, Mapping):
+        found = {key: settled(item) for key, item in x.items()}
+        return found if any(found[key] is not item for key, item in x.items()) else x
     if is_dataclass(x) and not isinstance(x, type):
-        return replace(x, **{f.name: settled(getattr(x, f.name)) for f in fields(x)})
+        given = {f.name: getattr(x, f.name) for f in fields(x)}
+        new = settled(given)
+        return x if new is given else replace(x, **new)
     return x
