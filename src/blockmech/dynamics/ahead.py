@@ -27,7 +27,7 @@ from blockmech.dynamics.panels import (
     span,
 )
 from blockmech.dynamics.place import SHORT, SLIPS, TAU, J
-from blockmech.dynamics.road import CLOSE, PathMesh, Piece
+from blockmech.dynamics.road import CLOSE, PathMesh, Piece, WholePieces
 from blockmech.dynamics.work import EffortFunction, Work, of_friction, of_place, of_rate, settled
 from blockmech.plane import EPS
 
@@ -61,8 +61,8 @@ class PanelBuilder:
         self.road, self.n, self.rounding = road, road.n, rounding
         self.system, self.tolerance = road.system, road.tolerance
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
-        # By the identity of place data: they, and the dK/dq (n,) that a stretch found there.
-        self.solved: dict[int, tuple[Any, Floats]] = {}
+        # Whole pieces, and the dK/dq (m, n) that a stretch found there last; NaN where none did.
+        self.solved: tuple[WholePieces, Floats] | None = None
         self.longest = math.inf  # [rad or m] that may be smooth: twice what was, if not all
 
     def panel(self, at: PathState, piece: Piece, end: float) -> Panels | PanelFailure:
@@ -136,7 +136,7 @@ class PanelBuilder:
         if self.place_only:
             return of_place(rows), inertia
         if friction is None:
-            return of_rate(self.system, q, rows, sign), inertia
+            return of_rate(self.system, q, rows, inertia, sign), inertia
         slips = rows[SLIPS : SLIPS + len(friction.names), self.n // 2]
         sides = tuple(map(int, friction.senses(sign * slips)))
         return of_friction(friction, q, rows, sign, sides), inertia

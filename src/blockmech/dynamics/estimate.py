@@ -24,6 +24,7 @@ from blockmech.series import GOLDEN
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
+    from blockmech.dynamics.track import Lateness
 
 Setting = TypeVar("Setting")
 
@@ -72,18 +73,44 @@ def difference(
 ) -> Difference:
     """How far two runs of one motion are apart; ``rotary`` (k,): whose coordinate is an angle."""
     times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
-    q, qd = states = fine.at(times)
+    q, qd = fine.at(times)
     apart = np.abs(coarse.at(times).q - q).max(axis=0)
     same = coarse.end == fine.end and coarse.status == fine.status
     if same:
         apart = np.maximum(apart, np.abs(np.asarray(coarse.q_end) - np.asarray(fine.q_end)))
-    late, span = abs(coarse.t_end - fine.t_end), fine.t_end - fine.t_start
+    late = abs(coarse.t_end - fine.t_end)
+    return _judged(fine, apart, late, same, rotary, times, State(q, qd))
+
+
+def in_place(
+    fine: Motion, by: Lateness, end_apart: float, late: float, rotary: tuple[bool, ...]
+) -> Difference:
+    """How far apart two runs are that go the same way to the same end.
+
+    Where one is late by dt the other is ahead by q' dt. ``end_apart`` [rad or m] and ``late`` [s]:
+    their ends.
+    """
+    apart = np.maximum(np.abs(by.late * by.qd).max(), end_apart)
+    return _judged(fine, apart, late, True, rotary, by.t, State(by.q, by.qd))
+
+
+def _judged(
+    fine: Motion,
+    apart: Any,
+    late: float,
+    same: bool,
+    rotary: tuple[bool, ...],
+    times: Floats,
+    states: State,
+) -> Difference:
+    """Whether runs that are so far apart, a number or (k,), are one motion."""
+    (q, qd), span = states, fine.t_end - fine.t_start
     size = float(np.abs(q).max()) + abs(fine.t_end) * float(np.abs(qd).max())
     longest = np.where(rotary, 1.0, math.inf) if q.ndim > 1 else 1.0 if rotary[0] else math.inf
     near = PARTED * np.minimum(np.ptp(q, axis=0), longest) + ROUNDING * size
-    close = bool((apart <= near).all()) and late <= PARTED * span
+    close = bool(np.all(apart <= near)) and late <= PARTED * span
     agree = same and (close or span == 0)
-    return Difference(float(apart.max()), late, agree, near, times, states)
+    return Difference(float(np.max(apart)), late, agree, near, times, states)
 
 
 def with_rounding(
@@ -110,8 +137,12 @@ def with_rounding(
             share = max(share, 0.0 if moves else system.push_rounding(q, motion.t_start))
         late = share * np.maximum(np.abs(times), times - motion.t_start)
         off = (late * np.abs(states.qd).T).T
-        if (off[1:] > np.abs(np.diff(states.q, axis=0))).any():  # of speeds without bound
-            off = np.abs(states.q - motion.at(np.maximum(times - late, motion.t_start)).q)
+        way = np.abs(np.diff(states.q, axis=0))
+        if len(way) > 1 and (off[1:-1] > np.maximum(way[1:], way[:-1])).any():
+            inside = times <= motion.t_end  # of speeds without bound
+            before = np.clip(times - late, motion.t_start, motion.t_end)
+            off = np.abs(states.q - motion.at(before).q)[inside]
+            states = State(states.q[inside], states.qd[inside])
         off += ROUNDING * np.abs(states.q)
         unsure = motion.time_error + (0.0 if motion.end == "time" else float(late[-1]))
         motion = replace(motion, error=motion.error + float(off.max()), time_error=unsure)
@@ -163,11 +194,16 @@ def refined(
     return best, by
 
 
+def agreed(fine: Motion, apart: Difference) -> Motion:
+    """The finer of two runs that are one motion, with its error."""
+    late = 0.0 if fine.end == "time" else apart.t
+    return replace(fine, error=apart.q, time_error=fine.time_error + late)
+
+
 def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: tuple[float, ...]) -> Motion:
     """The finer of two runs with its error, or what both know of the motion."""
     if apart.agree:
-        late = 0.0 if fine.end == "time" else apart.t
-        return replace(fine, error=apart.q, time_error=fine.time_error + late)
+        return agreed(fine, apart)
     times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
     off = np.abs(coarse.at(times).q - fine.at(times).q)
     one = off.ndim == 1

@@ -338,15 +338,21 @@ class Panels:
         return series
 
     @cached_property
+    def _known(self) -> tuple[Floats, Floats, Floats]:
+        """v (n + 2,) of the anchor, the nodes and the end, times (m, n + 2) since v = 0, dt/dv."""
+        r = rule(self.w.shape[1])
+        v = np.concatenate([[0.0], r.v, [1.0]])
+        return v, self.clock @ r.known.T, self.rate @ r.known[:, :-1].T
+
+    @cached_property
     def _table(self) -> tuple[Floats, Floats, Floats]:
         """Rising arguments 2 i + (share of the time of panel i), v there, and dv by them."""
-        r, m = rule(self.w.shape[1]), len(self.w)
-        times, slope = self.clock @ r.known.T, self.rate @ r.known[:, :-1].T
+        v, times, slope = self._known
+        m = len(self.w)
         whole = np.maximum(times[:, -1:], SMALLEST)
         share = np.clip(np.maximum.accumulate(times, axis=1) / whole, 0.0, 1.0)
         with np.errstate(all="ignore"):
             rise = np.where(slope > 0, whole / slope, 0.0)
-        v = np.concatenate([[0.0], r.v, [1.0]])
         return (2.0 * np.arange(m)[:, None] + share).ravel(), np.tile(v, m), rise.ravel()
 
     def _near(self, x: Floats) -> Floats:
@@ -421,14 +427,35 @@ class Panels:
             float(whole[i]) - since if self.spans.backward[i] else since
         )
 
-    def at_place(self, q: float) -> float:
-        """Time [s] at which they pass a place."""
-        begin, end = self.spans.begin[0], self.spans.end
-        i = min(int(np.searchsorted(np.abs(end - begin), abs(q - begin))), len(end) - 1)
-        share = min(abs((q - self.spans.anchor[i]) / self.spans.way[i]), 1.0)
-        v = np.array([share if self.spans.kind[i] == PLAIN else math.sqrt(share)])
-        since = float((basis(v, self.clock.shape[1]) @ self.clock[i])[0])
-        return float(self.times[i + 1] - since if self.spans.backward[i] else self.times[i] + since)
+    def known_states(self) -> tuple[Floats, Floats, Floats]:
+        """Times [s], driver coordinates and rates (m, n + 2) at the anchors, nodes and ends."""
+        v, since, slope = self._known
+        kind, way = self.spans.kind[:, None], self.spans.way[:, None]
+        lead, back = np.where(kind == PLAIN, 1.0, v), self.spans.backward[:, None]
+        with np.errstate(all="ignore"):
+            speed = np.where(slope > 0, P[kind] * way * lead / slope, 0.0)
+        t = np.where(back, self.times[1:, None] - since, self.times[:-1, None] + since)
+        return t, self.spans.places(v), np.where(back, -speed, speed)
+
+    def one_way(self) -> list[slice]:
+        """Those between two standstills each."""
+        kind = self.spans.kind
+        ends = np.flatnonzero((kind[:-1] == TO_REST) | (kind[1:] == FROM_REST)) + 1
+        return list(map(slice, [0, *ends.tolist()], [*ends.tolist(), len(kind)]))
+
+    def at_places(self, q: Floats, among: slice = slice(None)) -> Floats:
+        """Times [s] (k,) at which those between two standstills pass places (k,)."""
+        spans, begin = self.spans, self.spans.begin[among][0]
+        i = np.searchsorted(np.abs(spans.end[among][:-1] - begin), np.abs(q - begin))
+        i += among.start or 0
+        share = np.clip((q - spans.anchor[i]) / spans.way[i], 0.0, 1.0)
+        v = np.where(spans.kind[i] == PLAIN, share, np.sqrt(share))
+        clock = self.clock
+        since = (basis(v, clock.shape[1]) * clock[i]).sum(axis=1)
+        times: Floats = np.where(
+            spans.backward[i], self.times[i + 1] - since, self.times[i] + since
+        )
+        return times
 
 
 def joined(row: Sequence[Panels]) -> Panels:

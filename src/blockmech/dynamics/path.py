@@ -28,8 +28,10 @@ from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
     ROUNDING,
     TARGET,
-    common_times,
+    Difference,
+    agreed,
     difference,
+    in_place,
     judged,
     stopped,
     with_rounding,
@@ -42,7 +44,7 @@ from blockmech.dynamics.rest import balanced, equilibrium
 from blockmech.dynamics.road import CLOSE, PIECES, PathMesh, Piece
 from blockmech.dynamics.singular import time_left
 from blockmech.dynamics.stretch import Stretch
-from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment
+from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, lateness
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
@@ -204,7 +206,7 @@ class PathRun:
             goals.append(self.turned(self.system.period))
         goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
         goal = min(goals, key=lambda x: self.sign * x, default=self.sign * math.inf)
-        panel: Panels | PanelFailure | None = self.at_once(piece, goal)
+        panel: Panels | PanelFailure | None = self.at_once(goal)
         if panel is None:
             cuts = (x for x in piece.cuts if self.sign * (x - self.q) > 0 and not self.here(x))
             panel = self.next.panel(
@@ -225,31 +227,16 @@ class PathRun:
         elif panel.end:
             self.obstructed(panel)
 
-    def at_once(self, piece: Piece, goal: float) -> Panels | None:
+    def at_once(self, goal: float) -> Panels | None:
         """All panels until a standstill or a goal; None where that is not for all at once."""
         if self.alone > 0:
             self.alone -= 1
             return None
-        sign, end, following, energy = self.sign, self.q, piece, self.K
-        pieces: list[Piece] = []
-        while self.system.friction is None and len(pieces) <= len(self.road.pieces):
-            if following.data.limit or following.what_ends(sign):
-                break
-            begin, end = end, following.end(sign)
-            energy += (end - begin) * following.data.mean_effort
-            if not self.place_only and energy < 0:  # it hardly gets through
-                end = begin
-                break
-            pieces.append(following)
-            if sign * (end - goal) >= 0:
-                end = goal
-                break
-            known = self.road.known(end, sign)
-            if known is None:
-                break
-            following = known
-        panels = Stretch(self.next, self.at, pieces, end).panels() if pieces else None
-        self.pause = 0 if panels is not None or not pieces else 2 * self.pause + 1
+        if self.system.friction is not None:
+            return None
+        stretch = Stretch.ahead(self.next, self.at, goal)
+        panels = stretch.panels() if stretch else None
+        self.pause = 0 if panels is not None or not stretch else 2 * self.pause + 1
         self.alone = self.pause
         return panels
 
@@ -405,15 +392,21 @@ class PathRun:
 
     # -- the result ------------------------------------------------------------
 
+    @property
+    def whole(self) -> list[Leg]:
+        """All that the run left behind."""
+        return [*self.legs, joined(self.panels)] if self.panels else self.legs
+
     def motion(self) -> Motion:
         """The motion of a run that has ended; of one that moved the error is not known yet."""
         request, system, t0 = self.request, self.system, self.request.start.t
-        legs = [*self.legs, joined(self.panels)] if self.panels else self.legs
+        legs = self.whole
         track = PathTrack(tuple(legs), t0) if legs else Still(self.q)
         if self.events and self.events[-1].t == self.t:
             q, qd = self.events[-1].q, self.events[-1].qd
-        else:
-            times = common_times(t0, t0 + self.t, request.times)
+        else:  # with the times wanted, which are asked for again
+            last = t0 + self.t
+            times = np.array([*(t for t in request.times if t0 <= t < last), last])
             q, qd = (float(x[-1]) for x in track.state(times))
         if self.end == request.until.goal and any(map(self.here, self.request.places)):
             q = self.q
@@ -443,21 +436,38 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     Of two runs the coarser has fewer nodes and is some roundings beside, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
-    run = PathRun(system, request, COARSE, True)
-    run.run()
-    coarse = run.motion()
+    coarse, fine = PathRun(system, request, COARSE, True), PathRun(system, request, FINE)
+    coarse.run()
     given_up = (ends.TOO_MANY, ends.SWINGS_ON) if request.method == "auto" else ()
     if coarse.end in (ends.INTERRUPTED, *given_up):
-        return stopped(coarse, None)
-    run = PathRun(system, request, FINE)
-    run.run()
-    fine = run.motion()
+        return stopped(coarse.motion(), None)
+    fine.run()
+    motion = fine.motion()
     if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
-        return stopped(fine, coarse if fine.end == ends.INTERRUPTED else None)
-    if not run.panels and not run.legs:
-        return fine
-    if coarse.end == ends.TOO_MANY and coarse.t_end < fine.t_end:
-        return stopped(coarse, replace(fine, notes=(*coarse.notes, *fine.notes)))
-    apart = difference(coarse, fine, system.rotary, request.times)
-    motion = judged(coarse, fine, apart, request.times)
+        return stopped(motion, coarse.motion() if fine.end == ends.INTERRUPTED else None)
+    if not fine.panels and not fine.legs:
+        return motion
+    if coarse.end == ends.TOO_MANY and coarse.t < fine.t:
+        notes = (*coarse.notes, *motion.notes)
+        return stopped(coarse.motion(), replace(motion, notes=notes))
+    apart = compared(coarse, fine, motion)
+    if apart is not None and apart.agree:
+        motion = agreed(motion, apart)
+    else:
+        other = coarse.motion()
+        apart = difference(other, motion, system.rotary, request.times)
+        motion = judged(other, motion, apart, request.times)
     return with_rounding(system, motion, request.accuracy or TARGET, apart)
+
+
+def compared(coarse: PathRun, fine: PathRun, motion: Motion) -> Difference | None:
+    """How far two runs are apart that end alike; None where they do not go the same way."""
+    if (coarse.end, coarse.status) != (fine.end, fine.status):
+        return None
+    by = lateness(fine.whole, coarse.whole, fine.t)
+    if by is None or not np.isfinite(by.late).all():
+        return None
+    timed = fine.end == "time"
+    apart, late = 0.0 if timed else abs(coarse.q - fine.q), abs(coarse.t - fine.t)
+    by = by._replace(t=by.t + motion.t_start)
+    return in_place(motion, by, apart, late, fine.system.rotary)

@@ -91,11 +91,6 @@ class PlaceData:
         return largest
 
     @cached_property
-    def mean_effort(self) -> float:
-        """[N m or N] about the mean over the piece, of loads at rest."""
-        return float(self.rows[TAU].mean())
-
-    @cached_property
     def tails(self) -> Floats:
         """(r,) see `tails`."""
         return tails(self.rows, self.series)

@@ -9,14 +9,17 @@ runs of a mechanism; they are made at once.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.panels import HALVINGS, Floats, rule
+from blockmech.dynamics.panels import HALVINGS, PLAIN, Floats, rule
 from blockmech.dynamics.place import (
     DAMPING,
     MARGIN,
@@ -75,16 +78,77 @@ class Piece:
         near = CLOSE * max(abs(a), abs(b))
         if data.limit or abs(a - low) > near or abs(b - high) > near:
             return None
-        return self.over_all(1 if begin < end else -1)
-
-    def over_all(self, sign: int) -> Floats:
-        """Place data (r, n + 1) of a plain panel over all of it in a direction; see `whole`."""
-        return self.data.forward if sign > 0 else self.data.backward
+        return data.forward if begin < end else data.backward
 
     def shifted(self, by: float) -> Piece:
         """The same some periods further on."""
         cuts = tuple(x + by for x in self.cuts)
         return replace(self, shift=self.shift + by, cuts=cuts) if by else self
+
+
+class WholePieces(NamedTuple):
+    """Pieces of a row as they are run over in one direction, with their work integrated.
+
+    Arrays (m, ...), in the order of the row; those of pieces that end the road say nothing.
+
+    values : (m, r, n + 1) place data at the nodes of a plain panel over all of each, and its begin
+    series : (m, r, n) of place data
+    largest : (m, r) magnitudes of place data
+    gains : (m, n + 1) [J] by which loads at rest raise K from its begin to there, and to its end
+    mean_effort : (m,) [N m or N] about the mean over each, of loads at rest
+    follows : (m,) whether the next one in this direction begins where it ends
+    goes_on : (m,) whether nothing ends the road in it
+    """
+
+    values: Floats
+    series: Floats
+    largest: Floats
+    gains: Floats
+    mean_effort: Floats
+    follows: NDArray[np.bool_]
+    goes_on: NDArray[np.bool_]
+
+
+class PieceRow:
+    """Pieces of the path by place: low, high (m,) [rad or m] their ends, rising."""
+
+    def __init__(self, pieces: Sequence[Piece], n: int, period: float | None) -> None:
+        self.pieces, self.n, self.period = sorted(pieces, key=lambda x: x.data.low), n, period
+        self.lows = [x.data.low for x in self.pieces]
+        self.low, self.high = (np.array([x.end(way) for x in self.pieces]) for way in (-1, 1))
+        self._whole: dict[int, WholePieces] = {}
+
+    def index(self, q: float, sign: int, near: float) -> int | None:
+        """Which piece is ahead of a place, ``near`` [rad or m] to it at its own end or begin."""
+        i = bisect_right(self.lows, q + near) if sign > 0 else bisect_left(self.lows, q - near)
+        if not i:
+            return None
+        data = self.pieces[i - 1].data
+        left = data.high - q if sign > 0 else q - data.low
+        return i - 1 if near < left <= data.length + near else None
+
+    def whole(self, sign: int) -> WholePieces:
+        """The pieces as they are run over in a direction."""
+        if sign not in self._whole:
+            data = [x.data for x in self.pieces]
+            values = np.array([x.forward if sign > 0 else x.backward for x in data])
+            way = sign * (self.high - self.low)
+            gains = way[:, None] * (values[:, TAU, :-1] @ rule(self.n).energy[PLAIN].T)
+            begin, end = (self.low, self.high) if sign > 0 else (self.high, self.low)
+            following = np.roll(begin, -sign)
+            if self.period is not None:  # behind the last one comes the first
+                following[-1 if sign > 0 else 0] += sign * self.period
+            size = np.maximum(np.abs(end), np.abs(following))
+            self._whole[sign] = WholePieces(
+                values,
+                np.array([x.series for x in data]),
+                np.array([x.largest for x in data]),
+                gains,
+                values[:, TAU, :-1].mean(axis=1),
+                np.abs(following - end) <= 2 * CLOSE * size,
+                np.array([not (x.data.limit or x.what_ends(sign)) for x in self.pieces]),
+            )
+        return self._whole[sign]
 
 
 @dataclass
@@ -102,63 +166,50 @@ class PathMesh:
     limits: list[tuple[float, int, str]] = field(default_factory=list)  # place, direction, what
 
     @cached_property
-    def pieces(self) -> list[Piece]:
-        """Those that are there, in no order: to begin with, of a period those that are kept."""
+    def row(self) -> PieceRow:
+        """The pieces that are there: to begin with, of a period those that are kept."""
         period = self.system.period
         if period is None:
-            return []
+            return PieceRow([], self.n, None)
         kept, key = self.system.kept, ("mesh", self.n, self.system.friction is None)
         if key not in kept:
-            edges = self._edges_from(self._half_a_period_before(0.0))
-            made = mesh(self._values, edges, self.n, self.tolerance)
-            kept[key] = [self._piece(data) for data in made]
-        turns = [math.ceil((self.first - x.data.low) / period - CLOSE) for x in kept[key]]
-        return [x.shifted(n * period) for x, n in zip(kept[key], turns, strict=True)]
+            made = mesh(self._values, self._edges_of_period, self.n, self.tolerance)
+            kept[key] = PieceRow([self._piece(data) for data in made], self.n, period)
+        row: PieceRow = kept[key]
+        return row
 
     @cached_property
     def first(self) -> float:
-        """Where the period begins whose pieces serve all turns."""
-        return self._half_a_period_before(self.start)
+        """Where the period begins whose pieces serve all turns.
 
-    def _half_a_period_before(self, q: float) -> float:
-        """An edge of the pieces.
-
-        They keep clear of quarters of a turn, where much that is symmetric is in equilibrium.
+        Pieces keep clear of quarters of a turn, where much that is symmetric is in equilibrium.
         """
         assert self.system.period is not None
-        part = self.system.period / PIECES
-        return part * (math.floor(q / part - PIECES / 2) + 0.5)
+        return self.system.period / PIECES * (0.5 - PIECES / 2)
 
-    def known(self, q: float, sign: int) -> Piece | None:
-        """The piece ahead of a place; None where none was made yet."""
-        shift, near = self._turn(q, sign)
-        there = q - shift
-        for piece in self.pieces:
-            data = piece.data
-            ahead = ((data.high if sign > 0 else data.low) + piece.shift - there) * sign
-            if near < ahead <= data.length + near:
-                return piece.shifted(shift)
-        return None
+    def _with(self, pieces: Sequence[Piece]) -> None:
+        """The same path with other pieces, in this run alone."""
+        self.row = PieceRow(pieces, self.n, self.system.period)
 
     def ahead(self, q: float, sign: int, length: float = math.inf) -> Piece | str:
         """The piece ahead of a place, no longer than asked if it is new; or why there is none."""
-        piece = self.known(q, sign)
-        if piece is not None:
-            return piece
-        shift, near = self._turn(q, sign)
+        shift, near = self.turn(q, sign)
+        i = self.row.index(q - shift, sign, near)
+        if i is not None:
+            return self.row.pieces[i].shifted(shift)
         there = next((x for x in self._edges if abs(x - (q - shift)) <= near), q - shift)
         made = self._made(there, sign, length)
         if isinstance(made, str):
             return made
-        self.pieces.append(made)
+        self._with([*self.row.pieces, made])
         return made.shifted(shift)
 
     def shorten(self, piece: Piece, q: float, sign: int, length: float) -> None:
         """A shorter piece from a place on instead of one that is too long for what happens."""
-        self.pieces = [p for p in self.pieces if p.data is not piece.data]
+        self._with([p for p in self.row.pieces if p.data is not piece.data])
         self.ahead(q, sign, length)
 
-    def _turn(self, q: float, sign: int) -> tuple[float, float]:
+    def turn(self, q: float, sign: int) -> tuple[float, float]:
         """Whole periods [rad] to the kept one, and a distance that is none but for rounding."""
         period, near = self.system.period, CLOSE * max(abs(q), abs(self.start))
         if period is None:
@@ -213,11 +264,12 @@ class PathMesh:
         """Ends of the first pieces: of a period, or of all that kinks bound."""
         if self.system.period is None:
             return list(self.system.knots)
-        return [float(x) for x in self._edges_from(self.first)]
+        return [float(x) for x in self._edges_of_period]
 
-    def _edges_from(self, first: float) -> Floats:
-        """Ends of the pieces of a period from a place on."""
-        period = self.system.period
+    @property
+    def _edges_of_period(self) -> Floats:
+        """Ends of the pieces of a period."""
+        period, first = self.system.period, self.first
         assert period is not None
         ways = {k / PIECES * period for k in range(PIECES + 1)}
         apart = sorted(ways | {(x - first) % period for x in self.system.knots})
@@ -228,9 +280,9 @@ class PathMesh:
 
     def _far(self, q: float, sign: int, length: float) -> tuple[float, str]:
         """The farthest place that a new piece may reach, and what ends the road there."""
-        known_ends = [p.end(-sign) for p in self.pieces] + self._edges
+        known_ends = [p.end(-sign) for p in self.row.pieces] + self._edges
         usual = (self.system.period or self.system.span) / PIECES
-        known = [x for p in self.pieces for x in (p.data.low, p.data.high)]
+        known = [x for p in self.row.pieces for x in (p.data.low, p.data.high)]
         if self.system.period is None and known:  # along a guide they double
             usual = max(usual, max(known) - min(known))
         ends = [(x, what) for x, way, what in self.limits if way == sign]

@@ -16,7 +16,7 @@ that is not known before, are left to `PanelBuilder`.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from blockmech.dynamics.panels import (
     SMALLEST,
     TO_REST,
     Floats,
+    Ints,
     P,
     Panels,
     Spans,
@@ -36,7 +37,7 @@ from blockmech.dynamics.panels import (
     rule,
 )
 from blockmech.dynamics.place import SHORT, TAU, J
-from blockmech.dynamics.road import CLOSE, Piece
+from blockmech.dynamics.road import CLOSE
 from blockmech.dynamics.work import FAST, of_rate
 from blockmech.plane import EPS
 
@@ -56,72 +57,145 @@ def cubic_zero(a: float, b: float, rise: float, fall: float, x: float) -> float:
 class Stretch:
     """A motion over pieces of the path, from a state to an end or a standstill before it.
 
+    Arrays (m, ...) of its panels; those of whole pieces are the ones kept with the path.
+
+    which, low, length : (m,) the piece of each in the row, its low end and length [rad or m]
     edges : (m + 1,) places where panels begin and end
-    pieces : (m,) of the path in which they lie
-    rows : (m,) place data at the nodes and the anchor of each, None where they are not known yet
+    values : (m, r, n + 1) place data at the nodes of each, and at its anchor
+    gains : (m, n + 1) [J] by which loads at rest raise K from its anchor
+    kept : (m,) whether it is a whole piece
     stands : whether the last edge is a standstill
     """
 
     def __init__(
-        self, ahead: PanelBuilder, at: PathState, pieces: Sequence[Piece], end: float
+        self, builder: PanelBuilder, at: PathState, which: Ints, shifts: Any, end: float
     ) -> None:
-        self.n, self.rounding, self.tolerance = ahead.n, ahead.rounding, ahead.tolerance
-        self.ahead, self.at, self.stands, self.place_only = ahead, at, False, ahead.place_only
-        self.edges = [at.q, *(p.end(at.sign) for p in pieces[:-1]), end]
-        self.pieces = list(pieces)
-        self.rows: list[Floats | None] = [p.over_all(at.sign) for p in pieces]
-        for i in {0, len(pieces) - 1}:  # the others are whole pieces
-            self.rows[i] = pieces[i].whole(self.edges[i], self.edges[i + 1])
-        if at.K == 0:
-            self.rows[0] = None
+        self.builder, self.at, self.stands = builder, at, False
+        self.n, self.rounding, self.tolerance = builder.n, builder.rounding, builder.tolerance
+        self.place_only, row = builder.place_only, builder.road.row
+        self.row, self.which = row.whole(at.sign), which
+        self.low, high = row.low[which] + shifts, row.high[which] + shifts
+        self.length = high - self.low
+        ends, begin = (high, self.low[0]) if at.sign > 0 else (self.low, high[0])
+        self.edges = np.concatenate([[at.q], ends[:-1], [end]])
+        self.kept = np.ones(len(which), bool)
+        near = CLOSE * max(abs(at.q), abs(end))
+        self.kept[0] = at.K > 0 and abs(at.q - begin) <= near
+        self.kept[-1] &= abs(end - ends[-1]) <= near
+        self.values, self.gains = self.row.values[which], self.row.gains[which]
+        self._fill(np.flatnonzero(~self.kept))
+
+    @classmethod
+    def ahead(cls, builder: PanelBuilder, at: PathState, goal: float) -> Stretch | None:
+        """As far as whole pieces are known, at most a turn, and to a goal; None where none are."""
+        road, row, sign = builder.road, builder.road.row, at.sign
+        shift, near = road.turn(at.q, sign)
+        first = row.index(at.q - shift, sign, near)
+        if first is None:
+            return None
+        whole, m = row.whole(sign), len(row.pieces)
+        which, turns = first + sign * np.arange(m + 1), np.zeros(m + 1)
+        if row.period is None:
+            which = which[(which >= 0) & (which < m)]
+            shifts = np.zeros(len(which))
+        else:
+            turns, which = np.divmod(which, m)
+            shifts = shift + turns * row.period
+        good = whole.goes_on[which]
+        good[1:] &= whole.follows[which[:-1]]
+        count = leading(good)
+        which, shifts = which[:count], shifts[:count]
+        ends = (row.high if sign > 0 else row.low)[which] + shifts
+        end = float(ends[-1]) if count else goal
+        reached = np.flatnonzero(sign * (ends - goal) >= 0)
+        if reached.size:
+            count, end = int(reached[0]) + 1, goal
+        if not builder.place_only:  # none that it hardly gets through
+            way = np.diff(ends[:count], prepend=at.q)
+            energy = at.K + np.cumsum(way * whole.mean_effort[which[:count]])
+            through = leading(energy >= 0)
+            if through < count:
+                count, end = through, float(ends[through - 1])
+        return cls(builder, at, which[:count], shifts[:count], end) if count else None
 
     @np.errstate(all="ignore")  # what is not finite is no panel
     def panels(self) -> Panels | None:
         """The panels, or the first ones of them: those that need no shorter piece of the path."""
         panels, J0, low = self._over_edges()
-        if low < len(self.pieces) and self.place_only and self._stopped(panels, low):
+        if low < len(self.which) and self.place_only and self._stopped(panels, low):
             panels, J0, low = self._over_edges()
         count = 0
         for level in reversed(range(SHORT.bit_length())):  # whole, and halved to parts in `SHORT`
-            largest = np.array([x.data.largest[TAU] for x in self.pieces[:low]])
-            some = panels if low == len(self.pieces) else panels.first(low)
+            largest = self.row.largest[self.which[:low], TAU]
+            some = panels if low == len(self.which) else panels.first(low)
             good = some.smooth(J0[:low], self.tolerance, not self.place_only, largest)
             if good.all() or not level:
                 count = leading(good)
                 break
-            self._halved(np.flatnonzero(~good).tolist())
+            self._halved(np.flatnonzero(~good))
             panels, J0, low = self._over_edges()
         return panels.first(count) if count else None
 
-    def _halved(self, which: list[int]) -> None:
+    def _halved(self, some: Ints) -> None:
         """Two panels each in place of some."""
-        for i in reversed(which):
-            self.edges.insert(i + 1, (self.edges[i] + self.edges[i + 1]) / 2)
-            self.pieces.insert(i, self.pieces[i])
-            self.rows[i : i + 1] = [None, None]
+        m = len(self.which)
+        twice = np.ones(m, int)
+        twice[some] = 2
+        of = np.repeat(np.arange(m), twice)
+        self.edges = np.insert(self.edges, some + 1, (self.edges[some] + self.edges[some + 1]) / 2)
+        self._take(of)
+        first = some + np.arange(len(some))
+        self._fill(np.sort(np.concatenate([first, first + 1])))
 
-    def _over_edges(self) -> tuple[Panels, Floats, int]:
-        """The panels, the inertia (m,) at their anchors, and how many of them are possible."""
-        n, m, at = self.n, len(self.pieces), self.at
-        edges = np.array(self.edges)
-        kind = np.full(m, PLAIN)
-        if at.K == 0:
+    def _take(self, of: Any) -> None:
+        """Go on with the panels of indices or of a slice."""
+        for name in ("which", "low", "length", "values", "gains", "kept"):
+            setattr(self, name, getattr(self, name)[of])
+
+    @property
+    def kind(self) -> Ints:
+        """(m,) kinds of the panels."""
+        kind = np.full(len(self.which), PLAIN)
+        if self.at.K == 0:
             kind[0] = FROM_REST
         if self.stands:
             kind[-1] = TO_REST
-        spans = Spans(edges[:-1], edges[1:], np.zeros(m), kind)
-        rows = self._rows(spans)
-        inertia, w, known = rows[:, J], rows[:, TAU, :-1], m
+        return kind
+
+    def _fill(self, some: Ints) -> None:
+        """Place data, and gains at rest, of panels that are no whole pieces."""
+        if not some.size:
+            return
+        self.kept[some] = False
+        begin, end, kind = self.edges[some], self.edges[some + 1], self.kind[some]
+        spans = Spans(begin, end, np.zeros(len(some)), kind)
+        v = rule(self.n).known_first
+        ways = np.where(kind[:, None] == PLAIN, v, v * v)
+        share = spans.anchor[:, None] - self.low[some, None] + spans.way[:, None] * ways
+        share = np.minimum(np.maximum(share / self.length[some, None], 0.0), 1.0)
+        series = self.row.series[self.which[some]]
+        values = series @ basis(share, self.n).transpose(0, 2, 1)
+        self.values[some] = values
         if self.place_only:
-            gains = spans.gains(w)
+            self.gains[some] = spans.gains(values[:, TAU, :-1])
+
+    def _over_edges(self) -> tuple[Panels, Floats, int]:
+        """The panels, the inertia (m,) at their anchors, and how many of them are possible."""
+        spans = Spans(self.edges[:-1], self.edges[1:], np.zeros(len(self.which)), self.kind)
+        inertia, w, known = self.values[:, J], self.values[:, TAU, :-1], len(self.which)
+        if self.rounding:
+            inertia = inertia + self.rounding * self.row.largest[self.which, J, None]
+        if self.place_only:
+            gains = self.gains
             energy = self._energies(spans, w, gains)
         else:
-            w, gains, energy, known = self._settled(spans, rows[..., :-1])
+            w, gains, energy, known = self._settled(spans, inertia[:, :-1])
         if self.stands:
             energy[-1] = 0.0
         spans.energy[:] = energy
         K = energy[:, None] + gains
-        panels = Panels(at.t, spans, w, K, inertia[:, :-1], np.zeros((m, n)))
+        lost = np.broadcast_to(0.0, w.shape)
+        panels = Panels(self.at.t, spans, w, K, inertia[:, :-1], lost)
         if not self.stands:
             known = min(known, leading(np.invert(self._used_up(panels).any(axis=1))))
         return panels, inertia[:, -1], known
@@ -134,27 +208,31 @@ class Stretch:
             energies[1:] += self.rounding * (np.abs(spans.way) * np.abs(w).mean(axis=1))[:-1]
         return self.at.K + np.cumsum(energies)
 
-    def _settled(self, spans: Spans, rows: Floats) -> tuple[Floats, Floats, Floats, int]:
+    def _settled(self, spans: Spans, inertia: Floats) -> tuple[Floats, Floats, Floats, int]:
         """dK/dq (m, n), gains (m, n + 1), energies (m,), and of how many panels they are found.
 
         The slope of what acts by the energy serves while steps fall fast, as in `settled`.
         """
-        r, kind, shape = rule(self.n), spans.kind, (len(rows), self.n)
+        r, kind = rule(self.n), spans.kind
         bends = P[kind][:, None] * r.powers[kind] * spans.way[:, None]
-        flat = np.moveaxis(rows, 1, 0).reshape(rows.shape[1], -1)
-        acts = of_rate(self.ahead.system, spans.places(r.v).ravel(), flat, self.at.sign)
-        w = acts(np.full(rows[:, J].size, self.at.K)).w.reshape(shape)
-        for i, kept in enumerate(self.rows):  # a turn is like the one before
-            w[i] = self.ahead.solved.get(id(kept), (kept, w[i]))[1]
+        rows = np.moveaxis(self.values[..., :-1], 1, 0)
+        acts = of_rate(self.builder.system, spans.places(r.v), rows, inertia, self.at.sign)
+        before = self.builder.solved
+        if before is None or before[0] is not self.row:
+            none = np.full_like(self.row.values[:, TAU, :-1], math.nan)
+            before = self.builder.solved = self.row, none
+        w = before[1][self.which]  # a turn is like the one before
+        new = np.isnan(w[:, 0]) | ~self.kept
+        w[new] = acts(np.full(w.shape, self.at.K)).w[new]
         last, a, known = np.full(len(w), math.nan), None, 0
         for _ in range(STEPS):
             gains = spans.gains(w)
             energy = self._energies(spans, w, gains)
             K = (energy[:, None] + gains)[:, :-1]
-            now = acts(K.ravel()).w.reshape(shape)
+            now = acts(K).w
             if a is None:
                 step = math.sqrt(EPS) * (np.abs(K) + EPS * np.abs(K).max()) + SMALLEST
-                a = (acts((K + step).ravel()).w.reshape(shape) - now) / step
+                a = (acts(K + step).w - now) / step
                 A = (a * bends) @ r.energy[PLAIN].T
                 growth, fading = np.exp(A), np.exp(-A[:, :-1])
             rise, begin = spans.gains(fading * (now - w)), np.zeros(len(w))
@@ -172,29 +250,8 @@ class Stretch:
             slow = ~(size[: known + 1] <= FAST * last[: known + 1])
             a, last = None if slow.any() else a, size
         gains = spans.gains(w)
-        # With the rows: as long as they are kept no others have their identity.
-        pairs = zip(self.rows, w, strict=True)
-        self.ahead.solved = {id(rows): (rows, solution) for rows, solution in pairs}
+        before[1][self.which[self.kept]] = w[self.kept]
         return w, gains, self._energies(spans, w, gains), known
-
-    def _rows(self, spans: Spans) -> Floats:
-        """Place data (m, r, n + 1) at the nodes and the anchors of panels."""
-        parts = [i for i, known in enumerate(self.rows) if known is None]
-        if parts:
-            of = [self.pieces[i] for i in parts]
-            low = np.array([x.end(-1) for x in of])[:, None]
-            length = np.array([x.data.length for x in of])[:, None]
-            v = rule(self.n).known_first
-            ways = np.where(spans.kind[parts, None] == PLAIN, v, v * v)
-            share = (spans.anchor[parts, None] - low + spans.way[parts, None] * ways) / length
-            values = basis(np.minimum(np.maximum(share, 0.0), 1.0), self.n)
-            for i, x, at_nodes in zip(parts, of, values, strict=True):
-                self.rows[i] = x.data.series @ at_nodes.T
-        rows = np.array(self.rows)
-        if self.rounding:
-            largest = np.array([x.data.largest[J] for x in self.pieces])
-            rows[:, J] += self.rounding * largest[:, None]
-        return rows
 
     # -- a standstill, where it is known before the motion ------------------------------
 
@@ -210,16 +267,18 @@ class Stretch:
         stop = self._standstill(panels, i)
         if stop is None:
             return False
-        self.edges, self.pieces = [*self.edges[: i + 1], stop], self.pieces[: i + 1]
-        self.rows = [*self.rows[:i], None]
-        self.stands = True
+        self.edges, self.stands = np.append(self.edges[: i + 1], stop), True
+        self._take(slice(i + 1))
         if i == 0 and self.at.K == 0:
-            self._halved([0])
+            self._halved(np.array([0]))
+        else:
+            self._fill(np.array([i]))
         return True
 
     def _standstill(self, panels: Panels, i: int) -> float | None:
         """Where the energy of a panel is used up, by Newton's method; None if not found."""
-        r, piece, K = rule(self.n), self.pieces[i], panels.K[i]
+        r, K, low, length = rule(self.n), panels.K[i], self.low[i], self.length[i]
+        series, largest = self.row.series[self.which[i], TAU], self.row.largest[self.which[i], TAU]
         begin, energy, sign = self.edges[i], float(panels.spans.energy[i]), self.at.sign
         j = int(np.argmax(self._used_up(panels)[i]))
         nodes = np.append(panels.spans.places(r.v)[i], self.edges[i + 1])
@@ -233,8 +292,8 @@ class Stretch:
         v = np.append(r.v, 1.0)
         while True:
             way = stop - begin
-            x = (begin + way * v - piece.data.low - piece.shift) / piece.data.length
-            tau = basis(np.minimum(np.maximum(x, 0.0), 1.0), self.n) @ piece.data.series[TAU]
+            x = (begin + way * v - low) / length
+            tau = basis(np.minimum(np.maximum(x, 0.0), 1.0), self.n) @ series
             if not sign * tau[-1] < 0:
                 return None
             step = (energy + way * float(r.average[-1] @ tau[:-1])) / -float(tau[-1])
@@ -244,6 +303,6 @@ class Stretch:
             if last <= EPS * abs(stop) or last <= NEXT * abs(way):
                 break
         beyond = sign * (stop - self.edges[i + 1]) > math.sqrt(EPS) * abs(stop - begin)
-        rough = abs(tau[-1]) < ROUGH * piece.data.largest[TAU]  # a small part of a long series
-        least = piece.data.length / SHORT if rough else CLOSE * abs(stop)
+        rough = abs(tau[-1]) < ROUGH * largest  # a small part of a long series
+        least = length / SHORT if rough else CLOSE * abs(stop)
         return None if beyond or sign * (stop - begin) < least else stop

@@ -41,15 +41,15 @@ class EffortFunction(NamedTuple):
 Work: TypeAlias = Callable[[Floats], EffortFunction]  # from the kinetic energy (n,) at the nodes
 
 
-def of_rate(system: System, q: Floats, rows: Floats, sign: int) -> Work:
-    """Loads that follow the rate as well: the effort at the rates that K means.
+def of_rate(system: System, q: Floats, rows: Floats, inertia: Floats, sign: int) -> Work:
+    """Loads that follow the rate as well: the effort at the rates that K means, of any shape.
 
     Of a straight line in the rate the rows of place data tell it, else the kernels do.
     """
     line = rows[TAU], sign * rows[DAMPING] if len(rows) > DAMPING else None
 
     def work(K: Floats) -> EffortFunction:
-        rate = np.maximum(np.sqrt(2 * np.maximum(K, 0.0) / rows[J]), SLOWEST)
+        rate = np.maximum(np.sqrt(2 * np.maximum(K, 0.0) / inertia), SLOWEST)
         tau, slope = line
         return EffortFunction(
             system.sample(q, sign * rate).tau if slope is None else tau + slope * rate
