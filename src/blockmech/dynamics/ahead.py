@@ -136,7 +136,7 @@ class PanelBuilder:
         if self.place_only:
             return of_place(rows), inertia
         if friction is None:
-            return of_rate(self.system, q, rows, inertia, sign), inertia
+            return of_rate(self.system, q, rows, inertia[:-1], sign), inertia
         slips = rows[SLIPS : SLIPS + len(friction.names), self.n // 2]
         sides = tuple(map(int, friction.senses(sign * slips)))
         return of_friction(friction, q, rows, sign, sides), inertia
