@@ -17,6 +17,7 @@ Source of the identity: [D14] Eq. 1, in its integrated form.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.ahead import PanelBuilder, PanelFailure, PathState
+from blockmech.dynamics.beside import Beside, beside
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
     ROUNDING,
@@ -436,38 +438,53 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     Of two runs the coarser has fewer nodes and is some roundings beside, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
-    coarse, fine = PathRun(system, request, COARSE, True), PathRun(system, request, FINE)
-    coarse.run()
+    fine = PathRun(system, request, FINE)
+    if system.friction is None:
+        fine.run()
+        motion = fine.motion()
+        if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
+            return stopped(motion, None)
+        other = beside(fine, COARSE)
+        apart = None if other is None else compared(fine, motion, *other)
+        if apart is not None and apart.agree:
+            return with_rounding(system, agreed(motion, apart), request.accuracy or TARGET, apart)
+    if fine.end and not fine.panels and not fine.legs:
+        return motion
+    run = PathRun(system, request, COARSE, True)
+    run.run()
+    coarse = run.motion()
     given_up = (ends.TOO_MANY, ends.SWINGS_ON) if request.method == "auto" else ()
     if coarse.end in (ends.INTERRUPTED, *given_up):
-        return stopped(coarse.motion(), None)
-    fine.run()
-    motion = fine.motion()
+        return stopped(coarse, None)
+    if not fine.end:
+        fine.run()
+        motion = fine.motion()
     if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
-        return stopped(motion, coarse.motion() if fine.end == ends.INTERRUPTED else None)
+        return stopped(motion, coarse if fine.end == ends.INTERRUPTED else None)
     if not fine.panels and not fine.legs:
         return motion
-    if coarse.end == ends.TOO_MANY and coarse.t < fine.t:
-        notes = (*coarse.notes, *motion.notes)
-        return stopped(coarse.motion(), replace(motion, notes=notes))
-    apart = compared(coarse, fine, motion)
-    if apart is not None and apart.agree:
-        motion = agreed(motion, apart)
-    else:
-        other = coarse.motion()
-        apart = difference(other, motion, system.rotary, request.times)
-        motion = judged(other, motion, apart, request.times)
+    if coarse.end == ends.TOO_MANY and coarse.t_end < motion.t_end:
+        return stopped(coarse, replace(motion, notes=(*coarse.notes, *motion.notes)))
+    apart = difference(coarse, motion, system.rotary, request.times)
+    motion = judged(coarse, motion, apart, request.times)
     return with_rounding(system, motion, request.accuracy or TARGET, apart)
 
 
-def compared(coarse: PathRun, fine: PathRun, motion: Motion) -> Difference | None:
-    """How far two runs are apart that end alike; None where they do not go the same way."""
-    if (coarse.end, coarse.status) != (fine.end, fine.status):
-        return None
-    by = lateness(fine.whole, coarse.whole, fine.t)
+def compared(
+    fine: PathRun, motion: Motion, other: Beside, legs: Sequence[Leg]
+) -> Difference | None:
+    """How far apart two runs are that go the same way; None where they do not."""
+    by = lateness(fine.whole, legs, fine.t)
     if by is None or not np.isfinite(by.late).all():
         return None
-    timed = fine.end == "time"
-    apart, late = 0.0 if timed else abs(coarse.q - fine.q), abs(coarse.t - fine.t)
+    apart, late = 0.0, 0.0
+    if fine.end != "time":
+        apart, last, there = other.shifted, fine.whole[-1], legs[-1]
+        late = float(np.abs(by.late[-2:]).max())
+        if fine.K == 0 and isinstance(last, Panels) and isinstance(there, Panels):
+            late = abs(there.t1 - last.t1)
+        elif isinstance(last, RepeatedSegment) and last.mirrored:
+            many = round((fine.t - last.t0) / last.duration)
+            late = abs(there.begins(many) - last.begins(many))  # type: ignore[union-attr]
     by = by._replace(t=by.t + motion.t_start)
     return in_place(motion, by, apart, late, fine.system.rotary)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.panels import HALVINGS, PLAIN, Floats, rule
+from blockmech.dynamics.panels import HALVINGS, PLAIN, Floats, basis, rule
 from blockmech.dynamics.place import (
     DAMPING,
     MARGIN,
@@ -127,6 +127,20 @@ class PieceRow:
         left = data.high - q if sign > 0 else q - data.low
         return i - 1 if near < left <= data.length + near else None
 
+    def at(self, q: Floats, first: float) -> Floats:
+        """Place data (r, k) at places (k,), NaN where there are none; ``first``: of a period."""
+        x = q if self.period is None else q - self.period * np.floor((q - first) / self.period)
+        near = CLOSE * np.abs(q).max()
+        which = np.maximum(np.searchsorted(self.low, x + near, "right") - 1, 0)
+        share = (x - self.low[which]) / (self.high - self.low)[which]
+        values = basis(np.minimum(np.maximum(share, 0.0), 1.0), self.n)
+        rows = np.empty((len(self.pieces[0].data.rows), len(q)))
+        for i in set(which.tolist()):
+            here = np.flatnonzero(which == i)
+            rows[:, here] = self.pieces[i].data.series @ values[here].T
+        rows[:, (x < self.low[which] - near) | (x > self.high[which] + 2 * near)] = math.nan
+        return rows
+
     def whole(self, sign: int) -> WholePieces:
         """The pieces as they are run over in a direction."""
         if sign not in self._whole:
@@ -173,10 +187,14 @@ class PathMesh:
             return PieceRow([], self.n, None)
         kept, key = self.system.kept, ("mesh", self.n, self.system.friction is None)
         if key not in kept:
-            made = mesh(self._values, self._edges_of_period, self.n, self.tolerance)
-            kept[key] = PieceRow([self._piece(data) for data in made], self.n, period)
+            kept[key] = self.over(self._edges_of_period)
         row: PieceRow = kept[key]
         return row
+
+    def over(self, edges: Floats) -> PieceRow:
+        """Pieces between edges, but where there is no pose and no inertia."""
+        made = mesh(self._values, edges, self.n, self.tolerance)
+        return PieceRow([self._piece(data) for data in made], self.n, self.system.period)
 
     @cached_property
     def first(self) -> float:

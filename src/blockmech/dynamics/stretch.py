@@ -38,7 +38,7 @@ from blockmech.dynamics.panels import (
 )
 from blockmech.dynamics.place import SHORT, TAU, J
 from blockmech.dynamics.road import CLOSE
-from blockmech.dynamics.work import FAST, of_rate
+from blockmech.dynamics.work import FAST, Work, of_rate
 from blockmech.plane import EPS
 
 NEXT = EPS ** (2 / 3)  # relative, of a step of Newton's whose square is below rounding
@@ -52,6 +52,52 @@ def cubic_zero(a: float, b: float, rise: float, fall: float, x: float) -> float:
         slope = (3 * c3 * x + 2 * c2) * x + rise
         x -= (((c3 * x + c2) * x + rise) * x + a) / slope if slope else 0.0
     return min(max(x, 0.0), 1.0)
+
+
+def begin_energies(K: float, gains: Floats, more: Any) -> Floats:
+    """[J] (m,) at the begin of panels in a row, of the first K; each leaves some more."""
+    energies = gains[:, -1] + more
+    energies[1:], energies[0] = energies[:-1].copy(), 0.0
+    return np.asarray(K + np.cumsum(energies))
+
+
+def solved(
+    acts: Work, spans: Spans, w: Floats, begin: float, more: Any
+) -> tuple[Floats, Floats, Floats, int]:
+    """dK/dq (m, n) of panels in a row that begin with an energy [J], from a guess of it.
+
+    Also gains (m, n + 1), energies (m,), and of how many panels they are found. The slope of what
+    acts by the energy serves while steps fall fast, as in `settled`.
+    """
+    r, kind = rule(w.shape[1]), spans.kind
+    bends = P[kind][:, None] * r.powers[kind] * spans.way[:, None]
+    last, a, known = np.full(len(w), math.nan), None, 0
+    for _ in range(STEPS):
+        gains = spans.gains(w)
+        K = (begin_energies(begin, gains, more)[:, None] + gains)[:, :-1]
+        now = acts(K).w
+        if a is None:
+            step = math.sqrt(EPS) * (np.abs(K) + EPS * np.abs(K).max()) + SMALLEST
+            a = (acts(K + step).w - now) / step
+            A = (a * bends) @ r.energy[PLAIN].T
+            growth, fading = np.exp(A), np.exp(-A[:, :-1])
+        rise, change_of_K = spans.gains(fading * (now - w)), [0.0]
+        for grows, rises in zip(growth[:-1, -1].tolist(), rise[:-1, -1].tolist(), strict=True):
+            change_of_K.append(grows * (change_of_K[-1] + rises))
+        change = now - w + a * (growth * (np.array(change_of_K)[:, None] + rise))[:, :-1]
+        w = w + change
+        size, whole = np.abs(change).max(axis=1), np.abs(w).max(axis=1)
+        following = size * (size / last)  # at most, as steps fall faster and faster
+        settled = np.fmin(size, following) <= 4 * EPS * whole
+        settled |= (size >= last) & (size <= math.sqrt(EPS) * whole)
+        going = leading(K.min(axis=1) > 0)  # behind a standstill nothing counts
+        known = min(leading(settled), going)
+        if known == going:
+            break
+        slow = ~(size[: known + 1] <= FAST * last[: known + 1])
+        a, last = None if slow.any() else a, size
+    gains = spans.gains(w)
+    return w, gains, begin_energies(begin, gains, more), known
 
 
 class Stretch:
@@ -187,7 +233,7 @@ class Stretch:
             inertia = inertia + self.rounding * self.row.largest[self.which, J, None]
         if self.place_only:
             gains = self.gains
-            energy = self._energies(spans, w, gains)
+            energy = begin_energies(self.at.K, gains, self._more(spans, w))
         else:
             w, gains, energy, known = self._settled(spans, inertia[:, :-1])
         if self.stands:
@@ -200,23 +246,15 @@ class Stretch:
             known = min(known, leading(np.invert(self._used_up(panels).any(axis=1))))
         return panels, inertia[:, -1], known
 
-    def _energies(self, spans: Spans, w: Floats, gains: Floats) -> Floats:
-        """[J] (m,) at the begin of each; of a run beside another, some roundings more each."""
-        energies = np.empty(len(gains))
-        energies[0], energies[1:] = 0.0, gains[:-1, -1]
-        if self.rounding:
-            energies[1:] += self.rounding * (np.abs(spans.way) * np.abs(w).mean(axis=1))[:-1]
-        return self.at.K + np.cumsum(energies)
+    def _more(self, spans: Spans, w: Floats) -> Any:
+        """[J] (m,) what a run beside another has more at the end of each: some roundings."""
+        return self.rounding * np.abs(spans.way) * np.abs(w).mean(axis=1) if self.rounding else 0.0
 
     def _settled(self, spans: Spans, inertia: Floats) -> tuple[Floats, Floats, Floats, int]:
-        """dK/dq (m, n), gains (m, n + 1), energies (m,), and of how many panels they are found.
-
-        The slope of what acts by the energy serves while steps fall fast, as in `settled`.
-        """
-        r, kind = rule(self.n), spans.kind
-        bends = P[kind][:, None] * r.powers[kind] * spans.way[:, None]
+        """dK/dq (m, n), gains (m, n + 1), energies (m,), and of how many panels they are found."""
         rows = np.moveaxis(self.values[..., :-1], 1, 0)
-        acts = of_rate(self.builder.system, spans.places(r.v), rows, inertia, self.at.sign)
+        q = spans.places(rule(self.n).v)
+        acts = of_rate(self.builder.system, q, rows, inertia, self.at.sign)
         before = self.builder.solved
         if before is None or before[0] is not self.row:
             none = np.full_like(self.row.values[:, TAU, :-1], math.nan)
@@ -224,34 +262,9 @@ class Stretch:
         w = before[1][self.which]  # a turn is like the one before
         new = np.isnan(w[:, 0]) | ~self.kept
         w[new] = acts(np.full(w.shape, self.at.K)).w[new]
-        last, a, known = np.full(len(w), math.nan), None, 0
-        for _ in range(STEPS):
-            gains = spans.gains(w)
-            energy = self._energies(spans, w, gains)
-            K = (energy[:, None] + gains)[:, :-1]
-            now = acts(K).w
-            if a is None:
-                step = math.sqrt(EPS) * (np.abs(K) + EPS * np.abs(K).max()) + SMALLEST
-                a = (acts(K + step).w - now) / step
-                A = (a * bends) @ r.energy[PLAIN].T
-                growth, fading = np.exp(A), np.exp(-A[:, :-1])
-            rise, begin = spans.gains(fading * (now - w)), np.zeros(len(w))
-            for i in range(len(w) - 1):
-                begin[i + 1] = growth[i, -1] * (begin[i] + rise[i, -1])
-            change = now - w + a * (growth * (begin[:, None] + rise))[:, :-1]
-            w = w + change
-            size, whole = np.abs(change).max(axis=1), np.abs(w).max(axis=1)
-            following = size * (size / last)  # at most, as steps fall faster and faster
-            settled = np.fmin(size, following) <= 4 * EPS * whole
-            settled |= (size >= last) & (size <= math.sqrt(EPS) * whole)
-            known = min(leading(settled), leading(K.min(axis=1) > 0))
-            if known == leading(K.min(axis=1) > 0):  # behind a standstill nothing counts
-                break
-            slow = ~(size[: known + 1] <= FAST * last[: known + 1])
-            a, last = None if slow.any() else a, size
-        gains = spans.gains(w)
+        w, gains, energy, known = solved(acts, spans, w, self.at.K, self._more(spans, w))
         before[1][self.which[self.kept]] = w[self.kept]
-        return w, gains, self._energies(spans, w, gains), known
+        return w, gains, energy, known
 
     # -- a standstill, where it is known before the motion ------------------------------
 
