@@ -82,15 +82,12 @@ def difference(
     return _judged(fine, apart, late, same, rotary, times, State(q, qd))
 
 
-def in_place(
-    fine: Motion, by: Lateness, end_apart: float, late: float, rotary: tuple[bool, ...]
-) -> Difference:
-    """How far apart two runs are that go the same way to the same end.
+def in_place(fine: Motion, by: Lateness, late: float, rotary: tuple[bool, ...]) -> Difference:
+    """How far apart two runs over the same panels are, whose ends are ``late`` [s] apart.
 
-    Where one is late by dt the other is ahead by q' dt. ``end_apart`` [rad or m] and ``late`` [s]:
-    their ends.
+    Where one is late by dt the other is ahead by q' dt.
     """
-    apart = np.maximum(np.abs(by.late * by.qd).max(), end_apart)
+    apart = np.abs(by.off - by.late * by.qd).max()
     return _judged(fine, apart, late, True, rotary, by.t, State(by.q, by.qd))
 
 
@@ -138,7 +135,8 @@ def with_rounding(
         late = share * np.maximum(np.abs(times), times - motion.t_start)
         off = (late * np.abs(states.qd).T).T
         way = np.abs(np.diff(states.q, axis=0))
-        if len(way) > 1 and (off[1:-1] > np.maximum(way[1:], way[:-1])).any():
+        near = np.maximum(way, np.append(way[1:], 0 * way[-1:], axis=0))  # on either side
+        if (off[1:] > near).any():
             inside = times <= motion.t_end  # of speeds without bound
             before = np.clip(times - late, motion.t_start, motion.t_end)
             off = np.abs(states.q - motion.at(before).q)[inside]

@@ -443,19 +443,14 @@ class Panels:
         ends = np.flatnonzero((kind[:-1] == TO_REST) | (kind[1:] == FROM_REST)) + 1
         return list(map(slice, [0, *ends.tolist()], [*ends.tolist(), len(kind)]))
 
-    def at_places(self, q: Floats, among: slice = slice(None)) -> Floats:
-        """Times [s] (k,) at which those between two standstills pass places (k,)."""
-        spans, begin = self.spans, self.spans.begin[among][0]
-        i = np.searchsorted(np.abs(spans.end[among][:-1] - begin), np.abs(q - begin))
-        i += among.start or 0
-        share = np.clip((q - spans.anchor[i]) / spans.way[i], 0.0, 1.0)
-        v = np.where(spans.kind[i] == PLAIN, share, np.sqrt(share))
-        clock = self.clock
-        since = (basis(v, clock.shape[1]) * clock[i]).sum(axis=1)
-        times: Floats = np.where(
-            spans.backward[i], self.times[i + 1] - since, self.times[i] + since
-        )
-        return times
+    def at_place(self, q: float) -> float:
+        """Time [s] at which they pass a place."""
+        begin, end = self.spans.begin[0], self.spans.end
+        i = min(int(np.searchsorted(np.abs(end - begin), abs(q - begin))), len(end) - 1)
+        share = min(abs((q - self.spans.anchor[i]) / self.spans.way[i]), 1.0)
+        v = np.array([share if self.spans.kind[i] == PLAIN else math.sqrt(share)])
+        since = float((basis(v, self.clock.shape[1]) @ self.clock[i])[0])
+        return float(self.times[i + 1] - since if self.spans.backward[i] else self.times[i] + since)
 
 
 def joined(row: Sequence[Panels]) -> Panels:

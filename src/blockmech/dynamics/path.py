@@ -25,7 +25,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.ahead import PanelBuilder, PanelFailure, PathState
-from blockmech.dynamics.beside import Beside, beside
+from blockmech.dynamics.beside import beside
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
     ROUNDING,
@@ -444,8 +444,8 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
         motion = fine.motion()
         if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
             return stopped(motion, None)
-        other = beside(fine, COARSE)
-        apart = None if other is None else compared(fine, motion, *other)
+        legs = beside(fine, COARSE)
+        apart = None if legs is None else compared(fine, motion, legs)
         if apart is not None and apart.agree:
             return with_rounding(system, agreed(motion, apart), request.accuracy or TARGET, apart)
     if fine.end and not fine.panels and not fine.legs:
@@ -470,21 +470,15 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     return with_rounding(system, motion, request.accuracy or TARGET, apart)
 
 
-def compared(
-    fine: PathRun, motion: Motion, other: Beside, legs: Sequence[Leg]
-) -> Difference | None:
-    """How far apart two runs are that go the same way; None where they do not."""
-    by = lateness(fine.whole, legs, fine.t)
-    if by is None or not np.isfinite(by.late).all():
+def compared(fine: PathRun, motion: Motion, legs: Sequence[Leg]) -> Difference | None:
+    """How far a run is from what goes beside it; None where that has no clock."""
+    by, late, last = lateness(fine.whole, legs, fine.t), 0.0, fine.whole[-1]
+    if not np.isfinite(by.late).all():
         return None
-    apart, late = 0.0, 0.0
-    if fine.end != "time":
-        apart, last, there = other.shifted, fine.whole[-1], legs[-1]
+    if fine.end != "time":  # at a standstill, where clocks at a place say nothing, of their ends
         late = float(np.abs(by.late[-2:]).max())
-        if fine.K == 0 and isinstance(last, Panels) and isinstance(there, Panels):
-            late = abs(there.t1 - last.t1)
-        elif isinstance(last, RepeatedSegment) and last.mirrored:
+        if isinstance(last, RepeatedSegment) and last.mirrored:
             many = round((fine.t - last.t0) / last.duration)
-            late = abs(there.begins(many) - last.begins(many))  # type: ignore[union-attr]
+            late = abs(legs[-1].begins(many) - last.begins(many))  # type: ignore[union-attr]
     by = by._replace(t=by.t + motion.t_start)
-    return in_place(motion, by, apart, late, fine.system.rotary)
+    return in_place(motion, by, late, fine.system.rotary)

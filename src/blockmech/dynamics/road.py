@@ -127,8 +127,12 @@ class PieceRow:
         left = data.high - q if sign > 0 else q - data.low
         return i - 1 if near < left <= data.length + near else None
 
-    def at(self, q: Floats, first: float) -> Floats:
-        """Place data (r, k) at places (k,), NaN where there are none; ``first``: of a period."""
+    def at(self, q: Floats, first: float, rounding: float) -> Floats:
+        """Place data (r, k) at places (k,), NaN where there are none.
+
+        ``first`` is where a period begins; the inertia has some ``rounding`` more, relative to the
+        largest of its piece.
+        """
         x = q if self.period is None else q - self.period * np.floor((q - first) / self.period)
         near = CLOSE * np.abs(q).max()
         which = np.maximum(np.searchsorted(self.low, x + near, "right") - 1, 0)
@@ -137,7 +141,9 @@ class PieceRow:
         rows = np.empty((len(self.pieces[0].data.rows), len(q)))
         for i in set(which.tolist()):
             here = np.flatnonzero(which == i)
-            rows[:, here] = self.pieces[i].data.series @ values[here].T
+            data = self.pieces[i].data
+            rows[:, here] = data.series @ values[here].T
+            rows[J, here] += rounding * data.largest[J]
         rows[:, (x < self.low[which] - near) | (x > self.high[which] + 2 * near)] = math.nan
         return rows
 

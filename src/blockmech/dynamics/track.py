@@ -44,29 +44,21 @@ class RepeatedSegment:
         since = k * self.duration if self.starts is None else float(self.starts[k])
         return self.t0 + since
 
-    def compared(self, other: RepeatedSegment, t_end: float) -> list[Any]:
-        """Rows of `_lateness_in` of some repetitions that begin before a time [s]."""
+    def beside(self, other: RepeatedSegment, t_end: float) -> list[Any]:
+        """Rows of `_beside` of some repetitions that begin before a time [s]."""
         if self.starts is None or other.starts is None:
             some = {0, max(math.ceil((t_end - self.t0) / self.duration) - 1, 0)}
         else:
-            most = min(len(self.starts), len(other.starts)) - 1
-            most = min(max(int(np.searchsorted(self.starts, t_end - self.t0)), 1), most)
-            apart = np.abs(self.starts[:most] - other.starts[:most])
-            some = {0, most - 1, int(apart.argmax())}
+            most = min(max(int(np.searchsorted(self.starts, t_end - self.t0)), 1), len(self.starts))
+            some = {0, most - 1, int(np.abs(self.starts[:most] - other.starts[:most]).argmax())}
         rows: list[Any] = []
         for k in sorted(some):
-            columns = _lateness_in(self.repetition(k), other.repetition(k))
-            if columns is not None:
-                if back := self.mirrored and k % 2 == 1:
-                    whole = np.array([self.duration, 0.0, 0.0, other.duration - self.duration])
-                    shape = np.array([-1.0, 1.0, -1.0, -1.0])
-                    columns = tuple(
-                        (whole + (shape * x.T)).T for x in (columns[::-1] if back else columns)
-                    )
-                begin = self.begins(k)
-                shift = np.array([begin, k * self.step, 0.0, other.begins(k) - begin])
-                columns = tuple((x.T + shift).T for x in columns)
-            rows.append(columns)
+            t, q, qd, late, off = _beside(self.repetition(k), other.repetition(k))
+            if self.mirrored and k % 2:
+                t, qd, late = self.duration - t, -qd, other.duration - self.duration - late
+            begin = self.begins(k)
+            late += other.begins(k) - begin
+            rows.append((t + begin, q + k * self.step, qd, late, off))
         return rows
 
     def repetition(self, k: int) -> Panels:
@@ -108,7 +100,7 @@ class RepeatedSegment:
         """Time [s] at which the driver has advanced by so much since t0."""
         k = math.floor(way / self.step)
         q = float(self.panels.spans.begin[0]) + (way - k * self.step)
-        return self.begins(k) + float(self.repetition(k).at_places(np.array([q]))[0])
+        return self.begins(k) + self.repetition(k).at_place(q)
 
     def durations(self, energies: Floats) -> Floats:
         """Time [s] of a repetition with so much more kinetic energy (m,)."""
@@ -121,55 +113,41 @@ Leg: TypeAlias = Panels | RepeatedSegment  # a part of the track
 
 
 class Lateness(NamedTuple):
-    """How much later than a run another passes the places of it, arrays (k,) in order of time.
+    """How another run goes beside one, arrays (k,) in order of time.
 
-    t, q, qd : states of the run [s], [rad or m] and rates, from its begin to beyond its end
-    late : [s]
+    t, q, qd : states of the one [s], [rad or m] and rates, from its begin to beyond its end
+    late, off : [s], [rad or m] by which the other is later there, and elsewhere
     """
 
     t: Floats
     q: Floats
     qd: Floats
     late: Floats
+    off: Floats
 
 
-def lateness(run: Sequence[Leg], other: Sequence[Leg], t_end: float) -> Lateness | None:
-    """Of two runs that go the same way until a time [s]; None where they do not.
+def lateness(run: Sequence[Leg], other: Sequence[Leg], t_end: float) -> Lateness:
+    """Of two runs over the same panels until a time [s].
 
-    Both clocks are read at the nodes of the first, so that no time is inverted. Of what repeats
-    the first and the last repetition are compared, and the one that is most apart.
+    Both are read at the nodes, so that no time is inverted. Of what repeats the first and the
+    last repetition count, and the one that is most apart.
     """
-    if not run or list(map(type, run)) != list(map(type, other)):
-        return None
     rows: list[Any] = []
-    ends = [*(leg.t0 for leg in run[1:]), t_end]
-    for leg, same, end in zip(run, other, ends, strict=True):
-        if isinstance(leg, RepeatedSegment) and isinstance(same, RepeatedSegment):
-            pairs = leg.compared(same, end)
+    for leg, same, end in zip(run, other, [*(x.t0 for x in run[1:]), t_end], strict=True):
+        if isinstance(leg, RepeatedSegment):
+            rows += leg.beside(same, end)  # type: ignore[arg-type]
         else:
-            pairs = [_lateness_in(leg, same)]  # type: ignore[arg-type]
-        if any(pair is None for pair in pairs):
-            return None
-        rows += pairs
-    first, last = (np.reshape(x, (4, -1)) for x in (rows[0][0], rows[-1][2]))
-    t, q, qd, late = np.concatenate([first, *(x[1] for x in rows), last], axis=1)
-    order = np.argsort(t, kind="stable")
-    order = order[: np.searchsorted(t[order], t_end) + 1]
-    return Lateness(t[order], q[order], qd[order], late[order])
+            rows.append(_beside(leg, same))  # type: ignore[arg-type]
+    columns = [np.concatenate([x.ravel() for x in column]) for column in zip(*rows, strict=True)]
+    order = np.argsort(columns[0], kind="stable")
+    order = order[: int(np.searchsorted(columns[0][order], t_end)) + 1]
+    return Lateness(*(x[order] for x in columns))
 
 
-def _lateness_in(one: Panels, other: Panels) -> tuple[Any, Any, Any] | None:
-    """Columns t, q, qd, late of `Lateness`: at the begin, the nodes (4, k) and the end."""
-    parts, others = one.one_way(), other.one_way()
-    if len(parts) != len(others):
-        return None
-    t, q, qd = one.known_states()
-    passed = [
-        other.at_places(q[some].ravel(), there) for some, there in zip(parts, others, strict=True)
-    ]
-    rows = np.array([t, q, qd, np.concatenate(passed).reshape(t.shape) - t])
-    begin, end = (-x.astype(int) for x in one.spans.backward[[0, -1]])
-    return rows[:, 0, begin], rows[:, :, 1:-1].reshape(4, -1), rows[:, -1, -1 - end]
+def _beside(one: Panels, other: Panels) -> tuple[Floats, ...]:
+    """Columns (m, n + 2) of `Lateness`."""
+    (t, q, qd), (t_there, q_there, _) = one.known_states(), other.known_states()
+    return t, q, qd, t_there - t, q_there - q
 
 
 @dataclass(frozen=True)
