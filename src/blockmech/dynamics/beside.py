@@ -82,7 +82,7 @@ class _Beside:
             gain = self.K - K if leg.gain else 0.0
             segment = RepeatedSegment(t, panels, leg.step, gain, leg.mirrored)
             if leg.starts is not None:
-                energies = np.arange(len(leg.starts) - 1) * gain
+                energies: Floats = np.arange(len(leg.starts) - 1) * np.float64(gain)
                 starts = np.append(0.0, np.cumsum(segment.durations(energies)))
                 segment = RepeatedSegment(t, panels, leg.step, gain, leg.mirrored, starts)
             legs.append(segment)
