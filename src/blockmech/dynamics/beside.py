@@ -156,5 +156,5 @@ class _Beside:
     def _rows(self, q: Floats) -> Floats:
         """Place data (r, ...) at places, NaN where there are none."""
         row = self.road.row
-        rows = row.at(q.ravel(), self.road.first if row.period else 0.0, self.rounding)
+        rows = row.at(q.ravel(), self.rounding)
         return rows.reshape(-1, *q.shape)

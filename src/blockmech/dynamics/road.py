@@ -113,8 +113,8 @@ class PieceRow:
     """Pieces of the path by place: low, high (m,) [rad or m] their ends, rising."""
 
     def __init__(self, pieces: Sequence[Piece], n: int, period: float | None) -> None:
-        self.pieces, self.n, self.period = sorted(pieces, key=lambda x: x.data.low), n, period
-        self.lows = [x.data.low for x in self.pieces]
+        self.pieces, self.n, self.period = sorted(pieces, key=lambda x: x.end(-1)), n, period
+        self.lows = [x.end(-1) for x in self.pieces]
         self.low, self.high = (np.array([x.end(way) for x in self.pieces]) for way in (-1, 1))
         self._whole: dict[int, WholePieces] = {}
 
@@ -123,17 +123,17 @@ class PieceRow:
         i = bisect_right(self.lows, q + near) if sign > 0 else bisect_left(self.lows, q - near)
         if not i:
             return None
-        data = self.pieces[i - 1].data
-        left = data.high - q if sign > 0 else q - data.low
-        return i - 1 if near < left <= data.length + near else None
+        piece = self.pieces[i - 1]
+        left = sign * (piece.end(sign) - q)
+        return i - 1 if near < left <= piece.data.length + near else None
 
-    def at(self, q: Floats, first: float, rounding: float) -> Floats:
+    def at(self, q: Floats, rounding: float) -> Floats:
         """Place data (r, k) at places (k,), NaN where there are none.
 
-        ``first`` is where a period begins; the inertia has some ``rounding`` more, relative to the
-        largest of its piece.
+        The inertia has some ``rounding`` more, relative to the largest of its piece.
         """
-        x = q if self.period is None else q - self.period * np.floor((q - first) / self.period)
+        period, first = self.period, self.lows[0]
+        x = q if period is None else q - period * np.floor((q - first) / period)
         near = CLOSE * np.abs(q).max()
         which = np.maximum(np.searchsorted(self.low, x + near, "right") - 1, 0)
         share = (x - self.low[which]) / (self.high - self.low)[which]
@@ -188,13 +188,18 @@ class PathMesh:
     @cached_property
     def row(self) -> PieceRow:
         """The pieces that are there: to begin with, of a period those that are kept."""
-        period = self.system.period
+        period, kept = self.system.period, self.system.kept
         if period is None:
             return PieceRow([], self.n, None)
-        kept, key = self.system.kept, ("mesh", self.n, self.system.friction is None)
-        if key not in kept:
-            kept[key] = self.over(self._edges_of_period)
-        row: PieceRow = kept[key]
+        key = "mesh", self.n, self.system.friction is None
+        base, first, row = kept.get(key, (None, math.nan, None))
+        if base is None:
+            base = self.over(self._edges_from(self._half_a_period_before(0.0)))
+        if first != self.first:  # most starts lie in the same period
+            turns = [math.ceil((self.first - x) / period - CLOSE) for x in base.lows]
+            pieces = [x.shifted(n * period) for x, n in zip(base.pieces, turns, strict=True)]
+            row = PieceRow(pieces, self.n, period) if any(turns) else base
+            kept[key] = base, self.first, row
         return row
 
     def over(self, edges: Floats) -> PieceRow:
@@ -204,12 +209,17 @@ class PathMesh:
 
     @cached_property
     def first(self) -> float:
-        """Where the period begins whose pieces serve all turns.
+        """Where the period begins whose pieces serve all turns."""
+        return self._half_a_period_before(self.start)
 
-        Pieces keep clear of quarters of a turn, where much that is symmetric is in equilibrium.
+    def _half_a_period_before(self, q: float) -> float:
+        """An edge of the pieces.
+
+        They keep clear of quarters of a turn, where much that is symmetric is in equilibrium.
         """
         assert self.system.period is not None
-        return self.system.period / PIECES * (0.5 - PIECES / 2)
+        part = self.system.period / PIECES
+        return part * (math.floor(q / part - PIECES / 2) + 0.5)
 
     def _with(self, pieces: Sequence[Piece]) -> None:
         """The same path with other pieces, in this run alone."""
@@ -288,12 +298,11 @@ class PathMesh:
         """Ends of the first pieces: of a period, or of all that kinks bound."""
         if self.system.period is None:
             return list(self.system.knots)
-        return [float(x) for x in self._edges_of_period]
+        return [float(x) for x in self._edges_from(self.first)]
 
-    @property
-    def _edges_of_period(self) -> Floats:
-        """Ends of the pieces of a period."""
-        period, first = self.system.period, self.first
+    def _edges_from(self, first: float) -> Floats:
+        """Ends of the pieces of a period from a place on."""
+        period = self.system.period
         assert period is not None
         ways = {k / PIECES * period for k in range(PIECES + 1)}
         apart = sorted(ways | {(x - first) % period for x in self.system.knots})
