@@ -192,15 +192,15 @@ class PathMesh:
         if period is None:
             return PieceRow([], self.n, None)
         key = "mesh", self.n, self.system.friction is None
-        base, first, row = kept.get(key, (None, math.nan, None))
+        base, first, _ = kept.get(key, (None, math.nan, None))
         if base is None:
             base = self.over(self._edges_from(self._half_a_period_before(0.0)))
         if first != self.first:  # most starts lie in the same period
             turns = [math.ceil((self.first - x) / period - CLOSE) for x in base.lows]
             pieces = [x.shifted(n * period) for x, n in zip(base.pieces, turns, strict=True)]
-            row = PieceRow(pieces, self.n, period) if any(turns) else base
-            kept[key] = base, self.first, row
-        return row
+            kept[key] = base, self.first, PieceRow(pieces, self.n, period) if any(turns) else base
+        made: PieceRow = kept[key][2]
+        return made
 
     def over(self, edges: Floats) -> PieceRow:
         """Pieces between edges, but where there is no pose and no inertia."""
