@@ -111,15 +111,17 @@ def simulate(
     given = (until, method, accuracy, step, times, start, stops, watch, engine)
     request, starts = request_of(mechanism.scene, mechanism.drivers, *given)
     between = stops_of(mechanism, starts, stops)
-    request = replace(request, stops=between if bouncing(between) else ())
-    refuse_no_inertia(mechanism.structure, mechanism.name)
+    if bouncing(between):
+        request = replace(request, stops=between)
+    mechanism.once(refuse_no_inertia)
     refuse_memory(mechanism.structure, starts)
     at_stops = {"stops": bounds_of(between), "counted": counted_pairs(mechanism, starts, between)}
     system = system_of(mechanism, method=how, progress=report, engine=engine, **at_stops)
     if engine == "llvm" and system.engine_of_states.name != engine:
         compiled_program(system.equation_program)  # says why it cannot be
     motion = with_undefined_loads(mechanism, _moved(system, request))
-    motion = replace(motion, notes=(*motion.notes, *_remarks(system, motion, request.until)))
+    if remarks := _remarks(system, motion, request.until):
+        motion = replace(motion, notes=(*motion.notes, *remarks))
     return _at_times(mechanism, motion, times_of(times), want, settings)
 
 

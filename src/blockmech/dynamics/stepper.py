@@ -261,7 +261,7 @@ def stepper(
     starts = starts_of(mechanism.scene, mechanism.drivers, start)
     between = stops_of(mechanism, starts, stops)
     at_stops = {"stops": bounds_of(between), "counted": counted_pairs(mechanism, starts, between)}
-    refuse_no_inertia(mechanism.structure, mechanism.name)
+    mechanism.once(refuse_no_inertia)
     refuse_memory(mechanism.structure, starts)
     how = friction_asked(friction, None, None)
     system = system_of(mechanism, method=how, engine=engine, **at_stops)

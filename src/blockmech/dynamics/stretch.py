@@ -167,9 +167,9 @@ class Stretch:
     @np.errstate(all="ignore")  # what is not finite is no panel
     def panels(self) -> Panels | None:
         """The panels, or the first ones of them: those that need no shorter piece of the path."""
+        if self.place_only:
+            self._to_standstill()
         panels, J0, low = self._over_edges()
-        if low < len(self.which) and self.place_only and self._stopped(panels, low):
-            panels, J0, low = self._over_edges()
         count = 0
         for level in reversed(range(SHORT.bit_length())):  # whole, and halved to parts in `SHORT`
             largest = self.row.largest[self.which[:low], TAU]
@@ -233,7 +233,7 @@ class Stretch:
             inertia = inertia + self.rounding * self.row.largest[self.which, J, None]
         if self.place_only:
             gains = self.gains
-            energy = begin_energies(self.at.K, gains, self._more(spans, w))
+            energy = begin_energies(self.at.K, gains, self._more(spans.way, w))
         else:
             w, gains, energy, known = self._settled(spans, inertia[:, :-1])
         if self.stands:
@@ -243,12 +243,12 @@ class Stretch:
         lost = np.broadcast_to(0.0, w.shape)
         panels = Panels(self.at.t, spans, w, K, inertia[:, :-1], lost)
         if not self.stands:
-            known = min(known, leading(np.invert(self._used_up(panels).any(axis=1))))
+            known = min(known, leading(np.invert(self._used_up(w, K).any(axis=1))))
         return panels, inertia[:, -1], known
 
-    def _more(self, spans: Spans, w: Floats) -> Any:
+    def _more(self, way: Floats, w: Floats) -> Any:
         """[J] (m,) what a run beside another has more at the end of each: some roundings."""
-        return self.rounding * np.abs(spans.way) * np.abs(w).mean(axis=1) if self.rounding else 0.0
+        return self.rounding * np.abs(way) * np.abs(w).mean(axis=1) if self.rounding else 0.0
 
     def _settled(self, spans: Spans, inertia: Floats) -> tuple[Floats, Floats, Floats, int]:
         """dK/dq (m, n), gains (m, n + 1), energies (m,), and of how many panels they are found."""
@@ -262,47 +262,56 @@ class Stretch:
         w = before[1][self.which]  # a turn is like the one before
         new = np.isnan(w[:, 0]) | ~self.kept
         w[new] = acts(np.full(w.shape, self.at.K)).w[new]
-        w, gains, energy, known = solved(acts, spans, w, self.at.K, self._more(spans, w))
+        w, gains, energy, known = solved(acts, spans, w, self.at.K, self._more(spans.way, w))
         before[1][self.which[self.kept]] = w[self.kept]
         return w, gains, energy, known
 
     # -- a standstill, where it is known before the motion ------------------------------
 
-    def _used_up(self, panels: Panels) -> NDArray[np.bool_]:
+    def _used_up(self, w: Floats, K: Floats) -> NDArray[np.bool_]:
         """Where (m, n + 1) no energy is left, at ends but for rounding."""
-        used_up: NDArray[np.bool_] = panels.K <= 0
-        braked = np.maximum(-self.at.sign * panels.w[:, -1], 0.0) * np.abs(panels.spans.way)
-        used_up[:, -1] |= panels.K[:, -1] < math.sqrt(EPS) * braked
+        used_up: NDArray[np.bool_] = K <= 0
+        braked = np.maximum(-self.at.sign * w[:, -1], 0.0) * np.abs(np.diff(self.edges))
+        used_up[:, -1] |= K[:, -1] < math.sqrt(EPS) * braked
         return used_up
 
-    def _stopped(self, panels: Panels, i: int) -> bool:
-        """Whether a panel was cut at its standstill; not where that needs a shorter piece."""
-        stop = self._standstill(panels, i)
+    def _to_standstill(self) -> None:
+        """Cut the panel that holds a standstill there; not where that needs a shorter piece."""
+        w = self.values[:, TAU, :-1]
+        K = begin_energies(self.at.K, self.gains, self._more(np.diff(self.edges), w))
+        K = K[:, None] + self.gains
+        used_up = self._used_up(w, K)
+        if not used_up.any():
+            return
+        i, j = divmod(int(used_up.argmax()), self.n + 1)
+        stop = self._standstill(i, j, K[i], w[i])
         if stop is None:
-            return False
+            return
         self.edges, self.stands = np.append(self.edges[: i + 1], stop), True
         self._take(slice(i + 1))
         if i == 0 and self.at.K == 0:
             self._halved(np.array([0]))
         else:
             self._fill(np.array([i]))
-        return True
 
-    def _standstill(self, panels: Panels, i: int) -> float | None:
-        """Where the energy of a panel is used up, by Newton's method; None if not found."""
-        r, K, low, length = rule(self.n), panels.K[i], self.low[i], self.length[i]
+    def _standstill(self, i: int, j: int, K: Floats, w: Floats) -> float | None:
+        """Where the energy of a panel is used up, before its node j, by Newton's method.
+
+        None if it is not found.
+        """
+        r, low, length = rule(self.n), self.low[i], self.length[i]
         series, largest = self.row.series[self.which[i], TAU], self.row.largest[self.which[i], TAU]
-        begin, energy, sign = self.edges[i], float(panels.spans.energy[i]), self.at.sign
-        j = int(np.argmax(self._used_up(panels)[i]))
-        nodes = np.append(panels.spans.places(r.v)[i], self.edges[i + 1])
+        begin, end, sign = float(self.edges[i]), float(self.edges[i + 1]), self.at.sign
+        energy = float(K[0] - self.gains[i, 0])
+        v = np.append(r.v, 1.0)
+        nodes = begin + (end - begin) * (v * v if i == 0 and self.at.K == 0 else v)
         before, at_before = (float(K[j - 1]), nodes[j - 1]) if j else (energy, begin)
         share, near = before / (before - float(K[j])), float(nodes[j] - at_before)
         if 0 < j < self.n:  # by the cubic through both, with their slopes
-            rise, fall = panels.w[i, j - 1 : j + 1].tolist()
+            rise, fall = w[j - 1 : j + 1].tolist()
             share = cubic_zero(before, float(K[j]), rise * near, fall * near, share)
         stop = float(at_before + near * share)
         last = math.inf
-        v = np.append(r.v, 1.0)
         while True:
             way = stop - begin
             x = (begin + way * v - low) / length

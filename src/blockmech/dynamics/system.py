@@ -176,7 +176,6 @@ class System:
     calls: int = 0
     singles: int = 0
     states: int = 0  # of integrations, from whatever they are
-    _single_state: tuple[Any, Any] = (None, None)  # asked for last, and what it yields
     steppers: dict[Any, CompiledStepper] = field(default_factory=dict)  # see `Equation.code`
 
     def __post_init__(self) -> None:
@@ -395,11 +394,8 @@ class System:
 
     def at(self, q: float, qd: float = 0.0, t: float = 0.0) -> Sample:
         """The same (1,) of a single state; the start of a run is asked for by whoever sees it."""
-        state = float(q), float(qd), float(t)
-        if self._single_state[0] != state:
-            self._single_state = state, self.sample(np.array(state[:1]), qd, t)
-        sample: Sample = self._single_state[1]
-        return sample
+        state = float(q), float(qd), float(t), self.signals.initial
+        return self._once("state", state, lambda: self.sample(np.array(state[:1]), qd, t))
 
     def with_slopes(self, q: Floats) -> Floats:
         """J, tau at rest, dJ/dq and the margin (4, n) at places (n,)."""
@@ -478,12 +474,13 @@ class System:
 
         return self._once("typical", q, usual)
 
-    def _once(self, what: str, q: float, make: Callable[[], float]) -> float:
-        """A number of a place; of many runs that start at one place the first asks."""
-        known: tuple[Any, float] = self.kept.get((what, type(self)), (None, math.nan))
-        if known[0] != q:
-            known = self.kept[what, type(self)] = q, make()
-        return known[1]
+    def _once(self, what: str, at: Any, make: Callable[[], T]) -> T:
+        """What is asked of a place or a state; of many runs that start there the first asks."""
+        known: tuple[Any, Any] = self.kept.get((what, type(self)), (None, None))
+        if known[0] != at:
+            known = self.kept[what, type(self)] = at, make()
+        made: T = known[1]
+        return made
 
     def inertia_rounding(self, q: float) -> float:
         """How many times the rounding of the inertia of the only driver at a place is its own.
