@@ -40,7 +40,7 @@ from blockmech.dynamics.estimate import (
 )
 from blockmech.dynamics.motion import Event, Motion, Status, Still
 from blockmech.dynamics.panels import Panels, joined
-from blockmech.dynamics.place import RESOLVED
+from blockmech.dynamics.place import RESOLVED, J
 from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
 from blockmech.dynamics.road import CLOSE, PIECES, PathMesh, Piece
@@ -72,7 +72,7 @@ class PathRun:
     request: SimulationRequest
     n: int
     beside: bool = False
-    one_turn: bool = False  # whether a whole turn ends it
+    one_turn: bool = False  # whether a whole turn ends it, or that there is none
     t: float = 0.0
     q: float = 0.0
     K: float = 0.0
@@ -110,7 +110,7 @@ class PathRun:
         """Go on until something ends the run."""
         rate = float(self.request.start.rate) * (1 + self.off)
         try:
-            self.K = float(self.system.at(*self.request.start).J[0]) * rate**2 / 2
+            self.K = self.inertia() * rate**2 / 2 if rate else 0.0
             if self.K > 0:  # not of a rate whose square is below all numbers
                 self.sign = 1 if rate > 0 else -1
                 self.mark = (0, self.at)
@@ -209,6 +209,9 @@ class PathRun:
         goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
         goal = min(goals, key=lambda x: self.sign * x, default=self.sign * math.inf)
         panel: Panels | PanelFailure | None = self.at_once(goal)
+        if panel is None and self.one_turn and self.mark is not None and self.mark[1].K == 0:
+            self.stop(ends.SWINGS_ON, "ended")  # no turn from rest
+            return
         if panel is None:
             cuts = (x for x in piece.cuts if self.sign * (x - self.q) > 0 and not self.here(x))
             panel = self.next.panel(
@@ -287,10 +290,15 @@ class PathRun:
         if repeats and period is not None and self.here(self.turned(period)):
             self.repeat_turn(period)
 
+    def inertia(self) -> float:
+        """[kg m2 or kg] where the motion is: by place data, if there are some."""
+        row = self.road.row
+        known = float(row.at(np.array([self.q]), 0.0)[J, 0]) if row.pieces else math.nan
+        return known if known == known else float(self.system.at(self.q).J[0])
+
     def rate(self) -> float:
         """Rate of the driver."""
-        J = float(self.system.at(self.q).J[0])
-        return self.sign * math.sqrt(2 * self.K / J)
+        return self.sign * math.sqrt(2 * self.K / self.inertia())
 
     def stand(self) -> None:
         """A standstill: the goal, or on from there."""

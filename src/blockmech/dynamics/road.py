@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 PIECES = 4  # of a turn (or of the span of a slide), to begin with; halved where they are too long
+TOGETHER = 32  # pieces that a motion is worked on at once over, where they are no period
 CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
 
 
@@ -110,13 +111,29 @@ class WholePieces(NamedTuple):
 
 
 class PieceRow:
-    """Pieces of the path by place: low, high (m,) [rad or m] their ends, rising."""
+    """Pieces of the path by place, rising."""
 
     def __init__(self, pieces: Sequence[Piece], n: int, period: float | None) -> None:
         self.pieces, self.n, self.period = sorted(pieces, key=lambda x: x.end(-1)), n, period
         self.lows = [x.end(-1) for x in self.pieces]
-        self.low, self.high = (np.array([x.end(way) for x in self.pieces]) for way in (-1, 1))
         self._whole: dict[int, WholePieces] = {}
+
+    @cached_property
+    def low(self) -> Floats:
+        """(m,) [rad or m]"""
+        return np.array(self.lows)
+
+    @cached_property
+    def high(self) -> Floats:
+        """(m,) [rad or m]"""
+        return np.array([x.end(1) for x in self.pieces])
+
+    def near(self, i: int, sign: int) -> PieceRow:
+        """The pieces ahead of one, where all are too many to be worked on together."""
+        if self.period is not None or len(self.pieces) <= TOGETHER:
+            return self
+        some = self.pieces[i : i + TOGETHER] if sign > 0 else self.pieces[: i + 1][-TOGETHER:]
+        return PieceRow(some, self.n, None)
 
     def index(self, q: float, sign: int, near: float) -> int | None:
         """Which piece is ahead of a place, ``near`` [rad or m] to it at its own end or begin."""
@@ -139,11 +156,11 @@ class PieceRow:
         share = (x - self.low[which]) / (self.high - self.low)[which]
         values = basis(np.minimum(np.maximum(share, 0.0), 1.0), self.n)
         rows = np.empty((len(self.pieces[0].data.rows), len(q)))
-        for i in set(which.tolist()):
-            here = np.flatnonzero(which == i)
-            data = self.pieces[i].data
+        order = np.argsort(which, kind="stable")
+        for here in np.split(order, np.flatnonzero(np.diff(which[order])) + 1):
+            data = self.pieces[which[here[0]]].data
             rows[:, here] = data.series @ values[here].T
-            rows[J, here] += rounding * data.largest[J]
+            rows[J, here] += math.nan if data.limit else rounding * data.largest[J]
         rows[:, (x < self.low[which] - near) | (x > self.high[which] + 2 * near)] = math.nan
         return rows
 

@@ -163,6 +163,8 @@ class Flow:
     request: SimulationRequest
     name: str = "return map"
     equation: Equation = field(init=False)
+    solved: dict[int, Any] = field(init=False, default_factory=dict)
+    turns: bool = True  # whether it may turn from rest
 
     def __post_init__(self) -> None:
         start, span = self.request.start, self.system.span
@@ -238,10 +240,11 @@ class Flow:
         stopped = any(map(math.isfinite, self.system.stops[0]))
         by_place = self.system.damped and self.system.friction is None and period is not None
         by_place &= not self.layout.initial
-        if by_place and x[1] and not stopped:  # a turn: swings are many short panels
+        if by_place and not stopped and (x[1] or self.turns):  # swings are many short panels
             passage = self._along_path(x, FINE if tolerance <= FLOWS else COARSE)
             if passage is not None:
                 return passage
+            self.turns = False
         far = FAR * self.system.span if stopped or period is None else period
 
         def gone(t: Any, q: Any, qd: Any) -> Any:
@@ -260,7 +263,9 @@ class Flow:
     def _along_path(self, x: Floats, nodes: int) -> SectionReturn | None:
         """The same by place data, to rounding; None where the path ends otherwise."""
         run = PathRun(self.system, self.asked(x, Until("standstill")), nodes, one_turn=True)
+        run.next.solved = self.solved.get(nodes)
         run.run()
+        self.solved[nodes] = run.next.solved  # the next turn is much like it
         if run.end == ends.INTERRUPTED:
             raise KeyboardInterrupt
         if run.end not in (ends.STANDSTILL, ends.TURN):

@@ -37,7 +37,7 @@ from blockmech.dynamics.panels import (
     rule,
 )
 from blockmech.dynamics.place import SHORT, TAU, J
-from blockmech.dynamics.road import CLOSE
+from blockmech.dynamics.road import CLOSE, PieceRow
 from blockmech.dynamics.work import FAST, Work, of_rate
 from blockmech.plane import EPS
 
@@ -114,11 +114,17 @@ class Stretch:
     """
 
     def __init__(
-        self, builder: PanelBuilder, at: PathState, which: Ints, shifts: Any, end: float
+        self,
+        builder: PanelBuilder,
+        at: PathState,
+        row: PieceRow,
+        which: Ints,
+        shifts: Any,
+        end: float,
     ) -> None:
         self.builder, self.at, self.stands = builder, at, False
         self.n, self.rounding, self.tolerance = builder.n, builder.rounding, builder.tolerance
-        self.place_only, row = builder.place_only, builder.road.row
+        self.place_only = builder.place_only
         self.row, self.which = row.whole(at.sign), which
         self.low, high = row.low[which] + shifts, row.high[which] + shifts
         self.length = high - self.low
@@ -139,6 +145,9 @@ class Stretch:
         first = row.index(at.q - shift, sign, near)
         if first is None:
             return None
+        ahead = row.near(first, sign)
+        if ahead is not row:
+            row, first = ahead, 0 if sign > 0 else len(ahead.pieces) - 1
         whole, m = row.whole(sign), len(row.pieces)
         which, turns = first + sign * np.arange(m + 1), np.zeros(m + 1)
         if row.period is None:
@@ -162,7 +171,7 @@ class Stretch:
             through = leading(energy >= 0)
             if through < count:
                 count, end = through, float(ends[through - 1])
-        return cls(builder, at, which[:count], shifts[:count], end) if count else None
+        return cls(builder, at, row, which[:count], shifts[:count], end) if count else None
 
     @np.errstate(all="ignore")  # what is not finite is no panel
     def panels(self) -> Panels | None:
