@@ -8,7 +8,7 @@ up on a panel that holds no standstill it goes another way, and only a run of it
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -17,21 +17,38 @@ from blockmech.dynamics.estimate import ROUNDING
 from blockmech.dynamics.panels import TO_LIMIT, TO_REST, Floats, Panels, Spans, rule
 from blockmech.dynamics.place import TAU, J
 from blockmech.dynamics.road import PathMesh
-from blockmech.dynamics.stretch import begin_energies, solved
 from blockmech.dynamics.track import Leg, RepeatedSegment
-from blockmech.dynamics.work import of_rate
+from blockmech.dynamics.work import begin_energies, of_rate, solved
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.path import PathRun
+    from blockmech.dynamics.request import SimulationRequest
+    from blockmech.dynamics.system import System
 
 KEPT = 2 / 3  # of the terms of a clock
+
+
+class Run(Protocol):
+    """A run along the path that has ended, see `PathRun`."""
+
+    system: System
+    request: SimulationRequest
+    road: PathMesh
+    n: int
+    rounding: float
+    place_only: bool
+    end: str
+    regime: str
+
+    @property
+    def whole(self) -> list[Leg]:
+        """All that it left behind."""
 
 
 class AnotherWayError(Exception):
     """The run beside another does not go over its panels."""
 
 
-def beside(run: PathRun, n: int) -> list[Leg] | None:
+def beside(run: Run, n: int) -> list[Leg] | None:
     """What goes beside a run, from place data of n nodes; None where that is a run of its own.
 
     So it is with joint friction, and where the path ends by itself: at a dead centre, in
@@ -53,7 +70,7 @@ def beside(run: PathRun, n: int) -> list[Leg] | None:
 class _Beside:
     """Where the run is: time [s], energy [J], and by how much its place is off [rad or m]."""
 
-    def __init__(self, run: PathRun, n: int) -> None:
+    def __init__(self, run: Run, n: int) -> None:
         self.run, self.rounding = run, run.rounding
         q, rate = float(run.request.start.q), float(run.request.start.rate) * (1 + ROUNDING)
         self.t, self.off = 0.0, q * ROUNDING

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from blockmech.model.structure import Structure
 from blockmech.signals.functions import Python
 from blockmech.typing import MotionMethod, Numbers, Progress
 from blockmech.units import number_in, units_of
-
-if TYPE_CHECKING:
-    from blockmech.compiled import Compiled
 
 Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
 Surface: TypeAlias = Callable[[float, Any, Any], float]  # (t, q, q') -> value
@@ -296,7 +293,7 @@ def starts_of(scene: Scene, drivers: Sequence[str], start: Any) -> Pairs:
     return {d: given[d] for d in drivers}
 
 
-def refuse_no_inertia(mechanism: Compiled) -> None:
+def refuse_no_inertia(mechanism: Any) -> None:
     """Refuse a mechanism with a driver that accelerates nothing that has mass."""
     structure, name = mechanism.structure, mechanism.name
     massive = {link.block for link in structure.links if structure.properties(link).massive}

@@ -4,10 +4,7 @@ r"""All panels of a stretch at once: up to the next standstill, goal or turn.
 
 is solved for all panels together. Loads of the place alone need no K: there the kinetic energy
 along the path is known before the motion, and its first zero is the standstill. Else Newton's
-method solves for w; with a = dw/dK its equation for the change of K is linear and of first order,
-so an integrating factor takes the place of a matrix:
-
-    dK' = r + a dK  ->  dK = e^A (dK_0 + integral of e^-A r),   A = integral of a
+method solves for w (`solved`).
 
 Panels whose time is not smooth are halved, all at the same time; joint friction, and a standstill
 that is not known before, are left to `PanelBuilder`.
@@ -25,11 +22,9 @@ from blockmech.dynamics.ahead import ROUGH, PanelBuilder, PathState
 from blockmech.dynamics.panels import (
     FROM_REST,
     PLAIN,
-    SMALLEST,
     TO_REST,
     Floats,
     Ints,
-    P,
     Panels,
     Spans,
     basis,
@@ -38,11 +33,10 @@ from blockmech.dynamics.panels import (
 )
 from blockmech.dynamics.place import SHORT, TAU, J
 from blockmech.dynamics.road import CLOSE, PieceRow
-from blockmech.dynamics.work import FAST, Work, of_rate
+from blockmech.dynamics.work import begin_energies, of_rate, solved
 from blockmech.plane import EPS
 
 NEXT = EPS ** (2 / 3)  # relative, of a step of Newton's whose square is below rounding
-STEPS = 16  # of Newton's method; what needs more is left to panels one by one
 
 
 def cubic_zero(a: float, b: float, rise: float, fall: float, x: float) -> float:
@@ -52,52 +46,6 @@ def cubic_zero(a: float, b: float, rise: float, fall: float, x: float) -> float:
         slope = (3 * c3 * x + 2 * c2) * x + rise
         x -= (((c3 * x + c2) * x + rise) * x + a) / slope if slope else 0.0
     return min(max(x, 0.0), 1.0)
-
-
-def begin_energies(K: float, gains: Floats, more: Any) -> Floats:
-    """[J] (m,) at the begin of panels in a row, of the first K; each leaves some more."""
-    energies = gains[:, -1] + more
-    energies[1:], energies[0] = energies[:-1].copy(), 0.0
-    return np.asarray(K + np.cumsum(energies))
-
-
-def solved(
-    acts: Work, spans: Spans, w: Floats, begin: float, more: Any
-) -> tuple[Floats, Floats, Floats, int]:
-    """dK/dq (m, n) of panels in a row that begin with an energy [J], from a guess of it.
-
-    Also gains (m, n + 1), energies (m,), and of how many panels they are found. The slope of what
-    acts by the energy serves while steps fall fast, as in `settled`.
-    """
-    r, kind = rule(w.shape[1]), spans.kind
-    bends = P[kind][:, None] * r.powers[kind] * spans.way[:, None]
-    last, a, known = np.full(len(w), math.nan), None, 0
-    for _ in range(STEPS):
-        gains = spans.gains(w)
-        K = (begin_energies(begin, gains, more)[:, None] + gains)[:, :-1]
-        now = acts(K).w
-        if a is None:
-            step = math.sqrt(EPS) * (np.abs(K) + EPS * np.abs(K).max()) + SMALLEST
-            a = (acts(K + step).w - now) / step
-            A = (a * bends) @ r.energy[PLAIN].T
-            growth, fading = np.exp(A), np.exp(-A[:, :-1])
-        rise, change_of_K = spans.gains(fading * (now - w)), [0.0]
-        for grows, rises in zip(growth[:-1, -1].tolist(), rise[:-1, -1].tolist(), strict=True):
-            change_of_K.append(grows * (change_of_K[-1] + rises))
-        change = now - w + a * (growth * (np.array(change_of_K)[:, None] + rise))[:, :-1]
-        w = w + change
-        size, whole = np.abs(change).max(axis=1), np.abs(w).max(axis=1)
-        following = size * (size / last)  # at most, as steps fall faster and faster
-        settled = np.fmin(size, following) <= 4 * EPS * whole
-        settled |= (size >= last) & (size <= math.sqrt(EPS) * whole)
-        going = leading(K.min(axis=1) > 0)  # behind a standstill nothing counts
-        known = min(leading(settled), going)
-        if known == going:
-            break
-        slow = ~(size[: known + 1] <= FAST * last[: known + 1])
-        a, last = None if slow.any() else a, size
-    gains = spans.gains(w)
-    return w, gains, begin_energies(begin, gains, more), known
 
 
 class Stretch:

@@ -14,7 +14,7 @@ import numpy as np
 
 from blockmech.dynamics.friction import JointFriction
 from blockmech.dynamics.pair_friction import Sides
-from blockmech.dynamics.panels import SMALLEST, Floats, Spans
+from blockmech.dynamics.panels import PLAIN, SMALLEST, Floats, P, Spans, leading, rule
 from blockmech.dynamics.place import DAMPING, SLIPS, TAU, J
 from blockmech.plane import EPS
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 FAST = 1 / 16  # by which a step falls while the matrix of Newton's method serves: a digit and more
+STEPS = 16  # of Newton's method over a row of panels; what needs more goes one by one
 SLOWEST = math.sqrt(SMALLEST)  # [rad/s or m/s] only says in which direction loads of the rate act
 
 
@@ -112,3 +113,54 @@ def settled(work: Work, span: Spans, n: int, guess: Floats | None) -> tuple[Effo
             break
         new, last = size > FAST * last, size
     return EffortFunction(np.full(n, math.nan)), np.full(n + 1, math.nan)
+
+
+def begin_energies(K: float, gains: Floats, more: Any) -> Floats:
+    """[J] (m,) at the begin of panels in a row, of the first K; each leaves some more."""
+    energies = gains[:, -1] + more
+    energies[1:], energies[0] = energies[:-1].copy(), 0.0
+    return np.asarray(K + np.cumsum(energies))
+
+
+def solved(
+    acts: Work, spans: Spans, w: Floats, begin: float, more: Any
+) -> tuple[Floats, Floats, Floats, int]:
+    r"""dK/dq (m, n) of panels in a row that begin with an energy [J], from a guess of it.
+
+    Also gains (m, n + 1), energies (m,), and of how many panels they are found. With a = dw/dK
+    the equation of Newton's method for the change of K is linear and of first order, so an
+    integrating factor takes the place of a matrix:
+
+        dK' = r + a dK  ->  dK = e^A (dK_0 + integral of e^-A r),   A = integral of a
+
+    The slope a serves while steps fall fast, as in `settled`.
+    """
+    r, kind = rule(w.shape[1]), spans.kind
+    bends = P[kind][:, None] * r.powers[kind] * spans.way[:, None]
+    last, a, known = np.full(len(w), math.nan), None, 0
+    for _ in range(STEPS):
+        gains = spans.gains(w)
+        K = (begin_energies(begin, gains, more)[:, None] + gains)[:, :-1]
+        now = acts(K).w
+        if a is None:
+            step = math.sqrt(EPS) * (np.abs(K) + EPS * np.abs(K).max()) + SMALLEST
+            a = (acts(K + step).w - now) / step
+            A = (a * bends) @ r.energy[PLAIN].T
+            growth, fading = np.exp(A), np.exp(-A[:, :-1])
+        rise, change_of_K = spans.gains(fading * (now - w)), [0.0]
+        for grows, rises in zip(growth[:-1, -1].tolist(), rise[:-1, -1].tolist(), strict=True):
+            change_of_K.append(grows * (change_of_K[-1] + rises))
+        change = now - w + a * (growth * (np.array(change_of_K)[:, None] + rise))[:, :-1]
+        w = w + change
+        size, whole = np.abs(change).max(axis=1), np.abs(w).max(axis=1)
+        following = size * (size / last)  # at most, as steps fall faster and faster
+        settled = np.fmin(size, following) <= 4 * EPS * whole
+        settled |= (size >= last) & (size <= math.sqrt(EPS) * whole)
+        going = leading(K.min(axis=1) > 0)  # behind a standstill nothing counts
+        known = min(leading(settled), going)
+        if known == going:
+            break
+        slow = ~(size[: known + 1] <= FAST * last[: known + 1])
+        a, last = None if slow.any() else a, size
+    gains = spans.gains(w)
+    return w, gains, begin_energies(begin, gains, more), known
