@@ -110,7 +110,7 @@ class PathRun:
         """Go on until something ends the run."""
         rate = float(self.request.start.rate) * (1 + self.off)
         try:
-            self.K = self.inertia() * rate**2 / 2 if rate else 0.0
+            self.K = self.inertia() * rate**2 / 2
             if self.K > 0:  # not of a rate whose square is below all numbers
                 self.sign = 1 if rate > 0 else -1
                 self.mark = (0, self.at)
@@ -291,10 +291,13 @@ class PathRun:
             self.repeat_turn(period)
 
     def inertia(self) -> float:
-        """[kg m2 or kg] where the motion is: by place data, if there are some."""
+        """[kg m2 or kg] where the motion is; for the many turns of a search by place data."""
         row = self.road.row
-        known = float(row.at(np.array([self.q]), 0.0)[J, 0]) if row.pieces else math.nan
-        return known if known == known else float(self.system.at(self.q).J[0])
+        if self.one_turn and row.pieces:
+            known = float(row.at(np.array([self.q]), 0.0)[J, 0])
+            if known > 0:
+                return known
+        return float(self.system.at(self.q).J[0])
 
     def rate(self) -> float:
         """Rate of the driver."""

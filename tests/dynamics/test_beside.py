@@ -1,0 +1,75 @@
+"""The run beside another: it says of a motion what a run of its own says."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.dynamics import ends
+from blockmech.dynamics.beside import beside
+from blockmech.dynamics.estimate import difference, in_place
+from blockmech.dynamics.path import COARSE, FINE, PathRun, compared
+from blockmech.dynamics.request import SimulationRequest, Start, Until
+from blockmech.dynamics.system import System
+from blockmech.dynamics.track import Lateness
+from tests.dynamics.honesty import GRAPHS, mechanism
+
+RUNS = [  # name, start, end; the third from rest through 80 swings, the fourth braked by its loads
+    ("watt_sixbar", Start(math.pi / 3), Until("time", 2.0)),
+    ("andrews_squeezer", Start(-0.0617138900142764496358948458001), Until("time", 0.03)),
+    ("watt_sixbar", Start(0.7), Until("swings", 81.0)),
+    ("watt_sixbar", Start(1.0, 40.0), Until("turns", 12.5)),
+    ("pump", Start(0.3, 20.0), Until("time", 0.4)),
+    ("engine", Start(0.0, 60.0), Until("time", 0.3)),
+]
+
+
+def ended(system: System, request: SimulationRequest, *kind: object) -> PathRun:
+    run = PathRun(system, request, *kind)
+    run.run()
+    return run
+
+
+@pytest.mark.parametrize(("name", "start", "until"), RUNS)
+def test_it_differs_as_much_as_a_run_of_its_own(name, start, until):
+    system = System(mechanism(name))
+    request = SimulationRequest(start, until, method="spectral")
+    fine, own = ended(system, request, FINE), ended(system, request, COARSE, True)
+    motion = fine.motion()
+    legs = beside(fine, COARSE)
+    apart = compared(fine, motion, legs)
+    usual = difference(own.motion(), motion, system.rotary)
+    assert apart.agree
+    assert usual.agree
+    assert usual.q / 10 <= apart.q <= 10 * usual.q
+    assert apart.times[0] == pytest.approx(0.0, abs=1e-15)
+    assert apart.times[-1] >= motion.t_end * (1 - 1e-12)
+
+
+def test_a_motion_that_hardly_gets_over_the_top_has_nothing_beside_it_that_does():
+    pendulum = bm.Graph.load(GRAPHS / "motions" / "pin_pendulum.json").compile()
+    system, low, high = System(pendulum), 0.1, 100.0
+    for _ in range(60):
+        rate = (low + high) / 2
+        run = ended(system, SimulationRequest(Start(0.0, rate), Until("turns", 1.0)), FINE)
+        low, high = (low, rate) if run.end == "turns" else (rate, high)
+    motion = pendulum.simulate(
+        "turns=1", start={"crank": (0.0, high)}, want=[], friction="none"
+    ).motion
+    assert motion.end == ends.UNDECIDED
+    motion = pendulum.simulate(
+        "turns=1", start={"crank": (0.0, high * (1 + 1e-9))}, want=[], friction="none"
+    ).motion
+    assert motion.reached
+    assert motion.time_error > 1e-8 * motion.t_end
+
+
+def test_late_by_dt_is_ahead_by_the_way_in_dt():
+    t, qd = np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 0.0])
+    by = Lateness(t, t, qd, np.array([0.0, 3e-9, 1.0]), np.array([0.0, 6e-9, 4e-12]))
+    system = System(mechanism("watt_sixbar"))
+    motion = ended(system, SimulationRequest(Start(0.7), Until("time", 2.0)), FINE).motion()
+    assert in_place(motion, by, 0.0, (True,)).q == pytest.approx(4e-12, rel=1e-12)
