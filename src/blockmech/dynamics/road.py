@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 PIECES = 4  # of a turn (or of the span of a slide), to begin with; halved where they are too long
+AT_ONCE = 8192  # places: some megabytes of polynomials
 TOGETHER = 32  # pieces that a motion is worked on at once over, where they are no period
 CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
 
@@ -149,6 +150,9 @@ class PieceRow:
 
         The inertia has some ``rounding`` more, relative to the largest of its piece.
         """
+        if len(q) > AT_ONCE:
+            parts = np.split(q, range(AT_ONCE, len(q), AT_ONCE))
+            return np.concatenate([self.at(part, rounding) for part in parts], axis=1)
         period, first = self.period, self.lows[0]
         x = q if period is None else q - period * np.floor((q - first) / period)
         near = CLOSE * np.abs(q).max()
