@@ -155,34 +155,21 @@ def roots(series: Floats) -> Floats:
     return np.sort((np.clip(real, -1.0, 1.0) + 1) / 2)
 
 
-@dataclass(frozen=True)
 class Spans:
     """Where panels lie.
 
     begin, end : (m,) [rad or m]
     energy : (m,) [J] at the anchor, or at v = 1 where the anchor is a dead centre
     kind : (m,)
+    backward : (m,) whether the anchors are where they end
+    anchor, way : (m,) [rad or m] the places v = 0, and from there to v = 1
     """
 
-    begin: Floats
-    end: Floats
-    energy: Floats
-    kind: Ints
-
-    @cached_property
-    def backward(self) -> NDArray[np.bool_]:
-        """Whether the anchors (m,) are where they end."""
-        return np.asarray(self.kind >= TO_REST)
-
-    @cached_property
-    def anchor(self) -> Floats:
-        """(m,) [rad or m] the places v = 0."""
-        return np.where(self.backward, self.end, self.begin)
-
-    @cached_property
-    def way(self) -> Floats:
-        """(m,) [rad or m] from the anchors to v = 1."""
-        return np.where(self.backward, self.begin - self.end, self.end - self.begin)
+    def __init__(self, begin: Floats, end: Floats, energy: Floats, kind: Ints) -> None:
+        self.begin, self.end, self.energy, self.kind = begin, end, energy, kind
+        self.backward: NDArray[np.bool_] = kind >= TO_REST
+        self.anchor: Floats = np.where(self.backward, end, begin)
+        self.way: Floats = np.where(self.backward, begin - end, end - begin)
 
     def places(self, v: Floats) -> Floats:
         """Driver coordinates (m, k) of v (k,)."""
@@ -285,7 +272,8 @@ class Panels:
     def taken_from(self, t0: float, energy: float = 0.0) -> Panels:
         """The same panels at another time and with more kinetic energy [J]."""
         if energy:
-            spans = replace(self.spans, energy=self.spans.energy + energy)
+            x = self.spans
+            spans = Spans(x.begin, x.end, x.energy + energy, x.kind)
             return replace(self, t0=t0, spans=spans, K=self.K + energy)
         panels = replace(self, t0=t0)
         panels.__dict__.update(
@@ -427,6 +415,7 @@ class Panels:
             float(whole[i]) - since if self.spans.backward[i] else since
         )
 
+    @cached_property
     def known_states(self) -> tuple[Floats, Floats, Floats]:
         """Times [s], driver coordinates and rates (m, n + 2) at the anchors, nodes and ends."""
         v, since, slope = self._known

@@ -146,7 +146,7 @@ def lateness(run: Sequence[Leg], other: Sequence[Leg], t_end: float) -> Lateness
 
 def _beside(one: Panels, other: Panels) -> tuple[Floats, ...]:
     """Columns (m, n + 2) of `Lateness`."""
-    (t, q, qd), (t_there, q_there, _) = one.known_states(), other.known_states()
+    (t, q, qd), (t_there, q_there, _) = one.known_states, other.known_states
     return t, q, qd, t_there - t, q_there - q
 
 
