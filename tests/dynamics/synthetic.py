@@ -37,6 +37,7 @@ class Synthetic(System):
         self._given_one, self._given_batch, self._given_terms = one, batch, terms
         self.method = self.progress = None
         self.samples = self.calls = self.singles = self.states = 0
+        self.steppers = {}
         names = tuple("q" if k == 1 else f"q{i}" for i in range(k))
         vars(self)["drivers"], vars(self)["rotary"] = names, (True,) * k
         no_turns = SimpleNamespace(rotary=False)
