@@ -268,6 +268,16 @@ def test_a_motion_that_only_begins_has_the_friction_of_what_begins():
     )
 
 
+@pytest.mark.parametrize("length", [0.0, 0.01])
+def test_a_start_without_a_pose_is_named_and_has_no_outputs(length):
+    start = {"left": (3.0, 0.0), "right": (0.1, 0.0)}  # the cranks point away from each other
+    mech = fivebar(everywhere(length)).compile()
+    found = mech.simulate("time=1", start=start, want=["left.drive", "left.acceleration"])
+    assert (found.motion.status, found.motion.end) == ("failed", "impossible pose")
+    assert found.quality.status == ("no-assembly",)
+    assert np.isnan(found["left.drive"]).all()
+
+
 def test_bristles_and_pairs_that_stick_go_together_with_several_drivers():
     """A LuGre elbow has no reversal and no rest of its own; the shoulder is Coulomb's."""
     bristles = {"stiffness": 1e3, "damping": 1.0, "static": 0.3, "kinetic": 0.2}

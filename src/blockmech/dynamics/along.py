@@ -60,9 +60,11 @@ class MotionInputs(Mapping[str, Any]):
             return
         if motion.slips:
             sides = motion.sides(self.t)
-        else:  # of a motion that only begins
+        elif motion.status != "failed":  # it only begins
             begun, _, _ = friction.from_state(self.q[0], self.qd[0], self.t[0], None)
             sides = np.tile(begun.sides, (len(self.t), 1))
+        else:  # before it began: nothing is known
+            sides = np.full((len(self.t), len(friction.names)), np.nan)
         along = friction.along(
             self.q, self.qd, self.t, self.states, sides, self.lies, self._against
         )

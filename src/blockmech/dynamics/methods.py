@@ -205,12 +205,10 @@ def unmoved(system: System, request: SimulationRequest) -> Motion | None:
         return None
     method = "none" if request.method == "auto" else request.method
     alone = len(system.drivers) == 1
-    held = _held_by_stop(system, request)
-    if held is not None:
-        return held
-    failed = failed_start(system, request) if alone else None
-    if failed is not None:
+    if (failed := failed_start(system, request)) is not None:
         return replace(failed, method=method)
+    if (held := _held_by_stop(system, request)) is not None:
+        return held
     if request.span == 0:
         why = request.why or "no time is asked for"
         return replace(request.standing, method=method, why=why)

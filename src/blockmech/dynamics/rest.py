@@ -23,9 +23,15 @@ STEP = EPS ** (1 / 5)
 
 
 def failed_start(system: System, request: SimulationRequest) -> Motion | None:
-    """The motion of one driver that cannot start, with the reason; None where it can."""
+    """The motion that cannot start, with the reason; None where it can.
+
+    Of several drivers only the pose is looked at.
+    """
     q, rate, t = request.start
-    J, tau, margin = (float(x[0]) for x in system.at(q, rate, t))
+    if len(system.drivers) > 1:
+        J, tau, margin = 1.0, 0.0, system.terms(q, rate, t).margin
+    else:
+        J, tau, margin = (float(x[0]) for x in system.at(q, rate, t))
     if not (margin > 0 and math.isfinite(J)):
         end = ends.IMPOSSIBLE
     elif J > 0 and math.isfinite(tau):

@@ -412,14 +412,16 @@ class SeveralFriction(PairFriction):
     ) -> Along:
         """What the pairs do at n states of a motion.
 
-        ``sides`` (n, m); ``lies`` (n, a) whether it lies against each of some stops, ``against``
-        says which rows those have. Of a pair that only starts or turns back the friction is that
-        of the sense in which it goes on.
+        ``sides`` (n, m), NaN where nothing is known; ``lies`` (n, a) whether it lies against each
+        of some stops, ``against`` says which rows those have. Of a pair that only starts or turns
+        back the friction is that of the sense in which it goes on.
         """
-        rates, qdd, friction = qd.copy(), np.empty(qd.shape), np.empty(sides.shape)
+        rates, qdd, friction = qd.copy(), np.full(qd.shape, np.nan), np.full(sides.shape, np.nan)
         stand, pushes = np.zeros(sides.shape, dtype=bool), np.zeros(lies.shape)
         kinds, which = np.unique(np.hstack([sides, lies]), axis=0, return_inverse=True)
         for kind, row in enumerate(kinds):
+            if np.isnan(row).any():
+                continue
             some = np.flatnonzero(which.ravel() == kind)
             side, those = tuple(row[: sides.shape[1]].tolist()), row[sides.shape[1] :] > 0
             for _ in range(2):  # the second time with rates that are those of what sticks
