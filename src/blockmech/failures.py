@@ -19,8 +19,10 @@ from blockmech.errors import (
     SampleError,
     SampleFailure,
     SingularError,
+    listed,
     refused,
 )
+from blockmech.model.structure import JointRef
 from blockmech.passes.homotopy import followed, last_good, path_of
 from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY
 from blockmech.result import Result
@@ -73,6 +75,18 @@ def why_not(result: Result) -> str:
     return str(replace(problem, remedy=""))
 
 
+def _unproved(result: Result, first: int, block: str) -> str:
+    """What is missing where laws are not linear in the load and no certificate holds, if so."""
+    certificate = result.quality.contraction[block][first]
+    structure, names = result.mechanism.structure, result.mechanism.joint_names
+    pairs = [JointRef(block, joint) for joint in structure.block(block).friction]
+    of = [str(ref) for ref in pairs if structure.friction_law(ref).reads_load]
+    if not of or certificate < 1.0:
+        return ""
+    why = f"friction of {listed(names.get(x, x) for x in of)} is not linear in the load"
+    return f"no proof that there is one solution: {why}, certificate {certificate:.4g} (valid: < 1)"
+
+
 def _what(
     result: Result, first: int, block: str, margin: float, drivers: Mapping[str, float]
 ) -> tuple[type[SampleError], str, str]:
@@ -82,7 +96,7 @@ def _what(
     if status == "not-converged":
         by = {"single": "a single correction", "successive": "successive approximations"}
         how = by.get(result.settings["friction"], "continuation")
-        return FrictionError, status, f"{how} did not converge"
+        return FrictionError, status, _unproved(result, first, block) or f"{how} did not converge"
     if status != NO_ASSEMBLY:
         limit = next(
             (f.value for f in quality.flags if f.sample == first and f.where == block), None

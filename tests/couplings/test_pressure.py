@@ -88,13 +88,14 @@ def test_pins_and_drive_where_friction_may_turn_the_effort(internal, rate):
 
 
 def test_a_wheel_that_falls_moves_as_its_statics_say():
-    """By three methods; the sense of the effort turns on the way."""
-    g = wheels(0.0, motor=0.25)
+    """By two methods; the sense of the effort turns on the way."""
+    motor = 0.05
+    g = wheels(0.0, motor=motor)
     g.start("one", q=0.5, rate=0.0)
 
     def acceleration(q, rate):
         def missing(x):
-            return by_hand(q, rate, x, 0.0, False, 1.0)[0] - 0.25
+            return by_hand(q, rate, x, 0.0, False, 1.0)[0] - motor
 
         a, b = 0.0, 50.0
         fa, fb = missing(a), missing(b)
@@ -108,8 +109,11 @@ def test_a_wheel_that_falls_moves_as_its_statics_say():
         lambda t, y: [y[1], acceleration(*y)], (0.0, t_end), [0.5, 0.0], "DOP853",
         rtol=1e-11, atol=1e-12, max_step=0.01,
     )  # fmt: skip
+    ends = own.y[:, [1, -1]].T
+    first, last = (by_hand(*x, acceleration(*x), 0.0, False, 1.0)[3] for x in ends)
+    assert first * last < 0
     mech = g.compile()
-    for method in ("spectral", "dop853", "radau"):
+    for method in ("spectral", "dop853"):
         motion = mech.simulate(f"time={t_end}", method=method, accuracy=1e-9).motion
         assert motion.q_end == pytest.approx(own.y[0, -1], abs=1e-9)
         assert motion.qd_end == pytest.approx(own.y[1, -1], abs=1e-8)

@@ -127,7 +127,7 @@ CONTROLLED = {  # what moves -> outputs that are compared, how long [s]
     "speed_controlled_fourbar": (["crank.q", "pid.integral", "motor.current"], 0.4),
     "sampled_fourbar": (["crank.q", "motor.current"], 0.215),
     "joints/speed_controlled_pump": (["driver.shaft.q", "pid.integral", "tacho.x1"], 0.3),
-    "fivebar": (["left.q", "right.q", "pid_left.integral"], 0.5),
+    "fivebar": (["left.q", "right.q", "pid_left.integral"], 0.36),
 }
 
 

@@ -56,6 +56,6 @@ def test_a_law_holds_in_every_place(name):
     assert kept[f"poses({DRIVE})"] == pytest.approx(np.array(rows[:2]), abs=1e-10)
     assert mech.verify(kept).ok
     # a short motion, and what stands beside it
-    moved = mech.simulate("time=0.01", start={"motor": (0.7, 9.0)}, want=(), accuracy=1e-8)
+    moved = mech.simulate("time=0.002", start={"motor": (0.7, 9.0)}, want=(), accuracy=1e-8)
     assert moved.motion.reached
     assert mech.equilibria(friction="newton") is not None

@@ -179,6 +179,23 @@ def test_an_unfinished_iteration_is_an_answer_only_where_its_bound_says_so(setti
     assert answers > 20
 
 
+@pytest.mark.parametrize("friction", ["newton", "successive"])
+def test_films_without_a_certificate_are_told_from_iterations_that_fail(friction):
+    film = {"viscosity": 0.05, "radius": 0.02, "length": 0.02, "clearance": 2e-5}
+    table = {"sommerfeld": [0.0, 0.1, 1.0], "friction_variable": [9e4, 3.0, 20.0]}
+    g = slider_crank(0.1)
+    g.blocks["rod"] = bm.RRP(l=2.0, h=0.0, friction={"C": bm.Hydrodynamic(**film, **table)})
+    run = g.compile().run
+    marked = run(at=1.0, rates=50.0, friction=friction, on_gap="mark")
+    certificate = marked.quality.contraction["rod"][0]
+    assert certificate >= 1
+    with pytest.raises(bm.FrictionError, match="no proof that there is one solution") as caught:
+        run(at=1.0, rates=50.0, friction=friction)
+    assert f"friction of rod.C is not linear in the load, certificate {certificate:.4g}" in str(
+        caught.value
+    )
+
+
 # ---- prismatic pairs ---------------------------------------------------------------------
 
 
