@@ -62,7 +62,7 @@ from blockmech.values import Link, Marker
 
 if TYPE_CHECKING:
     from blockmech import draw, studio, synthesis
-    from blockmech.dynamics.along import SimulationResult
+    from blockmech.dynamics.motion_outputs import SimulationResult
     from blockmech.dynamics.request import Until, Watch
     from blockmech.exchange.writing import write
     from blockmech.mechanism import Mechanism
@@ -143,7 +143,7 @@ __version__ = "0.1.0"
 _LATER = {  # loaded when they are first asked for
     "Mechanism": "blockmech.mechanism",
     "Result": "blockmech.result",
-    "SimulationResult": "blockmech.dynamics.along",
+    "SimulationResult": "blockmech.dynamics.motion_outputs",
     "Until": "blockmech.dynamics.request",
     "Watch": "blockmech.dynamics.request",
     "write": "blockmech.exchange.writing",

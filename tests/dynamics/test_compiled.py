@@ -166,8 +166,8 @@ def test_in_steps_that_machine_code_calls_calm_nothing_happens(monkeypatch, make
     passed = make().simulate(watch=[PASSES], **request).motion
     steps = Dop853.steps
 
-    def in_doubt(self, road, every):
-        found = steps(self, road, every)
+    def in_doubt(self, free_range, every):
+        found = steps(self, free_range, every)
         return found and found._replace(calm=0, turns=())
 
     monkeypatch.setattr(dop853, "REPORTED", 1)

@@ -9,7 +9,7 @@ import pytest
 from mpmath import mp, mpf
 
 import blockmech as bm
-from blockmech.dynamics.ahead import PanelBuilder
+from blockmech.dynamics.panel_builder import PanelBuilder
 from blockmech.errors import RequestError
 from tests.dynamics.motions import PIN_START, pin_swings
 from tests.gallery import changed, document

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.dynamics.ahead import PanelBuilder
+from blockmech.dynamics.panel_builder import PanelBuilder
 from blockmech.dynamics.request import Start
 from tests.dynamics.linkages import motored
 from tests.dynamics.synthetic import Synthetic, move

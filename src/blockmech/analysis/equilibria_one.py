@@ -25,8 +25,8 @@ from blockmech.analysis.equilibrium import (
     Kind,
     equilibrium_of,
 )
-from blockmech.analysis.held import held_intervals, interval_about
 from blockmech.analysis.limits import limits
+from blockmech.analysis.rest_intervals import held_intervals, interval_about
 from blockmech.analysis.scan import NODES, TURN, Span, bisect
 from blockmech.dynamics import loads
 from blockmech.dynamics.system import System

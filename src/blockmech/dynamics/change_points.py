@@ -21,7 +21,7 @@ from numpy.polynomial import chebyshev
 
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.panels import basis, rule
-from blockmech.dynamics.place import MARGIN, TAU, J, PlaceData, place
+from blockmech.dynamics.place_data import MARGIN, TAU, J, PlaceData, place
 from blockmech.dynamics.system import One, Sample, Source, System
 
 SIZES = (8, 12, 16, 20, 24)  # poses of a series: 8, as two tell its end; even: none at its middle

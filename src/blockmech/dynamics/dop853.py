@@ -92,8 +92,8 @@ class Dop853(DOP853):  # type: ignore[misc]
         failed: str | None = super().step()
         return failed
 
-    def steps(self, road: tuple[float, float], every: bool) -> AcceptedSteps | None:
-        """The next steps by machine code, up to one that may leave a road; None without any.
+    def steps(self, free_range: tuple[float, float], every: bool) -> AcceptedSteps | None:
+        """The next steps by machine code, up to one that may leave a free_range; None without any.
 
         every : whether a standstill ends a step
         """
@@ -103,7 +103,7 @@ class Dop853(DOP853):  # type: ignore[misc]
         begin, ends = (self.t, self.y), (self.t_bound, self.max_step)
         left = (self.equation.most - self.equation.spent) / len(by.C)
         most = int(min(REPORTED, left + 1))
-        made = code.steps(by, begin, self.h_abs, ends, road, self.tolerances, most, every)
+        made = code.steps(by, begin, self.h_abs, ends, free_range, self.tolerances, most, every)
         many = len(made.K)
         more = len(by.C) - self.n_stages - 1
         self.equation.took(1 + made.tried * self.n_stages + many * more)

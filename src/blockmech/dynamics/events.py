@@ -254,7 +254,7 @@ class EventDetector:
         of_driver = (r.parts == 1 or not (r.own or r.index >= 0) for r in self.rules)
         return len(self.spans) == 1 and all(of_driver)
 
-    def road(self, q: float) -> tuple[float, float]:
+    def free_range(self, q: float) -> tuple[float, float]:
         """The next places of the only driver, below and above one, at which there are events."""
         places = [rule.place for rule in self.rules]
         below, above = (p for p in places if p < q), (p for p in places if p > q)

@@ -37,7 +37,7 @@ from blockmech.dynamics.pair_friction import (
     Sides,
     State,
 )
-from blockmech.dynamics.place import NOTHING
+from blockmech.dynamics.place_data import NOTHING
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.friction import solvers

@@ -9,7 +9,7 @@ so a motion is an integral along its path, with no steps in time. Where tau depe
 place alone (method ``energy``) K is a plain integral; where rates or joint friction enter
 (method ``spectral``) the two are solved together on each panel.
 
-    road ahead -> panel -> standstill? goal? end? -> next panel ... -> a pattern that repeats
+    path ahead -> panel -> standstill? goal? end? -> next panel ... -> a pattern that repeats
 
 Source of the identity: [D14] Eq. 1, in its integrated form.
 """
@@ -24,8 +24,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.ahead import PanelBuilder, PanelFailure, PathState
-from blockmech.dynamics.beside import beside
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
     ROUNDING,
@@ -39,11 +37,13 @@ from blockmech.dynamics.estimate import (
     with_rounding,
 )
 from blockmech.dynamics.motion import Event, Motion, Status, Still
+from blockmech.dynamics.panel_builder import PanelBuilder, PanelFailure, PathState
 from blockmech.dynamics.panels import Panels, joined
-from blockmech.dynamics.place import RESOLVED, J
+from blockmech.dynamics.path_mesh import CLOSE, PIECES, PathMesh, Piece
+from blockmech.dynamics.place_data import RESOLVED, J
 from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
-from blockmech.dynamics.road import CLOSE, PIECES, PathMesh, Piece
+from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.singular import time_left
 from blockmech.dynamics.stretch import Stretch
 from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, lateness
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 COARSE, FINE = 32, 48  # nodes of a panel: 16 resolve too little, sums of 96 round more
 MOST = 8_000  # panels of a run; ten seconds of work and more
-# Panels in a row, one by one, that cover less than a part of a piece of the road: it crawls. Panels
+# Panels in a row, one by one, that cover less than a part of a piece of the path: it crawls. Panels
 # crowd to where something is not smooth as powers of two, a score on either side.
 CROWD, CRAWL = 48, 1 / 64
 SWINGS = 8  # with friction, to be expected: panels of fewer cost no more than machine code at first
@@ -65,13 +65,13 @@ class PathRun:
     """One run: where the motion is, and what it left behind.
 
     t [s] counts from the start of the run; K [J]; sign is the direction of the motion. A run
-    ``beside`` starts some roundings off, and has rounding of its own added to inertia and energies.
+    ``perturbed`` starts some roundings off, and has rounding added to inertia and energies.
     """
 
     system: System
     request: SimulationRequest
     n: int
-    beside: bool = False
+    perturbed: bool = False
     one_turn: bool = False  # whether a whole turn ends it, or that there is none
     t: float = 0.0
     q: float = 0.0
@@ -96,12 +96,12 @@ class PathRun:
 
     def __post_init__(self) -> None:
         self.rounding = ROUNDING + 2 * self.system.noise  # relative, of work and inertia
-        self.off = ROUNDING if self.beside else 0.0
+        self.off = ROUNDING if self.perturbed else 0.0
         q, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
         self.q = q * (1 + self.off)
         # At a dead centre the cosine of a pose, from squares of lengths, squared again, is 1.
-        self.road = PathMesh(self.system, self.q, self.n, tolerance, 4 * self.off)
-        self.next = PanelBuilder(self.road, self.rounding if self.beside else 0.0)
+        self.mesh = PathMesh(self.system, self.q, self.n, tolerance, 4 * self.off)
+        self.next = PanelBuilder(self.mesh, self.rounding if self.perturbed else 0.0)
         self.place_only = self.next.place_only
 
     # -- the run ------------------------------------------------------------
@@ -190,7 +190,7 @@ class PathRun:
         piece = (
             ends.END_STOP
             if self.sign * (self.q - stop) >= 0
-            else self.road.ahead(self.q, self.sign)
+            else self.mesh.ahead(self.q, self.sign)
         )
         if isinstance(piece, str):
             self.arrive(piece)
@@ -269,7 +269,7 @@ class PathRun:
         self.panels.append(panel)
         self.count += len(panel.w)
         self.t, (self.q, self.K) = panel.t1, panel.at_end()
-        if self.beside and self.K > 0:
+        if self.perturbed and self.K > 0:
             self.K += self.rounding * panel.size
 
     def passed(self, piece: Piece) -> None:
@@ -292,7 +292,7 @@ class PathRun:
 
     def inertia(self) -> float:
         """[kg m2 or kg] where the motion is; for the many turns of a search by place data."""
-        row = self.road.row
+        row = self.mesh.row
         if self.one_turn and row.pieces:
             known = float(row.at(np.array([self.q]), 0.0)[J, 0])
             if known > 0:
@@ -342,7 +342,7 @@ class PathRun:
         return some and swings_on and math.inf > self.request.span > self.t * MOST / self.count
 
     def arrive(self, what: str) -> None:
-        """The end of the road."""
+        """The end of the path."""
         rubs = self.system.friction is not None
         rate = self.rate() if rubs or what != ends.DEAD_CENTRE else 0.0
         if what == ends.DEAD_CENTRE:
@@ -397,7 +397,7 @@ class PathRun:
             turn = replace(turn, gain=0.0)
         pattern = None
         if start.K > 0 and (self.place_only or not turn.gain):
-            pattern = turns(turn, self.request, self.road.tolerance, self.told)
+            pattern = turns(turn, self.request, self.mesh.tolerance, self.told)
         if pattern is None:  # the next turn tells
             self.mark = (len(self.panels), self.at)
         else:
@@ -446,7 +446,7 @@ class PathRun:
 def along_path(system: System, request: SimulationRequest) -> Motion:
     """The motion by the path method, with its error (`estimate`).
 
-    Of two runs the coarser has fewer nodes and is some roundings beside, in its start, its inertia
+    Of two runs the coarser has fewer nodes and is some roundings off, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
     fine = PathRun(system, request, FINE)
@@ -455,7 +455,7 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
         motion = fine.motion()
         if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
             return stopped(motion, None)
-        legs = beside(fine, COARSE)
+        legs = second_run(fine, COARSE)
         apart = None if legs is None else compared(fine, motion, legs)
         if apart is not None and apart.agree:
             return with_rounding(system, agreed(motion, apart), request.accuracy or TARGET, apart)
@@ -482,7 +482,7 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
 
 
 def compared(fine: PathRun, motion: Motion, legs: Sequence[Leg]) -> Difference | None:
-    """How far a run is from what goes beside it; None where that has no clock."""
+    """How far a run is from the second one; None where that has no clock."""
     by, late, last = lateness(fine.whole, legs, fine.t), 0.0, fine.whole[-1]
     if not np.isfinite(by.late).all():
         return None

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.dynamics.ahead import ROUGH, PanelBuilder, PathState
+from blockmech.dynamics.panel_builder import ROUGH, PanelBuilder, PathState
 from blockmech.dynamics.panels import (
     FROM_REST,
     PLAIN,
@@ -31,9 +31,9 @@ from blockmech.dynamics.panels import (
     leading,
     rule,
 )
-from blockmech.dynamics.place import SHORT, TAU, J
-from blockmech.dynamics.road import CLOSE, PieceRow
-from blockmech.dynamics.work import begin_energies, of_rate, solved
+from blockmech.dynamics.path_equation import begin_energies, of_rate, solved
+from blockmech.dynamics.path_mesh import CLOSE, PieceRow
+from blockmech.dynamics.place_data import SHORT, TAU, J
 from blockmech.plane import EPS
 
 NEXT = EPS ** (2 / 3)  # relative, of a step of Newton's whose square is below rounding
@@ -88,8 +88,8 @@ class Stretch:
     @classmethod
     def ahead(cls, builder: PanelBuilder, at: PathState, goal: float) -> Stretch | None:
         """As far as whole pieces are known, at most a turn, and to a goal; None where none are."""
-        road, row, sign = builder.road, builder.road.row, at.sign
-        shift, near = road.turn(at.q, sign)
+        mesh, row, sign = builder.mesh, builder.mesh.row, at.sign
+        shift, near = mesh.turn(at.q, sign)
         first = row.index(at.q - shift, sign, near)
         if first is None:
             return None
@@ -204,7 +204,7 @@ class Stretch:
         return panels, inertia[:, -1], known
 
     def _more(self, way: Floats, w: Floats) -> Any:
-        """[J] (m,) what a run beside another has more at the end of each: some roundings."""
+        """[J] (m,) what a second run has more at the end of each: some roundings."""
         return self.rounding * np.abs(way) * np.abs(w).mean(axis=1) if self.rounding else 0.0
 
     def _settled(self, spans: Spans, inertia: Floats) -> tuple[Floats, Floats, Floats, int]:

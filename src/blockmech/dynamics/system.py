@@ -29,6 +29,7 @@ from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.friction import ForcePassProgram, JointFriction, margins
 from blockmech.dynamics.motion import Cost, Floats
 from blockmech.dynamics.pair_stops import Counted
+from blockmech.dynamics.place_table import PlaceTable
 from blockmech.dynamics.signals import (
     NO_SIGNALS,
     SignalProgram,
@@ -36,7 +37,6 @@ from blockmech.dynamics.signals import (
     signal_program,
 )
 from blockmech.dynamics.sticking import SeveralFriction
-from blockmech.dynamics.table import PlaceTable
 from blockmech.engines.llvm import WORTH, LlvmEngine, SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine

@@ -323,11 +323,11 @@ class TimeIntegration:
         return solver
 
     def _stepped(
-        self, solver: Any, road: tuple[float, float] = ANYWHERE, every: bool = True
+        self, solver: Any, free_range: tuple[float, float] = ANYWHERE, every: bool = True
     ) -> AcceptedSteps | None:
         """One more step, or some of them at once by machine code; None where there is none."""
         with np.errstate(all="ignore"):
-            if self.method == "dop853" and (steps := solver.steps(road, every)):
+            if self.method == "dop853" and (steps := solver.steps(free_range, every)):
                 return cast(AcceptedSteps, steps)
             y = solver.y
             try:
@@ -352,7 +352,7 @@ class TimeIntegration:
         solver = self._solver(bound, self.t, self.y, slope, self.max_step)
         every = lookout.ends_at_standstill
         while solver.status == "running":
-            steps = self._stepped(solver, lookout.road(float(solver.y[0])), every)
+            steps = self._stepped(solver, lookout.free_range(float(solver.y[0])), every)
             if steps is None:
                 return self._given_up()
             met = self._over(steps, lookout, own) if solver.t > solver.t_old else None

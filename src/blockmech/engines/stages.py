@@ -5,10 +5,10 @@
         off = norm of h sum_j E_j K_j, in tolerances, of two estimates
         the step is taken where off < 1, else it is tried again with a shorter h
 
-A step in which something may happen is the last: its first component leaves the ``road``, or what
-is ``watched`` changes its sign at a stage of the step. Of the first two, which may also dip to zero
-between two stages, a stage that is not `FAR` from zero may not differ from the end by a third of it
-either: then none is twice another. The rates are those of a traced program of one lane
+A step in which something may happen is the last: its first component leaves the ``free_range``, or
+what is ``watched`` changes its sign at a stage of the step. Of the first two, which may dip to
+zero between two stages, a stage that is not `FAR` from zero may not differ from the end by a third
+of it either: then none is twice another. The rates are those of a traced program of one lane
 (`blockmech.engines.assembly`), asked by a body: they are worked out state by state, hundreds of
 times in what a call from Python takes. Components of a state are the parts of one vector, all
 sizes numbers of the text.
@@ -110,10 +110,10 @@ start:
   %longest.at = getelementptr double, ptr %control, i64 2
   %longest = load double, ptr %longest.at
   %tried.at = getelementptr double, ptr %control, i64 3
-  %road.low.at = getelementptr double, ptr %control, i64 4
-  %road.low = load double, ptr %road.low.at
-  %road.high.at = getelementptr double, ptr %control, i64 5
-  %road.high = load double, ptr %road.high.at
+  %free.low.at = getelementptr double, ptr %control, i64 4
+  %free.low = load double, ptr %free.low.at
+  %free.high.at = getelementptr double, ptr %control, i64 5
+  %free.high = load double, ptr %free.high.at
   %block = mul i64 %all, WIDTH
   %end = sub i64 %ends, 1
   %end.place = mul i64 %end, WIDTH
@@ -218,7 +218,7 @@ watch:
   %falls = icmp slt i64 %w, 2
   %column = add i64 FIRST, %w
   %last.at = getelementptr double, ptr %slope, i64 %column
-  br i1 %w.more, label %scan, label %on.road
+  br i1 %w.more, label %scan, label %on.free
 scan:
   %s = phi i64 [ 0, %watch ], [ %s.next, %seen ]
   %last = load double, ptr %last.at
@@ -247,10 +247,10 @@ seen:
 calm:
   %w.next = add i64 %w, 1
   br label %watch
-on.road:
+on.free:
   %place = load double, ptr %y.next
-  %above = fcmp ogt double %place, %road.low
-  %below = fcmp olt double %place, %road.high
+  %above = fcmp ogt double %place, %free.low
+  %below = fcmp olt double %place, %free.high
   %inside = and i1 %above, %below
   br i1 %inside, label %kept, label %doubtful
 kept:
@@ -373,7 +373,7 @@ class CompiledRhs:
         """Steps of m designs, each from its own ``begin`` (t (m,), y (m, n)), at most so many.
 
         slots : (m, k) numbers of the program, given : (m, p) of the right-hand side
-        control : (m, 6) step to try, bound, longest step, 0, and the road (`CompiledStepper`)
+        control : (m, 6) step to try, bound, longest step, 0, and the free_range (`CompiledStepper`)
         tolerances : (m, 2, n) relative and absolute ones
         room : numbers, at least m `room_of` so many steps; what was in it is gone
         """
@@ -452,7 +452,7 @@ class CompiledStepper:
         begin: Any,
         h: float,
         ends: tuple[float, float],
-        road: tuple[float, float],
+        free_range: tuple[float, float],
         tolerances: Floats,
         most: int,
         every: bool = True,
@@ -460,7 +460,7 @@ class CompiledStepper:
         """Steps from ``begin`` (t, y), at most so many.
 
         ends : [s] where they end, and the longest one
-        road : between which the first component is to stay
+        free_range : between which the first component is to stay
         tolerances : (2, n) relative and absolute ones
         every : whether all that is watched is looked at, or all but the last
         """
@@ -471,7 +471,7 @@ class CompiledStepper:
         K, t, y = self._room, np.zeros(most + 1), np.zeros((most + 1, n))
         t[0], y[0] = begin
         K[0, 0] = self.at(*begin)
-        control = np.array([h, *ends, 0.0, *road])
+        control = np.array([h, *ends, 0.0, *free_range])
         arrays = K, y, self._state, by.A, by.C, by.E, tolerances, control, t
         places = (x.ctypes.data for x in arrays)
         count = r.steps(self._x, self._parameters, *places, most, by.E.shape[1], stages, watched)

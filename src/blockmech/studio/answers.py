@@ -16,7 +16,7 @@ from bokeh.models import Div
 from blockmech.analysis.explain import explain
 from blockmech.analysis.trade import trade
 from blockmech.draw.motion import Motion, moves_of_result
-from blockmech.dynamics.along import result_along
+from blockmech.dynamics.motion_outputs import result_along
 from blockmech.dynamics.simulation import simulate
 from blockmech.errors import BlockmechError
 from blockmech.result import Result

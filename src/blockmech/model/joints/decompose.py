@@ -31,10 +31,10 @@ from blockmech.model.joints.diagnosis import (
     why_stuck,
 )
 from blockmech.model.joints.diagram import Diagram, Sequence
+from blockmech.model.joints.drafts import closed_form, driving_link, general_group
 from blockmech.model.joints.elements import links_read_as_they_are, links_sensed
 from blockmech.model.joints.layout import Connections, Layout, Poses, seated
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.making import closed_form, driving_link, general_group
 from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.varied import settled
 from blockmech.model.naming import Names

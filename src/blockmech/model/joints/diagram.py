@@ -17,10 +17,10 @@ from blockmech.errors import GraphError, Problem, listed, path_text
 from blockmech.model.diagram import GRAPH_FILE
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.contents import FRAME, LinkGiven
+from blockmech.model.joints.drafts import GENERAL, BlockDraft, End, LinkPlacement, xy
 from blockmech.model.joints.elements import elements
 from blockmech.model.joints.layout import Connection, Connections, Layout, Poses, Sums
 from blockmech.model.joints.linkage import Linkage
-from blockmech.model.joints.making import GENERAL, BlockDraft, End, LinkPlacement, xy
 from blockmech.model.joints.references import coordinate_of
 from blockmech.model.joints.varied import phase, settled
 from blockmech.model.laws_of_motion import LawOfMotion

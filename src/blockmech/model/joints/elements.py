@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from blockmech.model.joints.contents import FRAME, HOLDS
+from blockmech.model.joints.drafts import LinkPlacement, xy
 from blockmech.model.joints.layout import Connection, Connections
-from blockmech.model.joints.making import LinkPlacement, xy
 from blockmech.model.joints.varied import phase, remainder
 from blockmech.model.writing import plain
 

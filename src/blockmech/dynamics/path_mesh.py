@@ -1,4 +1,4 @@
-"""The road: place data along the driver's path, made where a motion comes to and kept.
+"""The mesh of the path: place data along the driver's path, made where a motion comes to and kept.
 
 A piece ends where its series would not be smooth: at kinks of loads, dead centres,
 places without inertia. It is halved until its series are resolved, so pieces crowd only where
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.panels import HALVINGS, PLAIN, Floats, basis, rule
-from blockmech.dynamics.place import (
+from blockmech.dynamics.place_data import (
     DAMPING,
     MARGIN,
     NOTHING,
@@ -48,7 +48,7 @@ CLOSE = 4 * EPS  # relative distance of two places that are one, but for roundin
 class Piece:
     """Place data in the coordinate of the motion.
 
-    ends : what ends the road at the low and the high end, "" where it goes on
+    ends : what ends the path at the low and the high end, "" where it goes on
     cuts : places inside at which a pair with friction reverses
     shift : [rad] whole periods between the two coordinates
     """
@@ -63,7 +63,7 @@ class Piece:
         return (self.data.high if sign > 0 else self.data.low) + self.shift
 
     def what_ends(self, sign: int) -> str:
-        """What ends the road there, or nothing."""
+        """What ends the path there, or nothing."""
         return self.ends[sign > 0]
 
     def rows(self, q: Floats) -> Floats:
@@ -91,7 +91,7 @@ class Piece:
 class WholePieces(NamedTuple):
     """Pieces of a row as they are run over in one direction, with their work integrated.
 
-    Arrays (m, ...), in the order of the row; those of pieces that end the road say nothing.
+    Arrays (m, ...), in the order of the row; those of pieces that end the path say nothing.
 
     values : (m, r, n + 1) place data at the nodes of a plain panel over all of each, and its begin
     series : (m, r, n) of place data
@@ -99,7 +99,7 @@ class WholePieces(NamedTuple):
     gains : (m, n + 1) [J] by which loads at rest raise K from its begin to there, and to its end
     mean_effort : (m,) [N m or N] about the mean over each, of loads at rest
     follows : (m,) whether the next one in this direction begins where it ends
-    goes_on : (m,) whether nothing ends the road in it
+    goes_on : (m,) whether nothing ends the path in it
     """
 
     values: Floats
@@ -196,14 +196,14 @@ class PieceRow:
 class PathMesh:
     """The pieces of a system's path about a start: n nodes each, resolved to a tolerance.
 
-    ``beside``: share by which the ends that the mechanism has are off
+    ``off``: share by which the ends that the mechanism has are off
     """
 
     system: System
     start: float
     n: int
     tolerance: float
-    beside: float = 0.0
+    off: float = 0.0
     limits: list[tuple[float, int, str]] = field(default_factory=list)  # place, direction, what
 
     @cached_property
@@ -287,7 +287,7 @@ class PathMesh:
             if not limit and bad.any():
                 nearest = min(place(low, high, 0, rule(self.n).v)[bad], key=lambda x: sign * x)
                 far, what = self._last_possible(q, float(nearest))
-                far -= sign * self.beside * abs(far) if far != q else 0.0
+                far -= sign * self.off * abs(far) if far != q else 0.0
                 self.limits.append((far, sign, what))
                 limit = self._limit(sign, what)
                 continue
@@ -301,7 +301,7 @@ class PathMesh:
         return self._unresolved(q)
 
     def _unresolved(self, q: float) -> str:
-        """What ends the road where no piece is short enough: no pose, or series without an end."""
+        """What ends the path where no piece is short enough: no pose, or series without an end."""
         sample = self.system.sample(np.array([q]))
         good = bool(sample.possible[0]) and sample.margin[0] > math.sqrt(EPS)
         return ends.UNDECIDED if good else ends.IMPOSSIBLE
@@ -310,7 +310,7 @@ class PathMesh:
         """Direction in which a piece runs into a dead centre in its own variable.
 
         With friction it does not: what is left of digits there is not enough to solve it. Such a
-        road ends at the margin at which integrators end.
+        path ends at the margin at which integrators end.
         """
         return sign if what == ends.DEAD_CENTRE and self.system.friction is None else 0
 
@@ -333,7 +333,7 @@ class PathMesh:
         return first + np.array(apart)
 
     def _far(self, q: float, sign: int, length: float) -> tuple[float, str]:
-        """The farthest place that a new piece may reach, and what ends the road there."""
+        """The farthest place that a new piece may reach, and what ends the path there."""
         known_ends = [p.end(-sign) for p in self.row.pieces] + self._edges
         usual = (self.system.period or self.system.span) / PIECES
         known = [x for p in self.row.pieces for x in (p.data.low, p.data.high)]
@@ -386,7 +386,7 @@ class PathMesh:
 
     @property
     def least(self) -> float:
-        """Margin at which the road ends."""
+        """Margin at which the path ends."""
         return 0.0 if self.system.friction is None else LEAST_MARGIN
 
     def _possible_at(self, q: Floats) -> Any:
@@ -394,7 +394,7 @@ class PathMesh:
         return sample.possible & (sample.margin > self.least)
 
     def _why(self, good: float, bad: float) -> str:
-        """What ends the road between a possible place and the next that is not."""
+        """What ends the path between a possible place and the next that is not."""
         sample = self.system.sample(np.array([good, bad]))
         margins = sample.margin - self.least
         if margins[1] > 0 and np.isfinite(sample.J[1]):

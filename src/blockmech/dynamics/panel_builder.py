@@ -1,4 +1,4 @@
-"""The next panel of a motion: as long as its road allows, as short as its series asks for.
+"""The next panel of a motion: as long as its path allows, as short as its series asks for.
 
 A panel that holds no standstill begins where the motion is; one that holds it is built
 backwards from the standstill, whose place is moved until the energies fit.
@@ -26,9 +26,16 @@ from blockmech.dynamics.panels import (
     rule,
     span,
 )
-from blockmech.dynamics.place import SHORT, SLIPS, TAU, J
-from blockmech.dynamics.road import CLOSE, PathMesh, Piece, WholePieces
-from blockmech.dynamics.work import EffortFunction, Work, of_friction, of_place, of_rate, settled
+from blockmech.dynamics.path_equation import (
+    EffortFunction,
+    Work,
+    of_friction,
+    of_place,
+    of_rate,
+    settled,
+)
+from blockmech.dynamics.path_mesh import CLOSE, PathMesh, Piece, WholePieces
+from blockmech.dynamics.place_data import SHORT, SLIPS, TAU, J
 from blockmech.plane import EPS
 
 ROUGH = 1 / 64  # of a piece's inertia: what is below has two digits less
@@ -44,7 +51,7 @@ class PathState(NamedTuple):
 
 
 class PanelFailure(NamedTuple):
-    """Why there is no panel: an end by its name, or "" where the road was made anew."""
+    """Why there is no panel: an end by its name, or "" where the mesh was made anew."""
 
     end: str = ""
     note: str = ""
@@ -52,14 +59,14 @@ class PanelFailure(NamedTuple):
 
 
 class PanelBuilder:
-    """Panels over a road, with as many nodes and resolved to the same tolerance.
+    """Panels over a mesh of the path, with as many nodes and resolved to the same tolerance.
 
     ``rounding``: what the inertia is made wrong by, relative to the largest of its piece.
     """
 
-    def __init__(self, road: PathMesh, rounding: float = 0.0) -> None:
-        self.road, self.n, self.rounding = road, road.n, rounding
-        self.system, self.tolerance = road.system, road.tolerance
+    def __init__(self, mesh: PathMesh, rounding: float = 0.0) -> None:
+        self.mesh, self.n, self.rounding = mesh, mesh.n, rounding
+        self.system, self.tolerance = mesh.system, mesh.tolerance
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
         # Whole pieces, and the dK/dq (m, n) that a stretch found there last; NaN where none did.
         self.solved: tuple[WholePieces, Floats] | None = None
@@ -105,10 +112,10 @@ class PanelBuilder:
                 return PanelFailure()
 
     def _shortened(self, at: PathState, piece: Piece, way: float) -> bool:
-        """Whether a way that is short against its piece of the road got one of its own size."""
+        """Whether a way that is short against its piece of the path got one of its own size."""
         if not CLOSE * abs(at.q) < way < piece.data.length / SHORT:
             return False
-        self.road.shorten(piece, at.q, at.sign, SHORT / 2 * way)
+        self.mesh.shorten(piece, at.q, at.sign, SHORT / 2 * way)
         return True
 
     def kept_clear(self, at: PathState, piece: Piece, way: float) -> bool:
@@ -119,7 +126,7 @@ class PanelBuilder:
         left = abs(piece.end(at.sign) - at.q) - way
         if piece.what_ends(at.sign) != DEAD_CENTRE or left <= math.sqrt(EPS) * way:
             return False
-        self.road.shorten(piece, at.q, at.sign, way + left / 2)
+        self.mesh.shorten(piece, at.q, at.sign, way + left / 2)
         return True
 
     def _acting_on(self, piece: Piece, lies: Spans, sign: int) -> tuple[Work, Floats]:

@@ -1,9 +1,10 @@
-r"""The run beside another: the same panels from other place data, some roundings off.
+r"""The second run of a motion: the panels of the first from other place data, some roundings off.
 
-What a motion leaves unknown is told by a second one. It need not find its way anew: it goes over
-the panels of the first, with place data that were sampled elsewhere, fewer terms in its clock, and
-some roundings more in its start, its inertia and the work of each panel. Where its energy is used
-up on a panel that holds no standstill it goes another way, and only a run of its own can tell.
+How far two runs are apart is the estimate of a motion's error. The second one need not search for
+its panels anew: it goes over those of the first, with place data that were sampled elsewhere, fewer
+terms in its clock, and some roundings more in its start, its inertia and the work of each panel.
+Where its energy is used up on a panel that holds no standstill it takes another path, and only a
+run with panels of its own can say how far.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ import numpy as np
 from blockmech.dynamics.ends import END_STOP
 from blockmech.dynamics.estimate import ROUNDING
 from blockmech.dynamics.panels import TO_LIMIT, TO_REST, Floats, Panels, Spans, rule
-from blockmech.dynamics.place import TAU, J
-from blockmech.dynamics.road import PathMesh
+from blockmech.dynamics.path_equation import begin_energies, of_rate, solved
+from blockmech.dynamics.path_mesh import PathMesh
+from blockmech.dynamics.place_data import TAU, J
 from blockmech.dynamics.track import Leg, RepeatedSegment
-from blockmech.dynamics.work import begin_energies, of_rate, solved
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
@@ -32,7 +33,7 @@ class Run(Protocol):
 
     system: System
     request: SimulationRequest
-    road: PathMesh
+    mesh: PathMesh
     n: int
     rounding: float
     place_only: bool
@@ -44,12 +45,12 @@ class Run(Protocol):
         """All that it left behind."""
 
 
-class AnotherWayError(Exception):
-    """The run beside another does not go over its panels."""
+class AnotherPathError(Exception):
+    """The second run does not go over the panels of the first."""
 
 
-def beside(run: Run, n: int) -> list[Leg] | None:
-    """What goes beside a run, from place data of n nodes; None where that is a run of its own.
+def second_run(run: Run, n: int) -> list[Leg] | None:
+    """The second run, from place data of n nodes; None where it needs panels of its own.
 
     So it is with joint friction, and where the path ends by itself: at a dead centre, in
     equilibrium, where nothing is smooth.
@@ -62,28 +63,28 @@ def beside(run: Run, n: int) -> list[Leg] | None:
     if run.system.friction is not None or run.regime == "rest" or dead_centre or not whole:
         return None
     try:
-        return _Beside(run, n).legs()
-    except AnotherWayError:
+        return _SecondRun(run, n).legs()
+    except AnotherPathError:
         return None
 
 
-class _Beside:
+class _SecondRun:
     """Where the run is: time [s], energy [J], and by how much its place is off [rad or m]."""
 
     def __init__(self, run: Run, n: int) -> None:
         self.run, self.rounding = run, run.rounding
         q, rate = float(run.request.start.q), float(run.request.start.rate) * (1 + ROUNDING)
         self.t, self.off = 0.0, q * ROUNDING
-        self.road = PathMesh(run.system, q, n, run.road.tolerance)
+        self.mesh = PathMesh(run.system, q, n, run.mesh.tolerance)
         if run.system.period is None:
-            row = run.road.row
-            self.road.row = self.road.over(np.union1d(row.low, row.high))
-        if not self.road.row.pieces:
-            raise AnotherWayError
+            row = run.mesh.row
+            self.mesh.row = self.mesh.over(np.union1d(row.low, row.high))
+        if not self.mesh.row.pieces:
+            raise AnotherPathError
         (inertia,) = self._rows(np.array([q + self.off]))[J]
         self.K = float(inertia) * rate**2 / 2
 
-    @np.errstate(all="ignore")  # what is not finite goes another way
+    @np.errstate(all="ignore")  # what is not finite takes another path
     def legs(self) -> list[Leg]:
         """What it leaves behind."""
         legs: list[Leg] = []
@@ -110,15 +111,15 @@ class _Beside:
         return legs
 
     def _panels(self, panels: Panels, t0: float) -> Panels:
-        """Panels beside others, from where it is on."""
+        """Its panels where the first has some, from where it is on."""
         parts = [self._one_way(panels, some) for some in panels.one_way()]
         begin, end, energy, kind, w, K, inertia = (
             np.concatenate(column) for column in zip(*parts, strict=True)
         )
         lost = np.broadcast_to(0.0, w.shape)
-        beside = Panels(t0, Spans(begin, end, energy, kind), w, K, inertia, lost)
-        beside.rate[:, int(KEPT * self.run.n) :] = 0.0
-        return beside
+        second = Panels(t0, Spans(begin, end, energy, kind), w, K, inertia, lost)
+        second.rate[:, int(KEPT * self.run.n) :] = 0.0
+        return second
 
     def _one_way(self, panels: Panels, some: slice) -> tuple[Any, ...]:
         """Spans, dK/dq, K and inertia of panels between two standstills."""
@@ -143,7 +144,7 @@ class _Beside:
             at_rest = float(w[-1] @ rule(self.run.n).to_series.T @ rule(self.run.n).at_zero)
             step = (left - float(gains[-1, -1])) / -at_rest
             if not abs(step) < abs(float(spans.way[-1])):
-                raise AnotherWayError
+                raise AnotherPathError
             end[-1] += step
             spans = Spans(begin, end, energy, kind)
             moved = Spans(begin[last], end[last], energy[last], kind[last])
@@ -152,7 +153,7 @@ class _Beside:
             self.K, self.off = 0.0, step
         K = energy[:, None] + gains
         if not K[:, :-1].min() > 0:
-            raise AnotherWayError
+            raise AnotherPathError
         return begin, end, energy, kind, w, K, rows[J]
 
     def _solved(
@@ -167,11 +168,11 @@ class _Beside:
         more = self.rounding * np.abs(lies.way) * np.abs(guess).mean(axis=1)
         w, gains, _, known = solved(acts, lies, guess, K, more)
         if known < len(w):
-            raise AnotherWayError
+            raise AnotherPathError
         return w, gains
 
     def _rows(self, q: Floats) -> Floats:
         """Place data (r, ...) at places, NaN where there are none."""
-        row = self.road.row
+        row = self.mesh.row
         rows = row.at(q.ravel(), self.rounding)
         return rows.reshape(-1, *q.shape)

@@ -15,7 +15,7 @@ import numpy as np
 from blockmech.dynamics.friction import JointFriction
 from blockmech.dynamics.pair_friction import Sides
 from blockmech.dynamics.panels import PLAIN, SMALLEST, Floats, P, Spans, leading, rule
-from blockmech.dynamics.place import DAMPING, SLIPS, TAU, J
+from blockmech.dynamics.place_data import DAMPING, SLIPS, TAU, J
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from blockmech.dynamics.place import MARGIN, RESOLVED, SLIPS, TAU, J, PlaceData, mesh
+from blockmech.dynamics.place_data import MARGIN, RESOLVED, SLIPS, TAU, J, PlaceData, mesh
 from blockmech.series import Floats
 
 CELLS, NODES = 64, 12  # of a period to begin with, of a cell: a hundred operations a state

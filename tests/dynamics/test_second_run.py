@@ -1,4 +1,4 @@
-"""The run beside another: it says of a motion what a run of its own says."""
+"""The second run says of a motion what a run with panels of its own says."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics import ends
-from blockmech.dynamics.beside import beside
 from blockmech.dynamics.estimate import difference, in_place
 from blockmech.dynamics.path import COARSE, FINE, PathRun, compared
 from blockmech.dynamics.request import SimulationRequest, Start, Until
+from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.system import System
 from blockmech.dynamics.track import Lateness
 from tests.dynamics.honesty import GRAPHS, mechanism
@@ -39,7 +39,7 @@ def test_it_differs_as_much_as_a_run_of_its_own(name, start, until):
     request = SimulationRequest(start, until, method="spectral")
     fine, own = ended(system, request, FINE), ended(system, request, COARSE, True)
     motion = fine.motion()
-    legs = beside(fine, COARSE)
+    legs = second_run(fine, COARSE)
     apart = compared(fine, motion, legs)
     usual = difference(own.motion(), motion, system.rotary)
     assert apart.agree
