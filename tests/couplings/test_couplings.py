@@ -13,7 +13,8 @@ import pytest
 import blockmech as bm
 from blockmech.couplings import laws
 from blockmech.errors import GraphError
-from tests.gallery import JOINTS
+from blockmech.testing.expectations import check_expectations
+from tests.gallery import GRAPHS, JOINTS
 from tests.independent import newton
 
 ROUNDING = 1e-12  # [-] some thousand roundings
@@ -92,6 +93,14 @@ def test_a_345_cam_moves_and_pushes_as_worked_out():
     np.testing.assert_allclose(run["cam.curvature_radius"], radius, rtol=1e-11)
     np.testing.assert_allclose(run["shaft.drive"], moment, rtol=ROUNDING)
     np.testing.assert_allclose(run["cam.contact"], push, rtol=ROUNDING)
+
+
+@pytest.mark.parametrize(("name", "numbers"), [("indexing_table", 23), ("geared_fivebars", 18)])
+def test_files_of_couplings_give_what_mpmath_says(name, numbers):
+    graph = bm.Graph.load(GRAPHS / "couplings" / f"{name}.json")
+    found = check_expectations(graph)
+    assert len(found) == numbers
+    assert [str(x) for x in found if not x.ok] == []
 
 
 def test_a_flat_follower_on_that_cam_is_undercut_where_the_radius_vanishes():
