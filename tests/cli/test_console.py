@@ -42,7 +42,7 @@ DONE = {
     "expected numbers": ["test", "watt_sixbar"],
     "the gallery": ["new"],
     "formats that are written": ["export", "list"],
-    "a report": ["report", "FILE", "-o", "report.html"],
+    "a report": ["report", "FILE", "-o", "REPORT"],
     "a drawing": ["import", "M[J[R, P[0, 0], L[ground, a]], J[R, P[0, 1], L[a]]]"],
     "all blocks": ["blocks"],
     "all outputs": ["outputs", "FILE"],
@@ -76,6 +76,7 @@ def show(call, ruiz, short, tmp_path):
 
     def showing(*words):
         files = {"FILE": str(ruiz), "SHORT": str(short), "RECORD": str(record)}
+        files["REPORT"] = str(tmp_path / "report.html")
         gallery = {name: str(GRAPHS / f"{name}.json") for name in ("watt_sixbar", JOINTS)}
         said = call(*((files | gallery).get(word, word) for word in words))
         for page in PAGES:
