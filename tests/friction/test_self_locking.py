@@ -191,9 +191,12 @@ def test_films_without_a_certificate_are_told_from_iterations_that_fail(friction
     assert certificate >= 1
     with pytest.raises(bm.FrictionError, match="no proof that there is one solution") as caught:
         run(at=1.0, rates=50.0, friction=friction)
-    assert f"friction of rod.C is not linear in the load, certificate {certificate:.4g}" in str(
-        caught.value
-    )
+    why = "friction of rod.C is not linear in the load"
+    assert f"{why}, certificate {certificate:.4g}" in str(caught.value)
+    g.blocks["crank"] = bm.Crank(length=1.0, links={"crank": bm.Link(inertia=2.0)})
+    motion = g.compile().simulate("time=0.1", start={"crank": (1.0, 50.0)}, friction=friction)
+    assert motion.motion.end == "self-locking in motion"
+    assert motion.motion.notes[-1].startswith(why)
 
 
 # ---- prismatic pairs ---------------------------------------------------------------------

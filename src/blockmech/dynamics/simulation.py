@@ -142,6 +142,11 @@ def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
         remarks.append(f'{met}, and perhaps never is: ask for "time=<s>" to see how it goes on')
     if goal.forcing and "time" not in system.depends_on:
         remarks.append(f"no load follows the time: the period {goal.forcing:.9g} s is not used")
+    if motion.end == ends.SELF_LOCKED and system.friction is not None:
+        slopes = enumerate(system.friction.program.steepest)
+        if of := [system.pair_name(j) for j, steepest in slopes if steepest]:
+            why = f"friction of {listed(of)} is not linear in the load"
+            remarks.append(f"{why}: perhaps only the proof of one solution is missing")
     return remarks
 
 
