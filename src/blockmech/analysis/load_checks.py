@@ -22,7 +22,7 @@ from blockmech.model.structure import JointRef
 Ends = Mapping[str, Body]
 
 
-def _table(law: Table, x: Array) -> Array:
+def table_of(law: Table, x: Array) -> Array:
     from scipy.interpolate import CubicSpline
 
     knots, values = np.asarray(law.arguments), np.asarray(law.values)
@@ -45,7 +45,7 @@ def _fourier(law: Fourier, x: Array) -> Array:
 LAWS: Mapping[type, Callable[[Any, Array], Array]] = {
     Constant: lambda law, x: law.value + 0 * x,
     Polynomial: lambda law, x: np.polynomial.polynomial.polyval(x, law.coefficients),
-    Table: _table,
+    Table: table_of,
     Fourier: _fourier,
     Signal: lambda law, x: x,
     DC: lambda law, x: law.stall_moment * (1 - x / law.no_load_speed),

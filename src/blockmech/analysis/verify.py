@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from blockmech.analysis import coupling_checks, signal_checks
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Part, Residual
 from blockmech.analysis.force_checks import (
     blocks,
@@ -50,12 +51,15 @@ CHECKS: tuple[CheckOf, ...] = (
     markers,
     drivers,
     modes,
+    signal_checks.outputs,
     loads,
     links,
     frame,
     friction,
     blocks,
     couplings,
+    coupling_checks.laws,
+    coupling_checks.lines_of_action,
     energies,
     whole,
     reduction,
