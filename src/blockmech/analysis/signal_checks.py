@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from blockmech import signals as kinds
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Residual, Term
 from blockmech.analysis.free_bodies import Array
 from blockmech.analysis.load_checks import table_of
 from blockmech.model.structure import JointRef
-from blockmech.signals.dynamic import BAND
+from blockmech.signals.algebra import DeadZone, Gain, Product, Saturation, Sum
+from blockmech.signals.dynamic import BAND, DCMotor, Integrator, Pid, StateSpace, TransferFunction
+from blockmech.signals.sources import Constant, Table
 
 if TYPE_CHECKING:
     from blockmech.model.structure import Structure
@@ -32,7 +33,7 @@ def _sum(*terms: Array) -> Term:
     return Term(np.sum(terms, axis=0), np.sum(np.abs(terms), axis=0))
 
 
-def _signed(b: kinds.Sum, *u: Array) -> Said:
+def _signed(b: Sum, *u: Array) -> Said:
     return _sum(*(x if sign == "+" else -x for sign, x in zip(b.signs, u, strict=True))), ()
 
 
@@ -41,12 +42,12 @@ def _within(limits: Sequence[float], x: Term) -> Term:
     return Term(np.clip(x.value, low, high), x.size + max(abs(low), abs(high)))
 
 
-def _dead_zone(b: kinds.DeadZone, u: Array) -> Said:
+def _dead_zone(b: DeadZone, u: Array) -> Said:
     inside = _within(b.limits, Term(u, np.abs(u)))
     return Term(u - inside.value, inside.size), ()
 
 
-def _pid(b: kinds.Pid, e: Array, integral: Array, filtered: Array) -> Said:
+def _pid(b: Pid, e: Array, integral: Array, filtered: Array) -> Said:
     slope = b.n * (e - filtered)
     v, rate = _sum(b.kp * e, b.ki * integral, b.kd * b.n * e, -b.kd * b.n * filtered), e
     if b.limits:
@@ -60,7 +61,7 @@ def _linear(A: Array, B: Array, C: Array, D: float, u: Array, x: Sequence[Array]
     return _sum(*(c * s for c, s in zip(C, x, strict=True)), D * u), list(A @ x + np.outer(B, u))
 
 
-def _transfer_function(b: kinds.TransferFunction, u: Array, *x: Array) -> Said:
+def _transfer_function(b: TransferFunction, u: Array, *x: Array) -> Said:
     """By the controller form of `scipy.signal`, whose states are in the other order."""
     from scipy.signal import tf2ss
 
@@ -69,24 +70,24 @@ def _transfer_function(b: kinds.TransferFunction, u: Array, *x: Array) -> Said:
     return y, rates[::-1]
 
 
-def _table(b: kinds.Table, x: Array) -> Said:
+def _table(b: Table, x: Array) -> Said:
     y, moved = (table_of(b.law(), x + step * np.abs(x)) for step in (0.0, TOLERANCE))
     return Term(y, np.abs(y) + np.abs(moved - y) / TOLERANCE + max(map(abs, b.values))), ()
 
 
 SAID: Mapping[type, Callable[..., Said]] = {
-    kinds.Constant: lambda b, t: (_sum(b.value + 0 * t), ()),
-    kinds.Sum: _signed,
-    kinds.Gain: lambda b, u: (_sum(b.k * u), ()),
-    kinds.Product: lambda b, u, v: (_sum(u * v), ()),
-    kinds.Saturation: lambda b, u: (_within(b.limits, _sum(u)), ()),
-    kinds.DeadZone: _dead_zone,
-    kinds.Table: _table,
-    kinds.Integrator: lambda b, u, x: (_sum(x), (u,)),
-    kinds.Pid: _pid,
-    kinds.StateSpace: lambda b, u, *x: _linear(np.array(b.A), b.B, b.C, b.D, u, x),
-    kinds.TransferFunction: _transfer_function,
-    kinds.DCMotor: lambda b, u, w, i: (_sum(b.k * i), ((u - b.R * i - b.k * w) / b.L,)),
+    Constant: lambda b, t: (_sum(b.value + 0 * t), ()),
+    Sum: _signed,
+    Gain: lambda b, u: (_sum(b.k * u), ()),
+    Product: lambda b, u, v: (_sum(u * v), ()),
+    Saturation: lambda b, u: (_within(b.limits, _sum(u)), ()),
+    DeadZone: _dead_zone,
+    Table: _table,
+    Integrator: lambda b, u, x: (_sum(x), (u,)),
+    Pid: _pid,
+    StateSpace: lambda b, u, *x: _linear(np.array(b.A), b.B, b.C, b.D, u, x),
+    TransferFunction: _transfer_function,
+    DCMotor: lambda b, u, w, i: (_sum(b.k * i), ((u - b.R * i - b.k * w) / b.L,)),
 }
 """Type -> what a block gives for its inputs and states; the time for one without either."""
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from blockmech.analysis import coupling_checks, signal_checks
+from blockmech.analysis.coupling_checks import laws, lines_of_action
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Part, Residual
 from blockmech.analysis.force_checks import (
     blocks,
@@ -28,6 +28,7 @@ from blockmech.analysis.force_checks import (
 )
 from blockmech.analysis.load_checks import energies, loads
 from blockmech.analysis.motion_checks import closures, drivers, markers, modes
+from blockmech.analysis.signal_checks import outputs
 from blockmech.analysis.trajectory_checks import idle, trajectory
 from blockmech.arguments import declared
 from blockmech.dynamics.motion_outputs import result_along
@@ -51,15 +52,15 @@ CHECKS: tuple[CheckOf, ...] = (
     markers,
     drivers,
     modes,
-    signal_checks.outputs,
+    outputs,
     loads,
     links,
     frame,
     friction,
     blocks,
     couplings,
-    coupling_checks.laws,
-    coupling_checks.lines_of_action,
+    laws,
+    lines_of_action,
     energies,
     whole,
     reduction,
