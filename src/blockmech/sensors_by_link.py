@@ -82,11 +82,6 @@ def _reading(table: Mapping[str, Reading], known: Catalogue, source: str) -> Rea
     if known[parts[0][0]].kind == "vector":
         valid, remedy = "a signal is one number", f"take {source}.x or {source}.y"
         return Problem("no-sensor", source, "a vector is no signal", valid, remedy)
-    if reading.turn or (reading.wrapped and parts[0][1] < 0) or (reading.wrapped and parts[1:]):
-        links = listed([f"link.{link}.angle" for link in reading.between or ()])
-        found, valid = "it is an angle between two links", "sensors read one link's angle"
-        remedy = f"take the difference of {links} by a signal.sum"
-        return Problem("no-sensor", source, found, valid, remedy)
     return reading._replace(parts=tuple(parts))
 
 
@@ -94,11 +89,17 @@ def _block_output(
     blocks: dict[str, Any], source: str, reading: Reading
 ) -> tuple[str, list[dict[str, str]]]:
     """An output of a block that is a reading, and the wires to a block that is added for it."""
-    (first, sign), *others = reading.parts
-    if sign > 0 and not others:
-        return first, []
+    parts = list(reading.parts)
+    if len(parts) == 1 and parts[0][1] > 0 and not reading.turn:
+        return parts[0][0], []
     name = free_name(source.replace(".", "_"), blocks)
-    signs = "".join("+" if sign > 0 else "-" for _, sign in reading.parts)
+    if reading.turn:
+        turn = free_name(f"{name}_turn", blocks)
+        blocks[turn] = {"type": "signal.constant", "value": reading.turn}
+        parts.append((f"{turn}.y", 1))
+    signs = "".join("+" if sign > 0 else "-" for _, sign in parts)
     blocks[name] = {"type": "signal.sum", "signs": signs}
-    wires = [{"from": n, "to": f"{name}.u{k}"} for k, (n, _) in enumerate(reading.parts)]
+    if reading.wrapped or reading.turn:
+        blocks[name]["wrap"] = True
+    wires = [{"from": n, "to": f"{name}.u{k}"} for k, (n, _) in enumerate(parts)]
     return f"{name}.y", wires

@@ -5,11 +5,12 @@ Source: Ogata, Modern Control Engineering, 2010, section 2-3 (block diagrams).
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import Field, field_validator
+from pydantic import Field, StrictBool, field_validator
 
-from blockmech.plane import maximum, minimum
+from blockmech.plane import maximum, minimum, modulo
 from blockmech.signals.contract import Kernel, Signal
 from blockmech.typing import Real
 from blockmech.values import Number, NumbersGiven, mistake
@@ -41,14 +42,24 @@ def added(inputs: tuple[Real, ...], p: SumNumbers) -> tuple[Real]:
     return (total,)
 
 
+def added_angles(inputs: tuple[Real, ...], p: SumNumbers) -> tuple[Real]:
+    """The sum of angles [rad], less whole turns: between -pi and pi."""
+    (total,) = added(inputs, p)
+    return (modulo(total + math.pi, math.tau) - math.pi,)
+
+
 class Sum(Signal, type="signal.sum"):
-    """Inputs u0, u1, ... added up, each with its sign.
+    """Inputs u0, u1, ... added up, each with its sign; with ``wrap`` as an angle in (-pi, pi).
 
     >>> Sum(signs="+-").inputs
     ('u0', 'u1')
+    >>> turn = Sum(signs="+-", wrap=True)
+    >>> turn.output()((3.0, -3.0), turn.numbers())  # 6 rad less a turn
+    (-0.28318530717958623,)
     """
 
     signs: Signs = "++"
+    wrap: StrictBool = False
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -61,7 +72,7 @@ class Sum(Signal, type="signal.sum"):
 
     def output(self) -> Kernel:
         """The sum."""
-        return added
+        return added_angles if self.wrap else added
 
 
 def amplified(u: Real, p: Any) -> tuple[Real]:
