@@ -20,6 +20,7 @@ from tests.source import MODULES, TREES
 
 ROOMS = (
     "sigint",
+    "garbage",
     "typing",
     "plane",
     "report",

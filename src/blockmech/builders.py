@@ -13,6 +13,7 @@ from textwrap import shorten
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from blockmech.errors import FormatError, GraphError, Problem, in_file
+from blockmech.garbage import uncollected
 from blockmech.model import document, graph
 from blockmech.model.joints import linkage
 from blockmech.model.naming import Names
@@ -112,6 +113,7 @@ class Linkage(linkage.Linkage, Uncompiled):
         """All problems, as data; an empty list is a mechanism that compiles."""
         return _problems_of(self)
 
+    @uncollected()
     def decompose(self, general: General = "") -> Decomposition:
         """Drivers and Assur groups in formation order, as blocks.
 
@@ -131,6 +133,7 @@ class Linkage(linkage.Linkage, Uncompiled):
 
         return replace(made, data=with_sensors_of_blocks(made.data, made.names))
 
+    @uncollected()
     def compile(self) -> Mechanism:
         """Decompose the linkage and freeze it into a mechanism that computes.
 

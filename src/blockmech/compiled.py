@@ -20,6 +20,7 @@ from blockmech.engines.numpy import PRECISIONS, NumpyEngine, each_part
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import BlockmechError, GraphError, Problem, as_names, listed, refused
 from blockmech.failures import without_gaps
+from blockmech.garbage import uncollected
 from blockmech.model.document import Document
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
@@ -86,6 +87,7 @@ class Compiled(Runnable):
         )
 
     @classmethod
+    @uncollected()
     def of(cls, graph: Graph, names: Names | None = None, document: Document | None = None) -> Self:
         """A snapshot of a graph, checked.
 

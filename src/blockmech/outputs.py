@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import copy
 import fnmatch
-import gc
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -20,6 +18,7 @@ import numpy as np
 
 from blockmech.blocks.contract import Joint
 from blockmech.errors import Problem, RequestError, as_names, close_match, listed
+from blockmech.garbage import uncollected
 from blockmech.loads.contract import Element
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
@@ -356,22 +355,6 @@ def _advantage_unit(structure: Structure, useful: Element) -> str:
 
 
 # -- by name, and planned ---------------------------------------------------------------
-
-
-@contextmanager
-def uncollected() -> Iterator[None]:
-    """No search for garbage meanwhile.
-
-    Everything that is made here is kept: for a chain of a thousand dyads the search took as
-    long as the work.
-    """
-    running = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if running:
-            gc.enable()
 
 
 def near(pattern: str, names: Iterable[str]) -> list[str]:

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Self, TypeVar
 
 from blockmech.arguments import declared
 from blockmech.errors import FormatError, GraphError, Problem, close_match, in_file, listed
+from blockmech.garbage import uncollected
 from blockmech.model.form import Draft, Form
 from blockmech.model.parameters import Path, named, parameters_of, replaced
 from blockmech.model.reading import data_of, text_of
@@ -63,6 +64,7 @@ class Document:
         return read(text, file, lambda raw: cls)
 
     @classmethod
+    @uncollected()
     def from_data(cls, data: dict[str, Any], odd: Iterable[Problem] = (), file: str = "") -> Self:
         """Read what a file holds, with the problems that its text has. Raises like `load`."""
         draft = Draft(cls.form, data, list(odd))
