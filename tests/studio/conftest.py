@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -17,10 +18,9 @@ LOUD = ("error", "warning")  # what a console says that somebody should hear
 PATIENCE = 60_000  # ms of a machine on which others work too
 
 
-@pytest.fixture(scope="session")
-def studio(tmp_path_factory):
-    """Address and folder of a studio that runs."""
-    folder = tmp_path_factory.mktemp("studio")
+@contextmanager
+def served(folder):
+    """Address of a studio that runs in a folder, and its process."""
     command = [sys.executable, "-m", "blockmech", "studio", "--no-browser"]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     with (
@@ -31,8 +31,16 @@ def studio(tmp_path_factory):
     ):
         address = server.stdout.readline().strip()
         assert address.startswith("http://127.0.0.1:"), (folder / ".log").read_text("utf-8")
-        yield address, folder
+        yield address, server
         server.terminate()
+
+
+@pytest.fixture(scope="session")
+def studio(tmp_path_factory):
+    """Address and folder of a studio that runs."""
+    folder = tmp_path_factory.mktemp("studio")
+    with served(folder) as (address, _):
+        yield address, folder
 
 
 @pytest.fixture(scope="session")

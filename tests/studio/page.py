@@ -216,3 +216,39 @@ def accessible(page, *rules):
     ]
     assert bad == [], bad
     assert "color-contrast" in {rule["id"] for rule in found["passes"]}
+
+
+STEPS = """async ([add, diagram, times]) => {
+    const count = () => diagram.querySelectorAll(".block").length;
+    const undo = { key: "z", ctrlKey: true, bubbles: true };
+    const changed = async (act) => {
+        const before = count();
+        act();
+        for (let k = 0; k < 3000 && count() === before; k++)
+            await new Promise((done) => setTimeout(done, 10));
+        return count() !== before;
+    };
+    for (let k = 0; k < times; k++) {
+        if (!(await changed(() => add.click()))) return "not added";
+        if (!(await changed(() => diagram.dispatchEvent(new KeyboardEvent("keydown", undo)))))
+            return "not undone";
+    }
+    return "done";
+}"""
+
+
+def heap_around(page, studio, edits):
+    """Bytes that the page holds before and after edits of a four-bar: a block is added and gone."""
+    show(page, studio, "?example=ruiz_fourbar")
+    add = page.get_by_role("button", name="Add spring", exact=True).element_handle()
+    diagram = page.locator(".diagram svg").element_handle()
+    tools = page.context.new_cdp_session(page)
+
+    def heap():
+        tools.send("HeapProfiler.collectGarbage")
+        return tools.send("Runtime.getHeapUsage")["usedSize"]
+
+    assert page.evaluate(STEPS, [add, diagram, 3]) == "done"
+    before = heap()
+    assert page.evaluate(STEPS, [add, diagram, edits // 2]) == "done"
+    return before, heap()

@@ -58,8 +58,9 @@ def test_every_mechanism_of_the_gallery_has_columns_for_every_pose(name):
     for layer in layers:
         assert len(layer.places) in (1, len(motion.samples))
         count = len(layer.looks["name"])
-        assert {len(row) for row in (*layer.at(0).values(), *layer.looks.values())} == {count}
+        assert {len(row) for row in layer.looks.values()} == {count}
         starts = layer.starts or range(count + 1)
+        assert len(starts) == count + 1
         assert starts[-1] == layer.places.shape[1]
         for i, what in enumerate(layer.looks["name"]):
             if what.startswith(("link", "pin")):
@@ -71,16 +72,11 @@ def test_every_mechanism_of_the_gallery_has_columns_for_every_pose(name):
 def test_links_stand_where_the_run_says():
     view = MechanismView(sheet_of())
     view.pose = 77
-    (x, y) = next(
-        (layer.at(77)["x"][i], layer.at(77)["y"][i])
-        for layer in view.figure.layers
-        for i, what in enumerate(layer.looks["name"])
-        if what == "pin:C"
-    )
+    ((shown,),) = places_of(view, "pin:C", 77).values()
     run = view.sheet.mechanism.run(samples=361, want=["dyad.C.p"], friction="none")
     C = run["dyad.C.p"]
     rounding = 8 * np.finfo(float).eps * np.abs(C).max()  # by way of a link's origin and axis
-    assert abs(complex(x, y) - C[77]) <= rounding
+    assert abs(shown - C[77]) <= rounding
 
 
 def test_colours_are_those_of_the_palette_and_ink_swaps_with_paper_in_the_dark():
@@ -118,12 +114,8 @@ def test_friction_circles_say_how_much_larger_they_are_drawn():
     view.show = ["friction circles"]
     said = view.figure.words
     many = float(re.fullmatch(r"friction circles (\d+) times as large", said)[1])
-    drawn = next(
-        np.ptp(layer.at(0)["xs"][i]) / 2
-        for layer in view.figure.layers
-        for i, what in enumerate(layer.looks["name"])
-        if what.startswith("friction:dyad.C")
-    )
+    (circle,) = places_of(view, "friction:dyad.C", 0).values()
+    drawn = np.ptp(circle.real) / 2
     factor = view.sheet.document.blocks["dyad"].friction["C"].factor
     assert drawn == pytest.approx(many * factor, rel=1e-2)  # a polygon of steps of 0.2 rad
 
@@ -145,14 +137,22 @@ def words_of(view):
     return " ".join(words for words, _ in view.figure.picture.said)
 
 
-def marked(view):
-    """The gaps that are drawn in the shown pose."""
+def places_of(view, named, k):
+    """Where the shapes whose names begin so are drawn in sample k [m]."""
     return {
-        what
+        what: layer.places[k if len(layer.places) > 1 else 0][slice(*layer.starts[i : i + 2])]
+        if layer.starts
+        else layer.places[k, [i]]
         for layer in view.figure.layers
         for i, what in enumerate(layer.looks["name"])
-        if what.startswith("gap") and np.isfinite(layer.at(view.pose)["xs"][i]).all()
+        if what.startswith(named)
     }
+
+
+def marked(view):
+    """The gaps that are drawn in the shown pose."""
+    drawn = places_of(view, "gap", view.pose)
+    return {what for what, places in drawn.items() if np.isfinite(places).all()}
 
 
 @pytest.mark.parametrize("gone", ["wire", "closing"])

@@ -1,7 +1,6 @@
 """The studio as a user works with it, in a browser."""
 
 import json
-import os
 import urllib.error
 import urllib.request
 from pathlib import Path
@@ -19,6 +18,7 @@ from tests.studio.page import (
     drop,
     edit,
     fill,
+    heap_around,
     hidden_wires,
     press,
     rename,
@@ -45,7 +45,6 @@ DYAD = {
         for key, value in (("coefficient", "0.4"), ("radius [m]", "0.0075"))
     },
 }
-EDITS = int(os.environ.get("BLOCKMECH_EDITS", "40"))
 MEMORY, SLACK = 100e6, 8e6  # bytes of the page for 1,000 edits, and what a few may leave
 WIRES = (
     ("frame.A", "crank.A"),
@@ -332,39 +331,7 @@ def test_texts_of_a_megabyte_are_opened_and_run_nothing(page, studio):
     assert page.locator("img[src=x]").count() == 0
 
 
-STEPS = """async ([add, diagram, times]) => {
-    const count = () => diagram.querySelectorAll(".block").length;
-    const undo = { key: "z", ctrlKey: true, bubbles: true };
-    const changed = async (act) => {
-        const before = count();
-        act();
-        for (let k = 0; k < 3000 && count() === before; k++)
-            await new Promise((done) => setTimeout(done, 10));
-        return count() !== before;
-    };
-    for (let k = 0; k < times; k++) {
-        if (!(await changed(() => add.click()))) return "not added";
-        if (!(await changed(() => diagram.dispatchEvent(new KeyboardEvent("keydown", undo)))))
-            return "not undone";
-    }
-    return "done";
-}"""
-
-
 def test_edits_leave_the_memory_where_it_was(page, studio):
-    """Forty edits; of a thousand, see the note in docs/studio.md."""
-    show(page, studio, "?example=ruiz_fourbar")
-    add = page.get_by_role("button", name="Add spring", exact=True).element_handle()
-    diagram = page.locator(".diagram svg").element_handle()
-    tools = page.context.new_cdp_session(page)
-
-    def heap():
-        tools.send("HeapProfiler.collectGarbage")
-        return tools.send("Runtime.getHeapUsage")["usedSize"]
-
-    assert page.evaluate(STEPS, [add, diagram, 3]) == "done"
-    before = heap()
-    assert page.evaluate(STEPS, [add, diagram, EDITS // 2]) == "done"
-    after = heap()
-    print(f"{EDITS} edits: the page's memory went from {before / 1e6:.1f} to {after / 1e6:.1f} MB")
-    assert after - before < MEMORY * EDITS / 1000 + SLACK
+    """Forty edits; tests/campaigns/edits.py makes a thousand and more, see docs/studio.md."""
+    before, after = heap_around(page, studio, 40)
+    assert after - before < MEMORY * 40 / 1000 + SLACK

@@ -12,7 +12,6 @@ import contextlib
 import html
 import io
 import math
-import re
 import warnings
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
@@ -162,20 +161,9 @@ def rendered(figure: Any, suffix: str, dpi: float = DPI) -> bytes:
     return buffer.getvalue()
 
 
-def cropped(figure: Any) -> bytes:
-    """What is within the axes of a figure, as SVG: a thumbnail."""
-    box, (width, height) = figure.axes[0].get_position(), 72 * figure.get_size_inches()
-    data = rendered(figure, ".svg").decode()
-    view = (box.x0 * width, (1 - box.y1) * height, box.width * width, box.height * height)
-    words = " ".join(f"{x:.2f}" for x in view)
-    return re.sub(
-        'width="[^"]+" height="[^"]+" viewBox="[^"]+"', f'viewBox="{words}"', data, count=1
-    ).encode()
-
-
-def image(figure: Any, alt: str, crop: bool = False) -> str:
-    """A figure, whole or cropped, as an image of a page, in which no script runs."""
-    data = base64.b64encode(cropped(figure) if crop else rendered(figure, ".svg")).decode()
+def image(figure: Any, alt: str) -> str:
+    """A figure as an image of a page, in which no script runs."""
+    data = base64.b64encode(rendered(figure, ".svg")).decode()
     return f'<img alt="{html.escape(alt)}" src="data:image/svg+xml;base64,{data}">'
 
 

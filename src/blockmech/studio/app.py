@@ -47,6 +47,7 @@ SAID = 400  # letters of a message that an address carries
 
 FIRST = "Add a frame and a crank, then wire the crank to a marker of the frame."
 FORMULA = 36  # px above the canvas, which does not move when problems come and go
+BARE = {"css_classes": ["bare"]}  # a field whose name only screen readers hear
 BELOW = 250  # px of form and answers; diagram and mechanism have the rest
 ABOVE = 480, 400  # px of either side; in a lower window it scrolls
 
@@ -69,25 +70,20 @@ class Page:
         self.replace = self._button("Replace the file", lambda: self._save(True), visible=False)
         self.undo = self._button("Undo", lambda: self.say(f"Undo: {sheet.undo()}"))
         self.redo = self._button("Redo", lambda: self.say(f"Redo: {sheet.redo()}"))
-        self.kind = pn.widgets.Select(
-            label="Export as", groups=kinds(), width=130, css_classes=["bare"]
-        )
+        self.kind = pn.widgets.Select(label="Export as", groups=kinds(), width=130, **BARE)
         self.export = self._button("Export", self._export)
         self.sent = Div(text="", visible=False)
         self.sent.js_on_change("text", CustomJS(args={"sent": self.sent}, code=SAVE))
-        self.share = pn.widgets.Button(label="Copy link")
+        self.share = self._button("Copy link", self._share)
         self.packed = Div(text="", visible=False)
         self.packed.js_on_change("text", CustomJS(args={"packed": self.packed}, code=COPY))
-        self.share.on_click(lambda _: self._share())
         self.kept = Toggle(label="saved", visible=False)
         if pn.state.curdoc is not None:
             asks = CustomJS(args={"kept": self.kept}, code=LEAVING)
             pn.state.curdoc.js_on_event("document_ready", asks)
         kept = Shown.of(pn.state.cookies.get(UNITS, ""))
         self.units = [
-            pn.widgets.Select(
-                label=label, options=list(known), value=unit, width=66, css_classes=["bare"]
-            )
+            pn.widgets.Select(label=label, options=list(known), value=unit, width=66, **BARE)
             for (label, known), unit in zip(CHOICES.items(), kept, strict=True)
         ]
         for widget in self.units:

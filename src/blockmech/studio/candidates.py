@@ -13,7 +13,7 @@ from typing import Any
 import panel as pn
 
 import blockmech
-from blockmech.draw.mechanism import draw_mechanism
+from blockmech.draw.mechanism import draw_tile
 from blockmech.draw.paper import image
 from blockmech.studio.looks import LINES, Plain, beside
 from blockmech.studio.sketching import outlines_of, pins_of
@@ -22,7 +22,7 @@ from blockmech.studio.work import OnProgress, Work
 HOW = """Draw what is wanted with links and joints, three or more of a kind, then press Candidates:
 points of a path (a click each, in their order), or positions of a body (a lone link each)."""
 STARTS = 1024  # shapes that are tried for a path
-THUMB = "img { width: 200px; height: 140px; object-fit: contain; background: #fff }"
+THUMB = "img { width: 170px; height: 170px; object-fit: contain; background: #fff }"
 
 
 def wanted(form: Mapping[str, Any]) -> tuple[list[complex], list[tuple[float, float, float]]]:
@@ -92,6 +92,4 @@ class Candidates:
 def _thumbnail(design: Any) -> str:
     mechanism = design.graph.compile()
     at = dict.fromkeys(mechanism.drivers, design.at)
-    return image(
-        draw_mechanism(mechanism, at).figure, "a candidate in the wanted positions", crop=True
-    )
+    return image(draw_tile(mechanism, at), "a candidate in the wanted positions")

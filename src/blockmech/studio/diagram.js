@@ -29,10 +29,7 @@ export function render({ model, el }) {
   const blocks = () => model.drawing.blocks;
   const block = (name) => blocks().find((one) => one.id === name);
   const chosen = () => model.chosen;
-  const place = ({ clientX, clientY }) => {
-    const rectangle = svg.getBoundingClientRect();
-    return { x: clientX - rectangle.x, y: clientY - rectangle.y };
-  };
+  const place = (event) => placeIn(svg, event);
   const canvas = ({ x, y }) => ({ x: (x - view.x) / view.scale, y: (y - view.y) / view.scale });
   const at = (one) => drag?.moved?.[one.id] ?? one;
 
@@ -56,10 +53,8 @@ export function render({ model, el }) {
     show();
   }
 
-  function zoomed(factor, p) {
-    const z = canvas(p);
-    view.scale = Math.min(2, Math.max(0.02, view.scale * factor));
-    [view.x, view.y] = [p.x - z.x * view.scale, p.y - z.y * view.scale];
+  function zoomBy(factor, p) {
+    zoomed(view, Math.min(2, Math.max(0.02, view.scale * factor)) / view.scale, p);
     show();
   }
 
@@ -204,9 +199,7 @@ export function render({ model, el }) {
       draw();
       judge();
     } else if (drag.kind === "box") {
-      const [x, y] = [Math.min(p.x, drag.begun.x), Math.min(p.y, drag.begun.y)];
-      const size = { width: Math.abs(p.x - drag.begun.x), height: Math.abs(p.y - drag.begun.y) };
-      drag.box = { x, y, ...size };
+      drag.box = between(drag.begun, p);
       for (const [key, value] of Object.entries(drag.box)) band.setAttribute(key, value);
     }
   });
@@ -250,10 +243,7 @@ export function render({ model, el }) {
   });
   svg.addEventListener("pointercancel", () => { drag = null; draw(); });
   svg.addEventListener("pointerleave", () => { if (!drag) hide(); });
-  svg.addEventListener("wheel", (event) => {
-    zoomed(Math.exp(-event.deltaY / 500), place(event));
-    event.preventDefault();
-  }, { passive: false });
+  onWheel(svg, zoomBy);
 
   function hover(event) {
     const [wire, handle] = [under(event, "wire")?.dataset.id ?? "", under(event, "handle")];
@@ -293,8 +283,8 @@ export function render({ model, el }) {
     const { width, height } = svg.getBoundingClientRect();
     return { x: width / 2, y: height / 2 };
   };
-  const buttons = [["+", "Zoom in", () => zoomed(1.25, centre())],
-    ["\u2212", "Zoom out", () => zoomed(0.8, centre())], ["\u2922", "Fit View", fit]];
+  const buttons = [["+", "Zoom in", () => zoomBy(1.25, centre())],
+    ["\u2212", "Zoom out", () => zoomBy(0.8, centre())], ["\u2922", "Fit View", fit]];
   for (const [text, name, act] of buttons) {
     const button = element(zoom, "button", "", text);
     button.type = "button";

@@ -16,6 +16,7 @@ import numpy as np
 from blockmech.draw.motion import SAME_PLACE, Motion, Spot, marker_place
 from blockmech.draw.sketch import Sketch, shown_markers
 from blockmech.model.structure import LinkRef, MarkerRef
+from blockmech.studio.sketching import pair
 from blockmech.values import Place
 
 Move = Callable[[complex], complex]
@@ -118,5 +119,4 @@ def _put(
     z = o + e * Place.parse(at).z
     if move(z) == z and not stays:
         return at
-    place = (move(z) - o2) / e2
-    return [place.real, place.imag]
+    return pair((move(z) - o2) / e2)

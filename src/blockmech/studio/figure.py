@@ -17,6 +17,7 @@ from blockmech.studio.dragging import handles_of
 from blockmech.studio.fields import Shown
 from blockmech.studio.film import Layer, Scene, scene_of
 from blockmech.studio.plots import PIXELS
+from blockmech.studio.sketching import pair
 
 SIZE = 560, 300  # [px] of the drawing before the browser says how large it is
 SAME = 0.02  # of the scale, within which symbols count as large enough
@@ -118,8 +119,8 @@ class MechanismFigure:
                 }
                 for layer, z in zip(self.layers, places, strict=True)
             ],
-            "bounds": [[low.real, low.imag], [high.real, high.imag]],
-            "middle": [middle.real, middle.imag],
+            "bounds": [pair(low), pair(high)],
+            "middle": pair(middle),
             "unit": self.unit,
             "pixels": 1 / PIXELS,
             "samples": len(motion.samples),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import groupby, pairwise
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,15 +49,6 @@ class Layer(NamedTuple):
     places: Complex
     looks: Mapping[str, list[Any]]
     starts: tuple[int, ...] = ()
-
-    def at(self, k: int) -> dict[str, list[Any]]:
-        """Where the shapes are at sample k, as columns of a bokeh source."""
-        row = self.places[k if len(self.places) > 1 else 0]
-        x, y = row.real.tolist(), row.imag.tolist()
-        if not self.starts:
-            return {"x": x, "y": y}
-        pieces = [slice(*ends) for ends in pairwise(self.starts)]
-        return {"xs": [x[piece] for piece in pieces], "ys": [y[piece] for piece in pieces]}
 
 
 @dataclass(frozen=True)

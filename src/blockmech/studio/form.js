@@ -99,12 +99,7 @@ export function render({ model, el }) {
     const now = [...body.children].map((part) => (part.tagName === "H3" ? part.textContent : part));
     if (now.length !== order.length || now.some((part, k) => part !== order[k])) {
       const focus = body.getRootNode().activeElement;
-      body.replaceChildren(...order.map((part) => {
-        if (typeof part !== "string") return part;
-        const heading = document.createElement("h3");
-        heading.textContent = part;
-        return heading;
-      }));
+      body.replaceChildren(...order.map((part) => (typeof part === "string" ? element(body, "h3", "", part) : part)));
       if (focus && body.contains(focus)) focus.focus();
     }
     known = new Map(rows.flatMap(([, cells]) => cells));

@@ -11,7 +11,7 @@ from urllib.parse import quote
 import panel as pn
 
 from blockmech.builders import Opened, opened, read_text
-from blockmech.draw.paper import cropped
+from blockmech.draw.paper import rendered
 from blockmech.errors import BlockmechError
 from blockmech.studio.component import style
 from blockmech.studio.looks import begin, page
@@ -21,10 +21,9 @@ from blockmech.testing.files import gallery
 @cache
 def picture_of(name: str) -> bytes:
     """The mechanism of a gallery graph as SVG."""
-    from blockmech.draw.mechanism import draw_mechanism
+    from blockmech.draw.mechanism import draw_tile
 
-    mechanism = opened(gallery()[name]).compile()
-    return cropped(draw_mechanism(mechanism).figure)
+    return rendered(draw_tile(opened(gallery()[name]).compile()), ".svg")
 
 
 @cache

@@ -26,7 +26,7 @@ from blockmech.studio.plots import coloured
 from blockmech.studio.redraw import as_links
 from blockmech.studio.session import follow, heard
 from blockmech.studio.sheet import Sheet
-from blockmech.studio.sketching import Drawn, Form, outlines_of, sides_of
+from blockmech.studio.sketching import Drawn, Form, outlines_of, pair, sides_of
 from blockmech.studio.turn import closing, shown_motion
 from blockmech.values import Place
 
@@ -43,6 +43,7 @@ GUIDE = [
     "Press Play beside the drawing. A number of the drawing is changed by a click on it.",
 ]
 FIRST = "Drag in the drawing to draw the first link."
+LINE = {"css_classes": ["line"]}  # name and field on one line
 STEP = 0.05  # of the drawing, by which a copy stands beside what it is of
 
 
@@ -75,7 +76,7 @@ def drawing_of(form: Form, pins: dict[str, Drawn], dark: bool, units: Shown) -> 
         "pins": [
             {
                 "name": name,
-                "at": _pair(pin.z),
+                "at": pair(pin.z),
                 "ground": FRAME in pin.links,
                 "guide": sketching.guide_of(form, name) if pin.kind == "P" else None,
                 "driven": pin.driven,
@@ -108,10 +109,6 @@ def _turn(z: complex) -> float:
     return math.atan2(z.imag, z.real)
 
 
-def _pair(z: complex) -> list[float]:
-    return [z.real, z.imag]
-
-
 def _loads(form: Form) -> Iterator[dict[str, Any]]:
     """Forces with their places, springs with their ends."""
     for name, load in form.get("loads", {}).items():
@@ -122,7 +119,7 @@ def _loads(form: Form) -> Iterator[dict[str, Any]]:
         places = []
         for link, at in zip(links, given if load.get("links") else [given], strict=False):
             o, e = sketching.pose_of(form, link)
-            places.append(_pair(o + e * Place.parse(at).z))
+            places.append(pair(o + e * Place.parse(at).z))
         force = load.get("force") if load["type"] == "force" else None
         if load["type"] != "force" or isinstance(force, list):
             yield {"name": name, "at": places, "force": force}
@@ -145,7 +142,7 @@ def _wheels(form: Form, given: Form) -> Iterator[dict[str, Any]]:
         radii = [apart - given.get("roller", 0.0), given.get("roller", 0.0)]
     for end, radius in zip(ends, radii, strict=True):
         if radius > 0:
-            yield {"at": _pair(pins[end].z), "radius": radius}
+            yield {"at": pair(pins[end].z), "radius": radius}
 
 
 class LinksSheet:
@@ -154,30 +151,19 @@ class LinksSheet:
     def __init__(self, sheet: Sheet, dark: bool = False, view: Any = None) -> None:
         self.sheet, self.dark, self.view = sheet, dark, view
         self.canvas = Canvas(self.meant, sizing_mode="stretch_both")
-        self.pins = pn.widgets.MultiSelect(label="Pins", size=2, width=140, css_classes=["line"])
-        self.angle = pn.widgets.FloatInput(
-            label="along [°]", value=None, width=110, css_classes=["line"]
-        )
-        self.slot = pn.widgets.Select(
-            label="Slides on", options=[FRAME], width=140, css_classes=["line"]
-        )
-        self.place = pn.widgets.TextInput(
-            label="New pin at x, y [m]", value="", width=190, css_classes=["line"]
-        )
+        self.pins = pn.widgets.MultiSelect(label="Pins", size=2, width=140, **LINE)
+        self.angle = pn.widgets.FloatInput(label="along [°]", value=None, width=110, **LINE)
+        self.slot = pn.widgets.Select(label="Slides on", options=[FRAME], width=140, **LINE)
+        self.place = pn.widgets.TextInput(label="New pin at x, y", width=190, **LINE)
         self.acts: dict[str, Callable[[Form, list[str]], Form]] = {
             "Link": sketching.linked,
             "To the frame": sketching.attached,
-            "Slider": lambda form, pins: sketching.sliding(
-                form,
-                pins,
-                None if self.angle.value is None else math.radians(self.angle.value),
-                self.slot.value,
-            ),
+            "Slider": self._sliding,
             "Driver": self._driven,
             "Cylinder": sketching.cylinder,
             **{w: partial(sketching.coupled, kind=kind) for w, kind in COUPLED.items()},
-            "Spring": lambda form, pins: sketching.loaded(form, pins, "spring"),
-            "Force": lambda form, pins: sketching.loaded(form, pins, "force"),
+            "Spring": partial(sketching.loaded, kind="spring"),
+            "Force": partial(sketching.loaded, kind="force"),
             "Masses": sketching.weighed,
             "Copy": lambda form, pins: sketching.copied(form, pins, self._step),
             "Delete": sketching.removed,
@@ -280,6 +266,11 @@ class LinksSheet:
     def _refuse(self, error: BlockmechError) -> None:
         self.canvas.param.trigger("drawing")
         self._say(str(error), "alert")
+
+    def _sliding(self, form: Form, pins: list[str]) -> Form:
+        angle = self.angle.value
+        angle = None if angle is None else math.radians(angle)
+        return sketching.sliding(form, pins, angle, self.slot.value)
 
     def _driven(self, form: Form, pins: list[str]) -> Form:
         """Raises the problem of a driver for what another one moves already."""

@@ -66,11 +66,15 @@ export function render({ model, el }) {
     send(act, more);
   });
 
-  function show(k) {
+  function stand(k) {
     pose = k;
     slider.value = k;
     for (const { input, values } of rows) input.value = values[k];
     draw();
+  }
+
+  function show(k) {
+    stand(k);
     if (k !== model.pose || next) send("pose", { pose: k });
   }
 
@@ -202,10 +206,7 @@ export function render({ model, el }) {
 
   // -- what the pointer does -----------------------------------------------------------------
 
-  const place = (event) => {
-    const { x, y } = canvas.getBoundingClientRect();
-    return { x: event.clientX - x, y: event.clientY - y };
-  };
+  const place = (event) => placeIn(canvas, event);
 
   // Where a place [m] is on the screen, and where joints are: for tests and for other tools.
   canvas.screen = ([x, y]) => {
@@ -254,15 +255,7 @@ export function render({ model, el }) {
   });
   canvas.addEventListener("pointercancel", () => { drag = null; draw(); });
   canvas.addEventListener("dblclick", fit);
-  canvas.addEventListener("wheel", (event) => {
-    const p = place(event);
-    const [x, y] = [(p.x - view.x) / view.scale, (view.y - p.y) / view.scale];
-    view.scale *= Math.exp(-event.deltaY / 500);
-    [view.x, view.y] = [p.x - x * view.scale, p.y + y * view.scale];
-    draw();
-    told();
-    event.preventDefault();
-  }, { passive: false });
+  onWheel(canvas, (factor, p) => { zoomed(view, factor, p); draw(); told(); });
   canvas.addEventListener("keydown", (event) => {
     const by = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
     if (by && n()) show((pose + by + n()) % n());
@@ -335,10 +328,8 @@ export function render({ model, el }) {
   model.on("said", say);
   model.on("pose", () => {
     if (playing || model.pose === pose || model.pose === asked || (next && next[0] !== "pose")) return;
-    [pose, next] = [model.pose, null]; // of a tap on a curve, say: later than a pose that waits
-    slider.value = pose;
-    for (const { input, values } of rows) input.value = values[pose];
-    draw();
+    next = null; // what is shown now, by a tap on a curve, say, is later than a pose that waits
+    stand(model.pose);
   });
   const watcher = new ResizeObserver(() => {
     const { width, height } = area.getBoundingClientRect();

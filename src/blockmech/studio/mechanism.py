@@ -195,11 +195,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     def panel(self) -> Any:
         """The figure with its sliders, play button and choice of what is shown."""
         choice = pn.widgets.CheckButtonGroup.from_param(self.param.show, label="Show")
-        return pn.Column(
-            beside(choice),
-            self.figure.picture,
-            sizing_mode="stretch_both",
-        )
+        return pn.Column(beside(choice), self.figure.picture, sizing_mode="stretch_both")
 
     @together
     def _show_pose(self) -> None:

@@ -24,6 +24,29 @@ function element(parent, tag, name, text = "") {
   return made;
 }
 
+// Where an event is in a part [px].
+function placeIn(part, { clientX, clientY }) {
+  const { x, y } = part.getBoundingClientRect();
+  return { x: clientX - x, y: clientY - y };
+}
+
+function zoomed(view, factor, p) {
+  [view.x, view.y] = [p.x + (view.x - p.x) * factor, p.y + (view.y - p.y) * factor];
+  view.scale *= factor;
+}
+
+// The wheel calls `act` with a factor and a place.
+function onWheel(part, act) {
+  part.addEventListener("wheel", (event) => {
+    act(Math.exp(-event.deltaY / 500), placeIn(part, event));
+    event.preventDefault();
+  }, { passive: false });
+}
+
+const between = (a, b) => ({
+  x: Math.min(a.x, b.x), y: Math.min(a.y, b.y), width: Math.abs(a.x - b.x), height: Math.abs(a.y - b.y),
+});
+
 function rounded(x, digits = 4) {
   return String(Number(x.toPrecision(digits)));
 }

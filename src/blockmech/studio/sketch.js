@@ -46,10 +46,7 @@ export function render({ model, el }) {
   const chosen = () => model.chosen.filter(pin);
   const tell = (act, more = {}) => model.send_msg({ act, ...more });
   const grid = () => nice(12 / view.scale);
-  const place = (event) => {
-    const area = svg.getBoundingClientRect();
-    return { x: event.clientX - area.x, y: event.clientY - area.y };
-  };
+  const place = (event) => placeIn(svg, event);
 
   function fit() {
     const { width, height } = svg.getBoundingClientRect();
@@ -139,13 +136,7 @@ export function render({ model, el }) {
     for (const one of [...pins()].reverse()) drawPin(one); // a block below its pin
     if (!drag) for (const dim of model.drawing.dimensions) drawDimension(dim);
     if (!drag) drawAngle();
-    if (drag?.kind === "box" && drag.now) {
-      const [a, b] = [drag.begun, drag.now];
-      put(svg, "rect", {
-        x: Math.min(a.x, b.x), y: Math.min(a.y, b.y), class: "box",
-        width: Math.abs(a.x - b.x), height: Math.abs(a.y - b.y),
-      });
-    }
+    if (drag?.kind === "box" && drag.now) put(svg, "rect", { ...between(drag.begun, drag.now), class: "box" });
     svg.dataset.tool = model.tool;
     guide.hidden = pins().length > 0 || Boolean(trace) || !model.drawing.ours;
   }
@@ -477,14 +468,7 @@ export function render({ model, el }) {
 
   svg.addEventListener("pointerup", finish);
   svg.addEventListener("pointercancel", () => { [drag, typed.hidden] = [null, true]; draw(); });
-  svg.addEventListener("wheel", (event) => {
-    const p = place(event);
-    const [x, y] = metres(p);
-    view.scale *= Math.exp(-event.deltaY / 500);
-    [view.x, view.y] = [p.x - x * view.scale, p.y + y * view.scale];
-    draw();
-    event.preventDefault();
-  }, { passive: false });
+  onWheel(svg, (factor, p) => { zoomed(view, factor, p); draw(); });
 
   svg.addEventListener("contextmenu", (event) => {
     event.preventDefault();

@@ -38,6 +38,11 @@ class Drawn(NamedTuple):
     driven: bool = False
 
 
+def pair(z: complex) -> list[float]:
+    """A place as files and the browser write it."""
+    return [z.real, z.imag]
+
+
 def pose_of(form: Mapping[str, Any], link: str) -> tuple[complex, complex]:
     """Origin [m] and x axis of a link's frame in the drawing."""
     x, y, angle = form["links"].get(link, {}).get("pose") or (0.0, 0.0, 0.0)
@@ -69,7 +74,7 @@ def free(taken: Iterable[str], words: Iterable[str], wish: str) -> str:
 def drawn(form: Form, z: complex) -> Form:
     """With a new pin that no link carries."""
     name = free(pins_of(form), ascii_uppercase, "P")
-    made: Form = with_item(form, (*LOOSE, name), [z.real, z.imag])
+    made: Form = with_item(form, (*LOOSE, name), pair(z))
     return made
 
 
@@ -157,7 +162,7 @@ def _put(form: Form, name: str, pin: Drawn, z: complex) -> Form:
     places: dict[Path, Any] = {("links", link, *marker): _on(form, link, z) for link in pin.links}
     if pin.kind:
         places = {("joints", name, "at"): list(places.values())}
-    for path, at in (places or {(*LOOSE, name): [z.real, z.imag]}).items():
+    for path, at in (places or {(*LOOSE, name): pair(z)}).items():
         form = with_item(form, path, at)
     return form
 
@@ -196,15 +201,16 @@ def _on_a_block(form: Form, name: str, angle: float, on: str) -> Form:
     form = attached(form, [name], block)
     if on not in form["links"]:
         form = with_item(form, ("links", on), {})
-    links, z = [on, block], pins[name].z
-    guide = {
-        "type": "P",
-        "links": links,
-        "at": [_on(form, link, z) for link in links],
-        "angle": _angles(form, links, angle),
-    }
-    made: Form = with_item(form, ("joints", free(pins, [f"{name}_guide"], f"{name}_guide")), guide)
-    return made
+    guide = free(pins, [f"{name}_guide"], f"{name}_guide")
+    return _guided(form, guide, {on: pins[name].z, block: pins[name].z}, angle)
+
+
+def _guided(form: Form, name: str, places: Mapping[str, complex], angle: float) -> Form:
+    """With a joint at which two links, each at its place, slide along a direction [rad]."""
+    at = [_on(form, link, z) for link, z in places.items()]
+    made = {"type": "P", "links": [*places], "at": at, "angle": _angles(form, places, angle)}
+    joined: Form = with_item(form, ("joints", name), made)
+    return joined
 
 
 def _angles(form: Form, links: Iterable[str], angle: float) -> list[float]:
@@ -220,11 +226,8 @@ def cylinder(form: Form, names: Iterable[str]) -> Form:
     rod = _link(form, "rod")
     form = attached(form, [b], rod)
     guide = free(pins, ["cylinder"], "cylinder")
-    ends = zip((barrel, rod), (pins[a].z, pins[b].z), strict=True)
-    at = [_on(form, link, z) for link, z in ends]
-    angle = _angles(form, (barrel, rod), cmath.phase(pins[b].z - pins[a].z))
-    made = {"type": "P", "links": [barrel, rod], "at": at, "angle": angle}
-    return driven(with_item(form, ("joints", guide), made), [guide])
+    places, along = {barrel: pins[a].z, rod: pins[b].z}, pins[b].z - pins[a].z
+    return driven(_guided(form, guide, places, cmath.phase(along)), [guide])
 
 
 def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
@@ -355,7 +358,7 @@ def copied(form: Form, names: Iterable[str], by: complex) -> Form:
     for name in chosen:
         z = pins[name].z + by
         called[name] = free(pins_of(made), ascii_uppercase, "P")
-        made = with_item(made, (*LOOSE, called[name]), [z.real, z.imag])
+        made = with_item(made, (*LOOSE, called[name]), pair(z))
     for link in links:
         own = [called[name] for name in chosen if link in pins[name].links]
         if len(own) > 1:
@@ -436,5 +439,4 @@ def _without_marker(form: Form, link: str, name: str) -> Form:
 def _on(form: Mapping[str, Any], link: str, z: complex) -> list[float]:
     """A place of the drawing in a link's frame."""
     o, e = pose_of(form, link)
-    at = (z - o) / e
-    return [at.real, at.imag]
+    return pair((z - o) / e)
