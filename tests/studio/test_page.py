@@ -332,6 +332,6 @@ def test_texts_of_a_megabyte_are_opened_and_run_nothing(page, studio):
 
 
 def test_edits_leave_the_memory_where_it_was(page, studio):
-    """Forty edits; tests/campaigns/edits.py makes a thousand and more, see docs/studio.md."""
+    """Forty edits; of a thousand, see the note in docs/studio.md."""
     before, after = heap_around(page, studio, 40)
     assert after - before < MEMORY * 40 / 1000 + SLACK
