@@ -10,6 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from numbers import Complex, Integral, Real
 from typing import Any, ClassVar
 
 DEGREES = False  # angles that are shown, in text, tables and pictures alike: else radians
@@ -39,9 +40,11 @@ def as_json(x: Any) -> Any:
     """
     if isinstance(x, str | int | None):
         return x
-    if isinstance(x, float):
-        return x if math.isfinite(x) else None
-    if isinstance(x, complex):
+    if isinstance(x, Integral):
+        return int(x)
+    if isinstance(x, Real):  # also NumPy's long ones, which have no like in Python
+        return float(x) if math.isfinite(x) else None
+    if isinstance(x, Complex):
         return [as_json(x.real), as_json(x.imag)]
     if isinstance(x, Facts):
         return x.to_dict()

@@ -66,13 +66,21 @@ def _caption(trade: Trade) -> str:
     )
 
 
+def _spent(point: Point, cost: str) -> float:
+    """What a point costs; one where it costs nothing, as the axis has no zero.
+
+    A run along the path asks no kernel where all that it needs is kept.
+    """
+    return float(getattr(point, cost)) or 1.0
+
+
 def _panel(axes: Any, trade: Trade, cost: str) -> None:
     floor = trade.reference.floor
     axes.set_xscale("log")
     axes.set_yscale("log")
     front = front_of(trade.points, cost)
     axes.step(
-        [getattr(p, cost) for p in front], [p.error for p in front],
+        [_spent(p, cost) for p in front], [p.error for p in front],
         where="post", color=ink.PALE, lw=5, zorder=1, solid_capstyle="round",
     )  # fmt: skip
     axes.axhspan(1e-300, floor, facecolor="none", edgecolor=ink.GREY, hatch="////", lw=0, zorder=0)
@@ -80,7 +88,7 @@ def _panel(axes: Any, trade: Trade, cost: str) -> None:
     for i, (name, row) in enumerate(trade.series().items()):
         style = ink.curve_style(i)
         row = [p for p in row if math.isfinite(p.error)]
-        x, y = [getattr(p, cost) for p in row], [p.error for p in row]
+        x, y = [_spent(p, cost) for p in row], [p.error for p in row]
         bars = [[p.seconds - p.fastest for p in row], [p.slowest - p.seconds for p in row]]
         axes.errorbar(
             x, y, xerr=bars if cost == "seconds" else None, elinewidth=0.5, lw=0.9,
@@ -124,14 +132,14 @@ def _label(axes: Any, trade: Trade, cost: str) -> None:
 
     front = front_of(trade.points, cost)
     points = [p for p in trade.points if math.isfinite(p.error)]
-    places = axes.transData.transform([(getattr(p, cost), p.error) for p in points] or [(1, 1)])
+    places = axes.transData.transform([(_spent(p, cost), p.error) for p in points] or [(1, 1)])
     half = MARK / 2 * axes.figure.dpi / 72
     taken = [Bbox([z - half, z + half]) for z in places]
     room, renderer = axes.get_window_extent(), axes.figure.canvas.get_renderer()
     for p in sorted(points, key=lambda p: p not in front):
         for dx, dy in SPOTS if short(p) else ():
             text = axes.annotate(
-                short(p), (getattr(p, cost), p.error), (dx, dy), textcoords="offset points",
+                short(p), (_spent(p, cost), p.error), (dx, dy), textcoords="offset points",
                 fontsize=LABEL, color=ink.INK, in_layout=False, zorder=4,
                 ha={-1: "right", 0: "center", 1: "left"}[(dx > 0) - (dx < 0)],
                 va="bottom" if dy > 0 else "top",
