@@ -291,6 +291,15 @@ def test_what_arrays_cannot_decide_goes_by_itself():
     assert (together["motion.t_end"] != by_name["motion.t_end"]).any()
 
 
+@pytest.fixture
+def ctrl_c():
+    """Ctrl-C interrupts, also in a job in the background, which ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("ctrl_c")
 def test_an_interrupted_study_keeps_what_is_done():
     rod = bare_rod()
     rod.start("crank", q=0.0)
