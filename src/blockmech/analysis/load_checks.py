@@ -23,6 +23,7 @@ Ends = Mapping[str, Body]
 
 
 def table_of(law: Table, x: Array) -> Array:
+    """A table (n,) at its argument (n,), by SciPy's splines; NaN beyond its rows."""
     from scipy.interpolate import CubicSpline
 
     knots, values = np.asarray(law.arguments), np.asarray(law.values)

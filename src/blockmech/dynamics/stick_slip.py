@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from blockmech.dynamics import ends
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.events import EventFunction, friction_rules, release_rule
@@ -19,7 +21,9 @@ from blockmech.dynamics.motion import Event, Floats, Slips, Status
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import first_beyond, released
 from blockmech.dynamics.sticking import SeveralFriction
+from blockmech.plane import EPS
 
+WITHIN = 4 * EPS  # [-] of a time, to which an event is found in it
 Known = set[tuple[str, int]]  # events at a place, by kind and index
 
 
@@ -223,8 +227,15 @@ class SeveralDrivers(Frictionless):
         return bool(self._stuck) and not fresh and self._excess(now.t, now.y) > 0
 
     def reverse(self, now: Now, j: int) -> Transition:
-        """Settle anew, pair j among those without relative rate."""
-        return self._settle(now, (*self._stuck, j))
+        """Settle anew, pair j among those without relative rate.
+
+        So are others whose rate goes through zero at the same time, within rounding of it.
+        """
+        at, sides = self._instant(now.t, now.y), self.equation.sides
+        change = at.S @ self.friction.respond(at, sides).qdd + at.b
+        turning = np.abs(at.w) <= WITHIN * abs(now.t) * np.abs(change)
+        others = np.flatnonzero(turning & ~self.friction.signed).tolist()
+        return self._settle(now, tuple({*self._stuck, *others, j}))
 
     def release(self, now: Now) -> Transition:
         """Settle anew: what stuck is pushed beyond what it holds."""
