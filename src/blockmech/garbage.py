@@ -11,8 +11,8 @@ from contextlib import contextmanager
 def uncollected() -> Iterator[None]:
     """No search for garbage meanwhile; also a decorator.
 
-    Everything that is made here is kept: for a chain of a thousand dyads the search took as
-    long as the work.
+    Everything that is made here is kept: for a chain of a thousand dyads the search took a fifth
+    of the time from text to plan.
     """
     running = gc.isenabled()
     gc.disable()

@@ -136,8 +136,8 @@ def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
 
     yield Output(f"{name}.slope", unit, "real", slope, _same)
     yield _real(f"{name}.effort", joint.effort_unit, forces.effort_in, ref, **ends)
-    for mesh, follows in structure.meshes.items():
-        if follows == driver and not structure.separates(mesh):
+    for mesh in structure.meshes_of(driver):
+        if not structure.separates(mesh):
             yield _real(f"{name}.loss", "W", energy.friction_power, mesh)
     if structure.contact(driver) is not None:
 

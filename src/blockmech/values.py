@@ -224,6 +224,11 @@ NAME_RULE = 'a name is not empty and has no "." or "/"'
 """The rule for names of blocks and markers, which stand in addresses."""
 
 
+def xy(z: complex) -> list[float]:
+    """Two numbers as they stand in a file, without -0."""
+    return [z.real + 0.0, z.imag + 0.0]
+
+
 def is_name(name: str) -> bool:
     """Whether a name can stand in an address."""
     return bool(name) and "." not in name and "/" not in name

@@ -133,7 +133,6 @@ Iterations = Annotated[int | None, option("Fixed number of successive approximat
 Static = Annotated[bool, switch("static", "Leave inertia out.")]
 Explain = Annotated[bool, switch("explain", "Only show what would be computed.")]
 AsJson = Annotated[bool, switch("json", "Print as JSON.")]
-DegreesOfText = Annotated[bool, switch("deg", "Angles in degrees in the text.")]
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from itertools import combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from blockmech.dynamics.motion import Floats
 
 DEPENDENT = 1e-10  # [-] of the largest singular value of rows: below it they depend on others
 PULLS = 1e-9  # [-] of what acts: a push of less than none is rounding
+STILL = 1e-12  # [-] of what rates make of a coordinate, below which they leave it at rest
 
 
 class Held(NamedTuple):
@@ -47,6 +48,12 @@ class Held(NamedTuple):
         back = np.linalg.pinv(rows, rcond=DEPENDENT)
         shift = -(back @ drift[..., None])[..., 0]
         return np.swapaxes(turned[..., rank:, :], -1, -2), shift, np.swapaxes(back, -1, -2)
+
+
+def rate_along(row: Floats, rate: Any) -> float:
+    """How fast a coordinate with a row over the drivers changes at their rates; 0 for rounding."""
+    whole = float(row @ np.atleast_1d(rate))
+    return whole if abs(whole) > STILL * float(np.abs(row) @ np.abs(np.atleast_1d(rate))) else 0.0
 
 
 def constrained(M: Floats, push: Floats, held: Held) -> tuple[Floats, Floats]:

@@ -104,8 +104,8 @@ def general_rules(
             return closeness(y)[i] - least
 
         rules.append(EventFunction(kind, above, -1, parts=1, dips=True))
-    for i, (name, between) in enumerate(zip(system.stopped, system.stops, strict=True)):
-        kind = ends.END_STOP if k == 1 else f"{ends.END_STOP} of {name}"
+    for i, between in enumerate(system.stops):
+        kind = system.end_at(i)
         if i in system.held:
             rules.append(leaving_rule(i, system.held[i], stop_force))
             continue

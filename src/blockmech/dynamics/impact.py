@@ -25,11 +25,11 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.blow import Blow, blow
-from blockmech.dynamics.contacts import Held, constrained
+from blockmech.dynamics.contacts import Held, constrained, rate_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.friction import GIVEN
 from blockmech.dynamics.motion import Event, Floats, Impact, Lying, Motion, State, Track
-from blockmech.dynamics.pair_stops import PairStops, stopped_pairs
+from blockmech.dynamics.pair_stops import PairStops, held_by, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.rest import first_beyond
 from blockmech.dynamics.sticking import SeveralFriction
@@ -51,7 +51,6 @@ Move: TypeAlias = Callable[["System", SimulationRequest], Motion]
 LOW = 0.1  # of the accuracy: the height of a bounce from which on they are summed up
 IMPULSES = ("reaction", "N", "C", "drive")  # outputs whose impulses are asked for
 MOST = 10_000  # flights of a run
-STILL = 1e-12  # [-] of what rates make of a coordinate, below which they leave it at rest
 PARTED = 1e-9  # [-] of the speed of a blow, at which another stop is left
 GAIN = 1e-9  # [-] of what a blow takes, above which a stop gives back more than rounding
 REVERSES = "slips of joints end or turn back inside impacts: their friction is followed through it"
@@ -197,8 +196,7 @@ class Bounces:
         """Rows of some stops at a state."""
         system, those = self.system, [*struck]
         if len(system.drivers) > 1:
-            rows, drift = system.rows(q, rate)
-            return Held(rows[those], drift[those], system.pairs_of(those))
+            return held_by(system.pairs, q, rate, those)
         stop = self._stop(0, struck[0])
         pair = self._pair(stop.name)
         at = -1 if self.pairs is None or pair is None else self.pairs.pairs.index(pair)
@@ -213,8 +211,8 @@ class Bounces:
     @cached_property
     def pairs(self) -> PairStops | None:
         """Pairs that have stops."""
-        if self.system.counted is not None:
-            return self.system.counted.pairs
+        if self.system.pairs is not None:
+            return self.system.pairs
         names = [stop.name for between in self.request.stops for stop in between]
         return stopped_pairs(cast("Compiled", self.system.compiled), names)
 
@@ -247,10 +245,8 @@ class Bounces:
         M, _ = self._matrix(q, before, leg.t_end)
         q = self._onto(q, before, M, struck)
         stop, rows = self._stop(i, way), self._rows(struck, q, before).rows
-        e, speed = stop.restitution, float(rows[0] @ before)
+        e, speed = stop.restitution, rate_along(rows[0], before)
         assert e is not None
-        if abs(speed) <= STILL * float(np.abs(rows[0]) @ np.abs(before)):
-            speed = 0.0
         done = self._blow(leg, q, M, before, struck, e)
         impulse = float(done.pushes[0])
         low, more = self._is_low(q, done.after, leg.t_end, i, way, speed)
@@ -278,6 +274,11 @@ class Bounces:
         self.legs[-1] = replace(leg, q_end=self._plain(q), qd_end=self._plain(after))
         return self._plain(after)
 
+    @staticmethod
+    def _states(leg: Motion) -> Floats | None:
+        """States of signal blocks and friction laws at the end of a leg; None without any."""
+        return np.array(leg.x_end) if leg.x_end else None
+
     def _blow(
         self, leg: Motion, q: Floats, M: Floats, before: Floats, struck: dict[int, int], e: float
     ) -> Blow:
@@ -285,8 +286,7 @@ class Bounces:
         stops = self._rows(struck, q, before)
         back, at = np.array([e] + [0.0] * (len(struck) - 1)), None
         if self.friction is not None and before.any():
-            x = np.array(leg.x_end) if leg.x_end else None
-            at = self.friction.instant(q, before, leg.t_end, x, None)
+            at = self.friction.instant(q, before, leg.t_end, self._states(leg), None)
         sides = np.array([self._side(*stop) for stop in struck.items()])
         done = blow(M, before, stops, sides, back, self.friction, at)
         self.notes += [REVERSES] if done.reverses else [] if done.solved else [LEFT_OUT]
@@ -374,8 +374,7 @@ class Bounces:
         those = sorted(self.held)
         pulls = [0.0]
         if len(q) > 1:
-            x = np.array(leg.x_end) if leg.x_end else None
-            pushes = self.system.pushes(q, rate, leg.t_end, x)
+            pushes = self.system.pushes(q, rate, leg.t_end, self._states(leg))
             pulls = [self.held[j] * float(P) for j, P in zip(those, pushes, strict=True)]
             M, _ = self._matrix(q, rate, leg.t_end)
             q = self._onto(q, rate, M, {j: self.held[j] for j in those})

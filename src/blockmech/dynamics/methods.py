@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from blockmech.dynamics import ends
+from blockmech.dynamics.contacts import rate_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import watched
 from blockmech.dynamics.motion import INTEGRATORS, Event, Floats, Motion, Status
@@ -28,7 +29,6 @@ from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
 from blockmech.errors import RequestError, listed, refused
 
-STILL = 1e-12  # [-] of what rates make of a coordinate, below which they leave it at rest
 LOOKED_AT = 31  # states of a motion at which iterations of friction are judged
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 
@@ -224,12 +224,11 @@ def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
     """A start that is pressed against an end stop."""
     start = request.start
     rows, drift = system.rows(start.q, start.rate)
-    rates = rows @ np.atleast_1d(start.rate)
-    for i, (name, place) in enumerate(zip(system.stopped, system.places(start.q), strict=True)):
+    for i, place in enumerate(system.places(start.q)):
         way = 0 if i in system.held else system.at_stop(i, place)
-        still = abs(rates[i]) <= STILL * float(np.abs(rows[i]) @ np.abs(np.atleast_1d(start.rate)))
-        if way and way * (_push(system, request, rows[i], drift[i]) if still else rates[i]) > 0:
-            end = ends.END_STOP if len(system.drivers) == 1 else f"{ends.END_STOP} of {name}"
+        fast = rate_along(rows[i], start.rate)
+        if way and way * (fast or _push(system, request, rows[i], drift[i])) > 0:
+            end = system.end_at(i)
             events = (Event(end, start.t, start.q, start.rate),)
             still = replace(request.standing, why="it starts at an end stop that holds it")
             return replace(still, regime=ends.END_STOP, status="ended", end=end, events=events)

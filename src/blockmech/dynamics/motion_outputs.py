@@ -13,7 +13,7 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.motion import Floats, Motion
-from blockmech.dynamics.pair_stops import lain_against
+from blockmech.dynamics.pair_stops import held_by, lain_against
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System, solved
 from blockmech.passes.signals import STATE
@@ -76,15 +76,8 @@ class MotionInputs(Mapping[str, Any]):
 
     def _against(self, q: Floats, qd: Floats, which: Any) -> Held:
         """Rows of stops that it lies against at n states."""
-        k, senses = len(self.mechanism.drivers), [1] * len(self.mechanism.drivers)
-        rows, drift = np.tile(np.eye(k), (len(q), 1, 1)), np.zeros((len(q), k))
-        if self.pairs is not None:
-            at = [self.pairs.rows(*state) for state in zip(q, qd, strict=True)]
-            rows = np.concatenate([rows, [of_pairs for of_pairs, _ in at]], axis=1)
-            drift = np.concatenate([drift, [of_pairs for _, of_pairs in at]], axis=1)
-            senses += [sense for _, sense in self.pairs.pairs]
-        own = tuple((max(int(i) - k, -1), senses[i]) for i in which)
-        return Held(rows[:, which], drift[:, which], own)
+        at = [held_by(self.pairs, *state, which) for state in zip(q, qd, strict=True)]
+        return Held(np.array([x.rows for x in at]), np.array([x.drift for x in at]), at[0].pairs)
 
     def _pushed(self, pushes: Floats) -> dict[str, Floats]:
         """Inputs of what stops of pairs push with, from that of all stops (n, a)."""
@@ -131,10 +124,9 @@ class MotionInputs(Mapping[str, Any]):
             if not lies.any():
                 qdd[i] = solved(M[i], right[i])
                 continue
-            which = np.flatnonzero(lies)
-            q, rate = self.q[i].reshape(1, k), self.qd[i].reshape(1, k)
-            rows, drift, pairs = self._against(q, rate, which)
-            qdd[i], pushes[i, which] = constrained(M[i], right[i], Held(rows[0], drift[0], pairs))
+            which = np.flatnonzero(lies).tolist()
+            held = held_by(self.pairs, self.q[i], self.qd[i], which)
+            qdd[i], pushes[i, which] = constrained(M[i], right[i], held)
         return _by_driver("qdd", qdd[:, 0] if k == 1 else qdd, k) | self._pushed(pushes)
 
 

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from blockmech.dynamics.contacts import Held
 from blockmech.dynamics.motion import Floats, Lying
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.model.naming import Names
@@ -93,6 +94,25 @@ class PairStops:
         count = len(senses) * len(q)
         rows, drift = values[:count].reshape(len(senses), len(q)), values[count:]
         return senses[:, None] * rows, senses * drift
+
+
+def rows_of(pairs: PairStops | None, q: Any, rate: Any) -> tuple[Floats, Floats]:
+    """Rows (n, k) of all that has stops over the drivers, and drifts (n,): drivers, then pairs."""
+    q, rate = np.atleast_1d(q), np.atleast_1d(rate)
+    rows, drift = np.eye(len(q)), np.zeros(len(q))
+    if pairs is None:
+        return rows, drift
+    more, pushed = pairs.rows(q, rate)
+    return np.vstack([rows, more]), np.append(drift, pushed)
+
+
+def held_by(pairs: PairStops | None, q: Any, rate: Any, those: Sequence[int]) -> Held:
+    """Some of the stops at a state, by their places among all."""
+    rows, drift = rows_of(pairs, q, rate)
+    k = rows.shape[1]
+    senses = [1] * k + ([] if pairs is None else [sense for _, sense in pairs.pairs])
+    own = tuple((max(int(i) - k, -1), senses[i]) for i in those)
+    return Held(rows[those], drift[those], own)
 
 
 def _asked(engine: ScalarEngine, q: Floats, qd: Floats) -> list[Any]:

@@ -87,7 +87,7 @@ class Frictionless:
 
     def reverse(self, now: Now, j: int) -> Transition:
         """Go on where the relative rate of pair j is zero."""
-        raise NotImplementedError
+        return Transition()
 
     def stand(self, now: Now, short: bool) -> Transition:
         """Go on from a standstill, after a swing that was too ``short`` to be one or not."""
@@ -95,7 +95,7 @@ class Frictionless:
 
     def release(self, now: Now) -> Transition:
         """Start what friction held, in the sense in which it is pushed."""
-        raise NotImplementedError
+        return Transition()
 
     def _states(self, y: Floats) -> Floats | None:
         """States of signal blocks and of laws, None where there are none."""

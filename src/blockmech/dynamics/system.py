@@ -16,7 +16,7 @@ Sources: [D14] Durango et al. 2014, Eqs. 1-6.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
@@ -24,11 +24,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.dynamics import loads
+from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.friction import ForcePassProgram, JointFriction, margins
 from blockmech.dynamics.motion import Cost, Floats
-from blockmech.dynamics.pair_stops import Counted
+from blockmech.dynamics.pair_stops import Counted, PairStops, held_by, rows_of
 from blockmech.dynamics.place_table import PlaceTable
 from blockmech.dynamics.signals import (
     NO_SIGNALS,
@@ -297,7 +297,7 @@ class System:
 
         None where there is none or it is left out.
         """
-        pushed = () if self.counted is None else self.counted.pairs.refs
+        pushed = () if self.pairs is None else self.pairs.refs
         friction: JointFriction | None = self.friction_of(
             JointFriction if len(self.drivers) == 1 else SeveralFriction, pushed
         )
@@ -320,34 +320,27 @@ class System:
 
     # -- end stops -------------------------------------------------------------
 
+    @property
+    def pairs(self) -> PairStops | None:
+        """The pairs that have some, with several drivers; None without any."""
+        return None if self.counted is None else self.counted.pairs
+
     @cached_property
     def stopped(self) -> tuple[str, ...]:
         """Names of what `stops` are of: the drivers, then coordinates of pairs."""
-        return (*self.drivers, *(() if self.counted is None else self.counted.pairs.names))
+        return (*self.drivers, *(() if self.pairs is None else self.pairs.names))
+
+    def end_at(self, i: int) -> str:
+        """What a motion ends by that meets a stop of one of these."""
+        return ends.END_STOP if len(self.drivers) == 1 else f"{ends.END_STOP} of {self.stopped[i]}"
 
     def rows(self, q: Any, rate: Any) -> tuple[Floats, Floats]:
         """Rows (n, k) of all that has stops over the drivers, and drifts (n,): see `pair_stops`."""
-        k = len(self.drivers)
-        if self.counted is None:
-            return np.eye(k), np.zeros(k)
-        rows, drift = self.counted.pairs.rows(q, rate)
-        return np.vstack([np.eye(k), rows]), np.append(np.zeros(k), drift)
+        return rows_of(self.pairs, q, rate)
 
     def against(self, q: Any, rate: Any) -> Held | None:
         """The stops that it lies against at a state; None where it lies against none."""
-        if not self.held:
-            return None
-        those = sorted(self.held)
-        rows, drift = self.rows(q, rate)
-        return Held(rows[those], drift[those], self.pairs_of(those))
-
-    def pairs_of(self, those: Sequence[int]) -> tuple[tuple[int, int], ...]:
-        """Of some of what has stops, its place among the pairs and its sense; see `Held`."""
-        k = len(self.drivers)
-        senses = [1] * k + (
-            [] if self.counted is None else [x for _, x in self.counted.pairs.pairs]
-        )
-        return tuple((max(i - k, -1), senses[i]) for i in those)
+        return held_by(self.pairs, q, rate, sorted(self.held)) if self.held else None
 
     def pushes(self, q: Floats, rate: Floats, t: float, x: Any) -> Floats:
         """What the stops push with (a,) that several drivers lie against; x are signal states."""

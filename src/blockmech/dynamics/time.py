@@ -294,8 +294,7 @@ class TimeIntegration:
                 push = push or slope[self.layout.rate][i]
                 y[self.layout.signals] += CREEP * slope[self.layout.signals]
             if push * way > 0:
-                alone = self.equation.drivers == 1
-                kind = ends.END_STOP if alone else f"{ends.END_STOP} of {self.system.drivers[i]}"
+                kind = self.system.end_at(i)
                 self.events.append(Event(kind, self.t, *self.layout.motion(self.y)))
                 return kind
         return None

@@ -491,6 +491,10 @@ class Structure:
             found |= {JointRef(self.driven[driver].block, name + kind): driver for kind in kinds}
         return found
 
+    def meshes_of(self, driver: str) -> tuple[JointRef, ...]:
+        """The `meshes` by which a driver follows."""
+        return tuple(mesh for mesh, follows in self.meshes.items() if follows == driver)
+
     def separates(self, ref: JointRef) -> bool:
         """Whether a pair is a mesh that only adds to its contact: without slip and work."""
         return ref.name.endswith(APART)

@@ -322,9 +322,10 @@ def meshing(s: Schedule, driver: str) -> str:
 
 
 def meshes_of(s: Schedule, driver: str) -> list[JointRef]:
-    """The meshes by which a driver follows, that lose power or separate."""
+    """The meshes by which a driver follows, where friction is solved."""
     joints = s.ask(friction.friction_joints, s.structure.driven[driver].block)
-    return [ref for ref in joints if s.structure.meshes.get(ref) == driver]
+    own = s.structure.meshes_of(driver)
+    return [ref for ref in joints if ref in own]
 
 
 def coupling_reading(s: Schedule, driver: str, read: Reading) -> str:

@@ -357,10 +357,7 @@ def contact(s: Schedule, driver: str, effort: str, base: str | None) -> str:
     sense = "1.0"
     if s.structure.couplings[name].sided:
         turned = s.friction.method != "none" and moves(s, ref.block, ACTUAL)
-        own = any(
-            follows == driver and s.structure.separates(mesh)
-            for mesh, follows in s.structure.meshes.items()
-        )
+        own = any(map(s.structure.separates, s.structure.meshes_of(driver)))
         known = base is not None and not (turned and own)
         sense = s.line(f"sign({base}.{field})", f"{name}_sense") if known else NOUGHT
     return _contact(s, driver, effort, sense)

@@ -16,8 +16,7 @@ import numpy as np
 from blockmech.draw.motion import SAME_PLACE, Motion, Spot, marker_place
 from blockmech.draw.sketch import Sketch, shown_markers
 from blockmech.model.structure import LinkRef, MarkerRef
-from blockmech.studio.sketching import pair
-from blockmech.values import Place
+from blockmech.values import Place, xy
 
 Move = Callable[[complex], complex]
 
@@ -119,4 +118,4 @@ def _put(
     z = o + e * Place.parse(at).z
     if move(z) == z and not stays:
         return at
-    return pair((move(z) - o2) / e2)
+    return xy((move(z) - o2) / e2)

@@ -17,7 +17,7 @@ from blockmech.studio.dragging import handles_of
 from blockmech.studio.fields import Shown
 from blockmech.studio.film import Layer, Scene, scene_of
 from blockmech.studio.plots import PIXELS
-from blockmech.studio.sketching import pair
+from blockmech.values import xy
 
 SIZE = 560, 300  # [px] of the drawing before the browser says how large it is
 SAME = 0.02  # of the scale, within which symbols count as large enough
@@ -119,8 +119,8 @@ class MechanismFigure:
                 }
                 for layer, z in zip(self.layers, places, strict=True)
             ],
-            "bounds": [pair(low), pair(high)],
-            "middle": pair(middle),
+            "bounds": [xy(low), xy(high)],
+            "middle": xy(middle),
             "unit": self.unit,
             "pixels": 1 / PIXELS,
             "samples": len(motion.samples),

@@ -26,9 +26,9 @@ from blockmech.studio.plots import coloured
 from blockmech.studio.redraw import as_links
 from blockmech.studio.session import follow, heard
 from blockmech.studio.sheet import Sheet
-from blockmech.studio.sketching import Drawn, Form, outlines_of, pair, sides_of
+from blockmech.studio.sketching import Drawn, Form, outlines_of, sides_of
 from blockmech.studio.turn import closing, shown_motion
-from blockmech.values import Place
+from blockmech.values import Place, xy
 
 PAIRS = ["Link", "Cylinder", "Gears", "Rack", "Cam", "Belt", "Spring"]
 """What is drawn from one pin to another."""
@@ -76,7 +76,7 @@ def drawing_of(form: Form, pins: dict[str, Drawn], dark: bool, units: Shown) -> 
         "pins": [
             {
                 "name": name,
-                "at": pair(pin.z),
+                "at": xy(pin.z),
                 "ground": FRAME in pin.links,
                 "guide": sketching.guide_of(form, name) if pin.kind == "P" else None,
                 "driven": pin.driven,
@@ -119,7 +119,7 @@ def _loads(form: Form) -> Iterator[dict[str, Any]]:
         places = []
         for link, at in zip(links, given if load.get("links") else [given], strict=False):
             o, e = sketching.pose_of(form, link)
-            places.append(pair(o + e * Place.parse(at).z))
+            places.append(xy(o + e * Place.parse(at).z))
         force = load.get("force") if load["type"] == "force" else None
         if load["type"] != "force" or isinstance(force, list):
             yield {"name": name, "at": places, "force": force}
@@ -142,7 +142,7 @@ def _wheels(form: Form, given: Form) -> Iterator[dict[str, Any]]:
         radii = [apart - given.get("roller", 0.0), given.get("roller", 0.0)]
     for end, radius in zip(ends, radii, strict=True):
         if radius > 0:
-            yield {"at": pair(pins[end].z), "radius": radius}
+            yield {"at": xy(pins[end].z), "radius": radius}
 
 
 class LinksSheet:

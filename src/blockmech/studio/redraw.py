@@ -22,7 +22,7 @@ from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
 from blockmech.result import Result
 from blockmech.studio.edits import OF_DRIVERS, markers_of
-from blockmech.studio.sketching import pair
+from blockmech.values import xy
 
 Form = dict[str, Any]
 COUPLED = ("driver", "driven")
@@ -91,7 +91,7 @@ class _Redrawn:
 
     def _on(self, link: LinkRef, z: complex) -> list[float]:
         o, e = self._pose(link)
-        return pair((z - o) / e)
+        return xy((z - o) / e)
 
     def _links(self) -> Iterator[tuple[str, Form]]:
         taken = {*self.joints.values()}
@@ -124,7 +124,7 @@ class _Redrawn:
             else:
                 slider = next(sliders)
                 along = slider.direction * self._pose(slider.guide.link)[1]
-                places = {s.link: pair(s.at) for s in (slider.guide, slider.point)}
+                places = {s.link: xy(s.at) for s in (slider.guide, slider.point)}
                 made["at"] = [places[link] for link in both]
                 made["angle"] = [cmath.phase(along / self._pose(link)[1]) for link in both]
                 made["slider"] = both.index(slider.point.link)
@@ -147,7 +147,7 @@ class _Redrawn:
                 source, _, marker = fed[f"{name}.{terminal}"]
                 link, _ = markers_of(self.blocks[source])[marker]
                 links.append(LinkRef(source, link))
-                places.append(pair(marker_place(self.s, MarkerRef(source, link, marker))))
+                places.append(xy(marker_place(self.s, MarkerRef(source, link, marker))))
             made = {**raw, "type": raw["type"].removeprefix(LOADS)}
             if "driver" in raw:
                 made["driver"] = self.drivers[raw["driver"]]

@@ -19,7 +19,7 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import listed, refused
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio.fields import Path, item_at, with_item
-from blockmech.values import Place
+from blockmech.values import Place, xy
 
 Form = dict[str, Any]
 LOOSE = ("view", "pins")  # where pins stand that no link carries yet
@@ -36,11 +36,6 @@ class Drawn(NamedTuple):
     links: tuple[str, ...] = ()
     kind: str = ""  # "R", "P", or "" of what joins nothing yet
     driven: bool = False
-
-
-def pair(z: complex) -> list[float]:
-    """A place as files and the browser write it."""
-    return [z.real, z.imag]
 
 
 def pose_of(form: Mapping[str, Any], link: str) -> tuple[complex, complex]:
@@ -74,7 +69,7 @@ def free(taken: Iterable[str], words: Iterable[str], wish: str) -> str:
 def drawn(form: Form, z: complex) -> Form:
     """With a new pin that no link carries."""
     name = free(pins_of(form), ascii_uppercase, "P")
-    made: Form = with_item(form, (*LOOSE, name), pair(z))
+    made: Form = with_item(form, (*LOOSE, name), xy(z))
     return made
 
 
@@ -162,7 +157,7 @@ def _put(form: Form, name: str, pin: Drawn, z: complex) -> Form:
     places: dict[Path, Any] = {("links", link, *marker): _on(form, link, z) for link in pin.links}
     if pin.kind:
         places = {("joints", name, "at"): list(places.values())}
-    for path, at in (places or {(*LOOSE, name): pair(z)}).items():
+    for path, at in (places or {(*LOOSE, name): xy(z)}).items():
         form = with_item(form, path, at)
     return form
 
@@ -358,7 +353,7 @@ def copied(form: Form, names: Iterable[str], by: complex) -> Form:
     for name in chosen:
         z = pins[name].z + by
         called[name] = free(pins_of(made), ascii_uppercase, "P")
-        made = with_item(made, (*LOOSE, called[name]), pair(z))
+        made = with_item(made, (*LOOSE, called[name]), xy(z))
     for link in links:
         own = [called[name] for name in chosen if link in pins[name].links]
         if len(own) > 1:
@@ -439,4 +434,4 @@ def _without_marker(form: Form, link: str, name: str) -> Form:
 def _on(form: Mapping[str, Any], link: str, z: complex) -> list[float]:
     """A place of the drawing in a link's frame."""
     o, e = pose_of(form, link)
-    return pair((z - o) / e)
+    return xy((z - o) / e)

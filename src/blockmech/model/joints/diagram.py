@@ -17,7 +17,7 @@ from blockmech.errors import GraphError, Problem, listed, path_text
 from blockmech.model.diagram import GRAPH_FILE
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.contents import FRAME, LinkGiven
-from blockmech.model.joints.drafts import GENERAL, BlockDraft, End, LinkPlacement, xy
+from blockmech.model.joints.drafts import GENERAL, BlockDraft, End, LinkPlacement
 from blockmech.model.joints.elements import elements
 from blockmech.model.joints.layout import Connection, Connections, Layout, Poses, Sums
 from blockmech.model.joints.linkage import Linkage
@@ -27,7 +27,7 @@ from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.structure import COORDINATE, JointRef, LinkRef, MarkerRef
 from blockmech.model.writing import plain
-from blockmech.values import Place, free_name
+from blockmech.values import Place, free_name, xy
 
 MOST_IN_NAME = 3  # links that a group is named after
 

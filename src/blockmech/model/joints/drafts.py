@@ -23,7 +23,7 @@ from blockmech.model.joints.layout import Connection, Connections, Poses
 from blockmech.model.joints.varied import phase, settled
 from blockmech.plane import EPS, dot
 from blockmech.typing import Guide
-from blockmech.values import free_name
+from blockmech.values import free_name, xy
 
 GENERAL = "group.general"
 DEAD = 64 * EPS
@@ -284,8 +284,3 @@ def general_group(unit: Unit, pairs: Connections) -> BlockDraft:
     seats = {link: LinkPlacement("", link) for link in unit.links}
     points.update({(link, 0j): link for link in unit.links})
     return BlockDraft(GENERAL, {"pairs": data}, seats, ends, points, tuple(drivers))
-
-
-def xy(z: complex) -> list[float]:
-    """Two numbers as they stand in a file, without -0."""
-    return [z.real + 0.0, z.imag + 0.0]

@@ -11,10 +11,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 from blockmech.model.joints.contents import FRAME, HOLDS
-from blockmech.model.joints.drafts import LinkPlacement, xy
+from blockmech.model.joints.drafts import LinkPlacement
 from blockmech.model.joints.layout import Connection, Connections
 from blockmech.model.joints.varied import phase, remainder
 from blockmech.model.writing import plain
+from blockmech.values import xy
 
 Hold: TypeAlias = tuple[str, str, complex | None]
 """A terminal of an element, and the link and place that it takes hold of; None: the link."""
