@@ -22,13 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
-from blockmech.dynamics.dop853 import powers_of, scheme
+from blockmech.dynamics.dop853 import powers_of
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import PARTED, ROUNDING, TARGET, spread
 from blockmech.dynamics.motion import EVALUATIONS, Floats
 from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.engines.llvm import slots_of
-from blockmech.engines.stages import CompiledRhs, FleetSteps
+from blockmech.engines.stages import CompiledRhs, FleetSteps, scheme
 from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
 
@@ -248,7 +248,7 @@ class _Run:
         pairs = rates.inputs - n - 4
         self.rubs = pairs > 0
         self.given = np.zeros((m, 3 + pairs))
-        self.room = np.empty(m * rates.room_of(scheme(), TOGETHER))
+        self.room = np.empty(m * rates.room_of(TOGETHER))
         self.given[:, 1] = 1.0
         self._begin(tolerance)
 
@@ -292,7 +292,6 @@ class _Run:
         y[:, 0], y[:, 1] = q, rate
         control = np.zeros((len(which), 6))
         fleet = self.rates.fleet(
-            scheme(),
             self.slots[which],
             self.given[which],
             (self.t[which], y),
@@ -364,7 +363,6 @@ class _Run:
             control[:, 4] = np.where(x < q, np.maximum(control[:, 4], x), control[:, 4])
             control[:, 5] = np.where(x > q, np.minimum(control[:, 5], x), control[:, 5])
         return self.rates.fleet(
-            scheme(),
             self.slots[which],
             self.given[which],
             (self.t[which], self.y[which]),

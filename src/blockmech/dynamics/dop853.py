@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,17 +18,7 @@ from scipy.integrate import DOP853
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.system import REPORTED
-from blockmech.engines.stages import Scheme, Steps
-
-
-@cache
-def scheme() -> Scheme:
-    """Twelve stages of the step, the rates at its end, three of its dense output."""
-    n, whole = DOP853.n_stages, len(DOP853.D[0])
-    A, C = np.zeros((whole, whole)), np.ones(whole)
-    A[:n, :n], A[n, :n], A[n + 1 :] = DOP853.A, DOP853.B, DOP853.A_EXTRA
-    C[:n], C[n + 1 :] = DOP853.C, DOP853.C_EXTRA
-    return Scheme(A, C, np.array([DOP853.E5, DOP853.E3]))
+from blockmech.engines.stages import Steps, scheme
 
 
 class Dop853(DOP853):  # type: ignore[misc]
@@ -103,7 +92,7 @@ class Dop853(DOP853):  # type: ignore[misc]
         begin, ends = (self.t, self.y), (self.t_bound, self.max_step)
         left = (self.equation.most - self.equation.spent) / len(by.C)
         most = int(min(REPORTED, left + 1))
-        made = code.steps(by, begin, self.h_abs, ends, free_range, self.tolerances, most, every)
+        made = code.steps(begin, self.h_abs, ends, free_range, self.tolerances, most, every)
         many = len(made.K)
         more = len(by.C) - self.n_stages - 1
         self.equation.took(1 + made.tried * self.n_stages + many * more)

@@ -20,10 +20,12 @@ Source: LLVM Language Reference Manual.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from blockmech.engines import lapack
+from blockmech.engines.loops import Reals, text
 from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, is_truth, needed
 
 LANES = 8  # one vector register of the widest processors; LLVM splits it on others
@@ -33,31 +35,17 @@ CALLS = {name: f"llvm.{name}" for name in ("sqrt", "sin", "cos", "exp")} | {"abs
 OF_TWO = ("atan2", "pow")
 LIBRARY = ("sin", "cos", "exp", "fmod", *OF_TWO)  # of the mathematical library, called by name
 
-# The piece of a table with a number x: bisection, 0 where there is none.
-PIECE = """
-define i64 @piece(ptr %knots, i64 %n, double %x) {
-start:
-  %top = sub i64 %n, 1
-  br label %test
-test:
-  %low = phi i64 [ 0, %start ], [ %low.next, %halve ]
-  %high = phi i64 [ %top, %start ], [ %high.next, %halve ]
-  %width = sub i64 %high, %low
-  %more = icmp sgt i64 %width, 1
-  br i1 %more, label %halve, label %found
-halve:
-  %half = lshr i64 %width, 1
-  %middle = add i64 %low, %half
-  %at = getelementptr double, ptr %knots, i64 %middle
-  %knot = load double, ptr %at
-  %right = fcmp ole double %knot, %x
-  %low.next = select i1 %right, i64 %middle, i64 %low
-  %high.next = select i1 %right, i64 %high, i64 %middle
-  br label %test
-found:
-  ret i64 %low
-}
-"""
+
+def piece(knots: Reals, n: int, x: float) -> int:
+    """The piece of a table with a number x: bisection, 0 where there is none."""
+    low, high = 0, n - 1
+    while high - low > 1:
+        middle = low + (high - low >> 1)
+        if knots[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    return low
 
 
 class Text:
@@ -71,7 +59,6 @@ class Text:
             f"declare i1 @llvm.vector.reduce.or.v{lanes}i1({self.truths})",
             f"declare double @llvm.vector.reduce.fadd.v{lanes}f64(double, {self.reals})",
             *(f"declare double @{f}(double, double)" for f in OF_TWO),
-            PIECE,
         ]
 
     def fill(
@@ -80,8 +67,11 @@ class Text:
         rows: Sequence[Node],
         given: Sequence[Node] = (),
         kept: Sequence[Node] = (),
+        loops: Mapping[str, Callable[..., Any]] = MappingProxyType({}),
     ) -> str:
         """The text of the module; ``rows`` are what is stored, in the order of ``out``.
+
+        ``loops`` are functions of `blockmech.engines.loops` beside it, which may call it.
 
         ``given`` are inputs that are summed with them; ``kept`` what hangs on inputs alone and is
         worked out once for all designs. Of several, x holds a place for it behind the inputs.
@@ -152,7 +142,8 @@ class Text:
             "ret double %all",
             "}",
         ]
-        head = [*self.head, *([lapack.text(self.lanes)] if systems else [])]
+        own = {"piece": piece} if any(node.op == "piece" for node in nodes) else {}
+        head = [*self.head, text(**own, **loops), *([lapack.text(self.lanes)] if systems else [])]
         return "\n".join([*head, *lines]) + "\n"
 
     def _summed(self, nodes: Sequence[Node]) -> Iterator[str]:

@@ -1,0 +1,467 @@
+"""Plain Python functions of numbers and arrays as LLVM assembly: loops that no trace can say.
+
+A function is written once. Run by Python it is its own reference; translated it has the same bits,
+for nothing is fused and nothing re-associated. The subset:
+
+    arguments    float, int, bool, `Reals`, `Counts`, functions ``Callable[[Reals, int], float]``.
+                 What is given beforehand, with `partial`, is part of the text: sizes (an int, or
+                 a tuple ``of`` of them with names), the name of a function in the text. They
+                 may say blocks of an array: ``K: Annotated[Reals, "of.stages", "of.width"]``
+    statements   assignments (also of tuples, and ``+=``), ``if``, ``while``, ``for`` over a range,
+                 ``break``, ``continue``, ``return``, calls
+    expressions  + - * / of numbers, >> of ints, comparisons of two, and, or, not,
+                 ``a if c else b``, abs, min and max (of two) and `MATH` of floats, ``float(n)``,
+                 ``K[m, s, j]`` a number, ``K[m, s]`` a row in the same memory, ``K[m:]`` the array
+                 from a block on; other functions of this kind, numbers of their module
+
+A name keeps the kind of its first value. A division by zero is infinite, or NaN, as of NumPy's
+numbers. There is no room but what is given as an argument. All else is a TypeError that names the
+line.
+
+    >>> def mean(x: Reals, n: int) -> float:
+    ...     total = 0.0
+    ...     for i in range(n):
+    ...         total += x[i]
+    ...     return total / n
+
+    (mean,) = machine_code(text(mean=mean), ("mean", signature(mean)))  # of `engines.llvm`
+    mean(x.ctypes.data, x.size)
+
+Source: LLVM Language Reference Manual; what is put on the stack here, its pass mem2reg puts into
+registers.
+"""
+
+from __future__ import annotations
+
+import ast
+import ctypes
+import inspect
+import itertools
+import linecache
+import math
+import struct
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache, partial
+from types import FunctionType, MappingProxyType
+from typing import Any, NamedTuple, NoReturn, TypeAlias, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.engines.nodes import Untraceable
+
+Reals: TypeAlias = NDArray[np.float64]
+Counts: TypeAlias = NDArray[np.int64]
+
+REAL, COUNT, TRUTH, PLACE, NOTHING = "double", "i64", "i1", "ptr", "void"
+KINDS = {float: REAL, int: COUNT, bool: TRUTH, type(None): NOTHING}
+IN_C: dict[str, Any] = {
+    REAL: ctypes.c_double,
+    COUNT: ctypes.c_int64,
+    PLACE: ctypes.c_void_p,
+    NOTHING: None,
+}
+NAMES = {REAL: "a float", COUNT: "an int", TRUTH: "a truth value", PLACE: "an array"}
+MATH = {getattr(math, name): name for name in ("sqrt", "sin", "cos", "exp", "copysign")}
+OPERATIONS = {
+    (REAL, ast.Add): "fadd", (REAL, ast.Sub): "fsub", (REAL, ast.Mult): "fmul",
+    (REAL, ast.Div): "fdiv", (COUNT, ast.Add): "add", (COUNT, ast.Sub): "sub",
+    (COUNT, ast.Mult): "mul", (COUNT, ast.RShift): "ashr",
+    (REAL, ast.Lt): "fcmp olt", (REAL, ast.LtE): "fcmp ole", (REAL, ast.Gt): "fcmp ogt",
+    (REAL, ast.GtE): "fcmp oge", (REAL, ast.Eq): "fcmp oeq", (REAL, ast.NotEq): "fcmp une",
+    (COUNT, ast.Lt): "icmp slt", (COUNT, ast.LtE): "icmp sle", (COUNT, ast.Gt): "icmp sgt",
+    (COUNT, ast.GtE): "icmp sge", (COUNT, ast.Eq): "icmp eq", (COUNT, ast.NotEq): "icmp ne",
+}  # fmt: skip
+
+
+class Value(NamedTuple):
+    """What an expression is in the text: a name or number, and of what kind.
+
+    of : kind of an array's numbers, shape : sizes of a block of it
+    takes : kinds of a function's arguments, gives : that of its answer
+    """
+
+    text: str
+    kind: str
+    of: str = ""
+    shape: tuple[int, ...] = ()
+    takes: tuple[str, ...] = ()
+    gives: str = ""
+
+
+def text(**functions: Callable[..., Any]) -> str:
+    """The text of functions, or partials of them, by their names in the module.
+
+    Raises TypeError, with the line, for what is no part of the language, and `Untraceable` where
+    there is no source.
+    """
+    module = _Module()
+    for name, function in functions.items():
+        module.add(function, name)
+    return "\n".join([*module.declared, *module.parts])
+
+
+def signature(function: Callable[..., Any]) -> Any:
+    """How ctypes calls a function, or a partial of one: arrays by their places."""
+    whole, given = _parts(function)
+    hints = get_type_hints(whole, include_extras=True)
+    answer = IN_C[_meant(hints.pop("return")).kind]
+    kinds = (IN_C[_meant(hint).kind] for name, hint in hints.items() if name not in given)
+    return ctypes.CFUNCTYPE(answer, *kinds)
+
+
+def _parts(function: Any) -> tuple[Any, dict[str, Any]]:
+    return (function.func, function.keywords) if isinstance(function, partial) else (function, {})
+
+
+def _meant(hint: Any, sizes: Mapping[str, Any] = MappingProxyType({})) -> Value:
+    """The kind of value that an annotation means; ``sizes`` are what its blocks are told by."""
+    if hint in KINDS:
+        return Value("", KINDS[hint])
+    if hasattr(hint, "__metadata__"):
+        shape = tuple(eval(x, {}, dict(sizes)) for x in hint.__metadata__ if sizes)
+        return _meant(hint.__origin__)._replace(shape=shape)
+    if hint in (Reals, Counts):
+        return Value("", PLACE, REAL if hint == Reals else COUNT)
+    if get_origin(hint) is not Callable:
+        raise TypeError(f"{hint!r} is no kind of argument")
+    takes, gives = get_args(hint)
+    return Value("", PLACE, takes=tuple(_meant(x).kind for x in takes), gives=_meant(gives).kind)
+
+
+def _number(x: float) -> Value:
+    """A number of Python."""
+    if isinstance(x, int):
+        return Value(str(int(x)), TRUTH if isinstance(x, bool) else COUNT)
+    return Value(f"0x{struct.pack('>d', x).hex().upper()}", REAL)
+
+
+def larger(a: float, b: float) -> float:
+    """As max says it."""
+    return b if b > a else a
+
+
+def smaller(a: float, b: float) -> float:
+    """As min says it."""
+    return b if b < a else a
+
+
+OWN: dict[Any, Any] = {max: larger, min: smaller}
+
+
+class _Module:
+    """Functions translated so far, each once."""
+
+    def __init__(self) -> None:
+        self.declared, self.parts = dict[str, None](), list[str]()
+        self.known = dict[Any, Value]()
+
+    def add(self, function: Any, name: str = "") -> Value:
+        """A function, and those that it calls; how it is called."""
+        whole, given = _parts(function)
+        key = name, whole, *given.items()
+        if key not in self.known:
+            name = name or f"{whole.__name__}.{len(self.known)}"
+            self.known[key], part = _Translation(self, whole, given, name).whole()
+            self.parts.append(part)
+        return self.known[key]
+
+
+@cache
+def _functions(file: str) -> dict[int, ast.FunctionDef]:
+    """Functions of a file by their lines."""
+    tree = ast.walk(ast.parse("".join(linecache.getlines(file))))
+    return {x.lineno: x for x in tree if isinstance(x, ast.FunctionDef)}
+
+
+class _Translation:
+    """One function under way."""
+
+    def __init__(self, module: _Module, function: Any, given: Mapping[str, Any], name: str) -> None:
+        code, self.module = function.__code__, module
+        self.file, self.line = code.co_filename, code.co_firstlineno
+        if self.line not in _functions(self.file):
+            raise Untraceable(f"no source of {function.__name__}")
+        self.body = _functions(self.file)[self.line].body
+        self.lines, self.slots, self.count = list[str](), list[str](), itertools.count()
+        self.loops = list[tuple[str, str]]()  # labels behind them, and of what is next
+        hints = get_type_hints(function, include_extras=True)
+        self.gives = _meant(hints.pop("return")).kind
+        self.given = {k: x for k, x in given.items() if not isinstance(x, str)}
+        self.meanings = function.__globals__ | self.given
+        self.known, takes = dict[str, Value](), list[Value]()
+        for k, hint in hints.items():
+            if k in self.given:
+                continue
+            value = _meant(hint, self.given)._replace(
+                text=f"@{given[k]}" if k in given else f"%{k}"
+            )
+            self.known[k] = value if value.gives else self._slot(k, value)
+            takes += [] if k in given else [value]
+        kinds = tuple(x.kind for x in takes)
+        self.value = Value(f"@{name}", PLACE, takes=kinds, gives=self.gives)
+        arguments = ", ".join(f"{x.kind} {x.text}" for x in takes)
+        scope = "internal " if "." in name else ""
+        self.head = f"define {scope}{self.gives} @{name}({arguments}) {{"
+
+    def whole(self) -> tuple[Value, str]:
+        """How the function is called, and its text."""
+        self._block(self.body)
+        if self.gives != NOTHING and not isinstance(self.body[-1], ast.Return):
+            self._refuse("a function with an answer ends with a return")
+        end = "ret void" if self.gives == NOTHING else "unreachable"
+        return self.value, "\n".join([self.head, *self.slots, *self.lines, end, "}"])
+
+    def _refuse(self, what: str) -> NoReturn:
+        raise TypeError(f"{self.file}, line {self.line}: {what}")
+
+    # -- the text ----------------------------------------------------------------------
+
+    def _new(self, text: str, kind: str, **about: Any) -> Value:
+        """A register with what an instruction gives."""
+        name = f"%.{next(self.count)}"
+        self.lines.append(f"{name} = {text}")
+        return Value(name, kind, **about)
+
+    def _labels(self, count: int) -> list[str]:
+        return [f"b{next(self.count)}" for _ in range(count)]
+
+    def _leave(self, text: str) -> None:
+        """An instruction behind which the text goes on elsewhere; what follows is not reached."""
+        self.lines += [text, f"{self._labels(1)[0]}:"]
+
+    def _slot(self, name: str, value: Value) -> Value:
+        """A place on the stack for a name, with its first value."""
+        slot = value._replace(text=f"%{name}.{next(self.count)}")
+        self.slots.append(f"{slot.text} = alloca {value.kind}")
+        self.lines.append(f"store {value.kind} {value.text}, ptr {slot.text}")
+        return slot
+
+    def _if(self, test: Value, yes: Callable[[], Any], no: Callable[[], Any]) -> None:
+        first, second, after = self._labels(3)
+        self.lines += [f"br i1 {test.text}, label %{first}, label %{second}", f"{first}:"]
+        yes()
+        self.lines += [f"br label %{after}", f"{second}:"]
+        no()
+        self.lines += [f"br label %{after}", f"{after}:"]
+
+    # -- statements ----------------------------------------------------------------------
+
+    def _block(self, body: Iterable[ast.stmt]) -> None:
+        for statement in body:
+            self.line = getattr(statement, "lineno", self.line)
+            self._statement(statement)
+
+    def _statement(self, node: ast.stmt) -> None:
+        match node:
+            case ast.Assign(targets=[ast.Tuple(elts=targets)], value=ast.Tuple(elts=values)):
+                for target, value in zip(targets, [self._value(x) for x in values], strict=True):
+                    self._store(target, value)
+            case ast.Assign(targets=[target], value=value):
+                self._store(target, self._value(value))
+            case ast.AugAssign(target=target, op=op, value=value):
+                self._store(target, self._both(op, self._value(target), self._value(value)))
+            case ast.If(test=test, body=body, orelse=orelse):
+                truth = self._as(self._value(test), TRUTH)
+                self._if(truth, lambda: self._block(body), lambda: self._block(orelse))
+            case ast.While(test=test, body=body, orelse=[]):
+                self._while(test, body)
+            case ast.For(target=ast.Name(id=name), iter=ast.Call(func=of, args=ends), orelse=[]):
+                if self._meaning(of) is not range:
+                    self._refuse("a loop goes over a range")
+                self._for(name, ends, node.body)
+            case ast.Break() | ast.Continue():
+                self._leave(f"br label %{self.loops[-1][isinstance(node, ast.Continue)]}")
+            case ast.Return(value=None) if self.gives == NOTHING:
+                self._leave("ret void")
+            case ast.Return(value=ast.expr() as value):
+                self._leave(f"ret {self.gives} {self._as(self._value(value), self.gives).text}")
+            case ast.Expr(value=ast.Call() as call):
+                self._value(call)
+            case ast.Expr(value=ast.Constant(value=str())) | ast.Pass():
+                pass
+            case _:
+                self._refuse(f"no statement of this language: {ast.unparse(node)}")
+
+    def _while(self, test: ast.expr, body: list[ast.stmt], ahead: Iterable[ast.stmt] = ()) -> None:
+        again, inside, following, after = self._labels(4)
+        self.lines += [f"br label %{again}", f"{again}:"]
+        truth = self._as(self._value(test), TRUTH).text
+        self.lines += [f"br i1 {truth}, label %{inside}, label %{after}", f"{inside}:"]
+        self.loops.append((after, following))
+        self._block(body)
+        self.loops.pop()
+        self.lines += [f"br label %{following}", f"{following}:"]
+        self._block(ahead)
+        self.lines += [f"br label %{again}", f"{after}:"]
+
+    def _for(self, name: str, ends: list[ast.expr], body: list[ast.stmt]) -> None:
+        """Over a range, whose ends are worked out once: the name may be assigned inside."""
+        first, end, step = [
+            [ast.Constant(0), *ends, ast.Constant(1)],
+            [*ends, ast.Constant(1)],
+            ends,
+        ][len(ends) - 1]
+        below = not isinstance(step, ast.UnaryOp)  # a step down is written -1
+        at, last = (ast.Name(f"{name}.{next(self.count)}") for _ in range(2))
+        for target, value in ((at, first), (last, end)):
+            self._store(target, self._as(self._value(value), COUNT))
+        test = ast.Compare(at, [ast.Lt() if below else ast.Gt()], [last])
+        own = ast.Assign([ast.Name(name)], at)
+        self._while(test, [own, *body], [ast.AugAssign(at, ast.Add(), step)])
+
+    def _store(self, target: ast.expr, value: Value) -> None:
+        if isinstance(target, ast.Name):
+            if value.kind == NOTHING or value.gives:
+                self._refuse(f"{target.id} is no number and no array")
+            if target.id not in self.known:
+                self.known[target.id] = self._slot(target.id, value)
+                return
+            slot = self.known[target.id]
+        elif isinstance(target, ast.Subscript):
+            slot = self._at(target)
+        else:
+            self._refuse(f"nothing to assign to: {ast.unparse(target)}")
+        value = self._as(value, slot.kind)
+        fixed = isinstance(target, ast.Subscript) and slot.of
+        if fixed or (slot.of, slot.shape) != (value.of, value.shape):
+            self._refuse("an array in the place of another")
+        self.lines.append(f"store {value.kind} {value.text}, ptr {slot.text}")
+
+    # -- expressions ---------------------------------------------------------------------
+
+    def _as(self, value: Value, kind: str) -> Value:
+        """A value of a kind: an int may stand for a float."""
+        if value.kind == COUNT and kind == REAL:
+            return self._new(f"sitofp i64 {value.text} to double", REAL)
+        if value.kind != kind:
+            self._refuse(f"{NAMES.get(value.kind, 'nothing')} where {NAMES[kind]} is to be")
+        return value
+
+    def _loaded(self, slot: Value) -> Value:
+        register = self._new(f"load {slot.kind}, ptr {slot.text}", slot.kind)
+        return slot._replace(text=register.text)
+
+    def _value(self, node: ast.expr) -> Value:
+        match node:
+            case ast.Constant(value=bool() | int() | float() as x):
+                return _number(x)
+            case ast.Name(id=name) if name in self.known:
+                known = self.known[name]
+                return known if known.gives else self._loaded(known)
+            case ast.Name() | ast.Attribute():
+                meaning = self._meaning(node)
+                if isinstance(meaning, FunctionType):
+                    return self.module.add(meaning)
+                if not isinstance(meaning, int | float):
+                    self._refuse(f"{ast.unparse(node)} is no number")
+                return _number(meaning)
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                one = self._value(operand)
+                text = f"fneg double {one.text}" if one.kind == REAL else f"sub i64 0, {one.text}"
+                return self._new(text, one.kind)
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return self._new(f"xor i1 {self._as(self._value(operand), TRUTH).text}, 1", TRUTH)
+            case ast.BinOp(left=left, op=op, right=right):
+                return self._both(op, self._value(left), self._value(right))
+            case ast.Compare(left=left, ops=[order], comparators=[right]):
+                return self._both(order, self._value(left), self._value(right))
+            case ast.BoolOp() | ast.IfExp():
+                return self._chosen(node)
+            case ast.Subscript():
+                slot = self._at(node)
+                return slot if slot.of else self._loaded(slot)
+            case ast.Call(func=function, args=arguments, keywords=[]):
+                return self._called(function, arguments)
+        return self._refuse(f"no expression of this language: {ast.unparse(node)}")
+
+    def _meaning(self, node: ast.expr) -> Any:
+        """What a name is in the function's module."""
+        try:
+            return eval(compile(ast.Expression(node), self.file, "eval"), self.meanings)
+        except (NameError, AttributeError) as error:
+            self._refuse(str(error))
+
+    def _both(self, op: ast.operator | ast.cmpop, a: Value, b: Value) -> Value:
+        real = REAL in (a.kind, b.kind) or isinstance(op, ast.Div)
+        a, b = (self._as(x, REAL if real else COUNT) for x in (a, b))
+        name = OPERATIONS.get((a.kind, type(op)))
+        if name is None:
+            self._refuse(f"no operation of this language: {type(op).__name__} of {NAMES[a.kind]}")
+        kind = TRUTH if "cmp" in name else a.kind
+        return self._new(f"{name} {a.kind} {a.text}, {b.text}", kind)
+
+    def _chosen(self, node: ast.BoolOp | ast.IfExp) -> Value:
+        """One of two values, of which the other is not worked out."""
+        one = ast.Name(f"chosen.{next(self.count)}")
+
+        def put(x: ast.expr, kind: str = "") -> None:
+            value = self._value(x)
+            self._store(one, self._as(value, kind) if kind else value)
+
+        if isinstance(node, ast.IfExp):
+            test = self._as(self._value(node.test), TRUTH)
+            self._if(test, lambda: put(node.body), lambda: put(node.orelse))
+        else:
+            put(node.values[0], TRUTH)
+            for x in node.values[1:]:
+                both = (lambda x=x: put(x, TRUTH)), (lambda: None)
+                self._if(self._value(one), *both[:: 1 if isinstance(node.op, ast.And) else -1])
+        return self._value(one)
+
+    def _at(self, node: ast.Subscript) -> Value:
+        """The place of a number of an array, or the array from there on."""
+        array, index = self._value(node.value), node.slice
+        rest = isinstance(index, ast.Slice)
+        match index:
+            case ast.Slice(lower=ast.expr() as first, upper=None, step=None):
+                indices = [first]
+            case ast.Slice():
+                self._refuse("a slice is array[first:]")
+            case _:
+                indices = index.elts if isinstance(index, ast.Tuple) else [index]
+        left = len(array.shape) + 1 - len(indices)
+        if not array.of or left < 0:
+            self._refuse(f"{len(indices)} indices of {ast.unparse(node.value)}")
+        counts, at = [self._as(self._value(x), COUNT) for x in indices], _number(0)
+        for k, size in enumerate((0, *array.shape)):
+            at = self._new(f"mul i64 {at.text}, {size}", COUNT)
+            if k < len(counts):
+                at = self._new(f"add i64 {at.text}, {counts[k].text}", COUNT)
+        place = self._new(f"getelementptr {array.of}, ptr {array.text}, i64 {at.text}", PLACE)
+        if not left and not rest:
+            return place._replace(kind=array.of)
+        shape = array.shape if rest else array.shape[len(indices) :]
+        return place._replace(of=array.of, shape=shape)
+
+    def _called(self, node: ast.expr, arguments: list[ast.expr]) -> Value:
+        known = self.known.get(node.id) if isinstance(node, ast.Name) else None
+        function: Any = None if known else self._meaning(node)
+        if function is float and len(arguments) == 1:
+            return self._as(self._value(arguments[0]), REAL)
+        if function is abs or function in MATH:
+            name, takes = f"@llvm.{MATH.get(function, 'fabs')}.f64", (REAL,) * len(arguments)
+            self.module.declared[f"declare double {name}({', '.join(takes)})"] = None
+            known = Value(name, PLACE, takes=takes, gives=REAL)
+        elif known is None:
+            function = OWN.get(function, function)
+            if not isinstance(function, FunctionType):
+                self._refuse(f"no function of this language: {ast.unparse(node)}")
+            names = inspect.signature(function).parameters
+            given = {
+                k: self.given[x.id]
+                for k, x in zip(names, arguments, strict=False)
+                if isinstance(x, ast.Name) and x.id in self.given
+            }
+            known = self.module.add(partial(function, **given))
+            arguments = [x for k, x in zip(names, arguments, strict=False) if k not in given]
+        if len(arguments) != len(known.takes):
+            self._refuse(f"{ast.unparse(node)} takes {len(known.takes)} arguments")
+        values = [self._value(x) for x in arguments]
+        pairs = zip(values, known.takes, strict=True)
+        call = f"call {known.gives} {known.text}("
+        call += ", ".join(f"{kind} {self._as(x, kind).text}" for x, kind in pairs) + ")"
+        if known.gives == NOTHING:
+            self.lines.append(call)
+            return Value("", NOTHING)
+        return self._new(call, known.gives)

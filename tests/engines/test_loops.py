@@ -1,0 +1,221 @@
+"""Functions of plain Python say the same as machine code, to the last bit."""
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import pytest
+
+from blockmech.dynamics.equation import kept_rates
+from blockmech.dynamics.system import System
+from blockmech.engines import loops, stages
+from blockmech.engines.assembly import piece
+from blockmech.engines.loops import Counts, Reals
+from tests.gallery import mechanism
+
+pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
+
+from blockmech.engines.llvm import machine_code
+
+THIRD = 1 / 3
+
+
+class Sizes(NamedTuple):
+    """Of a matrix."""
+
+    rows: int
+    columns: int
+
+
+def compiled(**functions):
+    """Functions as machine code, which take arrays as they are."""
+    kinds = [(name, loops.signature(f)) for name, f in functions.items()]
+    made = machine_code(loops.text(**functions), *kinds)
+
+    def calling(function):
+        def call(*given):
+            return function(*(x.ctypes.data if isinstance(x, np.ndarray) else x for x in given))
+
+        return call
+
+    return [calling(f) for f in made]
+
+
+def simpson(f: Callable[[float, int], float], a: float, b: float, n: int) -> float:
+    """Simpson's rule over n pairs."""
+    h, total = (b - a) / (2 * n), 0.0
+    for k in range(2 * n + 1):
+        weight = 1.0 if k == 0 or k == 2 * n else (4.0 if k - (k >> 1) * 2 == 1 else 2.0)
+        total += weight * f(a + k * h, k)
+    return h * THIRD * total
+
+
+def wave(x: float, k: int) -> float:
+    """A number of both."""
+    if k > 3 and not math.sin(x) < 0.3:
+        return math.exp(-x) * math.copysign(k, math.cos(7 * x))
+    return min(x, 0.5 * k) - max(math.sqrt(x), abs(-x))
+
+
+def simpson_of_wave(a: float, b: float, n: int) -> float:
+    """A function that is asked by name."""
+    return simpson(wave, a, b, n)
+
+
+def sieve(found: Counts, n: int) -> int:
+    """How many primes below n, and which."""
+    count = 0
+    for k in range(2, n):
+        prime = True
+        for j in range(count):
+            if found[j] * found[j] > k:
+                break
+            left = k
+            while left > 0:
+                left -= found[j]
+            if left < 0:
+                continue
+            prime = False
+        if prime:
+            found[count] = k
+            count += 1
+    return count
+
+
+def reflected(of: Sizes, a: Annotated[Reals, "of.columns"], turns: int) -> None:
+    """Rows upside down, some times, and each number by its place."""
+    for _ in range(turns):
+        for i in range(of.rows - 1, of.rows >> 1, -1):
+            row, other = a[i], a[of.rows - 1 - i]
+            for j in range(of.columns):
+                row[j], other[j] = other[j], row[j]
+        weighted(of, a[1:], 0.1)
+
+
+def weighted(of: Sizes, a: Annotated[Reals, "of.columns"], by: float) -> None:
+    """All but one row."""
+    for i in range(of.rows - 1):
+        for j in range(of.columns):
+            a[i, j] *= by * i - j
+            if a[i, j] == 0.0 or (j != 1 and a[i, 0] <= -1e3):
+                return
+
+
+@pytest.mark.parametrize("n", [1, 4, 37])
+def test_numbers(n):
+    (fast,) = compiled(simpson_of_wave=simpson_of_wave)
+    assert fast(0.1, 2.3, n) == simpson(wave, 0.1, 2.3, n)
+
+
+def test_counts():
+    (fast,) = compiled(sieve=sieve)
+    found, same = (np.zeros(100, np.int64) for _ in range(2))
+    assert fast(found, 200) == sieve(same, 200) == 46
+    np.testing.assert_array_equal(found, same)
+
+
+@pytest.mark.parametrize("turns", [0, 1, 5])
+def test_rows(turns):
+    of = Sizes(5, 3)
+    (fast,) = compiled(reflected=partial(reflected, of=of))
+    a = np.random.default_rng(turns).normal(size=of)
+    other = a.copy()
+    fast(a, turns)
+    reflected(of, other, turns)
+    np.testing.assert_array_equal(a, other)
+
+
+@pytest.mark.parametrize("n", [2, 5, 64])
+def test_pieces_of_tables(n):
+    (fast,) = compiled(piece=piece)
+    knots = np.sort(np.random.default_rng(n).normal(size=n))
+    for x in (*knots, *(knots + 0.01), -9.0, 9.0, math.nan):
+        assert fast(knots, n, x) == piece(knots, n, x)
+
+
+@pytest.mark.parametrize("name", ["watt_sixbar", "andrews_squeezer", "pump"])
+def test_steps_are_those_of_python(name):
+    """The loop of the integrator, with the rates by machine code in both."""
+    system = System(mechanism(name), engine="llvm")
+    rates = kept_rates(system)
+    n, by = rates.dimension, stages.scheme()
+    of = stages.Sizes(n, len(rates.rows), len(rates.rows) - rates.watched, *by.E.shape[::-1])
+    of = of._replace(stages=by.C.size, ends=by.E.shape[1])
+    begin = 0.0, np.array([0.7, 2.0] + [0.0] * (n - 2))
+    tolerances = np.full((2, n), 1e-10)
+    stepper = stages.CompiledStepper(rates, (0.0, 1.0, 1e-9))
+    control = 1e-3, (0.05, 0.01), (-9.0, 9.0)
+    fast = stepper.steps(begin, *control, tolerances, 12)
+
+    def fill(x, numbers, out, *_):
+        out[:] = stepper.at(state[n], state[:n])
+        return 0.0
+
+    K, t, y = np.zeros((13, of.stages, of.width)), np.zeros(13), np.zeros((13, n))
+    y[0], state = begin[1], np.zeros(n + 4)
+    K[0, 0] = stepper.at(*begin)
+    room = np.array([control[0], *control[1], 0.0, *control[2]])
+    where = fill, None, None, K, y, state, *by, tolerances, room, t
+    count = stages.steps(of, *where, 12, rates.watched)
+    m = abs(count)
+    assert (m, count < 0, room[3]) == (len(fast.K), fast.doubtful, fast.tried)
+    for one, other in ((t[: m + 1], fast.t), (y[: m + 1], fast.y), (K[:m], fast.K)):
+        np.testing.assert_array_equal(one, other)
+
+
+def power(x: float) -> float:
+    """No operation of the language."""
+    return x**2
+
+
+def mixed(n: int) -> int:
+    """A count that becomes a real number."""
+    n = 0.5
+    n += 1
+    return n
+
+
+def listing(n: int) -> int:
+    """No value of the language."""
+    a = [n]
+    return a[0]
+
+
+def unknown(x: float) -> float:
+    """No function of the language."""
+    return math.gamma(x)
+
+
+def endless(n: int) -> int:
+    """No answer where nothing is positive."""
+    while True:
+        if n > 3:
+            return n
+
+
+def texts(x: str) -> float:
+    """No kind of number."""
+    return float(x)
+
+
+@pytest.mark.parametrize(
+    ("function", "line", "says"),
+    [
+        (power, 2, "no operation of this language: Pow of a float"),
+        (mixed, 2, "a float where an int is to be"),
+        (listing, 2, r"no expression of this language: \[n\]"),
+        (unknown, 2, "no function of this language: math.gamma"),
+        (endless, 4, "a function with an answer ends with a return"),
+    ],
+)
+def test_what_is_no_part_of_the_language_is_refused_by_its_line(function, line, says):
+    at = function.__code__.co_firstlineno + line
+    with pytest.raises(TypeError, match=rf"test_loops.py, line {at}: {says}"):
+        loops.text(function=function)
+
+
+def test_arguments_have_kinds_of_the_language():
+    with pytest.raises(TypeError, match="<class 'str'> is no kind of argument"):
+        loops.text(texts=texts)
