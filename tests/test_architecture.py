@@ -28,6 +28,7 @@ ROOMS = (
     "arguments",
     "units",
     "files",
+    "pictured",
     "registry",
     "validation_errors",
     "values",

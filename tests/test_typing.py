@@ -39,6 +39,11 @@ RIGHT = (
     'm.add_joint("A", "R", ["frame", "crank"], at=[(0.0, 0.0), 1 + 2j])',
     'answer: bm.Result = mech.simulate("time=2", watch=[bm.Watch("half", lambda t, q, r: t - 1)])',
     'bm.draw.draw(mech, "picture.png", "mechanism")',
+    "made: bm.Mechanism = g.run(at=0.0).mechanism",
+    'moved: bm.Mechanism = mech.simulate("time=2").mechanism',
+    'end: str = mech.simulate("time=2").motion.end',
+    'mech.limits().plot("arcs.svg", degrees=True)',
+    'mech.study({"dyad.l_i": [1.0]}, want="crank.drive").figure()',
 )
 WRONG = (
     'bm.Force(force="down")',
@@ -51,6 +56,10 @@ WRONG = (
     'mech.simulate("time=2", tims=[1.0])',
     "mech.simulte()",
     'mech.trade("runs")',
+    "g.run(at=0.0).mechanism.limts()",
+    'mech.simulate("time=2").motion.ends',
+    'mech.limits().plot("arcs.svg", degree=True)',
+    'bm.laod("graphs/ruiz_fourbar.json")',
     'mech.trade("run", sample=5)',
     "mech.limits(drivr='crank')",
     "mech.verify(sample=3)",

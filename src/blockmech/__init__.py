@@ -150,12 +150,14 @@ _LATER = {  # loaded when they are first asked for
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name in ("draw", "studio", "synthesis"):
-        return import_module(f"blockmech.{name}")
-    if name in _LATER:
-        return getattr(import_module(_LATER[name]), name)
-    raise AttributeError(f"module 'blockmech' has no attribute {name!r}")
+if not TYPE_CHECKING:  # which tells of names that are not there by itself
+
+    def __getattr__(name: str) -> Any:
+        if name in ("draw", "studio", "synthesis"):
+            return import_module(f"blockmech.{name}")
+        if name in _LATER:
+            return getattr(import_module(_LATER[name]), name)
+        raise AttributeError(f"module 'blockmech' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

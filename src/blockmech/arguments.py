@@ -12,14 +12,13 @@ import os
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Integral, Real
-from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 import numpy as np
 
 from blockmech.errors import Problem, RequestError
 
-P = ParamSpec("P")
-R = TypeVar("R")
+F = TypeVar("F", bound=Callable[..., Any])
 
 WORDS: Mapping[Any, str] = {
     str: "a text",
@@ -32,7 +31,7 @@ WORDS: Mapping[Any, str] = {
 """What an argument of a type is called. A class of our own says it itself, as ``called``."""
 
 
-def declared(function: Callable[P, R]) -> Callable[P, R]:
+def declared(function: F) -> F:
     """Refuse arguments that are not of the types in the signature, before anything is done.
 
     The call then raises `RequestError` with one problem for each of them. A given thing of
@@ -46,7 +45,7 @@ def declared(function: Callable[P, R]) -> Callable[P, R]:
         return {"VAR_POSITIONAL": value, "VAR_KEYWORD": ()}.get(kind.name, (value,))
 
     @functools.wraps(function)
-    def asked(*args: P.args, **kwargs: P.kwargs) -> R:
+    def asked(*args: Any, **kwargs: Any) -> Any:
         try:
             given = signature().bind(*args, **kwargs).arguments
         except TypeError:  # Python says itself what is missing or too much
@@ -56,7 +55,7 @@ def declared(function: Callable[P, R]) -> Callable[P, R]:
             raise RequestError(wrong)
         return function(*args, **kwargs)
 
-    return asked
+    return cast(F, asked)
 
 
 def _problem(name: str, given: Any, hint: Any) -> Problem:

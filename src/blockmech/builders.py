@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from blockmech.model.joints.decompose import General
 
 
-class Uncompiled(Runnable):
+class Uncompiled(Runnable["Mechanism"]):
     """What a user builds; it says where to find what only a mechanism can do."""
 
     if not TYPE_CHECKING:  # which tells of names that are not there by itself

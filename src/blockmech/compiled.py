@@ -34,7 +34,7 @@ from blockmech.result import Result
 from blockmech.runnable import EVERYTHING, Runnable
 from blockmech.samples import Samples, make_samples
 from blockmech.settings import check_chunk, check_switch, friction_asked, unknown_engine
-from blockmech.typing import EngineName, FrictionMethod, OnGap, Precision
+from blockmech.typing import EngineName, FrictionMethod, M, OnGap, Precision
 
 if TYPE_CHECKING:
     from blockmech.engines.llvm import LlvmEngine
@@ -49,7 +49,7 @@ SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
 COMPILED_FROM = 2**20
 
 
-class Compiled(Runnable):
+class Compiled(Runnable[M]):
     """A valid mechanism, compiled: what analyses take. A `Mechanism` adds what needs them."""
 
     structure: Structure
@@ -188,9 +188,9 @@ class Compiled(Runnable):
         check_switch("static", static)
         return self.plan(want, static=static or taken.at_rest, **how)
 
-    def compile(self) -> Self:
+    def compile(self) -> M:
         """Itself: it is compiled."""
-        return self
+        return self  # type: ignore[return-value]
 
     def samples(self, *asked: Any) -> Samples:
         """Samples that a request names: at, samples, times, rates, accelerations."""

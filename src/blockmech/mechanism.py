@@ -18,31 +18,33 @@ from blockmech.runnable import LazyMethod
 from blockmech.samples import Samples
 
 if TYPE_CHECKING:
-    import blockmech.analysis.explain as explaining
-    import blockmech.analysis.extremes as extremal
-    import blockmech.analysis.instants as instants
-    import blockmech.analysis.stroke as stroking
-    import blockmech.draw.arcs as closing
-    import blockmech.draw.balance as sizing
-    import blockmech.draw.equilibria as balancing
-    import blockmech.draw.friction_solutions as rubbing
-    import blockmech.draw.identify as identifying
-    import blockmech.draw.linearize as linearising
-    import blockmech.draw.sensitivity as sensing
-    import blockmech.draw.study as studying
-    import blockmech.draw.tolerance as tolerating
-    import blockmech.draw.trade as trading
-    import blockmech.dynamics.impact as striking
-    import blockmech.dynamics.simulation as simulating
-    import blockmech.dynamics.stepper as stepping
-    import blockmech.studies.drives as weighing
-    import blockmech.studies.family as designing
-    import blockmech.studies.floquet as repeating
-    import blockmech.studies.objective as optimising
-    import blockmech.studies.verified as verifying
+    import blockmech.analysis.equilibria
+    import blockmech.analysis.explain
+    import blockmech.analysis.extremes
+    import blockmech.analysis.friction_solutions
+    import blockmech.analysis.instants
+    import blockmech.analysis.limits
+    import blockmech.analysis.stroke
+    import blockmech.analysis.trade
+    import blockmech.dynamics.impact
+    import blockmech.dynamics.simulation
+    import blockmech.dynamics.stepper
+    import blockmech.modes.listing
+    import blockmech.studies.balance
+    import blockmech.studies.differentiate
+    import blockmech.studies.drives
+    import blockmech.studies.family
+    import blockmech.studies.floquet
+    import blockmech.studies.flywheel
+    import blockmech.studies.identify
+    import blockmech.studies.linearize
+    import blockmech.studies.objective
+    import blockmech.studies.study
+    import blockmech.studies.tolerance
+    import blockmech.studies.verify
 
 
-class Mechanism(Compiled):
+class Mechanism(Compiled["Mechanism"]):
     """A valid mechanism, compiled. Made by `Graph.compile` or `Linkage.compile`.
 
     >>> import blockmech as bm
@@ -51,63 +53,63 @@ class Mechanism(Compiled):
     """
 
     if TYPE_CHECKING:
-        available = weighing.available
-        balance = sizing.balance
-        equilibria = balancing.equilibria
-        explain = explaining.explain
-        extremes = extremal.extremes
-        friction_solutions = rubbing.friction_solutions
-        floquet = repeating.floquet
-        flywheel = sizing.flywheel
-        identify = identifying.identify
-        impulses = striking.impulses
-        instant_centre = instants.instant_centre
-        limits = closing.limits
-        linearize = linearising.linearize
-        mechanical_advantage = instants.mechanical_advantage
-        modes = closing.modes
-        motor = sizing.motor
-        objective = optimising.objective
-        parameters = designing.parameters
-        path_radius = instants.path_radius
-        sensitivity = sensing.sensitivity
-        simulate = simulating.simulate
-        stepper = stepping.stepper
-        stroke = stroking.stroke
-        study = studying.study
-        tolerance = tolerating.tolerance
-        trade = trading.trade
-        velocity_ratio = instants.velocity_ratio
-        verify = verifying.verify
+        available = blockmech.studies.drives.available
+        balance = blockmech.studies.balance.balance
+        equilibria = blockmech.analysis.equilibria.equilibria
+        explain = blockmech.analysis.explain.explain
+        extremes = blockmech.analysis.extremes.extremes
+        friction_solutions = blockmech.analysis.friction_solutions.friction_solutions
+        floquet = blockmech.studies.floquet.floquet
+        flywheel = blockmech.studies.flywheel.flywheel
+        identify = blockmech.studies.identify.identify
+        impulses = blockmech.dynamics.impact.impulses
+        instant_centre = blockmech.analysis.instants.instant_centre
+        limits = blockmech.analysis.limits.limits
+        linearize = blockmech.studies.linearize.linearize
+        mechanical_advantage = blockmech.analysis.instants.mechanical_advantage
+        modes = blockmech.modes.listing.modes
+        motor = blockmech.studies.drives.motor
+        objective = blockmech.studies.objective.objective
+        parameters = blockmech.studies.family.parameters
+        path_radius = blockmech.analysis.instants.path_radius
+        sensitivity = blockmech.studies.differentiate.sensitivity
+        simulate = blockmech.dynamics.simulation.simulate
+        stepper = blockmech.dynamics.stepper.stepper
+        stroke = blockmech.analysis.stroke.stroke
+        study = blockmech.studies.study.study
+        tolerance = blockmech.studies.tolerance.tolerance
+        trade = blockmech.analysis.trade.trade
+        velocity_ratio = blockmech.analysis.instants.velocity_ratio
+        verify = blockmech.studies.verify.verify
     else:
         available = LazyMethod("blockmech.studies.drives")
-        balance = LazyMethod("blockmech.draw.balance")
-        equilibria = LazyMethod("blockmech.draw.equilibria")
+        balance = LazyMethod("blockmech.studies.balance")
+        equilibria = LazyMethod("blockmech.analysis.equilibria")
         explain = LazyMethod("blockmech.analysis.explain")
         extremes = LazyMethod("blockmech.analysis.extremes")
-        friction_solutions = LazyMethod("blockmech.draw.friction_solutions")
+        friction_solutions = LazyMethod("blockmech.analysis.friction_solutions")
         floquet = LazyMethod("blockmech.studies.floquet")
-        flywheel = LazyMethod("blockmech.draw.balance")
-        identify = LazyMethod("blockmech.draw.identify")
+        flywheel = LazyMethod("blockmech.studies.flywheel")
+        identify = LazyMethod("blockmech.studies.identify")
         impulses = LazyMethod("blockmech.dynamics.impact")
         instant_centre = LazyMethod("blockmech.analysis.instants")
-        limits = LazyMethod("blockmech.draw.arcs")
-        linearize = LazyMethod("blockmech.draw.linearize")
+        limits = LazyMethod("blockmech.analysis.limits")
+        linearize = LazyMethod("blockmech.studies.linearize")
         mechanical_advantage = LazyMethod("blockmech.analysis.instants")
-        modes = LazyMethod("blockmech.draw.arcs")
-        motor = LazyMethod("blockmech.draw.balance")
+        modes = LazyMethod("blockmech.modes.listing")
+        motor = LazyMethod("blockmech.studies.drives")
         objective = LazyMethod("blockmech.studies.objective")
         parameters = LazyMethod("blockmech.studies.family")
         path_radius = LazyMethod("blockmech.analysis.instants")
-        sensitivity = LazyMethod("blockmech.draw.sensitivity")
+        sensitivity = LazyMethod("blockmech.studies.differentiate")
         simulate = LazyMethod("blockmech.dynamics.simulation")
         stepper = LazyMethod("blockmech.dynamics.stepper")
         stroke = LazyMethod("blockmech.analysis.stroke")
-        study = LazyMethod("blockmech.draw.study")
-        tolerance = LazyMethod("blockmech.draw.tolerance")
-        trade = LazyMethod("blockmech.draw.trade")
+        study = LazyMethod("blockmech.studies.study")
+        tolerance = LazyMethod("blockmech.studies.tolerance")
+        trade = LazyMethod("blockmech.analysis.trade")
         velocity_ratio = LazyMethod("blockmech.analysis.instants")
-        verify = LazyMethod("blockmech.studies.verified")
+        verify = LazyMethod("blockmech.studies.verify")
 
     def _repr_svg_(self) -> str | None:
         """The mechanism over its range, or, where that is not known, with its drivers at zero."""
@@ -140,7 +142,7 @@ class Mechanism(Compiled):
         """A motion under the loads; see `blockmech.dynamics.simulation`."""
         return self.simulate(**request)
 
-    def stroke_of(self, result: Result, output: str) -> stroking.Stroke:
+    def stroke_of(self, result: Result, output: str) -> blockmech.analysis.stroke.Stroke:
         """The stroke of an output over a result; see `blockmech.analysis.stroke`."""
         from blockmech.analysis.stroke import stroke
 

@@ -6,7 +6,7 @@ from cmath import isfinite
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Generic, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,11 @@ from blockmech.plan import Output, Plan
 from blockmech.quality import OK, Flag, Quality, assess
 from blockmech.report import DEGREES, places
 from blockmech.samples import Samples
+from blockmech.typing import M
 from blockmech.wires import on_wires
 
 
-class Result(Exported):
+class Result(Exported, Generic[M]):
     """Outputs of a run by name.
 
     ``result["dyad.B.reaction"]`` is an array (n,): complex x + iy for vectors,
@@ -36,14 +37,14 @@ class Result(Exported):
     called = "a result"
     instead = "draw.plot draws its outputs; the mechanism is its .mechanism"
 
-    mechanism: Any  # a `Compiled`, which stands above: it makes results
+    mechanism: M  # a `Compiled`, which makes results
     motion: Any  # of a simulation: how it moved, its events and its error
     accuracy: Any  # of a run to an accuracy: what was chosen
     _planned: tuple[tuple[str, ...], Mapping[str, tuple[int, ...]]]  # of an unpickled one
 
     def __init__(
         self,
-        mechanism: Any,
+        mechanism: M,
         plan: Plan,
         samples: Samples,
         values: tuple[Any, ...],
@@ -81,7 +82,7 @@ class Result(Exported):
         Raises `RequestError` where another version of blockmech plans otherwise.
         """
         want, layout = self._planned
-        again: Plan = self.mechanism.plan(want, **self.settings)
+        again: Plan = self._compiled.plan(want, **self.settings)
         if again.layout != layout:
             what = "it was pickled by a version of blockmech that orders its numbers otherwise"
             remedy = "run it again; to keep numbers, export them: to_csv, to_npz, to_dict"
@@ -106,6 +107,11 @@ class Result(Exported):
         return len(self.plan.want)
 
     @property
+    def _compiled(self) -> Any:
+        """The mechanism as what it is, a `Compiled`, which stands above results: it makes them."""
+        return self.mechanism
+
+    @property
     def n(self) -> int:
         """Number of samples."""
         return self.samples.n
@@ -119,7 +125,7 @@ class Result(Exported):
     def drivers(self) -> dict[str, NDArray[np.float64]]:
         """Driver coordinates: ``"crank.q"`` -> (n,) [rad or m]."""
         names = self.mechanism.drivers
-        name = self.mechanism.of_driver
+        name = self._compiled.of_driver
         return {name(d, "q"): self.samples.coordinate(i) for i, d in enumerate(names)}
 
     def place(self, sample: int, degrees: bool = DEGREES) -> str:
@@ -130,7 +136,7 @@ class Result(Exported):
     def output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom."""
         declared_output: Output = held(
-            self.mechanism.outputs, name, "no output has that name", "outputs"
+            self._compiled.outputs, name, "no output has that name", "outputs"
         )
         return declared_output
 
@@ -193,13 +199,13 @@ class Result(Exported):
             for name, where in self.plan.layout.items()
             if "/" in name  # reserved in names of blocks
         }
-        blocks = self.mechanism.structure.blocks
+        blocks = self._compiled.structure.blocks
         prismatic = frozenset(
             name for name, b in blocks.items() if any(b.joints[j].kind == "P" for j in b.friction)
         )
-        following = frozenset(self.mechanism.structure.followed)
+        following = frozenset(self._compiled.structure.followed)
         quality = assess(self.n, reports, self._not_finite(), prismatic, following)
-        flags, joints = quality.flags, self.mechanism.joint_names
+        flags, joints = quality.flags, self._compiled.joint_names
         if joints:
             flags = tuple(replace(f, where=joints.get(f.where, f.where)) for f in flags)
         return replace(quality, flags=flags + self._without_effort(quality))
@@ -303,14 +309,14 @@ class Result(Exported):
         forces = {"N", "N m"} & {self.output(name).unit for name in self}
         if not (forces and self.n) or self.settings["static"]:
             return []
-        structure = self.mechanism.structure
+        structure = self._compiled.structure
         given = {link: structure.properties(link) for link in structure.links}
         if not any(link.massive for link in given.values()):
             of = "forces are those of the loads alone" if structure.elements else "forces are zero"
             return [f"no link has mass or inertia: {of}"]
         points = [link for link, x in given.items() if x.mass > 0 and x.inertia == 0]
         one = self.first(1).inside(*(f"{link}.omega" for link in points))
-        names = {} if self.mechanism.names is None else self.mechanism.names.links
+        names = {} if self._compiled.names is None else self._compiled.names.links
         link_names = {where.link: name for name, where in names.items()}
         turning = [str(link_names.get(x, x)) for x in points if abs(one[f"{x}.omega"][0]) > 0]
         what = "mass and no inertia: they count as points at their cm"
@@ -322,7 +328,7 @@ class Result(Exported):
 
         Found by computing a few samples once more with longer numbers, when first asked for.
         """
-        return tuple(self.mechanism.digits_lost(self))
+        return tuple(self._compiled.digits_lost(self))
 
     @cached_property
     def judged(self) -> Quality:
@@ -341,7 +347,7 @@ class Result(Exported):
 
         For a mechanism made from a graph, these are its own outputs.
         """
-        return self._again(self.mechanism.of_blocks, want)
+        return self._again(self._compiled.of_blocks, want)
 
     @declared
     def with_friction(self, method: str, *want: str) -> Result:
@@ -364,7 +370,7 @@ class Result(Exported):
         ``wire("crank.B", "dyad.B")`` or ``wire("crank.B -> dyad.B")``; see `blockmech.wires`.
         """
         name = source if target is None else f"{source} -> {target}"
-        return on_wires(self.mechanism.structure, self.inside, self.n, name)[name]
+        return on_wires(self._compiled.structure, self.inside, self.n, name)[name]
 
     @declared
     def compare(self, other: Mapping[str, Any]) -> dict[str, float]:
@@ -388,7 +394,7 @@ class Result(Exported):
         return differences
 
     def _repr_html_(self) -> str:
-        picture = "" if self.motion is None else str(self.mechanism.motion_svg(self))
+        picture = "" if self.motion is None else str(self._compiled.motion_svg(self))
         return super()._repr_html_() + picture
 
     def __repr__(self) -> str:

@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-import functools
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from importlib import import_module
 from types import MethodType
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Generic
 
-from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, OnGap, Precision
+from blockmech.typing import Coordinates, EngineName, FrictionMethod, M, Numbers, OnGap, Precision
 
 if TYPE_CHECKING:
     from blockmech.result import Result
 
 EVERYTHING = ("*",)
-P = ParamSpec("P")
-R = TypeVar("R")
 
 
-class Runnable(ABC):
+class Runnable(ABC, Generic[M]):
     """What can be compiled, and so be run."""
 
     called = "a graph, a linkage or a mechanism"
     instead = "run it first: its run() gives a result"
 
     @abstractmethod
-    def compile(self) -> Any:
+    def compile(self) -> M:
         """The mechanism that computes."""
 
     def run(
@@ -47,7 +44,7 @@ class Runnable(ABC):
         precision: Precision | None = None,
         chunk: int | None = None,
         on_gap: OnGap = "raise",
-    ) -> Result:
+    ) -> Result[M]:
         """Compute the wanted outputs at given driver coordinates or times.
 
         Parameters
@@ -86,26 +83,14 @@ class Runnable(ABC):
         RequestError for unknown names or settings that do not fit
         AssemblyError, SingularError, FrictionError at gaps, unless marked
         """
-        mechanism = self.compile()
+        mechanism: Any = self.compile()
         taken = mechanism.samples(at, samples, times, rates, accelerations)
         given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
         given["static"] = static
-        result: Result = mechanism.answer(
+        result: Result[M] = mechanism.answer(
             taken, want, given, accuracy, engine, precision, chunk, on_gap
         )
         return result
-
-
-def wrap_result(cls: type[R], function: Callable[P, Any]) -> Callable[P, R]:
-    """A function with its answer as a class that adds to it, e.g. a picture."""
-
-    @functools.wraps(function)
-    def more(*asked: P.args, **how: P.kwargs) -> R:
-        answer = cls.__new__(cls)
-        vars(answer).update(vars(function(*asked, **how)))
-        return answer
-
-    return more
 
 
 class LazyMethod:

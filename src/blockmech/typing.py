@@ -7,10 +7,11 @@ say what a value *means*; its batch shape (...) is written beside it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, NamedTuple, TypeAlias
+from collections.abc import Callable, Mapping, Sequence, Sized
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 from numpy.typing import NDArray
+from typing_extensions import TypeVar
 
 Real: TypeAlias = Any
 """A real number or a batch of them: float, or float array (...)."""
@@ -40,6 +41,31 @@ OnGap: TypeAlias = Literal["raise", "mark", "stop"]
 MotionMethod: TypeAlias = Literal[
     "auto", "energy", "spectral", "dop853", "lsoda", "radau", "rk4", "euler_q"
 ]
+
+
+class Named(Protocol):
+    """What results and their exports tell of the mechanism that made them."""
+
+    name: str
+
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """Drivers in formation order."""
+
+    @property
+    def outputs(self) -> Sized:
+        """Every output that can be wanted."""
+
+    @property
+    def frictional_joints(self) -> tuple[str, ...]:
+        """Names of the joints that have friction."""
+
+    def block_name(self, block: str) -> str:
+        """A block in a message."""
+
+
+M = TypeVar("M", bound=Named, default=Any)
+"""What a run is of: a `Mechanism`, or any other `Compiled`."""
 
 
 class Guide(NamedTuple):

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.analysis.trade import Point, Reference, Skipped, Trade, front
+from blockmech.analysis.trade import Point, Reference, Skipped, Trade, front, trade
 from blockmech.analysis.trade.free_motion import FreeMotion
 from blockmech.analysis.trade.measure import Clock
-from blockmech.draw.trade import trade
 from blockmech.mechanism import Mechanism
 from tests.gallery import mechanism
 from tests.wiring import ruiz, watt

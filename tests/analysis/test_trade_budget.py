@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import blockmech as bm
+from blockmech.analysis.trade import trade
 from blockmech.analysis.trade.free_motion import FreeMotion
 from blockmech.analysis.trade.measure import Clock, Question, Reference, Setting, measured
-from blockmech.draw.trade import trade
 from tests.gallery import GRAPHS, mechanism
 from tests.wiring import chain, ruiz
 

@@ -16,6 +16,7 @@ from typing import Any, Literal, NamedTuple, overload
 import numpy as np
 
 from blockmech.dynamics.tangents import Tangents
+from blockmech.pictured import Pictured
 from blockmech.plane import EPS
 from blockmech.report import DEGREES, Facts, Report, as_json, places, with_unit
 from blockmech.series import Floats
@@ -108,7 +109,7 @@ class Curve(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Equilibria(Facts, Report, Sequence[Equilibrium]):
+class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
     """All equilibria that were found, in rising order of the first driver's coordinate.
 
     Attributes
@@ -121,6 +122,8 @@ class Equilibria(Facts, Report, Sequence[Equilibrium]):
     coordinate, unit : of the only driver, e.g. "crank.q"; "" of several
     notes : what should be known
     """
+
+    PICTURE = "blockmech.draw.equilibria:equilibria_figure"
 
     FACTS = ("rests", "balanced", "notes")
 

@@ -35,8 +35,9 @@ from blockmech.friction.existence import existence
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
+from blockmech.pictured import Pictured
 from blockmech.plan import Friction, Schedule
-from blockmech.report import DEGREES, Facts, Report, as_json, places
+from blockmech.report import DEGREES, Facts, as_json, places
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.typing import Coordinates, Numbers
@@ -328,7 +329,7 @@ def _tree(equations: Equations, taken: Samples, scale: Floats) -> Tree:
 
 
 @dataclass(frozen=True, repr=False)
-class FrictionSolutions(CsvTable, Facts, Report):
+class FrictionSolutions(CsvTable, Facts, Pictured):
     """All solutions of the friction equations at n poses.
 
     ``found["crank.drive"]`` is an array (s,), one number for each of s solutions; those of a
@@ -349,6 +350,8 @@ class FrictionSolutions(CsvTable, Facts, Report):
     scale : (n,) [-] factor of all friction
     samples : the poses
     """
+
+    PICTURE = "blockmech.draw.friction_solutions:friction_solutions_figure"
 
     answers: Result
     pose: Indices

@@ -30,7 +30,8 @@ from blockmech.analysis.scan import TURN, shown_place
 from blockmech.arguments import declared
 from blockmech.errors import Problem, RequestError, among, listed, refused
 from blockmech.model.structure import Structure
-from blockmech.report import DEGREES, Facts, Report
+from blockmech.pictured import Pictured
+from blockmech.report import DEGREES, Facts
 from blockmech.series import DOUBLE_ROOT, SCANNED
 from blockmech.shortfall import shortfall
 
@@ -81,7 +82,7 @@ class Arc:
 
 
 @dataclass(frozen=True, repr=False)
-class Limits(Facts, Report):
+class Limits(Facts, Pictured):
     """The feasible arcs of one driver.
 
     Attributes
@@ -96,6 +97,8 @@ class Limits(Facts, Report):
     prefix : what names of outputs put before the driver's, "driver." in a document of joints
     why : by how much the nearest group misses closing there, in words
     """
+
+    PICTURE = "blockmech.draw.arcs:limits_figure"
 
     FACTS = ("unit", "whole_turn", "arcs", "nearest", "spacing")
 

@@ -66,7 +66,7 @@ def check_places(table: str | None, plot: str | None) -> None:
         suffix_of(plot)
 
 
-def write_answer(answer: Any, table: str | None, plot: str | None) -> None:
+def write_answer(answer: Any, table: str | None, plot: str | None, degrees: bool = DEGREES) -> None:
     """Write the table (csv, parquet) and the picture of an answer."""
     if table is not None:
         is_parquet = Path(table).suffix.lower() == ".parquet"
@@ -74,7 +74,7 @@ def write_answer(answer: Any, table: str | None, plot: str | None) -> None:
         say(f"wrote {table}")
     if plot is not None:
         with progress_bar("drawing"):
-            say(f"wrote {answer.plot(plot)}")
+            say(f"wrote {answer.plot(plot, degrees=degrees)}")
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Shown:
             pour([report.to_csv()])
             return
         answer(file, self.json, report.to_dict(), report.text(degrees=self.deg))
-        write_answer(report, table, plot)
+        write_answer(report, table, plot, self.deg)
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,6 @@ from blockmech.files import folder, refuse_spared, writing
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade import Trade
-    from blockmech.draw.trade import PlottedTrade
 
 Question = Annotated[str, option("run or simulate.", "QUESTION")]
 Wants = Annotated[
@@ -67,8 +66,6 @@ def trade(
     plot: Plot = None,
 ) -> None:
     """Measure speed against accuracy for this mechanism, and recommend a setting."""
-    from blockmech.draw.trade import trade as traded
-
     one_of(json=json, csv=csv is not None, out=out is not None, plot=plot is not None)
     csv = csv_place(csv)
     mechanism = reading(file, compiled)
@@ -93,10 +90,10 @@ def trade(
     given = {k: v for k, v in request.items() if v is not None}
     each = _seconds("--budget", budget) / len(wants)
     with progress_bar("measuring", still=True) as progress:
-        trades: list[PlottedTrade] = []
+        trades: list[Trade] = []
         for names in wants:
             if not (trades and _interrupted(trades[-1])):
-                trades.append(traded(mechanism, question, names, each, say=progress, **given))  # type: ignore[arg-type]
+                trades.append(mechanism.trade(question, names, each, say=progress, **given))  # type: ignore[arg-type]
     if json:
         rows = [t.to_dict() for t in trades]
         say(text_of.dumps(rows[0] if len(rows) == 1 else rows, indent=2))
@@ -116,9 +113,7 @@ def _interrupted(measured: Trade) -> bool:
     return any(s.why == "interrupted" for s in measured.skipped)
 
 
-def _written(
-    measured: PlottedTrade, csv: str | None, out: str | None, plot: str | None
-) -> list[Path]:
+def _written(measured: Trade, csv: str | None, out: str | None, plot: str | None) -> list[Path]:
     """The files that are asked for, written: first the numbers, then the picture."""
     if csv is not None:
         measured.to_csv(csv)

@@ -7,16 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from blockmech.analysis.limits import Limits
-from blockmech.analysis.limits import limits as found_limits
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, shown_name
-from blockmech.draw.pictured import Pictured
 from blockmech.draw.sensitivity import THICK
 from blockmech.errors import refused
-from blockmech.modes.listing import modes as found_modes
 from blockmech.modes.report import Arc, GroupModes, Modes
-from blockmech.report import DEGREES
-from blockmech.runnable import wrap_result
 
 
 class Bar(NamedTuple):
@@ -31,35 +26,22 @@ class Bar(NamedTuple):
     colour: int = 0
 
 
-class PlottedLimits(Pictured, Limits):
-    """Limits with their picture."""
-
-    def figure(self, degrees: bool = DEGREES) -> Any:
-        """The feasible arcs as bars."""
-        bars = [
-            Bar(f"arc {n}", a.start.q, a.end.q, (str(a.start), str(a.end)), _places(a))
-            for n, a in enumerate(self.arcs, start=1)
-        ]
-        caption = f"{self.sentence()}."
-        return _figure(bars, self._q(self.driver), self.unit, caption, degrees)
+def limits_figure(limits: Limits, degrees: bool) -> Any:
+    """The feasible arcs as bars."""
+    bars = [
+        Bar(f"arc {n}", a.start.q, a.end.q, (str(a.start), str(a.end)), _places(a))
+        for n, a in enumerate(limits.arcs, start=1)
+    ]
+    caption = f"{limits.sentence()}."
+    return _figure(bars, limits._q(limits.driver), limits.unit, caption, degrees)
 
 
-class PlottedModes(Pictured, Modes):
-    """Assembly modes with their picture."""
-
-    def figure(self, degrees: bool = DEGREES) -> Any:
-        """The arcs of all groups as bars, those of a circuit in one colour."""
-        bars = [bar for group in self.groups for bar in _of_group(self, group)]
-        caption = "Modes of one colour connect through dead centres; the dot: the file's mode."
-        unit = self.units.get(self.driver, "")
-        return _figure(bars, f"{self.prefix}{self.driver}.q", unit, caption, degrees)
-
-
-limits = wrap_result(PlottedLimits, found_limits)
-"""`blockmech.analysis.limits.limits`, which can be drawn."""
-
-modes = wrap_result(PlottedModes, found_modes)
-"""`blockmech.modes.listing.modes`, which can be drawn."""
+def modes_figure(modes: Modes, degrees: bool) -> Any:
+    """The arcs of all groups as bars, those of a circuit in one colour."""
+    bars = [bar for group in modes.groups for bar in _of_group(modes, group)]
+    caption = "Modes of one colour connect through dead centres; the dot: the file's mode."
+    unit = modes.units.get(modes.driver, "")
+    return _figure(bars, f"{modes.prefix}{modes.driver}.q", unit, caption, degrees)
 
 
 def _places(arc: Any) -> tuple[float, ...]:

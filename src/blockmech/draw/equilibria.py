@@ -6,49 +6,41 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.equilibria import equilibria as found_of
 from blockmech.analysis.equilibrium import Equilibria
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, scaled_unit, shown_name
-from blockmech.draw.pictured import Pictured
 from blockmech.errors import refused
-from blockmech.report import DEGREES
-from blockmech.runnable import wrap_result
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel
 MARKS = {"stable": "o", "unstable": "^", "indifferent": "s"}
 CLEAR = 0.02  # of the effort's quantiles: what goes to infinity at a dead centre is cut off
 
 
-class PlottedEquilibria(Pictured, Equilibria):
-    """Equilibria with their picture."""
+def equilibria_figure(equilibria: Equilibria, degrees: bool) -> Any:
+    """Potential and effort of the loads over the only driver's coordinate.
 
-    def figure(self, degrees: bool = DEGREES) -> Any:
-        """Potential and effort of the loads over the only driver's coordinate.
-
-        Raises `RequestError` of several drivers.
-        """
-        if not self.curves:
-            found = "there is no picture of the equilibria of several drivers"
-            raise refused("plot", found, "their text lists them", code="nothing-to-draw")
-        factor, unit = (180.0 / np.pi, "°") if degrees and self.unit == "rad" else (1.0, self.unit)
-        drawn = ["potential"] * (self.curves[0].potential is not None) + ["effort of the loads"]
-        counts = {k: sum(e.kind == k for e in self) for k in _MARKED}
-        words = [f"{n} {k} ({_MARKED[k]})" for k, n in counts.items() if n] or ["none"]
-        caption = f"Equilibria of {shown_name(self.coordinate)}: {', '.join(words)}"
-        caption += "; shaded: where friction holds it." if self.rests else "."
-        with captioned(caption, len(drawn) * PANEL + 2 * ink.ROW) as figure:
-            panels = figure.subplots(len(drawn), sharex=True, squeeze=False)[:, 0]
-            for axes, what in zip(panels, drawn, strict=True):
-                _panel(axes, self, what, factor)
-            panels[-1].set_xlabel(f"{shown_name(self.coordinate)} [{unit}]", labelpad=1)
-        return figure
+    Raises `RequestError` of several drivers.
+    """
+    if not equilibria.curves:
+        found = "there is no picture of the equilibria of several drivers"
+        raise refused("plot", found, "their text lists them", code="nothing-to-draw")
+    factor, unit = (
+        (180.0 / np.pi, "°") if degrees and equilibria.unit == "rad" else (1.0, equilibria.unit)
+    )
+    drawn = ["potential"] * (equilibria.curves[0].potential is not None) + ["effort of the loads"]
+    counts = {k: sum(e.kind == k for e in equilibria) for k in _MARKED}
+    words = [f"{n} {k} ({_MARKED[k]})" for k, n in counts.items() if n] or ["none"]
+    caption = f"Equilibria of {shown_name(equilibria.coordinate)}: {', '.join(words)}"
+    caption += "; shaded: where friction holds it." if equilibria.rests else "."
+    with captioned(caption, len(drawn) * PANEL + 2 * ink.ROW) as figure:
+        panels = figure.subplots(len(drawn), sharex=True, squeeze=False)[:, 0]
+        for axes, what in zip(panels, drawn, strict=True):
+            _panel(axes, equilibria, what, factor)
+        panels[-1].set_xlabel(f"{shown_name(equilibria.coordinate)} [{unit}]", labelpad=1)
+    return figure
 
 
 _MARKED = {"stable": "dot", "unstable": "triangle", "indifferent": "square"}
-
-equilibria = wrap_result(PlottedEquilibria, found_of)
-"""`blockmech.analysis.equilibria.equilibria`, which can be drawn."""
 
 
 def _panel(axes: Any, equilibria: Equilibria, what: str, factor: float) -> None:

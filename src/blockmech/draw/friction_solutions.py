@@ -7,13 +7,9 @@ from typing import Any
 import numpy as np
 
 from blockmech.analysis.friction_solutions import UNDECIDED, FrictionSolutions
-from blockmech.analysis.friction_solutions import friction_solutions as found_solutions
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, legend_above, scaled_unit, shown_name
-from blockmech.draw.pictured import Pictured
 from blockmech.errors import refused
-from blockmech.report import DEGREES
-from blockmech.runnable import wrap_result
 
 HEIGHT = 17 * ink.TEXT  # [pt] of the axes
 FILLS = (ink.GREY, ink.PAPER, ink.LINK_FILLS[0], ink.LINK_FILLS[1])
@@ -21,28 +17,23 @@ FILLS = (ink.GREY, ink.PAPER, ink.LINK_FILLS[0], ink.LINK_FILLS[1])
 WORDS = ("none: it jams", "one solution", "two", "three or more")
 
 
-class PlottedSolutions(Pictured, FrictionSolutions):
-    """Solutions of the friction equations with their picture."""
+def friction_solutions_figure(solutions: FrictionSolutions, degrees: bool) -> Any:
+    """The first real output over the driver; of several scales the number of solutions.
 
-    def figure(self, degrees: bool = DEGREES) -> Any:
-        """The first real output over the driver; of several scales the number of solutions.
-
-        Raises `RequestError` where not exactly one coordinate varies, or nothing is there to draw.
-        """
-        moving = {name: q for name, q in self.drivers.items() if np.ptp(q) > 0}
-        if len(moving) != 1:
-            found = f"{len(moving)} driver coordinates vary"
-            raise refused("friction_solutions", found, "give several poses of one driver")
-        ((name, q),) = moving.items()
-        unit = self.answers.unit_of_driver(name)
-        if degrees and unit == "rad":
-            q, unit = np.degrees(q), "°"
-        words = f"{shown_name(name)} [{unit}]"
-        return _map(self, q, words) if np.ptp(self.scale) > 0 else _curves(self, q, words)
-
-
-friction_solutions = wrap_result(PlottedSolutions, found_solutions)
-"""`blockmech.analysis.friction_solutions.friction_solutions`, which can be drawn."""
+    Raises `RequestError` where not exactly one coordinate varies, or nothing is there to draw.
+    """
+    moving = {name: q for name, q in solutions.drivers.items() if np.ptp(q) > 0}
+    if len(moving) != 1:
+        found = f"{len(moving)} driver coordinates vary"
+        raise refused("friction_solutions", found, "give several poses of one driver")
+    ((name, q),) = moving.items()
+    unit = solutions.answers.unit_of_driver(name)
+    if degrees and unit == "rad":
+        q, unit = np.degrees(q), "°"
+    words = f"{shown_name(name)} [{unit}]"
+    return (
+        _map(solutions, q, words) if np.ptp(solutions.scale) > 0 else _curves(solutions, q, words)
+    )
 
 
 def _edges(x: Any) -> Any:

@@ -6,38 +6,28 @@ from typing import Any
 
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, scaled_unit, shown_name
-from blockmech.draw.pictured import Pictured
-from blockmech.runnable import wrap_result
-from blockmech.studies.differentiate import sensitivity as derived
 from blockmech.studies.sensitivity import SHOWN, Effect, Sensitivity
 
 PANELS = 6  # outputs that one picture can hold
 THICK = 0.62  # of a row: a bar
 
 
-class PlottedSensitivity(Pictured, Sensitivity):
-    """Sensitivities with their picture."""
-
-    def figure(self) -> Any:
-        """The ranked bars of the first outputs, a column wide."""
-        ranked = {name: _moving(self, name) for name in list(self)[:PANELS]}
-        heights = [(len(effects) + 3.5) * ink.ROW for effects in ranked.values()]
-        n = self.result.n
-        over = "one sample" if n == 1 else f"{n} samples"
-        caption = (
-            f"{shown_name(self.result.mechanism.name, 40)}: largest change of an output over "
-            f"{over} by a hundredth of a number, of a zero by that of the largest of its unit. "
-            "Blue: both grow together; orange, hatched: one shrinks; grey: a vector."
-        ) + self.said_of(ranked)
-        with captioned(caption, sum(heights) + ink.ROW / 2) as figure:
-            panels = figure.subplots(len(ranked), height_ratios=heights, squeeze=False)[:, 0]
-            for axes, (name, effects) in zip(panels, ranked.items(), strict=True):
-                _bars(axes, name, self.unit_of(name), effects)
-        return figure
-
-
-sensitivity = wrap_result(PlottedSensitivity, derived)
-"""`blockmech.studies.differentiate.sensitivity`, which can be drawn."""
+def sensitivity_figure(sensitivity: Sensitivity, degrees: bool) -> Any:
+    """The ranked bars of the first outputs, a column wide."""
+    ranked = {name: _moving(sensitivity, name) for name in list(sensitivity)[:PANELS]}
+    heights = [(len(effects) + 3.5) * ink.ROW for effects in ranked.values()]
+    n = sensitivity.result.n
+    over = "one sample" if n == 1 else f"{n} samples"
+    caption = (
+        f"{shown_name(sensitivity.result.mechanism.name, 40)}: largest change of an output over "
+        f"{over} by a hundredth of a number, of a zero by that of the largest of its unit. "
+        "Blue: both grow together; orange, hatched: one shrinks; grey: a vector."
+    ) + sensitivity.said_of(ranked)
+    with captioned(caption, sum(heights) + ink.ROW / 2) as figure:
+        panels = figure.subplots(len(ranked), height_ratios=heights, squeeze=False)[:, 0]
+        for axes, (name, effects) in zip(panels, ranked.items(), strict=True):
+            _bars(axes, name, sensitivity.unit_of(name), effects)
+    return figure
 
 
 def _moving(sensitivity: Sensitivity, name: str) -> list[Effect]:

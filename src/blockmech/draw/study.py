@@ -13,11 +13,8 @@ import numpy as np
 
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, scaled_unit, shown_name, text_width
-from blockmech.draw.pictured import Pictured
 from blockmech.errors import refused
 from blockmech.export import Column
-from blockmech.runnable import wrap_result
-from blockmech.studies.study import study as studied
 from blockmech.studies.table import Study
 
 PANEL = 14.0 * ink.TEXT  # [pt] height of a panel
@@ -28,41 +25,35 @@ ENDS = (2, 98)  # percent of the designs that the colours of a map are spread ov
 FOOT = 0.03  # of a panel's height: where designs without an answer are marked
 
 
-class PlottedStudy(Pictured, Study):
-    """A study with its picture."""
+def study_figure(study: Study, degrees: bool) -> Any:
+    """The study: curves, maps, or a matrix of scatter.
 
-    def figure(self) -> Any:
-        """The study: curves, maps, or a matrix of scatter.
-
-        Raises `RequestError` where no number was kept.
-        """
-        results = self.table()[len(self.vary) :][:PANELS]
-        if not results:
-            found = "poses are arrays, and no other number was kept"
-            raise refused("plot", found, "keep e.g. a max_abs as well")
-        numbers = self.table()[: len(self.vary)][:CELLS]
-        grid = len(self.vary) if self.designs.sampling == "grid" else 0
-        mapped = grid == 2 and min(self.designs.shape) > 1
+    Raises `RequestError` where no number was kept.
+    """
+    results = study.table()[len(study.vary) :][:PANELS]
+    if not results:
+        found = "poses are arrays, and no other number was kept"
+        raise refused("plot", found, "keep e.g. a max_abs as well")
+    numbers = study.table()[: len(study.vary)][:CELLS]
+    grid = len(study.vary) if study.designs.sampling == "grid" else 0
+    mapped = grid == 2 and min(study.designs.shape) > 1
+    if mapped:
+        columns = min(len(results), 2)
+        size = -(-len(results) // columns) * 1.25 * PANEL, columns * ink.COLUMN
+    elif grid == 1:
+        size = len(results) * PANEL, ink.COLUMN
+    else:
+        wide = max(ink.COLUMN, len(numbers) * CELL + 5 * ink.TEXT)
+        size = len(results) * CELL + 3 * ink.TEXT, wide
+    missing, mark = study.n - study.status.count("ok"), "hatched" if mapped else "crosses"
+    caption = f"{shown_name(study.name, 40)}: {study.n} designs"
+    caption += f", {missing} without an answer ({mark})" if missing else ""
+    with captioned(f"{caption}.", size[0] + ink.ROW / 2, size[1]) as figure:
         if mapped:
-            columns = min(len(results), 2)
-            size = -(-len(results) // columns) * 1.25 * PANEL, columns * ink.COLUMN
-        elif grid == 1:
-            size = len(results) * PANEL, ink.COLUMN
+            _maps(figure, study, results, numbers)
         else:
-            wide = max(ink.COLUMN, len(numbers) * CELL + 5 * ink.TEXT)
-            size = len(results) * CELL + 3 * ink.TEXT, wide
-        missing, mark = self.n - self.status.count("ok"), "hatched" if mapped else "crosses"
-        caption = f"{shown_name(self.name, 40)}: {self.n} designs"
-        caption += f", {missing} without an answer ({mark})" if missing else ""
-        with captioned(f"{caption}.", size[0] + ink.ROW / 2, size[1]) as figure:
-            if mapped:
-                _maps(figure, self, results, numbers)
-            else:
-                _matrix(figure, self, results, numbers, curves=grid == 1)
-        return figure
-
-
-study = wrap_result(PlottedStudy, studied)
+            _matrix(figure, study, results, numbers, curves=grid == 1)
+    return figure
 
 
 def _label(name: str, unit: str, room: float) -> str:

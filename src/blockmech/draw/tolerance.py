@@ -10,45 +10,37 @@ from blockmech.draw import palette as ink
 from blockmech.draw.curves import abscissa, values
 from blockmech.draw.panels import Abscissa
 from blockmech.draw.paper import captioned, legend_above, scaled_unit, shown_name
-from blockmech.draw.pictured import Pictured
-from blockmech.runnable import wrap_result
 from blockmech.studies.tolerance import Tolerance
-from blockmech.studies.tolerance import tolerance as found_of
 
 PANEL = 11.0 * ink.TEXT  # [pt] height of a panel
 OUTPUTS, NUMBERS = 3, 5  # that one picture can hold
 BAND = 3.0  # standard deviations: 99.7 % of a normal distribution
 
 
-class PlottedTolerance(Pictured, Tolerance):
-    """A tolerance with its picture."""
-
-    def figure(self) -> Any:
-        """The first outputs with their bands and deviations, a column wide."""
-        result = self.sensitivity.result
-        curves = [name for name in self if not self.sensitivity.one_number(name)]
-        names = (curves or list(self))[:OUTPUTS]
-        across = abscissa(result) if curves else Abscissa("one number a design", np.zeros(1))
-        total = sum(np.nan_to_num(self.shares(name)).sum(axis=1) for name in names)
-        order = np.argsort(-np.asarray(total), kind="stable")[:NUMBERS]  # a colour in all panels
-        caption = (
-            f"{shown_name(result.mechanism.name, 40)}: outputs with bands of {BAND:g} standard "
-            "deviations, a vector by its length; below the deviation, filled by the shares of the "
-            "numbers in the variance"
-        ) + (", dots by Monte Carlo." if self.sampled else ".")
-        caption += self.sensitivity.said_of(names)
-        with captioned(caption, 2 * len(names) * PANEL + 2.5 * ink.ROW) as figure:
-            panels = figure.subplots(2 * len(names), sharex=True, squeeze=False)[:, 0]
-            for k, name in enumerate(names):
-                _band(panels[2 * k], self, name, across.values)
-                _shares(panels[2 * k + 1], self, name, across.values, order)
-            legend_above(panels[1], ink.COLUMN)
-            panels[-1].set_xlabel(across.words, labelpad=1)
-        return figure
-
-
-tolerance = wrap_result(PlottedTolerance, found_of)
-"""`blockmech.studies.tolerance.tolerance`, which can be drawn."""
+def tolerance_figure(tolerance: Tolerance, degrees: bool) -> Any:
+    """The first outputs with their bands and deviations, a column wide."""
+    result = tolerance.sensitivity.result
+    curves = [name for name in tolerance if not tolerance.sensitivity.one_number(name)]
+    names = (curves or list(tolerance))[:OUTPUTS]
+    across = Abscissa("one number a design", np.zeros(1))
+    if curves:
+        across = abscissa(result, degrees=degrees)
+    total = sum(np.nan_to_num(tolerance.shares(name)).sum(axis=1) for name in names)
+    order = np.argsort(-np.asarray(total), kind="stable")[:NUMBERS]  # a colour in all panels
+    caption = (
+        f"{shown_name(result.mechanism.name, 40)}: outputs with bands of {BAND:g} standard "
+        "deviations, a vector by its length; below the deviation, filled by the shares of the "
+        "numbers in the variance"
+    ) + (", dots by Monte Carlo." if tolerance.sampled else ".")
+    caption += tolerance.sensitivity.said_of(names)
+    with captioned(caption, 2 * len(names) * PANEL + 2.5 * ink.ROW) as figure:
+        panels = figure.subplots(2 * len(names), sharex=True, squeeze=False)[:, 0]
+        for k, name in enumerate(names):
+            _band(panels[2 * k], tolerance, name, across.values)
+            _shares(panels[2 * k + 1], tolerance, name, across.values, order)
+        legend_above(panels[1], ink.COLUMN)
+        panels[-1].set_xlabel(across.words, labelpad=1)
+    return figure
 
 
 def _band(axes: Any, tolerance: Tolerance, name: str, x: Any) -> None:

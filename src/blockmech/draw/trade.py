@@ -11,11 +11,8 @@ from typing import Any
 
 from blockmech.analysis.trade import Point, Trade
 from blockmech.analysis.trade import front as front_of
-from blockmech.analysis.trade import trade as measured
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, legend_above, shown_name
-from blockmech.draw.pictured import Pictured
-from blockmech.runnable import wrap_result
 
 PANEL = 22.5 * ink.TEXT  # [pt] height of a panel with what is below it
 MARKS = "osD^vPX*<>hp"
@@ -26,29 +23,23 @@ SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 COSTS = {"seconds": "time of one run [s]", "evaluations": "kernel evaluations [–]"}
 
 
-class PlottedTrade(Pictured, Trade):
-    """A trade with its picture."""
-
-    def figure(self) -> Any:
-        """The work-precision diagram, a column wide."""
-        series = self.series()
-        with captioned(_caption(self), len(COSTS) * PANEL + ink.ROW * len(series) / 2) as figure:
-            panels = figure.subplots(len(COSTS))
-            for axes, (cost, words) in zip(panels, COSTS.items(), strict=True):
-                axes.set_xlabel(words, labelpad=1)
-                axes.set_ylabel("error [–]", labelpad=2)
-                if series:
-                    _panel(axes, self, cost)
-                else:
-                    axes.set(xticks=[], yticks=[])
-            legend_above(panels[0], ink.COLUMN)
-            figure.draw_without_rendering()  # labels need to know how large the panels are
-            for axes, cost in zip(panels, COSTS, strict=True):
-                _label(axes, self, cost)
-        return figure
-
-
-trade = wrap_result(PlottedTrade, measured)
+def trade_figure(trade: Trade, degrees: bool) -> Any:
+    """The work-precision diagram, a column wide."""
+    series = trade.series()
+    with captioned(_caption(trade), len(COSTS) * PANEL + ink.ROW * len(series) / 2) as figure:
+        panels = figure.subplots(len(COSTS))
+        for axes, (cost, words) in zip(panels, COSTS.items(), strict=True):
+            axes.set_xlabel(words, labelpad=1)
+            axes.set_ylabel("error [–]", labelpad=2)
+            if series:
+                _panel(axes, trade, cost)
+            else:
+                axes.set(xticks=[], yticks=[])
+        legend_above(panels[0], ink.COLUMN)
+        figure.draw_without_rendering()  # labels need to know how large the panels are
+        for axes, cost in zip(panels, COSTS, strict=True):
+            _label(axes, trade, cost)
+    return figure
 
 
 def _caption(trade: Trade) -> str:

@@ -21,6 +21,7 @@ from blockmech.plan import Friction
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
+from blockmech.typing import M
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -150,7 +151,7 @@ def _with_friction(system: System, q: float, qd: float, t: float, x: Floats) -> 
     return friction.at(q, qd, t, friction.sides(q, way), x).qdd if way else 0.0
 
 
-class SimulationResult(Result):
+class SimulationResult(Result[M]):
     """The result of a simulation: outputs at times, and the ``motion`` that they are read from."""
 
     motion: Motion

@@ -44,7 +44,7 @@ from blockmech.dynamics.system import System
 from blockmech.errors import listed
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
-from blockmech.typing import EngineName, FrictionMethod, MotionMethod, Numbers, Progress
+from blockmech.typing import EngineName, FrictionMethod, M, MotionMethod, Numbers, Progress
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -55,7 +55,7 @@ AHEAD = (0.0, 1e-12, 1e-9, 1e-6, 1e-3)  # [rad or m, per s, s], or relative to w
 
 @np.errstate(all="ignore")  # what is not finite ends a motion by name
 def simulate(
-    mechanism: Compiled,
+    mechanism: Compiled[M],
     until: str | Until | None = None,
     *,
     method: MotionMethod = "auto",
@@ -71,7 +71,7 @@ def simulate(
     iterations: int | None = None,
     engine: EngineName = "auto",
     progress: Progress | None = None,
-) -> SimulationResult:
+) -> SimulationResult[M]:
     """Move a mechanism from its start until something ends the run.
 
     Parameters

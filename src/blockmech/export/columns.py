@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sized
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,31 +13,11 @@ from numpy.typing import NDArray
 from blockmech.files import AnyPath
 from blockmech.plan import Output
 from blockmech.quality import Quality
+from blockmech.typing import Named
 
 __all__ = ["AnyPath", "Array", "Column", "Labelled", "columns", "driver_columns", "output_columns"]
 
 Array = NDArray[np.float64]
-
-
-class Named(Protocol):
-    """What the exports need of a mechanism."""
-
-    name: str
-
-    @property
-    def drivers(self) -> tuple[str, ...]:
-        """Drivers in formation order."""
-
-    @property
-    def outputs(self) -> Sized:
-        """Every output that can be wanted."""
-
-    @property
-    def frictional_joints(self) -> tuple[str, ...]:
-        """Names of the joints that have friction."""
-
-    def block_name(self, block: str) -> str:
-        """A block in a message."""
 
 
 class Labelled(Mapping[str, NDArray[Any]]):

@@ -10,7 +10,8 @@ from typing import Any
 
 from blockmech.analysis.scan import shown_place
 from blockmech.errors import among
-from blockmech.report import DEGREES, Facts, Report, with_unit
+from blockmech.pictured import Pictured
+from blockmech.report import DEGREES, Facts, with_unit
 
 TURN = 2 * math.pi
 DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"
@@ -127,7 +128,7 @@ class GroupModes:
 
 
 @dataclass(frozen=True, repr=False)
-class Modes(Facts, Report):
+class Modes(Facts, Pictured):
     """The modes of a mechanism's groups.
 
     Attributes
@@ -138,6 +139,8 @@ class Modes(Facts, Report):
     groups : in formation order
     prefix : what names of outputs put before the driver's, "driver." in a document of joints
     """
+
+    PICTURE = "blockmech.draw.arcs:modes_figure"
 
     FACTS = ("drivers", "units", "driver", "groups")
 

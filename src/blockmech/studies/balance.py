@@ -20,8 +20,9 @@ from blockmech.arguments import declared
 from blockmech.compiled import Compiled
 from blockmech.errors import BlockmechError, listed, refused
 from blockmech.export import aligned
+from blockmech.pictured import Pictured
 from blockmech.plane import EPS
-from blockmech.report import DEGREES, Facts, Report, with_unit
+from blockmech.report import DEGREES, Facts, with_unit
 from blockmech.result import Result
 from blockmech.series import Floats
 from blockmech.studies.differentiate import chosen_numbers, sensitivity
@@ -49,7 +50,7 @@ def left_of(y: Any) -> Left:
 
 
 @dataclass(frozen=True, repr=False)
-class Balance(Facts, Report):
+class Balance(Facts, Pictured):
     """Numbers that balance a mechanism best.
 
     Attributes
@@ -62,6 +63,8 @@ class Balance(Facts, Report):
     linear : whether the outputs are linear in the numbers, so that no better ones exist
     at_bounds : numbers that their bounds hold
     """
+
+    PICTURE = "blockmech.draw.balance:balance_figure"
 
     FACTS = ("numbers", "units", "linear", "at_bounds", "before", "after")
 

@@ -24,9 +24,10 @@ from blockmech.compiled import Compiled
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual
 from blockmech.errors import listed, refused
+from blockmech.pictured import Pictured
 from blockmech.plan import Plan
 from blockmech.plane import EPS
-from blockmech.report import DEGREES, Facts, Report
+from blockmech.report import DEGREES, Facts
 from blockmech.samples import Samples
 from blockmech.series import Floats
 from blockmech.studies.differentiate import chosen_numbers
@@ -38,7 +39,7 @@ STEPS = 40  # of Newton's method for a force at hand; from afar, friction includ
 
 
 @dataclass(frozen=True, repr=False)
-class MotorDemand(Facts, Report):
+class MotorDemand(Facts, Pictured):
     """What a driver asks of its motor over the samples of a run.
 
     Attributes
@@ -50,6 +51,8 @@ class MotorDemand(Facts, Report):
     limits : what the motor can: rms, peak, speed
     fits : whether all of them hold
     """
+
+    PICTURE = "blockmech.draw.balance:motor_figure"
 
     FACTS = ("driver", "unit", "ratio", "rms", "peak", "fastest", "power", "limits", "fits")
 

@@ -23,13 +23,14 @@ from blockmech.compiled import Compiled
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import refuse_signals
 from blockmech.errors import refused
+from blockmech.pictured import Pictured
 from blockmech.plane import EPS
-from blockmech.report import DEGREES, Facts, Report
+from blockmech.report import DEGREES, Facts
 from blockmech.series import SCANNED, Floats, Series, fit, panels
 
 
 @dataclass(frozen=True, repr=False)
-class Flywheel(Facts, Report):
+class Flywheel(Facts, Pictured):
     """A flywheel on the driving crank, and the turn that it makes even.
 
     Attributes
@@ -42,6 +43,8 @@ class Flywheel(Facts, Report):
     q : (n,) [rad] over the period
     speeds, speeds_without : (n,) [rad/s]
     """
+
+    PICTURE = "blockmech.draw.balance:flywheel_figure"
 
     FACTS = ("inertia", "moment", "fluctuation", "without", "speed")
 

@@ -42,8 +42,9 @@ from blockmech.errors import BlockmechError, listed, refused
 from blockmech.export import aligned
 from blockmech.model.joints.varied import Varied
 from blockmech.model.parameters import Parameter
+from blockmech.pictured import Pictured
 from blockmech.plan import Plan
-from blockmech.report import DEGREES, Facts, Report
+from blockmech.report import DEGREES, Facts
 from blockmech.series import Floats
 from blockmech.studies.differentiate import chosen_numbers, program_numbers
 from blockmech.studies.family import remade
@@ -83,7 +84,7 @@ class Combination(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Identification(Facts, Report):
+class Identification(Facts, Pictured):
     """Numbers that were identified.
 
     Attributes
@@ -100,6 +101,8 @@ class Identification(Facts, Report):
     doubts : columns whose residual is no noise: the model misses something there
     notes : what should be known
     """
+
+    PICTURE = "blockmech.draw.identify:identification_figure"
 
     FACTS = ("values", "deviations", "unseen", "noise", "units", "doubts", "combinations")
 

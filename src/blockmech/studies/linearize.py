@@ -32,7 +32,9 @@ from blockmech.analysis.equilibrium import Equilibrium, natural_frequencies
 from blockmech.arguments import declared
 from blockmech.dynamics.tangents import refuse_friction_states
 from blockmech.errors import close_match, listed, needed, refused
-from blockmech.report import DEGREES, Facts, Report, places, with_unit
+from blockmech.files import AnyPath
+from blockmech.pictured import Pictured, drawing
+from blockmech.report import DEGREES, Facts, places, with_unit
 from blockmech.series import Floats
 from blockmech.studies.derivatives_at import (
     Derivatives,
@@ -52,6 +54,7 @@ DECADES = 2.0  # of frequency below the lowest and above the highest mode that a
 SHOWN = 400  # frequencies of a response
 SAME = 1e-9  # relative: no oscillation, no growth
 NOUGHT = 1e-13  # relative: what eigenvalues leave of no damping
+SWING = 0.2  # [rad] or share of a metre: amplitude of a mode that is shown
 ROUNDS = 25  # of Newton's method for states of signals at rest
 
 
@@ -71,7 +74,7 @@ class Mode(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Linearization(Facts, Report):
+class Linearization(Facts, Pictured):
     """A mechanism about a state, as a linear system.
 
     Attributes
@@ -86,6 +89,8 @@ class Linearization(Facts, Report):
     units : name of an input or output -> unit
     notes : what should be known
     """
+
+    PICTURE = "blockmech.draw.linearize:bode_figure"
 
     FACTS = (
         *("effort", "M", "damping", "K", "A", "B", "C", "D", "frequencies", "eigenvalues"),
@@ -108,6 +113,22 @@ class Linearization(Facts, Report):
     units: Mapping[str, str]
     notes: tuple[str, ...] = ()
     states: Mapping[str, float] = field(default_factory=dict)
+
+    def animate(
+        self, mode: int = 0, path: AnyPath | None = None, *, amplitude: float = SWING
+    ) -> Any:
+        """One mode in motion: its shape, swinging about the pose.
+
+        Parameters
+        ----------
+        mode : which of `modes`
+        path : a .gif, .html or .mp4 file
+        amplitude : [rad or m] of the driver that swings most
+
+        Returns a `blockmech.draw.Animation`. Raises `RequestError` for a mode that there is not,
+        and the errors of a run where the amplitude leaves the range in which the mechanism closes.
+        """
+        return drawing("blockmech.draw.linearize:animate_mode")(self, mode, path, amplitude)
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:

@@ -16,8 +16,9 @@ from blockmech.errors import held, listed
 from blockmech.export import Column, CsvTable, aligned, counted, flag_lines
 from blockmech.export.columns import driver_columns
 from blockmech.model.parameters import Parameter
+from blockmech.pictured import Pictured
 from blockmech.plane import EPS
-from blockmech.report import DEGREES, Report, as_json, sections
+from blockmech.report import DEGREES, as_json, sections
 from blockmech.result import Result
 from blockmech.studies.reductions import POSES, Wanted, components
 
@@ -47,7 +48,7 @@ class Effect(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Sensitivity(CsvTable, Report, Mapping[str, Array]):
+class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
     """Derivatives of outputs: ``s["crank.drive"]`` is (m, n), by numbers and samples.
 
     ``s["crank.drive", "dyad.l_i"]`` is (n,), complex x + iy for vectors, NaN where a sample
@@ -64,6 +65,8 @@ class Sensitivity(CsvTable, Report, Mapping[str, Array]):
     left_out : address of a number, or output -> why it has no derivative
     reduced : reduction -> how it is one, and its value; its derivatives are (m, 1)
     """
+
+    PICTURE = "blockmech.draw.sensitivity:sensitivity_figure"
 
     result: Result
     parameters: Mapping[str, Parameter]

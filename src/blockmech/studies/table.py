@@ -18,7 +18,8 @@ from blockmech.export import Column, CsvTable, aligned, counted
 from blockmech.export.data import dataframe
 from blockmech.files import AnyPath
 from blockmech.model.parameters import Parameter
-from blockmech.report import DEGREES, Report
+from blockmech.pictured import Pictured
+from blockmech.report import DEGREES
 from blockmech.studies.parts import REASONS, WITHOUT, Block, Parts, write_parquet
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.studies.sampling import Designs
@@ -32,7 +33,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, repr=False)
-class Study(CsvTable, Report, Mapping[str, Array]):
+class Study(CsvTable, Pictured, Mapping[str, Array]):
     """Numbers of designs: ``study["max_abs(crank.drive)"]`` is an array (m,).
 
     Attributes
@@ -47,6 +48,8 @@ class Study(CsvTable, Report, Mapping[str, Array]):
     engine : the engine that was taken
     runner : what ran the designs, and can run them again
     """
+
+    PICTURE = "blockmech.draw.study:study_figure"
 
     name: str
     parameters: Mapping[str, Parameter]

@@ -24,7 +24,8 @@ from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError
 from blockmech.export import aligned
 from blockmech.model.parameters import named
-from blockmech.report import DEGREES, Report, sections
+from blockmech.pictured import Pictured
+from blockmech.report import DEGREES, sections
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.family import Family, parameters, remade
 from blockmech.studies.runner import Runner
@@ -50,7 +51,7 @@ class Scatter(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class Tolerance(Report, Mapping[str, Array]):
+class Tolerance(Pictured, Mapping[str, Array]):
     """Standard deviations of outputs: ``t["crank.drive"]`` is (n,), linear.
 
     Attributes
@@ -59,6 +60,8 @@ class Tolerance(Report, Mapping[str, Array]):
     laws : address -> distribution
     sampled : output -> what Monte Carlo found; empty where no designs were drawn
     """
+
+    PICTURE = "blockmech.draw.tolerance:tolerance_figure"
 
     sensitivity: Sensitivity
     laws: Mapping[str, Distribution]

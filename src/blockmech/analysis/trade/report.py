@@ -12,7 +12,8 @@ import numpy as np
 
 from blockmech.analysis.trade.measure import Point, Reference, Skipped, front
 from blockmech.export import CsvTable, aligned
-from blockmech.report import DEGREES, Facts, Report, as_json
+from blockmech.pictured import Pictured
+from blockmech.report import DEGREES, Facts, as_json
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
@@ -21,7 +22,7 @@ HEAD = ("", "method", "setting", "time", "spread", "evaluations", "error", "of")
 
 
 @dataclass(frozen=True, repr=False)
-class Trade(CsvTable, Facts, Report):
+class Trade(CsvTable, Facts, Pictured):
     """Speed against accuracy for one question, measured.
 
     Attributes
@@ -37,6 +38,8 @@ class Trade(CsvTable, Facts, Report):
     target, within : the wanted error, and the longest time of a run [s], or None
     spent : time that the whole took [s]
     """
+
+    PICTURE = "blockmech.draw.trade:trade_figure"
 
     FACTS = (
         *("question", "measure", "counted", "reference", "notes", "target", "within", "spent"),
