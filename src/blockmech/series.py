@@ -134,13 +134,17 @@ class Series:
 
         A root of even order counts where rounding leaves it real or nearly so.
         """
-        free = np.abs(self.c[:, 0]) <= np.abs(self.c[:, 1:]).sum(axis=1)  # else none has room
-        roots = [self._roots_on(i) for i in np.flatnonzero(free & self.resolved).tolist()]
+        roots = [self._roots_on(i) for i in np.flatnonzero(self.may_vanish()).tolist()]
         x = np.concatenate([np.empty(0), *roots])
         x = np.sort(x[(x >= self.edges[0]) & (x <= self.edges[-1])])
         panel = np.clip(np.searchsorted(self.edges, x) - 1, 0, len(self.c) - 1)
         near = 2 * DOUBLE_ROOT * self._half[panel]  # found on both sides of an edge
         return np.asarray(x[np.diff(x, prepend=-np.inf) > near])
+
+    def may_vanish(self) -> NDArray[np.bool_]:
+        """Whether (m,) resolved panels have room for a zero: their terms outweigh the mean."""
+        size = np.abs(self.c)
+        return np.asarray(self.resolved & (2 * size[:, 0] <= (1 + DOUBLE_ROOT) * size.sum(axis=1)))
 
     def _roots_on(self, i: int) -> Floats:
         c = chebyshev.chebtrim(self.c[i])
@@ -154,9 +158,15 @@ class Series:
         z[np.abs(np.abs(z) - 1) <= 4 * EPS] = np.sign(z[np.abs(np.abs(z) - 1) <= 4 * EPS])
         return np.asarray(self._middle[i] + self._half[i] * z)
 
-    def extrema(self) -> Floats:
-        """Places of the roots of the derivative on resolved panels, rising."""
-        return self.derivative().roots()
+    def extrema(self, at_zero: bool = False) -> Floats:
+        """Places of the roots of the derivative on resolved panels, rising.
+
+        ``at_zero`` leaves out panels where the function is nowhere zero.
+        """
+        if not at_zero:
+            return self.derivative().roots()
+        near = self.may_vanish()
+        return replace(self, resolved=near).derivative().roots() if near.any() else np.empty(0)
 
 
 def fit(
@@ -165,6 +175,7 @@ def fit(
     *,
     n: int = NODES,
     tolerance: float = TOLERANCE,
+    floor: float = 0.0,
     levels: int = LEVELS,
     most: int = MOST,
 ) -> Series:
@@ -176,6 +187,7 @@ def fit(
     edges : (m + 1,) of the panels to begin with
     n : nodes of a panel
     tolerance : tail that is small enough, relative to the panel's largest coefficient
+    floor : tail that is rounding, however small the panel's coefficients
     levels : how often a panel may be halved
     most : panels above which none is halved any more
 
@@ -193,7 +205,8 @@ def fit(
         good: NDArray[np.bool_] = np.asarray(np.isfinite(c).all(axis=1))
         rounded = EPS * np.abs(edges).max() / half  # of the places, which moves the values
         size, change = np.abs(c).max(axis=1), np.abs(c[:, 1:]).max(axis=1)
-        good[good] = (tail(c) * size <= np.maximum(tolerance * size, rounded * change))[good]
+        least = np.maximum(tolerance * size, floor)
+        good[good] = (tail(c) * size <= np.maximum(least, rounded * change))[good]
         middle = low + half
         final: NDArray[np.bool_] = np.asarray(good | (middle <= low) | (middle >= high))
         hopeless = level >= PATIENCE and not count and not good.any()

@@ -332,12 +332,12 @@ def test_a_group_is_looked_through_once_for_all_that_stand_on_it(monkeypatch):
     """A chain of thirty was looked through from its first link on for each of them: 90 s."""
     looked = []
 
-    def counted(*given):
+    def counted(*given, **named):
         looked.append(given)
-        return scan(*given)
+        return fit(*given, **named)
 
-    scan = arcs.scan
-    monkeypatch.setattr(arcs, "scan", counted)
+    fit = arcs.fit
+    monkeypatch.setattr(arcs, "fit", counted)
     mech = watt().compile()
     assert mech.modes(0.0).driver == "crank"
     assert len(looked) == sum(block.closes for block in mech.structure.blocks.values()) == 2

@@ -18,12 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.analysis.closure import Closure
-from blockmech.analysis.scan import SEAM, TURN, Span, bisect, runs, scan
-from blockmech.series import DOUBLE_ROOT, EPS, Floats
+from blockmech.analysis.scan import NODES, ROUNDED, SEAM, TURN, Span, bisect, places, runs, scan
+from blockmech.series import DOUBLE_ROOT, Floats, fit
 
 # [rad or m] Where rounding is measured: a parabola stays level there to its own rounding.
 PROBES = DOUBLE_ROOT * np.array([-1, -0.3, -0.05, -0.03, -0.01, 0, 0.01, 0.03, 0.05, 0.3, 1])
-ROUNDED = 16 * EPS  # of a margin, which comes of some ten operations
 BESIDE = 1e-5  # [rad], and of a slide's size: looked at on both sides of a touch
 
 
@@ -51,6 +50,12 @@ class Piece:
     def tiny(self) -> bool:
         """Whether rounding hides what happens within."""
         return self.span.high - self.span.low <= DOUBLE_ROOT
+
+    @property
+    def corners(self) -> Floats:
+        """Places (n,) of the change points, those within rounding of each other as one."""
+        q = np.array([p.q for p in self.passes])
+        return q[np.diff(q, prepend=-math.inf) > DOUBLE_ROOT]
 
 
 @dataclass(frozen=True)
@@ -106,17 +111,32 @@ class _Margin:
         it is farthest from zero to the same place a turn later
     y : (m,) its values there
     sure : (m,) whether they are beyond their rounding, and so have a sign
+    whole : whether there is no zero on the piece, nor below it; the others are missing then
     """
 
     def __init__(self, closure: Closure, k: int, piece: Piece, samples: int) -> None:
         self.closure, self.k, self.piece = closure, k, piece
         self.block = closure.blocks[k]
+        self.whole = False
         if piece.tiny:
             self.x = np.array([piece.span.low])
             self.y = self._row(self.x)
             return
-        curve = scan(self._row, piece.span, piece.span.panels(samples))
-        x, y = curve.x, curve.y
+        self.edges = piece.span.panels(samples)
+        # What stands on a group that touched zero may have a corner at the touch.
+        cuts = piece.span.share(piece.corners)
+        series = fit(
+            lambda u: self._row(piece.span.place(u)),
+            np.unique([*self.edges, *cuts]) if piece.passes else self.edges,
+            n=NODES,
+            floor=ROUNDED,
+        )
+        self.whole = bool(np.all(series.resolved & ~series.may_vanish() & (series.c[:, 0] > 0)))
+        if self.whole:
+            return
+        others = np.concatenate([cuts, series.extrema(at_zero=True)])
+        x, _ = places(series, piece.span, others)
+        y = self._row(x)
         noise = np.full(len(x), ROUNDED)  # a margin is a share of one
         near = np.flatnonzero(~(np.abs(y) > DOUBLE_ROOT))
         around = self._row((x[near, None] + PROBES).ravel()).reshape(len(near), len(PROBES))
@@ -138,17 +158,21 @@ class _Margin:
     def _row(self, q: Floats) -> Floats:
         return np.array(self.closure.margins(q)[self.k])
 
-    def _place(self, i: int) -> float:
-        q = float(self.x[i])
+    def _place(self, q: float) -> float:
         return q if self.piece.start else (q - SEAM) % TURN + SEAM
 
     def nearest(self) -> tuple[float, float]:
         """The place and the value of its maximum."""
-        i = int(np.nanargmax(self.y))
-        return self._place(i), float(self.y[i])
+        if self.piece.tiny:
+            return float(self.x[0]), float(self.y[0])
+        curve = scan(self._row, self.piece.span, self.edges)
+        i = int(np.nanargmax(curve.y))
+        return self._place(float(curve.x[i])), float(curve.y[i])
 
     def parts(self) -> list[Piece]:
         """The parts of the piece where the group closes as well."""
+        if self.whole:
+            return [self.piece]
         if self.piece.tiny:
             return [self.piece] * bool(self.y[0] >= 0)
         if np.abs(self.y).max() <= ROUNDED:
@@ -173,6 +197,7 @@ class _Margin:
         """
         x, y, kept, closes = self.x, self.y, self.sure.copy(), self.y >= 0
         passes: list[Bound] = []
+        corners = self.piece.corners
         if self.piece.start is not None:
             kept[[0, -1]] = True
         for low, high in runs(~self.sure):
@@ -183,7 +208,9 @@ class _Margin:
                 continue
             kept[i], closes[i] = True, True
             if closes[low - 1]:  # it closes on both sides
-                q, size = self._place(i), self.piece.span.size
+                q, size = self._place(float(x[i])), self.piece.span.size
+                here = corners[np.abs(corners - q) <= DOUBLE_ROOT]  # known to more digits
+                q = next(iter(here[np.isfinite(self._row(here))].tolist()), q)
                 beside = BESIDE * (1.0 if math.isinf(size) else size)
                 closes[i] = self.closure.passable(self.block, q, beside)
                 known = any(abs(q - p.q) <= beside for p in passes)  # nearer, touches are one

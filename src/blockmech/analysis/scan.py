@@ -22,6 +22,7 @@ TURN = 2 * math.pi
 # Turns are cut just before -90 degrees: arcs of symmetric mechanisms lie about 0 or pi, and what
 # is at the cut is told by one of its two names whatever its rounding.
 SEAM = -math.pi / 2 - DOUBLE_ROOT
+ROUNDED = 16 * EPS  # of a share of one, which comes of some ten operations
 NODES = 64  # of a panel; of 128 the derivatives lose the touches of thirty loops in a row
 TINY = 1e-12  # [rad or m] shown as zero: rounding of places
 ASIDE = 0.2  # [rad] about 0.4 of a panel: extrema at round angles are in the middle of panels
@@ -51,6 +52,14 @@ class Span:
         from_high = (high - low) * np.cos(u * (math.pi / 2)) ** 2
         w = np.where(u < 0.5, low + from_low, high - from_high)
         return np.asarray(w if math.isinf(self.size) else self.size * np.sinh(w))
+
+    def share(self, q: Floats) -> Floats:
+        """Shares of coordinates, the inverse of `place`."""
+        low, high = self._stretched(self.low), self._stretched(self.high)
+        if self.turn:
+            return np.asarray((q - low) % TURN / (high - low))
+        w = q if math.isinf(self.size) else np.arcsinh(q / self.size)
+        return np.arctan2(np.sqrt(w - low), np.sqrt(high - w)) / (math.pi / 2)
 
     def slope(self, u: Floats) -> Floats:
         """Derivative of `place`."""
@@ -101,27 +110,25 @@ def scan(
     value : values with extrema at the same places, to be returned in place of the function's
     """
     series = fit(lambda u: function(span.place(u)), edges, n=NODES)
-    u, panel = _shares(series)
-    x = span.place(u)
-    x, first = np.unique(x, return_index=True)
+    x, panel = places(series, span, series.extrema())
     y = np.asarray((value or function)(x), dtype=float)
-    panel = panel[first]
     return Scan(x, y, ~series.resolved[panel])
 
 
-def _shares(series: Series) -> tuple[Floats, NDArray[np.intp]]:
-    """Where to look: ends of panels, extrema, all samples where there is no series."""
+def places(series: Series, span: Span, others: Floats) -> tuple[Floats, NDArray[np.intp]]:
+    """Where to look, rising, and on which panels: ends of panels, and where there is no series
+    all samples; ``others`` are shares of the span."""
     inner = (series.edges[:-1, None] + series.edges[1:, None]) / 2
     inner = inner + np.diff(series.edges)[:, None] / 2 * nodes(NODES)
     kept = np.zeros(inner.shape, dtype=bool)
     kept[:, [0, -1]] = True
     kept[~series.resolved] = True
-    extrema = series.extrema()
-    u = np.concatenate([series.edges[[0, -1]], inner[kept], extrema])
+    u = np.concatenate([series.edges[[0, -1]], inner[kept], others])
     own = np.nonzero(kept)[0]
     last = len(series.c) - 1
-    at = np.clip(np.searchsorted(series.edges, extrema, "right") - 1, 0, last)
-    return u, np.concatenate([[0, last], own, at]).astype(np.intp)
+    at = np.clip(np.searchsorted(series.edges, others, "right") - 1, 0, last)
+    x, first = np.unique(span.place(u), return_index=True)
+    return x, np.concatenate([[0, last], own, at]).astype(np.intp)[first]
 
 
 def shown_place(q: float) -> float:
