@@ -10,7 +10,8 @@ import pytest
 import blockmech as bm
 from blockmech.dynamics import ends
 from blockmech.dynamics.estimate import difference, in_place
-from blockmech.dynamics.path import COARSE, FINE, PathRun, compared
+from blockmech.dynamics.path import PathRun, compared
+from blockmech.dynamics.path_mesh import COARSE, FINE
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.system import System
@@ -39,7 +40,7 @@ def test_it_differs_as_much_as_a_run_of_its_own(name, start, until):
     request = SimulationRequest(start, until, method="spectral")
     fine, own = ended(system, request, FINE), ended(system, request, COARSE, True)
     motion = fine.motion()
-    legs = second_run(fine, COARSE)
+    legs = second_run(fine)
     apart = compared(fine, motion, legs)
     usual = difference(own.motion(), motion, system.rotary)
     assert apart.agree

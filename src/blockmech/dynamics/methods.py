@@ -223,11 +223,13 @@ def unmoved(system: System, request: SimulationRequest) -> Motion | None:
 def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
     """A start that is pressed against an end stop."""
     start = request.start
-    rows, drift = system.rows(start.q, start.rate)
     for i, place in enumerate(system.places(start.q)):
         way = 0 if i in system.held else system.at_stop(i, place)
+        if not way:
+            continue
+        rows, drift = system.rows(start.q, start.rate)
         fast = rate_along(rows[i], start.rate)
-        if way and way * (fast or _push(system, request, rows[i], drift[i])) > 0:
+        if way * (fast or _push(system, request, rows[i], drift[i])) > 0:
             end = system.end_at(i)
             events = (Event(end, start.t, start.q, start.rate),)
             still = replace(request.standing, why="it starts at an end stop that holds it")

@@ -229,12 +229,11 @@ class Motion(Facts, Report):
         """State at times t [s], of any shape; NaN outside the run."""
         times = np.asarray(t, dtype=np.float64)
         flat = times.ravel()
-        inside = (flat >= self.t_start) & (flat <= self.t_end)
         last = flat == self.t_end
-        clipped = np.where(inside, flat, self.t_start)
-        known = bool(last.all()) and flat.size > 0  # nothing to look up: the end is known exactly
-        track = Still(self.q_end, self.qd_end) if known else self.track
-        state = track.state(clipped)
+        if last.all() and flat.size:  # nothing to look up: the end is known exactly
+            return Still(self.q_end, self.qd_end).state(times)
+        inside = (flat >= self.t_start) & (flat <= self.t_end)
+        state = self.track.state(np.where(inside, flat, self.t_start))
         mask, end = (inside, last) if state.q.ndim == 1 else (inside[:, None], last[:, None])
         shape = times.shape + state.q.shape[1:]
         pairs = zip(state, (self.q_end, self.qd_end), strict=True)
@@ -247,10 +246,10 @@ class Motion(Facts, Report):
         They are in the order of `Structure.states`; at an instant of a discrete block they
         are those before it.
         """
-        end = np.broadcast_to(np.asarray(self.x_end, dtype=np.float64), (*t.shape, len(self.x_end)))
+        end = np.tile(np.array(self.x_end, dtype=np.float64), (*t.shape, 1))
         states = getattr(self.track, "signal_states", None)
         if states is None or not self.x_end:
-            return np.array(end)
+            return end
         return np.where((t == self.t_end)[:, None], end, states(t))
 
     def sides(self, t: Floats) -> Any:
@@ -321,5 +320,4 @@ class Still:
     def state(self, t: Floats) -> State:
         """The same state at all times."""
         shape = t.shape + np.shape(self.q)
-        q, qd = (np.broadcast_to(np.asarray(x, dtype=np.float64), shape) for x in (self.q, self.qd))
-        return State(q.copy(), qd.copy())
+        return State(*(np.full(shape, x, dtype=np.float64) for x in (self.q, self.qd)))

@@ -85,7 +85,7 @@ class PanelBuilder:
             lies = span(q, end, at.K, PLAIN if at.K else FROM_REST)
             if piece.data.limit == sign and end == piece.end(sign) and at.K > 0:
                 lies = span(q, end, at.K, TO_LIMIT)
-            work, inertia = self._acting_on(piece, lies, sign)
+            work, rows = self._acting_on(piece, lies, sign)
             acting, K = self._settled(work, lies)
             known = bool(np.isfinite(K).all())
             if not (known or free):
@@ -102,12 +102,12 @@ class PanelBuilder:
                     return panels
                 end = q + sign * min(abs(end - q), abs(stop - q))
             elif known:
-                panels = self._resolved(at, piece, lies, acting, K, inertia)
+                panels = self._resolved(at, piece, lies, acting, K, rows)
                 if panels is not None:
                     self.longest = 2 * abs(end - q) if abs(end - q) < whole else math.inf
                     return panels
             end = q + 0.5 * (end - q)
-            rough = inertia.min() < ROUGH * piece.data.largest[J]
+            rough = rows[J].min() < ROUGH * piece.data.largest[J]
             if rough and self._shortened(at, piece, abs(end - q)):
                 return PanelFailure()
 
@@ -130,7 +130,7 @@ class PanelBuilder:
         return True
 
     def _acting_on(self, piece: Piece, lies: Spans, sign: int) -> tuple[Work, Floats]:
-        """What acts on a span, and the inertia (n + 1,) at its nodes and its anchor."""
+        """What acts on a span, and place data (r + s, n + 1) at its nodes and its anchor."""
         friction, (q,) = self.system.friction, lies.places(rule(self.n).known_first)
         (begin,), (end,), (kind,) = lies.begin, lies.end, lies.kind
         rows = piece.whole(begin, end) if kind == PLAIN else None
@@ -139,14 +139,14 @@ class PanelBuilder:
         if self.rounding:
             rows = rows.copy()
             rows[J] += self.rounding * piece.data.largest[J]
-        inertia, q, rows = rows[J], q[:-1], rows[:, :-1]
+        q, first = q[:-1], rows[: len(piece.data.rows), :-1]
         if self.place_only:
-            return of_place(rows), inertia
+            return of_place(first), rows
         if friction is None:
-            return of_rate(self.system, q, rows, inertia[:-1], sign), inertia
-        slips = rows[SLIPS : SLIPS + len(friction.names), self.n // 2]
+            return of_rate(self.system, q, first, first[J], sign), rows
+        slips = first[SLIPS : SLIPS + len(friction.names), self.n // 2]
         sides = tuple(map(int, friction.senses(sign * slips)))
-        return of_friction(friction, q, rows, sign, sides), inertia
+        return of_friction(friction, q, first, sign, sides), rows
 
     def _settled(
         self, work: Work, lies: Spans, guess: Floats | None = None
@@ -163,16 +163,17 @@ class PanelBuilder:
         lies: Spans,
         acting: EffortFunction,
         K: Floats,
-        inertia: Floats,
+        rows: Floats,
     ) -> Panels | PanelFailure | None:
         """The panel of a solution, or what is before its end; None where it is too long."""
         lost = np.zeros((1, self.n)) + acting.lost
-        panel = Panels(at.t, lies, acting.w[None], K[None], inertia[None, :-1], lost)
+        J0, second = rows[J, -1:], rows[None, len(piece.data.rows) :]
+        panel = Panels(at.t, lies, acting.w[None], K[None], rows[None, J, :-1], lost, second)
         effort = piece.data.largest[TAU]
         tolerance = self.tolerance
         if lies.kind[0] == TO_LIMIT:  # no smoother than the inertia is known to be
             tolerance = max(tolerance, piece.data.unknown)
-        if not panel.smooth(inertia[-1:], tolerance, not self.place_only, effort)[0]:
+        if not panel.smooth(J0, tolerance, not self.place_only, effort)[0]:
             return None
         return self._until_kink(at, piece, panel, acting)
 
@@ -234,7 +235,7 @@ class PanelBuilder:
             if length <= 0 or at.sign * (guess - piece.end(at.sign)) > math.sqrt(EPS) * length:
                 return None
             lies = span(at.q, guess, 0.0, TO_REST)
-            work, inertia = self._acting_on(piece, lies, at.sign)
+            work, rows = self._acting_on(piece, lies, at.sign)
             acting, K = self._settled(work, lies, guessed)
             series = rule(self.n).to_series @ acting.w
             at_rest = float(series[::2].sum() - series[1::2].sum())
@@ -250,7 +251,7 @@ class PanelBuilder:
             before = guess, left
             last, guess, guessed = abs(step), guess + step, acting.w
         lies = span(at.q, guess, 0.0, TO_REST)
-        return self._resolved(at, piece, lies, acting, K, inertia)
+        return self._resolved(at, piece, lies, acting, K, rows)
 
     # -- kinks of the loads on pairs -------------------------------------------
 

@@ -69,7 +69,10 @@ class Rule(NamedTuple):
     energy : (4, n + 1, n) w -> K per unit of way at the nodes and at the end that is not known,
         for each kind of panel. Towards a dead centre 2 v w is smooth, not w
     clock : (n + 1, n) coefficients of a series -> those of its integral from v = 0
-    known : (n + 2, n + 1) polynomials at 0, the nodes, and 1
+    known : (n + 1, n + 2) polynomials at 0, the nodes, and 1
+    leads : (4, n + 2) v^(p-1) there, for each kind of panel
+    whole : (n,) coefficients of a series -> its integral over [0, 1]
+    slopes : (n, n) values -> those of the derivative by v
     known_first : (n + 1,) the nodes, and 0
     at_zero : (n,) polynomials at 0
     slope : (n, n) coefficients of a series -> those of its derivative by v
@@ -82,6 +85,9 @@ class Rule(NamedTuple):
     energy: Floats
     clock: Floats
     known: Floats
+    leads: Floats
+    whole: Floats
+    slopes: Floats
     known_first: Floats
     at_zero: Floats
     slope: Floats
@@ -109,6 +115,8 @@ def rule(n: int) -> Rule:
     limit = (plain - plain[-1]) * (2 * v)
     limit[-1] = -plain[-1] * (2 * v)
     places = np.concatenate([[0], v, [1]])
+    clock = np.asarray(chebyshev.chebint(np.eye(n), lbnd=-1) / 2)
+    slope = np.vstack([chebyshev.chebder(np.eye(n)) * 2, np.zeros(n)])
 
     def narrow(x: Any) -> Floats:
         return np.asarray(x, dtype=np.float64)
@@ -119,11 +127,14 @@ def rule(n: int) -> Rule:
         narrow(to_series),
         narrow(average(1)),
         narrow([plain, rest, rest, limit]),
-        np.asarray(chebyshev.chebint(np.eye(n), lbnd=-1) / 2),
-        narrow(basis(places, n + 1)),
+        clock,
+        np.ascontiguousarray(narrow(basis(places, n + 1)).T),
+        narrow(places ** (P[:, None] - 1)),
+        clock.sum(axis=0),
+        narrow(basis(v, n) @ slope @ to_series),
         narrow(np.append(v, 0)),
         narrow((-1.0) ** np.arange(n)),
-        np.vstack([chebyshev.chebder(np.eye(n)) * 2, np.zeros(n)]),
+        slope,
     )
 
 
@@ -171,6 +182,12 @@ class Spans:
         self.anchor: Floats = np.where(self.backward, end, begin)
         self.way: Floats = np.where(self.backward, begin - end, end - begin)
 
+    def some(self, which: Any, more: Any = 0.0) -> Spans:
+        """Those of a slice or of indices (k,), each with more kinetic energy (k,) [J]."""
+        return Spans(
+            self.begin[which], self.end[which], self.energy[which] + more, self.kind[which]
+        )
+
     def places(self, v: Floats) -> Floats:
         """Driver coordinates (m, k) of v (k,)."""
         ways = np.where(self.kind[:, None] == PLAIN, v, v * v)
@@ -195,6 +212,9 @@ def span(begin: float, end: float, energy: float, kind: int = PLAIN) -> Spans:
     return Spans(*map(np.atleast_1d, (begin, end, energy, kind)))
 
 
+KEPT = "rate", "clock", "durations", "_known"  # with panels that are taken to another time
+
+
 @dataclass(frozen=True)
 class Panels:
     """Panels that follow each other, m of them with n nodes each.
@@ -203,6 +223,7 @@ class Panels:
     w, J : (m, n) dK/dq and inertia at the nodes
     K : (m, n + 1) [J] kinetic energy there, and at the end that is not known
     lost : (m, n) magnitude of dW/dq that friction takes
+    second : (m, s, n + 1) place data of a second sampling at the nodes and the anchor
     """
 
     t0: float
@@ -211,6 +232,7 @@ class Panels:
     K: Floats
     J: Floats
     lost: Floats
+    second: Floats
 
     @cached_property
     def rate(self) -> Floats:
@@ -236,16 +258,14 @@ class Panels:
     @cached_property
     def durations(self) -> Floats:
         """(m,) [s] that each takes."""
-        return np.asarray(self.rate @ rule(self.w.shape[1]).clock.sum(axis=0))
+        return np.asarray(self.rate @ rule(self.w.shape[1]).whole)
 
     def durations_with(self, energies: Floats) -> Floats:
         """(k, m) [s] that each takes with so much more kinetic energy (k,) [J]."""
-        r, durations = rule(self.w.shape[1]), np.empty((energies.size, len(self.w)))
-        kind, way = self.spans.kind, np.abs(self.spans.way)[:, None]
+        r, kind, way = rule(self.w.shape[1]), self.spans.kind, np.abs(self.spans.way)[:, None]
         weights = r.average[-1] * r.powers[kind] * P[kind][:, None] * way * np.sqrt(self.J / 2)
-        for i, (K, weight) in enumerate(zip(self.K[:, :-1], weights, strict=True)):
-            durations[:, i] = (1 / np.sqrt(K + energies[:, None])) @ weight
-        return durations
+        durations = weights / np.sqrt(self.K[:, :-1] + energies[:, None, None])
+        return np.asarray(durations.sum(axis=2))
 
     @cached_property
     def times(self) -> Floats:
@@ -272,13 +292,10 @@ class Panels:
     def taken_from(self, t0: float, energy: float = 0.0) -> Panels:
         """The same panels at another time and with more kinetic energy [J]."""
         if energy:
-            x = self.spans
-            spans = Spans(x.begin, x.end, x.energy + energy, x.kind)
-            return replace(self, t0=t0, spans=spans, K=self.K + energy)
-        panels = replace(self, t0=t0)
-        panels.__dict__.update(
-            (x, y) for x, y in self.__dict__.items() if x in ("rate", "durations")
-        )
+            return replace(self.some(slice(None), energy), t0=t0)
+        panels = Panels(t0, self.spans, self.w, self.K, self.J, self.lost, self.second)
+        known = ((x, y) for x, y in self.__dict__.items() if x in KEPT)
+        panels.__dict__.update(known)
         return panels
 
     def first(self, count: int) -> Panels:
@@ -287,10 +304,9 @@ class Panels:
 
     def some(self, which: Any, energy: Any = 0.0) -> Panels:
         """Those of a slice or of indices (k,), each with more kinetic energy (k,) [J]."""
-        x, more = self.spans, np.asarray(energy)
-        spans = Spans(x.begin[which], x.end[which], x.energy[which] + more, x.kind[which])
-        K = self.K[which] + more[..., None]
-        return Panels(self.t0, spans, self.w[which], K, self.J[which], self.lost[which])
+        K = self.K[which] + np.asarray(energy)[..., None]
+        rows = self.w[which], K, self.J[which], self.lost[which], self.second[which]
+        return Panels(self.t0, self.spans.some(which, energy), *rows)
 
     def smooth(self, J0: Floats, tolerance: float, work: bool, largest: Any) -> NDArray[np.bool_]:
         """Whether the time of each (m,), and its work, are smooth enough for its nodes.
@@ -329,29 +345,21 @@ class Panels:
     def _known(self) -> tuple[Floats, Floats, Floats]:
         """v (n + 2,) of the anchor, the nodes and the end, times (m, n + 2) since v = 0, dt/dv."""
         r = rule(self.w.shape[1])
-        v = np.concatenate([[0.0], r.v, [1.0]])
-        return v, self.clock @ r.known.T, self.rate @ r.known[:, :-1].T
+        return r.leads[TO_REST], self.clock @ r.known, self.rate @ r.known[:-1]
 
-    @cached_property
-    def _table(self) -> tuple[Floats, Floats, Floats]:
-        """Rising arguments 2 i + (share of the time of panel i), v there, and dv by them."""
+    def _near(self, i: Ints, since: Floats) -> Floats:
+        """v (k,) of panels i some time (k,) from their anchors, by cubics between known places."""
         v, times, slope = self._known
-        m = len(self.w)
-        whole = np.maximum(times[:, -1:], SMALLEST)
-        share = np.clip(np.maximum.accumulate(times, axis=1) / whole, 0.0, 1.0)
-        with np.errstate(all="ignore"):
-            rise = np.where(slope > 0, whole / slope, 0.0)
-        return (2.0 * np.arange(m)[:, None] + share).ravel(), np.tile(v, m), rise.ravel()
+        times, each = times[i], np.arange(len(i))
+        j = np.minimum(np.maximum((times <= since[:, None]).sum(axis=1) - 1, 0), len(v) - 2)
+        begin, rate = times[each, j], np.maximum(slope[i, [j, j + 1]], SMALLEST)
+        h, dv = np.maximum(times[each, j + 1] - begin, SMALLEST), v[j + 1] - v[j]
+        s = (since - begin) / h
+        bend = (1 - s) * (h / rate[0] - dv) - s * (h / rate[1] - dv)
+        near = v[j] + s * (dv + (1 - s) * bend)
+        return np.asarray(np.where((near >= 0) & (near <= 1), near, v[j]))
 
-    def _near(self, x: Floats) -> Floats:
-        """v at arguments of the table, by cubics between its rows."""
-        known, v, rise = self._table
-        j = np.clip(np.searchsorted(known, x, "right") - 1, 0, known.size - 2)
-        h = np.maximum(known[j + 1] - known[j], SMALLEST)
-        s, dv = (x - known[j]) / h, v[j + 1] - v[j]
-        bend = (1 - s) * (h * rise[j] - dv) - s * (h * rise[j + 1] - dv)
-        return np.asarray(np.clip(v[j] + s * (dv + (1 - s) * bend), 0.0, 1.0))
-
+    @np.errstate(all="ignore")
     def _found(self, i: Ints, since: Floats) -> tuple[Floats, Floats]:
         """In panels i (k,), some time (k,) [s] from their anchors: v and dt/dv.
 
@@ -360,17 +368,16 @@ class Panels:
         duration = self.durations[i]
         since = np.minimum(np.maximum(since, 0.0), duration)
         series = self._series[i]
-        v = self._near(2.0 * i + since / np.maximum(duration, SMALLEST))
+        v = self._near(i, since)
         low, high = np.zeros(since.shape), np.ones(since.shape)
         for _ in HALVINGS:
             known = series @ basis(v, series.shape[2])[..., None]
             time, slope, rise, bend = known[..., 0].T
             miss = time - since
             low, high = np.where(miss <= 0, v, low), np.where(miss >= 0, v, high)
-            with np.errstate(all="ignore"):  # Halley's step: of third order
-                step = miss / slope
-                step /= 1 - step * rise / (2 * slope)
-                new = v - step
+            step = miss / slope
+            step /= 1 - step * rise / (2 * slope)  # Halley's step: of third order
+            new = v - step
             new = np.where((new >= low) & (new <= high), new, (low + high) / 2)
             step, v = new - v, new
             if (np.abs(step) <= NEAR * v + EPS).all():  # the next one is below rounding
@@ -416,15 +423,28 @@ class Panels:
         )
 
     @cached_property
-    def known_states(self) -> tuple[Floats, Floats, Floats]:
-        """Times [s], driver coordinates and rates (m, n + 2) at the anchors, nodes and ends."""
-        v, since, slope = self._known
-        kind, way = self.spans.kind[:, None], self.spans.way[:, None]
-        lead, back = np.where(kind == PLAIN, 1.0, v), self.spans.backward[:, None]
-        with np.errstate(all="ignore"):
-            speed = np.where(slope > 0, P[kind] * way * lead / slope, 0.0)
-        t = np.where(back, self.times[1:, None] - since, self.times[:-1, None] + since)
-        return t, self.spans.places(v), np.where(back, -speed, speed)
+    def known_times(self) -> Floats:
+        """(m, n + 2) [s] at the anchors, nodes and ends."""
+        since = self._known[1]
+        times = self.times[:-1, None] + since
+        for i in np.flatnonzero(self.spans.backward).tolist():  # few, if any
+            times[i] = self.times[i + 1] - since[i]
+        return np.asarray(times)
+
+    @property
+    def known_rates(self) -> Floats:
+        """Rates (m, n + 2) of the driver there."""
+        slope = self._known[2]
+        lead = rule(self.w.shape[1]).leads[self.spans.kind]
+        way = self.spans.way[:, None]
+        passes = np.where(self.spans.backward, -1, 1) * P[self.spans.kind]
+        return np.asarray(passes[:, None] * way * lead / np.where(slope > 0, slope, math.inf))
+
+    @property
+    def known_places(self) -> Floats:
+        """Driver coordinates (m, n + 2) there."""
+        shares = self._known[0] * rule(self.w.shape[1]).leads[self.spans.kind]
+        return np.asarray(self.spans.anchor[:, None] + self.spans.way[:, None] * shares)
 
     def one_way(self) -> list[slice]:
         """Those between two standstills each."""
@@ -449,6 +469,6 @@ def joined(row: Sequence[Panels]) -> Panels:
     places = (p.spans for p in row)
     columns = zip(*((x.begin, x.end, x.energy, x.kind) for x in places), strict=True)
     spans = Spans(*map(np.concatenate, columns))
-    names = ("w", "K", "J", "lost")
+    names = ("w", "K", "J", "lost", "second")
     parts = (np.concatenate([getattr(p, name) for p in row]) for name in names)
     return Panels(row[0].t0, spans, *parts)

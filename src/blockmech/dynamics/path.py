@@ -39,7 +39,7 @@ from blockmech.dynamics.estimate import (
 from blockmech.dynamics.motion import Event, Motion, Status, Still
 from blockmech.dynamics.panel_builder import PanelBuilder, PanelFailure, PathState
 from blockmech.dynamics.panels import Panels, joined
-from blockmech.dynamics.path_mesh import CLOSE, PIECES, PathMesh, Piece
+from blockmech.dynamics.path_mesh import CLOSE, COARSE, FINE, PIECES, PathMesh, Piece
 from blockmech.dynamics.place_data import RESOLVED, J
 from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
 
-COARSE, FINE = 32, 48  # nodes of a panel: 16 resolve too little, sums of 96 round more
 MOST = 8_000  # panels of a run; ten seconds of work and more
 # Panels in a row, one by one, that cover less than a part of a piece of the path: it crawls. Panels
 # crowd to where something is not smooth as powers of two, a score on either side.
@@ -100,7 +99,7 @@ class PathRun:
         q, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
         self.q = q * (1 + self.off)
         # At a dead centre the cosine of a pose, from squares of lengths, squared again, is 1.
-        self.mesh = PathMesh(self.system, self.q, self.n, tolerance, 4 * self.off)
+        self.mesh = PathMesh(self.system, self.q, self.n, tolerance, 4 * self.off, self.rounding)
         self.next = PanelBuilder(self.mesh, self.rounding if self.perturbed else 0.0)
         self.place_only = self.next.place_only
 
@@ -292,11 +291,8 @@ class PathRun:
 
     def inertia(self) -> float:
         """[kg m2 or kg] where the motion is; for the many turns of a search by place data."""
-        row = self.mesh.row
-        if self.one_turn and row.pieces:
-            known = float(row.at(np.array([self.q]), 0.0)[J, 0])
-            if known > 0:
-                return known
+        if self.one_turn and not isinstance(piece := self.mesh.ahead(self.q, self.sign or 1), str):
+            return float(piece.rows(np.array([self.q]))[J, 0])
         return float(self.system.at(self.q).J[0])
 
     def rate(self) -> float:
@@ -455,7 +451,7 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
         motion = fine.motion()
         if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
             return stopped(motion, None)
-        legs = second_run(fine, COARSE)
+        legs = second_run(fine)
         apart = None if legs is None else compared(fine, motion, legs)
         if apart is not None and apart.agree:
             return with_rounding(system, agreed(motion, apart), request.accuracy or TARGET, apart)

@@ -15,7 +15,7 @@ import numpy as np
 from blockmech.dynamics.friction import JointFriction
 from blockmech.dynamics.pair_friction import Sides
 from blockmech.dynamics.panels import PLAIN, SMALLEST, Floats, P, Spans, leading, rule
-from blockmech.dynamics.place_data import DAMPING, SLIPS, TAU, J
+from blockmech.dynamics.place_data import SLIPS, TAU, J
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:
@@ -45,16 +45,15 @@ Work: TypeAlias = Callable[[Floats], EffortFunction]  # from the kinetic energy 
 def of_rate(system: System, q: Floats, rows: Floats, inertia: Floats, sign: int) -> Work:
     """Loads that follow the rate as well: the effort at the rates that K means, of any shape.
 
-    Of a straight line in the rate the rows of place data tell it, else the kernels do.
+    Of a straight line in the rate the last row of place data is the slope, else the kernels tell.
     """
-    line = rows[TAU], sign * rows[DAMPING] if len(rows) > DAMPING else None
+    tau, slope = rows[TAU], sign * rows[-1]
 
     def work(K: Floats) -> EffortFunction:
         rate = np.maximum(np.sqrt(2 * np.maximum(K, 0.0) / inertia), SLOWEST)
-        tau, slope = line
-        return EffortFunction(
-            system.sample(q, sign * rate).tau if slope is None else tau + slope * rate
-        )
+        if system.damped:
+            return EffortFunction(tau + slope * rate)
+        return EffortFunction(system.sample(q, sign * rate).tau)
 
     return work
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.panels import HALVINGS, PLAIN, Floats, basis, rule
+from blockmech.dynamics.panels import HALVINGS, PLAIN, Floats, leading, rule
 from blockmech.dynamics.place_data import (
     DAMPING,
     MARGIN,
@@ -30,7 +30,9 @@ from blockmech.dynamics.place_data import (
     PlaceData,
     mesh,
     place,
+    place_data,
     possible,
+    sampled,
 )
 from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
@@ -38,8 +40,8 @@ from blockmech.quality import NEAR as LEAST_MARGIN
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
+COARSE, FINE = 32, 48  # nodes of a panel: 16 resolve too little, sums of 96 round more
 PIECES = 4  # of a turn (or of the span of a slide), to begin with; halved where they are too long
-AT_ONCE = 8192  # places: some megabytes of polynomials
 TOGETHER = 32  # pieces that a motion is worked on at once over, where they are no period
 CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
 
@@ -67,11 +69,11 @@ class Piece:
         return self.ends[sign > 0]
 
     def rows(self, q: Floats) -> Floats:
-        """Place data (r, m) at places of the motion."""
+        """Place data (r + s, m) at places of the motion."""
         return self.data.at(q - self.shift)
 
     def whole(self, begin: float, end: float) -> Floats | None:
-        """Place data (r, n + 1) of a plain panel over all of it, see `PlaceData.forward`.
+        """Place data (r + s, n + 1) of a plain panel over all of it, see `PlaceData.forward`.
 
         They are kept, and not to be written to. None of a panel that is shorter.
         """
@@ -93,8 +95,9 @@ class WholePieces(NamedTuple):
 
     Arrays (m, ...), in the order of the row; those of pieces that end the path say nothing.
 
-    values : (m, r, n + 1) place data at the nodes of a plain panel over all of each, and its begin
-    series : (m, r, n) of place data
+    values : (m, r + s, n + 1) place data at the nodes of a plain panel over all of each, and at its
+        begin, of both samplings
+    series : (m, r + s, n) of place data
     largest : (m, r) magnitudes of place data
     gains : (m, n + 1) [J] by which loads at rest raise K from its begin to there, and to its end
     mean_effort : (m,) [N m or N] about the mean over each, of loads at rest
@@ -111,6 +114,20 @@ class WholePieces(NamedTuple):
     goes_on: NDArray[np.bool_]
 
 
+class Course(NamedTuple):
+    """Pieces (k,) ahead of a place, at most a turn, as far as nothing ends the path.
+
+    row, which : the row they are in, and where
+    low, high, ends : (k,) [rad or m] their ends, and those that come last in the direction
+    """
+
+    row: PieceRow
+    which: NDArray[np.intp]
+    low: Floats
+    high: Floats
+    ends: Floats
+
+
 class PieceRow:
     """Pieces of the path by place, rising."""
 
@@ -118,6 +135,7 @@ class PieceRow:
         self.pieces, self.n, self.period = sorted(pieces, key=lambda x: x.end(-1)), n, period
         self.lows = [x.end(-1) for x in self.pieces]
         self._whole: dict[int, WholePieces] = {}
+        self._courses: dict[tuple[int, int], Course] = {}
 
     @cached_property
     def low(self) -> Floats:
@@ -129,12 +147,32 @@ class PieceRow:
         """(m,) [rad or m]"""
         return np.array([x.end(1) for x in self.pieces])
 
-    def near(self, i: int, sign: int) -> PieceRow:
-        """The pieces ahead of one, where all are too many to be worked on together."""
-        if self.period is not None or len(self.pieces) <= TOGETHER:
-            return self
-        some = self.pieces[i : i + TOGETHER] if sign > 0 else self.pieces[: i + 1][-TOGETHER:]
-        return PieceRow(some, self.n, None)
+    def ahead(self, first: int, sign: int) -> Course:
+        """The pieces from one on; of a few beside it where all are too many to be worked on."""
+        key = first, sign
+        if key in self._courses:
+            return self._courses[key]
+        m, row = len(self.pieces), self
+        if self.period is None and m > TOGETHER:
+            many = slice(first, first + TOGETHER) if sign > 0 else slice(0, first + 1)
+            some = self.pieces[many][:TOGETHER] if sign > 0 else self.pieces[many][-TOGETHER:]
+            row, m = PieceRow(some, self.n, None), len(some)
+            first = 0 if sign > 0 else m - 1
+        which, turns = first + sign * np.arange(m + 1), np.zeros(m + 1)
+        if self.period is None:
+            which = which[(which >= 0) & (which < m)]
+            shifts = np.zeros(len(which))
+        else:
+            turns, which = np.divmod(which, m)
+            shifts = turns * self.period
+        whole = row.whole(sign)
+        good = whole.goes_on[which]
+        good[1:] &= whole.follows[which[:-1]]
+        which, shifts = which[: leading(good)], shifts[: leading(good)]
+        low, high = row.low[which] + shifts, row.high[which] + shifts
+        course = Course(row, which, low, high, high if sign > 0 else low)
+        self._courses[key] = course
+        return course
 
     def index(self, q: float, sign: int, near: float) -> int | None:
         """Which piece is ahead of a place, ``near`` [rad or m] to it at its own end or begin."""
@@ -144,29 +182,6 @@ class PieceRow:
         piece = self.pieces[i - 1]
         left = sign * (piece.end(sign) - q)
         return i - 1 if near < left <= piece.data.length + near else None
-
-    def at(self, q: Floats, rounding: float) -> Floats:
-        """Place data (r, k) at places (k,), NaN where there are none.
-
-        The inertia has some ``rounding`` more, relative to the largest of its piece.
-        """
-        if len(q) > AT_ONCE:
-            parts = np.split(q, range(AT_ONCE, len(q), AT_ONCE))
-            return np.concatenate([self.at(part, rounding) for part in parts], axis=1)
-        period, first = self.period, self.lows[0]
-        x = q if period is None else q - period * np.floor((q - first) / period)
-        near = CLOSE * np.abs(q).max()
-        which = np.maximum(np.searchsorted(self.low, x + near, "right") - 1, 0)
-        share = (x - self.low[which]) / (self.high - self.low)[which]
-        values = basis(np.minimum(np.maximum(share, 0.0), 1.0), self.n)
-        rows = np.empty((len(self.pieces[0].data.rows), len(q)))
-        order = np.argsort(which, kind="stable")
-        for here in np.split(order, np.flatnonzero(np.diff(which[order])) + 1):
-            data = self.pieces[which[here[0]]].data
-            rows[:, here] = data.series @ values[here].T
-            rows[J, here] += math.nan if data.limit else rounding * data.largest[J]
-        rows[:, (x < self.low[which] - near) | (x > self.high[which] + 2 * near)] = math.nan
-        return rows
 
     def whole(self, sign: int) -> WholePieces:
         """The pieces as they are run over in a direction."""
@@ -182,7 +197,7 @@ class PieceRow:
             size = np.maximum(np.abs(end), np.abs(following))
             self._whole[sign] = WholePieces(
                 values,
-                np.array([x.series for x in data]),
+                np.array([x.both for x in data]),
                 np.array([x.largest for x in data]),
                 gains,
                 values[:, TAU, :-1].mean(axis=1),
@@ -196,7 +211,11 @@ class PieceRow:
 class PathMesh:
     """The pieces of a system's path about a start: n nodes each, resolved to a tolerance.
 
+    Those of `FINE` nodes are sampled a second time at `COARSE` others, for the estimate of what
+    the samples leave unknown; not with joint friction.
+
     ``off``: share by which the ends that the mechanism has are off
+    ``rounding``: what the second sampling's inertia has more, relative to the largest of its piece
     """
 
     system: System
@@ -204,6 +223,7 @@ class PathMesh:
     n: int
     tolerance: float
     off: float = 0.0
+    rounding: float = 0.0
     limits: list[tuple[float, int, str]] = field(default_factory=list)  # place, direction, what
 
     @cached_property
@@ -225,8 +245,13 @@ class PathMesh:
 
     def over(self, edges: Floats) -> PieceRow:
         """Pieces between edges, but where there is no pose and no inertia."""
-        made = mesh(self._values, edges, self.n, self.tolerance)
+        made = mesh(self._values, edges, self.n, self.tolerance, self.others)
         return PieceRow([self._piece(data) for data in made], self.n, self.system.period)
+
+    @property
+    def others(self) -> int:
+        """Nodes of the second sampling."""
+        return COARSE if self.n == FINE and self.system.friction is None else 0
 
     @cached_property
     def first(self) -> float:
@@ -282,10 +307,11 @@ class PathMesh:
             if far == q:
                 return what or self._unresolved(q)
             low, high = (q, far) if sign > 0 else (far, q)
-            data = PlaceData(low, high, limit, self._rows(low, high, limit))
-            bad = ~possible(data.rows)
+            v = sampled(self.n, self.others)
+            rows = self._rows(low, high, limit, v)
+            data, bad = place_data(low, high, limit, rows, self.n), ~possible(rows)
             if not limit and bad.any():
-                nearest = min(place(low, high, 0, rule(self.n).v)[bad], key=lambda x: sign * x)
+                nearest = min(place(low, high, 0, v)[bad], key=lambda x: sign * x)
                 far, what = self._last_possible(q, float(nearest))
                 far -= sign * self.off * abs(far) if far != q else 0.0
                 self.limits.append((far, sign, what))
@@ -347,9 +373,8 @@ class PathMesh:
         ahead = [x for x in ends if sign * (x[0] - q) > near]
         return min(ahead, key=lambda x: sign * x[0], default=(q + sign * usual, ""))
 
-    def _rows(self, low: float, high: float, limit: int) -> Floats:
+    def _rows(self, low: float, high: float, limit: int, v: Floats) -> Floats:
         """Values of a piece at its nodes."""
-        v = rule(self.n).v
         rows = self._values(place(low, high, limit, v))
         if limit:  # J and tau grow without bound there
             rows[[J, *range(DAMPING, len(rows))]] *= v * v
@@ -413,6 +438,8 @@ class PathMesh:
         return min(places, key=lambda x: sign * x[0]) if places else None
 
     def _piece(self, data: PlaceData, what: tuple[str, str] = ("", "")) -> Piece:
+        if len(data.second):
+            data.second[J] += self.rounding * data.largest[J]
         slips = () if self.system.friction is None else self.system.friction.names
         cuts = [x for k in range(len(slips)) for x in data.zeros(SLIPS + k)]
         return Piece(data, what, tuple(x for x in cuts if data.low < x < data.high))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import Any
 
@@ -47,12 +47,12 @@ def possible(rows: Floats) -> NDArray[np.bool_]:
     return np.asarray(there & np.isfinite(rows[..., :MARGIN, :]).all(axis=-2))
 
 
-def tails(rows: Floats, series: Floats) -> Floats:
+def tails(series: Floats, margin: Floats) -> Floats:
     """(..., r) what series leave out, relative; none below the rounding of rates and inertia.
 
-    A margin m is exact to rounding, they are to 1 / m of it.
+    A margin m (..., n) is exact to rounding, they are to 1 / m of it.
     """
-    left, least = tail(series), rows[..., MARGIN, :].min(axis=-1)[..., None]
+    left, least = tail(series), margin.min(axis=-1)[..., None]
     with np.errstate(all="ignore"):
         known = np.where(least > 0, NOTHING / least, math.inf)
     return np.where(left <= known, 0.0, left)
@@ -66,12 +66,14 @@ class PlaceData:
         then in v, (way to the limit) = (high - low) v^2, and J v^2, tau v and damping v^2 stand
         for what grows without bound
     rows : (r, n) values at the nodes: J, tau, margin, and what else depends on the place
+    second : (s, k) the same but for the margin, sampled at other nodes; none where s = 0
     """
 
     low: float
     high: float
     limit: int
     rows: Floats
+    second: Floats = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def length(self) -> float:
@@ -85,6 +87,15 @@ class PlaceData:
         return series
 
     @cached_property
+    def both(self) -> Floats:
+        """Chebyshev coefficients (r + s, n), those of the second sampling last."""
+        if not len(self.second):
+            return self.series
+        series = np.zeros((len(self.second), self.rows.shape[1]))
+        series[:, : self.second.shape[1]] = self.second @ rule(self.second.shape[1]).to_series.T
+        return np.vstack([self.series, series])
+
+    @cached_property
     def largest(self) -> Floats:
         """(r,) magnitudes at the nodes: a series is as exact as its largest value."""
         largest: Floats = np.abs(self.rows).max(axis=1)
@@ -93,7 +104,7 @@ class PlaceData:
     @cached_property
     def tails(self) -> Floats:
         """(r,) see `tails`."""
-        return tails(self.rows, self.series)
+        return tails(self.series, self.rows[MARGIN])
 
     @property
     def unknown(self) -> float:
@@ -102,30 +113,36 @@ class PlaceData:
 
     @property
     def tail(self) -> float:
-        """The largest of them but for the margin: the smallest of several margins has kinks."""
-        return float(np.delete(self.tails, MARGIN).max())
+        """The largest of both samplings but for the margin, the smallest of several, with kinks."""
+        second = self.both[len(self.rows) :, : self.second.shape[1]]
+        left = tails(second, self.rows[MARGIN]).max(initial=0.0) if len(second) else 0.0
+        return float(np.delete(self.tails, MARGIN).max(initial=left))
 
     def at(self, q: Floats) -> Floats:
-        """All rows (r, m) at places (m,) inside."""
+        """All rows (r + s, m) at places (m,) inside; none of the second sampling to a limit."""
         way = self.high - q if self.limit > 0 else q - self.low
         v = np.clip(way / self.length, 0.0, 1.0)
         v = np.sqrt(v) if self.limit else v
-        rows: Floats = self.series @ basis(v, self.series.shape[1]).T
+        rows: Floats = self.both @ basis(v, self.both.shape[1]).T
         if self.limit:
-            v = np.maximum(v, EPS)
-            rows[[J, *range(DAMPING, len(rows))]] /= v * v
+            first, v = len(self.rows), np.maximum(v, EPS)
+            rows[[J, *range(DAMPING, first)]] /= v * v
             rows[TAU] /= v
+            rows[first:] = math.nan
         return rows
 
     @cached_property
     def forward(self) -> Floats:
-        """Rows (r, n + 1) at the nodes of a plain panel over all of it, and at its begin."""
-        return np.column_stack([self.rows, self.series @ _ends(self.rows.shape[1])[0]])
+        """Rows (r + s, n + 1) at the nodes of a plain panel over all of it, and at its begin."""
+        rows: Floats = self.both @ _known(self.rows.shape[1])
+        rows[: len(self.rows), :-1] = self.rows
+        return rows
 
     @cached_property
     def backward(self) -> Floats:
         """The same of a panel that runs from high to low: the nodes lie alike on both sides."""
-        return np.column_stack([self.rows[:, ::-1], self.series @ _ends(self.rows.shape[1])[1]])
+        rows = self.forward[:, :-1]
+        return np.column_stack([rows[:, ::-1], self.both.sum(axis=1)])
 
     def zeros(self, row: int) -> list[float]:
         """Places at which a row is zero, ascending."""
@@ -146,6 +163,18 @@ class PlaceData:
         return places
 
 
+def place_data(low: float, high: float, limit: int, rows: Floats, n: int) -> PlaceData:
+    """Of rows (r, n + k) at the nodes, and at k others."""
+    second = np.delete(rows[:, n:], MARGIN, axis=0) if rows.shape[1] > n else np.empty((0, 0))
+    return PlaceData(low, high, limit, np.ascontiguousarray(rows[:, :n]), second)
+
+
+@cache
+def sampled(n: int, others: int) -> Floats:
+    """Nodes (n + others,) of both samplings."""
+    return np.append(rule(n).v, rule(others).v) if others else rule(n).v
+
+
 def near_zero(series: Floats) -> NDArray[np.bool_]:
     """Whether series (..., n) that are not negative may touch zero."""
     values = series @ _finer(series.shape[-1]).T
@@ -155,9 +184,9 @@ def near_zero(series: Floats) -> NDArray[np.bool_]:
 
 
 @cache
-def _ends(n: int) -> Floats:
-    """Values (2, n) of the polynomials at the ends."""
-    return np.asarray(basis(np.array([0.0, 1.0]), n))
+def _known(n: int) -> Floats:
+    """Values (n, n + 1) of the polynomials at the nodes, and at the begin."""
+    return np.asarray(basis(rule(n).known_first, n).T)
 
 
 @cache
@@ -167,9 +196,11 @@ def _finer(n: int) -> Floats:
 
 
 def mesh(
-    values: Callable[[Floats], Floats], edges: Floats, n: int, tolerance: float
+    values: Callable[[Floats], Floats], edges: Floats, n: int, tolerance: float, others: int = 0
 ) -> tuple[PlaceData, ...]:
     """Pieces between edges, resolved to a tolerance: all that are not are halved at once.
+
+    With a number of ``others`` they are sampled at as many other nodes as well, and resolved there.
 
     Left out: where a pose is impossible, or margin or inertia may touch zero, and what a part
     in `SHORT` does not resolve either.
@@ -178,13 +209,17 @@ def mesh(
     shortest = float((high - low).min(initial=math.inf)) / SHORT
     kept: list[PlaceData] = []
     while low.size:
-        rows = values(place(low[:, None], high[:, None], 0, rule(n).v).ravel())
-        rows = np.moveaxis(rows.reshape(len(rows), -1, n), 1, 0)
-        series = rows @ rule(n).to_series.T
+        rows = values(place(low[:, None], high[:, None], 0, sampled(n, others)).ravel())
+        rows = np.moveaxis(rows.reshape(len(rows), -1, n + others), 1, 0)
+        first, second = rows[..., :n], rows[..., n:]
+        series = first @ rule(n).to_series.T
         there = possible(rows).all(axis=-1) & ~near_zero(series[:, [MARGIN, J]]).any(axis=1)
-        fine = (np.delete(tails(rows, series), MARGIN, axis=1) <= tolerance).all(axis=1)
+        fine = np.ones(len(low), bool)
+        for some in [series, second @ rule(others).to_series.T] if others else [series]:
+            left = np.delete(tails(some, first[:, MARGIN]), MARGIN, axis=1)
+            fine &= (left <= tolerance).all(axis=1)
         for i in np.flatnonzero(there & fine).tolist():
-            kept.append(PlaceData(float(low[i]), float(high[i]), 0, rows[i]))
+            kept.append(place_data(float(low[i]), float(high[i]), 0, rows[i], n))
         again = there & ~fine & (high - low > shortest)
         low, high = low[again], high[again]
         middle = (low + high) / 2

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -104,8 +105,9 @@ class Until:
     value: float = 1.0
     forcing: float = field(default=0.0, repr=False)
 
-    @classmethod
-    def parse(cls, text: str) -> Until:
+    @staticmethod
+    @lru_cache
+    def parse(text: str) -> Until:
         """Read ``standstill``, ``steady``, ``event`` or ``<goal>=<number>``.
 
         ``steady=<s>`` names the period of the loads, and a time with its unit alone, ``2s`` or
@@ -122,8 +124,8 @@ class Until:
         if (takes is not bool(number) and name != "steady") or not _fits(name, value):
             raise _no_end(text, _takes(name))
         if name == "steady":
-            return cls("steady", forcing=value if number else 0.0)
-        return cls(name, value)  # type: ignore[arg-type]
+            return Until("steady", forcing=value if number else 0.0)
+        return Until(name, value)  # type: ignore[arg-type]
 
     def checked(self) -> Until:
         """Itself, if there can be such an end.

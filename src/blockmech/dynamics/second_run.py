@@ -1,8 +1,10 @@
 r"""The second run of a motion: the panels of the first from other place data, some roundings off.
 
 How far two runs are apart is the estimate of a motion's error. The second one need not search for
-its panels anew: it goes over those of the first, with place data that were sampled elsewhere, fewer
-terms in its clock, and some roundings more in its start, its inertia and the work of each panel.
+its panels anew: it goes over those of the first, with place data that were sampled elsewhere (see
+`PathMesh`), fewer terms in its clock, and some roundings more in its start, its inertia and the
+work of each panel. A panel that begins or ends a little elsewhere has the same data, further along
+their slopes.
 Where its energy is used up on a panel that holds no standstill it takes another path, and only a
 run with panels of its own can say how far.
 """
@@ -15,9 +17,8 @@ import numpy as np
 
 from blockmech.dynamics.ends import END_STOP
 from blockmech.dynamics.estimate import ROUNDING
-from blockmech.dynamics.panels import TO_LIMIT, TO_REST, Floats, Panels, Spans, rule
+from blockmech.dynamics.panels import TO_LIMIT, TO_REST, Floats, P, Panels, Spans, rule
 from blockmech.dynamics.path_equation import begin_energies, of_rate, solved
-from blockmech.dynamics.path_mesh import PathMesh
 from blockmech.dynamics.place_data import TAU, J
 from blockmech.dynamics.track import Leg, RepeatedSegment
 
@@ -33,8 +34,6 @@ class Run(Protocol):
 
     system: System
     request: SimulationRequest
-    mesh: PathMesh
-    n: int
     rounding: float
     place_only: bool
     end: str
@@ -49,8 +48,8 @@ class AnotherPathError(Exception):
     """The second run does not go over the panels of the first."""
 
 
-def second_run(run: Run, n: int) -> list[Leg] | None:
-    """The second run, from place data of n nodes; None where it needs panels of its own.
+def second_run(run: Run) -> list[Leg] | None:
+    """The second run; None where it needs panels of its own.
 
     So it is with joint friction, and where the path ends by itself: at a dead centre, in
     equilibrium, where nothing is smooth.
@@ -63,7 +62,7 @@ def second_run(run: Run, n: int) -> list[Leg] | None:
     if run.system.friction is not None or run.regime == "rest" or dead_centre or not whole:
         return None
     try:
-        return _SecondRun(run, n).legs()
+        return _SecondRun(run).legs()
     except AnotherPathError:
         return None
 
@@ -71,18 +70,17 @@ def second_run(run: Run, n: int) -> list[Leg] | None:
 class _SecondRun:
     """Where the run is: time [s], energy [J], and by how much its place is off [rad or m]."""
 
-    def __init__(self, run: Run, n: int) -> None:
+    def __init__(self, run: Run) -> None:
         self.run, self.rounding = run, run.rounding
         q, rate = float(run.request.start.q), float(run.request.start.rate) * (1 + ROUNDING)
-        self.t, self.off = 0.0, q * ROUNDING
-        self.mesh = PathMesh(run.system, q, n, run.mesh.tolerance)
-        if run.system.period is None:
-            row = run.mesh.row
-            self.mesh.row = self.mesh.over(np.union1d(row.low, row.high))
-        if not self.mesh.row.pieces:
-            raise AnotherPathError
-        (inertia,) = self._rows(np.array([q + self.off]))[J]
-        self.K = float(inertia) * rate**2 / 2
+        self.t, self.off, self.K = 0.0, q * ROUNDING, 0.0
+        if rate:
+            first = run.whole[0]
+            panels = first.panels if isinstance(first, RepeatedSegment) else first
+            inertia = panels.second[0, J]  # at the nodes, and where it begins
+            if panels.spans.backward[0]:
+                inertia = rule(len(inertia) - 1).to_series.sum(axis=0) @ inertia[:-1, None]
+            self.K = float(inertia[-1]) * rate**2 / 2
 
     @np.errstate(all="ignore")  # what is not finite takes another path
     def legs(self) -> list[Leg]:
@@ -117,62 +115,62 @@ class _SecondRun:
             np.concatenate(column) for column in zip(*parts, strict=True)
         )
         lost = np.broadcast_to(0.0, w.shape)
-        second = Panels(t0, Spans(begin, end, energy, kind), w, K, inertia, lost)
-        second.rate[:, int(KEPT * self.run.n) :] = 0.0
+        lies = Spans(begin, end, energy, kind)
+        second = Panels(t0, lies, w, K, inertia, lost, panels.second)
+        second.rate[:, int(KEPT * w.shape[1]) :] = 0.0
         return second
 
     def _one_way(self, panels: Panels, some: slice) -> tuple[Any, ...]:
         """Spans, dK/dq, K and inertia of panels between two standstills."""
-        lies, guess = panels.spans, panels.w[some]
-        begin, end, kind = lies.begin[some].copy(), lies.end[some].copy(), lies.kind[some]
+        guess, lies = panels.w[some], panels.spans.some(some)
+        begin, end, kind, energy = lies.begin.copy(), lies.end.copy(), lies.kind, lies.energy.copy()
         begin[0] += self.off
-        energy = np.zeros(len(kind))
-        spans = Spans(begin, end, energy, kind)
-        rows = self._rows(spans.places(rule(self.run.n).v))
-        going = slice(len(kind) - int(kind[-1] == TO_REST))
-        w, gains = guess.copy(), np.empty((len(kind), self.run.n + 1))
-        w[going], gains[going] = self._solved(spans, rows, going, self.K, guess)
-        left = self.K
-        if going.stop:
-            more = self.rounding * np.abs(spans.way[going]) * np.abs(w[going]).mean(axis=1)
-            energy[going] = begin_energies(self.K, gains[going], more)
-            left = float(energy[going][-1] + gains[going][-1, -1] + more[-1])
-        self.K, self.off = left, 0.0
-        if going.stop < len(kind):  # its end is moved until the energies fit
-            last = slice(going.stop, None)
-            w[last], gains[last] = self._solved(spans, rows, last, 0.0, guess)
-            at_rest = float(w[-1] @ rule(self.run.n).to_series.T @ rule(self.run.n).at_zero)
-            step = (left - float(gains[-1, -1])) / -at_rest
+        r, rows, many = rule(guess.shape[1]), panels.second[some, :, :-1].copy(), len(kind)
+        shares = r.v * r.powers[kind[0]]
+        by = self.off * (shares if lies.backward[0] else 1.0 - shares)
+        rows[0] += self._further(rows[0], lies.way[0], kind[0], by)
+        spans, stands = Spans(begin, end, energy, kind), bool(kind[-1] == TO_REST)
+        w, gains = self._solved(spans, rows, guess)
+        more = self.rounding * np.abs(spans.way) * np.abs(w).mean(axis=1)
+        energy[:] = begin_energies(self.K, gains, more)
+        self.K, self.off = float(energy[-1]), 0.0
+        if stands:  # its end is moved until the energies fit
+            step = (self.K - float(gains[-1, -1])) / -float(r.at_zero @ r.to_series @ w[-1])
             if not abs(step) < abs(float(spans.way[-1])):
                 raise AnotherPathError
+            by = step * (1.0 - r.v * r.v)
+            rows[-1] += self._further(rows[-1], spans.way[-1], TO_REST, by)
             end[-1] += step
-            spans = Spans(begin, end, energy, kind)
-            moved = Spans(begin[last], end[last], energy[last], kind[last])
-            rows[:, last] = self._rows(moved.places(rule(self.run.n).v))
-            w[last], gains[last] = self._solved(spans, rows, last, 0.0, guess)
+            energy[-1], spans = 0.0, Spans(begin, end, energy, kind)
+            last = slice(many - 1, None)
+            w[last], gains[last] = self._solved(spans.some(last), rows[last], guess[last])
             self.K, self.off = 0.0, step
+        else:
+            self.K += float(gains[-1, -1] + more[-1])
         K = energy[:, None] + gains
         if not K[:, :-1].min() > 0:
             raise AnotherPathError
-        return begin, end, energy, kind, w, K, rows[J]
+        return begin, end, energy, kind, w, K, rows[:, J]
 
-    def _solved(
-        self, spans: Spans, rows: Floats, some: slice, K: float, guess: Floats
-    ) -> tuple[Floats, Floats]:
-        """dK/dq and gains of some panels that begin with an energy [J]."""
-        lies = Spans(spans.begin[some], spans.end[some], spans.energy[some], spans.kind[some])
-        if self.run.place_only or not len(lies.kind):
-            return rows[TAU, some], lies.gains(rows[TAU, some])
-        sign, rows, guess = (1 if lies.end[0] > lies.begin[0] else -1), rows[:, some], guess[some]
-        acts = of_rate(self.run.system, lies.places(rule(self.run.n).v), rows, rows[J], sign)
-        more = self.rounding * np.abs(lies.way) * np.abs(guess).mean(axis=1)
-        w, gains, _, known = solved(acts, lies, guess, K, more)
-        if known < len(w):
-            raise AnotherPathError
+    def _further(self, rows: Floats, way: float, kind: int, by: Floats) -> Floats:
+        """What place data (s, n) of a panel change by, some way (n,) [rad or m] further on."""
+        r = rule(rows.shape[1])
+        return np.asarray(rows @ r.slopes.T * (by / (P[kind] * way * r.powers[kind])))
+
+    def _solved(self, spans: Spans, rows: Floats, guess: Floats) -> tuple[Floats, Floats]:
+        """dK/dq and gains of panels with place data (m, s, n), the first from the energy here."""
+        w = rows[:, TAU].copy()
+        if self.run.place_only:
+            return w, spans.gains(w)
+        gains, stands = np.empty((len(w), w.shape[1] + 1)), int(spans.kind[-1] == TO_REST)
+        going = len(w) - stands
+        for some in [slice(going), slice(going, None)][not going : 1 + stands]:
+            lies, row = spans.some(some), rows[some].swapaxes(0, 1)
+            sign = 1 if lies.end[0] > lies.begin[0] else -1
+            acts = of_rate(self.run.system, lies.places(rule(w.shape[1]).v), row, row[J], sign)
+            more = self.rounding * np.abs(lies.way) * np.abs(guess[some]).mean(axis=1)
+            begin = self.K if some.start is None else 0.0
+            w[some], gains[some], _, known = solved(acts, lies, guess[some], begin, more)
+            if known < len(lies.kind):
+                raise AnotherPathError
         return w, gains
-
-    def _rows(self, q: Floats) -> Floats:
-        """Place data (r, ...) at places, NaN where there are none."""
-        row = self.mesh.row
-        rows = row.at(q.ravel(), self.rounding)
-        return rows.reshape(-1, *q.shape)

@@ -44,7 +44,8 @@ from blockmech.dynamics.forcing import (
     unfound,
 )
 from blockmech.dynamics.motion import Floats, Motion
-from blockmech.dynamics.path import COARSE, FINE, PathRun, along_path
+from blockmech.dynamics.path import PathRun, along_path
+from blockmech.dynamics.path_mesh import COARSE, FINE
 from blockmech.dynamics.periodic import (
     FLOWS,
     NONE,

@@ -32,7 +32,7 @@ from blockmech.dynamics.panels import (
     rule,
 )
 from blockmech.dynamics.path_equation import begin_energies, of_rate, solved
-from blockmech.dynamics.path_mesh import CLOSE, PieceRow
+from blockmech.dynamics.path_mesh import CLOSE, Course
 from blockmech.dynamics.place_data import SHORT, TAU, J
 from blockmech.plane import EPS
 
@@ -55,7 +55,7 @@ class Stretch:
 
     which, low, length : (m,) the piece of each in the row, its low end and length [rad or m]
     edges : (m + 1,) places where panels begin and end
-    values : (m, r, n + 1) place data at the nodes of each, and at its anchor
+    values : (m, r + s, n + 1) place data at the nodes of each, and at its anchor
     gains : (m, n + 1) [J] by which loads at rest raise K from its anchor
     kept : (m,) whether it is a whole piece
     stands : whether the last edge is a standstill
@@ -65,24 +65,25 @@ class Stretch:
         self,
         builder: PanelBuilder,
         at: PathState,
-        row: PieceRow,
-        which: Ints,
-        shifts: Any,
+        course: Course,
+        count: int,
+        shift: float,
         end: float,
     ) -> None:
         self.builder, self.at, self.stands = builder, at, False
         self.n, self.rounding, self.tolerance = builder.n, builder.rounding, builder.tolerance
         self.place_only = builder.place_only
-        self.row, self.which = row.whole(at.sign), which
-        self.low, high = row.low[which] + shifts, row.high[which] + shifts
+        self.row, self.which = course.row.whole(at.sign), course.which[:count]
+        self.low, high = course.low[:count] + shift, course.high[:count] + shift
         self.length = high - self.low
         ends, begin = (high, self.low[0]) if at.sign > 0 else (self.low, high[0])
-        self.edges = np.concatenate([[at.q], ends[:-1], [end]])
-        self.kept = np.ones(len(which), bool)
+        self.edges = np.empty(count + 1)
+        self.edges[0], self.edges[1:-1], self.edges[-1] = at.q, ends[:-1], end
+        self.kept = np.ones(count, bool)
         near = CLOSE * max(abs(at.q), abs(end))
         self.kept[0] = at.K > 0 and abs(at.q - begin) <= near
         self.kept[-1] &= abs(end - ends[-1]) <= near
-        self.values, self.gains = self.row.values[which], self.row.gains[which]
+        self.values, self.gains = self.row.values[self.which], self.row.gains[self.which]
         self._fill(np.flatnonzero(~self.kept))
 
     @classmethod
@@ -93,33 +94,20 @@ class Stretch:
         first = row.index(at.q - shift, sign, near)
         if first is None:
             return None
-        ahead = row.near(first, sign)
-        if ahead is not row:
-            row, first = ahead, 0 if sign > 0 else len(ahead.pieces) - 1
-        whole, m = row.whole(sign), len(row.pieces)
-        which, turns = first + sign * np.arange(m + 1), np.zeros(m + 1)
-        if row.period is None:
-            which = which[(which >= 0) & (which < m)]
-            shifts = np.zeros(len(which))
-        else:
-            turns, which = np.divmod(which, m)
-            shifts = shift + turns * row.period
-        good = whole.goes_on[which]
-        good[1:] &= whole.follows[which[:-1]]
-        count = leading(good)
-        which, shifts = which[:count], shifts[:count]
-        ends = (row.high if sign > 0 else row.low)[which] + shifts
+        course = row.ahead(first, sign)
+        ends = course.ends + shift
+        reached = sign * (ends - goal) >= 0
+        count = len(ends)
         end = float(ends[-1]) if count else goal
-        reached = np.flatnonzero(sign * (ends - goal) >= 0)
-        if reached.size:
-            count, end = int(reached[0]) + 1, goal
+        if reached.any():
+            count, end = int(reached.argmax()) + 1, goal
         if not builder.place_only:  # none that it hardly gets through
             way = np.diff(ends[:count], prepend=at.q)
-            energy = at.K + np.cumsum(way * whole.mean_effort[which[:count]])
-            through = leading(energy >= 0)
+            effort = course.row.whole(sign).mean_effort[course.which[:count]]
+            through = leading(at.K + np.cumsum(way * effort) >= 0)
             if through < count:
                 count, end = through, float(ends[through - 1])
-        return cls(builder, at, row, which[:count], shifts[:count], end) if count else None
+        return cls(builder, at, course, count, shift, end) if count else None
 
     @np.errstate(all="ignore")  # what is not finite is no panel
     def panels(self) -> Panels | None:
@@ -198,7 +186,8 @@ class Stretch:
         spans.energy[:] = energy
         K = energy[:, None] + gains
         lost = np.broadcast_to(0.0, w.shape)
-        panels = Panels(self.at.t, spans, w, K, inertia[:, :-1], lost)
+        second = self.values[:, self.row.largest.shape[1] :]
+        panels = Panels(self.at.t, spans, w, K, inertia[:, :-1], lost, second)
         if not self.stands:
             known = min(known, leading(np.invert(self._used_up(w, K).any(axis=1))))
         return panels, inertia[:, -1], known
@@ -209,7 +198,7 @@ class Stretch:
 
     def _settled(self, spans: Spans, inertia: Floats) -> tuple[Floats, Floats, Floats, int]:
         """dK/dq (m, n), gains (m, n + 1), energies (m,), and of how many panels they are found."""
-        rows = np.moveaxis(self.values[..., :-1], 1, 0)
+        rows = np.moveaxis(self.values[:, : self.row.largest.shape[1], :-1], 1, 0)
         q = spans.places(rule(self.n).v)
         acts = of_rate(self.builder.system, q, rows, inertia, self.at.sign)
         before = self.builder.solved

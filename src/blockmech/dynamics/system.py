@@ -221,7 +221,10 @@ class System:
     @cached_property
     def period(self) -> float | None:
         """Period [rad] of everything that depends on the only driver's coordinate."""
-        return loads.period_of(self.compiled.structure, self.drivers[0])
+        if "period" not in self.kept:
+            self.kept["period"] = loads.period_of(self.compiled.structure, self.drivers[0])
+        period: float | None = self.kept["period"]
+        return period
 
     @property
     def knots(self) -> tuple[float, ...]:

@@ -33,6 +33,7 @@ class RepeatedSegment:
     gain: float = 0.0
     mirrored: bool = False
     starts: Floats | None = None
+    _repetitions: dict[int, Panels] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def duration(self) -> float:
@@ -53,17 +54,25 @@ class RepeatedSegment:
             some = {0, most - 1, int(np.abs(self.starts[:most] - other.starts[:most]).argmax())}
         rows: list[Any] = []
         for k in sorted(some):
-            t, q, qd, late, off = _beside(self.repetition(k), other.repetition(k))
+            row = _beside(self.repetition(k), other.repetition(k))
             if self.mirrored and k % 2:
-                t, qd, late = self.duration - t, -qd, other.duration - self.duration - late
+                row[0], row[3] = self.duration - row[0], other.duration - self.duration - row[3]
+                row[2] *= -1
             begin = self.begins(k)
-            late += other.begins(k) - begin
-            rows.append((t + begin, q + k * self.step, qd, late, off))
+            row[0] += begin
+            row[1] += k * self.step
+            row[3] += other.begins(k) - begin
+            rows.append(row)
         return rows
 
     def repetition(self, k: int) -> Panels:
         """Its panels, with its energy; times and places as in the first."""
-        return self.panels.taken_from(0.0, k * self.gain) if self.gain and k else self.panels
+        if not (self.gain and k):
+            return self.panels
+        if k not in self._repetitions:
+            self._repetitions.clear()
+            self._repetitions[k] = self.panels.taken_from(0.0, k * self.gain)
+        return self._repetitions[k]
 
     def state(self, t: Floats) -> tuple[Floats, Floats]:
         """Driver coordinate and rate (m,) at times (m,) [s]."""
@@ -78,8 +87,8 @@ class RepeatedSegment:
         back = (k % 2 == 1) & self.mirrored
         rest = np.where(back, self.duration - rest, rest)
         panels = self.panels
-        if not self.gain:
-            q, qd = panels.state(rest)
+        if not self.gain or (k == k[0]).all():
+            q, qd = self.repetition(int(k[0])).state(rest)
         else:
             numbers, which = np.unique(k, return_inverse=True)
             durations = panels.durations_with(numbers * self.gain)
@@ -138,16 +147,16 @@ def lateness(run: Sequence[Leg], other: Sequence[Leg], t_end: float) -> Lateness
             rows += leg.beside(same, end)  # type: ignore[arg-type]
         else:
             rows.append(_beside(leg, same))  # type: ignore[arg-type]
-    columns = [np.concatenate([x.ravel() for x in column]) for column in zip(*rows, strict=True)]
-    order = np.argsort(columns[0], kind="stable")
-    order = order[: int(np.searchsorted(columns[0][order], t_end)) + 1]
-    return Lateness(*(x[order] for x in columns))
+    columns = np.concatenate(rows, axis=1) if len(rows) > 1 else rows[0]
+    columns = columns[:, np.argsort(columns[0], kind="stable")]
+    return Lateness(*columns[:, : int(np.searchsorted(columns[0], t_end)) + 1])
 
 
-def _beside(one: Panels, other: Panels) -> tuple[Floats, ...]:
-    """Columns (m, n + 2) of `Lateness`."""
-    (t, q, qd), (t_there, q_there, _) = one.known_states, other.known_states
-    return t, q, qd, t_there - t, q_there - q
+def _beside(one: Panels, other: Panels) -> Floats:
+    """Columns (5, k) of `Lateness`."""
+    t, q = one.known_times, one.known_places
+    late, off = other.known_times - t, other.known_places - q
+    return np.array([t, q, one.known_rates, late, off]).reshape(5, -1)
 
 
 @dataclass(frozen=True)
