@@ -421,16 +421,18 @@ class PathRun:
             q = self.q
         if system.friction is not None:
             self.facts["friction_work"] = math.fsum(leg.taken(self.t) for leg in legs)
-        return replace(
-            request.standing,
-            method="energy" if self.place_only else "spectral",
-            regime=self.regime if self.status != "failed" else "none",
-            status=self.status,
-            end=self.end,
-            t_end=t0 + self.t,
-            q_end=q,
-            qd_end=qd,
-            track=track,
+        return Motion(
+            "energy" if self.place_only else "spectral",
+            request.why,
+            t0,
+            t0 + self.t,
+            q,
+            qd,
+            track,
+            request.accuracy,
+            self.regime if self.status != "failed" else "none",
+            self.status,
+            self.end,
             events=tuple(e._replace(t=t0 + e.t) for e in self.events),
             notes=tuple(self.notes),
             facts=dict(self.facts),

@@ -116,9 +116,9 @@ def settled(work: Work, span: Spans, n: int, guess: Floats | None) -> tuple[Effo
 
 def begin_energies(K: float, gains: Floats, more: Any) -> Floats:
     """[J] (m,) at the begin of panels in a row, of the first K; each leaves some more."""
-    energies = gains[:, -1] + more
-    energies[1:], energies[0] = energies[:-1].copy(), 0.0
-    return np.asarray(K + np.cumsum(energies))
+    energies = np.empty(len(gains))
+    energies[0], energies[1:] = K, K + (gains[:, -1] + more)[:-1].cumsum()
+    return energies
 
 
 def solved(

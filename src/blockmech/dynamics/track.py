@@ -53,8 +53,10 @@ class RepeatedSegment:
             most = min(max(int(np.searchsorted(self.starts, t_end - self.t0)), 1), len(self.starts))
             some = {0, most - 1, int(np.abs(self.starts[:most] - other.starts[:most]).argmax())}
         rows: list[Any] = []
+        alike = None if self.gain or other.gain else _beside(self.panels, other.panels)
         for k in sorted(some):
-            row = _beside(self.repetition(k), other.repetition(k))
+            again = alike is None
+            row = _beside(self.repetition(k), other.repetition(k)) if again else alike.copy()
             if self.mirrored and k % 2:
                 row[0], row[3] = self.duration - row[0], other.duration - self.duration - row[3]
                 row[2] *= -1
@@ -148,7 +150,7 @@ def lateness(run: Sequence[Leg], other: Sequence[Leg], t_end: float) -> Lateness
         else:
             rows.append(_beside(leg, same))  # type: ignore[arg-type]
     columns = np.concatenate(rows, axis=1) if len(rows) > 1 else rows[0]
-    columns = columns[:, np.argsort(columns[0], kind="stable")]
+    columns = columns.take(np.argsort(columns[0], kind="stable"), axis=1)
     return Lateness(*columns[:, : int(np.searchsorted(columns[0], t_end)) + 1])
 
 
@@ -177,6 +179,8 @@ class PathTrack:
     def _state(self, t: Floats) -> State:
         since = t - self.t_start
         which = np.searchsorted([leg.t0 for leg in self.legs[1:]], since, "right")
+        if since.size == 1:
+            return State(*self.legs[int(which[0])].state(since))
         q, qd = np.empty_like(since), np.empty_like(since)
         for i in set(which.tolist()):
             here = np.flatnonzero(which == i)
