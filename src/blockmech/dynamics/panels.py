@@ -379,6 +379,7 @@ class Panels:
             step /= 1 - step * rise / (2 * slope)  # Halley's step: of third order
             new = v - step
             new = np.where((new >= low) & (new <= high), new, (low + high) / 2)
+            new[since == 0] = 0.0  # the anchor is known exactly
             step, v = new - v, new
             if (np.abs(step) <= NEAR * v + EPS).all():  # the next one is below rounding
                 break

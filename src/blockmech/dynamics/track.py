@@ -55,8 +55,8 @@ class RepeatedSegment:
         rows: list[Any] = []
         alike = None if self.gain or other.gain else _beside(self.panels, other.panels)
         for k in sorted(some):
-            again = alike is None
-            row = _beside(self.repetition(k), other.repetition(k)) if again else alike.copy()
+            apart = _beside(self.repetition(k), other.repetition(k)) if alike is None else alike
+            row = apart.copy()
             if self.mirrored and k % 2:
                 row[0], row[3] = self.duration - row[0], other.duration - self.duration - row[3]
                 row[2] *= -1
