@@ -8,7 +8,7 @@ import re
 import tomllib
 from pathlib import Path
 
-EXTRAS = ("study", "office", "cluster", "control", "fast", "studio")
+EXTRAS = ("study", "office", "cluster", "control", "fast", "film", "studio")
 
 project = tomllib.loads(Path("pyproject.toml").read_text("utf-8"))["project"]
 extras = project["optional-dependencies"]

@@ -103,6 +103,7 @@ def test_new_keeps_an_existing_file_unless_forced(call, tmp_path):
         (["--kind", "mechanism"], "x.pdf", b"%PDF"),
         (["--kind", "mechanism", "--at", "0,60deg"], "x.svg", b"<?xml"),
         (["--kind", "animation", "--at", "0:360deg:6"], "x.gif", b"GIF89a"),
+        (["--at", "0:360deg:6"], "x.mp4", b"\0\0\0 ftypisom"),
         (["--trace", "dyad.C,dyad.B"], "x.svg", b"<?xml"),
     ],
     ids=lambda x: " ".join(x) if isinstance(x, list) else None,

@@ -6,18 +6,19 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 from html.parser import HTMLParser
 from itertools import pairwise
 
 import matplotlib
 import numpy as np
 import pytest
+from imageio_ffmpeg import get_ffmpeg_exe
 from PIL import Image
 
 import blockmech as bm
 from blockmech.draw import Animation, animate, draw
 from blockmech.draw.animation import player_data
-from blockmech.errors import RequestError
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
 from tests.wiring import ruiz, watt
 
@@ -146,16 +147,8 @@ def test_numbers_without_sense_are_refused(wrong):
         animate(ruiz(), **wrong)
 
 
-def ffmpeg():
-    """A program ffmpeg: the machine's, or that of a package made for tests."""
-    if (found := shutil.which("ffmpeg")) is not None:
-        return found
-    return pytest.importorskip("imageio_ffmpeg", reason="no ffmpeg here").get_ffmpeg_exe()
-
-
-def test_a_film_has_its_time_and_its_pictures(tmp_path, monkeypatch):
-    program = ffmpeg()
-    monkeypatch.setitem(matplotlib.rcParams, "animation.ffmpeg_path", program)
+def test_a_film_has_its_time_and_its_pictures(tmp_path):
+    program = shutil.which("ffmpeg") or get_ffmpeg_exe()
     made = animate(ruiz(), frames=FRAMES, seconds=1.2)
     path = made.save(tmp_path / "a.mp4").path
     raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
@@ -174,6 +167,7 @@ def test_a_film_has_its_time_and_its_pictures(tmp_path, monkeypatch):
 
 def test_without_ffmpeg_a_film_is_refused_and_nothing_is_written(tmp_path, monkeypatch):
     monkeypatch.setitem(matplotlib.rcParams, "animation.ffmpeg_path", "no_such_program")
-    with pytest.raises(RequestError, match=r"written by ffmpeg.*install ffmpeg.*\.gif or \.html"):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(bm.MissingEngineError, match=r"ffmpeg.*\.gif and \.html.*blockmech\[film\]"):
         animate(ruiz(), tmp_path / "a.mp4", frames=4)
     assert not list(tmp_path.iterdir())

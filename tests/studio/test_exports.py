@@ -22,6 +22,7 @@ HEADS = {
     "pose .pdf": b"%PDF",
     "motion .html": b"<!DOCTYPE html>",
     "motion .gif": b"GIF89a",
+    "motion .mp4": b"\0\0\0 ftypisom",
     "numbers .csv": b"driver.motor.q",
     "numbers .xlsx": b"PK",
     "numbers .npz": b"PK",

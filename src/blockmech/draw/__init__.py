@@ -95,6 +95,7 @@ def draw(
         place that cannot be written
     GraphError where a mechanism is wanted and the graph is not complete
     AssemblyError, SingularError where the first pose does not exist
+    MissingEngineError for an .mp4 where there is no ffmpeg
     """
     if kind is None:
         kind = "animation" if Path(path).suffix.lower() in MOVING else "diagram"

@@ -31,7 +31,7 @@ from blockmech.draw.page import Page, Shape, move
 from blockmech.draw.paper import scaled_unit, shown_name, styled, suffix_of
 from blockmech.draw.shapes import Stage, shapes_of
 from blockmech.draw.sketch import Sketch, sketch_of
-from blockmech.errors import refused
+from blockmech.errors import needed, refused
 from blockmech.files import AnyPath, writing
 from blockmech.report import DEGREES
 from blockmech.result import Result
@@ -116,7 +116,10 @@ class Animation:
 
     @cached_property
     def mp4(self) -> bytes:
-        """A film of H.264; needs ffmpeg. Raises `RequestError` where there is none."""
+        """A film of H.264 by ffmpeg, the machine's own or that of the extra ``film``.
+
+        Raises `MissingEngineError` where there is neither.
+        """
         return _film(self)
 
     @declared
@@ -217,8 +220,8 @@ def _film(film: Animation) -> bytes:
 
     program = matplotlib.rcParams["animation.ffmpeg_path"]
     if shutil.which(program) is None:
-        remedy = "install ffmpeg and have it on the PATH, or name the file .gif or .html"
-        raise refused("draw", f'a film is written by ffmpeg, and there is no "{program}"', remedy)
+        instead = "a film is written by ffmpeg, and none is on the PATH; .gif and .html need none"
+        program = needed("imageio_ffmpeg", "draw", "film", instead).get_ffmpeg_exe()
     # H.264 with the colours that every player knows needs an even number of rows and columns.
     frames = [p[: p.shape[0] // 2 * 2, : p.shape[1] // 2 * 2] for p in film.pictures]
     height, width, _ = frames[0].shape
