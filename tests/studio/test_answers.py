@@ -70,7 +70,7 @@ def test_an_accuracy_chooses_the_method():
 def test_the_drive_is_shown_first_and_every_axis_has_its_unit():
     answers = answers_of()
     assert answers.names.value == ["crank.drive"]
-    (plot,) = answers.drawn
+    (plot,) = answers.plots.drawn
     assert plot.figure.yaxis.axis_label == "drive [kN m]"
     assert plot.figure.xaxis.axis_label == abscissa(answers.result).words
     assert plot.figure.xaxis.axis_label.startswith("crank.q [")
@@ -88,12 +88,12 @@ def test_the_csv_is_that_of_the_command_line(tmp_path):
 
 def test_curves_and_cursor_follow_the_sheet():
     answers = answers_of()
-    (plot,) = answers.drawn
+    (plot,) = answers.plots.drawn
     (before,) = plot.source.data["ys"][:1]
     form = copy.deepcopy(answers.sheet.form)
     form["blocks"]["dyad"]["l_j"] = 3.2
     answers.sheet.change(form, "longer")
-    assert answers.drawn == [plot]
+    assert answers.plots.drawn == [plot]
     assert not np.array_equal(plot.source.data["ys"][0], before)
     answers.view.pose = 30
     assert plot.cursor.location == plot.source.data["xs"][0][30]
@@ -130,7 +130,7 @@ def test_a_simulation_is_played_in_time():
     assert answers.view.pose == 0
     answers.view.pose = 360
     assert answers.view.caption()[0][0].startswith("t = 0.050 s")
-    assert answers.drawn[0].figure.xaxis.axis_label == "time [s]"
+    assert answers.plots.drawn[0].figure.xaxis.axis_label == "time [s]"
     answers.view.turn()
     assert answers.view.motion.result.motion is None
 
@@ -152,6 +152,7 @@ def test_a_simulation_can_be_stopped():
     answers.simulate()
     answers.work.cancel()
     answers.work.thread.join(30)
+    assert not answers.work.thread.is_alive()
     assert answers.work.stop.disabled
     ended = answers.view.motion.result.motion
     assert answers.said.object == "stopped" or ended.end == "interrupted"
@@ -172,7 +173,7 @@ def test_an_output_is_added_by_a_part_of_its_name():
     assert "dyad.C.reaction" in answers.find.options
     answers.find.value = "dyad.C.reaction"
     assert answers.names.value == ["crank.drive", "dyad.C.reaction"]
-    assert [plot.figure.yaxis.axis_label for plot in answers.drawn] == [
+    assert [plot.figure.yaxis.axis_label for plot in answers.plots.drawn] == [
         "drive [kN m]",
         "|reaction| [kN]",
     ]
@@ -194,16 +195,17 @@ def test_names_are_text():
 
 def test_costs_are_told():
     answers = answers_of()
-    answers.explain()
-    assert "crank.drive" in answers.costs.object
     assert "kernel calls" in answers.said.object
+    answers.analyses.run("Cost")
+    answers.work.thread.join(30)
+    assert "crank.drive" in answers.analyses.text.object
 
 
 def test_methods_are_traded():
     answers = answers_of("slider_crank")
-    answers.trade()
+    answers.analyses.run("Trade")
     answers.work.thread.join(30)
-    told = answers.costs.object
+    told = answers.analyses.text.object
     assert told.startswith("slider_crank, run: crank.drive at 361 samples")
     assert all(precision in told for precision in ("complex64", "complex128"))
 

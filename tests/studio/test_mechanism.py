@@ -194,7 +194,7 @@ def test_dead_centres_are_those_of_limits():
     view.pose = round(passed[0][0])
     assert f"nearest dead centre: {passed[0][1]} at crank.q = " in words_of(view)
     view.margins()
-    labels = [x.text for x in view._margins.figure.center if hasattr(x, "text")]
+    labels = [x.text for x in view._margins.drawn[0].figure.center if hasattr(x, "text")]
     assert labels == [name for _, name in passed]
 
 

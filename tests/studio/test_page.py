@@ -215,7 +215,7 @@ def test_nothing_overlaps_in_a_small_window(page, studio):
     page.set_viewport_size({"width": 1024, "height": 700})
     page.goto(f"{studio[0]}?example=joints/excavator")
     page.locator("[data-pin] .ring").first.wait_for()
-    for tab in ("Motion", "Margins", "Analyses", "Synthesis", "Methods", "Blocks", "Curves"):
+    for tab in ("Motion", "Margins", "Analyses", "Synthesis", "Blocks", "Curves"):
         press(page, tab)
         page.wait_for_function("Bokeh.documents[0].is_idle")
         assert page.evaluate(OVERLAPS) == []
@@ -228,7 +228,7 @@ def test_nothing_is_below_the_fold_and_no_two_buttons_share_a_name(page, studio,
     """The answer of *Trade* is seen without scrolling, and the mechanism beside it."""
     page.set_viewport_size(dict(zip(("width", "height"), size, strict=True)))
     show(page, studio, "?example=slider_crank")
-    tabs = ("Curves", "Motion", "Margins", "Analyses", "Synthesis", "Methods")
+    tabs = ("Curves", "Motion", "Margins", "Analyses", "Synthesis")
     for tab in (*tabs, "Links and joints"):
         press(page, tab)
         texts = page.get_by_role("button").evaluate_all(
@@ -236,6 +236,7 @@ def test_nothing_is_below_the_fold_and_no_two_buttons_share_a_name(page, studio,
         )
         shown = [text.strip() for text in texts if text.strip()]
         assert len({*shown}) == len(shown), shown
+    press(page, "Analyses")
     press(page, "Trade")
     answer = page.get_by_text("complex64")
     answer.wait_for()
@@ -301,7 +302,7 @@ def test_texts_of_a_hostile_document_run_nothing(page, studio):
     data = renamed(renamed(data, "crank", hurt), "dyad", f"{hurt}2") | {"title": hurt * 100}
     (studio[1] / "hostile.json").write_text(json.dumps(data), "utf-8")
     show(page, studio, "?open=hostile.json")
-    press(page, "Methods")
+    press(page, "Analyses")
     press(page, "Cost")
     page.get_by_text(f"  position             2  {hurt}, {hurt}2").wait_for()
     press(page, "Motion")

@@ -35,7 +35,9 @@ def of_blocks(page, studio, theme):
     page.get_by_role("alert").first.wait_for()
     yield "form"
     press(page, "Margins")
-    page.get_by_text("margin", exact=False).first.wait_for(state="attached")
+    page.wait_for_function(
+        "[...Bokeh.documents[0]._all_models.values()].some((one) => one.axis_label === 'margin [–]')"
+    )
     yield "margins"
 
 
@@ -55,7 +57,6 @@ def answered(page, studio, theme):
     press(page, "Equilibria")
     page.get_by_alt_text("picture of the answer").wait_for()
     yield "analyses"
-    press(page, "Methods")
     press(page, "Cost")
     page.get_by_text("kernel calls").first.wait_for()
     yield "methods"

@@ -166,10 +166,12 @@ def _film(result: Result, degrees: bool) -> Animation:
 def screen_time(duration: float) -> float:
     """Seconds on the screen for a motion: its own, or a round multiple if that is too short.
 
-    >>> screen_time(2.0), screen_time(0.03), screen_time(40.0)
-    (2.0, 3.0, 8.0)
+    One that ended where it began stands still for a while.
+
+    >>> screen_time(2.0), screen_time(0.03), screen_time(40.0), screen_time(0.0)
+    (2.0, 3.0, 8.0, 1.0)
     """
-    shown = duration
+    shown = duration or SHORTEST
     while shown < SHORTEST:
         shown *= 10
     for share in (2, 5, 10):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,9 +18,9 @@ from blockmech.samples import Samples
 from blockmech.studies.family import remade
 from blockmech.studies.sampling import normal
 from blockmech.studies.variation import moves_drivers
-from blockmech.studio.looks import TABLE, Plain, beside
+from blockmech.studio.looks import TABLE, Plain, beside, button
 from blockmech.studio.session import together
-from blockmech.studio.work import Work
+from blockmech.studio.work import OnProgress, Work
 from blockmech.typing import FrictionMethod
 
 PICTURE = "picture of the answer"
@@ -29,14 +30,24 @@ NOTHING = "nothing moves on this sheet yet, or no output is ticked under Curves"
 
 
 class Asked(NamedTuple):
-    """What an analysis is of: a mechanism with the samples that are shown, and the first output."""
+    """What an analysis is of: a mechanism with the samples that are shown, and chosen outputs."""
 
     mechanism: Any
     samples: Samples
     at: Mapping[str, Any]
-    name: str
+    names: tuple[str, ...]
     friction: FrictionMethod
     share: float = 0.0
+    report: OnProgress | None = None
+
+
+def answered(
+    mechanism: Any, samples: Samples, names: Iterable[str], friction: str, accuracy: Any = None
+) -> Any:
+    """Outputs at samples, gaps marked; with an ``accuracy`` the method is chosen by it."""
+    method = friction if accuracy is None else None
+    how = {"friction": method, "tolerance": None, "iterations": None, "static": False}
+    return mechanism.answer(samples, tuple(names), how, accuracy, "auto", None, None, "mark")
 
 
 def _tolerance(request: Asked) -> Any:
@@ -46,13 +57,13 @@ def _tolerance(request: Asked) -> Any:
         for p in request.mechanism.parameters().values()
         if p.unit == "m" and p.value and not moves_drivers(p.path)
     }
-    return request.mechanism.tolerance(lengths, request.name, friction=request.friction)
+    return request.mechanism.tolerance(lengths, request.names[0], friction=request.friction)
 
 
 def _solutions(request: Asked) -> Any:
     """All solutions of the friction equations at some of the poses."""
     at = {driver: q[::EVERY] for driver, q in request.at.items()}
-    return request.mechanism.friction_solutions(at, want=request.name)
+    return request.mechanism.friction_solutions(at, want=request.names[0])
 
 
 def _limits(request: Asked) -> Any:
@@ -72,15 +83,23 @@ ANALYSES: dict[str, tuple[str, Callable[[Asked], Any]]] = {
     ),
     "Extremes": (
         "What are the least and the largest value of the first output?",
-        lambda ask: ask.mechanism.extremes(ask.name, friction=ask.friction),
+        lambda ask: ask.mechanism.extremes(ask.names[0], friction=ask.friction),
     ),
     "Friction solutions": ("How many answers do the friction equations have?", _solutions),
     "Sensitivity": (
         "How much does the first output change with each number?",
-        lambda ask: ask.mechanism.sensitivity(ask.name, at=ask.at, friction=ask.friction),
+        lambda ask: ask.mechanism.sensitivity(ask.names[0], at=ask.at, friction=ask.friction),
     ),
     "Tolerance": ("How does the first output scatter with the lengths?", _tolerance),
     "Verify": ("Do the equations of mechanics hold?", lambda ask: ask.mechanism.verify()),
+    "Cost": (
+        "What does each chosen output cost?",
+        lambda ask: ask.mechanism.explain(ask.names, friction=ask.friction),
+    ),
+    "Trade": (
+        "What do methods cost, and how exact are they?",
+        lambda ask: ask.mechanism.trade("run", ask.names, say=ask.report),
+    ),
 }
 
 
@@ -91,12 +110,11 @@ def family(asked: Asked, address: str) -> Panel:
     `remade` raises for values that cannot be.
     """
     value = asked.mechanism.parameters()[address].value
-    how = {"friction": asked.friction, "tolerance": None, "iterations": None, "static": False}
     curves: dict[str, Any] = {}
     for x in value * (1 + asked.share * np.linspace(-1, 1, CURVES)):
         other = remade(asked.mechanism, {address: float(x)})
-        run = other.answer(asked.samples, (asked.name,), how, None, "auto", None, None, "mark")
-        (panel,) = chosen_panels(run, [asked.name])
+        run = answered(other, asked.samples, asked.names[:1], asked.friction)
+        (panel,) = chosen_panels(run, asked.names[:1])
         curves[f"{address} = {x:.4g}"] = next(iter(panel.curves.values()))
     return Panel(panel.quantity, panel.unit, curves)
 
@@ -111,10 +129,10 @@ class Analyses:
         self.text = Plain("", sizing_mode="stretch_width", stylesheets=[TABLE])
         self.image = pn.pane.HTML("", sizing_mode="stretch_width")
         self.buttons = [
-            pn.widgets.Button(label=name, description=words, on_click=self._pressed)
+            button(name, partial(self.run, name), description=words)
             for name, (words, _) in ANALYSES.items()
         ]
-        self.number = pn.widgets.Select(label="Number", options=[], width=170)
+        self.number = pn.widgets.Select(label="Number", options=[""], width=170)
         self.share = pn.widgets.FloatInput(
             label="± [%]", value=10.0, start=0.01, end=90.0, width=80
         )
@@ -123,7 +141,6 @@ class Analyses:
 
     def panel(self) -> Any:
         """What is asked, and below what is answered."""
-        self.renew()
         choices = beside(*self.buttons, self.number, self.share)
         return pn.Column(choices, self.text, self.image, sizing_mode="stretch_width")
 
@@ -131,38 +148,33 @@ class Analyses:
         """Offer the numbers of the mechanism; what was answered of another one goes."""
         request = self.ask()
         numbers = {} if request is None else request.mechanism.parameters()
-        known = [address for address, number in numbers.items() if number.value]
-        options = ["", *known]
+        options = ["", *(address for address, number in numbers.items() if number.value)]
         if self.number.options != options:
-            value = self.number.value if self.number.value in known else ""
+            value = self.number.value if self.number.value in options else ""
             self.number.param.update(options=options, value=value)
-        self.show("", "")
+        self.show()
         self.vary()
 
-    def show(self, text: str, picture: str) -> None:
+    def show(self, text: str = "", picture: str = "") -> None:
         """Show an answer."""
-        self.text.object = text
-        self.image.object = picture
-
-    def _pressed(self, event: Any) -> None:
-        self.run(event.obj.label)
+        self.text.object, self.image.object = text, picture
 
     def run(self, name: str) -> None:
         """Ask one of the analyses, beside the page."""
         request = self._asked()
         if request is None:
-            self.show(NOTHING, "")
+            self.show(NOTHING)
             return
 
-        def task(report: Callable[..., None]) -> tuple[str, str]:
+        def task(report: OnProgress) -> tuple[str, str]:
             report(f"{name} ...")
-            answered = ANALYSES[name][1](request)
+            answer = ANALYSES[name][1](request._replace(report=report))
             with suppress(BlockmechError):  # of what has no picture the text stands alone
-                figure = getattr(answered, "figure", None)
-                return str(answered), image(figure(), PICTURE) if figure else ""
-            return str(answered), ""
+                figure = getattr(answer, "figure", None)
+                return str(answer), image(figure(), PICTURE) if figure else ""
+            return str(answer), ""
 
-        self.work.begin(task, lambda answered: self.show(*answered))
+        self.work.begin(task, lambda answer: self.show(*answer))
 
     @together
     def vary(self) -> None:
@@ -173,9 +185,9 @@ class Analyses:
         try:
             drawn = draw_panels([family(request, address)], self.along())
         except BlockmechError as error:
-            self.show(str(error), "")
+            self.show(str(error))
         else:
-            words = f"{request.name} for {CURVES} values of {address}"
+            words = f"{request.names[0]} for {CURVES} values of {address}"
             self.show(words, image(drawn, PICTURE))
 
     def _asked(self) -> Asked | None:

@@ -10,21 +10,18 @@ from typing import Any, get_args
 import numpy as np
 import panel as pn
 import param
-from bokeh.layouts import column
 from bokeh.models import Div
 
-from blockmech.analysis.explain import explain
-from blockmech.analysis.trade import trade
 from blockmech.draw.motion import Motion, moves_of_result
 from blockmech.dynamics.motion_outputs import result_along
 from blockmech.dynamics.simulation import simulate
 from blockmech.errors import BlockmechError
 from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
-from blockmech.studio.analyses import Analyses, Asked
+from blockmech.studio.analyses import Analyses, Asked, answered
 from blockmech.studio.candidates import Candidates
-from blockmech.studio.curves import CURVE, Plot, labels_of, panels_of
-from blockmech.studio.looks import LINES, TABLE, Plain, beside
+from blockmech.studio.curves import WIDE, Plots, panels_of
+from blockmech.studio.looks import LINES, Plain, beside, button
 from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.work import OnProgress, Work
@@ -77,11 +74,8 @@ def answer(
     result = motion.result
     if accuracy is None or result.motion is not None:
         return result.with_friction(friction, *names)
-    given = dict.fromkeys(("friction", "tolerance", "iterations")) | {"static": False}
-    answered: Result = result.mechanism.answer(
-        result.samples, tuple(names), given, accuracy, "auto", None, None, "mark"
-    )
-    return answered
+    chosen: Result = answered(result.mechanism, result.samples, names, friction, accuracy)
+    return chosen
 
 
 def _summary(result: Result, seconds: float) -> str:
@@ -90,10 +84,8 @@ def _summary(result: Result, seconds: float) -> str:
     chosen = f"; {result.accuracy}" if result.accuracy is not None else ""
     gaps = len(result.quality.gaps)
     holes = f"; {gaps} samples without an answer" if gaps else ""
-    iterations = [int(np.max(x)) for x in result.quality.iterations.values() if len(x)]
-    most = f"; at most {max(iterations)} iterations of friction" if any(iterations) else ""
     error = "" if result.motion is None else f"; {result.motion.summary()[0]}"
-    return "; ".join([how + chosen + most + holes + error, *result.notes()])
+    return "; ".join([how + chosen + holes + error, *result.notes()])
 
 
 class Find(pn.widgets.AutocompleteInput):  # type: ignore[misc]  # as the sheet
@@ -108,30 +100,19 @@ class Answers:
     def __init__(self, sheet: Sheet, view: Any) -> None:
         self.sheet, self.view = sheet, view
         self.result: Result | None = None
-        self.drawn: list[Plot] = []
         self.names = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
         self.find = Find(label="Add an output", placeholder="part of its name", width=190, **FINDS)
         self.find.param.watch(lambda event: self._add(event.new), "value")
-        methods = list(get_args(FrictionMethod))
-        self.friction = pn.widgets.Select(
-            label="Friction", options=methods, value="newton", width=92
-        )
-        self.accuracy = pn.widgets.Select(
-            label="Accuracy",
-            options={"as the method": 0.0} | {x: float(x) for x in ACCURACIES},
-            width=100,
-        )
+        methods, wanted = list(get_args(FrictionMethod)), {x: float(x) for x in ACCURACIES}
+        wanted = {"default": 0.0, **wanted}
+        self.friction = pn.widgets.Select(label="Friction", options=methods, width=92)
+        self.accuracy = pn.widgets.Select(label="Accuracy", options=wanted, width=100)
+        self.friction.value = "newton"
         self.until = pn.widgets.TextInput(label="Simulate until", value="time=2", width=100)
         self.said = Plain("", sizing_mode="stretch_width", min_width=160, stylesheets=[LINES])
         self.values = Div(text="", sizing_mode="stretch_width")
-        self.costs = Plain("", sizing_mode="stretch_width", stylesheets=[TABLE])
-        self.plots = pn.pane.Bokeh(column(sizing_mode="stretch_width"), sizing_mode="stretch_width")
+        self.plots = Plots(view.dark, view.seek, tools=TOOLS)
         self.work = Work(lambda message: self.said.param.update(object=message))
-        acts = (self.simulate, view.turn, self.explain, self.trade)
-        self.buttons = [
-            pn.widgets.Button(label=name, width=100, on_click=lambda _, act=act: act())
-            for name, act in zip(("Simulate", "Turn", "Cost", "Trade"), acts, strict=True)
-        ]
         self.analyses = Analyses(self._asked, lambda: self.view.along, self.work)
         for widget in (self.names, self.friction, self.accuracy):
             widget.param.watch(lambda _: self.renew(), "value")
@@ -142,20 +123,19 @@ class Answers:
 
     def tabs(self) -> dict[str, Callable[[], Any]]:
         """What is asked and what is answered, by tab; each is made when it is first shown."""
-        wide = {"sizing_mode": "stretch_width"}
-        simulate, turn, cost, compare = self.buttons
 
         def curves() -> Any:
             choices = (self.find, self.names, beside(self.friction, self.accuracy), self.values)
-            return pn.Row(pn.Column(*choices, width=206), self.plots, **wide)
+            return pn.Row(pn.Column(*choices, width=206), self.plots.pane, **WIDE)
+
+        acts = button("Simulate", self.simulate), button("Turn", self.view.turn)
 
         return {
             "Curves": curves,
-            "Motion": lambda: beside(self.until, simulate, turn),
+            "Motion": lambda: beside(self.until, *acts),
             "Margins": self.view.margins,
             "Analyses": self.analyses.panel,
             "Synthesis": Candidates(self.sheet, self.work).panel,
-            "Methods": lambda: pn.Column(beside(cost, compare), self.costs, **wide),
         }
 
     # -- curves ----------------------------------------------------------------------------
@@ -169,7 +149,6 @@ class Answers:
         if not chosen and motion is not None:
             drives = (motion.mechanism.of_driver(d, "drive") for d in motion.mechanism.drivers)
             chosen = [name for name in drives if name in offered]
-        self.costs.object = ""
         self.analyses.renew()
         same = chosen == self.names.value
         self.find.options = offered
@@ -199,15 +178,8 @@ class Answers:
             else:
                 message = _summary(result, time.perf_counter() - begun)
                 self.result = result
-            if [labels_of(p) for p in panels] != [plot.curves for plot in self.drawn]:
-                look = {"height": CURVE, "tools": TOOLS}
-                self.drawn = [Plot(p, self.view.dark, self.view.seek, **look) for p in panels]
-                figures = [plot.figure for plot in self.drawn]
-                self.plots.object = column(*figures, sizing_mode="stretch_width")
-            for plot, panel in zip(self.drawn, panels, strict=True):
-                plot.show(panel, self.view.along, self.view.spans)
+        self.plots.show(panels, self.view.along, self.view.spans)
         self.said.object = message
-        self.plots.visible = bool(panels)
         self._show_pose()
 
     @together
@@ -215,20 +187,19 @@ class Answers:
         """Put the cursors and the values to the shown pose."""
         k, result, lines = self.view.pose, self.result, []
         if result is not None:
-            for plot in self.drawn:
-                plot.cursor.location = float(self.view.along.values[k])
+            self.plots.point(self.view.along.values[k])
             outputs = [(name, result.output(name)) for name in result]
             shown = [(name, x.unit) for name, x in outputs if x.kind in ("real", "vector")]
             lines = [_told(name, result[name][k], unit) for name, unit in shown]
         self.values.text = "<br>".join(map(html.escape, lines))
 
     def _asked(self) -> Asked | None:
-        """What the analyses are of: the first chosen output at the samples that are shown."""
+        """What the analyses are of: the chosen outputs at the samples that are shown."""
         motion, names = self.view.motion, self.names.value
         if motion is None or not names:
             return None
         result = motion.result
-        return Asked(result.mechanism, result.samples, motion.q, names[0], self.friction.value)
+        return Asked(result.mechanism, result.samples, motion.q, tuple(names), self.friction.value)
 
     def wires(self, name: str) -> str:
         """What travels on a wire in the shown pose, for the diagram; "" where nothing is known."""
@@ -267,18 +238,3 @@ class Answers:
 
         if mechanism is not None:
             self.work.begin(task, done)
-
-    def explain(self) -> None:
-        """Say what each chosen output costs."""
-        if self.view.motion is not None and self.names.value:
-            names, friction = tuple(self.names.value), self.friction.value
-            self.costs.object = explain(self.view.motion.mechanism, names, friction=friction)
-
-    def trade(self) -> None:
-        """Measure what the methods cost and how exact they are."""
-        mechanism, names = self.sheet.mechanism, tuple(self.names.value)
-        if mechanism is not None and names:
-            self.work.begin(
-                lambda report: trade(mechanism, "run", names, say=report),
-                lambda measured: self.costs.param.update(object=str(measured)),
-            )

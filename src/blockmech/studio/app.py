@@ -9,40 +9,27 @@ from typing import Any
 from urllib.parse import quote
 
 import panel as pn
-from bokeh.models import CustomJS, Div, Toggle
+import param
 
 from blockmech.builders import Graph, Linkage, Opened, opened
 from blockmech.errors import BlockmechError
 from blockmech.studio.answers import Answers
+from blockmech.studio.component import Component, script
 from blockmech.studio.diagram import Diagram
-from blockmech.studio.exports import SAVE, exported, kinds, sent
+from blockmech.studio.exports import exported, kinds
 from blockmech.studio.fields import CHOICES, Shown
 from blockmech.studio.files import Desk, Filed, files_of
 from blockmech.studio.form import MECHANISM, Form
 from blockmech.studio.gallery import gallery_page
 from blockmech.studio.links import LinksSheet
-from blockmech.studio.looks import begin, beside, either, page
+from blockmech.studio.looks import begin, beside, button, either, page
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.server import serve
 from blockmech.studio.session import follow
 from blockmech.studio.sharing import KEY, packed, unpacked
 from blockmech.testing.files import gallery
 
-LEAVING = "window.onbeforeunload = (e) => { if (!kept.active) e.preventDefault() }"
-"""Whoever leaves a sheet that is not saved is asked by the browser."""
-
-COPY = """
-if (!packed.text) return;
-const link = `${location.origin}/${packed.text}`;
-navigator.clipboard.writeText(link).catch(() => prompt("the link", link));
-"""
-UNITS = "blockmech_units"
-KEEP = f"""
-const words = [a, b, c, d].map(({{value}}) => value).join("|");
-document.cookie = `{UNITS}=${{words}}; path=/; max-age=${{10 * 365 * 86400}}; samesite=strict`;
-"""
-"""The units that a user chose are kept by the browser, in this cookie."""
-
+UNITS = "blockmech_units"  # the cookie in which the browser keeps the units that a user chose
 SAID = 400  # letters of a message that an address carries
 
 FIRST = "Add a frame and a crank, then wire the crank to a marker of the frame."
@@ -52,35 +39,37 @@ BELOW = 250  # px of form and answers; diagram and mechanism have the rest
 ABOVE = 480, 400  # px of either side; in a lower window it scrolls
 
 
+class Browser(Component):
+    """What the page asks of the browser itself: to copy a link, to save a file, to keep units.
+
+    Whoever leaves a sheet that is not saved is asked.
+    """
+
+    saved = param.Boolean(default=True)
+    units = param.String()
+
+    _esm = script("browser.js")
+
+
 class Page:
     """One window on a sheet. Several may show the same sheet, which the server keeps."""
 
     def __init__(self, sheet: Filed, dark: bool = False) -> None:
         self.sheet, self.dark = sheet, dark
-        self.status = pn.pane.HTML("", css_classes=["bm-status"], sizing_mode="stretch_width")
-        self.formula = pn.pane.HTML(
-            "", height=FORMULA, sizing_mode="stretch_width", styles={"overflow-y": "auto"}
-        )
+        wide = {"sizing_mode": "stretch_width", "margin": (0, 4)}
+        self.status = pn.pane.HTML("", css_classes=["bm-status"], **wide)
+        self.formula = pn.pane.HTML("", height=FORMULA, styles={"overflow-y": "auto"}, **wide)
         self.view = MechanismView(sheet, dark)
         self.answers = Answers(sheet, self.view)
         self.form = Form(sheet, self.say)
         self.diagram = Diagram(sheet, self.say, self.select, self.answers.wires)
         self.file = pn.widgets.TextInput(label="File", width=170, css_classes=["line"])
-        self.save = self._button("Save", lambda: self._save(False), button_type="primary")
-        self.replace = self._button("Replace the file", lambda: self._save(True), visible=False)
-        self.undo = self._button("Undo", lambda: self.say(f"Undo: {sheet.undo()}"))
-        self.redo = self._button("Redo", lambda: self.say(f"Redo: {sheet.redo()}"))
+        self.save = button("Save", lambda: self._save(False), button_type="primary")
+        self.replace = button("Replace the file", lambda: self._save(True), visible=False)
+        self.undo = button("Undo", lambda: self.say(f"Undo: {sheet.undo()}"))
+        self.redo = button("Redo", lambda: self.say(f"Redo: {sheet.redo()}"))
         self.kind = pn.widgets.Select(label="Export as", groups=kinds(), width=130, **BARE)
-        self.export = self._button("Export", self._export)
-        self.sent = Div(text="", visible=False)
-        self.sent.js_on_change("text", CustomJS(args={"sent": self.sent}, code=SAVE))
-        self.share = self._button("Copy link", self._share)
-        self.packed = Div(text="", visible=False)
-        self.packed.js_on_change("text", CustomJS(args={"packed": self.packed}, code=COPY))
-        self.kept = Toggle(label="saved", visible=False)
-        if pn.state.curdoc is not None:
-            asks = CustomJS(args={"kept": self.kept}, code=LEAVING)
-            pn.state.curdoc.js_on_event("document_ready", asks)
+        self.browser = Browser()
         kept = Shown.of(pn.state.cookies.get(UNITS, ""))
         self.units = [
             pn.widgets.Select(label=label, options=list(known), value=unit, width=66, **BARE)
@@ -88,35 +77,27 @@ class Page:
         ]
         for widget in self.units:
             widget.param.watch(lambda _: self._measure(), "value")
-            widget.jscallback(value=KEEP, args=dict(zip("abcd", self.units, strict=True)))
         self._measure()
         follow(sheet, self.show, "form", "problems", "saved", "undoable", "redoable", "path")
         self.show()
 
-    def _button(self, label: str, act: Callable[[], Any], **look: Any) -> Any:
-        return pn.widgets.Button(label=label, on_click=lambda _: act(), **look)
-
     def panel(self) -> Any:
         """The page."""
-        blocks = beside(
-            self._button("Lay out", self.diagram.lay_out),
-            self._button("Duplicate block", lambda: self.diagram.duplicate(self._chosen())),
-            self._button("Delete block", lambda: self.diagram.remove(self._chosen())),
-        )
         bar = beside(
             pn.pane.HTML("<h1>blockmech</h1>"),
-            *(self.file, self.save, self.replace, self.undo, self.redo, self.share),
-            *(self.kind, self.export),
+            *(self.file, self.save, self.replace, self.undo, self.redo),
+            *(button("Copy link", self._share), self.kind, button("Export", self._export)),
             pn.layout.HSpacer(),
             *self.units,
-            *(pn.pane.Bokeh(x, visible=False) for x in (self.kept, self.packed, self.sent)),
+            self.browser,
             css_classes=["bar"],
             sizing_mode="stretch_width",
         )
-        flow = (blocks, self.formula, self.diagram.flow)
         ways = {
             "Links and joints": lambda: LinksSheet(self.sheet, self.dark, self.view).panel(),
-            "Blocks": lambda: pn.Column(*flow, sizing_mode="stretch_both"),
+            "Blocks": lambda: pn.Column(
+                self.formula, self.diagram.flow, sizing_mode="stretch_both"
+            ),
         }
         drawn = either(ways, list(ways)[not isinstance(self.sheet.document, Linkage)])
         below = {
@@ -142,7 +123,9 @@ class Page:
 
     def _measure(self) -> None:
         """Show lengths and angles in the units that the user chose; files stay SI."""
-        self.form.shown = self.view.shown = Shown(*(widget.value for widget in self.units))
+        units = Shown(*(widget.value for widget in self.units))
+        self.form.shown = self.view.shown = units
+        self.browser.units = "|".join(units)
 
     def select(self, name: str) -> None:
         """Show the form of a block."""
@@ -156,7 +139,7 @@ class Page:
         self.undo.param.update(disabled=not sheet.undoable, description=sheet.undoable or None)
         self.redo.param.update(disabled=not sheet.redoable, description=sheet.redoable or None)
         self.save.label = "Saved" if sheet.saved and sheet.path else "Save"
-        self.kept.active = sheet.saved
+        self.browser.saved = sheet.saved
         if isinstance(sheet.graph, Graph):
             formula = html.escape(sheet.graph.structure().formula.replace("->", "→"))
             self.formula.object = f"<p tabindex=0>{formula}</p>"  # so that keys scroll it
@@ -179,29 +162,22 @@ class Page:
 
     def _share(self) -> None:
         """Pack the document into the link, which the browser then copies."""
-        self.packed.text = ""
-        self.packed.text = packed(self.sheet.text())
+        self.browser.tell(link=packed(self.sheet.text()))
         self.say("the link with the document is copied")
 
     def _export(self) -> None:
         """Write what is chosen, beside the page; the browser saves it."""
         kind = self.kind.value
 
-        def task(report: Callable[..., None]) -> str:
+        def task(report: Callable[..., None]) -> tuple[str, bytes]:
             report(f"{kind} ...")
-            return sent(exported(kind, self.sheet, self.view, self.answers))
+            return exported(kind, self.sheet, self.view, self.answers)
 
-        def done(text: str) -> None:
-            self.sent.text = ""
-            self.sent.text = text
+        def done(file: tuple[str, bytes]) -> None:
+            self.browser.tell(name=file[0], file=file[1])
             self.say(f"exported {kind}")
 
         self.answers.work.begin(task, done)
-
-    def _chosen(self) -> list[str]:
-        """Blocks that are selected on the canvas, or the one of the form."""
-        names = self.diagram.flow.chosen or self.form.selected[1:]
-        return [name for name in names if name in self.sheet.form.get("blocks", ())]
 
 
 def started(folder: Path, file: str | None, port: int, told: Callable[[str], None]) -> Any:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import panel as pn
@@ -15,7 +16,7 @@ import panel as pn
 import blockmech
 from blockmech.draw.mechanism import draw_tile
 from blockmech.draw.paper import image
-from blockmech.studio.looks import LINES, Plain, beside
+from blockmech.studio.looks import LINES, Plain, beside, button
 from blockmech.studio.sketching import outlines_of, pins_of
 from blockmech.studio.work import OnProgress, Work
 
@@ -42,7 +43,7 @@ class Candidates:
 
     def __init__(self, sheet: Any, work: Work) -> None:
         self.sheet, self.work = sheet, work
-        self.button = pn.widgets.Button(label="Candidates", on_click=lambda _: self.search())
+        self.button = button("Candidates", self.search)
         self.said = Plain(HOW, stylesheets=[LINES], sizing_mode="stretch_width")
         self.designs: list[Any] = []
         self.found = pn.Row(styles={"flex-wrap": "wrap"})
@@ -73,9 +74,7 @@ class Candidates:
             pn.Column(
                 pn.pane.HTML(picture, stylesheets=[THUMB], margin=2),
                 beside(
-                    pn.widgets.Button(
-                        label=f"Take {k}", on_click=lambda _, own=design: self.take(own)
-                    ),
+                    button(f"Take {k}", partial(self.take, design)),
                     Plain(
                         f"miss {design.miss:.2g} m, margin {design.margin:.2g}", stylesheets=[LINES]
                     ),

@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
+import panel as pn
 from bokeh.events import Tap
+from bokeh.layouts import column
 from bokeh.models import BoxAnnotation, ColumnDataSource, Label, Span
 from bokeh.plotting import figure
 
@@ -19,6 +21,8 @@ from blockmech.studio.plots import FONT, coloured, dress
 from blockmech.studio.session import heard
 
 CURVE = 192  # [px] height of a figure: one stands in the drawer as a whole
+WIDE = {"sizing_mode": "stretch_width"}
+Seek = Callable[[float], None]
 
 
 def panels_of(result: Result, names: Iterable[str]) -> list[Panel]:
@@ -49,11 +53,9 @@ class Plot:
     ``seek`` is called with the place on the axis that somebody taps.
     """
 
-    def __init__(
-        self, panel: Panel, dark: bool, seek: Callable[[float], None], **look: Any
-    ) -> None:
+    def __init__(self, panel: Panel, dark: bool, seek: Seek, **look: Any) -> None:
         self.dark, self.curves = dark, labels_of(panel)
-        self.figure = figure(sizing_mode="stretch_width", **look)
+        self.figure = figure(**WIDE, **look)
         self.figure.on_event(Tap, lambda tap: heard(lambda: seek(tap.x))())
         self.cursor = Span(dimension="height", line_color=coloured(ink.ALARM, dark), line_width=1)
         self.figure.add_layout(self.cursor)
@@ -69,7 +71,9 @@ class Plot:
             }
         )
         looks = {name: name for name in self.source.data if name != "name"}
-        self.figure.multi_line(**looks, source=self.source, legend_field="name")
+        if "tooltips" not in look:  # else a pointer on a curve is told its name
+            looks["legend_field"] = "name"
+        self.figure.multi_line(**looks, source=self.source)
         dress(self.figure, dark)
 
     def show(self, panel: Panel, along: Abscissa, gaps: Iterable[tuple[int, int]]) -> None:
@@ -101,6 +105,29 @@ class Plot:
             text_font=FONT, text_font_size="11px",
         )  # fmt: skip
         return line, name
+
+
+class Plots:
+    """The figures of some panels, one below the other; arguments as of `Plot`."""
+
+    def __init__(self, dark: bool, seek: Seek, **look: Any) -> None:
+        self.dark, self.seek, self.look = dark, seek, {"height": CURVE, **look}
+        self.drawn: list[Plot] = []
+        self.pane = pn.pane.Bokeh(column(**WIDE), **WIDE)
+
+    def show(self, panels: list[Panel], along: Abscissa, gaps: list[tuple[int, int]]) -> None:
+        """Draw panels, in new figures only where there are other curves than before."""
+        if [labels_of(panel) for panel in panels] != [plot.curves for plot in self.drawn]:
+            self.drawn = [Plot(p, self.dark, self.seek, **self.look) for p in panels]
+            self.pane.object = column(*(plot.figure for plot in self.drawn), **WIDE)
+        for plot, panel in zip(self.drawn, panels, strict=True):
+            plot.show(panel, along, gaps)
+        self.pane.visible = bool(panels)
+
+    def point(self, x: float) -> None:
+        """Put all cursors to a place."""
+        for plot in self.drawn:
+            plot.cursor.location = float(x)
 
 
 def labels_of(panel: Panel) -> list[str]:

@@ -21,7 +21,7 @@ export function render({ model, el }) {
 
   const view = { scale: 1, x: 0, y: 0 };
   let drag = null; // what the hand does now
-  let told = 0;
+  let may = {}; // a wire, and why it cannot be or ""
   let ids = "";
   let over = ""; // the wire under the pointer
 
@@ -130,8 +130,9 @@ export function render({ model, el }) {
 
   // -- what the pointer does -----------------------------------------------------------------
 
-  const path = (event) => event.composedPath().filter((part) => part.dataset);
-  const under = (event, name) => path(event).find((part) => part.classList?.contains(name));
+  const under = (event, name) => event.composedPath().find((part) => part.dataset && part.classList.contains(name));
+  const handleAt = ({ clientX, clientY }) => svg.getRootNode().elementsFromPoint(clientX, clientY)
+    .find((part) => part.classList.contains("handle")); // its wire lies on it
   const handles = (side) => [...all.querySelectorAll(`.handle.${side}`)];
 
   function middle(handle) {
@@ -159,7 +160,7 @@ export function render({ model, el }) {
   svg.addEventListener("pointerdown", (event) => {
     if (event.button > 1) return;
     const p = place(event);
-    const [handle, own, wire] = ["handle", "block", "wire"].map((name) => under(event, name));
+    const [handle, own, wire] = [handleAt(event), under(event, "block"), under(event, "wire")];
     const begun = { begun: p, more: event.ctrlKey || event.shiftKey || event.metaKey };
     svg.setPointerCapture(event.pointerId);
     hide();
@@ -214,11 +215,11 @@ export function render({ model, el }) {
   function judge() {
     if (drag?.kind !== "wire" || !drag.onto) return;
     const { from, to } = ends();
-    if (model.may.wire !== `${from} -> ${to}`) return;
+    if (may.wire !== `${from} -> ${to}`) return;
     const handle = handles(drag.side).find((one) =>
       one.dataset.block === drag.onto.block && one.dataset.port === drag.onto.port);
-    handle?.classList.add(model.may.said ? "refused" : "valid");
-    if (model.may.said) hint(model.may.said, middle(handle));
+    handle?.classList.add(may.said ? "refused" : "valid");
+    if (may.said) hint(may.said, middle(handle));
   }
 
   svg.addEventListener("pointerup", (event) => {
@@ -246,7 +247,7 @@ export function render({ model, el }) {
   onWheel(svg, zoomBy);
 
   function hover(event) {
-    const [wire, handle] = [under(event, "wire")?.dataset.id ?? "", under(event, "handle")];
+    const [wire, handle] = [under(event, "wire")?.dataset.id ?? "", handleAt(event)];
     if (handle?.classList.contains("wrong")) hint(handle.getAttribute("aria-label"), place(event));
     else if (wire !== over && wire) tell("hover", { wire, at: place(event) });
     else if (!wire) hide();
@@ -265,12 +266,10 @@ export function render({ model, el }) {
   // -- palette, keys, and what the server says -----------------------------------------------
 
   for (const [kind, family, words, why] of model.kinds) {
-    const chip = element(palette, "button", family, words);
-    Object.assign(chip, { type: "button", draggable: true, title: why || kind, disabled: Boolean(why) });
+    const chip = pressed(palette, words, `Add ${words}`, () => tell("add", { kind, at: null }));
+    Object.assign(chip, { className: family, draggable: true, title: why || kind, disabled: Boolean(why) });
     chip.dataset.kind = kind;
-    chip.setAttribute("aria-label", `Add ${words}`);
     chip.addEventListener("dragstart", (event) => event.dataTransfer.setData(KINDS, kind));
-    chip.addEventListener("click", () => tell("add", { kind, at: null }));
   }
   svg.addEventListener("dragover", (event) => event.preventDefault());
   svg.addEventListener("drop", (event) => {
@@ -279,21 +278,14 @@ export function render({ model, el }) {
     if (kind) tell("add", { kind, at: canvas(place(event)) });
   });
 
-  const centre = () => {
-    const { width, height } = svg.getBoundingClientRect();
-    return { x: width / 2, y: height / 2 };
-  };
+  const centre = () => ({ x: area.clientWidth / 2, y: area.clientHeight / 2 });
   const buttons = [["+", "Zoom in", () => zoomBy(1.25, centre())],
-    ["\u2212", "Zoom out", () => zoomBy(0.8, centre())], ["\u2922", "Fit View", fit]];
-  for (const [text, name, act] of buttons) {
-    const button = element(zoom, "button", "", text);
-    button.type = "button";
-    button.setAttribute("aria-label", name);
-    button.title = name;
-    button.addEventListener("click", act);
-  }
+    ["\u2212", "Zoom out", () => zoomBy(0.8, centre())], ["\u2922", "Fit View", fit],
+    ["Lay out", "", () => tell("lay out")],
+    ["Duplicate", "Duplicate block", () => tell("duplicate", { names: chosen() })],
+    ["Delete", "Delete block", () => tell("delete", { names: chosen() })]];
+  for (const [text, name, act] of buttons) pressed(zoom, text, name, act);
 
-  const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
   svg.addEventListener("keydown", (event) => {
     const focused = under(event, "block")?.dataset.id;
     const names = chosen().length ? chosen() : focused ? [focused] : [];
@@ -310,7 +302,8 @@ export function render({ model, el }) {
     else if (event.key === "Delete" || event.key === "Backspace") tell("delete", { names });
     else if (command && event.key === "d") tell("duplicate", { names });
     else if (ARROWS[event.key]) {
-      const [dx, dy] = ARROWS[event.key].map((k) => (k * model.drawing.row) / (event.shiftKey ? 1 : 4));
+      const step = model.drawing.row / (event.shiftKey ? 1 : 4);
+      const [dx, dy] = [step * ARROWS[event.key][0], -step * ARROWS[event.key][1]];
       const moved = names.filter(block).map((name) => [name, { x: block(name).x + dx, y: block(name).y + dy }]);
       tell("move", { at: Object.fromEntries(moved) });
     } else return;
@@ -330,24 +323,15 @@ export function render({ model, el }) {
     judge();
   }
 
-  function say() {
-    const { text, count, at: where } = model.told;
-    if (!count || count === told) return;
-    told = count;
-    hint(text, where);
-  }
-
   model.on("drawing", renew);
   model.on("chosen", draw);
-  model.on("may", judge);
-  model.on("told", say);
+  model.on("msg:custom", (data) => {
+    if (data.wire) { may = data; judge(); } else hint(data.text, data.at);
+  });
   let known = 0;
-  const watcher = new ResizeObserver(() => {
-    const { width } = svg.getBoundingClientRect();
+  onSize(model, svg, ({ width }) => {
     if (width && !known) { fit(); renew(); }
     known = width;
   });
-  watcher.observe(svg);
-  model.on("remove", () => watcher.disconnect());
   return box;
 }

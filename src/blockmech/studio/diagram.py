@@ -31,15 +31,13 @@ from blockmech.studio.sheet import Sheet
 class Flow(Component):
     """The diagram in the browser, with its palette.
 
-    ``chosen`` are blocks and wires, ``may`` says of a wire that is being dragged why it cannot
-    be, or ""; ``told`` is shown ``at`` a place [px].
+    ``chosen`` are blocks and wires. It is told a ``text`` to show ``at`` a place [px], or of a
+    ``wire`` that is being dragged what is ``said`` against it, or "".
     """
 
     drawing = param.Dict(default={"blocks": [], "wires": [], "editable": False, "row": 0.0})
     chosen = param.List(default=[])
     kinds = param.List(default=[])
-    may = param.Dict(default={"wire": "", "said": ""})
-    told = param.Dict(default={"text": "", "count": 0, "at": {"x": 0, "y": 0}})
 
     _esm = script("diagram.js")
     _stylesheets = [style("diagram.css")]
@@ -118,8 +116,7 @@ class Diagram:
         elif act == "select":
             self.select(msg["name"])
         elif act == "hover":
-            text = self.values(msg["wire"])
-            self.flow.told = {"text": text, "count": self.flow.told["count"] + 1, "at": msg["at"]}
+            self.flow.tell(text=self.values(msg["wire"]), at=msg["at"])
         elif act in ("undo", "redo"):
             getattr(self.sheet, act)()
         elif "blocks" in self.sheet.form:
@@ -127,23 +124,29 @@ class Diagram:
 
     def _edit(self, act: str, msg: dict[str, Any]) -> None:
         """Do to the sheet what was done to the canvas, as one step."""
-        form = self.sheet.form
-        if act == "move":
+        form, names = self.sheet.form, msg.get("names", [])
+        if "names" in msg and not names:
+            self.say("choose blocks first: click them in the diagram")
+        elif act == "lay out":
+            self.do({**form, "view": {}}, "laid out")  # places then follow from the wires
+        elif act == "move":
             moved = {name: _points(z) for name, z in msg["at"].items()}
             self.do(edits.placed(form, {**self.places, **moved}), f"{', '.join(moved)} moved")
         elif act == "may":
-            wire = f"{msg['from']} -> {msg['to']}"
-            self.flow.may = {"wire": wire, "said": self._refusal(msg["from"], msg["to"])}
+            wire = Wire(msg["from"], msg["to"])
+            self.flow.tell(wire=str(wire), said=self._refusal(wire))
         elif act == "wire":
-            made = {**form, "wires": [*form["wires"], {"from": msg["from"], "to": msg["to"]}]}
-            if refusal := self._refusal(msg["from"], msg["to"]):
+            wire = Wire(msg["from"], msg["to"])
+            if refusal := self._refusal(wire):
                 self.say(refusal)
             else:
-                self.do(made, f"{msg['from']} -> {msg['to']}")
+                self.do(edits.wired(form, *wire.ends), str(wire))
         elif act == "delete":
-            self.remove(msg["names"])
+            self.do(edits.without(form, names, names), f"{', '.join(names)} deleted")
         elif act == "duplicate":
-            self.duplicate([name for name in msg["names"] if name in form["blocks"]])
+            blocks = [name for name in names if name in form["blocks"]]
+            made = edits.duplicated(form, blocks, self.places)
+            self.do(made, f"{', '.join(blocks)} duplicated")
 
     def do(self, form: Form, said: str) -> bool:
         """Change the sheet; a refusal is told, and the canvas shows the sheet again."""
@@ -166,22 +169,9 @@ class Diagram:
         if self.do(edits.added(form, kind, name, at or (right + 14 * ROW, ROW)), f"{name} added"):
             self.select(name)
 
-    def lay_out(self) -> None:
-        """Forget all places, so that they follow from the wires."""
-        self.do({**self.sheet.form, "view": {}}, "laid out")
-
-    def duplicate(self, names: list[str]) -> None:
-        """Put copies of some blocks beside them."""
-        made = edits.duplicated(self.sheet.form, names, self.places)
-        self.do(made, f"{', '.join(names)} duplicated")
-
-    def remove(self, names: list[str]) -> None:
-        """Delete some blocks and wires."""
-        self.do(edits.without(self.sheet.form, names, names), f"{', '.join(names)} deleted")
-
-    def _refusal(self, source: str, target: str) -> str:
+    def _refusal(self, wire: Wire) -> str:
         """Why a wire cannot be, in the words of `Graph.connect`; "" where it can."""
-        return " ".join(map(str, self.sheet.document.problems_of(Wire(source, target))))
+        return " ".join(map(str, self.sheet.document.problems_of(wire)))
 
 
 def _points(at: dict[str, float]) -> tuple[float, float]:

@@ -5,12 +5,9 @@ The last are those of `blockmech.exchange`, with what is shown and ticked on the
 
 from __future__ import annotations
 
-import base64
-import io
-import json
 import re
+import shutil
 import tempfile
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -26,17 +23,6 @@ from blockmech.runnable import EVERYTHING
 
 NUMBERS = ("csv", "xlsx", "mat", "npz", "parquet", "json")
 OUTLINES = ("dxf", "svg")
-SAVE = """
-if (!sent.text) return;
-const [name, data] = JSON.parse(sent.text);
-fetch(`data:application/octet-stream;base64,${data}`).then((file) => file.blob()).then((blob) => {
-  const link = document.createElement("a");
-  [link.href, link.download] = [URL.createObjectURL(blob), name];
-  link.click();
-  URL.revokeObjectURL(link.href);
-});
-"""
-"""The browser saves what the text of ``sent`` holds, a name and base 64."""
 
 
 def kinds() -> dict[str, list[str]]:
@@ -58,25 +44,16 @@ def exported(kind: str, sheet: Any, view: Any, answers: Any) -> tuple[str, bytes
     what, _, suffix = kind.partition(" ")
     name = re.sub(r"[^\w-]+", "_", sheet.form["name"])  # no name leads out of a folder
     if what == "document":
-        files = {f"{name}.json": sheet.text().encode()}
-    elif what == "diagram":
+        return f"{name}.json", sheet.text().encode()
+    if what == "diagram":
         from blockmech.draw.diagram import draw_diagram
 
-        files = {f"diagram{suffix}": rendered(draw_diagram(sheet.blocks).figure, suffix)}
-    elif view.motion is None:
+        return f"diagram{suffix}", rendered(draw_diagram(sheet.blocks).figure, suffix)
+    if view.motion is None:
         raise refused(kind, "nothing moves on this sheet yet", "draw what moves first")
-    elif what in ("pose", "motion"):
-        files = {f"mechanism{suffix}": (_pose if what == "pose" else _film)(view, suffix)}
-    else:
-        files = _written(suffix.lstrip(".") or what, name, view, answers)
-    if len(files) == 1:
-        return next(iter(files.items()))
-    return f"{name}-{what}.zip", _zipped(files)
-
-
-def sent(file: tuple[str, bytes]) -> str:
-    """A file as `SAVE` takes it."""
-    return json.dumps([file[0], base64.b64encode(file[1]).decode()])
+    if what in ("pose", "motion"):
+        return f"mechanism{suffix}", (_pose if what == "pose" else _film)(view, suffix)
+    return _written(suffix.lstrip(".") or what, name, view, answers)
 
 
 def _pose(view: Any, suffix: str) -> bytes:
@@ -95,21 +72,17 @@ def _film(view: Any, suffix: str) -> bytes:
     return film.html.encode() if suffix == ".html" else bytes(getattr(film, suffix[1:]))
 
 
-def _written(to: str, name: str, view: Any, answers: Any) -> dict[str, bytes]:
-    """The files of a format of `blockmech.exchange`: outlines in the shown pose."""
+def _written(to: str, name: str, view: Any, answers: Any) -> tuple[str, bytes]:
+    """The file of a format of `blockmech.exchange`: outlines in the shown pose."""
     motion, result = view.motion, answers.result
     at = view.coordinates if to in OUTLINES else motion.q
     want = EVERYTHING if result is None else tuple(result)
     settings = {"friction": answers.friction.value}
     order = Order(motion.mechanism, want, {"at": at}, settings, computed=result)
     with tempfile.TemporaryDirectory() as folder:
-        paths = WRITERS[to].write(order, Path(folder, name + WRITERS[to].suffixes[0]))
-        return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
-
-
-def _zipped(files: dict[str, bytes]) -> bytes:
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as whole:
-        for name, data in files.items():
-            whole.writestr(name, data)
-    return buffer.getvalue()
+        made = Path(folder, "made")
+        made.mkdir()
+        paths = WRITERS[to].write(order, made / f"{name}{WRITERS[to].suffixes[0]}")
+        if len(paths) > 1:
+            paths = [Path(shutil.make_archive(f"{folder}/{name}-{to}", "zip", made))]
+        return paths[0].name, paths[0].read_bytes()

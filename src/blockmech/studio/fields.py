@@ -8,20 +8,22 @@ units that the user chose.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from blockmech.validation_errors import UNITS
-
 Path = tuple[str, ...]
 Schema = Mapping[str, Any]
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 PAIR = re.compile(rf"\s*\[?\s*({NUMBER})\s*(,|@|\s)\s*({NUMBER})\s*\]?\s*")
 INCH, POUND = Fraction("0.0254"), Fraction("4.4482216152605")
-EXACT = {"mm": Fraction(1000), "inch": 1 / INCH, "kN": Fraction(1, 1000), "lbf": 1 / POUND}
+PI = Fraction("3.1415926535897932384626433832795029")
+MANY = {"mm": Fraction(1000), "inch": 1 / INCH, "kN": Fraction(1, 1000), "lbf": 1 / POUND}
+MANY |= {"deg": 180 / PI, "rpm": 30 / PI}
+"""How many of a unit that a user may choose make one of SI; doubles are too few to go back."""
 DIGITS = 17  # that tell every double from its neighbours
 
 
@@ -192,11 +194,10 @@ class Shown(NamedTuple):
 
     def factor(self, si: str) -> float:
         """How many of the units shown make one of SI."""
-        return UNITS[self.unit(si)][1] if si != self.unit(si) else 1.0
+        return float(self._many(si))
 
-    def _many(self, si: str) -> float | Fraction:
-        """How many make one of SI, as a fraction where a unit is defined as one."""
-        return EXACT.get(self.unit(si), self.factor(si))
+    def _many(self, si: str) -> Fraction:
+        return MANY.get(self.unit(si), Fraction(1))
 
     def text(self, field: Field, value: Any) -> str:
         """A value as it stands in a field; nothing for one that is not given."""
@@ -207,7 +208,7 @@ class Shown(NamedTuple):
             return _digits(value, k)
         if field.kind == "place" and isinstance(value, dict):
             r, angle = value["polar"]
-            return f"{_digits(r, k)} @ {_digits(angle, self.factor('rad'))}"
+            return f"{_digits(r, k)} @ {_digits(angle, self._many('rad'))}"
         if field.kind in ("place", "pair") and isinstance(value, list):
             return ", ".join(_digits(x, k) for x in value)
         return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
@@ -221,7 +222,7 @@ class Shown(NamedTuple):
             return _si(text, k)
         pair = PAIR.fullmatch(text) if field.kind in ("place", "pair") else None
         if pair and pair[2] == "@":
-            return {"polar": [_si(pair[1], k), _si(pair[3], self.factor("rad"))]}
+            return {"polar": [_si(pair[1], k), _si(pair[3], self._many("rad"))]}
         if pair:
             return [_si(pair[1], k), _si(pair[3], k)]
         if field.kind == "json":
@@ -232,20 +233,19 @@ class Shown(NamedTuple):
         return text
 
 
-def _digits(value: float, k: float | Fraction) -> str:
-    """The shortest text of a value in units of which ``k`` make one, that reads as the same."""
-    near = (float(f"{float(value * k):.{digits}g}") for digits in range(1, DIGITS + 1))
-    texts = [repr(x).removesuffix(".0") for x in near]
-    if isinstance(k, Fraction):  # of which doubles are too few
-        whole = Fraction(value) * k
-        texts.append(f"{Decimal(whole.numerator) / Decimal(whole.denominator):.{DIGITS + 1}g}")
-    return next((text for text in texts if _si(text, k) == value), repr(float(value * k)))
+def _digits(value: float, many: Fraction) -> str:
+    """The shortest text of a value in units of which ``many`` make one, that reads as the same."""
+    whole = Fraction(value) * many
+    for digits in range(1, DIGITS + 1):
+        text = repr(float(f"{float(whole):.{digits}g}")).removesuffix(".0")
+        if _si(text, many) == value:
+            return text
+    return f"{Decimal(whole.numerator) / Decimal(whole.denominator):.{DIGITS + 1}g}"
 
 
-def _si(text: str, k: float | Fraction) -> float:
-    if k == 1:
-        return float(text)
-    return float(Fraction(text) / k) if isinstance(k, Fraction) else float(text) / k
+def _si(text: str, many: Fraction) -> float:
+    x = float(text)  # which ends at once where a number is written that is far too large or small
+    return float(Fraction(text) / many) if x and math.isfinite(x) else x
 
 
 def item_at(raw: Any, path: Path) -> Any:

@@ -74,11 +74,6 @@ class MechanismFigure:
         if not math.isclose(PIXELS / scale, self.unit, rel_tol=SAME):
             self._draw_at(PIXELS / scale)
 
-    def measured(self, units: Shown) -> None:
-        """Write lengths in the unit that the user chose."""
-        self.units = units
-        self.picture.drawing = self._drawing()
-
     def _draw_at(self, unit: float) -> None:
         """Compute the shapes of all poses for a point of the screen [m]."""
         self.unit, self.said, self.words, self.layers = unit, "", "", []

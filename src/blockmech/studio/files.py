@@ -80,22 +80,19 @@ class Desk:
         self.folder = folder.resolve()
         self.sheets: dict[str, Filed] = {}
 
-    def put(self, document: Opened | None = None) -> str:
-        """A new sheet; its name."""
-        name = secrets.token_hex(4)
-        self.sheets[name] = Filed(document, self.folder)
+    def put(self, document: Opened | None = None, file: str = "") -> str:
+        """A new sheet of a document, or of a file; its name. Raises like `Filed.open`."""
+        sheet, name = Filed(document, self.folder), secrets.token_hex(4)
+        if file:
+            sheet.open(file)
+        self.sheets[name] = sheet
         return name
 
     def open(self, file: str) -> str:
         """The sheet of a file of the folder. Raises like `Filed.open`."""
-        for name, sheet in self.sheets.items():
-            if sheet.path is not None and sheet.path == (self.folder / file).resolve():
-                return name
-        sheet = Filed(None, self.folder)
-        sheet.open(file)
-        name = secrets.token_hex(4)
-        self.sheets[name] = sheet
-        return name
+        path = (self.folder / file).resolve()
+        known = (name for name, sheet in self.sheets.items() if sheet.path == path)
+        return next(known, "") or self.put(file=file)
 
 
 def _stamp(path: Path) -> str:

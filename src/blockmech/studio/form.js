@@ -75,9 +75,7 @@ export function render({ model, el }) {
     if (own.keys.dataset.keys !== row.keys.join("\u0000")) {
       own.keys.replaceChildren();
       for (const name of row.keys) {
-        const button = element(own.keys, "button", "", `Remove ${name}`);
-        button.type = "button";
-        button.addEventListener("click", () => model.send_msg({ act: "remove", path: row.path, key: name }));
+        pressed(own.keys, `Remove ${name}`, "", () => model.send_msg({ act: "remove", path: row.path, key: name }));
       }
       own.keys.dataset.keys = row.keys.join("\u0000");
     }

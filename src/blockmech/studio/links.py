@@ -16,12 +16,12 @@ import param
 
 from blockmech.builders import Linkage
 from blockmech.draw import palette as ink
-from blockmech.errors import BlockmechError, GraphError
+from blockmech.errors import BlockmechError, GraphError, refused
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio import sketching
 from blockmech.studio.component import Component, script, style
-from blockmech.studio.fields import Shown
-from blockmech.studio.looks import beside
+from blockmech.studio.fields import PAIR, Shown
+from blockmech.studio.looks import beside, button
 from blockmech.studio.plots import coloured
 from blockmech.studio.redraw import as_links
 from blockmech.studio.session import follow, heard
@@ -50,14 +50,13 @@ STEP = 0.05  # of the drawing, by which a copy stands beside what it is of
 class Canvas(Component):
     """The drawing in the browser.
 
-    ``chosen`` are pins, ``tool`` is what a gesture draws, "" for choosing; ``told`` is said
-    where the pointer is.
+    ``chosen`` are pins, ``tool`` is what a gesture draws, "" for choosing. It is told a ``text``
+    that is shown where the pointer is.
     """
 
     drawing = param.Dict(default={})
     chosen = param.List(default=[])
     tool = param.String(default="")
-    told = param.Dict(default={"text": "", "count": 0})
     menu = param.List(default=MENU)
     pairs = param.List(default=PAIRS)
     guide = param.List(default=GUIDE)
@@ -94,19 +93,11 @@ def drawing_of(form: Form, pins: dict[str, Drawn], dark: bool, units: Shown) -> 
         ],
         "loads": list(_loads(form)),
         "wheels": wheels,
-        **_scales(units),
+        "unit": units.factor("m"),  # how many of the unit shown make one of SI
+        "degree": units.factor("rad"),
+        "length": units.length,
+        "angle": "°" if units.angle == "deg" else f" {units.angle}",
     }
-
-
-def _scales(units: Shown) -> dict[str, Any]:
-    """How many of the units shown make one of SI, and what they are called."""
-    angle = "°" if units.angle == "deg" else f" {units.angle}"
-    scales = {"unit": units.factor("m"), "degree": units.factor("rad")}
-    return {**scales, "length": units.length, "angle": angle}
-
-
-def _turn(z: complex) -> float:
-    return math.atan2(z.imag, z.real)
 
 
 def _loads(form: Form) -> Iterator[dict[str, Any]]:
@@ -168,16 +159,14 @@ class LinksSheet:
             "Copy": lambda form, pins: sketching.copied(form, pins, self._step),
             "Delete": sketching.removed,
         }
-        self.buttons = [pn.widgets.Button(label=name) for name in self.acts]
-        for button in self.buttons:
-            button.on_click(lambda event: self.act(event.obj.label))
-        self.redraw = pn.widgets.Button(label="Draw these blocks on as links and joints")
-        self.redraw.on_click(lambda _: self._redraw())
-        self.begin = pn.widgets.Button(label="Begin a drawing of links and joints")
-        self.begin.on_click(lambda _: self._change(Linkage(sheet.form["name"]).to_data(), "begun"))
+        self.buttons = [button(name, partial(self.act, name)) for name in self.acts]
+        redraw = partial(self._change, self._redrawn, "drawn as links and joints")
+        self.redraw = button("Draw these blocks on as links and joints", redraw)
+        empty = partial(self._change, Linkage(sheet.form["name"]).to_data, "begun")
+        self.begin = button("Begin a drawing of links and joints", empty)
         # Panel sends the value twice at Enter, as a change and with the key
         self.place.param.watch(lambda _: self._typed(self.place.value), "enter_pressed")
-        self.said = pn.pane.HTML("", sizing_mode="stretch_width")
+        self.said = pn.pane.HTML("", sizing_mode="stretch_width", margin=(0, 4))
         self.pins.param.watch(lambda event: self.canvas.param.update(chosen=event.new), "value")
         self.canvas.param.watch(self._chosen_in_browser, "chosen")
         if view is not None:
@@ -241,27 +230,23 @@ class LinksSheet:
     def _say(self, text: str, role: str = "status") -> None:
         """Say something below the drawing, and what is wrong where the pointer is, too."""
         self.said.object = f'<p role="{role}">{html.escape(text)}</p>'
-        count = self.canvas.told["count"] + 1
-        self.canvas.told = {"text": text if role == "alert" else "", "count": count}
+        self.canvas.tell(text=text if role == "alert" else "")
 
     # -- what is done ----------------------------------------------------------------------
 
-    def _change(self, form: Form, step: str) -> None:
+    def _change(self, make: Callable[[], Form], step: str) -> None:
         """Change the sheet; what cannot be is said, and drawn no more."""
         try:
-            self.sheet.change(form, step)
+            self.sheet.change(make(), step)
         except BlockmechError as error:
             self._refuse(error)
 
-    def _redraw(self) -> None:
-        """Say the blocks of the sheet as links and joints; the diagram then follows from these."""
-        try:
-            motion, _ = shown_motion(self.sheet.form, self.sheet.mechanism, (), "", {})
-            if motion is not None:
-                form = as_links(self.sheet.form, motion, closing(motion))
-                self._change(form, "drawn as links and joints")
-        except BlockmechError as error:
-            self._refuse(error)
+    def _redrawn(self) -> Form:
+        """The blocks of the sheet as links and joints; the diagram then follows from these."""
+        motion, message = shown_motion(self.sheet.form, self.sheet.mechanism, (), "", {})
+        if motion is None:
+            raise refused("blocks", message, "mend them first")
+        return as_links(self.sheet.form, motion, closing(motion))
 
     def _refuse(self, error: BlockmechError) -> None:
         self.canvas.param.trigger("drawing")
@@ -293,28 +278,21 @@ class LinksSheet:
             how = "drag from pin to pin" if name in PAIRS else "click on a pin"
             self._say(f"{name}: {how}, or choose pins first; Esc ends it", "status")
             return
-        try:
-            form = self.acts[name](self.sheet.form, list(pins))
-        except BlockmechError as error:
-            self._refuse(error)
-        else:
-            self._change(form, f"{name}: {', '.join(pins)}")
-
-    def add(self, z: complex) -> None:
-        """Draw a pin that no link carries yet."""
-        self._change(sketching.drawn(self.sheet.form, z), "pin")
+        make = partial(self.acts[name], self.sheet.form, list(pins))
+        self._change(make, f"{name}: {', '.join(pins)}")
 
     def _typed(self, text: str) -> None:
         """A pin at places typed in: the way of the keyboard."""
-        try:
-            x, y = (float(part) / self.units.factor("m") for part in text.replace(",", " ").split())
-        except ValueError:
-            if text:
-                self._say("A place is two numbers, e.g. 0.5, 1.2", "alert")
-            return
-        if math.isfinite(x) and math.isfinite(y):
-            self.add(complex(x, y))
+        place = PAIR.fullmatch(text)
+        if place and place[2] != "@":
             self.place.value = ""
+            self.add(complex(float(place[1]), float(place[3])) / self.units.factor("m"))
+        elif text:
+            self._say("A place is two numbers, e.g. 0.5, 1.2", "alert")
+
+    def add(self, z: complex) -> None:
+        """Draw a pin that no link carries yet."""
+        self.meant({"act": "pin", "at": xy(z)})
 
     # -- what the browser says -------------------------------------------------------------
 
@@ -327,23 +305,24 @@ class LinksSheet:
             if act in self.acts:
                 self.act(act, msg["pins"])
             elif act == "pin":
-                self.add(complex(*msg["at"]))
+                form, pin = sketching.pin_at(form, msg)
+                self.sheet.change(form, f"pin {pin}")
             elif act == "draw":
                 form, a = sketching.pin_at(form, msg["from"])
                 form, b = sketching.pin_at(form, msg["to"])
                 tool = msg["tool"] or "Link"
-                self._change(self.acts[tool](form, [a, b]), f"{tool}: {a}, {b}")
+                self.sheet.change(self.acts[tool](form, [a, b]), f"{tool}: {a}, {b}")
             elif act == "move":
-                places = {
-                    name: complex(*z) for name, z in msg["pins"].items() if name in self.drawn
-                }
-                self._change(sketching.moved(form, places), f"move {', '.join(places)}")
+                places = {n: complex(*z) for n, z in msg["pins"].items() if n in self.drawn}
+                self.sheet.change(sketching.moved(form, places), f"move {', '.join(places)}")
             elif act == "dimension":
                 a, b = msg["ends"]
-                self._change(sketching.dimensioned(form, a, b, msg["value"]), f"{a} to {b}")
+                self.sheet.change(sketching.dimensioned(form, a, b, msg["value"]), f"{a} to {b}")
             elif act == "angle":
                 pins = [name for name in msg["pins"] if name in self.drawn]
-                self._change(sketching.turned(form, pins, msg["value"]), f"angle {', '.join(pins)}")
+                self.sheet.change(
+                    sketching.turned(form, pins, msg["value"]), f"angle {', '.join(pins)}"
+                )
             elif act in ("undo", "redo"):
                 getattr(self.sheet, act)()
             else:

@@ -18,13 +18,7 @@ LIGHT = f"""
 --bm-frame: {ink.FRAME_FILL}; --bm-driver: {ink.DRIVER_FILL}; --bm-group: {ink.GROUP_FILL};
 --bm-element: {ink.ELEMENT_FILL}; --bm-bar: #f2f4f6;
 """
-DARK = """
-color-scheme: dark;
---bm-paper: #16181b; --bm-ink: #ececec; --bm-grey: #b4b4b4; --bm-line: #7d848c;
---bm-blue: #6cb8ea; --bm-alarm: #ff8a8a; --bm-pale: #3a3f45;
---bm-frame: #2c3036; --bm-driver: #1d3a4f; --bm-group: #202327; --bm-element: #403523;
---bm-bar: #202327;
-"""
+DARK = style("dark.css")
 TABLE = "pre { font: 11px/1.35 'DejaVu Sans Mono', monospace; white-space: pre; margin: 0 }"
 LINES = "pre { font: 12px system-ui, sans-serif; white-space: pre-wrap; margin: 0 }"
 
@@ -50,6 +44,11 @@ def begin(dark: bool) -> None:
         pn.config.raw_css = ["html, body { margin: 0; height: 100% }"]
 
 
+def button(label: str, act: Callable[[], Any], **look: Any) -> Any:
+    """A button, and what it does."""
+    return pn.widgets.Button(label=label, on_click=lambda _: act(), **look)
+
+
 def beside(*parts: Any, **look: Any) -> Any:
     """Parts beside one another, in as many lines as they need, on one foot."""
     for part in parts:
@@ -65,7 +64,7 @@ def either(parts: dict[str, Callable[[], Any]], shown: str, *head: Any) -> Any:
     Bokeh's tabs hide and show what they hold at every change of the page, which lays all of it
     out anew: with a hundred blocks on the canvas that took as long as everything else.
     """
-    chosen = pn.widgets.RadioButtonGroup(options=list(parts), value=shown)
+    chosen = pn.widgets.RadioButtonGroup(options=list(parts), value=shown, margin=(4, 3))
     wraps = {"sizing_mode": "stretch_width", "styles": {"flex-wrap": "wrap"}}
     first = pn.Row(chosen, *head, **wraps) if head else chosen
     place, made = pn.Column(first, sizing_mode="stretch_both"), dict[str, Any]()

@@ -22,8 +22,8 @@ export function render({ model, el }) {
   canvas.setAttribute("role", "img");
   canvas.tabIndex = 0;
   const bar = element(box, "div", "bar");
-  const play = element(bar, "button", "play");
-  play.type = "button";
+  const play = pressed(bar, "", "", () => toggle(!playing));
+  play.className = "play";
   const slider = ranged(bar, "Pose");
   const drivers = element(box, "div", "drivers");
   const caption = element(box, "div", "caption");
@@ -283,7 +283,6 @@ export function render({ model, el }) {
     requestAnimationFrame(tick);
   }
 
-  play.addEventListener("click", () => toggle(!playing));
   slider.addEventListener("input", () => show(Number(slider.value)));
 
   function sliders() {
@@ -331,8 +330,7 @@ export function render({ model, el }) {
     next = null; // what is shown now, by a tap on a curve, say, is later than a pose that waits
     stand(model.pose);
   });
-  const watcher = new ResizeObserver(() => {
-    const { width, height } = area.getBoundingClientRect();
+  onSize(model, area, ({ width, height }) => {
     const ratio = window.devicePixelRatio || 1;
     [canvas.width, canvas.height] = [width * ratio, height * ratio];
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
@@ -341,8 +339,6 @@ export function render({ model, el }) {
     if (before && view.scale) view.x += (width - before) / 2;
     if (width) renew();
   });
-  watcher.observe(area);
-  model.on("remove", () => { playing = false; watcher.disconnect(); });
   toggle(false);
   sliders();
   say();

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import panel as pn
 import param
-from bokeh.models import HoverTool
 
 from blockmech.draw.curves import abscissa
 from blockmech.draw.mechanism import caption
@@ -21,7 +20,7 @@ from blockmech.draw.panels import Abscissa
 from blockmech.draw.simulation import screen_time
 from blockmech.errors import BlockmechError, refused
 from blockmech.result import Result
-from blockmech.studio.curves import CURVE, Plot, labels_of, margins_of
+from blockmech.studio.curves import Plots, margins_of
 from blockmech.studio.dragging import dragged
 from blockmech.studio.fields import Shown
 from blockmech.studio.figure import MechanismFigure
@@ -57,10 +56,9 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self.sheet, self.dark, self.seconds = sheet, dark, seconds
         self.along = Abscissa("sample", np.zeros(1))
         self._by_hand: tuple[str, dict[str, float]] = ("", {})
-        self._margins: Plot | None = None
+        self._margins: Plots | None = None
         self._closed: Result | None = None
         self.figure = MechanismFigure(dark, self.meant)
-        self.strip: Any = None
         follow(sheet, self.renew, "form", "mechanism")
         self.param.watch(lambda *_: self._draw(), ["show"])
         self.param.watch(heard(self._show_units), ["shown"])
@@ -94,7 +92,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def _show_units(self) -> None:
         """Write places and angles in the chosen units."""
-        self.figure.measured(self.shown)
+        self.figure.units = self.shown
         self.play(self.motion, self.said)
 
     @together
@@ -128,24 +126,16 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def margins(self) -> Any:
         """How far every group is from its dead centres, along the poses; made when it is shown."""
-        self.strip = self.strip or pn.pane.Bokeh(sizing_mode="stretch_width")
+        look = {"toolbar_location": None, "tooltips": "@name"}
+        self._margins = self._margins or Plots(self.dark, self.seek, **look)
         self._show_margins()
-        return self.strip
+        return self._margins.pane
 
     def _show_margins(self) -> None:
-        if self.strip is None:
-            return
-        closed = self._closed
-        self.strip.visible = closed is not None and bool(closed.quality.margin)
-        if closed is not None and self.strip.visible:
-            panel = margins_of(closed)
-            if self._margins is None or self._margins.curves != labels_of(panel):
-                look = {"height": CURVE, "toolbar_location": None}
-                self._margins = Plot(panel, self.dark, self.seek, **look)
-                self._margins.figure.above = []  # no legend: a pointer on a curve is told its name
-                self._margins.figure.add_tools(HoverTool(tooltips="@name"))
-                self.strip.object = self._margins.figure
-            self._margins.show(panel, self.along, self.spans)
+        if self._margins is not None:
+            closed = self._closed
+            panels = [margins_of(closed)] if closed and closed.quality.margin else []
+            self._margins.show(panels, self.along, self.spans)
 
     def drivers(self) -> list[dict[str, Any]]:
         """A slider for each of several drivers, as the browser shows it."""
@@ -202,7 +192,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         """Put everything where it is in the shown pose."""
         self.figure.picture.param.update(said=self.caption(), pose=self.pose)
         if self._margins is not None:
-            self._margins.cursor.location = float(self.along.values[self.pose])
+            self._margins.point(self.along.values[self.pose])
 
     def caption(self) -> list[tuple[str, bool]]:
         """Where the drivers are, the dead centre nearest to the pose, and why there is a gap.

@@ -13,15 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.builders import Graph, Linkage
+from blockmech.builders import Linkage
 from blockmech.draw.motion import Motion, Spot, marker_place
 from blockmech.draw.sketch import pin_spot, sketch_of
 from blockmech.errors import BlockmechError, RequestError, refused
-from blockmech.loads.contract import Element
 from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
 from blockmech.result import Result
-from blockmech.studio.edits import OF_DRIVERS, markers_of
+from blockmech.studio.edits import OF_DRIVERS
 from blockmech.values import xy
 
 Form = dict[str, Any]
@@ -36,7 +35,6 @@ class _Redrawn:
 
     def __init__(self, form: Mapping[str, Any], motion: Motion, closed: Result) -> None:
         self.form, self.motion, self.s = form, motion, motion.structure
-        self.blocks = Graph.from_data(dict(form)).blocks
         margins = closed.quality.margin.values()
         worst = np.where(motion.feasible, np.min([*margins, motion.feasible], axis=0), -1.0)
         self.k = int(np.argmax(worst))
@@ -137,22 +135,15 @@ class _Redrawn:
                 yield name, {**raw, "type": raw["type"].removeprefix(COUPLINGS), **ends}
 
     def _loads(self) -> Iterator[tuple[str, Form]]:
-        fed = {wire["to"]: wire["from"].partition(".") for wire in self.form["wires"]}
-        for name, raw in self.form["blocks"].items():
-            block = self.blocks[name]
-            if not isinstance(block, Element):
-                continue
-            links, places = [], []
-            for terminal in block.terminals:
-                source, _, marker = fed[f"{name}.{terminal}"]
-                link, _ = markers_of(self.blocks[source])[marker]
-                links.append(LinkRef(source, link))
-                places.append(xy(marker_place(self.s, MarkerRef(source, link, marker))))
+        for name, element in self.s.elements.items():
+            raw = self.form["blocks"][name]
+            held = [self.s.holds[JointRef(name, terminal)] for terminal in element.terminals]
+            names = [self.links[marker.on] for marker in held]
+            places = [xy(marker_place(self.s, marker)) for marker in held]
             made = {**raw, "type": raw["type"].removeprefix(LOADS)}
             if "driver" in raw:
                 made["driver"] = self.drivers[raw["driver"]]
-            points = [kind.kind == "point" for kind in block.terminals.values()]
-            names = [self.links[link] for link in links]
+            points = [kind.kind == "point" for kind in element.terminals.values()]
             if len(names) == 1:
                 made |= {"link": names[0], **({"at": places[0]} if points[0] else {})}
             else:

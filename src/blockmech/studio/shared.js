@@ -47,6 +47,19 @@ const between = (a, b) => ({
   x: Math.min(a.x, b.x), y: Math.min(a.y, b.y), width: Math.abs(a.x - b.x), height: Math.abs(a.y - b.y),
 });
 
-function rounded(x, digits = 4) {
-  return String(Number(x.toPrecision(digits)));
+const rounded = (x, digits = 4) => String(Number(x.toPrecision(digits)));
+
+function pressed(parent, text, name, act) {
+  const made = Object.assign(element(parent, "button", "", text), { type: "button", onclick: act });
+  if (name) made.setAttribute("aria-label", (made.title = name));
+  return made;
 }
+
+// `act` is called with the size [px] of a part whenever that changes.
+function onSize(model, part, act) {
+  const watcher = new ResizeObserver(() => act(part.getBoundingClientRect()));
+  watcher.observe(part);
+  model.on("remove", () => watcher.disconnect());
+}
+
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };

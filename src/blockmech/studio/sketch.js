@@ -32,8 +32,8 @@ export function render({ model, el }) {
   const view = { scale: 0, x: 0, y: 0 };
   let pointer = { x: 60, y: 60 }; // px, where something is said
   let drag = null; // what the hand does now
-  let said = 0;
   let taken = []; // where words stand
+  let lined = []; // points of the outlines of links, on which none should
   let trace = null; // the picture below: what `tracedFile` gives, its corner [m] and m in its unit
   let hold = ""; // what a drag does to it: "Place" or "Scale"
 
@@ -111,8 +111,10 @@ export function render({ model, el }) {
 
   function draw() {
     svg.replaceChildren();
-    traceTools();
+    for (const part of [...tools.children].slice(1)) part.hidden = !trace;
+    for (const [act, part] of holds) part.setAttribute("aria-pressed", hold === act);
     taken = pins().map((one) => [across(at(one)[0]) - 8, down(at(one)[1]) - 8, 16, 16]);
+    lined = [];
     const { width, height } = svg.getBoundingClientRect();
     if (!view.scale || !width) return;
     drawTrace();
@@ -121,6 +123,7 @@ export function render({ model, el }) {
     for (const link of model.drawing.links) {
       const ends = link.pins.map(pin).filter(Boolean);
       const points = ends.map((one) => `${across(at(one)[0])},${down(at(one)[1])}`).join(" ");
+      ends.forEach((one, k) => alongLine(at(one), at(ends[(k + 1) % ends.length])));
       for (const layer of ["edge", "link"])
         put(shapes, "polygon", { points, class: layer, "data-link": link.name, style: `--fill: ${link.fill}` });
     }
@@ -153,11 +156,6 @@ export function render({ model, el }) {
     else put(svg, "image", { ...look, href: trace.href, width: trace.width, height: trace.height });
   }
 
-  function traceTools() {
-    for (const part of [...tools.children].slice(1)) part.hidden = !trace;
-    for (const [act, part] of holds) part.setAttribute("aria-pressed", hold === act);
-  }
-
   async function load(file) {
     const found = file && (await tracedFile(file));
     if (file && !found) tell("wrong", { said: `${file.name}: it is no picture, and no DXF with lines` });
@@ -171,8 +169,7 @@ export function render({ model, el }) {
     draw();
   }
 
-  // What was dragged: from one point of the picture to where it belongs, or along a length that
-  // was typed.
+  // What was dragged: from a point of the picture to where it belongs, or along a typed length.
   function changeTrace({ from, to, text }) {
     const apart = (z) => Math.hypot(z[0] - from.at[0], z[1] - from.at[1]);
     const by = hold === "Scale" ? apart(to.at) / apart(metres(pointer)) : 1;
@@ -185,28 +182,22 @@ export function render({ model, el }) {
   }
 
   const tools = element(box, "div", "tracing");
-  const button = (text, act, name) => {
-    const made = element(tools, "button", "", text);
-    made.setAttribute("aria-label", name);
-    made.addEventListener("click", act);
-    return made;
-  };
   const file = element(box, "input", "");
   Object.assign(file, { type: "file", hidden: true, accept: "image/*,.dxf" });
   file.addEventListener("change", () => { load(file.files[0]); file.value = ""; });
-  button("Trace\u2026", () => file.click(), "Trace a picture or DXF");
+  pressed(tools, "Trace\u2026", "Trace a picture or DXF", () => file.click());
   const holds = Object.entries({
     Place: "drag a point of the picture to where it belongs, or use the arrows",
     Scale: "drag along a length of the picture and type what it is, or use the arrows",
   }).map(([act, title]) => {
     const take = () => { hold = hold === act ? "" : act; draw(); svg.focus(); };
-    return [act, Object.assign(button(act, take, `${act} the picture`), { title })];
+    return [act, Object.assign(pressed(tools, act, `${act} the picture`, take), { title })];
   });
   const opacity = element(tools, "input", "");
   Object.assign(opacity, { type: "range", min: 5, max: 100, value: 50 });
   opacity.setAttribute("aria-label", "opacity of the picture");
   opacity.addEventListener("input", () => draw());
-  button("\u00d7", () => { trace = null; hold = ""; draw(); }, "Remove the picture");
+  pressed(tools, "\u00d7", "Remove the picture", () => { trace = null; hold = ""; draw(); });
 
   function drawGrid(width, height) {
     const step = nice(60 / view.scale);
@@ -225,11 +216,20 @@ export function render({ model, el }) {
     put(lines, "text", { x: width - 6, y: 14, "text-anchor": "end" }, `[${model.drawing.length}]`);
   }
 
-  // The first of some places of a word where no other word stands, if any; [left, top, width, height].
+  function alongLine(a, b) {
+    const n = Math.ceil((Math.hypot(b[0] - a[0], b[1] - a[1]) * view.scale) / 9);
+    for (let k = 0; k < n; k++) lined.push([0, 1].map((i) => a[i] + ((b[i] - a[i]) * k) / n));
+  }
+
+  // The first of some places of a word where no other word stands, if any, and few links do;
+  // areas are [left, top, width, height].
   function roomy(places, area) {
     const free = ([x, y, w, h]) => taken.every(([x2, y2, w2, h2]) =>
       x + w <= x2 || x2 + w2 <= x || y + h <= y2 || y2 + h2 <= y);
-    const found = places.find((place) => free(area(place)));
+    const under = ([x, y, w, h]) => lined.filter((z) =>
+      Math.abs(across(z[0]) - x - w / 2) < w / 2 + 5 && Math.abs(down(z[1]) - y - h / 2) < h / 2 + 5).length;
+    const able = places.map((one, k) => [under(area(one)) + k / 6, one]).filter(([, one]) => free(area(one)));
+    const [, found] = able.reduce((best, one) => (one[0] < best[0] ? one : best), [Infinity]);
     if (found) taken.push(area(found));
     return found;
   }
@@ -293,11 +293,10 @@ export function render({ model, el }) {
     const [x, y] = roomy(tried, ([cx, cy]) => [cx - 4 * text.length, cy - 8, 8 * text.length, 15]) ?? [];
     if (x === undefined) return; // it has room when the wheel makes the drawing larger
     const name = `distance ${dim.a} to ${dim.b}`;
-    number(x, y, text, name, model.drawing.length, () => edit(x, y, {
-      value: dim.value * model.drawing.unit, name: `new ${name} in ${model.drawing.length}`,
-      wrong: "is no length; a length is a number above 0", least: 0,
+    number(x, y, text, name, model.drawing.length, {
+      value: dim.value * model.drawing.unit, wrong: "is no length; a length is a number above 0", least: 0,
       take: (value) => tell("dimension", { ends: [dim.a, dim.b], value: value / model.drawing.unit }),
-    }));
+    });
   }
 
   // The angle of the second of two chosen pins from the x axis, or of the last of three about
@@ -314,15 +313,15 @@ export function render({ model, el }) {
     put(svg, "path", { d: `M${on(0, r)}A${r} ${r} 0 0 ${angle > 0 ? 0 : 1} ${on(1, r)}`, class: "arc" });
     const text = `${rounded(angle * model.drawing.degree)}${model.drawing.angle}`;
     const [x, y] = roomy([on(0.5, 58), on(0.5, 78), on(1.4, 58)], ([cx, cy]) => [cx - 20, cy - 8, 40, 15]) ?? on(0.5, 58);
-    number(x, y, text, `angle of ${names.join(", ")}`, "", () => edit(x, y, {
-      value: angle * model.drawing.degree, name: `new angle of ${names.join(", ")}`,
-      wrong: "is no angle", least: -Infinity,
+    number(x, y, text, `angle of ${names.join(", ")}`, "", {
+      value: angle * model.drawing.degree, wrong: "is no angle", least: -Infinity,
       take: (value) => tell("angle", { pins: names, value: value / model.drawing.degree }),
-    }));
+    });
   }
 
   // A number of the picture that is edited by a click or with Enter.
-  function number(x, y, text, name, unit, change) {
+  function number(x, y, text, name, unit, given) {
+    const change = () => edit(x, y, { ...given, name: `new ${name}${unit && ` in ${unit}`}` });
     const label = put(svg, "text", {
       x, y: y + 4, class: "dimension", tabindex: 0, role: "button", "text-anchor": "middle",
       "aria-label": `${name} ${text} ${unit}`,
@@ -482,13 +481,12 @@ export function render({ model, el }) {
   function open(words) {
     menu.replaceChildren();
     for (const word of words) {
-      const item = element(menu, "button", "", word);
-      item.setAttribute("role", "menuitem");
-      item.onclick = () => {
+      const item = pressed(menu, word, "", () => {
         menu.hidden = true;
         svg.focus();
         if (word === "Show all") { fit(); draw(); } else tell(word, { pins: chosen() });
-      };
+      });
+      item.setAttribute("role", "menuitem");
     }
     menu.style.transform = `translate(${pointer.x}px, ${pointer.y}px)`;
     menu.hidden = false;
@@ -503,8 +501,6 @@ export function render({ model, el }) {
   });
 
   // -- keys ----------------------------------------------------------------------------------
-
-  const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
   svg.addEventListener("keydown", (event) => {
     const names = chosen();
@@ -552,10 +548,7 @@ export function render({ model, el }) {
     draw();
   }
 
-  function say() {
-    const { text, count } = model.told;
-    if (!count || count === said) return;
-    said = count;
+  function say({ text }) {
     bubble.textContent = text;
     bubble.hidden = !text;
     const { width } = svg.getBoundingClientRect();
@@ -564,12 +557,10 @@ export function render({ model, el }) {
 
   for (const step of model.guide) element(guide, "li", "", step);
   for (const name of ["drawing", "chosen", "tool"]) model.on(name, renew);
-  model.on("told", say);
-  const watcher = new ResizeObserver(() => {
+  model.on("msg:custom", say);
+  onSize(model, svg, () => {
     if (!pins().length || !view.scale || !pins().every(inside)) fit();
     draw();
   });
-  watcher.observe(svg);
-  model.on("remove", () => watcher.disconnect());
   return box;
 }

@@ -15,6 +15,8 @@ from itertools import pairwise
 from string import ascii_uppercase
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from blockmech.blocks.registry import REGISTRY
 from blockmech.errors import listed, refused
 from blockmech.model.joints.contents import FRAME
@@ -64,13 +66,6 @@ def free(taken: Iterable[str], words: Iterable[str], wish: str) -> str:
     known = set(taken)
     more = (f"{wish}{i}" for i in range(1, len(known) + 2))
     return next(name for name in [*words, *more] if name not in known)
-
-
-def drawn(form: Form, z: complex) -> Form:
-    """With a new pin that no link carries."""
-    name = free(pins_of(form), ascii_uppercase, "P")
-    made: Form = with_item(form, (*LOOSE, name), xy(z))
-    return made
 
 
 def linked(form: Form, names: Iterable[str]) -> Form:
@@ -146,8 +141,8 @@ def pin_at(form: Form, end: Mapping[str, Any]) -> tuple[Form, str]:
     """The pin that an end of a gesture names, or a new one at its place ``at``, ``on`` a link."""
     if end.get("pin") in pins_of(form):
         return form, end["pin"]
-    made = drawn(form, complex(*end["at"]))
-    (name,) = {*pins_of(made)} - {*pins_of(form)}
+    name = free(pins_of(form), ascii_uppercase, "P")
+    made = with_item(form, (*LOOSE, name), list(end["at"]))
     return (attached(made, [name], end["on"]) if end.get("on") in form["links"] else made), name
 
 
@@ -315,15 +310,14 @@ def weighed(form: Form, names: Iterable[str]) -> Form:
     pins = pins_of(form)
     for link, ends in outlines_of(pins).items():
         given = form["links"][link]
-        sides = [(pins[a].z, pins[b].z) for a, b in sides_of(ends)]
-        length = sum(abs(b - a) for a, b in sides)
-        if not {*ends} & {*names} or given.get("mass") or not length:
+        a, b = np.array([(pins[a].z, pins[b].z) for a, b in sides_of(ends)] or [(0j, 0j)]).T
+        lengths, middles = np.abs(b - a), (a + b) / 2
+        mass = BAR * float(lengths.sum())
+        if not {*ends} & {*names} or given.get("mass") or not mass:
             continue
-        middle = sum((a + b) / 2 * abs(b - a) for a, b in sides) / length
-        square = sum(
-            abs(b - a) * (abs(b - a) ** 2 / 12 + abs((a + b) / 2 - middle) ** 2) for a, b in sides
-        )
-        body = {"mass": BAR * length, "inertia": BAR * square, "cm": _on(form, link, middle)}
+        cm = complex(np.average(middles, weights=lengths))
+        inertia = BAR * float(lengths @ (lengths**2 / 12 + np.abs(middles - cm) ** 2))
+        body = {"mass": mass, "inertia": inertia, "cm": _on(form, link, cm)}
         form = with_item(form, ("links", link), {**given, **body})
     return form
 
@@ -351,9 +345,7 @@ def copied(form: Form, names: Iterable[str], by: complex) -> Form:
     links = dict.fromkeys(x for name in chosen for x in pins[name].links if x != FRAME)
     made, called = form, dict[str, str]()
     for name in chosen:
-        z = pins[name].z + by
-        called[name] = free(pins_of(made), ascii_uppercase, "P")
-        made = with_item(made, (*LOOSE, called[name]), xy(z))
+        made, called[name] = pin_at(made, {"at": xy(pins[name].z + by)})
     for link in links:
         own = [called[name] for name in chosen if link in pins[name].links]
         if len(own) > 1:
@@ -407,8 +399,7 @@ def removed(form: Form, names: Iterable[str]) -> Form:
     held = {link for name in names for link in pins_of(form)[name].links}
     form = _without_pins(form, names)
     gone = held - {link for pin in pins_of(form).values() for link in pin.links} - {FRAME}
-    loads = form.get("loads", {})
-    for load, given in loads.items():
+    for load, given in form.get("loads", {}).items():
         if gone & {given.get("link"), *(given.get("links") or ())}:
             form = with_item(form, ("loads", load), None)
     links = {link: given for link, given in form["links"].items() if link not in gone}

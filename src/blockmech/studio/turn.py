@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import networkx as nx
 import numpy as np
 
 from blockmech.analysis.closure import travel as slide_travel
@@ -184,15 +185,11 @@ def gaps_of(result: Result) -> list[Gap]:
     return [Gap(result, int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
 
 
-def part_of(form: Mapping[str, Any], failing: Iterable[str]) -> dict[str, Any]:
+def part_of(form: Mapping[str, Any], failing: Collection[str]) -> dict[str, Any]:
     """A graph's form without some blocks, and without all that hangs on them."""
-    gone = set(failing)
-    before = -1
-    while len(gone) != before:
-        before = len(gone)
-        for wire in form["wires"]:
-            if wire["from"].partition(".")[0] in gone:
-                gone.add(wire["to"].partition(".")[0])
+    wires = ((wire["from"].split(".")[0], wire["to"].split(".")[0]) for wire in form["wires"])
+    after = nx.DiGraph(wires)
+    gone = {*failing}.union(*(nx.descendants(after, name) for name in failing if name in after))
     return without({key: x for key, x in form.items() if key not in ("expect", "view")}, gone)
 
 

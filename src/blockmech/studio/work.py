@@ -9,6 +9,7 @@ from typing import Any
 import panel as pn
 
 from blockmech.errors import BlockmechError
+from blockmech.studio.looks import button
 
 OnProgress = Callable[..., None]
 
@@ -18,8 +19,7 @@ class Work:
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self.say = say
-        self.stop = pn.widgets.Button(label="Stop", disabled=True, visible=False, width=60)
-        self.stop.on_click(lambda _: self.cancel())
+        self.stop = button("Stop", self.cancel, disabled=True, visible=False, width=60)
         self._stopped = False
         self.thread: Thread | None = None
 
