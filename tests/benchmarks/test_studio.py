@@ -14,7 +14,7 @@ from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.sheet import Sheet
 from tests.doors import linkage_of
 from tests.proof import chain
-from tests.studio.conftest import browser, page, studio  # noqa: F401
+from tests.studio.conftest import browser, page, studio, tab  # noqa: F401
 from tests.studio.page import blocks, edit, middle, show
 
 from .results import ROWS, Row

@@ -15,6 +15,7 @@ ARGUMENTS = (
 )
 
 LOUD = ("error", "warning")  # what a console says that somebody should hear
+WINDOW = {"width": 1440, "height": 900}
 PATIENCE = 60_000  # ms of a machine on which others work too
 
 
@@ -53,9 +54,8 @@ def browser(tmp_path_factory):
         pytest.skip("there is no browser: the Debian package chromium is not installed")
     with sync_playwright() as tool:
         folder = Path(tmp_path_factory.mktemp("chromium"))
-        window = {"width": 1440, "height": 900}
         context = tool.chromium.launch_persistent_context(
-            folder, executable_path=found, headless=True, args=ARGUMENTS, viewport=window
+            folder, executable_path=found, headless=True, args=ARGUMENTS, viewport=WINDOW
         )
         context.set_default_timeout(PATIENCE)
         expect.set_options(timeout=PATIENCE)
@@ -63,24 +63,36 @@ def browser(tmp_path_factory):
         context.close()
 
 
-@pytest.fixture
-def page(browser):
-    """A window that is closed afterwards, in which no script fails, nothing is loaded from
-    outside, and the console has no error and no warning. The gallery's pictures are empty: the
-    server would draw them before it does anything else.
+@pytest.fixture(scope="session")
+def tab(browser):
+    """One window for all tests, and what was wrong in it: scripts that failed, errors and warnings
+    of the console, addresses outside.
     """
     page, wrong = browser.new_page(), []
-    empty = {"content_type": "image/svg+xml", "body": '<svg xmlns="http://www.w3.org/2000/svg"/>'}
-    page.route("**/picture/*.svg", lambda route: route.fulfill(**empty))
     page.on("console", lambda one: wrong.append(one.text) if one.type in LOUD else None)
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("request", lambda request: wrong.append(request.url) if _outside(request.url) else None)
     page.on("dialog", lambda dialog: dialog.accept())
+    return page, wrong
+
+
+@pytest.fixture
+def page(browser, tab):
+    """The window, in which nothing is wrong. The gallery's pictures are empty: the server would
+    draw them before it does anything else.
+    """
+    page, wrong = tab
+    empty = {"content_type": "image/svg+xml", "body": '<svg xmlns="http://www.w3.org/2000/svg"/>'}
+    page.route("**/picture/*.svg", lambda route: route.fulfill(**empty))
+    page.set_viewport_size(WINDOW)
     yield page
-    page.close()
+    page.unroute_all()
+    page.goto("about:blank")
     browser.clear_cookies(name="blockmech_units")  # what a user chose is that user's
-    assert wrong == []
+    found = [*wrong]
+    wrong.clear()
+    assert found == []
 
 
 def _outside(url):
-    return not url.startswith(("http://127.0.0.1:", "blob:http://127.0.0.1:", "data:"))
+    return not url.startswith(("http://127.0.0.1:", "blob:http://127.0.0.1:", "data:", "about:"))

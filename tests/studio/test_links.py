@@ -452,7 +452,15 @@ def test_a_four_bar_is_drawn_in_the_browser(page, studio):
     assert cmath.phase(pins["C"].z - pins["B"].z) == pytest.approx(0.25, abs=1e-9)
 
 
-def test_a_slider_crank_is_drawn_and_simulated_in_the_browser(page, studio):
+def refused_at(page, place, why):
+    """What is wrong is said where the pointer is."""
+    bubble = page.locator(".bubble")
+    bubble.get_by_text(why).wait_for()
+    box = bubble.bounding_box()
+    assert math.dist((box["x"], box["y"]), place) < 40
+
+
+def test_a_slider_crank_is_drawn_in_the_browser_and_what_cannot_be_is_refused(page, studio):
     hand = drawing(page, studio)
     hand.link(hand.at(0.3, 0.6), hand.at(0.35, 0.4), "B")
     hand.link(hand.pin("B"), hand.at(0.65, 0.6), "C")
@@ -467,6 +475,11 @@ def test_a_slider_crank_is_drawn_and_simulated_in_the_browser(page, studio):
     assert made.check() == []
     kinds = sorted(joint["type"] for joint in made.to_data()["joints"].values())
     assert kinds == ["P", "R", "R", "R"]
+    for name, act, why in (("A", "Slider", "driver away first"), ("B", "Driver", "conflicting")):
+        place = hand.pin(name)
+        hand.click(name, button="right")
+        page.get_by_role("menuitem", name=act).click()
+        refused_at(page, place, why)
 
 
 def test_keys_and_a_wrong_gesture_in_the_browser(page, studio):
@@ -475,10 +488,7 @@ def test_keys_and_a_wrong_gesture_in_the_browser(page, studio):
     hand.link(hand.at(0.3, 0.6), hand.at(0.5, 0.4), "B")
     before = hand.pin("A"), hand.pin("B")
     hand.drag(before[0], before[1])
-    bubble = page.locator(".bubble")
-    bubble.get_by_text("they are on link already").wait_for()
-    box = bubble.bounding_box()
-    assert math.dist((box["x"], box["y"]), before[1]) < 40
+    refused_at(page, before[1], "they are on link already")
     hand.drag(hand.at(0.2, 0.2), hand.at(0.6, 0.8))
     page.keyboard.press("ArrowRight")
     page.get_by_role("status").get_by_text("move A, B").wait_for()

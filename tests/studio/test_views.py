@@ -36,7 +36,7 @@ def of_blocks(page, studio, theme):
     yield "form"
     press(page, "Margins")
     page.wait_for_function(
-        "[...Bokeh.documents[0]._all_models.values()].some((one) => one.axis_label === 'margin [–]')"
+        "[...Bokeh.documents[0]._all_models.values()].some((m) => m.axis_label === 'margin [–]')"
     )
     yield "margins"
 

@@ -85,7 +85,7 @@ class Plot:
         self.figure.xaxis.axis_label = along.words
         self.figure.yaxis.axis_label = f"{panel.quantity} [{unit or '–'}]"
         marks = [self._box(along.values, *gap) for gap in gaps]
-        marks += [mark for event in along.events for mark in self._mark(*event)]
+        marks += [m for k, event in enumerate(along.events) for m in self._mark(*event, k % 3)]
         if marks or len(self.figure.center) > len(self.fixed):
             self.figure.center = [*self.fixed, *marks]
 
@@ -96,12 +96,12 @@ class Plot:
         look |= {name: coloured(colour, self.dark) for name, colour in colours.items()}
         return BoxAnnotation(left=min(ends), right=max(ends), **look)
 
-    def _mark(self, x: float, words: str) -> tuple[Span, Label]:
-        """A dead centre: a line, and its name beside it."""
+    def _mark(self, x: float, words: str, row: int) -> tuple[Span, Label]:
+        """A dead centre: a line, and its name beside it; neighbours in rows of their own."""
         colour = coloured(ink.GREY, self.dark)
         line = Span(dimension="height", location=x, line_color=colour, line_dash="dotted")
         name = Label(
-            x=x, y=2, y_units="screen", text=words, x_offset=3, text_color=colour,
+            x=x, y=2 + 13 * row, y_units="screen", text=words, x_offset=3, text_color=colour,
             text_font=FONT, text_font_size="11px",
         )  # fmt: skip
         return line, name

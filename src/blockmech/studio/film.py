@@ -159,13 +159,11 @@ def _friction_radii(stage: Stage) -> dict[str, tuple[Spot, float]]:
     return {str(ref): (spots[ref], radii[ref]) for ref in pins if radii[ref]}
 
 
-def _friction_circles(stage: Stage) -> Iterator[Shape]:
+def _circles(stage: Stage) -> Iterator[Shape]:
     return shapes.friction_circles(stage, _friction_radii(stage))
 
 
-ON_REQUEST = {
-    "velocities": _velocities, "reactions": _reactions, "friction circles": _friction_circles
-}  # fmt: skip
+ON_REQUEST = {"velocities": _velocities, "reactions": _reactions, "friction circles": _circles}
 SHOWN = ("paths", "names", *ON_REQUEST)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.builders import Linkage
-from blockmech.draw.motion import Motion, Spot, marker_place
+from blockmech.draw.motion import Motion, marker_place
 from blockmech.draw.sketch import pin_spot, sketch_of
 from blockmech.errors import BlockmechError, RequestError, refused
 from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
@@ -81,9 +81,6 @@ class _Redrawn:
             **{key: part for key, part in zip(OF_DRIVERS[1:], rest, strict=True) if part},
         }
 
-    def _at(self, spot: Spot) -> complex:
-        return complex(self.motion.at(*spot)[self.k])
-
     def _pose(self, link: LinkRef) -> tuple[complex, complex]:
         return complex(self.motion.origin[link][self.k]), complex(self.motion.axis[link][self.k])
 
@@ -118,7 +115,8 @@ class _Redrawn:
                 spot = pin_spot(self.s, ref)
                 if spot is None:
                     raise refused(str(ref), "no marker says where it is", "draw it anew")
-                made["at"] = [self._on(link, self._at(spot)) for link in both]
+                z = complex(self.motion.at(*spot)[self.k])
+                made["at"] = [self._on(link, z) for link in both]
             else:
                 slider = next(sliders)
                 along = slider.direction * self._pose(slider.guide.link)[1]
