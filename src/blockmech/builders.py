@@ -18,10 +18,11 @@ from blockmech.model import document, graph
 from blockmech.model.joints import linkage
 from blockmech.model.naming import Names
 from blockmech.model.reading import decoded, text_of
-from blockmech.runnable import Runnable
+from blockmech.runnable import LazyMethod, Runnable
 
 if TYPE_CHECKING:
     from blockmech.assur.formation import Formation
+    from blockmech.compiled import Compiled
     from blockmech.mechanism import Mechanism
     from blockmech.model.joints.decompose import General
 
@@ -29,7 +30,10 @@ if TYPE_CHECKING:
 class Uncompiled(Runnable["Mechanism"]):
     """What a user builds; it says where to find what only a mechanism can do."""
 
-    if not TYPE_CHECKING:  # which tells of names that are not there by itself
+    if TYPE_CHECKING:
+        run = Compiled.run
+    else:
+        run = LazyMethod("blockmech.compiled")
 
         def __getattr__(self, name: str) -> Any:
             from blockmech.mechanism import Mechanism

@@ -10,7 +10,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 import numpy as np
 
@@ -33,8 +33,16 @@ from blockmech.quality import Flag
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING, Runnable
 from blockmech.samples import Samples, make_samples
-from blockmech.settings import check_chunk, check_switch, friction_asked, unknown_engine
-from blockmech.typing import EngineName, FrictionMethod, M, OnGap, Precision
+from blockmech.settings import check_chunk, check_switch, friction_asked
+from blockmech.typing import (
+    Coordinates,
+    EngineName,
+    FrictionMethod,
+    M,
+    Numbers,
+    OnGap,
+    Precision,
+)
 
 if TYPE_CHECKING:
     from blockmech.engines.llvm import LlvmEngine
@@ -201,43 +209,113 @@ class Compiled(Runnable[M]):
     def with_deflections(self, taken: Samples) -> Samples:
         """Samples with the states of friction laws along their motion."""
 
+    def run(
+        self: Runnable[M],
+        at: Coordinates | None = None,
+        *,
+        samples: int | None = None,
+        times: Numbers | None = None,
+        rates: Coordinates | None = None,
+        accelerations: Coordinates | None = None,
+        want: Iterable[str] | str = EVERYTHING,
+        friction: FrictionMethod | None = None,
+        tolerance: float | None = None,
+        iterations: int | None = None,
+        accuracy: float | None = None,
+        static: bool = False,
+        engine: EngineName = "auto",
+        precision: Precision | None = None,
+        chunk: int | None = None,
+        on_gap: OnGap = "raise",
+    ) -> Result[M]:
+        """Compute the wanted outputs at given driver coordinates or times.
+
+        Parameters
+        ----------
+        at : float or (n,) [rad or m], or a mapping driver -> (n,)
+            Driver coordinates; rates follow from the scene's law of motion.
+        samples : int
+            That many equally spaced samples of the law's range; default 361.
+        times : (n,) [s]
+            Samples of the laws of motion by time.
+        rates, accelerations : like ``at``
+            Driver rates [rad/s or m/s] and accelerations, in place of the law's.
+        want : names or patterns of outputs, e.g. ``["crank.drive", "*.reaction"]``; default all
+        friction : "none" | "single" | "successive" | "newton" (default)
+        tolerance : float [N], stop of ``successive``; default 1e-7 of the largest reaction
+        iterations : int, fixed number of iterations of ``successive``
+        accuracy : float [- or rad]
+            Wanted error relative to each output's largest magnitude; chooses friction
+            method, iterations and precision, and ``result.accuracy`` says which.
+        static : without inertia
+        engine : "scalar" for few samples, "numpy" for batches, "llvm" for machine code that is
+            compiled at the first run (extra ``fast``), "auto" by size; "auto" takes "llvm" from
+            a million samples on, and for a request that has been compiled before
+        precision : "complex64" | "complex128" (default) | "clongdouble" (NumPy engine)
+        chunk : samples per batch of the NumPy engine
+        on_gap : what to do at samples without an answer: raise, mark them as NaN,
+            or stop before the first
+
+        Returns
+        -------
+        Result, labelled, with units and quality
+
+        Raises
+        ------
+        GraphError with all problems of a graph or linkage that is no mechanism
+        RequestError for unknown names or settings that do not fit
+        AssemblyError, SingularError, FrictionError at gaps, unless marked
+        """
+        mechanism = cast(Compiled, self.compile())
+        taken = mechanism.samples(at, samples, times, rates, accelerations)
+        how: dict[str, Any] = {
+            "friction": friction,
+            "tolerance": tolerance,
+            "iterations": iterations,
+        }
+        if accuracy is None:
+            how["static"] = static
+            result = mechanism.answer(taken, want, how, engine, precision, chunk)
+        else:
+            how["precision"] = precision
+            result = mechanism.run_to(accuracy, how, taken, want, static, engine, chunk)
+        return without_gaps(result, on_gap)
+
     def answer(
         self,
         taken: Samples,
         want: Iterable[str] | str,
         given: Mapping[str, Any],
-        accuracy: float | None,
-        engine: EngineName,
-        precision: Precision | None,
-        chunk: int | None,
-        on_gap: OnGap,
+        engine: EngineName = "auto",
+        precision: Precision | None = None,
+        chunk: int | None = None,
     ) -> Result:
-        """The wanted outputs at samples; ``given`` are the settings of `plan`. See `run`."""
-        if accuracy is not None:
-            how = {k: x for k, x in given.items() if k != "static"} | {"precision": precision}
-            result = self.run_to(accuracy, how, taken, want, given["static"], engine, chunk)
-        else:
-            settings = dict(given)
-            if settings["friction"] is None:
-                settings["friction"] = "newton"
-            plan = self.plan_at(taken, want, **settings)
-            if self.structure.states:
-                self.refuse_states(plan, taken.inputs)
-            values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
-            result = Result(self, plan, taken, values, name, settings)
-        return without_gaps(result, on_gap)
+        """The wanted outputs at samples; ``given`` are the settings of `plan`; gaps are marked."""
+        settings = dict(given)
+        if settings["friction"] is None:
+            settings["friction"] = "newton"
+        plan = self.plan_at(taken, want, **settings)
+        if self.structure.states:
+            self.refuse_states(plan, taken.inputs)
+        values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
+        return Result(self, plan, taken, values, name, settings)
 
     @abstractmethod
-    def run_to(self, *request: Any) -> Result:
-        """Run with the settings that an accuracy needs."""
+    def run_to(
+        self,
+        accuracy: float,
+        given: Mapping[str, Any],
+        taken: Samples,
+        want: Iterable[str] | str,
+        static: bool,
+        engine: str,
+        chunk: int | None,
+    ) -> Result:
+        """Run with the settings that an accuracy needs; see `blockmech.analysis.accuracy`."""
 
     @abstractmethod
     def digits_lost(self, result: Result) -> tuple[Flag, ...]:
         """Outputs of a result that are rounding for the most part."""
-
-    @abstractmethod
-    def simulated(self, **request: Any) -> Result:
-        """A motion under the loads, and the wanted outputs along it."""
 
     @abstractmethod
     def stroke_of(self, result: Result, output: str) -> Any:
@@ -270,7 +348,9 @@ class Compiled(Runnable[M]):
         if engine in ("scalar", "llvm") and precision == "complex128":
             return self._engine(plan, engine, "").run(inputs, taken.n), engine
         if engine != "numpy" or precision not in PRECISIONS:
-            raise unknown_engine(engine, precision)
+            found = f'no engine "{engine}" with precision "{precision}"'
+            valid = f"engines: auto, scalar, numpy, llvm; precisions of numpy: {listed(PRECISIONS)}"
+            raise refused("engine", found, valid=valid, code="unknown-engine")
         batch = self._engine(plan, "numpy", precision)
         more = {} if chunk is None else {"chunk": int(chunk)}
         values = batch.run(inputs, taken.n, **more)
@@ -432,3 +512,6 @@ def _followed(structure: Structure, scene: Scene) -> Structure:
     from blockmech.passes.change_points import with_followed  # few mechanisms need it
 
     return with_followed(structure, scene)
+
+
+run = Compiled.run  # for graphs and linkages, which load this file when they are first run

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from blockmech.compiled import Compiled
 from blockmech.errors import BlockmechError
 from blockmech.quality import Flag
 from blockmech.result import Result
 from blockmech.runnable import LazyMethod
-from blockmech.samples import Samples
 
 if TYPE_CHECKING:
+    import blockmech.analysis.accuracy
+    import blockmech.analysis.deflections
     import blockmech.analysis.equilibria
     import blockmech.analysis.explain
     import blockmech.analysis.extremes
@@ -72,6 +73,7 @@ class Mechanism(Compiled["Mechanism"]):
         objective = blockmech.studies.objective.objective
         parameters = blockmech.studies.family.parameters
         path_radius = blockmech.analysis.instants.path_radius
+        run_to = blockmech.analysis.accuracy.run_to
         sensitivity = blockmech.studies.differentiate.sensitivity
         simulate = blockmech.dynamics.simulation.simulate
         stepper = blockmech.dynamics.stepper.stepper
@@ -81,6 +83,7 @@ class Mechanism(Compiled["Mechanism"]):
         trade = blockmech.analysis.trade.trade
         velocity_ratio = blockmech.analysis.instants.velocity_ratio
         verify = blockmech.studies.verify.verify
+        with_deflections = blockmech.analysis.deflections.with_deflections
     else:
         available = LazyMethod("blockmech.studies.drives")
         balance = LazyMethod("blockmech.studies.balance")
@@ -101,6 +104,7 @@ class Mechanism(Compiled["Mechanism"]):
         objective = LazyMethod("blockmech.studies.objective")
         parameters = LazyMethod("blockmech.studies.family")
         path_radius = LazyMethod("blockmech.analysis.instants")
+        run_to = LazyMethod("blockmech.analysis.accuracy")
         sensitivity = LazyMethod("blockmech.studies.differentiate")
         simulate = LazyMethod("blockmech.dynamics.simulation")
         stepper = LazyMethod("blockmech.dynamics.stepper")
@@ -110,6 +114,7 @@ class Mechanism(Compiled["Mechanism"]):
         trade = LazyMethod("blockmech.analysis.trade")
         velocity_ratio = LazyMethod("blockmech.analysis.instants")
         verify = LazyMethod("blockmech.studies.verify")
+        with_deflections = LazyMethod("blockmech.analysis.deflections")
 
     def _repr_svg_(self) -> str | None:
         """The mechanism over its range, or, where that is not known, with its drivers at zero."""
@@ -120,27 +125,11 @@ class Mechanism(Compiled["Mechanism"]):
                 return mechanism_svg(self, at)
         return None
 
-    def with_deflections(self, taken: Samples) -> Samples:
-        """Samples with the states of friction laws; see `blockmech.analysis.deflections`."""
-        from blockmech.analysis.deflections import with_deflections
-
-        return with_deflections(self, taken)
-
-    def run_to(self, *request: Any) -> Result:
-        """Run with the settings that an accuracy needs; see `blockmech.analysis.accuracy`."""
-        from blockmech.analysis.accuracy import run_to
-
-        return run_to(self, *request)
-
     def digits_lost(self, result: Result) -> tuple[Flag, ...]:
         """Outputs that are rounding for the most part; see `blockmech.analysis.rounding`."""
         from blockmech.analysis.rounding import digits_lost
 
         return digits_lost(result)
-
-    def simulated(self, **request: Any) -> Result:
-        """A motion under the loads; see `blockmech.dynamics.simulation`."""
-        return self.simulate(**request)
 
     def stroke_of(self, result: Result, output: str) -> blockmech.analysis.stroke.Stroke:
         """The stroke of an output over a result; see `blockmech.analysis.stroke`."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from blockmech.engines.numpy import PRECISIONS
 from blockmech.errors import Problem, RequestError, listed, refused, shown
 from blockmech.friction.solvers import METHODS
 from blockmech.plan import Friction
@@ -40,13 +39,6 @@ def friction_asked(method: str | None, tolerance: float | None, iterations: int 
         None if tolerance is None else float(tolerance),
         None if iterations is None else int(iterations),
     )
-
-
-def unknown_engine(engine: str, precision: str) -> RequestError:
-    """The error of an engine that there is not, or not with this precision."""
-    found = f'no engine "{engine}" with precision "{precision}"'
-    valid = f"engines: auto, scalar, numpy, llvm; precisions of numpy: {listed(PRECISIONS)}"
-    return refused("engine", found, valid=valid, code="unknown-engine")
 
 
 def check_chunk(chunk: int | None) -> None:

@@ -177,7 +177,7 @@ def verify(
     taken = blocks.samples(at, samples, times, rates, accelerations)
     taken = replace(taken, inputs={**taken.inputs, **_states(blocks, taken.n)})
     given["static"] = static
-    evidence = Evidence(blocks.answer(taken, EVERYTHING, given, None, **how, on_gap="mark"))
+    evidence = Evidence(blocks.answer(taken, EVERYTHING, given, **how))
     shaken = Evidence(_perturbed_run(evidence.run, how))
     return _judged(mechanism, evidence, [(evidence, CHECKS), (shaken, CHECKS)])
 
@@ -193,7 +193,7 @@ def _of_result(
     how = {key: result.settings[key] for key in ("friction", "tolerance", "iterations")}
     if motion is None:
         how["static"] = result.settings["static"]
-        run = blocks.answer(result.samples, EVERYTHING, how, None, engine, None, chunk, "mark")
+        run = blocks.answer(result.samples, EVERYTHING, how, engine, None, chunk)
         evidence = Evidence(run)
         return _judged(mechanism, evidence, [(evidence, CHECKS)])
     t = motion.times(1) if result.time is None else result.time

@@ -57,7 +57,7 @@ def write_report(order: Order, path: Path) -> list[Path]:
         how = dict.fromkeys(("friction", "tolerance", "iterations")) | {"static": False}
         how |= order.settings
         samples, wanted = samples_of(order), wanted_of(order)
-        result = mechanism.answer(samples, wanted, how, None, "auto", None, None, "mark")
+        result = mechanism.answer(samples, wanted, how)
     document = mechanism.document
     sections = {} if document is None else document.sections()
     title = getattr(document, "title", "") or mechanism.name

@@ -181,10 +181,10 @@ def _stroke_slopes(
     An end is an extreme position, so where it is does not count in first order.
     """
     run = base.result
-    stroke = run.mechanism.stroke_of(run, w.output)
-    if stroke.path == "curved":
+    moved = run.mechanism.stroke_of(run, w.output)
+    if moved.path == "curved":
         raise refused(w.label, "a stroke along a curve has no derivative", "take a part of it")
-    ends = stroke.low, stroke.high
+    ends = moved.low, moved.high
     how = {k: given[k] for k in ("friction", "tolerance", "iterations", "static")}
     if run.samples.times is not None:
         how["times"] = [float(end.time or 0.0) for end in ends]
@@ -200,7 +200,7 @@ def _stroke_slopes(
         return np.asarray((np.conj(along) * (d[:, 1:] - d[:, :1])).real)
 
     sides = change(there.ahead[w.output]), change(there.behind[w.output])
-    return np.array([stroke.length]), sides
+    return np.array([moved.length]), sides
 
 
 def chosen_numbers(mechanism: Compiled, addresses: Sequence[str]) -> dict[str, Parameter]:

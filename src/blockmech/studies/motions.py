@@ -213,9 +213,9 @@ class MotionRunner(Runner):
         """What is kept of a design. `KeyboardInterrupt` ends its motion and the study's."""
         outputs = list(dict.fromkeys(w.output for w in self.want if w.how != MOTION))
         try:
-            own = remade(self.family.mechanism, numbers)
+            own: Any = remade(self.family.mechanism, numbers)  # a `Mechanism`, with its methods
             how = {"engine": self.engine, **_friction(self.settings), **self.simulation}
-            result = own.simulated(want=outputs, **how)
+            result = own.simulate(want=outputs, **how)
         except BlockmechError as error:
             return Moved({}, NO_MOTION, f"{error.problems[0].where} ({error.problems[0].found})")
         motion = result.motion
