@@ -45,9 +45,10 @@ def answered(
     mechanism: Any, samples: Samples, names: Iterable[str], friction: str, accuracy: Any = None
 ) -> Any:
     """Outputs at samples, gaps marked; with an ``accuracy`` the method is chosen by it."""
-    method = friction if accuracy is None else None
-    how = {"friction": method, "tolerance": None, "iterations": None, "static": False}
-    return mechanism.answer(samples, tuple(names), how, accuracy, "auto", None, None, "mark")
+    if accuracy is not None:
+        return mechanism.run_to(accuracy, {}, samples, tuple(names), False, "auto", None)
+    how = {"friction": friction, "tolerance": None, "iterations": None, "static": False}
+    return mechanism.answer(samples, tuple(names), how)
 
 
 def _tolerance(request: Asked) -> Any:
