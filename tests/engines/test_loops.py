@@ -1,5 +1,7 @@
 """Functions of plain Python say the same as machine code, to the last bit."""
 
+import ctypes
+import itertools
 import math
 from collections.abc import Callable
 from functools import partial
@@ -11,13 +13,16 @@ import pytest
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.system import System
 from blockmech.engines import loops, stages
-from blockmech.engines.assembly import piece
+from blockmech.engines.assembly import Text, piece
 from blockmech.engines.loops import Counts, Reals
+from blockmech.engines.nodes import SAMPLE
+from blockmech.engines.spread import Lanes, spread
+from blockmech.engines.trace import Trace, solve
 from tests.gallery import mechanism
 
 pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
 
-from blockmech.engines.llvm import machine_code
+from blockmech.engines.llvm import FILL, machine_code
 
 THIRD = 1 / 3
 
@@ -219,3 +224,57 @@ def test_what_is_no_part_of_the_language_is_refused_by_its_line(function, line, 
 def test_arguments_have_kinds_of_the_language():
     with pytest.raises(TypeError, match="<class 'str'> is no kind of argument"):
         loops.text(texts=texts)
+
+
+@pytest.mark.parametrize("n", [3, 6, 12])
+def test_extreme_singular_values_are_those_of_python_and_near_those_of_lapack(n):
+    """Of eight matrices side by side: dense, sparse, nearly singular, singular, orthogonal, NaN."""
+    rng = np.random.default_rng(n)
+    a = rng.normal(size=(8, n, n))
+    a[1] *= rng.random((n, n)) < 0.4
+    a[2, :, -1] = a[2, :, 0] * (1 + 1e-9 * rng.normal(size=n))
+    a[3, 1] = a[3, 0]
+    a[4] = np.linalg.qr(a[4])[0]
+    a[5] = np.diag(10.0 ** -np.arange(n))
+    a[6, n - 1, 0] = math.nan
+    of = Lanes(8, n)
+    (fast,) = compiled(spread=partial(spread, of=of))
+    one, other = (np.ascontiguousarray(a.transpose(2, 1, 0).reshape(n * n, 8)) for _ in range(2))
+    fast(one)
+    with np.errstate(all="ignore"):
+        spread(of, other)
+    np.testing.assert_array_equal(one[0], other[0])
+    good = np.arange(8) != 6
+    values = np.linalg.svd(a[good], compute_uv=False)
+    np.testing.assert_allclose(one[0, good], values[:, -1] / values[:, 0], rtol=0, atol=4e-16)
+    assert math.isnan(one[0, 6])
+
+
+@pytest.mark.parametrize("unit", [0.0, 1.0])
+def test_systems_are_solved_flat_with_pivots_of_each_lane(unit):
+    """Also where the first entry is zero in some lanes; a singular one has no finite solution."""
+    n, rng = 5, np.random.default_rng(3)
+    a, right = rng.normal(size=(n, n, 16)), rng.normal(size=(n, 16))
+    a[0, 0, :4], a[3], a[1, 2] = 0.0, 0.0, 0.0
+    a[3, 4], a[3, 1] = unit, rng.normal(size=16)
+    a[2, :, 15] = a[0, :, 15]
+    trace = Trace.__new__(Trace)
+    trace.nodes, trace._made = [], {}
+    numbers = itertools.count()
+
+    def fresh(x):
+        return trace._leaf("input", next(numbers), SAMPLE) if np.any(x) else 0.0
+
+    rows = [[1.0 if np.all(x == 1.0) else fresh(x) for x in row] for row in a]
+    side = [fresh(x) for x in right]
+    values = solve(rows, side)
+    given = [x for row in a for x in row if np.any(x) and not np.all(x == 1.0)] + [*right]
+    out = np.empty((n, 16))
+    (fill,) = machine_code(Text().fill(len(given), values), ("fill", FILL))
+    places = (ctypes.c_void_p * (len(given) + 1))(
+        *(np.ascontiguousarray(x).ctypes.data for x in given)
+    )
+    fill(places, None, out.ctypes.data, 16, 16, 0, 1)
+    want = np.linalg.solve(a[..., :15].transpose(2, 0, 1), right[:, :15].T[..., None])[..., 0]
+    np.testing.assert_allclose(out[:, :15].T, want, rtol=1e-12)
+    assert not np.isfinite(out[:, 15]).all()

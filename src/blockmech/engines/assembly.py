@@ -21,12 +21,13 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
-from blockmech.engines import lapack
 from blockmech.engines.loops import Reals, text
 from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, is_truth, needed
+from blockmech.engines.spread import Lanes, spread
 
 LANES = 8  # one vector register of the widest processors; LLVM splits it on others
 ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "fmod": "frem"}
@@ -84,7 +85,7 @@ class Text:
         ]
         systems = [node for node in nodes if node.op == "system"]
         for node in systems:  # not in a loop, where they would be made again and again
-            count = len(node.args) - 2
+            count = len(node.args) - 1
             lines += [f"{self._name(node)} = alloca [{count} x {self.reals}], align 64"]
         if kept:
             lines += [
@@ -142,8 +143,12 @@ class Text:
             "ret double %all",
             "}",
         ]
-        own = {"piece": piece} if any(node.op == "piece" for node in nodes) else {}
-        head = [*self.head, text(**own, **loops), *([lapack.text(self.lanes)] if systems else [])]
+        own: dict[str, Any] = {"piece": piece} if any(n.op == "piece" for n in nodes) else {}
+        for node in systems:
+            of = Lanes(self.lanes, node.args[0])
+            own[f"spread{of.n}"] = partial(spread, of=of)
+        helpers = text(**own, **loops).splitlines()
+        head = [*self.head, *(line for line in helpers if line not in self.head)]
         return "\n".join([*head, *lines]) + "\n"
 
     def _summed(self, nodes: Sequence[Node]) -> Iterator[str]:
@@ -300,12 +305,12 @@ class Text:
         return [f"{me} = call {self.reals} @{CALLS[op]}.v{self.lanes}f64({self.reals} {args[0]})"]
 
     def _system(self, node: Node) -> Iterator[str]:
-        """The entries of a system, and the routine that works on them."""
-        me, (name, n, *entries) = self._name(node), node.args
+        """The entries of a matrix, and the function that works on them."""
+        me, (n, *entries) = self._name(node), node.args
         for k, x in enumerate(entries):
             yield f"{me}.{k} = getelementptr {self.reals}, ptr {me}, i64 {k}"
             yield f"store {self.reals} {self._name(x)}, ptr {me}.{k}"
-        yield f"call void @{name}(ptr {me}, i32 {n})"
+        yield f"call void @spread{n}(ptr {me})"
 
     def _loaded(self, node: Node) -> list[str]:
         """An input of each lane, or a parameter in all of them."""

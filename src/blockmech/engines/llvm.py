@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.engines import assembly, code_cache, lapack
+from blockmech.engines import assembly, code_cache
 from blockmech.engines.assembly import LANES
 from blockmech.engines.nodes import Node, Untraceable, needed, of_inputs
 from blockmech.engines.numpy import CHUNK, Planar, Whole, each_part, leaves
@@ -247,8 +247,6 @@ def machine_code(text: str, *kinds: tuple[str, Any]) -> tuple[Any, ...]:
     if text.count("\n") > LONGEST:
         raise Untraceable(f"it has more than {LONGEST} operations")
     llvm = _package()
-    if "@dgesv" in text:
-        lapack.link(llvm)
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     made = llvm.Target.from_default_triple()
     target = made.create_target_machine(

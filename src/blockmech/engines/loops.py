@@ -13,6 +13,9 @@ for nothing is fused and nothing re-associated. The subset:
                  ``a if c else b``, abs, min and max (of two) and `MATH` of floats, ``float(n)``,
                  ``K[m, s, j]`` a number, ``K[m, s]`` a row in the same memory, ``K[m:]`` the array
                  from a block on; other functions of this kind, numbers of their module
+    lanes        rows of floats in + - * / and comparisons, with numbers as well: vectors;
+                 ``np.sqrt``, abs, ``np.where(test, a, b)``, ``&``, ``np.any(test)`` of them;
+                 ``a[i] = vector`` writes a row
 
 A name keeps the kind of its first value. A division by zero is infinite, or NaN, as of NumPy's
 numbers. There is no room but what is given as an argument. All else is a TypeError that names the
@@ -62,11 +65,19 @@ IN_C: dict[str, Any] = {
     NOTHING: None,
 }
 NAMES = {REAL: "a float", COUNT: "an int", TRUTH: "a truth value", PLACE: "an array"}
-MATH = {getattr(math, name): name for name in ("sqrt", "sin", "cos", "exp", "copysign")}
+MATH: dict[Any, str] = {
+    getattr(math, name): name for name in ("sqrt", "sin", "cos", "exp", "copysign")
+}
+LANEWISE = MATH | {
+    abs: "fabs",
+    np.sqrt: "sqrt",
+    np.where: "",
+    np.any: "vector.reduce.or",
+}
 OPERATIONS = {
     (REAL, ast.Add): "fadd", (REAL, ast.Sub): "fsub", (REAL, ast.Mult): "fmul",
     (REAL, ast.Div): "fdiv", (COUNT, ast.Add): "add", (COUNT, ast.Sub): "sub",
-    (COUNT, ast.Mult): "mul", (COUNT, ast.RShift): "ashr",
+    (COUNT, ast.Mult): "mul", (COUNT, ast.RShift): "ashr", (TRUTH, ast.BitAnd): "and",
     (REAL, ast.Lt): "fcmp olt", (REAL, ast.LtE): "fcmp ole", (REAL, ast.Gt): "fcmp ogt",
     (REAL, ast.GtE): "fcmp oge", (REAL, ast.Eq): "fcmp oeq", (REAL, ast.NotEq): "fcmp une",
     (COUNT, ast.Lt): "icmp slt", (COUNT, ast.LtE): "icmp sle", (COUNT, ast.Gt): "icmp sgt",
@@ -77,16 +88,24 @@ OPERATIONS = {
 class Value(NamedTuple):
     """What an expression is in the text: a name or number, and of what kind.
 
-    of : kind of an array's numbers, shape : sizes of a block of it
+    of : kind of an array's numbers, shape : sizes of a block of it, row : how many a row has
     takes : kinds of a function's arguments, gives : that of its answer
+    lanes : numbers of a vector, 0 of one alone
     """
 
     text: str
     kind: str
     of: str = ""
     shape: tuple[int, ...] = ()
+    row: int = 0
     takes: tuple[str, ...] = ()
     gives: str = ""
+    lanes: int = 0
+
+    @property
+    def type(self) -> str:
+        """The kind as the text says it."""
+        return f"<{self.lanes} x {self.kind}>" if self.lanes else self.kind
 
 
 def text(**functions: Callable[..., Any]) -> str:
@@ -233,8 +252,8 @@ class _Translation:
     def _slot(self, name: str, value: Value) -> Value:
         """A place on the stack for a name, with its first value."""
         slot = value._replace(text=f"%{name}.{next(self.count)}")
-        self.slots.append(f"{slot.text} = alloca {value.kind}")
-        self.lines.append(f"store {value.kind} {value.text}, ptr {slot.text}")
+        self.slots.append(f"{slot.text} = alloca {value.type}")
+        self.lines.append(f"store {value.type} {value.text}, ptr {slot.text}")
         return slot
 
     def _if(self, test: Value, yes: Callable[[], Any], no: Callable[[], Any]) -> None:
@@ -322,25 +341,37 @@ class _Translation:
             slot = self._at(target)
         else:
             self._refuse(f"nothing to assign to: {ast.unparse(target)}")
-        value = self._as(value, slot.kind)
-        fixed = isinstance(target, ast.Subscript) and slot.of
-        if fixed or (slot.of, slot.shape) != (value.of, value.shape):
+        if isinstance(target, ast.Subscript) and slot.of:
+            value, slot = self._row(value), self._row(slot)._replace(text=slot.text)
+        value = self._as(value, slot.kind, slot.lanes)
+        if slot[2:5] != value[2:5]:
             self._refuse("an array in the place of another")
-        self.lines.append(f"store {value.kind} {value.text}, ptr {slot.text}")
+        self.lines.append(f"store {value.type} {value.text}, ptr {slot.text}, align 8")
 
     # -- expressions ---------------------------------------------------------------------
 
-    def _as(self, value: Value, kind: str) -> Value:
-        """A value of a kind: an int may stand for a float."""
+    def _as(self, value: Value, kind: str, lanes: int = 0) -> Value:
+        """A value of a kind: an int may stand for a float, and one number for all lanes."""
         if value.kind == COUNT and kind == REAL:
-            return self._new(f"sitofp i64 {value.text} to double", REAL)
-        if value.kind != kind:
+            value = self._new(f"sitofp i64 {value.text} to double", REAL)
+        if lanes and not value.lanes and value.kind == kind:
+            wide = value._replace(lanes=lanes).type
+            first = self._new(f"insertelement {wide} poison, {kind} {value.text}, i32 0", kind)
+            every = f"{wide} {first.text}, {wide} poison, <{lanes} x i32> zeroinitializer"
+            value = self._new(f"shufflevector {every}", kind, lanes=lanes)
+        if (value.kind, value.lanes) != (kind, lanes):
             self._refuse(f"{NAMES.get(value.kind, 'nothing')} where {NAMES[kind]} is to be")
         return value
 
     def _loaded(self, slot: Value) -> Value:
-        register = self._new(f"load {slot.kind}, ptr {slot.text}", slot.kind)
+        register = self._new(f"load {slot.type}, ptr {slot.text}, align 8", slot.kind)
         return slot._replace(text=register.text)
+
+    def _row(self, value: Value) -> Value:
+        """A row of an array as a vector; other values as they are."""
+        if not value.row or value.of != REAL:
+            return value
+        return self._loaded(Value(value.text, REAL, lanes=value.row))
 
     def _value(self, node: ast.expr) -> Value:
         match node:
@@ -357,9 +388,11 @@ class _Translation:
                     self._refuse(f"{ast.unparse(node)} is no number")
                 return _number(meaning)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
-                one = self._value(operand)
-                text = f"fneg double {one.text}" if one.kind == REAL else f"sub i64 0, {one.text}"
-                return self._new(text, one.kind)
+                one = self._row(self._value(operand))
+                text = (
+                    f"fneg {one.type} {one.text}" if one.kind == REAL else f"sub i64 0, {one.text}"
+                )
+                return self._new(text, one.kind, lanes=one.lanes)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 return self._new(f"xor i1 {self._as(self._value(operand), TRUTH).text}, 1", TRUTH)
             case ast.BinOp(left=left, op=op, right=right):
@@ -383,13 +416,15 @@ class _Translation:
             self._refuse(str(error))
 
     def _both(self, op: ast.operator | ast.cmpop, a: Value, b: Value) -> Value:
+        a, b = self._row(a), self._row(b)
         real = REAL in (a.kind, b.kind) or isinstance(op, ast.Div)
-        a, b = (self._as(x, REAL if real else COUNT) for x in (a, b))
-        name = OPERATIONS.get((a.kind, type(op)))
+        kind = REAL if real else a.kind
+        a, b = (self._as(x, kind, a.lanes or b.lanes) for x in (a, b))
+        name = OPERATIONS.get((kind, type(op)))
         if name is None:
-            self._refuse(f"no operation of this language: {type(op).__name__} of {NAMES[a.kind]}")
-        kind = TRUTH if "cmp" in name else a.kind
-        return self._new(f"{name} {a.kind} {a.text}, {b.text}", kind)
+            self._refuse(f"no operation of this language: {type(op).__name__} of {NAMES[kind]}")
+        text = f"{name} {a.type} {a.text}, {b.text}"
+        return self._new(text, TRUTH if "cmp" in name else kind, lanes=a.lanes)
 
     def _chosen(self, node: ast.BoolOp | ast.IfExp) -> Value:
         """One of two values, of which the other is not worked out."""
@@ -432,18 +467,17 @@ class _Translation:
         if not left and not rest:
             return place._replace(kind=array.of)
         shape = array.shape if rest else array.shape[len(indices) :]
-        return place._replace(of=array.of, shape=shape)
+        row = array.shape[-1] if array.shape and not shape else 0
+        return place._replace(of=array.of, shape=shape, row=row)
 
     def _called(self, node: ast.expr, arguments: list[ast.expr]) -> Value:
         known = self.known.get(node.id) if isinstance(node, ast.Name) else None
         function: Any = None if known else self._meaning(node)
         if function is float and len(arguments) == 1:
             return self._as(self._value(arguments[0]), REAL)
-        if function is abs or function in MATH:
-            name, takes = f"@llvm.{MATH.get(function, 'fabs')}.f64", (REAL,) * len(arguments)
-            self.module.declared[f"declare double {name}({', '.join(takes)})"] = None
-            known = Value(name, PLACE, takes=takes, gives=REAL)
-        elif known is None:
+        if function in LANEWISE:
+            return self._lanewise(function, [self._row(self._value(x)) for x in arguments])
+        if known is None:
             function = OWN.get(function, function)
             if not isinstance(function, FunctionType):
                 self._refuse(f"no function of this language: {ast.unparse(node)}")
@@ -465,3 +499,21 @@ class _Translation:
             self.lines.append(call)
             return Value("", NOTHING)
         return self._new(call, known.gives)
+
+    def _lanewise(self, function: Any, values: list[Value]) -> Value:
+        """A function of each lane, or of numbers; a choice in each; whether any is true."""
+        lanes, kind = max(x.lanes for x in values), TRUTH if function is np.any else REAL
+        if function is np.where:
+            test, a, b = (
+                self._as(x, wanted, lanes)
+                for x, wanted in zip(values, (TRUTH, REAL, REAL), strict=True)
+            )
+            text = f"select {test.type} {test.text}, {a.type} {a.text}, {b.type} {b.text}"
+            return self._new(text, REAL, lanes=lanes)
+        values = [self._as(x, kind, lanes) for x in values]
+        ending = f"{f'v{lanes}' if lanes else ''}{'f64' if kind == REAL else 'i1'}"
+        name = f"@llvm.{LANEWISE[function]}.{ending}"
+        gives = "i1" if kind == TRUTH else values[0].type
+        self.module.declared[f"declare {gives} {name}({', '.join(x.type for x in values)})"] = None
+        call = f"call {gives} {name}({', '.join(f'{x.type} {x.text}' for x in values)})"
+        return self._new(call, kind, lanes=lanes if kind == REAL else 0)

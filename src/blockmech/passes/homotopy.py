@@ -11,8 +11,10 @@ singular values at both ends: by Weyl's inequality no singular Jacobian lies bet
 another mode that comes near is not taken for this one, however near it comes.
 
 With one driver all lines lie on one axis: *knots* along it are laid once, outward from
-home and the same whoever asks, and a sample starts from the last one before it. Behind a
-dead centre a crank's pose is that of whole turns before, if the path leads there.
+home and the same whoever asks. Between two of them a cubic of places and rates says where the links
+stand, where it was seen to be so good a guess that Newton settles at that pose; other samples are
+followed from the last knot before them. Behind a dead centre a crank's pose is that of whole turns
+before, if the path leads there.
 
 Sources: Allgower & Georg, Introduction to numerical continuation methods, 2003, ch. 2
 (Euler-Newton predictor-corrector); Golub & Van Loan, Matrix Computations, 2013, 8.6
@@ -24,7 +26,7 @@ from __future__ import annotations
 import math
 import threading
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +46,7 @@ SMALLEST = (
     64 * EPS
 )  # share of a line, or of knots, at which the path ends: a dead centre, to rounding
 CHANGE = 0.7  # of what the singular values allow: how much J may change in one step
+SURE = 0.01  # of the smallest singular value: a guess that is off by less is one of this mode
 FAR = 50.0  # times the reach at home: a slide on its way to infinity is given up there
 BEFORE = math.nextafter(1.0, 0.0)  # the largest share that is not all
 MOST = 5000  # steps of a line, and knots on one side of home
@@ -183,8 +186,8 @@ class Path:
         return tuple(tuple(link) for link in columns), reached.reshape(shape)
 
     def follow(self, q: Array, one: bool = False) -> tuple[Array, Array]:
-        """Places (n, m, 4) at driver values (n, k), NaN where the path ends before, and
-        the share of it (n,) that was possible; by the scalar engine for ``one`` sample."""
+        """Places (n, m, 4) near the poses at driver values (n, k), NaN where the path ends before,
+        and the share of it (n,) that was possible; by the scalar engine for ``one`` sample."""
         home, n = self.at_home, len(q)
         if not self.drivers:
             return np.repeat(home.place, n, axis=0), np.ones(n)
@@ -345,8 +348,8 @@ class ContinuationNodes:
         with LAYING:
             side = self.sides[way]
             side._grow(reach)
-            q, stands = side._arrays()
-        return q, stands.place, stands.rate
+            table = side._table()
+        return table.q, table.stands.place, table.stands.rate
 
     @cached_property
     def turns(self) -> int:
@@ -356,8 +359,10 @@ class ContinuationNodes:
         home = self.path.at_home.place
         for k in range(1, MODES + 1):
             away = np.array([k * math.tau])
-            place, _ = self.sides[1].follow(self.home + away, away, one=True)
-            apart = np.abs(place - home).max(axis=0) * self.path.tracker.weights
+            q = self.home + away
+            place, _ = self.sides[1].follow(q, away, one=True)
+            pose, _ = self.path.tracker.at(q[:, None], np.ones((1, 1)), place, one=True)
+            apart = np.abs(pose.place - home).max(axis=0) * self.path.tracker.weights
             if not np.isfinite(apart).all():
                 return 0
             if apart.max() < DOUBLE_ROOT:
@@ -374,24 +379,28 @@ class _Side:
         self.stands = [start]
         self.ended = False
         self.step = unit
-        self._laid: tuple[Array, GroupPose] | None = None
+        self._laid: _Table | None = None
 
     def follow(self, q: Array, away: Array, one: bool) -> tuple[Array, Array]:
         """Places and shares at driver values (n,) on this side."""
         with LAYING:
             self._grow(float(np.abs(away).max()))
-            (knots, stands), ended = self._arrays(), self.ended
+            table, ended = self._table(), self.ended
+        knots = table.q
         if ended:  # one end for all who ask
             q = np.where((q - knots[-1]) * self.way > 0.0, np.nan, q)
         k = np.searchsorted(knots * self.way, q * self.way, side="right") - 1
-        start = knots[k]
-        line = q - start
-        stand = stands.at(k)
-        stand = stand._replace(rate=stand.rate * line[:, None, None])
-        place, share = travel(self.path, start[:, None], stand, q[:, None], one)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            gone = np.where(np.isnan(q), knots[-1], start + share * line) - self.path.home[0]
-            return place, np.where(share >= 1.0, 1.0, np.minimum(gone / away, BEFORE))
+        place, reached = table.guess(k, q), np.ones(len(q))
+        if len(rest := np.flatnonzero(~table.sure[k])):
+            start, far = knots[k[rest]], q[rest]
+            line, stand = far - start, table.stands.at(k[rest])
+            stand = stand._replace(rate=stand.rate * line[:, None, None])
+            place[rest], share = travel(self.path, start[:, None], stand, far[:, None], one)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                gone = np.where(np.isnan(far), knots[-1], start + share * line) - self.path.home[0]
+                part = np.minimum(gone / away[rest], BEFORE)
+                reached[rest] = np.where(share >= 1.0, 1.0, part)
+        return place, reached
 
     def _grow(self, reach: float) -> None:
         """Lay knots until one is further from home than ``reach``; each by its forerunner."""
@@ -418,7 +427,59 @@ class _Side:
             self.step = step * float(growth(room)[0])
             self._laid = None
 
-    def _arrays(self) -> tuple[Array, GroupPose]:
+    def _table(self) -> _Table:
         if self._laid is None:
-            self._laid = np.array(self.q), GroupPose.joined(self.stands)
+            self._laid = _Table.of(self.path, np.array(self.q), GroupPose.joined(self.stands))
         return self._laid
+
+
+class _Table(NamedTuple):
+    """Poses at k knots q, and between them cubics of places, the highest power first.
+
+    rows : (4, k, m, 4), sure : (k,) whether the cubic from a knot to the next one is a good guess
+    """
+
+    q: Array
+    stands: GroupPose
+    rows: Array
+    sure: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, path: Path, q: Array, stands: GroupPose) -> _Table:
+        """Each cubic is held against the pose in its middle."""
+        rows = np.zeros((4, *stands.place.shape))
+        rows[:, :-1] = cubics(q, stands.place, slopes(stands.place, stands.rate))
+        table, k = cls(q, stands, rows, np.zeros(len(q), bool)), np.arange(len(q) - 1)
+        if len(k):
+            middle = (q[:-1] + q[1:]) / 2
+            one = np.ones((len(k), 1))
+            pose, first = path.tracker.at(middle[:, None], one, table.guess(k, middle))
+            nearest = np.minimum(pose.nearest, np.minimum(stands.nearest[:-1], stands.nearest[1:]))
+            table.sure[:-1] = first <= SURE * nearest.min(axis=1)
+        return table
+
+    def guess(self, k: Array, q: Array) -> Array:
+        """Places (n, m, 4) at driver values (n,) behind knots."""
+        x = (q - self.q[k])[:, None, None]
+        total: Array = self.rows[0, k]
+        for row in self.rows[1:]:
+            total = total * x + row[k]
+        return total
+
+
+def slopes(places: Array, rates: Array) -> Array:
+    """Rates (k, m, 4) of places and directions, from those of places and angles."""
+    slope = np.empty_like(places)
+    slope[..., :2] = rates[..., :2]
+    slope[..., 2] = -places[..., 3] * rates[..., 2]
+    slope[..., 3] = places[..., 2] * rates[..., 2]
+    return slope
+
+
+def cubics(knots: Array, y: Array, slope: Array) -> Array:
+    """Coefficients (4, k - 1, ...) of Hermite's cubics, the highest power first."""
+    h = np.diff(knots)[:, None, None]
+    a, b = y[:-1], y[1:]
+    s, t = slope[:-1], slope[1:]
+    rise = (b - a) / h
+    return np.stack([(s + t - 2 * rise) / h**2, (3 * rise - 2 * s - t) / h, s, a])

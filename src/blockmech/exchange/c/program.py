@@ -40,7 +40,7 @@ FLAGS = "-std=c99 -O2 -Wall -Wextra -ffp-contract=off"
 RESERVED = {
     *("auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else"),
     *("enum", "extern", "float", "for", "goto", "if", "inline", "int", "long", "main", "piece"),
-    *("real", "register", "restrict", "return", "short", "signed", "sizeof", "solve", "spread"),
+    *("real", "register", "restrict", "return", "short", "signed", "sizeof", "spread"),
     *("static", "struct", "switch", "typedef", "union", "unsigned", "void", "volatile", "while"),
 }
 TOLERANCES = {DOUBLE: 1e-12, FLOAT: 1e-3}  # of the largest number of a unit, in the test

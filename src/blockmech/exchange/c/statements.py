@@ -35,33 +35,6 @@ static int piece(const real *knots, int n, real x)
     return low;
 }
 """
-SOLVE = """
-/* The n columns of a matrix, then a right side, which becomes the solution: elimination with
-   partial pivoting. A singular matrix gives what is not finite. */
-static void solve(real *a, int n)
-{
-    real *b = a + n * n;
-    for (int k = 0; k < n; ++k) {
-        int pivot = k;
-        for (int i = k + 1; i < n; ++i)
-            if (FABS(a[k * n + i]) > FABS(a[k * n + pivot])) pivot = i;
-        if (pivot != k)
-            for (int j = k; j <= n; ++j) {
-                const real held = a[j * n + k];
-                a[j * n + k] = a[j * n + pivot];
-                a[j * n + pivot] = held;
-            }
-        for (int i = k + 1; i < n; ++i) {
-            const real factor = a[k * n + i] / a[k * n + k];
-            for (int j = k + 1; j <= n; ++j) a[j * n + i] -= factor * a[j * n + k];
-        }
-    }
-    for (int k = n - 1; k >= 0; --k) {
-        b[k] /= a[k * n + k];
-        for (int i = 0; i < k; ++i) b[i] -= a[k * n + i] * b[k];
-    }
-}
-"""
 SPREAD = """
 /* The n columns of a matrix; its smallest singular value over its largest takes the first place:
    Jacobi's rotations of the columns. */
@@ -122,7 +95,7 @@ class Language(NamedTuple):
     array : an array of ``entries`` called ``name``
     call : the name of a function of the mathematical library
     literal : a number as text that reads back to the same bits
-    helpers : texts of the functions ``piece``, ``solve`` and ``spread``
+    helpers : texts of the functions of operations: ``piece``, and ``system``'s ``spread``
     """
 
     constant: Mapping[str, str]
@@ -141,7 +114,7 @@ def language_c(real: str) -> Language:
         "real {name}[] = {{{entries}}}",
         lambda op: "FABS" if op == "abs" else op.upper(),
         partial(literal, real=real),
-        {"piece": PIECE, "solve": SOLVE, "spread": SPREAD},
+        {"piece": PIECE, "system": SPREAD},
     )
 
 
@@ -179,10 +152,8 @@ class Statements:
 
     def helpers(self) -> str:
         """The functions that the statements call."""
-        systems = {node.args[0] for node in self._needed if node.op == "system"}
-        pieces = {"piece"} if any(node.op == "piece" for node in self._needed) else set()
-        texts = self.language.helpers.items()
-        return "".join(text for name, text in texts if name in systems | pieces)
+        asked = {node.op for node in self._needed}
+        return "".join(text for op, text in self.language.helpers.items() if op in asked)
 
     def name(self, x: Any) -> str:
         """A node or a number as an expression without side effects."""
@@ -203,10 +174,10 @@ class Statements:
             return
         me = self.name(node)
         if node.op == "system":
-            name, n, *entries = node.args
+            n, *entries = node.args
             numbers = ", ".join(map(self.name, entries))
             yield f"{margin}{self.language.array.format(name=me, entries=numbers)};"
-            yield f"{margin}{name}({me}, {n});"
+            yield f"{margin}spread({me}, {n});"
             return
         kind = "int" if is_truth(node) or node.op == "piece" else "real"
         yield f"{margin}{self.language.constant[kind]} {me} = {self._expression(node)};"

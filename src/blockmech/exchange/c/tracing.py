@@ -19,7 +19,7 @@ from blockmech.engines.nodes import PARAMETER, Node, Untraceable
 from blockmech.engines.numpy import leaves
 from blockmech.engines.trace import Trace, maximum, minimum, where
 from blockmech.friction.continuation import Outcome
-from blockmech.passes.homotopy import BEFORE, MODES, Path
+from blockmech.passes.homotopy import BEFORE, MODES, Path, cubics, slopes
 from blockmech.plan import Plan, Program
 from blockmech.plane import EPS
 from blockmech.quality import (
@@ -102,7 +102,7 @@ class ClosedTrace(Trace):
         else:
             low, high = float(knots[0]), float(knots[-1])
             where_on, reached = _on_the_arc(x, home, low, high, path.knots.rotary)
-        rows = _cubics(knots, places, rates)
+        rows = cubics(knots, places, rates)
         links = []
         for k in range(path.own):
             link = []
@@ -143,25 +143,7 @@ def _knots(path: Path) -> tuple[Array, Array, Array]:
         up, down = (path.knots.laid(way, reach) for way in (1, -1))
         q, places, rates = (np.concatenate([b[:0:-1], a]) for a, b in zip(up, down, strict=True))
     own = slice(-path.own, None)
-    return q, places[:, own], _slopes(places[:, own], rates[:, own])
-
-
-def _slopes(places: Array, rates: Array) -> Array:
-    """Rates (k, m, 4) of places and directions, from those of places and angles."""
-    slopes = np.empty_like(places)
-    slopes[..., :2] = rates[..., :2]
-    slopes[..., 2] = -places[..., 3] * rates[..., 2]
-    slopes[..., 3] = places[..., 2] * rates[..., 2]
-    return slopes
-
-
-def _cubics(knots: Array, y: Array, slope: Array) -> Array:
-    """Coefficients (4, k - 1, ...) of Hermite's cubics, the highest power first."""
-    h = np.diff(knots)[:, None, None]
-    a, b = y[:-1], y[1:]
-    s, t = slope[:-1], slope[1:]
-    rise = (b - a) / h
-    return np.stack([(s + t - 2 * rise) / h**2, (3 * rise - 2 * s - t) / h, s, a])
+    return q, places[:, own], slopes(places[:, own], rates[:, own])
 
 
 def status(

@@ -113,27 +113,6 @@ function piece(knots, n, x) {
   return low;
 }
 
-// The n columns of a matrix, then a right side, which becomes the solution.
-function solve(a, n) {
-  const b = n * n;
-  for (let k = 0; k < n; ++k) {
-    let pivot = k;
-    for (let i = k + 1; i < n; ++i)
-      if (Math.abs(a[k * n + i]) > Math.abs(a[k * n + pivot])) pivot = i;
-    if (pivot !== k)
-      for (let j = k; j <= n; ++j)
-        [a[j * n + k], a[j * n + pivot]] = [a[j * n + pivot], a[j * n + k]];
-    for (let i = k + 1; i < n; ++i) {
-      const factor = a[k * n + i] / a[k * n + k];
-      for (let j = k + 1; j <= n; ++j) a[j * n + i] -= factor * a[j * n + k];
-    }
-  }
-  for (let k = n - 1; k >= 0; --k) {
-    a[b + k] /= a[k * n + k];
-    for (let i = 0; i < k; ++i) a[b + i] -= a[k * n + i] * a[b + k];
-  }
-}
-
 // The n columns of a matrix; its smallest singular value over its largest takes the first place.
 function spread(a, n) {
   let nought = 0;
