@@ -50,7 +50,7 @@ TIME, GOAL, REST = range(3)  # why a motion is over
 def rates_for(system: System, request: SimulationRequest) -> CompiledRhs | None:
     """The right-hand side that all designs share; None where motions go one by one."""
     structure, goal = system.compiled.structure, request.until.goal
-    if request.method not in ("auto", "dop853") or system.engine == "scalar":
+    if request.method not in ("auto", "dop853", "energy") or system.engine == "scalar":
         return None
     if goal not in ("standstill", "swings", "time", "angle") or len(structure.drivers) > 1:
         return None
@@ -213,13 +213,17 @@ def _rounding(
 
     The start is that of all, and the effort by which they start from rest is of a size.
     """
-    q, rate, _ = request.start
-    share = ROUNDING * system.inertia_rounding(float(q))
-    if not rate:
-        share = max(ROUNDING, 2 * system.push_rounding(float(q), 0.0))
-    late = share * np.abs(t)
+    late = rounding_share(system, request) * np.abs(t)
     off = late * np.abs(states[..., 1]) + ROUNDING * np.abs(states[..., 0])
     return np.fmax.reduce(off, axis=1), late[:, -1]
+
+
+def rounding_share(system: System, request: SimulationRequest) -> float:
+    """What rounding leaves unknown of the time of all that starts there, relative."""
+    q, rate = float(request.start.q), request.start.rate
+    if rate:
+        return ROUNDING * system.inertia_rounding(q)
+    return max(ROUNDING, 2 * system.push_rounding(q, 0.0))
 
 
 class _Run:

@@ -36,6 +36,7 @@ from blockmech.studies.family import Family, as_said, remade
 from blockmech.studies.parts import ENDED_EARLY, NO_MOTION, NO_NUMBER, REASONS, Block
 from blockmech.studies.reductions import POSES, SIMPLE, Wanted, Words, column, columns
 from blockmech.studies.runner import Runner
+from blockmech.studies.swings import FirstSwings
 
 Array = NDArray[Any]
 FEW = 16  # designs between two words of progress, and for which nothing is compiled
@@ -245,12 +246,14 @@ class Together:
     runner : what is asked of each
     system, request : of the mechanism whose program serves all
     rates : that program's right-hand side
+    swings : what moves them along the path, where that is all that there is to it
     """
 
     runner: MotionRunner
     system: System
     request: SimulationRequest
     rates: CompiledRhs
+    swings: FirstSwings | None
 
     @classmethod
     def of(cls, runner: MotionRunner) -> Together | None:
@@ -267,15 +270,26 @@ class Together:
             return None  # where a pair's stop is, each design says for itself
         how = friction_asked(*_friction(runner.settings).values())
         system = System(runner.family.general, method=how, engine=runner.engine)
-        rates = rates_for(system, request)
-        return None if rates is None else cls(runner, system, request, rates)
+        rates, method = rates_for(system, request), request.method
+        numbers = all(w.how == MOTION for w in runner.want)
+        swings = None
+        if rates is not None and numbers and method != "dop853":
+            swings = FirstSwings.of(system, request, rates)
+        if rates is None or (method == "energy" and swings is None):
+            return None
+        return cls(runner, system, request, rates, swings)
 
     def into(self, values: dict[str, Array], columns: Mapping[Parameter, Array]) -> Array:
         """Put what is known of designs into their columns; which are to be moved by themselves."""
         runner, m = self.runner, len(next(iter(columns.values())))
         design = runner.family.design({p: x[:, None] for p, x in columns.items()})
         numbers = self.rates.program.values(*design)
-        motions = moved(self.system, self.request, self.rates, numbers, m)
+        motions = None if self.swings is None else self.swings.moved(numbers, m)
+        if motions is None:
+            motions = moved(self.system, self.request, self.rates, numbers, m)
+        elif motions.alone.any() and self.request.method == "auto":
+            others = moved(self.system, self.request, self.rates, numbers, m)
+            motions = motions.merged(others, motions.alone)
         some = np.flatnonzero(~motions.alone)
         own_numbers = [w for w in runner.want if w.how == MOTION]
         for w in own_numbers:
