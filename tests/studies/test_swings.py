@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
 
-import blockmech as bm
 from blockmech.dynamics.panels import FROM_REST, PLAIN, TO_REST, rule
 from blockmech.dynamics.path_mesh import COARSE, FINE
 from blockmech.engines import loops
