@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-VERSIONS = ("blockmech", "numpy", "scipy", "pylinkage", "numba", "llvmlite")
+PEERS = ("pylinkage", "pin", "mujoco", "exudyn")
+VERSIONS = ("blockmech", "numpy", "scipy", *PEERS, "numba", "llvmlite")
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ def table() -> str:
         error = "" if r.error is None else f"{r.error:.1e}"
         lines.append(
             f"| {r.task} | {micro(r.seconds)} | {r.against} | {micro(r.yardstick)} "
-            f"| {r.seconds / r.yardstick:.2f} | {goal} | {error} |"
+            f"| {r.seconds / r.yardstick:.3g} | {goal} | {error} |"
         )
     return "\n".join(lines)
 

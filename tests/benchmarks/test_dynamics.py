@@ -28,7 +28,6 @@ ANDREWS = json.loads((ROOT / "tests/data/andrews_squeezer.json").read_text("utf-
 BETA = ANDREWS["converged_at_0_03"]["q"][0]  # [rad]
 START = {"crank": (math.pi / 3, 0.0)}
 YARDSTICK = 1e-9  # [rad] error of the C integrator's setting that the goals refer to
-PINOCCHIO = {1e-3: 22e-3, 1e-6: 38e-3, 1e-8: 65e-3}  # [s] T4, best general tool of the table
 TABLE_C = {1e-3: 0.116e-3, 1e-6: 0.388e-3, 1e-8: 0.770e-3}  # [s] T4, C RK4, the table's figure
 
 
@@ -69,7 +68,6 @@ def test_andrews_squeezer(benchmark: Callable[..., object], target: float) -> No
     error = abs(result["crank.q"][-1] - BETA)
     task = f"T4 Andrews' squeezer to {target:g}"
     ROWS.append(Row(task, seconds, TABLE_C[target], "C RK4 (table)", None, error))
-    ROWS.append(Row(task, seconds, PINOCCHIO[target], "Pinocchio + DOP853 (table)", None, error))
     assert error <= target
 
 

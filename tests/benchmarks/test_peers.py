@@ -1,4 +1,7 @@
-"""Sweeps and designs against pylinkage, the fastest peer, where it is installed."""
+"""Sweeps and designs against pylinkage, motions against Pinocchio, MuJoCo and Exudyn.
+
+Each where it is installed (the extras ``judges`` and ``peers``). pylinkage has no forward dynamics.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,9 @@ from blockmech.compiled import compiled_program
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.studies.family import Family
 
-from .results import NOTES, ROWS, Row
+from . import peers
+from .results import NOTES, ROWS, Row, micro
+from .test_dynamics import BETA, START, WATT
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time)  # others use the machine, too
 ROOT = Path(__file__).parents[2]
@@ -121,3 +126,40 @@ def test_designs_against_an_ensemble_of_pylinkage() -> None:
     study = lambda: mech.study(many, over={"crank": q}, want="max(dyad.C.p.x)")  # noqa: E731
     spent = least_time(study, 3) / (50 * DESIGNS)
     ROWS.append(Row("the same by `study`, its largest x kept", spent, theirs, yardstick))
+
+
+MOTIONS = {
+    "T3 Watt six-bar": ("watt_sixbar", START, 2.0, WATT["theta_at_2s"]),
+    "T4 Andrews' squeezer": ("andrews_squeezer", {}, 0.03, BETA),
+}
+TOLERANCES = [10.0**-k for k in range(2, 13)]
+STEPS = [125 * 2**k for k in range(13)]  # of a motion
+
+
+@pytest.mark.parametrize("task", MOTIONS)
+@pytest.mark.parametrize("name", ["pinocchio", "mujoco", "exudyn"])
+def test_a_motion_against_a_peer(name: str, task: str, tmp_path: Path) -> None:
+    """The quickest setting of the peer that is good enough, beside ``simulate(accuracy=...)``."""
+    graph, start, end, angle = MOTIONS[task]
+    path = ROOT / "graphs" / f"{graph}.json"
+    mech = bm.Graph.load(path).compile()
+    at = start["crank"][0] if start else mech.scene.initial["crank"].q
+    answer = getattr(peers, name)(peers.machine(path, tmp_path, at, end, angle))
+    by_tolerance = name == "pinocchio"
+    settings = TOLERANCES if by_tolerance else [end / n for n in STEPS]
+    points = peers.curve(answer, settings, angle)
+    assert min(points)[0] < 1e-6  # it is the same machine
+    request: dict[str, Any] = {"times": [end], "start": {"crank": (at, 0.0)}, "want": ["crank.q"]}
+    for target in (1e-3, 1e-6, 1e-8, 1e-9):
+        enough = [seconds for error, seconds in points if error <= target]
+        if not enough:
+            error, seconds = min(points)
+            NOTES.append(f"{task}: {name} is within {error:.1e} rad after {micro(seconds)}")
+            break
+        call = lambda a=target: mech.simulate(f"time={end}", accuracy=a, **request)  # noqa: E731
+        error = abs(float(call()["crank.q"][-1]) - angle)
+        against = f"{name}, DOP853 of SciPy" if by_tolerance else name
+        ROWS.append(
+            Row(f"{task} to {target:g}, auto", least_time(call), min(enough), against, 1.0, error)
+        )
+        assert error <= target
