@@ -14,7 +14,7 @@ from tests.gallery import GRAPHS
 from tests.independent import dyads
 from tests.wiring import COEFFICIENT, ruiz, watt, wire
 
-TREES = int(os.environ.get("BLOCKMECH_EXAMPLES", "25"))  # 100 is the full run, in 220 s
+TREES = int(os.environ.get("BLOCKMECH_EXAMPLES", "10"))  # 100 is the full run, in 220 s
 POSES = 0.05 + 0.1 * np.arange(63)
 REFERENCE = {  # f' r [m] -> poses with 0, 1, 2 solutions, with c < 1: an independent search's
     0.3: ([0, 63, 0], 63),

@@ -3,11 +3,12 @@
     python -m tests.campaigns.honesty RESULTS [--runs 4000] [--seed 1] [--again]
 
 Machines of the gallery and of `blockmech.testing.strategies`, random starts and spans, every
-method that fits, targets 1e-3 to 1e-12. The truth is a method of another kind at 1e-14, along
-the path for integrators in time and the other way round; what it does not know itself is not
-held against a run. A line of RESULTS is a run (JSON); the table counts, by method, runs that
-say they failed, that end by another name than the truth, and those above their estimate.
-``--again`` only prints the table of RESULTS.
+method that fits by every engine, targets 1e-3 to 1e-12. The truth is a method of another kind at
+1e-14, along the path for integrators in time and the other way round; what it does not know itself
+is not held against a run. A line of RESULTS is a run (JSON); the table counts, by method and
+engine, runs that say they failed, that end by another name than the truth, and those above their
+estimate; below it are the names by which runs failed. A campaign that was ended goes on where
+RESULTS ends: ``--runs`` counts those that are there. ``--again`` only prints the table of RESULTS.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import json
 import math
 import signal
 import sys
-from collections import defaultdict
+from collections import Counter, defaultdict
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from tests.dynamics.honesty import DEAR, GRAPHS, RUNS, apart, mechanism
 
 PATH, TIME = ("energy", "spectral"), ("dop853", "lsoda", "radau")
 METHODS = (*PATH, *TIME, "auto", "rk4", "euler_q")
+ENGINES = ("auto", "scalar", "llvm")
 FINEST = 1e-14
 PATIENCE = 4  # [s] of computing for a run
 MOTIONS = {"pin_pendulum": 3.0, "sticking_slider": 1.0, "shaken_slider": 2.0, "gas_crank": 0.1,
@@ -80,13 +82,14 @@ def scene(seed: int) -> tuple[str, Any, dict[str, tuple[float, float]], float]:
     return f"random {seed}", mech, {driver: (q, rate)}, float(rng.uniform(0.05, 2.0))
 
 
-def moved(case: tuple[Any, ...], method: str, accuracy: float | None) -> Any:
+def moved(case: tuple[Any, ...], method: str, accuracy: float | None, engine: str = "auto") -> Any:
     """The motion of a case by a method; None where that is refused or takes too long."""
     _, mech, start, span = case
     signal.setitimer(signal.ITIMER_VIRTUAL, PATIENCE)
     try:
         times = np.linspace(0.0, span, 10)[1:]
         asked: dict[str, Any] = {"times": times, "method": method, "accuracy": accuracy}
+        asked["engine"] = engine
         driver = next(iter(start))
         until = f"time={span!r}"
         return mech.simulate(until, start=start, want=[f"{driver}.q"], **asked).motion
@@ -119,8 +122,9 @@ def compared(motion: Any, truth: Any) -> dict[str, Any]:
 
 
 def campaign(path: Path, runs: int, seed: int) -> None:
-    """Append runs to a file until there are so many of this campaign."""
-    done = 0
+    """Append runs to a file until there are so many."""
+    there = rows_of(path) if path.exists() else []
+    done, seed = len(there), max([seed, *(row["seed"] for row in there)])
     with path.open("a", encoding="utf-8") as out:
         while done < runs:
             seed += 1
@@ -130,43 +134,55 @@ def campaign(path: Path, runs: int, seed: int) -> None:
             except (BlockmechError, ValueError):
                 continue
             truths = {kind: moved(case, kind, FINEST) for kind in ("spectral", "dop853")}
-            lost: set[str] = set()  # refused, or for longer than anybody waits
+            lost: set[tuple[str, str]] = set()  # refused, or for longer than anybody waits
             for method in 2 * METHODS:
                 along = method in (*PATH, "auto", "euler_q")
                 truth = truths["dop853" if along else "spectral"]
                 target = float(10.0 ** -rng.uniform(3, 6 if method in ("rk4", "euler_q") else 12))
-                if method in lost or not known(truth):
+                engine = str(rng.choice(ENGINES))
+                if (method, engine) in lost or not known(truth):
                     continue
-                motion = moved(case, method, target)
+                motion = moved(case, method, target, engine)
                 if motion is None:
-                    lost.add(method)
+                    lost.add((method, engine))
                     continue
-                row = {"seed": seed, "name": case[0], "method": method, "by": motion.method,
-                       "target": target, **compared(motion, truth)}  # fmt: skip
+                row = {"seed": seed, "name": case[0], "method": method, "engine": engine,
+                       "by": motion.method, "code": motion.engine, "target": target,
+                       **compared(motion, truth)}  # fmt: skip
                 out.write(json.dumps(row) + "\n")
                 out.flush()
                 done += 1
 
 
+def rows_of(path: Path) -> list[dict[str, Any]]:
+    """The runs of a file."""
+    return [json.loads(line) for line in path.read_text("utf-8").splitlines()]
+
+
 def table(path: Path) -> None:
     """Print what became of the runs of a file."""
-    rows = [json.loads(line) for line in path.read_text("utf-8").splitlines()]
+    rows = rows_of(path)
     by: dict[str, list[Any]] = defaultdict(list)
     for row in rows:
-        by[row["method"]].append(row)
-    print(f"{'method':10}{'runs':>6}{'failed':>8}{'other end':>11}{'above':>7}{'share':>8}"
+        for name in (row["method"], f"{row['method']} {row['engine']}", "all"):
+            by[name].append(row)
+    print(f"{'method':16}{'runs':>6}{'failed':>8}{'other end':>11}{'above':>7}{'share':>8}"
           f"{'> 10x':>7}{'worst':>10}")  # fmt: skip
-    for method in [*METHODS, "all"]:
-        found = rows if method == "all" else by[method]
+    for method in [*(f"{m}{e}" for m in METHODS for e in ("", *(f" {e}" for e in ENGINES))), "all"]:
+        found = by[method]
         sure = [r for r in found if r["status"] != "failed"]
         same = [r for r in sure if not r["other_end"]]
         above = [r for r in same if r["ratio"] > 1]
         worst = max((r["ratio"] for r in same), default=0.0)
         print(
-            f"{method:10}{len(found):6}{len(found) - len(sure):8}{len(sure) - len(same):11}"
+            f"{method:16}{len(found):6}{len(found) - len(sure):8}{len(sure) - len(same):11}"
             f"{len(above):7}{len(above) / max(1, len(same)):8.2%}"
             f"{sum(r['ratio'] > 10 for r in above):7}{worst:10.3g}"
         )
+    print("\nnames of those that failed")
+    failed = Counter((r["method"], r["end"]) for r in rows if r["status"] == "failed")
+    for (method, end), times in failed.most_common():
+        print(f"{method:16}{times:6}  {end}")
     print("\nthe worst, and other ends")
     doubtful = [r for r in rows if r["status"] != "failed" and (r["ratio"] > 1 or r["other_end"])]
     for row in sorted(doubtful, key=lambda r: (not r["other_end"], r["ratio"]))[::-1][:40]:

@@ -14,6 +14,7 @@ import pytest
 import blockmech as bm
 from tests.gallery import document
 from tests.independent import multibody as mb
+from tests.independent.kept import kept
 from tests.independent.test_rubbing import DOCUMENT, FOURBAR
 
 Q, RATE = 1.0, 20.0
@@ -52,6 +53,7 @@ def test_corrections_of_the_acceleration_come_to_that_of_the_reduction(friction,
     assert passes <= most
 
 
+@kept(mb)
 def drift(source, step, t_end=2.0):
     """Largest gap of a joint [m], and the crank's angle, after RK4 on all coordinates."""
     system = mb.read(source)

@@ -15,18 +15,18 @@ from blockmech.exchange.c.program import poses
 from blockmech.result import Result
 
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
-FLAGS = ["-Wall", "-Wextra", "-Werror", "-std=c99", "-O1", "-ffp-contract=off"]
+FLAGS = ["-Wall", "-Wextra", "-Werror", "-std=c99", "-ffp-contract=off"]
 NEEDS_C = pytest.mark.skipif(
     not COMPILERS or sys.platform == "win32", reason="needs gcc or clang of POSIX"
 )
 
 
-def compiled(folder, name, *sources, compiler=None, shared=False):
+def compiled(folder, name, *sources, compiler=None, shared=False, level="-O1"):
     """Compile files of a folder; the program or library made."""
     made = folder / f"{name}_{'library.so' if shared else 'program'}"
     how = ["-shared", "-fPIC"] if shared else []
     files = [str(folder / source) for source in sources]
-    command = [compiler or COMPILERS[0], *FLAGS, *how, *files, "-lm", "-o", str(made)]
+    command = [compiler or COMPILERS[0], *FLAGS, level, *how, *files, "-lm", "-o", str(made)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[:3000]
     return made
@@ -43,13 +43,14 @@ void batch(const {name}_inputs *in, {name}_outputs *out, int *words, long n)
 class Called:
     """A `CProgram` as machine code: answers (n, outputs) and words (n,) at samples."""
 
-    def __init__(self, program, folder, compiler=None):
+    def __init__(self, program, folder, compiler=None, level="-O1"):
         self.program, name = program, program.name
         texts = {f"{name}.h": program.header, f"{name}.c": program.source}
         texts["batch.c"] = BATCH.format(name=name)
         for file, text in texts.items():
             (folder / file).write_text(text, "ascii")
-        library = compiled(folder, name, f"{name}.c", "batch.c", compiler=compiler, shared=True)
+        how = {"compiler": compiler, "shared": True, "level": level}
+        library = compiled(folder, name, f"{name}.c", "batch.c", **how)
         self.library = ctypes.CDLL(str(library))
 
     def __call__(self, samples):

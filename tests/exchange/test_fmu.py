@@ -1,5 +1,6 @@
 """FMUs: FMPy's validation finds nothing, and its CVode moves them as `simulate` does."""
 
+import functools
 import shutil
 import zipfile
 
@@ -26,13 +27,27 @@ CASES = {  # graph -> how long [s]: one driver, several, a gear pair
 STEPS = {"watt_sixbar": 1e-3, "fivebar_falling": 1e-4, "andrews_squeezer": 1e-5}
 
 
+@pytest.fixture(scope="module")
+def unit(tmp_path_factory):
+    """``unit(name, fmi)``: the FMU of a graph, compiled once for all that is asked of it."""
+
+    @functools.cache
+    def written(name, fmi):
+        folder = tmp_path_factory.mktemp("unit")
+        step = STEPS.get(name, 1e-4)
+        (path,) = bm.write(mechanism(name), folder / "m.fmu", step=step, fmi=fmi)
+        return path
+
+    return written
+
+
 @NEEDS_C
 @pytest.mark.parametrize("fmi", ["2", "3"])
 @pytest.mark.parametrize("name", [*CASES, "ruiz_fourbar", "stephenson_3_triad", "valve_engine"])
-def test_fmpy_finds_no_problem(name, fmi, tmp_path):
+def test_fmpy_finds_no_problem(name, fmi, unit):
     from fmpy.validation import validate_fmu
 
-    (path,) = bm.write(mechanism(name), tmp_path / "m.fmu", fmi=fmi)
+    path = unit(name, fmi)
     assert validate_fmu(str(path)) == []
     with zipfile.ZipFile(path) as archive:
         assert {"sources/unit.h", f"sources/fmi{fmi}.c"} <= set(archive.namelist())
@@ -43,10 +58,8 @@ def test_fmpy_finds_no_problem(name, fmi, tmp_path):
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("fmi", ["2", "3"])
 @pytest.mark.parametrize("kind", ["ModelExchange", "CoSimulation"])
-def test_it_moves_as_simulate_does(name, kind, fmi, tmp_path):
-    mech = mechanism(name)
-    end = CASES[name]
-    (path,) = bm.write(mech, tmp_path / "m.fmu", step=STEPS.get(name, 1e-4), fmi=fmi)
+def test_it_moves_as_simulate_does(name, kind, fmi, unit):
+    mech, end, path = mechanism(name), CASES[name], unit(name, fmi)
     times = np.linspace(0.0, end, 11)
     more = {"solver": "CVode", "relative_tolerance": 1e-11} if kind == "ModelExchange" else {}
     names = [mech.of_driver(d, "q") for d in mech.drivers]

@@ -11,6 +11,8 @@ import pytest
 import blockmech as bm
 from tests.gallery import JOINTS
 from tests.independent import multibody as mb
+from tests.independent import rubbing as judge
+from tests.independent.kept import kept
 from tests.independent.rubbing import moved, stribeck
 
 CURVE = {"static": 0.3, "kinetic": 0.18, "stribeck_speed": 1.5, "exponent": 2.0, "viscous": 0.004}
@@ -56,6 +58,7 @@ FOURBAR["joints"] = {
 }
 
 
+@kept(mb, judge, CURVE, RADII, GROUND)
 def rubbing(document, q, rate, t_end, exponent):
     """Crank angle and rate after a time by the judge, and the reversals."""
     system = mb.read(document)
@@ -66,7 +69,7 @@ def rubbing(document, q, rate, t_end, exponent):
     poses = mb.assemble(system, system.home, [q])
     rates = mb.rates(system, poses, [rate])
     poses, rates, reversals = moved(system, poses, rates, laws, t_end)
-    return poses[0, 2], rates[0, 2], reversals
+    return float(poses[0, 2]), float(rates[0, 2]), reversals
 
 
 @pytest.mark.parametrize("exponent", [1.0, 2.0])
@@ -101,20 +104,24 @@ def test_a_mechanism_moves_as_maximal_coordinates_say(source, q, rate, t_end, ex
 def test_the_gallery_moves_as_maximal_coordinates_say():
     """The expected numbers in ``graphs``, from the links and joints of the same file."""
     document = json.loads((JOINTS / "stribeck_slider_crank.json").read_text("utf-8"))
-    (expected,) = document["expect"]
-    laws = {}
-    for name, joint in document["joints"].items():
+    (expected,) = document.pop("expect")
+    found = of_a_file(document, expected["simulate"]["times"])
+    assert found[-1][2] > 6  # pairs reverse, and all of them where it turns back
+    for i, part in enumerate(("q", "rate")):
+        told = expected["want"][f"driver.motor.{part}"]
+        assert np.abs(np.subtract(told, [at[i] for at in found])).max() <= 1e-9
+
+
+@kept(mb, judge)
+def of_a_file(document, times):
+    """Angle and rate of the crank at times, and the reversals until then."""
+    laws, joints = {}, copy.deepcopy(document["joints"])
+    for name, joint in joints.items():
         law = joint.pop("friction")
         keys = ("static", "kinetic", "stribeck_speed", "exponent", "viscous")
         laws[name] = stribeck(*(law[key] for key in keys), law.get("radius", 1.0))
-    system, start = mb.read(document), document["initial"]["motor"]
+    system, start = mb.read(document | {"joints": joints}), document["initial"]["motor"]
     poses = mb.assemble(system, system.home, [start["q"]])
     rates = mb.rates(system, poses, [start["rate"]])
-    times, told = expected["simulate"]["times"], expected["want"]
     found = [moved(system, poses, rates, laws, t) for t in times]
-    assert found[-1][2] > 6  # pairs reverse, and all of them where it turns back
-    for part, values in (
-        ("q", [at[0][0, 2] for at in found]),
-        ("rate", [at[1][0, 2] for at in found]),
-    ):
-        assert np.abs(np.subtract(told[f"driver.motor.{part}"], values)).max() <= 1e-9
+    return [(float(q[0, 2]), float(rate[0, 2]), reversals) for q, rate, reversals in found]

@@ -11,7 +11,9 @@ import pytest
 import blockmech as bm
 from tests.gallery import JOINTS
 from tests.independent import multibody as mb
+from tests.independent import rubbing as judge
 from tests.independent import sticking
+from tests.independent.kept import kept
 from tests.independent.rubbing import stribeck
 
 CURVE = {"static": 0.4, "kinetic": 0.25, "stribeck_speed": 0.8, "exponent": 2.0, "viscous": 0.01}
@@ -129,6 +131,7 @@ def law_of(data, radius):
     return lambda w: (data["coefficient"] * radius, 0.0)
 
 
+@kept(mb, sticking, judge, CURVE)
 def by_the_judge(document, radii, data, start, t_end):
     """Coordinates and rates of the drivers, and the senses of slip from when on."""
     system = mb.read(document)
@@ -139,7 +142,8 @@ def by_the_judge(document, radii, data, start, t_end):
     poses, rates, history = moved
     here = mb.Instant(system, poses, rates)
     rows = [here.coordinate(system.joints[d.joint]) for d in system.drivers.values()]
-    return [r.value for r in rows], [r.gradient @ here.q_dot for r in rows], history
+    found = [float(r.value) for r in rows], [float(r.gradient @ here.q_dot) for r in rows]
+    return *found, [(float(t), [int(s) for s in sides]) for t, sides in history]
 
 
 @pytest.mark.parametrize("case", CASES)
