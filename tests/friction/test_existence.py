@@ -50,7 +50,7 @@ def solved(groups, solvable=False):
 @pytest.mark.parametrize(("kind", "guide_length"), KNOWN)
 @pytest.mark.parametrize("arm", [0.05, 0.3, 1.0, 3.0])
 def test_no_dyad_locks_itself_below_one(kind, guide_length, arm):
-    groups = dyads.random_groups(kind, 700, arm, np.random.default_rng(1), guide_length)
+    groups = dyads.random_groups(kind, 1500, arm, np.random.default_rng(1), guide_length)
     c = existence_of(groups)
     found = solved(groups, c < 1)
     below = c < 1
