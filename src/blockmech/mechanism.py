@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import blockmech.analysis.explain
     import blockmech.analysis.extremes
     import blockmech.analysis.friction_solutions
-    import blockmech.analysis.instants
+    import blockmech.analysis.instant_centres
     import blockmech.analysis.limits
     import blockmech.analysis.stroke
     import blockmech.analysis.trade
@@ -64,15 +64,15 @@ class Mechanism(Compiled["Mechanism"]):
         flywheel = blockmech.studies.flywheel.flywheel
         identify = blockmech.studies.identify.identify
         impulses = blockmech.dynamics.impact.impulses
-        instant_centre = blockmech.analysis.instants.instant_centre
+        instant_centre = blockmech.analysis.instant_centres.instant_centre
         limits = blockmech.analysis.limits.limits
         linearize = blockmech.studies.linearize.linearize
-        mechanical_advantage = blockmech.analysis.instants.mechanical_advantage
+        mechanical_advantage = blockmech.analysis.instant_centres.mechanical_advantage
         modes = blockmech.modes.listing.modes
         motor = blockmech.studies.drives.motor
         objective = blockmech.studies.objective.objective
         parameters = blockmech.studies.family.parameters
-        path_radius = blockmech.analysis.instants.path_radius
+        path_radius = blockmech.analysis.instant_centres.path_radius
         run_to = blockmech.analysis.accuracy.run_to
         sensitivity = blockmech.studies.differentiate.sensitivity
         simulate = blockmech.dynamics.simulation.simulate
@@ -81,7 +81,7 @@ class Mechanism(Compiled["Mechanism"]):
         study = blockmech.studies.study.study
         tolerance = blockmech.studies.tolerance.tolerance
         trade = blockmech.analysis.trade.trade
-        velocity_ratio = blockmech.analysis.instants.velocity_ratio
+        velocity_ratio = blockmech.analysis.instant_centres.velocity_ratio
         verify = blockmech.studies.verify.verify
         with_deflections = blockmech.analysis.deflections.with_deflections
     else:
@@ -95,15 +95,15 @@ class Mechanism(Compiled["Mechanism"]):
         flywheel = LazyMethod("blockmech.studies.flywheel")
         identify = LazyMethod("blockmech.studies.identify")
         impulses = LazyMethod("blockmech.dynamics.impact")
-        instant_centre = LazyMethod("blockmech.analysis.instants")
+        instant_centre = LazyMethod("blockmech.analysis.instant_centres")
         limits = LazyMethod("blockmech.analysis.limits")
         linearize = LazyMethod("blockmech.studies.linearize")
-        mechanical_advantage = LazyMethod("blockmech.analysis.instants")
+        mechanical_advantage = LazyMethod("blockmech.analysis.instant_centres")
         modes = LazyMethod("blockmech.modes.listing")
         motor = LazyMethod("blockmech.studies.drives")
         objective = LazyMethod("blockmech.studies.objective")
         parameters = LazyMethod("blockmech.studies.family")
-        path_radius = LazyMethod("blockmech.analysis.instants")
+        path_radius = LazyMethod("blockmech.analysis.instant_centres")
         run_to = LazyMethod("blockmech.analysis.accuracy")
         sensitivity = LazyMethod("blockmech.studies.differentiate")
         simulate = LazyMethod("blockmech.dynamics.simulation")
@@ -112,7 +112,7 @@ class Mechanism(Compiled["Mechanism"]):
         study = LazyMethod("blockmech.studies.study")
         tolerance = LazyMethod("blockmech.studies.tolerance")
         trade = LazyMethod("blockmech.analysis.trade")
-        velocity_ratio = LazyMethod("blockmech.analysis.instants")
+        velocity_ratio = LazyMethod("blockmech.analysis.instant_centres")
         verify = LazyMethod("blockmech.studies.verify")
         with_deflections = LazyMethod("blockmech.analysis.deflections")
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.modes.file_pose import FilePose
 from blockmech.modes.listing import _Lister
-from blockmech.modes.standing import Standing
 from tests.gallery import GRAPHS
 
 
 def test_the_search_finds_of_a_triad_what_its_polynomial_has() -> None:
     mechanism = bm.Graph.load(GRAPHS / "stephenson_3_triad.json").compile()
     listed = mechanism.modes(arcs=False)["triad"].samples[0]
-    stand = Standing(mechanism, {"crank": 0.0})
+    stand = FilePose(mechanism, {"crank": 0.0})
     block = mechanism.structure.blocks["triad"]
     outer = [joint.name for joint in block.joints.values() if joint.outer]
     lister = _Lister(mechanism, (stand,), "")

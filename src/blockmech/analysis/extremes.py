@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import shown_place
-from blockmech.analysis.turns import Signal, Turn, signal_of, turns_of
+from blockmech.analysis.turning_points import Signal, Turn, signal_of, turns_of
 from blockmech.errors import held, listed, refused, shown
 from blockmech.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.typing import FrictionMethod

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.instants import instant_centre
+from blockmech.analysis.instant_centres import instant_centre
 from blockmech.compiled import Compiled
 from blockmech.draw.page import Paths
 

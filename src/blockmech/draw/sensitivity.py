@@ -22,7 +22,7 @@ def sensitivity_figure(sensitivity: Sensitivity, degrees: bool) -> Any:
         f"{shown_name(sensitivity.result.mechanism.name, 40)}: largest change of an output over "
         f"{over} by a hundredth of a number, of a zero by that of the largest of its unit. "
         "Blue: both grow together; orange, hatched: one shrinks; grey: a vector."
-    ) + sensitivity.said_of(ranked)
+    ) + sensitivity.doubts_text(ranked)
     with captioned(caption, sum(heights) + ink.ROW / 2) as figure:
         panels = figure.subplots(len(ranked), height_ratios=heights, squeeze=False)[:, 0]
         for axes, (name, effects) in zip(panels, ranked.items(), strict=True):

@@ -32,7 +32,7 @@ def tolerance_figure(tolerance: Tolerance, degrees: bool) -> Any:
         "deviations, a vector by its length; below the deviation, filled by the shares of the "
         "numbers in the variance"
     ) + (", dots by Monte Carlo." if tolerance.sampled else ".")
-    caption += tolerance.sensitivity.said_of(names)
+    caption += tolerance.sensitivity.doubts_text(names)
     with captioned(caption, 2 * len(names) * PANEL + 2.5 * ink.ROW) as figure:
         panels = figure.subplots(2 * len(names), sharex=True, squeeze=False)[:, 0]
         for k, name in enumerate(names):

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Inertia
+from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Inertia
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import DEEPEST, MOST, number, wrong
 

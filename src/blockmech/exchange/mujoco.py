@@ -15,7 +15,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 from blockmech.errors import listed
-from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Inertia
+from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Inertia
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import number, wrong, xml_of
 from blockmech.values import free_name

@@ -14,7 +14,7 @@ import math
 import re
 from typing import Any, NamedTuple
 
-from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Slot, Wheels
+from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Slot, Wheels
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import fields, items, json_of, number, wrong
 

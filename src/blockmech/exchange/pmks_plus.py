@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from urllib.parse import unquote
 
 from blockmech.errors import listed
-from blockmech.exchange.drawing import FRAME, Drawing, Drive, Inertia, Load, Slot
+from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Inertia, Load, Slot
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import wrong
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from blockmech.errors import listed
-from blockmech.exchange.drawing import FRAME, Drawing, Drive, Guide, Slot, direction
+from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Slot, direction
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import fields, items, json_of, number, wrong
 from blockmech.values import free_name

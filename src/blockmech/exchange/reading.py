@@ -8,7 +8,7 @@ from typing import Any
 
 from blockmech.errors import FormatError, Problem, close_match, in_file, listed, refused, shown
 from blockmech.exchange import pylinkage
-from blockmech.exchange.drawing import UNITS, document
+from blockmech.exchange.drawn_linkage import UNITS, document
 from blockmech.exchange.formats import READERS, Reader
 from blockmech.exchange.parsing import wrong
 

@@ -143,7 +143,7 @@ def connect(
 
     line = _Line(held, ends == WHOLE)
     line.connect([to_p(q) for q in also])
-    return line.told(lambda p: float(to_q(np.array(p))), ends)
+    return line.connections(lambda p: float(to_q(np.array(p))), ends)
 
 
 class _Node(NamedTuple):
@@ -302,7 +302,7 @@ class _Line:
 
     # -- arcs ------------------------------------------------------------------------------
 
-    def told(self, q: Callable[[float], float], ends: str) -> Connections:
+    def connections(self, q: Callable[[float], float], ends: str) -> Connections:
         """All arcs in the driver's coordinate."""
         every = [(n, k) for n, node in enumerate(self.nodes) for k in range(len(node.sign))]
         entered = {at for at, _ in self.right.values()}

@@ -25,6 +25,7 @@ from blockmech.model.joints.layout import Pose
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.closing import NEAR, triad_modes
 from blockmech.modes.connection import CHECKS, Connections, connect
+from blockmech.modes.file_pose import FilePose
 from blockmech.modes.groups import Outline, outline
 from blockmech.modes.report import (
     DEAD,
@@ -39,7 +40,6 @@ from blockmech.modes.report import (
     Modes,
 )
 from blockmech.modes.search import NOTE, searched
-from blockmech.modes.standing import Standing
 from blockmech.modes.triad import Support
 from blockmech.samples import make_samples
 from blockmech.typing import Coordinates, Guide, LinkPosition
@@ -103,7 +103,7 @@ def modes(
     blocks = mechanism.structure.blocks.items()
     group_of = {mechanism.block_name(name): name for name, block in blocks if block.closes}
     wanted = among(group_of, "group", group_of if groups is None else groups)
-    lister = _Lister(mechanism, tuple(Standing(mechanism, q) for q in samples), moved)
+    lister = _Lister(mechanism, tuple(FilePose(mechanism, q) for q in samples), moved)
     listing = tuple(lister.group(block) for name, block in group_of.items() if name in wanted)
     units = {d: mechanism.driver_joint(d).coordinate_unit for d in drivers}
     return Modes(rows, units, moved, listing, mechanism.driver_prefix)
@@ -114,7 +114,7 @@ class _Lister:
     """What all groups share: the mechanism, samples, and the driver along which arcs lie."""
 
     mechanism: Compiled
-    samples: tuple[Standing, ...]
+    samples: tuple[FilePose, ...]
     driver: str
     known: Known = field(default_factory=dict)
 
@@ -143,7 +143,7 @@ class _Lister:
             note = "; ".join(problem.found for problem in error.problems)
         on = on or [[None] * len(modes) for modes in every]
         samples = tuple(
-            tuple(_told(name, stand, *mode, arcs) for mode in zip(modes, at, strict=True))
+            tuple(_reported(name, stand, *mode, arcs) for mode in zip(modes, at, strict=True))
             for stand, modes, at in zip(self.samples, every, on, strict=True)
         )
         kind = f"{block.group_class} {block.kind}"
@@ -166,7 +166,7 @@ class _Lister:
         return every
 
     def _at(
-        self, name: str, triad: Outline | None, held: Mapping[str, Support], stand: Standing
+        self, name: str, triad: Outline | None, held: Mapping[str, Support], stand: FilePose
     ) -> Sequence[Mode]:
         """The modes at one sample: in closed form, of a triad, or those that a search finds."""
         block: Any = self.mechanism.structure.blocks[name]
@@ -209,7 +209,7 @@ class _Lister:
                 turns = int(around.whole_turn)
                 arcs.append(Arc(start, end, branch, branch or 1, turns, passed, circuit))
 
-        def on(stand: Standing, k: int, mode: Mode) -> _On | None:
+        def on(stand: FilePose, k: int, mode: Mode) -> _On | None:
             """Where mode k is."""
             q = stand.drivers[self.driver]
             for number, arc in enumerate(arcs if self._held(stand) and not mode.double else ()):
@@ -293,7 +293,7 @@ class _Lister:
         """Where the other drivers are held."""
         return {d: q for d, q in self.samples[0].drivers.items() if d != self.driver}
 
-    def _held(self, stand: Standing) -> bool:
+    def _held(self, stand: FilePose) -> bool:
         """Whether a sample is on the line along which arcs are sought."""
         return all(stand.drivers[d] == q for d, q in self._fixed().items())
 
@@ -330,11 +330,13 @@ class _Lister:
         return [structure.coordinate(d).of_joint(drivers[d]) for d in own]
 
 
-def _told(name: str, stand: Standing, mode: Mode, on: _On | None, arcs: Sequence[Arc]) -> GroupMode:
-    """A mode of a group as it is told."""
+def _reported(
+    name: str, stand: FilePose, mode: Mode, on: _On | None, arcs: Sequence[Arc]
+) -> GroupMode:
+    """A mode of a group as the report has it."""
     arc = arcs[on.arc] if on else None
     return GroupMode(
-        links=stand.told(name, mode.links),
+        links=stand.in_file_frames(name, mode.links),
         margin=mode.margin,
         sign=mode.sign,
         double=mode.double,

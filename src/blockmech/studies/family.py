@@ -101,7 +101,7 @@ class Family:
         if self.mechanism.document is None or inside:
             return ()
         try:
-            self.mechanism.document.replace({p.address: as_said(p, x)})
+            self.mechanism.document.replace({p.address: document_value(p, x)})
         except (FormatError, GraphError) as error:
             return error.problems
         self._taken[p] = min(low, x), max(high, x)
@@ -179,6 +179,6 @@ def _passed_on(
     return followers
 
 
-def as_said(p: Parameter, x: float) -> float:
+def document_value(p: Parameter, x: float) -> float:
     """A value of a number as its file has it: whole numbers are whole."""
     return int(x) if isinstance(p.value, int) and float(x).is_integer() else float(x)

@@ -48,7 +48,7 @@ from blockmech.report import DEGREES, Facts
 from blockmech.series import Floats
 from blockmech.studies.differentiate import chosen_numbers, program_numbers
 from blockmech.studies.family import remade
-from blockmech.studies.records import Record, part_of, record_of
+from blockmech.studies.measurements import Record, part_of, record_of
 from blockmech.studies.sensitivity import size_of
 from blockmech.studies.variation import Variation, is_written_out, of_links
 from blockmech.typing import FrictionMethod

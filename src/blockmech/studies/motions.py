@@ -32,9 +32,9 @@ from blockmech.model.parameters import Parameter
 from blockmech.quality import OK
 from blockmech.result import Result
 from blockmech.settings import friction_asked
-from blockmech.studies.family import Family, as_said, remade
-from blockmech.studies.parts import ENDED_EARLY, NO_MOTION, NO_NUMBER, REASONS, Block
+from blockmech.studies.family import Family, document_value, remade
 from blockmech.studies.reductions import POSES, SIMPLE, Wanted, Words, column, columns
+from blockmech.studies.rows import ENDED_EARLY, NO_MOTION, NO_NUMBER, REASONS, Rows
 from blockmech.studies.runner import Runner
 from blockmech.studies.swings import FirstSwings
 
@@ -184,21 +184,21 @@ class MotionRunner(Runner):
         """What moves designs side by side; None where each is moved by itself."""
         return None if count < FEW or self.family.alone else Together.of(self)
 
-    def blocks(self, planned: Together | None, chosen: Any) -> Iterator[Block]:
+    def blocks(self, planned: Together | None, chosen: Any) -> Iterator[Rows]:
         """All blocks of a part, one after the other."""
         made, size = chosen.columns(0, chosen.count), FEW if planned is None else TOGETHER
         for k in range(0, chosen.count, size):
             rows = zip(self.family.parameters, made.values(), strict=True)
             yield self.block(planned, {p: x[k : k + size] for p, x in rows})
 
-    def block(self, planned: Together | None, columns: Mapping[Parameter, Array]) -> Block:
+    def block(self, planned: Together | None, columns: Mapping[Parameter, Array]) -> Rows:
         """Some designs, side by side, and each by itself where that cannot be."""
         m = len(next(iter(columns.values())))
         values = {w.label: np.array([_nothing(w, self.n)] * m) for w in self.want}
         word, place = np.zeros(m, np.int8), np.full(m, "", object)
         alone = range(m) if planned is None else planned.into(values, columns).tolist()
         for i in alone:
-            row = {p.address: as_said(p, x[i]) for p, x in columns.items()}
+            row = {p.address: document_value(p, x[i]) for p, x in columns.items()}
             moved = self.moved(row)
             for label, x in moved.values.items():
                 values[label][i] = x
@@ -206,7 +206,7 @@ class MotionRunner(Runner):
         for label, x in values.items():
             bad = (word == 0) & np.isnan(x if x.ndim == 1 else x[:, 0])
             word[bad], place[bad] = REASONS.index(NO_NUMBER), label
-        return Block(values, word, place, np.full(m, -1), np.zeros(m, np.int64))
+        return Rows(values, word, place, np.full(m, -1), np.zeros(m, np.int64))
 
     # -- one design ------------------------------------------------------------------------
 

@@ -35,10 +35,10 @@ from blockmech.plan import Plan
 from blockmech.quality import NO_ASSEMBLY, WORDS, at_most_one, failures
 from blockmech.samples import Samples, make_samples
 from blockmech.settings import check_switch, friction_asked
-from blockmech.studies.family import Family, as_said, remade
-from blockmech.studies.parts import Block, Span
+from blockmech.studies.family import Family, document_value, remade
 from blockmech.studies.reductions import POSES, REST, STROKE, WHOLE, Wanted, wanted
 from blockmech.studies.rests import rest_value
+from blockmech.studies.rows import Rows, Span
 from blockmech.studies.sampling import Designs
 
 Array = NDArray[Any]
@@ -140,7 +140,7 @@ class Runner:
         """The plan that serves all of so many designs, or that of the first one."""
         return _Planned(self, self.family.general, 1 if self.family.alone else count)
 
-    def blocks(self, planned: Any, chosen: Designs) -> Iterator[Block]:
+    def blocks(self, planned: Any, chosen: Designs) -> Iterator[Rows]:
         """All blocks of a part, one after the other."""
         made = chosen.columns(0, chosen.count)
         size = self.size(planned.samples.n) * planned.together
@@ -148,33 +148,33 @@ class Runner:
             rows = zip(self.family.parameters, made.values(), strict=True)
             yield self.block(planned, {p: x[k : k + size] for p, x in rows})
 
-    def block(self, planned: Any, columns: Mapping[Parameter, Array]) -> Block:
+    def block(self, planned: Any, columns: Mapping[Parameter, Array]) -> Rows:
         """Some designs; one whose numbers do not make a mechanism is a row without answers."""
         m = len(next(iter(columns.values())))
         if not self.family.alone:
             program = planned.plan.program
             design = self.family.design({p: x[:, None] for p, x in columns.items()})
             return self._with_followed(planned.block(program.values(*design), m), columns)
-        numbers = {p.address: as_said(p, x[0]) for p, x in columns.items()}
+        numbers = {p.address: document_value(p, x[0]) for p, x in columns.items()}
         try:
             return self.design(remade(self.family.mechanism, numbers), columns)
         except BlockmechError as error:
             return self._without(planned.samples.n, error)
 
-    def design(self, own: Compiled, columns: Mapping[Parameter, Array]) -> Block:
+    def design(self, own: Compiled, columns: Mapping[Parameter, Array]) -> Rows:
         """One design, made already."""
         planned = _Planned(self, own, 1)
         answered = planned.block(tuple(planned.plan.program.parameters.values()), 1)
         return self._with_followed(answered, columns)
 
-    def _with_followed(self, block: Block, columns: Mapping[Parameter, Array]) -> Block:
+    def _with_followed(self, block: Rows, columns: Mapping[Parameter, Array]) -> Rows:
         """Designs with their strokes and where they rest, one by one; NaN where there is none."""
         wanted = [w for w in self.want if w.how in (STROKE, REST)]
         if not wanted:
             return block
         values = dict(block.values)
         for i, row in enumerate(zip(*columns.values(), strict=True)):
-            numbers = {p.address: as_said(p, x) for p, x in zip(columns, row, strict=True)}
+            numbers = {p.address: document_value(p, x) for p, x in zip(columns, row, strict=True)}
             for w in wanted:
                 with suppress(FormatError, GraphError, AssemblyError, SingularError, FrictionError):
                     other = remade(self.family.mechanism, numbers)
@@ -185,7 +185,7 @@ class Runner:
                     values[w.label][i] = other.stroke_of(run, w.output).length
         return block._replace(values=values)
 
-    def _without(self, n: int, error: BlockmechError) -> Block:
+    def _without(self, n: int, error: BlockmechError) -> Rows:
         values: dict[str, Array] = {}
         for column in self.want:
             shape = (1, n) if column.how == POSES else (1,)
@@ -193,7 +193,7 @@ class Runner:
             values[column.label] = np.full(shape, nothing)
         reason = f"{error.problems[0].where} ({error.problems[0].found})"
         word = np.array([WORDS.index(NO_ASSEMBLY)], np.int8)
-        return Block(values, word, np.array([reason], object), np.array([0]), np.array([n]))
+        return Rows(values, word, np.array([reason], object), np.array([0]), np.array([n]))
 
 
 def summary(x: Any) -> str:
@@ -235,7 +235,7 @@ class _Planned:
             name for name, b in blocks.items() if any(b.joints[j].kind == "P" for j in b.friction)
         )
 
-    def block(self, values: tuple[Any, ...], m: int) -> Block:
+    def block(self, values: tuple[Any, ...], m: int) -> Rows:
         """m designs with these parameters."""
         shape = (m, self.samples.n)
         outputs = self.engine.run_designs(self.inputs, values)
@@ -245,7 +245,7 @@ class _Planned:
                 w.label: w.of([outputs[i] for i in layout[w.output]], shape, self.weights)
                 for w in self.want
             }
-            return Block(kept, *self._failures(outputs, shape))
+            return Rows(kept, *self._failures(outputs, shape))
 
     def _failures(self, outputs: tuple[Any, ...], shape: tuple[int, int]) -> tuple[Array, ...]:
         """Why designs have no answer: word, block, first pose and number of poses (m,) each."""

@@ -136,7 +136,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
                 "a pair with friction rests there, and begins to slip"
             )
 
-    def said_of(self, outputs: Iterable[str]) -> str:
+    def doubts_text(self, outputs: Iterable[str]) -> str:
         """The doubts of some outputs as sentences behind a caption."""
         return "".join(f" {name}: {doubt}." for name in outputs for doubt in self.doubts(name))
 

@@ -16,7 +16,7 @@ from blockmech.errors import needed
 from blockmech.files import AnyPath
 from blockmech.studies.family import Family
 from blockmech.studies.motions import runner_of
-from blockmech.studies.parts import WITHOUT, Block, Parts, Span
+from blockmech.studies.rows import WITHOUT, Parts, Rows, Span
 from blockmech.studies.runner import Runner, poses_of
 from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
 from blockmech.studies.table import Study
@@ -120,7 +120,7 @@ def _rows(
     out: AnyPath | None,
     workers: int | None,
     client: Any,
-) -> Block | Parts:
+) -> Rows | Parts:
     """All designs, or those that were done in a row before Ctrl-C; parts that exist are done."""
     parts, left = None, list(spans)
     if out is not None:
@@ -129,7 +129,7 @@ def _rows(
         parts = Parts(Path(out), question, runner.want, spans)
         left, damaged = parts.missing(chosen)
         parts = replace(parts, damaged=damaged)
-    blocks: dict[Span, Block | None] = dict.fromkeys(set(spans) - set(left))
+    blocks: dict[Span, Rows | None] = dict.fromkeys(set(spans) - set(left))
     done = chosen.count - sum(stop - start for start, stop in left)
     answers = hands(Work(runner, chosen, parts), workers, client)(left)
     try:
@@ -150,4 +150,4 @@ def _rows(
             stop = span[1]
     if parts is not None:
         return replace(parts, spans=tuple(whole))
-    return Block.joined([block for span in whole if (block := blocks[span]) is not None])
+    return Rows.joined([block for span in whole if (block := blocks[span]) is not None])

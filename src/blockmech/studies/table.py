@@ -20,8 +20,8 @@ from blockmech.files import AnyPath
 from blockmech.model.parameters import Parameter
 from blockmech.pictured import Pictured
 from blockmech.report import DEGREES
-from blockmech.studies.parts import REASONS, WITHOUT, Block, Parts, write_parquet
 from blockmech.studies.reductions import POSES, Wanted, components
+from blockmech.studies.rows import REASONS, WITHOUT, Parts, Rows, write_parquet
 from blockmech.studies.sampling import Designs
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     parameters: Mapping[str, Parameter]
     columns: tuple[Wanted, ...]
     designs: Designs
-    rows: Block | Parts
+    rows: Rows | Parts | Parts
     poses: Mapping[str, Array]
     alone: str
     engine: str
@@ -69,9 +69,9 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         return self.designs.columns(0, self.n)
 
     @property
-    def found(self) -> Block:
+    def found(self) -> Rows:
         """What was kept, and why designs have no answer."""
-        return self.rows.found if isinstance(self.rows, Parts) else self.rows
+        return self.rows.found if isinstance(self.rows, Rows | Parts) else self.rows
 
     def __getitem__(self, name: str) -> Array:
         return self._known(name, {**self.vary, **self.found.values})
@@ -205,7 +205,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         for word, k in Counter(self.status).items():
             if word != "ok":
                 yield f"{word}: {counted(k, 'design')}"
-        if isinstance(self.rows, Parts) and self.rows.damaged:
+        if isinstance(self.rows, Rows | Parts) and self.rows.damaged:
             damaged = counted(len(self.rows.damaged), "damaged part")
             yield f"{damaged} done again: {listed(self.rows.damaged, 3)}"
         if self.alone:

@@ -14,7 +14,7 @@ from blockmech.analysis.verify import Check, Verification
 from blockmech.analysis.verify import verify as verified
 from blockmech.compiled import Compiled
 from blockmech.errors import refused
-from blockmech.studies.family import as_said, remade
+from blockmech.studies.family import document_value, remade
 from blockmech.studies.motions import MotionRunner
 from blockmech.studies.table import Study
 
@@ -52,7 +52,7 @@ def _made_again(mechanism: Compiled, study: Study) -> Verification:
     alone, worst, most = replace(runner, engine="numpy"), dict.fromkeys(sizes, 0.0), 1.0
     for design in some.tolist():
         columns = {p: study.vary[a][[design]] for a, p in study.parameters.items()}
-        own = remade(mechanism, {p.address: as_said(p, x[0]) for p, x in columns.items()})
+        own = remade(mechanism, {p.address: document_value(p, x[0]) for p, x in columns.items()})
         taken = runner.samples(own)
         run = own.answer(taken, names, plain) if names else {}
         margin = min((float(np.min(run[name])) for name in names), default=1.0)

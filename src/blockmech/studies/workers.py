@@ -24,12 +24,12 @@ from typing import Any
 
 from blockmech.errors import needed, refused
 from blockmech.model.document import EXTRAS
-from blockmech.studies.parts import Block, Parts, Span
+from blockmech.studies.rows import Parts, Rows, Span
 from blockmech.studies.runner import Runner, digest, summary
 from blockmech.studies.sampling import Designs
 from blockmech.values import is_count
 
-Answers = Generator[tuple[Span, Block | None], None, None]
+Answers = Generator[tuple[Span, Rows | None], None, None]
 
 
 @dataclass(frozen=True)
@@ -111,10 +111,10 @@ class Work:
             client.cancel(list(given))
 
 
-def answered(pickled: bytes, chosen: Designs, span: Span) -> Block | None:
+def answered(pickled: bytes, chosen: Designs, span: Span) -> Rows | None:
     """A part: handed back, or None where it is written into a folder."""
     runner, planned, parts = _at_hand(pickled)
-    block = Block.joined(list(runner.blocks(planned, chosen)))
+    block = Rows.joined(list(runner.blocks(planned, chosen)))
     if parts is None:
         return block
     parts.write(span, chosen.columns(0, chosen.count), block)

@@ -25,7 +25,7 @@ CHOSEN = 1e-6  # of the size: the pose that the file chooses is this mode
 
 
 @dataclass(frozen=True)
-class Standing:
+class FilePose:
     """A mechanism at one sample: driver -> coordinate [rad or m].
 
     A graph names links by block, a document of links and joints by itself, in frames of
@@ -49,7 +49,7 @@ class Standing:
             for ref in refs
         }
 
-    def told(self, group: str, links: Mapping[str, LinkPosition]) -> dict[str, Pose]:
+    def in_file_frames(self, group: str, links: Mapping[str, LinkPosition]) -> dict[str, Pose]:
         """Links of a group by the file's names and frames."""
         names, structure = self.mechanism.names, self.mechanism.structure
         if names is None:
@@ -78,7 +78,7 @@ class Standing:
             return {"links": {link: {"pose": pose} for link, pose in self._poses(group, mode)}}
         if not isinstance(structure.blocks[group], GeneralGroup):
             return {} if mode.branch is None else {"branch": mode.branch}
-        poses = {link: list(pose) for link, pose in self.told(group, mode.links).items()}
+        poses = {link: list(pose) for link, pose in self.in_file_frames(group, mode.links).items()}
         known = [d for d in self.mechanism.drivers if d in structure.upstream[group]]
         return {"home": {"drivers": {d: self.drivers[d] for d in known}, "poses": poses}}
 
@@ -91,7 +91,9 @@ class Standing:
             links = {link: self.links[LinkRef(name, link)] for link in block.link_names}
             links = dict(mode.links) if name == group else links
             if all(cmath.isfinite(z) for place in links.values() for z in place):
-                poses |= {link: list(pose) for link, pose in self.told(name, links).items()}
+                poses |= {
+                    link: list(pose) for link, pose in self.in_file_frames(name, links).items()
+                }
         called = names.of_links
         for driver, ref in structure.driven.items():
             later = called.get(structure.later_link(ref))

@@ -32,7 +32,7 @@ REASONS = (*WORDS, NO_MOTION, ENDED_EARLY, NO_NUMBER)  # why designs have no ans
 WHY = ("status", "block", "pose", "poses")  # columns of why designs have no answer
 
 
-class Block(NamedTuple):
+class Rows(NamedTuple):
     """What a study keeps of m designs.
 
     values : column's label -> (m,), or (m, n) of poses
@@ -49,12 +49,12 @@ class Block(NamedTuple):
     poses: Array
 
     @staticmethod
-    def joined(blocks: list[Block]) -> Block:
+    def joined(blocks: list[Rows]) -> Rows:
         """All their designs, one after the other."""
         labels = blocks[0].values
         values = {label: np.concatenate([b.values[label] for b in blocks]) for label in labels}
         rest = zip(*(b[1:] for b in blocks), strict=True)
-        return Block(values, *map(np.concatenate, rest))
+        return Rows(values, *map(np.concatenate, rest))
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Parts:
         complete = set(self._names()) <= set(table.column_names)
         return complete and all(np.array_equal(table[a].to_numpy(), x) for a, x in vary.items())
 
-    def write(self, span: Span, vary: Mapping[str, Array], found: Block) -> None:
+    def write(self, span: Span, vary: Mapping[str, Array], found: Rows) -> None:
         """Write a part: its numbers and results, then why designs have no answer.
 
         Raises `RequestError` where the place cannot be written.
@@ -131,12 +131,12 @@ class Parts:
         write_parquet(self.path(span), columns, "out")
 
     @cached_property
-    def found(self) -> Block:
+    def found(self) -> Rows:
         """What was kept of the designs."""
         values = {w.label: self._column(w) for w in self.want}
         table = self._read(*WHY)
         word = np.array([REASONS.index(x) for x in table["status"].to_pylist()], np.int8)
-        return Block(values, word, *(table[name].to_numpy() for name in ("block", "pose", "poses")))
+        return Rows(values, word, *(table[name].to_numpy() for name in ("block", "pose", "poses")))
 
     def _names(self) -> tuple[str, ...]:
         """Names of all columns but those of the designs' own numbers."""
