@@ -55,7 +55,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     parameters: Mapping[str, Parameter]
     columns: tuple[Wanted, ...]
     designs: Designs
-    rows: Rows | Parts | Parts
+    rows: Rows | Parts
     poses: Mapping[str, Array]
     alone: str
     engine: str
@@ -71,7 +71,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     @property
     def found(self) -> Rows:
         """What was kept, and why designs have no answer."""
-        return self.rows.found if isinstance(self.rows, Rows | Parts) else self.rows
+        return self.rows.found if isinstance(self.rows, Parts) else self.rows
 
     def __getitem__(self, name: str) -> Array:
         return self._known(name, {**self.vary, **self.found.values})
@@ -205,7 +205,7 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         for word, k in Counter(self.status).items():
             if word != "ok":
                 yield f"{word}: {counted(k, 'design')}"
-        if isinstance(self.rows, Rows | Parts) and self.rows.damaged:
+        if isinstance(self.rows, Parts) and self.rows.damaged:
             damaged = counted(len(self.rows.damaged), "damaged part")
             yield f"{damaged} done again: {listed(self.rows.damaged, 3)}"
         if self.alone:
