@@ -27,6 +27,7 @@ from blockmech.draw.sketch import Outline, Sketch, pin_spot, sketch_of
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.studio.plots import PIXELS, coloured
 
+PIVOT = -1j * np.array([4.0, 7.0, 10.0, 13.0])[:, None]  # [pt] places of a ground's below its pin
 GLYPHS = {"area": "patches", "line": "multi_line", "disc": "scatter"}
 
 
@@ -205,6 +206,7 @@ def names_of(stage: Stage, dark: bool = False) -> Layer:
     wanted = wanted if len(wanted) < MOST else []
     frames = np.unique(np.linspace(0, len(motion.samples) - 1, SEEN).astype(int))
     solid = [_drawn(motion, body.link, body.outline)[:, frames] / unit for body in sketch.bodies]
+    solid += [motion.at(*p.spot)[frames] / unit + PIVOT for p in sketch.pins if p.grounded]
     taken = np.concatenate([np.full((1, len(frames)), np.nan + 0j), *solid])
     weights = np.ones(len(taken))
     places = np.zeros((len(motion.samples), len(wanted)), complex)
