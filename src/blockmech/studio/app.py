@@ -24,7 +24,7 @@ from blockmech.studio.gallery import gallery_page
 from blockmech.studio.links import LinksSheet
 from blockmech.studio.looks import begin, beside, button, either, page
 from blockmech.studio.mechanism import MechanismView
-from blockmech.studio.server import serve
+from blockmech.studio.server import DRAWING, serve
 from blockmech.studio.session import follow
 from blockmech.studio.sharing import KEY, packed, unpacked
 from blockmech.testing.files import gallery
@@ -184,6 +184,9 @@ def started(folder: Path, file: str | None, port: int, told: Callable[[str], Non
     """A server of the studio; run its ``io_loop``. Raises like `Filed.open` for the file."""
     desk = Desk(folder)
     start = desk.open(file) if file else ""
+    example = Filed(opened(gallery()["ruiz_fourbar"]))
+    # schemas and modules that are made once are there when the first sheet is opened
+    DRAWING.submit(Diagram, example, print, print, str)
     return serve(lambda: window(desk), start, port, told)
 
 

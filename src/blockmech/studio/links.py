@@ -44,7 +44,6 @@ GUIDE = [
 ]
 FIRST = "Drag in the drawing to draw the first link."
 LINE = {"css_classes": ["line"]}  # name and field on one line
-STEP = 0.05  # of the drawing, by which a copy stands beside what it is of
 
 
 class Canvas(Component):
@@ -156,7 +155,7 @@ class LinksSheet:
             "Spring": partial(sketching.loaded, kind="spring"),
             "Force": partial(sketching.loaded, kind="force"),
             "Masses": sketching.weighed,
-            "Copy": lambda form, pins: sketching.copied(form, pins, self._step),
+            "Copy": sketching.copied,
             "Delete": sketching.removed,
         }
         self.buttons = [button(name, partial(self.act, name)) for name in self.acts]
@@ -196,12 +195,6 @@ class LinksSheet:
     def drawn(self) -> dict[str, Drawn]:
         """All pins."""
         return sketching.pins_of(self.sheet.form) if self.ours else {}
-
-    @property
-    def _step(self) -> complex:
-        z = [pin.z for pin in self.drawn.values()]
-        size = max((abs(a - z[0]) for a in z), default=1.0) or 1.0
-        return complex(STEP, -STEP) * size
 
     def renew(self) -> None:
         """Show the sheet's links and joints, the groups in them, or why there are none."""

@@ -26,6 +26,7 @@ from blockmech.values import Place, xy
 Form = dict[str, Any]
 LOOSE = ("view", "pins")  # where pins stand that no link carries yet
 BAR = 1.0  # [kg/m] of a bar whose mass nobody has said
+STEP = 0.05  # of the drawing, by which a copy stands beside what it is of
 CAM = 10.0  # distance of a cam's follower from its shaft, over rise and roller of a new one
 PAIRS = {"R": "a joint that turns", "P": "a joint that slides"}
 SAME = 1e-9  # of the drawing's size, within which two pins stand on one place: it has 3 digits
@@ -339,9 +340,11 @@ def sides_of(ends: list[str]) -> Iterator[tuple[str, str]]:
     yield from ((min(a, b), max(a, b)) for a, b in pairwise(around))
 
 
-def copied(form: Form, names: Iterable[str], by: complex) -> Form:
-    """With copies of pins, shifted, and of the links of which two of them are pins."""
+def copied(form: Form, names: Iterable[str]) -> Form:
+    """With copies of pins, a little beside, and of the links of which two of them are pins."""
     chosen, pins = list(names), pins_of(form)
+    size = max(abs(pin.z - pins[chosen[0]].z) for pin in pins.values()) or 1.0
+    by = complex(STEP, -STEP) * size
     links = dict.fromkeys(x for name in chosen for x in pins[name].links if x != FRAME)
     made, called = form, dict[str, str]()
     for name in chosen:
