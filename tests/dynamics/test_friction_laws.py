@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import blockmech as bm
-from blockmech.dynamics.friction import ForcePassProgram
+from blockmech.dynamics.friction import pair_program
 from tests.gallery import changed, document
 
 G = 9.81  # [m/s2]
@@ -249,7 +249,7 @@ def test_interpreted_and_compiled_states_are_the_same_to_rounding():
 def test_the_laws_of_a_motion_are_the_passes():
     """The one program of laws says at a rate what each law's kernel does."""
     mech = pendulum(law())
-    program = ForcePassProgram.of(mech)
+    program = pair_program(mech)
     assert program.laws.inputs == ("slip_0",)
     assert program.smooth
     assert not program.drags

@@ -38,6 +38,9 @@ from blockmech.couplings.contract import (
     Transmission,
     Where,
     circle,
+    curvature,
+    pressing,
+    pressure,
 )
 from blockmech.couplings.laws import (
     Law,
@@ -50,7 +53,7 @@ from blockmech.couplings.laws import (
 )
 from blockmech.errors import Problem
 from blockmech.plane import angle, apply, cross, dot, hyp, imul, mul
-from blockmech.typing import Complex, Load, Real
+from blockmech.typing import Complex, Real
 from blockmech.values import NotNegative, Number, Place, PlaceGiven, default, in_unit, mistake
 
 DEAD = 1e-6  # cosine of a push that is square to the motion, within rounding of its square root
@@ -100,42 +103,10 @@ def swinging(here: Meshing, at: Complex) -> Tip:
     return Tip(here.link.p + arm - here.a.p, mul(across, F.slope), dd, across)
 
 
-# -- roller and knife edge ------------------------------------------------------------------
-
-
-def along_normal(tip: Tip, b: Complex, a: Complex, effort: Real) -> Load:
-    """Force [N] through the tip along the pitch curve's normal, and its moment about B."""
-    n = tip.C + imul(tip.d, 1.0)
-    force = mul(n, effort / dot(n, tip.unit))
-    return Load(force, cross(tip.C + a - b, force))
-
-
-def on_translating(here: Meshing, effort: Real, sense: Real, p: CamNumbers) -> Load:
-    """Force of the cam on a translating follower."""
-    return along_normal(translating(here, p.shape.at), here.b.p, here.a.p, effort)
-
-
-def on_swinging(here: Meshing, effort: Real, sense: Real, p: CamNumbers) -> Load:
-    """Force of the cam on a swinging follower."""
-    return along_normal(swinging(here, p.shape.at), here.b.p, here.a.p, effort)
-
-
-def pitch_radius(tip: Tip) -> Real:
-    """Radius of curvature [m] of the pitch curve."""
-    one = tip.d - imul(tip.C, 1.0)
-    two = tip.dd - imul(tip.d, 2.0) - tip.C
-    size = hyp(one)
-    return size * size * size / cross(two, one)
-
-
-def radius_translating(here: Meshing, p: CamNumbers) -> Real:
-    """Radius of curvature [m] of the profile."""
-    return pitch_radius(translating(here, p.shape.at)) - p.shape.roller
-
-
-def radius_swinging(here: Meshing, p: CamNumbers) -> Real:
-    """The same of a swinging follower."""
-    return pitch_radius(swinging(here, p.shape.at)) - p.shape.roller
+# -- where cam and follower touch -------------------------------------------------------------
+#
+# The relative velocity at the tip is z' turned into the carrier's axes, along the profile; the
+# place of contact, a roller's radius behind it, adds what the follower turns against the cam.
 
 
 def slant(along: Complex, n: Complex) -> Real:
@@ -143,76 +114,54 @@ def slant(along: Complex, n: Complex) -> Real:
     return angle(mul(along, dot(along, n)), n)
 
 
-def pressure_translating(here: Meshing, p: CamNumbers) -> Real:
-    """Angle [rad] from the follower's motion to the push."""
-    tip = translating(here, p.shape.at)
-    return slant(tip.unit, tip.C + imul(tip.d, 1.0))
+def at_tip(here: Meshing, tip: Tip, turns: Real, slope: Real, roller: Real) -> Touch:
+    """At a roller or knife edge; ``turns`` is the follower's rate per one of the cam's."""
+    one = tip.d - imul(tip.C, 1.0)
+    two = tip.dd - imul(tip.d, 2.0) - tip.C
+    size = hyp(one)
+    n = mul(imul(one, 1.0), 1.0 / size)
+    slip, slope = -size - (turns - 1.0) * roller, -dot(one, two) / size - slope * roller
+    radius = size * size * size / cross(two, one) - roller
+    place = here.a.p + tip.C - mul(n, roller)
+    return Touch(place, n, tip.unit, slip, slope, slant(tip.unit, n), radius)
 
 
-def pressure_swinging(here: Meshing, p: CamNumbers) -> Real:
-    """The same of a swinging follower."""
-    tip = swinging(here, p.shape.at)
-    return slant(tip.unit, tip.C + imul(tip.d, 1.0))
+def translating_tip(here: Meshing, p: CamNumbers) -> Touch:
+    """Of a translating knife edge or roller."""
+    return at_tip(here, translating(here, p.shape.at), 0.0, 0.0, p.shape.roller)
 
 
-def pressing(tip: Tip, force: Complex) -> Real:
-    """Normal force [N] of the contact, positive where it presses."""
-    n = tip.C + imul(tip.d, 1.0)
-    return dot(force, n) / hyp(n)
+def swinging_tip(here: Meshing, p: CamNumbers) -> Touch:
+    """Of a swinging one, whose velocity at the contact is another than at the roller's centre."""
+    F = here.motion
+    at = at_tip(here, swinging(here, p.shape.at), F.slope, F.curve, p.shape.roller)
+    return at._replace(motion=imul(at.place - here.b.p, 1.0))
 
 
-def push_translating(here: Meshing, load: Load, p: CamNumbers) -> Real:
-    """Normal force [N] of the contact with a translating follower."""
-    return pressing(translating(here, p.shape.at), load.F)
+def translating_face(here: Meshing, p: CamNumbers) -> Touch:
+    """Of a translating flat face: foot of P = A - i u s' on it, v = s' (u . i n) - h."""
+    u, n, F = here.link.u, here.link.u * p.shape.normal, here.motion
+    place = foot(here, here.a.p - imul(u, F.slope), p)
+    across, along = dot(u, imul(n, 1.0)), dot(u, n)
+    h = dot(here.link.p + u * p.shape.at - here.a.p, n)
+    slip, slope = F.slope * across - h, F.curve * across - F.slope * along
+    return Touch(place, n, u, slip, slope, slant(u, n), h + F.curve * along)
 
 
-def push_swinging(here: Meshing, load: Load, p: CamNumbers) -> Real:
-    """The same of a swinging follower."""
-    return pressing(swinging(here, p.shape.at), load.F)
+def swinging_face(here: Meshing, p: CamNumbers) -> Touch:
+    """Of a swinging one: P on the line of centres, BP = BA / (1 - F'); g from B: v = F' g - h.
 
-
-# -- flat face --------------------------------------------------------------------------------
-
-
-def face_on_translating(here: Meshing, effort: Real, sense: Real, p: CamNumbers) -> Load:
-    """Force along the face's normal, through P = A - i u s'."""
-    u, n = here.link.u, here.link.u * p.shape.normal
-    force = mul(n, effort / dot(n, u))
-    return Load(force, cross(here.a.p - imul(u, here.motion.slope) - here.b.p, force))
-
-
-def face_on_swinging(here: Meshing, effort: Real, sense: Real, p: CamNumbers) -> Load:
-    """Force along the face's normal, through P on the line of centres, BP = BA / (1 - F')."""
-    n, d = here.link.u * p.shape.normal, here.a.p - here.b.p
-    force = mul(n, effort * (1.0 - here.motion.slope) / cross(d, n))
-    return Load(force, effort)
-
-
-def face_push(here: Meshing, load: Load, p: CamNumbers) -> Real:
-    """Normal force [N] of the contact, positive where it presses."""
-    return dot(load.F, here.link.u * p.shape.normal)
-
-
-def face_pressure_translating(here: Meshing, p: CamNumbers) -> Real:
-    """Angle [rad] between guide and normal, the same in all places."""
-    return slant(here.link.u, here.link.u * p.shape.normal)
-
-
-def face_pressure_swinging(here: Meshing, p: CamNumbers) -> Real:
-    """Angle [rad] from the motion of the touching point to the push."""
-    n = here.link.u * p.shape.normal
-    return slant(imul(touch_swinging(here, p) - here.b.p, 1.0), n)
-
-
-def touch_translating(here: Meshing, p: CamNumbers) -> Complex:
-    """Place [m] where a translating face touches the cam: foot of P on the face."""
-    return foot(here, here.a.p - imul(here.link.u, here.motion.slope), p)
-
-
-def touch_swinging(here: Meshing, p: CamNumbers) -> Complex:
-    """The same of a swinging face."""
-    d = here.a.p - here.b.p
-    return foot(here, here.b.p + mul(d, 1.0 / (1.0 - here.motion.slope)), p)
+    In the radius h + h'' the derivatives are by a = q - x, of which x is no multiple.
+    """
+    n, d, F = here.link.u * p.shape.normal, here.b.p - here.a.p, here.motion
+    w, across, along = F.slope - 1.0, dot(d, imul(n, 1.0)), dot(d, n)
+    g = dot(here.link.p + here.link.u * p.shape.at - here.b.p, n)
+    h, falls = g + along, F.slope * across / w  # dh / da
+    change = (F.curve * across - F.slope * F.slope * along) / w - falls * F.curve / w
+    place = foot(here, here.b.p + mul(d, 1.0 / w), p)
+    motion = imul(place - here.b.p, 1.0)
+    slip, slope = F.slope * g - h, F.curve * g - F.slope * across
+    return Touch(place, n, motion, slip, slope, slant(motion, n), h + change / w)
 
 
 def foot(here: Meshing, P: Complex, p: CamNumbers) -> Complex:
@@ -221,97 +170,7 @@ def foot(here: Meshing, P: Complex, p: CamNumbers) -> Complex:
     return P + mul(n, dot(here.link.p + here.link.u * p.shape.at - P, n))
 
 
-def face_radius_translating(here: Meshing, p: CamNumbers) -> Real:
-    """Radius of curvature [m] of the profile, h + h''."""
-    n = here.link.u * p.shape.normal
-    h = dot(here.link.p + here.link.u * p.shape.at - here.a.p, n)
-    return h + here.motion.curve * dot(here.link.u, n)
-
-
-def face_radius_swinging(here: Meshing, p: CamNumbers) -> Real:
-    """The same with a = q - x, of which x is no multiple."""
-    n, F, d = here.link.u * p.shape.normal, here.motion, here.b.p - here.a.p
-    h = dot(here.link.p + here.link.u * p.shape.at - here.a.p, n)
-    across, along, w = dot(d, imul(n, 1.0)), dot(d, n), F.slope - 1.0
-    slope = F.slope * across / w  # dh / da
-    change = (F.curve * across - F.slope * F.slope * along) / w - slope * F.curve / w
-    return h + change / w
-
-
-# -- where it rubs ---------------------------------------------------------------------------
-#
-# The relative velocity at the tip is z' turned into the carrier's axes, along the profile; the
-# place of contact, a roller's radius behind it, adds what the follower turns against the cam.
-
-
-def rubbing(here: Meshing, tip: Tip, turns: Real, slope: Real, roller: Real) -> Touch:
-    """At a roller or knife edge; ``turns`` is the follower's rate per one of the cam's."""
-    one = tip.d - imul(tip.C, 1.0)
-    two = tip.dd - imul(tip.d, 2.0) - tip.C
-    size = hyp(one)
-    n = mul(imul(one, 1.0), 1.0 / size)
-    place = here.a.p + tip.C - mul(n, roller)
-    slip = -size - (turns - 1.0) * roller
-    return Touch(place, n, tip.unit, slip, -dot(one, two) / size - slope * roller)
-
-
-def rub_translating(here: Meshing, p: CamNumbers) -> Touch:
-    """Of a translating tip."""
-    return rubbing(here, translating(here, p.shape.at), 0.0, 0.0, p.shape.roller)
-
-
-def rub_swinging(here: Meshing, p: CamNumbers) -> Touch:
-    """Of a swinging tip, whose velocity at the contact is another than at the roller's centre."""
-    F = here.motion
-    at = rubbing(here, swinging(here, p.shape.at), F.slope, F.curve, p.shape.roller)
-    return at._replace(motion=imul(at.place - here.b.p, 1.0))
-
-
-def face_rub_translating(here: Meshing, p: CamNumbers) -> Touch:
-    """Of a translating face: v = s' (u . i n) - h."""
-    u, n, F = here.link.u, here.link.u * p.shape.normal, here.motion
-    along = dot(u, imul(n, 1.0))
-    h = dot(here.link.p + u * p.shape.at - here.a.p, n)
-    slope = F.curve * along - F.slope * dot(u, n)
-    return Touch(touch_translating(here, p), n, u, F.slope * along - h, slope)
-
-
-def face_rub_swinging(here: Meshing, p: CamNumbers) -> Touch:
-    """Of a swinging face, g from the pivot: v = F' g - h."""
-    n, d, F = here.link.u * p.shape.normal, here.b.p - here.a.p, here.motion
-    g = dot(here.link.p + here.link.u * p.shape.at - here.b.p, n)
-    place, h = touch_swinging(here, p), g + dot(d, n)
-    slope = F.curve * g - F.slope * dot(d, imul(n, 1.0))
-    return Touch(place, n, imul(place - here.b.p, 1.0), F.slope * g - h, slope)
-
-
-class Kind(NamedTuple):
-    """The kernels of a follower."""
-
-    contact: Callable[..., Any]
-    push: Callable[..., Any]
-    pressure: Callable[..., Any]
-    radius: Callable[..., Any]
-    touch: Callable[..., Any]
-
-
-TIPS = {
-    "P": Kind(
-        *(on_translating, push_translating, pressure_translating),
-        *(radius_translating, rub_translating),
-    ),
-    "R": Kind(on_swinging, push_swinging, pressure_swinging, radius_swinging, rub_swinging),
-}
-FACES = {
-    "P": Kind(
-        *(face_on_translating, face_push, face_pressure_translating),
-        *(face_radius_translating, face_rub_translating),
-    ),
-    "R": Kind(
-        *(face_on_swinging, face_push, face_pressure_swinging),
-        *(face_radius_swinging, face_rub_swinging),
-    ),
-}
+TOUCHES = {"RP": (translating_tip, translating_face), "RR": (swinging_tip, swinging_face)}
 
 
 class Outline(Law):
@@ -379,22 +238,13 @@ class Cam(Coupling, type="coupling.cam"):
             raise mistake("open-profile", found, "a period goes into a turn", "change the period")
         return self
 
-    @property
-    def kind_of(self) -> Mapping[str, Kind]:
-        """The kernels by the kind of the driven pair."""
-        return FACES if self.follower == "flat" else TIPS
-
     def transmission(self, pair: str) -> Callable[..., Any]:
         """The law's kernel; of points a spline's."""
         return self.law.kernel()
 
-    def contact(self, pair: str) -> Callable[..., Any]:
-        """The push of the cam."""
-        return self.kind_of[pair[1]].contact
-
-    def touch(self, pair: str) -> Callable[..., Any]:
-        """Where the follower rubs on the cam."""
-        return self.kind_of[pair[1]].touch
+    def touch(self, pair: str) -> Callable[..., Touch]:
+        """Where the follower touches the cam."""
+        return TOUCHES[pair][self.follower == "flat"]
 
     @property
     def rubs(self) -> Real:
@@ -403,11 +253,10 @@ class Cam(Coupling, type="coupling.cam"):
 
     def readings(self, pair: str) -> Mapping[str, Reading]:
         """Pressure angle, radius of curvature and the push."""
-        kind = self.kind_of[pair[1]]
         return {
-            "pressure_angle": Reading("rad", kind.pressure),
-            "curvature_radius": Reading("m", kind.radius),
-            "contact": Reading("N", kind.push, of_load=True, flag="lift-off"),
+            "pressure_angle": Reading("rad", pressure),
+            "curvature_radius": Reading("m", curvature),
+            "contact": Reading("N", pressing, of_load=True, flag="lift-off"),
         }
 
     def numbers(self, pair: str, at_zero: Callable[[], Meshing]) -> LawNumbers:
@@ -435,19 +284,17 @@ class Cam(Coupling, type="coupling.cam"):
 
     def faults(self, where: str, pair: str, here: Where, p: Any) -> Iterator[Problem]:
         """A face that cannot push, a profile through the centre, and undercut."""
-        kind = self.kind_of[pair[1]]
+        touch = self.touch(pair)
         places = [math.tau * (k + 0.5) / SAMPLES for k in range(SAMPLES)]
-        turn = [here(x) for x in places]
-        normals = [self._normal(pair, at, p) for at in turn]
-        for x, at, n in zip(places, turn, normals, strict=True):
-            along = 1j * (self._touch(pair, at, p) - at.b.p) if pair == "RR" else at.link.u
-            if abs(dot(along, n)) <= DEAD * abs(along):
+        turn = [(at, touch(at, p)) for at in map(here, places)]
+        for x, (at, meets) in zip(places, turn, strict=True):
+            if abs(dot(meets.motion, meets.n)) <= DEAD * abs(meets.motion):
                 found = f"at {x:.4g} rad the cam pushes square to the follower's motion"
                 valid = "a push has a part along the motion"
                 remedy = "turn the face, or move the follower's pivot or guide"
                 yield Problem("dead-face", where, found, valid, remedy)
                 return
-            if dot(self._touch(pair, at, p) - self.roller * n - at.a.p, n) <= 0:
+            if dot(meets.place - at.a.p, meets.n) <= 0:
                 found = f"at {x:.4g} rad the follower touches behind the cam's centre"
                 remedy = "move the follower outward, by its phase or its place"
                 valid = "the profile goes round the centre"
@@ -455,9 +302,8 @@ class Cam(Coupling, type="coupling.cam"):
                 return
 
         def room(x: float) -> float:  # negative where the profile is cut away
-            radius = kind.radius(here(x), p)
-            pitch = radius + self.roller
-            return float(radius if self.follower == "flat" else 1 - self.roller / pitch)
+            radius = float(touch(here(x), p).radius)
+            return radius if self.follower == "flat" else 1 - self.roller / (radius + self.roller)
 
         rooms = [room(x) for x in places]
         bad = [k for k in range(SAMPLES) if not rooms[k] > 0]
@@ -468,7 +314,7 @@ class Cam(Coupling, type="coupling.cam"):
         for _ in range(HALVINGS):
             middle = (low + high) / 2
             low, high = (middle, high) if room(middle) > 0 else (low, middle)
-        radii = [kind.radius(at, p) + self.roller for at in turn]
+        radii = [meets.radius + self.roller for _, meets in turn]
         found = f"the profile is undercut from {high % math.tau:.6g} rad of the cam's angle on"
         if self.follower == "flat":
             found += f": its radius of curvature falls to {min(radii):.4g} m"
@@ -481,30 +327,13 @@ class Cam(Coupling, type="coupling.cam"):
         remedy = "a smaller roller, a larger base circle, or a longer rise"
         yield Problem("undercut", where, found, valid, remedy)
 
-    def _normal(self, pair: str, at: Meshing, p: Any) -> complex:
-        """Unit normal of the profile, outward."""
-        if self.follower == "flat":
-            return complex(at.link.u * p.shape.normal)
-        tip = self._tip(pair, at, p)
-        n = tip.C + 1j * tip.d
-        return complex(n / abs(n))
-
-    def _touch(self, pair: str, at: Meshing, p: Any) -> complex:
-        """Knife edge, centre of the roller, or where the face touches."""
-        if self.follower == "flat":
-            return complex((touch_translating if pair == "RP" else touch_swinging)(at, p))
-        return complex(self._tip(pair, at, p).C + at.a.p)
-
-    def _tip(self, pair: str, at: Meshing, p: Any) -> Tip:
-        return (translating if pair == "RP" else swinging)(at, p.shape.at)
-
     def curves(self, pair: str, here: Where, p: Any) -> Iterator[Curve]:
         """The profile, and the follower's roller or face."""
         lead, profile = here(0.0).lead.u, []
         for k in range(2 * ROUND + 1):
             x = math.pi * k / ROUND
             at = here(x)
-            place = self._touch(pair, at, p) - self.roller * self._normal(pair, at, p) - at.a.p
+            place = self.touch(pair)(at, p).place - at.a.p
             profile.append(place * cmath.exp(-1j * x) / lead)
         yield Curve("driver", profile)
         if pair == "RR" and self.follower != "flat":

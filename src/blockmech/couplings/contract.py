@@ -19,8 +19,9 @@ its effort goes to.
     between the drivers, whose housing stands on their supports.
  3. ``tension(here, p)`` gives a load of the same kind that acts without any effort, and does no
     work along the coordinates: the tension of a belt.
- 4. ``touch(here, p)`` gives the contact of a coupling with friction there, ``rubs``: a `Touch`.
-    Friction is Coulomb's, of the normal force that the effort needs.
+ 4. ``touch(here, p)`` gives the one place where both links touch, a `Touch`. Then the contact is
+    a push along its normal, readings are of the touch in place of ``here`` and ``p``, and there
+    may be friction, ``rubs``: Coulomb's, of the normal force that the effort needs.
  5. All are kernels: pure, batch-transparent, of primitives alone.
 
 Power balances by rule 1: the effort that the driver feels is the slope times the driven one's.
@@ -83,7 +84,7 @@ class Reading(NamedTuple):
     """A number that a coupling shows as one more output, under the coupling's name.
 
     unit : of the number
-    kernel : of (here, p), or where it is of the forces of (here, load, p)
+    kernel : of (here, p), or where it is of the forces of (here, load, p); see rule 4
     of_load : whether it is of the forces
     flag : code of the remark where the number is below zero; "" for none
     about : what it is, in words, where its name is none of `blockmech.quantities`
@@ -104,6 +105,8 @@ class Touch(NamedTuple):
     motion : velocity there of the driven link for a unit of its rate
     slip : velocity of the driven link there against the leading one, along i n, per unit of x'
     slope : its derivative by x
+    pressure : [rad] angle from the driven link's motion to n
+    radius : [m] of curvature of the leading link's profile, positive where it is convex
     """
 
     place: Complex
@@ -111,6 +114,29 @@ class Touch(NamedTuple):
     motion: Complex
     slip: Real
     slope: Real
+    pressure: Real = 0.0
+    radius: Real = 0.0
+
+
+def pushed(touch: Touch, b: Complex, effort: Real) -> Load:
+    """Load along n that does as much as an effort along the driven coordinate."""
+    force = mul(touch.n, effort / dot(touch.n, touch.motion))
+    return Load(force, cross(touch.place - b, force))
+
+
+def pressing(touch: Touch, load: Load) -> Real:
+    """Normal force [N] of the contact, positive where it presses."""
+    return dot(load.F, touch.n)
+
+
+def pressure(touch: Touch) -> Real:
+    """Angle [rad] from the driven link's motion to the push."""
+    return touch.pressure
+
+
+def curvature(touch: Touch) -> Real:
+    """Radius of curvature [m] of the leading link's profile."""
+    return touch.radius
 
 
 def relief(touch: Touch) -> Real:
@@ -213,8 +239,8 @@ class Coupling(Block):
         raise TypeError(f"{type(self).__name__} declares no transmission")
 
     def contact(self, pair: str) -> Callable[..., Any] | None:
-        """The kernel of rule 2; None for a black box."""
-        return None
+        """The kernel of rule 2, of links that touch `pushed`; None for a black box."""
+        return None if self.touch(pair) is None else pushed
 
     def tension(self) -> Callable[..., Any] | None:
         """The kernel of rule 3; None where nothing is tensioned."""
@@ -237,7 +263,7 @@ class Coupling(Block):
         yield from ()
 
     def touch(self, pair: str) -> Callable[..., Any] | None:
-        """The kernel of a `Touch`, of (here, p); of couplings with `rubs`."""
+        """The kernel of rule 4; None where links touch in more places than one, or in none."""
         return None
 
     @property

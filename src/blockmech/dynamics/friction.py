@@ -23,8 +23,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from dataclasses import replace
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -33,9 +33,11 @@ from blockmech.dynamics.pair_friction import (
     Floats,
     FrictionState,
     PairFriction,
+    PairProgram,
     Row,
     Sides,
     State,
+    outcome_of,
 )
 from blockmech.dynamics.place_data import NOTHING
 from blockmech.engines.llvm import SingleEvaluator
@@ -44,11 +46,10 @@ from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.friction.equations import loads as pair_loads
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
-from blockmech.friction.solvers import by_tangents, with_drag
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs, signals
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction, Program, Schedule
+from blockmech.plan import Friction, Schedule
 from blockmech.plane import EPS, mul, where
 from blockmech.quality import left_undone
 
@@ -64,73 +65,45 @@ def bearing(load: Any) -> tuple[Any, Any]:
     return where(abs(N) >= abs(C), N, C), abs(N) - abs(C)
 
 
-@dataclass(frozen=True)
-class ForcePassProgram:
-    """The force pass with friction as input, and the laws of the pairs.
+def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgram | None:
+    """The force pass of a mechanism and its friction laws; None where no pair's friction can act.
 
-    The program's values: the driving efforts, the load of each pair, its relative rate (with
-    several drivers also its relative acceleration), margins.
+    ``pushed`` : pairs along whose coordinates stops may push
     """
-
-    names: tuple[str, ...]  # (m,) pairs with friction
-    guides: tuple[bool, ...]  # (m,) whether the load is the larger component of (N, 2 C / L)
-    program: Program
-    laws: Program  # factors and drags (2 m,) at relative rates; that hold at rest; elastic ones
-    whole: Program  # values of the first, what signals add, factors and drags at relative rates
-    remembers: tuple[bool, ...]  # (m,) whether a pair's law has a state of its own
-    separates: tuple[bool, ...]  # (m,) whether it is a mesh that only adds to its contact
-    steepest: tuple[float, ...]  # (m,) of laws that are not linear in the load; () without any
-    drags: bool  # whether a law has more than a factor
-    smooth: bool  # whether all laws are analytic in the speed
-
-    @classmethod
-    def of(cls, compiled: Any, pushed: tuple[JointRef, ...] = ()) -> ForcePassProgram | None:
-        """The program of a mechanism; None where no pair has friction that can act.
-
-        ``pushed`` : pairs along whose coordinates stops may push
-        """
-        structure = compiled.structure
-        s = schedule(structure, compiled.scene, replace(GIVEN, pushed=pushed))
-        joints = s.ask(friction.given_joints)
-        if not joints:
-            return None
-        values = [s.ask(forces.drive, driver) for driver in structure.drivers]
-        for ref in joints:
-            pair = s.ask(forces.reaction, ref)
-            assert pair is not None  # such a block is active
-            values.append(pairs.statics(s, ref).measure(s, ref, pair))
-        values += [s.ask(forward.slip, ref) for ref in joints]
-        if len(structure.drivers) > 1:
-            values += [s.ask(forward.slip_acceleration, ref) for ref in joints]
-        values += margins(s)
-        program = s.program(values)
-        apart = schedule(structure, compiled.scene, GIVEN)
-        rules = friction.terms, friction.terms_at_rest, friction.terms_standing
-        said = [x for rule in rules for x in terms(apart, joints, rule)]
-        laws = [structure.friction_law(ref) for ref in joints]
-        more = [*signals.rates(s), *friction.deflection_rates(s), *signals.kinks(s)]
-        return cls(
-            tuple(map(structure.pair_name, joints)),
-            tuple(pairs.statics(s, ref).edges for ref in joints),
-            program,
-            apart.program(said),
-            s.program([*values, *more, *terms(s, joints, friction.terms)]),
-            tuple(law.remembers for law in laws),
-            tuple(map(structure.separates, joints)),
-            steepest(laws),
-            any(law.drags for law in laws),
-            all(law.smooth for law in laws),
-        )
-
-    @cached_property
-    def batch(self) -> NumpyEngine:
-        """The program on arrays."""
-        return NumpyEngine(self.program)
-
-    @cached_property
-    def single(self) -> SingleEvaluator:
-        """The program at one state."""
-        return SingleEvaluator(self.program)
+    structure = compiled.structure
+    s = schedule(structure, compiled.scene, replace(GIVEN, pushed=pushed))
+    joints = s.ask(friction.given_joints)
+    if not joints:
+        return None
+    values = [s.ask(forces.drive, driver) for driver in structure.drivers]
+    for ref in joints:
+        pair = s.ask(forces.reaction, ref)
+        assert pair is not None  # such a block is active
+        values.append(pairs.statics(s, ref).measure(s, ref, pair))
+    values += [s.ask(forward.slip, ref) for ref in joints]
+    if len(structure.drivers) > 1:
+        values += [s.ask(forward.slip_acceleration, ref) for ref in joints]
+    values += margins(s)
+    program = s.program(values)
+    apart = schedule(structure, compiled.scene, GIVEN)
+    rules = friction.terms, friction.terms_at_rest, friction.terms_standing
+    said = [x for rule in rules for x in terms(apart, joints, rule)]
+    laws = [structure.friction_law(ref) for ref in joints]
+    more = [*signals.rates(s), *friction.deflection_rates(s), *signals.kinks(s)]
+    return PairProgram(
+        tuple(map(structure.pair_name, joints)),
+        tuple(pairs.statics(s, ref).edges for ref in joints),
+        program,
+        apart.program(said),
+        s.program([*values, *more, *terms(s, joints, friction.terms)]),
+        tuple(law.remembers for law in laws),
+        tuple(map(structure.separates, joints)),
+        steepest(laws),
+        any(law.drags for law in laws),
+        all(law.smooth for law in laws),
+        NumpyEngine(program),
+        SingleEvaluator(program),
+    )
 
 
 def steepest(laws: Sequence[FrictionLaw]) -> tuple[float, ...]:
@@ -179,15 +152,13 @@ class FrictionSolution(NamedTuple):
     loads: Any  # (m,)
 
 
-def resistance(
-    rows: Any, k: Any, drag: Any, guides: Any, solve: Any, options: Any, by_load: Any = None
-) -> FrictionSolution:
-    """Friction from the program's values, with signed factors (m,) and drags (m,) or ().
+def resistance(rows: Any, laws: Any, steepest: Any, guides: Any, balance: Any) -> FrictionSolution:
+    """Friction from the program's values, with laws and their slopes as of `solvers.balanced`.
 
-    ``rows`` are those of the loads at the rate, of a unit of q'', of a unit of each friction.
-    ``by_load``, if any, is `solvers.by_tangents` with its laws, which say k and drag then.
+    ``rows`` are those of the loads at the rate, of a unit of q'', of a unit of each friction;
+    ``balance`` is that function with a solver.
     """
-    m = len(k)
+    m = len(guides)
     J, push = rows[1][0], -rows[0][0]
     s = [-row[0] for row in rows[2:]]
     a0 = push / J
@@ -196,12 +167,7 @@ def resistance(
         tuple(rows[2 + i][1 + j] + mul(rows[1][1 + j], s[i] / J) for i in range(m))
         for j in range(m)
     )
-    if by_load is not None:
-        solution = by_load(guides, base, matrix)
-    else:
-        shifted = pair_loads(drag, base, matrix) if drag else base
-        solution = solve(k, guides, shifted, matrix, *options)
-        solution = with_drag(solution, drag) if drag else solution
+    solution = balance(laws, steepest, guides, base, matrix)
     effort, taken = push, 0.0
     for x, t in zip(s, solution.t, strict=True):
         effort, taken = effort + x * t, taken + abs(x * t)
@@ -320,28 +286,28 @@ class JointFriction(PairFriction):
     # -- solutions ------------------------------------------------------------
 
     def solve(
-        self, rows: list[Row], sides: Sides, law: Sequence[Any], rates: Floats | None = None
+        self,
+        rows: list[Row],
+        sides: Sequence[Any],
+        law: Sequence[Any],
+        rates: Floats | None = None,
     ) -> FrictionSolution:
         """Friction at n states with these directions of slip, see `resistance`.
 
         ``law`` : (2 m,) factors and drags, see `law`
         ``rates`` : (m, n) at which laws are asked again that are not linear in the load
         """
-        n, most = np.size(rows[0][0]), self.program.steepest
-        k, drag = self.against(sides, [np.broadcast_to(x, n) for x in law])
-        solve, resist = self._bound["solve"], self._bound["resistance"]
-        by_load = None
-        if most and rates is not None:
-            speeds = rates
+        n, steepest = np.size(rows[0][0]), () if rates is None else self.program.steepest
 
-            def laws(loads: Any) -> tuple[Any, Any]:
-                return self.against(sides, self.law(speeds, None, np.array(loads)))
+        def laws(loads: Any = None) -> tuple[Any, Any]:
+            own = law
+            if loads is not None and rates is not None:
+                own = self.law(rates, None, np.array(loads))
+            return self.against(sides, [np.broadcast_to(x, n) for x in own])
 
-            by_load = partial(self._bound["by_tangents"], laws, most, solve, self.options)
         with np.errstate(all="ignore"):
-            solution: FrictionSolution = resist(
-                rows, k, drag, self.guides, solve, self.options, by_load
-            )
+            resist = self._bound["resistance"]
+            solution: FrictionSolution = resist(rows, laws, steepest, self.guides, self.balance_all)
         return solution
 
     def at(self, q: float, qd: float, t: float, sides: Sides, x: Any = None) -> FrictionState:
@@ -359,20 +325,16 @@ class JointFriction(PairFriction):
             column = None if loads is None else np.array([loads]).T
             return self.against(sides, [float(y[0]) for y in self.law(rates, x, column)])
 
-        most = self.program.steepest
-        how = self.solver, self.options
-        by_load = partial(by_tangents, laws, most, *how) if most else None
         try:
-            resisted = resistance(rows, *laws(), self.guides, *how, by_load)
+            resisted = resistance(rows, laws, self.program.steepest, self.guides, self.balance)
         except (ArithmeticError, ValueError):
             nothing = np.full(m, math.nan)
             return FrictionState(
                 math.nan, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0
             )
-        code, power = resisted.solution.outcome, power_taken(resisted, self.program.remembers, qd)
-        outcome = Outcome(int(code)) if code == code else Outcome.NOT_CONVERGED
-        limit, solved = float(resisted.solution.limit), resisted.solution
+        solved, power = resisted.solution, power_taken(resisted, self.program.remembers, qd)
         misfit = float(left_undone(solved.residual, solved.contraction))
+        outcome, limit = outcome_of(solved.outcome), float(solved.limit)
         return FrictionState(
             resisted.qdd, power, np.array(resisted.loads), margin, outcome, limit, misfit
         )
@@ -390,15 +352,11 @@ class JointFriction(PairFriction):
         acting, *pairs = self._columns(q, states)
         still = [np.ones(q.size), *[Planar(0.0 * q, 0.0 * q) for _ in pairs]]
         slips = np.sign(np.nan_to_num(self.slips(q))).T
-        solve, resist = self._bound["solve"], self._bound["resistance"]
         ends, fixed = [], self.program.separates
-        with np.errstate(all="ignore"):
-            for side in (-1, 1):
-                sides = [1.0 if own else side * s for s, own in zip(slips, fixed, strict=True)]
-                k, drag = self.against(sides, self.static)
-                row = resist([acting, still, *pairs], k, drag, self.guides, solve, self.options)
-                start = -np.asarray(row.effort, float) + np.zeros(q.size)
-                ends.append(np.where(np.isfinite(start), start, side * math.inf))
+        for side in (-1, 1):
+            sides = [1.0 if own else side * s for s, own in zip(slips, fixed, strict=True)]
+            start = -self.solve([acting, still, *pairs], sides, self.static).effort
+            ends.append(np.where(np.isfinite(start), start, side * math.inf))
         return ends[0], ends[1]
 
     def rest(self, q: float, t: float = 0.0, x: Any = None) -> Rest:

@@ -7,7 +7,9 @@ acceleration, or a unit of friction in one pair act alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, Protocol, TypeAlias
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,56 +28,27 @@ Sides: TypeAlias = tuple[int, ...]
 Row: TypeAlias = list[Any]  # the program's values at a state, or at n of them
 
 
-class PairProgram(Protocol):
-    """What is asked of a `ForcePassProgram`."""
+@dataclass(frozen=True)
+class PairProgram:
+    """The force pass with friction as input, and the laws of the m pairs.
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """(m,) pairs with friction."""
+    Values of the force pass: the driving efforts, the load of each pair, its relative rate (with
+    several drivers also its relative acceleration), margins.
+    """
 
-    @property
-    def guides(self) -> tuple[bool, ...]:
-        """(m,) whether the load is the larger component of (N, 2 C / L)."""
-
-    @property
-    def program(self) -> Program:
-        """The force pass."""
-
-    @property
-    def laws(self) -> Program:
-        """What the laws say."""
-
-    @property
-    def whole(self) -> Program:
-        """Both, and what signals add."""
-
-    @property
-    def remembers(self) -> tuple[bool, ...]:
-        """(m,) whether a pair's law has a state of its own."""
-
-    @property
-    def separates(self) -> tuple[bool, ...]:
-        """(m,) whether a pair is a mesh that only adds to its contact."""
-
-    @property
-    def steepest(self) -> tuple[float, ...]:
-        """(m,) largest slopes over the load of laws that are not linear in it, 0 of others; ()."""
-
-    @property
-    def drags(self) -> bool:
-        """Whether a law has more than a factor."""
-
-    @property
-    def smooth(self) -> bool:
-        """Whether all laws are analytic in the speed."""
-
-    @property
-    def batch(self) -> NumpyEngine:
-        """The force pass on arrays."""
-
-    @property
-    def single(self) -> Any:
-        """The force pass at one state."""
+    names: tuple[str, ...]  # (m,) pairs with friction
+    guides: tuple[bool, ...]  # (m,) whether the load is the larger component of (N, 2 C / L)
+    program: Program
+    laws: Program  # factors and drags (2 m,) at relative rates; that hold at rest; elastic ones
+    whole: Program  # values of the first, what signals add, factors and drags at relative rates
+    remembers: tuple[bool, ...]  # (m,) whether a pair's law has a state of its own
+    separates: tuple[bool, ...]  # (m,) whether it is a mesh that only adds to its contact
+    steepest: tuple[float, ...]  # (m,) largest slopes over the load of laws that are not linear
+    # in it, 0 of others; () without any
+    drags: bool  # whether a law has more than a factor
+    smooth: bool  # whether all laws are analytic in the speed
+    batch: NumpyEngine  # the force pass on arrays
+    single: Any  # and at one state, a `SingleEvaluator`
 
 
 class State(NamedTuple):
@@ -106,6 +79,11 @@ class FrictionState(NamedTuple):
     def locked(self) -> bool:
         """Whether no acceleration satisfies Coulomb's law, in a pose that is possible."""
         return not self.outcome.solved and self.margin > 0
+
+
+def outcome_of(code: Any) -> Outcome:
+    """What a solver's number says; that it found nothing where it is none."""
+    return Outcome(int(code)) if code == code else Outcome.NOT_CONVERGED
 
 
 def signed_terms(sides: Any, law: Any, drags: bool) -> tuple[Any, Any]:
@@ -147,8 +125,11 @@ class PairFriction:
         solver, options = solvers.SOLVERS[method.method]
         self.options = tuple(getattr(method, name) for name in options)
         self.solver = solver
-        kernels: Any = {"solve": solver, "by_tangents": solvers.by_tangents, **self.kernels}
+        kernels: Any = {"solve": solver, "balanced": solvers.balanced, **self.kernels}
         self._bound = bind_functions(kernels, primitives(np.float64))
+        # the solution for laws, at one state and at n of them
+        self.balance = partial(solvers.balanced, solver, self.options)
+        self.balance_all = partial(self._bound["balanced"], self._bound["solve"], self.options)
 
     def senses(self, slips: Any) -> Floats:
         """Signs (..., m) of slips; 1 of a pair whose law says the sign itself."""

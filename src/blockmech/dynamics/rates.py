@@ -23,7 +23,7 @@ from blockmech.engines.nodes import Untraceable
 from blockmech.engines.stages import CompiledRhs
 from blockmech.engines.trace import PRIMITIVES
 from blockmech.errors import MissingEngineError
-from blockmech.friction.solvers import by_tangents
+from blockmech.friction.solvers import balanced
 from blockmech.plane import NAN, minimum, where
 from blockmech.quality import NEAR as LEAST_MARGIN
 from blockmech.typing import Real
@@ -134,7 +134,7 @@ def _rubbing(friction: JointFriction, signals: SignalProgram) -> CompiledRhs:
         "resistance": resistance,
         "rubbing": rubbing,
         "solve": friction.solver,
-        "by_tangents": by_tangents,
+        "balanced": balanced,
     }
     bound = bind_functions(functions, PRIMITIVES)
 
@@ -173,10 +173,8 @@ def _rubbing(friction: JointFriction, signals: SignalProgram) -> CompiledRhs:
 
         rows = [acting, state(zero, one, zero)[0]]
         rows += [state(zero, zero, zero, i)[0] for i in range(m)]
-        how, by_load = (bound["solve"], friction.options), None
-        if own.steepest:
-            by_load = partial(bound["by_tangents"], laws, own.steepest, *how)
-        solved = bound["resistance"](rows, *laws(), own.guides, *how, by_load)
+        balance = partial(bound["balanced"], bound["solve"], friction.options)
+        solved = bound["resistance"](rows, laws, own.steepest, own.guides, balance)
         inert, _ = state(qd, zero, zero)
         more = state(qd, solved.qdd, one)[1][: signals.values] if signals.values else ()
         about = own.guides, own.remembers, own.separates

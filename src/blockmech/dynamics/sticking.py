@@ -31,13 +31,10 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.contacts import Held
 from blockmech.dynamics.motion import Floats
-from blockmech.dynamics.pair_friction import FrictionState, PairFriction, Sides, State
+from blockmech.dynamics.pair_friction import FrictionState, PairFriction, Sides, State, outcome_of
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
 from blockmech.engines.numpy import Planar
-from blockmech.friction import solvers
 from blockmech.friction.continuation import Outcome
-from blockmech.friction.equations import loads as pair_loads
-from blockmech.friction.solvers import with_drag
 from blockmech.plane import EPS
 from blockmech.quality import left_undone
 
@@ -345,7 +342,6 @@ class SeveralFriction(PairFriction):
     def _solved(self, laws: Any, steepest: Any, guides: Sequence[bool], F: Any) -> Any:
         """Friction of the pairs that slip, from loads (..., a, 1 + a) as of `_linear`."""
         single = F.ndim == 2
-        solve = self.solver if single else self._bound["solve"]
 
         def vector(z: Any) -> Any:
             return complex(z) if single else Planar(z.real.copy(), z.imag.copy())
@@ -358,20 +354,13 @@ class SeveralFriction(PairFriction):
             tuple(vector(F[..., j, 1 + i]) for i in range(F.shape[-2])) for j in range(F.shape[-2])
         )
 
-        def tangents(loads: Any) -> tuple[Any, Any]:
-            k, drag = laws(np.stack(loads, axis=-1))
-            return columns(k), columns(drag)
+        def terms(loads: Any = None) -> tuple[Any, Any]:
+            k, drag = laws(None if loads is None else np.stack(loads, axis=-1))
+            return columns(k), columns(drag) if len(drag) else ()
 
         with np.errstate(all="ignore"):
-            if any(steepest):
-                found = solvers.by_tangents if single else self._bound["by_tangents"]
-                return found(tangents, steepest, solve, self.options, tuple(guides), base, rows)
-            k, drag = laws()
-            if len(drag):
-                drag = columns(drag)
-                base = pair_loads(drag, base, rows)
-            solution = solve(columns(k), tuple(guides), base, rows, *self.options)
-        return with_drag(solution, drag) if len(drag) else solution
+            balance = self.balance if single else self.balance_all
+            return balance(terms, steepest, tuple(guides), base, rows)
 
     def at(
         self, q: Floats, qd: Floats, t: float, sides: Sides, x: Any = None, held: Held | None = None
@@ -385,14 +374,12 @@ class SeveralFriction(PairFriction):
             return FrictionState(np.full(len(q), np.nan), 0.0, nothing, at.margin, lost, np.nan)
         slipping = (np.array(sides) != 0) & ~np.array(self.program.separates)
         power = -float(response.t[slipping] @ at.w[slipping])
-        outcome = float(response.outcome)
-        outcome = Outcome(int(outcome)) if outcome == outcome else Outcome.NOT_CONVERGED
         return FrictionState(
             at.of_drivers(response.qdd),
             power,
             response.loads,
             at.margin,
-            outcome,
+            outcome_of(float(response.outcome)),
             float(response.limit),
             float(response.misfit),
             at.pushes(response),

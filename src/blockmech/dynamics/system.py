@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import Held, constrained
-from blockmech.dynamics.friction import ForcePassProgram, JointFriction, margins
+from blockmech.dynamics.friction import JointFriction, margins, pair_program
 from blockmech.dynamics.motion import Cost, Floats
 from blockmech.dynamics.pair_stops import Counted, PairStops, held_by, rows_of
 from blockmech.dynamics.place_table import PlaceTable
@@ -310,10 +310,10 @@ class System:
         """Joint friction as one driver has it or several, with stops of pairs that may push."""
         if self.method is None or self.method.method == "none":
             return None
-        program = self.compiled.once(ForcePassProgram.of)
+        program = self.compiled.once(pair_program)
         if pushed and program is not None:
             if ("pushed", pushed) not in self.kept:
-                self.kept["pushed", pushed] = ForcePassProgram.of(self.compiled, pushed)
+                self.kept["pushed", pushed] = pair_program(self.compiled, pushed)
             program = self.kept["pushed", pushed]
         if program is None:
             return None

@@ -88,6 +88,28 @@ def by_tangents(
     return with_drag(judged(solved, law, laws(solved.g), most, edges, rows), drag)
 
 
+def balanced(
+    solve: Callable[..., Solution],
+    options: Any,
+    laws: Any,
+    steepest: Any,
+    edges: Any,
+    base: Any,
+    rows: Any,
+) -> Solution:
+    """Friction of pairs by their laws, with ``laws`` and ``steepest`` as of `by_tangents`.
+
+    ``laws()`` are those at no load, which is any load where they are linear in it: then
+    ``steepest`` is empty, or zeros.
+    """
+    if any(steepest):
+        return by_tangents(laws, steepest, solve, options, edges, base, rows)
+    k, drag = laws()
+    if not drag:
+        return solve(k, edges, base, rows, *options)
+    return with_drag(solve(k, edges, loads(drag, base, rows), rows, *options), drag)
+
+
 def judged(
     solved: Solution, law: Any, there: Any, steepest: Any, edges: Any, rows: Any
 ) -> Solution:

@@ -276,6 +276,11 @@ class Structure:
         name = self.followers[driver].coupling
         return self.couplings[name].contact(self.coupled_pair(name))
 
+    def touch(self, driver: str) -> Callable[..., Any] | None:
+        """Where a driver's link touches what it follows; None for no one place."""
+        name = self.followers[driver].coupling
+        return self.couplings[name].touch(self.coupled_pair(name))
+
     def contact_at(self, ref: JointRef) -> str | None:
         """The driver of a pair whose coupling acts by a contact on its later link; else None."""
         if not self.joint(ref).driven:

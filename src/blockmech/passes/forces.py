@@ -334,7 +334,10 @@ def coupling_reading(s: Schedule, driver: str, read: Reading) -> str:
     if read.of_load and s.ask(smooth, ref.block) is None:
         return NOUGHT
     load = [s.ask(meshing, driver)] if read.of_load else []
-    args = s.ask(forward.meshing, driver), *load, s.ask(forward.numbers, name)
+    if s.structure.touch(driver) is not None:
+        args = s.ask(forward.touch, driver), *load
+    else:
+        args = s.ask(forward.meshing, driver), *load, s.ask(forward.numbers, name)
     return s.emit(read.kernel, *args, name=f"{name}_reading")
 
 

@@ -471,8 +471,7 @@ def slip_acceleration(s: Schedule, ref: JointRef) -> str:
 
 def touch(s: Schedule, driver: str) -> str:
     """How the links of a coupling touch."""
-    name = s.structure.followers[driver].coupling
-    kernel = s.structure.couplings[name].touch(s.structure.coupled_pair(name))
+    name, kernel = s.structure.followers[driver].coupling, s.structure.touch(driver)
     assert kernel is not None
     return s.emit(kernel, s.ask(meshing, driver), s.ask(numbers, name), name=f"{name}_touch")
 

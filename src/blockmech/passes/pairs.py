@@ -366,7 +366,9 @@ def contact(s: Schedule, driver: str, effort: str, base: str | None) -> str:
 def _contact(s: Schedule, driver: str, effort: str, sense: str) -> str:
     name, kernel = s.structure.followers[driver].coupling, s.structure.contact(driver)
     assert kernel is not None
-    args = s.ask(meshing, driver), effort, sense, s.ask(numbers, name)
+    args: tuple[str, ...] = s.ask(meshing, driver), effort, sense, s.ask(numbers, name)
+    if s.structure.touch(driver) is not None:
+        args = s.ask(touch, driver), f"{s.ask(meshing, driver)}.b.p", effort
     return s.emit(kernel, *args, name=f"{name}_contact")
 
 
