@@ -294,18 +294,15 @@ class _Run:
         """Rows (s, r) of the program of some designs at coordinates and rates."""
         y = self.y[which]
         y[:, 0], y[:, 1] = q, rate
-        control = np.zeros((len(which), 6))
-        fleet = self.rates.fleet(
-            self.slots[which],
-            self.given[which],
-            (self.t[which], y),
-            control,
-            np.ones((len(which), 2, self.n)),
-            0,
-            self.room,
-        )
         self.spent[which] += 1
-        return fleet.K[:, 0, 0].copy()
+        every = np.ones((len(which), 2, self.n))
+        return self._fleet(which, y, np.zeros((len(which), 6)), every, 0).K[:, 0, 0].copy()
+
+    def _fleet(self, which: Any, y: Floats, control: Floats, tolerances: Floats, most: int) -> Any:
+        """What machine code makes of states (s, n) of some designs: so many steps at most."""
+        given, states = self.given[which], (self.t[which], y)
+        slots = self.slots[which]
+        return self.rates.fleet(slots, given, states, control, tolerances, most, self.room)
 
     def _slip(self, which: Any, way: Floats) -> Floats:
         """Set the directions of slip of designs that move in a direction; the row then."""
@@ -363,18 +360,10 @@ class _Run:
         q, control = self.y[which, 0], np.zeros((len(which), 6))
         control[:, 0], control[:, 1], control[:, 2] = h, bound, longest
         control[:, 4], control[:, 5] = -math.inf, math.inf
-        for x in self.request.places if most > 1 else ():
+        for x in self.request.places:
             control[:, 4] = np.where(x < q, np.maximum(control[:, 4], x), control[:, 4])
             control[:, 5] = np.where(x > q, np.minimum(control[:, 5], x), control[:, 5])
-        return self.rates.fleet(
-            self.slots[which],
-            self.given[which],
-            (self.t[which], self.y[which]),
-            control,
-            self.tolerances[which],
-            most,
-            self.room,
-        )
+        return self._fleet(which, self.y[which], control, self.tolerances[which], most)
 
     def _round(self, which: Any) -> None:
         """Some steps of designs, and what happens in the last of them."""

@@ -197,15 +197,11 @@ class Equation:
         """
         q, qd = self.layout.motion(y)
         x = y[self.layout.signals]
-        if self.drivers > 1:
-            rubbed = self.resisted(t, y).qdd if self.sides else None
-            return self.system.terms_of(q, qd, t, x, rubbed)[1]
         if self.held:
             qdd = 0.0
-        elif qdd is None and self.system.friction is not None:
-            follows = "qdd_0" in self.system.equation_program.inputs
-            qdd = self.resisted(t, y).qdd if follows and self.sides else 0.0
-        return self.system.one_of(q, qd, t, x, qdd)[1]
+        elif qdd is None and self.sides and self.system.follows_acceleration:
+            qdd = self.resisted(t, y).qdd
+        return self.system.terms_of(q, qd, t, x, qdd)[1]
 
     def resisted(self, t: float, y: Floats) -> FrictionState:
         """Acceleration and friction of the pairs at a state."""
@@ -223,11 +219,7 @@ class Equation:
         if self.sides:
             return float(self.resisted(t, y).pushes[which])
         q, qd = self.layout.motion(y)
-        x = y[self.layout.signals]
-        if self.drivers == 1:
-            return -float(self.system.one_of(q, qd, t, x, 0.0)[0].tau)
-        M, c, Q, _ = self.system.terms_of(q, qd, t, x)[0]
-        return float(self.system.accelerations(M, Q - c, q, qd)[1][which])
+        return float(self.system.pushes(q, qd, t, y[self.layout.signals])[which])
 
     def pair_loads(self, t: float, y: Floats) -> Any:
         """Loads on the pairs with friction."""
@@ -238,9 +230,10 @@ class Equation:
             return [complex(*z) for z in zip(parts[::2], parts[1::2], strict=True)]
         return self.resisted(t, y).loads
 
-    def slips(self, q: Any) -> Any:
-        """Relative rates of the pairs with friction per unit driver rate."""
+    def slips(self, y: Any) -> Any:
+        """Relative rates of the pairs with friction per unit rate of the only driver."""
         assert self.system.friction is not None
+        q = y[0]
         if self._slips[0] != q:
             row, m = self.row(0.0, self.layout.start(q, 1.0)), len(self.sides)
             first = self.layout.size + 4 + 2 * m  # behind margin, J, loads and the least of both
@@ -268,7 +261,7 @@ class Equation:
         k, (q, _) = self.drivers, self.layout.motion(y)
         here = q if k == 1 else tuple(q)
         if self._last[0] != here:
-            row = None if k > 1 else self.row(0.0, self.layout.start(q, 0.0))
+            row = self.row(0.0, self.layout.start(q, 0.0 * q))
             if row is not None:
                 n = self.layout.size
                 self._last = here, row[n], row[n + 1]
@@ -288,10 +281,10 @@ class Equation:
     def inertia(self, y: Floats) -> Floats:
         """Inertia (k, k) on the drivers."""
         q, qd = self.layout.motion(y)
-        if self.drivers > 1:
-            return self.system.terms(q, qd).M
-        row = self.row(0.0, self.layout.start(q, 0.0))
-        return np.array([[self.system.one(q).J if row is None else row[self.layout.size + 1]]])
+        row = self.row(0.0, self.layout.start(q, 0.0 * qd))
+        return (
+            self.system.terms(q, qd).M if row is None else np.array([[row[self.layout.size + 1]]])
+        )
 
     def kinetic(self, y: Floats) -> float:
         """Kinetic energy [J]."""

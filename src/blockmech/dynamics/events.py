@@ -152,15 +152,12 @@ def friction_rules(
     """Reversals of pairs with friction, and guides whose load goes over to the other side.
 
     The friction of a pair whose law has a state goes on through a reversal, but has a kink there.
-    ``sides`` : with several drivers, the senses in which pairs slip; 0: it sticks. ``slips`` are
-    then relative rates of a state, else of a place.
+    ``sides`` : with several drivers, the senses in which pairs slip; 0: it sticks
     """
     rules = []
 
     def slip(j: int) -> Value:
-        if sides:
-            return lambda t, y: slips(y)[j]
-        return lambda t, y: slips(y[0])[j]
+        return lambda t, y: slips(y)[j]
 
     def side(j: int, part: int) -> Value:
         return lambda t, y: bearing(complex(loads(t, y)[j]))[part]
@@ -379,23 +376,17 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
         return motion
     span = motion.t_end - motion.t_start
     swing = motion.facts.get("swing_time") or motion.facts.get("period") or span
-    t = motion.times(PER_SWING * max(4, math.ceil(span / swing)) + 1)
-    states = np.array(motion.track.state(t)).T
+    t = motion.times(PER_SWING // PARTS * max(4, math.ceil(span / swing)) + 1)
 
-    def state(s: float) -> Floats:
-        y_there: Floats = np.array(motion.track.state(np.array([s])))[:, 0]
-        return y_there
+    def dense(s: Any) -> Floats:
+        there: Floats = np.array(motion.track.state(np.ravel(s)))
+        return there if np.ndim(s) else there[:, 0]
 
-    hits = []
-    for rule in (user_rule(w, StateLayout(1)) for w in watches):
-        values = [rule.value(s, y) for s, y in zip(t.tolist(), states, strict=True)]
-
-        def value(s: float, rule: EventFunction = rule) -> float:
-            return float(rule.value(s, state(s)))
-
-        hits += [EventHit(rule, s) for s in crossings(rule.direction, t, values, value)]
-    hits = until_terminal(hits)
-    events = [Event(hit.rule.kind, hit.t, *map(float, state(hit.t))) for hit in hits]
+    states = dense(t).T
+    rules = [user_rule(w, StateLayout(1)) for w in watches]
+    lookout = EventDetector.at(rules, PARTS, [math.inf], motion.t_start, states[0], ())
+    hits = until_terminal(lookout.within(t, states, dense))
+    events = [Event(hit.rule.kind, hit.t, *map(float, dense(hit.t))) for hit in hits]
     if not (hits and hits[-1].rule.terminal):
         return replace(motion, events=tuple(sorted((*motion.events, *events), key=_time)))
     end = events[-1]

@@ -339,6 +339,10 @@ class JointFriction(PairFriction):
             resisted.qdd, power, np.array(resisted.loads), margin, outcome, limit, misfit
         )
 
+    def moving(self, q: float, qd: float, t: float, x: Any = None) -> FrictionState:
+        """One state of a motion, each pair slipping in the sense of the rate."""
+        return self.at(q, qd, t, self.sides(q, 1 if qd > 0 else -1), x)
+
     def _inputs(self, q: Any, state: State) -> list[float]:
         return self._in_order({"q_0": q, "qd_0": state.qd, "qdd_0": state.qdd}, state)
 

@@ -135,19 +135,14 @@ class Bounces:
 
     def _leg(self, request: SimulationRequest) -> Motion:
         begin = self.legs[-1].x_end if self.legs else ()
-        if self.held and len(self.system.drivers) == 1:
-            if not begin:
-                return self._lying(request)
-            (way,), (q, _, t) = self.held.values(), request.start
-            push = self.system.one_of(q, 0.0, t, begin, 0.0)[0].tau
-            self._touches(-float(push) / self._stop(0, way).slope)
+        if self.held and len(self.system.drivers) == 1 and not begin:
+            return self._lying(request)
         if begin or dict(self.system.held) != self.held:
             self.system = replace(self.system, held=dict(self.held), begin=begin)
-        if self.held and len(self.system.drivers) > 1:
-            q, rate, t = request.start
-            pushes = self.system.pushes(q, rate, t, np.array(begin) if begin else None)
+        if self.held:
+            pushes = self.system.pushes(*request.start, np.array(begin) if begin else None)
             for i, push in zip(sorted(self.held), pushes, strict=True):
-                self.since[i] = self.since[i][0], self.since[i][1] or float(push)
+                self._touches(i, float(push))
         return self.move(self.system, request)
 
     def _stop_of(self, leg: Motion) -> tuple[int, int] | None:
@@ -181,12 +176,8 @@ class Bounces:
 
     def _matrix(self, q: Floats, rate: Floats, t: float) -> tuple[Floats, Floats]:
         """Inertia (k, k), and efforts (k,) less what the rates take."""
-        x = self.legs[-1].x_end or None
-        if len(q) > 1:
-            M, c, Q, _ = self.system.terms_of(q, rate, t, x)[0]
-            return M, Q - c
-        J, tau, dJ, _ = self.system.one_of(float(q[0]), float(rate[0]), t, x)[0]
-        return np.array([[J]]), np.array([tau - 0.5 * dJ * rate[0] ** 2])
+        M, c, Q, _ = self.system.terms_of(q, rate, t, self.legs[-1].x_end or None)[0]
+        return M, Q - c
 
     def _side(self, i: int, way: int) -> int:
         """+1 where a stop is the highest of its own coordinate, -1 where it is the lowest."""
@@ -349,13 +340,12 @@ class Bounces:
     def _lying(self, request: SimulationRequest) -> Motion:
         """The only driver lies against its stop until the loads let it go, or the run ends."""
         (way,), system = self.held.values(), self.system
-        stop = self._stop(0, way)
         q, _, t = request.start
 
         def away(s: float) -> float:
             return -way * float(system.one(q, 0.0, s).tau)
 
-        self._touches(away(t) * way / stop.slope)
+        self._touches(0, away(t) * way)
         t_last = t + request.span
         until, _ = first_beyond(system, away, t, t_last)
         still = replace(request.standing, method=self.legs[0].method, regime=ends.REST)
@@ -389,10 +379,12 @@ class Bounces:
             name = self._stop(i, self.held[i]).name
             yield Lying(name, begin, t, push, self._pair(name))
 
-    def _touches(self, push: float) -> None:
-        """Keep what the stop pushes with that the only driver comes to lie against."""
-        self.facts["contact"] = push
-        self.since[0] = self.since[0][0], push
+    def _touches(self, i: int, push: float) -> None:
+        """Keep what a stop pushes the drivers with when it comes to lie against it."""
+        begin, known = self.since[i]
+        self.since[i] = begin, known or push / self._stop(i, self.held[i]).slope
+        if len(self.system.drivers) == 1:
+            self.facts["contact"] = self.since[i][1]
 
     def _plain(self, x: Floats) -> Any:
         return float(x[0]) if len(x) == 1 else x

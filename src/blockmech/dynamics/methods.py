@@ -112,13 +112,7 @@ def _with_misfit(system: System, motion: Motion) -> Motion:
             for (q, qd, t), side in zip(states, sides, strict=True)
         ]
     else:
-        left = [
-            friction.at(
-                float(q), float(qd), t, friction.sides(float(q), 1 if qd > 0 else -1)
-            ).misfit
-            for q, qd, t in states
-            if qd
-        ]
+        left = [friction.moving(float(q), float(qd), t).misfit for q, qd, t in states if qd]
     if not left:
         return motion
     worst = max(left)
@@ -245,8 +239,6 @@ def _push(system: System, request: SimulationRequest, row: Floats, drift: float)
         return float(row @ qdd + drift)
     if system.friction is not None:
         return system.friction.rest(float(request.start.q), request.start.t).moves
-    if len(system.drivers) == 1:
-        return system.one(*request.start).tau
     terms = system.terms(q, rate, t)
     return float(row @ system.accelerations(terms.M, terms.Q - terms.c, q, rate)[0] + drift)
 

@@ -12,6 +12,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.contacts import Held, constrained
+from blockmech.dynamics.friction import JointFriction
 from blockmech.dynamics.motion import Floats, Motion
 from blockmech.dynamics.pair_stops import held_by, lain_against
 from blockmech.dynamics.sticking import SeveralFriction
@@ -103,8 +104,8 @@ class MotionInputs(Mapping[str, Any]):
         system = system_of(self.mechanism, method=self.how)  # not kept: programs do not pickle
         if k > 1 or system.friction is None:
             return self._without_friction()
-        rows = zip(self.q, self.qd, self.t.tolist(), self.states, strict=True)
-        accelerations = [_with_friction(system, float(q), float(qd), t, x) for q, qd, t, x in rows]
+        rows = zip(self.q.tolist(), self.qd.tolist(), self.t.tolist(), self.states, strict=True)
+        accelerations = [_with_friction(system.friction, *row) for row in rows]
         more = {} if self.pairs is None else self._without_friction()
         return {**more, "qdd_0": np.where(self.lies.any(axis=1), 0.0, np.array(accelerations))}
 
@@ -143,12 +144,12 @@ def _by_driver(name: str, values: Floats, k: int) -> dict[str, Floats]:
     return {f"{name}_{i}": column for i, column in enumerate(columns)}
 
 
-def _with_friction(system: System, q: float, qd: float, t: float, x: Floats) -> float:
+def _with_friction(friction: JointFriction, q: float, qd: float, t: float, x: Floats) -> float:
     """q'' of the only driver; none at a standstill that friction holds."""
-    friction = system.friction
-    assert friction is not None
-    way = int(np.sign(qd)) or friction.rest(q, t, x).moves
-    return friction.at(q, qd, t, friction.sides(q, way), x).qdd if way else 0.0
+    if qd:
+        return float(friction.moving(q, qd, t, x).qdd)
+    way = friction.rest(q, t, x).moves
+    return float(friction.at(q, qd, t, friction.sides(q, way), x).qdd) if way else 0.0
 
 
 class SimulationResult(Result[M]):
@@ -197,9 +198,7 @@ def result_along(
 
 
 def _margin_at_end(mechanism: Compiled, motion: Motion) -> float:
-    system, q = System(mechanism), motion.q_end
-    alone = len(system.drivers) == 1
-    return system.one(q).margin if alone else system.terms(q, motion.qd_end).margin
+    return System(mechanism).terms(motion.q_end, motion.qd_end).margin
 
 
 def frictionless(mechanism: Compiled, want: Sequence[str], samples: Samples) -> Result:

@@ -346,7 +346,7 @@ class System:
         return held_by(self.pairs, q, rate, sorted(self.held)) if self.held else None
 
     def pushes(self, q: Floats, rate: Floats, t: float, x: Any) -> Floats:
-        """What the stops push with (a,) that several drivers lie against; x are signal states."""
+        """What the stops push with (a,) that it lies against; x are states of signal blocks."""
         if isinstance(self.friction, SeveralFriction):
             return self.friction.from_state(q, rate, t, self.against(q, rate), x)[2]
         M, c, Q, _ = self.terms_of(q, rate, t, x)[0]
@@ -427,20 +427,38 @@ class System:
         values = self._single(given, x)
         J, tau, dJ = values[:3]
         n = 3 + self.signals.values
-        if n > 3 and qdd is None and "qdd_0" in self.equation_program.inputs:
+        if qdd is None and self.follows_acceleration:
             given["qdd_0"] = (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan
             values = self._single(given, x)
         return One(J, tau, dJ, least(values[n:])), values[3:n]
 
-    def terms(self, q: Floats, qd: Floats, t: float = 0.0) -> Terms:
-        """The equation of motion of several drivers at one state, signal blocks at the start."""
+    @cached_property
+    def follows_acceleration(self) -> bool:
+        """Whether what signals make of a state follows the acceleration of a driver."""
+        inputs = self.equation_program.inputs
+        return self.signals.values > 0 and any(name.startswith("qdd_") for name in inputs)
+
+    def terms(self, q: Any, qd: Any, t: float = 0.0) -> Terms:
+        """The equation of motion at one state, signal blocks where they begin."""
         return self.terms_of(q, qd, t)[0]
 
     def terms_of(
-        self, q: Floats, qd: Floats, t: float, x: Any = None, qdd: Floats | None = None
+        self, q: Any, qd: Any, t: float, x: Any = None, qdd: Any = None
     ) -> tuple[Terms, Any]:
-        """The equation of motion of several drivers at one state, and the rest as of `one_of`."""
+        """The equation of motion at one state, and the rest as of `one_of`.
+
+        Coordinates, rates and accelerations are numbers of one driver, else arrays (k,).
+        """
         k = len(self.drivers)
+        if k == 1:
+            q, qd = float(np.ravel(q)[0]), float(np.ravel(qd)[0])
+            more: Any = ()
+            if self.signals.values:
+                one, more = self.one_of(q, qd, t, x, None if qdd is None else float(qdd))
+            else:
+                one = self.one(q, qd, t)
+            bias = np.array([0.5 * one.dJ * qd * qd])
+            return Terms(np.array([[one.J]]), bias, np.array([one.tau]), one.margin), more
         given: dict[str, float] = {"t": t}
         for i in range(k):
             given[f"q_{i}"], given[f"qd_{i}"] = float(q[i]), float(qd[i])
@@ -450,8 +468,8 @@ class System:
         Q, c = np.array(values[k * k : k * k + k]), np.array(values[k * k + k : k * k + 2 * k])
         first = k * k + 2 * k
         last = first + self.signals.values
-        if last > first and qdd is None and "qdd_0" in self.equation_program.inputs:
-            qdd = solved(M, Q - c)
+        if qdd is None and self.follows_acceleration:
+            qdd, _ = self.accelerations(M, Q - c, q, qd)
             values = self._single(given | {f"qdd_{i}": float(qdd[i]) for i in range(k)}, x)
         return Terms(M, c, Q, least(values[last:])), values[first:last]
 
