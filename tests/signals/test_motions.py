@@ -335,6 +335,25 @@ def test_several_drivers_each_have_their_controller():
         assert run[f"{side}_pid.integral"] == pytest.approx(turned, abs=1e-12)
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_the_acceleration_of_any_driver_sums_up_to_its_rate(side):
+    """Also of the last one alone, and while another one lies against its stop."""
+    mech = bm.Graph.load(CONTROL.parent / "fivebar_falling.json")
+    data = json.loads(mech.to_json())
+    q = data["scene"]["initial"]["right"]["q"]
+    data["scene"]["stops"] = {"right": {"from": q - 1.0, "to": q + 0.1, "restitution": 0.0}}
+    data["blocks"]["sum"] = {"type": "signal.integrator"}
+    data["wires"].append({"from": f"{side}.acceleration", "to": "sum.u"})
+    mech = bm.Graph.from_json(json.dumps(data)).compile()
+    t = np.linspace(0.0, 0.3, 61)
+    run = mech.simulate("time=0.3", times=t, want=["*.rate", "sum.integral"], accuracy=1e-6)
+    (blow,) = run.motion.impacts
+    assert run.motion.lying
+    for some in (t < blow.t, t > blow.t):
+        gained = np.ptp(run[f"{side}.rate"][some] - run["sum.integral"][some])
+        assert gained <= 1e-5
+
+
 # -- what is refused ---------------------------------------------------------------------------
 
 
