@@ -24,7 +24,7 @@ from scipy.integrate import DOP853
 
 from blockmech.dynamics.dop853 import powers_of
 from blockmech.dynamics.equation import kept_rates
-from blockmech.dynamics.estimate import PARTED, ROUNDING, TARGET, spread
+from blockmech.dynamics.estimate import FINER, FLOOR, PARTED, ROUNDING, SHORTER, TARGET, spread
 from blockmech.dynamics.motion import EVALUATIONS, Floats
 from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.engines.llvm import slots_of
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 Bools = NDArray[np.bool_]
 TOGETHER = 16  # steps of a design between two looks at it
 FIRST = 30.0  # the first tolerance below the target: a third run costs more than shorter steps
-FINER, FLOOR = 20.0, 100 * EPS
-SHORTER = FINER ** (-1 / 8)  # the longest step of a finer run, as of single motions
 HALVED, SECANTS = 10, 4  # how often the bracket of a place in a step is halved; what finds it then
 UNSURE = 1e-9  # of the accelerations at a standstill: what is smaller is decided by itself
 MARGIN, SLIPS = 0, 2  # columns of what is watched, see `rates`

@@ -22,14 +22,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.contacts import Held, constrained, pushing
+from blockmech.dynamics.contacts import DEPENDENT, Held, constrained, pushing
 from blockmech.dynamics.motion import Floats
-from blockmech.dynamics.sticking import RANK, Instant, SeveralFriction
+from blockmech.dynamics.sticking import SETTLED, Instant, SeveralFriction
 
 STAGES = 64  # of a blow at most: each ends with a slip
 SUDDEN = 2.0**20  # [1/s]: a blow takes a microsecond for laws that are not linear in the load
 DONE = 1e-12  # [-] of a blow: what is left of it is rounding
-WRONG = 1e-9  # [-] of the largest push or rate, by which one may have the wrong sense
 
 
 class Blow(NamedTuple):
@@ -89,8 +88,8 @@ def _fits(found: Blow, before: Floats, stops: Held, ways: Floats, restitution: F
     pushes, parted = -ways * found.pushes, -ways * (after + back)
     size = np.abs(stops.rows) @ (np.abs(found.after) + np.abs(before))
     return bool(
-        (pushes >= -WRONG * np.abs(pushes).max(initial=0.0)).all()
-        and (parted >= -WRONG * size).all()
+        (pushes >= -SETTLED * np.abs(pushes).max(initial=0.0)).all()
+        and (parted >= -SETTLED * size).all()
     )
 
 
@@ -128,7 +127,7 @@ def _rubbed(
         if 1.0 - done <= DONE:
             return Blow(rate, pushes, T, reverses, max(gained, 0.0))
         reverses = True
-        zero = [*(j for j in zero if settled.sides[j] == 0), *slips[ends <= step * (1 + RANK)]]
+        zero = [*(j for j in zero if settled.sides[j] == 0), *slips[ends <= step * (1 + DEPENDENT)]]
     return None
 
 

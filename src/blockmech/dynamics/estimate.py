@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 Setting = TypeVar("Setting")
 
+FINER = 20.0  # a second run is so much finer (numerics 14)
+SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
+FLOOR = 100 * EPS  # the least relative tolerance that SciPy's integrators take
 TARGET = 1e-9  # [rad or m] of the error if none is given
 COMPARED = 129  # times spread over a run at which two runs are compared, beside those wanted
 # Of |q| or t: a value is a sum of some fifty terms of a series, which is the integral of one that

@@ -18,7 +18,8 @@ import math
 from typing import Any
 
 import numpy as np
-from scipy.integrate import DenseOutput, OdeSolver
+from scipy.integrate import OdeSolver
+from scipy.interpolate import CubicHermiteSpline
 
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.events import NEAR
@@ -52,24 +53,14 @@ class RungeKutta4(OdeSolver):  # type: ignore[misc]
         possible = bool(np.isfinite(self.slope).all())
         return possible, None if possible else "no pose"
 
-    def _dense_output_impl(self) -> DenseOutput:
-        return Cubic(self.t_old, self.t, *self.begin, self.y, self.slope)
+    def _dense_output_impl(self) -> Any:
+        return cubic(self.t_old, self.t, *self.begin, self.y, self.slope)
 
 
-class Cubic(DenseOutput):  # type: ignore[misc]
+def cubic(t0: float, t1: float, y0: Floats, f0: Floats, y1: Floats, f1: Floats) -> Any:
     """Dense output of a step: the cubic through states and slopes at both ends."""
-
-    def __init__(self, t0: float, t1: float, *ends: Floats) -> None:
-        super().__init__(t0, t1)
-        self.ends = ends
-
-    def _call_impl(self, t: Any) -> Floats:
-        y0, f0, y1, f1 = self.ends
-        h = self.t - self.t_old
-        s, rise = (np.asarray(t) - self.t_old) / h, (y1 - y0) / h
-        powers = np.array([y0, f0 * h, (3 * rise - 2 * f0 - f1) * h, (f0 + f1 - 2 * rise) * h])
-        state: Floats = powers.T @ np.array([s**0, s, s**2, s**3])
-        return state
+    curve = CubicHermiteSpline((t0, t1), (y0, y1), (f0, f1))
+    return lambda t: curve(t).T
 
 
 class EulerQ(OdeSolver):  # type: ignore[misc]
@@ -125,5 +116,5 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
             self.equation.know(end, self.margin[i + 1], ahead)
         return True, None
 
-    def _dense_output_impl(self) -> DenseOutput:
-        return Cubic(self.t_old, self.t, *self.begin, self.y, self.slope)
+    def _dense_output_impl(self) -> Any:
+        return cubic(self.t_old, self.t, *self.begin, self.y, self.slope)

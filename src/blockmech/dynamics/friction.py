@@ -87,14 +87,14 @@ def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgra
     program = s.program(values)
     apart = schedule(structure, compiled.scene, GIVEN)
     rules = friction.terms, friction.terms_at_rest, friction.terms_standing
-    said = [x for rule in rules for x in terms(apart, joints, rule)]
+    law_terms = [x for rule in rules for x in terms(apart, joints, rule)]
     laws = [structure.friction_law(ref) for ref in joints]
     more = [*signals.rates(s), *friction.deflection_rates(s), *signals.kinks(s)]
     return PairProgram(
         tuple(map(structure.pair_name, joints)),
         tuple(pairs.statics(s, ref).edges for ref in joints),
         program,
-        apart.program(said),
+        apart.program(law_terms),
         s.program([*values, *more, *terms(s, joints, friction.terms)]),
         tuple(law.remembers for law in laws),
         tuple(map(structure.separates, joints)),

@@ -32,7 +32,7 @@ from blockmech.dynamics.motion import Event, Floats, Impact, Lying, Motion, Stat
 from blockmech.dynamics.pair_stops import PairStops, held_by, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.rest import first_beyond
-from blockmech.dynamics.sticking import SeveralFriction
+from blockmech.dynamics.sticking import SETTLED, SeveralFriction
 from blockmech.dynamics.stops import Stop
 from blockmech.dynamics.system import System, solved
 from blockmech.errors import refused
@@ -51,8 +51,6 @@ Move: TypeAlias = Callable[["System", SimulationRequest], Motion]
 LOW = 0.1  # of the accuracy: the height of a bounce from which on they are summed up
 IMPULSES = ("reaction", "N", "C", "drive")  # outputs whose impulses are asked for
 MOST = 10_000  # flights of a run
-PARTED = 1e-9  # [-] of the speed of a blow, at which another stop is left
-GAIN = 1e-9  # [-] of what a blow takes, above which a stop gives back more than rounding
 REVERSES = "slips of joints end or turn back inside impacts: their friction is followed through it"
 LEFT_OUT = "joint friction is left out of an impact: no impulses satisfy its laws"
 GAINED = (
@@ -250,7 +248,7 @@ class Bounces:
         if i < len(q):
             after[i] = 0.0 if low or not e else -e * before[i]
         for (j, side), row in zip([*struck.items()][1:], rows[1:], strict=True):
-            if -side * float(row @ after) > PARTED * abs(speed):
+            if -side * float(row @ after) > SETTLED * abs(speed):
                 self._leaves(j, leg)
         if speed:
             self.struck = {i: (leg.t_end, abs(float(rows[0] @ after)))}
@@ -404,7 +402,7 @@ class Bounces:
         facts["impacts"] = float(len(self.impacts))
         facts["impact_loss"] = math.fsum(i.loss for i in self.impacts)
         notes = dict.fromkeys([*(note for leg in legs for note in leg.notes), *self.notes])
-        if self.gained > GAIN * max((i.loss for i in self.impacts), default=0.0):
+        if self.gained > SETTLED * max((i.loss for i in self.impacts), default=0.0):
             notes[GAINED.format(self.gained)] = None
         return replace(
             last,

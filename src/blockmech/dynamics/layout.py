@@ -53,11 +53,6 @@ class StateLayout:
         """Work W of the loads [J]."""
         return 2 * self.drivers
 
-    @property
-    def friction_work(self) -> int | None:
-        """What friction took of it [J]; None without friction."""
-        return self.work + 1 if self.rubs else None
-
     @cached_property
     def works(self) -> slice:
         """Both works."""

@@ -121,7 +121,9 @@ class PairFriction:
         self._laws = AdaptiveEvaluator(program.laws)
         self._constant: dict[int, list[Row]] = {}  # what laws say that follow no speed, of n rates
         still = np.zeros((len(self.names), 1))
-        self.static = tuple(float(x[0]) for x in self._asked(still)[1])  # (2 m,) that hold at rest
+        self.static = tuple(
+            float(x[0]) for x in self._law_values(still)[1]
+        )  # (2 m,) that hold at rest
         solver, options = solvers.SOLVERS[method.method]
         self.options = tuple(getattr(method, name) for name in options)
         self.solver = solver
@@ -137,7 +139,7 @@ class PairFriction:
 
     # -- the laws ------------------------------------------------------------------------
 
-    def _asked(self, rates: Floats, x: Any = None, loads: Any = None) -> list[Row]:
+    def _law_values(self, rates: Floats, x: Any = None, loads: Any = None) -> list[Row]:
         """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n), at rest, and elastic.
 
         x are the states of signals and laws, by default the initial ones; ``loads`` (m, n) [N]
@@ -159,13 +161,13 @@ class PairFriction:
 
     def law(self, rates: Floats, x: Any = None, loads: Any = None) -> Row:
         """Factors and drags (2 m,) of arrays (n,) at relative rates, states and loads."""
-        return self._asked(rates, x, loads)[0]
+        return self._law_values(rates, x, loads)[0]
 
     def standing(self, x: Any) -> tuple[float, ...]:
         """Factors and drags (2 m,) at a standstill with states x: those of bristles are elastic."""
         if not any(self.program.remembers):
             return self.static
-        return tuple(float(y[0]) for y in self._asked(np.zeros((len(self.names), 1)), x)[2])
+        return tuple(float(y[0]) for y in self._law_values(np.zeros((len(self.names), 1)), x)[2])
 
     # -- the force pass ------------------------------------------------------------------
 

@@ -81,7 +81,7 @@ class PairStops:
     def places(self, q: Floats) -> Floats:
         """Coordinates (p,), angles between -pi and pi."""
         engine, outputs = self._of_places
-        values, places = _asked(engine, q, 0 * q), []
+        values, places = _values(engine, q, 0 * q), []
         for output in outputs:
             columns = [np.asarray(values.pop(0)) for _ in output.ask(self._schedule())]
             places.append(float(output.read(*columns)))
@@ -90,7 +90,7 @@ class PairStops:
     def rows(self, q: Floats, qd: Floats) -> tuple[Floats, Floats]:
         """Rows (p, k), and drifts (p,) at rates (k,)."""
         senses = np.array([sense for _, sense in self.pairs])
-        values = np.array(_asked(self._of_rows, q, qd), dtype=np.float64)
+        values = np.array(_values(self._of_rows, q, qd), dtype=np.float64)
         count = len(senses) * len(q)
         rows, drift = values[:count].reshape(len(senses), len(q)), values[count:]
         return senses[:, None] * rows, senses * drift
@@ -115,7 +115,7 @@ def held_by(pairs: PairStops | None, q: Any, rate: Any, those: Sequence[int]) ->
     return Held(rows[those], drift[those], own)
 
 
-def _asked(engine: ScalarEngine, q: Floats, qd: Floats) -> list[Any]:
+def _values(engine: ScalarEngine, q: Floats, qd: Floats) -> list[Any]:
     """Values of a program at a state without accelerations."""
     given = dict[str, float]()
     for i, (x, rate) in enumerate(zip(q, qd, strict=True)):

@@ -67,7 +67,7 @@ class Equilibrium(NamedTuple):
             return "indifferent"
         return "stable" if slowest < 0 else "unstable"
 
-    def told(self) -> tuple[dict[str, float], str]:
+    def described(self) -> tuple[dict[str, float], str]:
         """What becomes of disturbances: facts, and in words."""
         slowest = complex(self.values[0])
         rate = slowest.real

@@ -436,7 +436,7 @@ def progress_of(progress: Any) -> Progress | None:
         )
     raised = False
 
-    def told(what: str, done: float, whole: float | None) -> None:
+    def report(what: str, done: float, whole: float | None) -> None:
         nonlocal raised
         if not raised:
             try:
@@ -445,7 +445,7 @@ def progress_of(progress: Any) -> Progress | None:
                 raised = True
                 raise
 
-    return told
+    return report
 
 
 def _no_end(text: str, remedy: str) -> RequestError:

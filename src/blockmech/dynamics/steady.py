@@ -210,16 +210,18 @@ class Flow:
         """Sizes (n,) of the states of signal blocks."""
         return np.maximum(np.abs(x[self.layout.moving :]), self.system.signals.sizes)
 
-    def asked(self, x: Floats, until: Until, watch: Sequence[Watch] = ()) -> SimulationRequest:
+    def request_from(
+        self, x: Floats, until: Until, watch: Sequence[Watch] = ()
+    ) -> SimulationRequest:
         """A request for a motion from a state."""
         start = Start(*self.layout.motion(x), self.request.start.t)
         return replace(self.request, start=start, until=until, watch=tuple(watch), times=())
 
-    def run(self, asked: SimulationRequest, x: Floats, tolerance: float) -> Motion:
+    def run(self, request: SimulationRequest, x: Floats, tolerance: float) -> Motion:
         """One integration from a state."""
-        own = asked.method in SOLVERS and tolerance > FLOWS
-        method, rest = asked.method if own else "dop853", SMALL * self.system.span
-        run = TimeIntegration(self.system, asked, method, tolerance, self.name, rest)
+        own = request.method in SOLVERS and tolerance > FLOWS
+        method, rest = request.method if own else "dop853", SMALL * self.system.span
+        run = TimeIntegration(self.system, request, method, tolerance, self.name, rest)
         run.y = self._whole(x)
         motion = run.motion()
         if motion.end == ends.INTERRUPTED:
@@ -230,7 +232,7 @@ class Flow:
         """The state some time [s] later."""
         if not (np.abs(x - self.x) <= FAR * self.size).all():  # a root search went astray
             raise MotionEnded("a way without end")
-        motion = self.run(self.asked(x, Until("time", time)), x, tolerance)
+        motion = self.run(self.request_from(x, Until("time", time)), x, tolerance)
         if motion.end != "time":
             raise MotionEnded(motion.end, motion.t_end - motion.t_start)
         return np.append(motion.q_end, motion.qd_end)
@@ -251,8 +253,8 @@ class Flow:
         def gone(t: Any, q: Any, qd: Any) -> Any:
             return np.abs(q - begin) - far
 
-        asked = self.asked(x, Until("standstill"), [Gone(ends.TURN, gone)])
-        motion = self.run(asked, x, tolerance)
+        request = self.request_from(x, Until("standstill"), [Gone(ends.TURN, gone)])
+        motion = self.run(request, x, tolerance)
         time = motion.t_end - motion.t_start
         if motion.end == ends.TURN and far != period:
             raise MotionEnded("a way without end")
@@ -263,7 +265,7 @@ class Flow:
 
     def _along_path(self, x: Floats, nodes: int) -> SectionReturn | None:
         """The same by place data, to rounding; None where the path ends otherwise."""
-        run = PathRun(self.system, self.asked(x, Until("standstill")), nodes, one_turn=True)
+        run = PathRun(self.system, self.request_from(x, Until("standstill")), nodes, one_turn=True)
         run.next.solved = self.solved.get(nodes)
         run.run()
         self.solved[nodes] = run.next.solved  # the next turn is much like it
@@ -279,7 +281,7 @@ class Flow:
 
         At a speed that stays the path has nothing but rounding to resolve: then it goes in time.
         """
-        request = self.asked(x, until)
+        request = self.request_from(x, until)
         by_path = until.goal == "turns" and request.method not in SOLVERS
         if by_path and self.system.smooth_friction and not self.layout.initial:
             found = along_path(self.system, request)
@@ -448,7 +450,7 @@ def _left_if_unstable(flow: Flow) -> Floats:
 
 
 def _at_rest(flow: Flow, equilibrium: Equilibrium) -> Motion:
-    facts, note = equilibrium.told()
+    facts, note = equilibrium.described()
     return resting(flow.request, equilibrium.q, equilibrium.error, "equilibrium", facts, note)
 
 
@@ -477,7 +479,7 @@ def _stopping(flow: Flow, x: Floats, equilibrium: Equilibrium) -> Equilibrium:
         return equilibrium
     if flow.k > 1:
         return equilibrium._replace(q=x[: flow.k], error=SMALL * flow.system.span)
-    request = replace(flow.asked(flow.x, Until("standstill")), accuracy=FLOWS)
+    request = replace(flow.request_from(flow.x, Until("standstill")), accuracy=FLOWS)
     motion = in_time(flow.system, request, "dop853")
     return equilibrium._replace(q=np.array([motion.q_end]), error=motion.error)
 

@@ -29,7 +29,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.contacts import Held
+from blockmech.dynamics.contacts import DEPENDENT, Held
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.pair_friction import FrictionState, PairFriction, Sides, State, outcome_of
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
@@ -40,7 +40,6 @@ from blockmech.quality import left_undone
 
 Against: TypeAlias = Callable[[Floats, Floats, Any], Held]
 
-RANK = 1e-10  # [-] of the largest eigenvalue: rows below it depend on the others
 SETTLED = 1e-9  # [-] by which a law may be missed where pairs start or stay: rounding of a state
 LOCATED = 1e-6  # [-] the same where an event was located on a dense output
 APART = 1e-5  # [-] accelerations that differ by more are two
@@ -94,7 +93,7 @@ class Instant(NamedTuple):
         G, turned = self.G + loads @ back @ self.M, np.swapaxes(Z, -1, -2)
         shifted = (self.G @ shift[..., None] + loads @ push[..., None])[..., 0]
         S, b = self.S @ Z, self.b + (self.S @ shift[..., None])[..., 0]
-        tied = np.abs(S).max(axis=-1, initial=0.0) <= RANK * np.abs(self.S).max(axis=-1)
+        tied = np.abs(S).max(axis=-1, initial=0.0) <= DEPENDENT * np.abs(self.S).max(axis=-1)
         return self._replace(
             M=turned @ self.M @ Z,
             push=(turned @ at_shift[..., None])[..., 0],
@@ -279,7 +278,7 @@ class SeveralFriction(PairFriction):
         weights = self.weights[stuck][:, None]
         held, turned = weights * S[..., stuck, :], np.swapaxes(S[..., slips, :], -1, -2)
         back = inverse @ np.swapaxes(held, -1, -2)
-        yields = np.linalg.pinv(held @ back, rcond=RANK, hermitian=True)
+        yields = np.linalg.pinv(held @ back, rcond=DEPENDENT, hermitian=True)
         push = at.push + share @ S
         free = inverse @ np.concatenate([push[..., None], turned], axis=-1)
         drift = held @ free
@@ -424,7 +423,7 @@ class SeveralFriction(PairFriction):
             qdd[some], friction[some] = at.of_drivers(response.qdd), response.t
             pushes[np.ix_(some, those)] = at.pushes(response)
             size = (np.abs(at.S) @ np.abs(at.freedoms[..., None]))[..., 0]
-            stands = (np.abs(at.w) <= RANK * size) & ~self.signed
+            stands = (np.abs(at.w) <= DEPENDENT * size) & ~self.signed
             stand[some] = stands | (np.array(side) == 0)
         return Along(rates, qdd, friction, stand, pushes)
 
@@ -455,11 +454,11 @@ class SeveralFriction(PairFriction):
         held = self.weights[stuck][:, None] * at.S[..., stuck, :]
         back = np.linalg.inv(at.M) @ np.swapaxes(held, -1, -2)
         off = held @ at.freedoms[..., None]
-        step = back @ (np.linalg.pinv(held @ back, rcond=RANK, hermitian=True) @ off)
+        step = back @ (np.linalg.pinv(held @ back, rcond=DEPENDENT, hermitian=True) @ off)
         rate = at.freedoms - step[..., 0]
         # where nothing is left but rounding, nothing is left
         left = np.abs(rate).max(axis=-1, keepdims=True, initial=0.0)
-        return np.where(left <= RANK * np.abs(at.rate).max(axis=-1, keepdims=True), 0.0, rate)
+        return np.where(left <= DEPENDENT * np.abs(at.rate).max(axis=-1, keepdims=True), 0.0, rate)
 
     # -- which sides -------------------------------------------------------------
 
@@ -470,7 +469,7 @@ class SeveralFriction(PairFriction):
         return [
             j
             for j in range(len(off))
-            if j in some or (off[j] <= RANK * size[j] and not self.signed[j])
+            if j in some or (off[j] <= DEPENDENT * size[j] and not self.signed[j])
         ]
 
     def sides_at(self, at: Instant, zero: Sequence[int]) -> Sides:
@@ -496,7 +495,7 @@ class SeveralFriction(PairFriction):
     def _surplus(self, at: Instant, sides: Sides) -> bool:
         """Whether more pairs stick than balance needs."""
         S = at.S[self._stuck(at, sides)]
-        return len(S) > 0 and np.linalg.matrix_rank(S, tol=RANK * np.abs(S).max()) < len(S)
+        return len(S) > 0 and np.linalg.matrix_rank(S, tol=DEPENDENT * np.abs(S).max()) < len(S)
 
     def _shared(self, at: Instant, sides: Sides, found: Response) -> tuple[float, Floats]:
         """The least that the largest share of pairs that stick can be, and friction (m,) so."""
@@ -529,7 +528,7 @@ class SeveralFriction(PairFriction):
         side = np.array([sides[j] for j in slips])
         wanted = at.M @ response.qdd - at.push
         weights = self.weights[others][:, None]
-        back = np.linalg.pinv((weights * S[others]).T, rcond=RANK)
+        back = np.linalg.pinv((weights * S[others]).T, rcond=DEPENDENT)
         share, loads = 0.0, response.loads
         for _ in range(BALANCED):
             last, held = t.copy(), self._held(at, loads)

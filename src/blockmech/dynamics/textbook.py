@@ -12,11 +12,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.estimate import TARGET, difference, judged, stopped, with_rounding
+from blockmech.dynamics.estimate import FINER, TARGET, difference, judged, stopped, with_rounding
 from blockmech.dynamics.fixed_steps import STEP
 from blockmech.dynamics.motion import EVALUATIONS, Motion
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.time import FINER, TimeIntegration, in_time
+from blockmech.dynamics.time import TimeIntegration, in_time
 from blockmech.errors import refused
 
 if TYPE_CHECKING:

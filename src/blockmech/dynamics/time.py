@@ -18,7 +18,7 @@ from scipy.integrate import LSODA, OdeSolution, Radau
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.dop853 import AcceptedSteps, Dense, Dop853
 from blockmech.dynamics.equation import Equation, TooMany, scales
-from blockmech.dynamics.estimate import TARGET, refined, with_rounding
+from blockmech.dynamics.estimate import FINER, FLOOR, SHORTER, TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
     PARTS,
     EventDetector,
@@ -53,16 +53,13 @@ if TYPE_CHECKING:
 
 SOLVERS = dict(zip(INTEGRATORS, (Dop853, LSODA, Radau), strict=True))
 STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}
-FLOOR = 100 * EPS  # the least relative tolerance that SciPy takes
 QUICKER = 8  # times as many states may a friction law with a state ask of machine code
 LOOKED_AT = EVALUATIONS / 16  # states by which it shows whether that is enough
-FINER = 20.0  # a second run is so much finer (numerics 14)
-SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
 CHAIN, CREEP = 4, 1e-6  # blocks in a row that a push may come through; [s] of a step of each
 ANYWHERE = (-math.inf, math.inf)
 SILENT = frozenset(
     {ends.KINK, ends.GOAL, ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.RELEASED, ends.DEFLECTION_KINK}
-)  # kinds of events that nobody asked for
+)  # kinds of events that nobody method_wanted for
 
 
 @dataclass(frozen=True)
@@ -132,7 +129,7 @@ class TimeIntegration:
             self.equation.most = math.inf  # its steps are counted beforehand
         self.t_max = self.request.start.t + min(self.request.span, 1 / EPS)  # goals without a time
         self.swing_from = float(self.y[0])
-        self.asked = self.method
+        self.method_wanted = self.method
 
     # -- the whole -------------------------------------------------------------------------
 
@@ -148,21 +145,21 @@ class TimeIntegration:
             verdict = SegmentEnd("ended", ends.INTERRUPTED)
         except TooMany:
             verdict = SegmentEnd("failed", ends.TOO_MANY)
-        return self._told(start, verdict)
+        return self._result(start, verdict)
 
-    def _told(self, start: Floats, verdict: SegmentEnd) -> Motion:
+    def _result(self, start: Floats, verdict: SegmentEnd) -> Motion:
         q, qd = self.layout.motion(self.y)
         self._balance(start)
         if verdict.end in (ends.SELF_LOCKED, ends.AMBIGUOUS):
             where = (", ".join(f"{x:.9g}" for x in np.atleast_1d(part)) for part in (q, qd))
             at = "t = {:.9g} s, q = {}, rate = {}".format(self.t, *where)
             self.notes.append(f"{verdict.end}: {at}")
-        if self.method != self.asked and verdict.status == "reached":
-            self.notes.append(f"{self.asked} gave up on the way, {self.method} went on")
-        fixed = self.asked in STEPPERS
+        if self.method != self.method_wanted and verdict.status == "reached":
+            self.notes.append(f"{self.method_wanted} gave up on the way, {self.method} went on")
+        fixed = self.method_wanted in STEPPERS
         return replace(
             self.request.standing,
-            method=self.asked,
+            method=self.method_wanted,
             regime="fixed steps" if fixed else "rest" if verdict.end == ends.REST else "integrated",
             status=verdict.status,
             end=verdict.end,

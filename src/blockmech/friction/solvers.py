@@ -118,10 +118,10 @@ def judged(
     The certificate is that of the steepest slopes, with which one solution exists whatever the
     laws are below them. Where it fails nothing is proved, and there is no answer.
     """
-    said, true = (
+    by_tangent, true = (
         [a * g + b for a, b, g in zip(k, drag, solved.g, strict=True)] for k, drag in (law, there)
     )
-    off = largest_of([a - b for a, b in zip(said, true, strict=True)])
+    off = largest_of([a - b for a, b in zip(by_tangent, true, strict=True)])
     P = contraction_bound(steepest, edges, rows)
     lost = (P >= 1.0) | (off > SETTLED * EPS * largest_of(true))
     outcome = where(lost, float(Outcome.NOT_CONVERGED), solved.outcome)

@@ -217,7 +217,7 @@ class Following(Element):
     def _data_or_function(cls, raw: Any, read: ValidatorFunctionWrapHandler) -> Any:
         if isinstance(raw, Function):
             return raw
-        return Function.told(raw) if callable(raw) and not isinstance(raw, type) else read(raw)
+        return Function.of_call(raw) if callable(raw) and not isinstance(raw, type) else read(raw)
 
     @model_validator(mode="after")
     def _driver_matters(self) -> Following:

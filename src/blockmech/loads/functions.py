@@ -36,7 +36,7 @@ class Function:
     of: tuple[Argument, ...]
 
     @classmethod
-    def told(cls, call: Callable[..., float]) -> Function:
+    def of_call(cls, call: Callable[..., float]) -> Function:
         """The law that a function is, by the names of its parameters.
 
         Raises pydantic's error for other names.
@@ -83,11 +83,11 @@ class Function:
         """The function, asked sample by sample."""
 
         def function(*given: Any) -> Real:
-            return each(self._asked, *given[:-1])
+            return each(self._value, *given[:-1])
 
         return function
 
-    def _asked(self, *given: float) -> float:
+    def _value(self, *given: float) -> float:
         try:
             answer = self.call(*given)
         except Exception as error:

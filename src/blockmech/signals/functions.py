@@ -97,7 +97,7 @@ class Python(Signal):
     def _kernel(self, part: slice) -> Kernel:
         """Some of the numbers that the function returns, asked sample by sample."""
         places = range(1 + len(self.memory))[part]
-        functions = [functools.partial(self._asked, k) for k in places]
+        functions = [functools.partial(self._value, k) for k in places]
 
         def timed(inputs: Any, states: Any, t: Real, p: Any) -> tuple[Real, ...]:
             given = self._in_order(inputs, states, t)
@@ -115,21 +115,21 @@ class Python(Signal):
         known |= dict.fromkeys([TIME], *t)
         return [known[name] for name in self.names]
 
-    def _asked(self, place: int, *given: float) -> float:
+    def _value(self, place: int, *given: float) -> float:
         count = 1 + len(self.memory)
         try:
             answer = self.call(*given)
         except Exception as error:
-            raise self._refused(f"{type(error).__name__}: {error}", given) from error
+            raise self._mistake(f"{type(error).__name__}: {error}", given) from error
         try:
             numbers = (float(answer),) if count == 1 else tuple(map(float, answer))
         except (TypeError, ValueError):
-            raise self._refused(f"it gave {shown(answer)}", given) from None
+            raise self._mistake(f"it gave {shown(answer)}", given) from None
         if len(numbers) != count:
-            raise self._refused(f"it gave {len(numbers)} numbers, not {count}", given)
+            raise self._mistake(f"it gave {len(numbers)} numbers, not {count}", given)
         return numbers[place]
 
-    def _refused(self, found: str, given: tuple[float, ...]) -> RequestError:
+    def _mistake(self, found: str, given: tuple[float, ...]) -> RequestError:
         where = f"{getattr(self.call, '__name__', 'function')}({', '.join(self.names)})"
         at = ", ".join(f"{n} = {x:.9g}" for n, x in zip(self.names, given, strict=True))
         remedy = "return the output, and behind it one number for each state"
