@@ -121,7 +121,7 @@ def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
         margin, inertia = system.one(q).margin, system.one(q).J / fast.typical
         assert fast.closeness(y) == pytest.approx((margin, inertia), rel=1e-11)
         if system.friction is not None:
-            np.testing.assert_allclose(fast.slips(q), plain.slips(q), rtol=1e-12)
+            np.testing.assert_allclose(fast.slips([q]), plain.slips([q]), rtol=1e-12)
             pairs = fast.pair_loads(0.1, y), plain.pair_loads(0.1, y)
             np.testing.assert_allclose(*pairs, rtol=1e-11)
     assert system.kept["rates", system.method] is not None

@@ -294,7 +294,8 @@ class _Run:
         y[:, 0], y[:, 1] = q, rate
         self.spent[which] += 1
         every = np.ones((len(which), 2, self.n))
-        return self._fleet(which, y, np.zeros((len(which), 6)), every, 0).K[:, 0, 0].copy()
+        rows: Floats = self._fleet(which, y, np.zeros((len(which), 6)), every, 0).K[:, 0, 0]
+        return rows.copy()
 
     def _fleet(self, which: Any, y: Floats, control: Floats, tolerances: Floats, most: int) -> Any:
         """What machine code makes of states (s, n) of some designs: so many steps at most."""
