@@ -22,7 +22,7 @@ driving moments that hold it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
@@ -37,6 +37,7 @@ from blockmech.dynamics.pair_friction import (
     Row,
     Sides,
     State,
+    least,
     outcome_of,
 )
 from blockmech.dynamics.place_data import NOTHING
@@ -315,10 +316,8 @@ class JointFriction(PairFriction):
         m = len(self.names)
         states = [State(qd=qd, share=1.0, t=t, x=x), State(qdd=1.0)]
         states += [State(pair=k) for k in range(m)]
-        self._count(m + 2, False)
-        engine = self.program.single.engine(self._compiled())
-        rows = [engine.one(self._inputs(q, state)) for state in states]
-        margin = min([1.0, *rows[0][1 + 2 * m :]], key=lambda x: (x == x, x))
+        rows = self._one_by_one(q, states)
+        margin = least(rows[0][1 + 2 * m :])
         rates = np.array([rows[0][1 + m : 1 + 2 * m]]).T
 
         def laws(loads: Any = None) -> tuple[Any, Any]:
@@ -343,44 +342,42 @@ class JointFriction(PairFriction):
         """One state of a motion, each pair slipping in the sense of the rate."""
         return self.at(q, qd, t, self.sides(q, 1 if qd > 0 else -1), x)
 
-    def _inputs(self, q: Any, state: State) -> list[float]:
-        return self._in_order({"q_0": q, "qd_0": state.qd, "qdd_0": state.qdd}, state)
-
     def holding(self, q: Floats, t: float = 0.0) -> tuple[Floats, Floats]:
         """Lowest and highest driving efforts (n,) [N m or N] that hold the driver at places.
 
         Infinite where nothing starts it. A pair whose slip is zero at a place does not help there;
         bristles help by the most that they carry.
         """
-        states = [State(share=1.0, t=t), *(State(pair=k) for k in range(len(self.names)))]
+        slips, fixed = np.sign(np.nan_to_num(self.slips(q))).T, self.program.separates
+        sides = [
+            [1.0 if own else way * s for s, own in zip(slips, fixed, strict=True)]
+            for way in (-1, 1)
+        ]
+        (low, _), (high, _) = self._starting(q, sides, self.static, t, None)
+        return low, high
+
+    def _starting(
+        self, q: Floats, sides: Sequence[Sequence[Any]], law: Any, t: float, x: Any
+    ) -> Iterator[tuple[Floats, Floats]]:
+        """Efforts (n,) at which the driver starts back and forth, and those of friction in them."""
+        states = [State(share=1.0, t=t, x=x), *(State(pair=k) for k in range(len(self.names)))]
         acting, *pairs = self._columns(q, states)
-        still = [np.ones(q.size), *[Planar(0.0 * q, 0.0 * q) for _ in pairs]]
-        slips = np.sign(np.nan_to_num(self.slips(q))).T
-        ends, fixed = [], self.program.separates
-        for side in (-1, 1):
-            sides = [1.0 if own else side * s for s, own in zip(slips, fixed, strict=True)]
-            start = -self.solve([acting, still, *pairs], sides, self.static).effort
-            ends.append(np.where(np.isfinite(start), start, side * math.inf))
-        return ends[0], ends[1]
+        still = [np.ones(q.size), *[Planar(0.0 * q, 0.0 * q) for _ in pairs]]  # no load follows q''
+        for way, side in zip((-1, 1), sides, strict=True):
+            found = self.solve([acting, still, *pairs], side, law)
+            start = -np.asarray(found.effort)
+            yield np.where(np.isfinite(start), start, way * math.inf), found.taken
 
     def rest(self, q: float, t: float = 0.0, x: Any = None) -> Rest:
         """What a standstill at q leads to; x are states of signal blocks and laws."""
-        standing = self.standing(x)
-        place, least = np.array([q]), self._rounding(q)
-        states = [State(share=1.0, t=t, x=x), *(State(pair=k) for k in range(len(self.names)))]
-        acting, *pairs = self._columns(place, states)
-        still = [1.0, *[0j] * len(pairs)]  # a unit of q'' changes no load
-        holding = []
-        for direction in (-1, 1):
-            solution = self.solve([acting, still, *pairs], self.sides(q, direction), standing)
-            start = -float(solution.effort[0])
-            if math.isfinite(start):
-                least += 8 * EPS * float(solution.taken[0])  # as of that of the loads
-            holding.append(start if math.isfinite(start) else direction * math.inf)
-        low, high = holding
-        forward, backward = high < -least, low > least
+        sides = [self.sides(q, direction) for direction in (-1, 1)]
+        found = list(self._starting(np.array([q]), sides, self.standing(x), t, x))
+        low, high = (float(start[0]) for start, _ in found)
+        taken = sum(float(rubbed[0]) for start, rubbed in found if np.isfinite(start[0]))
+        unknown = self._rounding(q) + 8 * EPS * taken  # as of the effort of the loads
+        forward, backward = high < -unknown, low > unknown
         if forward and backward:
             return Rest((low, high), 0, True)
         if not (forward or backward):
             return Rest((low, high), 0, False)
-        return Rest((low, high), 1 if forward else -1, False, least / max(low, -high))
+        return Rest((low, high), 1 if forward else -1, False, unknown / max(low, -high))

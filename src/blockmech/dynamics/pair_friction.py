@@ -6,6 +6,7 @@ acceleration, or a unit of friction in one pair act alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -84,6 +85,17 @@ class FrictionState(NamedTuple):
 def outcome_of(code: Any) -> Outcome:
     """What a solver's number says; that it found nothing where it is none."""
     return Outcome(int(code)) if code == code else Outcome.NOT_CONVERGED
+
+
+def least(margins: Iterable[Any]) -> float:
+    """The smallest of 1 and some margins; NaN if one is."""
+    smallest = 1.0
+    for m in margins:
+        if not m >= smallest:
+            if m != m:
+                return math.nan
+            smallest = float(m)
+    return smallest
 
 
 def signed_terms(sides: Any, law: Any, drags: bool) -> tuple[Any, Any]:
@@ -214,11 +226,19 @@ class PairFriction:
         """
         return signed_terms(sides, law, self.program.drags)
 
-    def _in_order(self, given: dict[str, Any], state: State) -> list[float]:
-        """Inputs of the program; ``given`` are those of the drivers."""
-        given |= {"t": state.t, "load_share": state.share}
+    def _one_by_one(self, q: Any, states: Sequence[State]) -> list[Row]:
+        """The program at one place, a number or (k,), in each of some states."""
+        self._count(len(states), False)
+        engine = self.program.single.engine(self._compiled())
+        return [engine.one(self._inputs(q, state)) for state in states]
+
+    def _inputs(self, q: Any, state: State) -> list[float]:
+        given: dict[str, Any] = {"t": state.t, "load_share": state.share}
+        motion = {"q": q, "qd": state.qd, "qdd": state.qdd}
+        for name, x in motion.items():
+            values = enumerate(x) if isinstance(q, np.ndarray) else ((0, x),)
+            given |= {f"{name}_{i}": value for i, value in values}
         signals = self._initial if state.x is None else state.x
         given |= {f"{STATE}{k}": float(x) for k, x in enumerate(signals)}
-        inputs = self.program.program.inputs
         units = f"friction_{state.pair}", f"push_{state.push}"
-        return [given.get(x, float(x in units)) for x in inputs]
+        return [given.get(x, float(x in units)) for x in self.program.program.inputs]

@@ -31,7 +31,14 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.contacts import DEPENDENT, Held
 from blockmech.dynamics.motion import Floats
-from blockmech.dynamics.pair_friction import FrictionState, PairFriction, Sides, State, outcome_of
+from blockmech.dynamics.pair_friction import (
+    FrictionState,
+    PairFriction,
+    Sides,
+    State,
+    least,
+    outcome_of,
+)
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
 from blockmech.engines.numpy import Planar
 from blockmech.friction.continuation import Outcome
@@ -231,10 +238,9 @@ class SeveralFriction(PairFriction):
     def pressed(self, q: Floats, held: Held) -> Any:
         """What a unit push of each stop adds to the loads (m, a) on the pairs."""
         k, m = len(q), len(self.names)
-        engine = self.program.single.engine(self._compiled())
         still = State(qd=np.zeros(k), qdd=np.zeros(k))
         units = [still._replace(push=j) for j, _ in held.pairs if j >= 0]
-        rows = [engine.one(self._inputs(q, state))[k : k + m] for state in units]
+        rows = [row[k : k + m] for row in self._one_by_one(q, units)]
         return _pressed(held, np.array(rows, dtype=np.complex128).reshape(-1, m).T)
 
     def instant(self, q: Floats, qd: Floats, t: float, x: Any, held: Held | None) -> Instant:
@@ -243,27 +249,17 @@ class SeveralFriction(PairFriction):
         if self._last[0] != key:
             k, m = len(q), len(self.names)
             states = self._states(qd, t, x, k, held)
-            self._count(len(states), False)
-            engine = self.program.single.engine(self._compiled())
-            rows = [engine.one(self._inputs(q, state)) for state in states]
-            margin = min([1.0, *rows[0][k + 3 * m :]], key=lambda x: (x == x, x))
+            rows = self._one_by_one(q, states)
+            margin = least(rows[0][k + 3 * m :])
             values = np.array([row[: k + 3 * m] for row in rows], dtype=np.complex128)
             self._last = key, self._instant(values, margin, q, qd, x, held)
         instant: Instant = self._last[1]
         return instant
 
-    def _inputs(self, q: Any, state: State) -> list[float]:
-        given: dict[str, Any] = {}
-        for i in range(len(q)):
-            given |= {f"q_{i}": q[i], f"qd_{i}": state.qd[i], f"qdd_{i}": state.qdd[i]}
-        return self._in_order(given, state)
-
     def rates(self, q: Floats, qd: Floats) -> Floats:
         """Relative rates (m,) of the pairs."""
         k, m = len(q), len(self.names)
-        engine = self.program.single.engine(self._compiled())
-        self._count(1, False)
-        row = engine.one(self._inputs(q, State(qd=qd, qdd=np.zeros(k))))
+        (row,) = self._one_by_one(q, [State(qd=qd, qdd=np.zeros(k))])
         return np.array(row[k + m : k + 2 * m], dtype=np.float64)
 
     # -- for given sides ---------------------------------------------------------

@@ -28,6 +28,7 @@ from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.friction import JointFriction, margins, pair_program
 from blockmech.dynamics.motion import Cost, Floats
+from blockmech.dynamics.pair_friction import least
 from blockmech.dynamics.pair_stops import Counted, PairStops, held_by, rows_of
 from blockmech.dynamics.place_table import PlaceTable
 from blockmech.dynamics.signals import (
@@ -557,14 +558,3 @@ def solved(M: Floats, Q: Floats) -> Floats:
         return np.asarray(np.linalg.solve(M, Q), dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.full(len(Q), math.nan)
-
-
-def least(values: Any) -> float:
-    """The smallest of 1 and some margins; NaN if one is."""
-    smallest = 1.0
-    for m in values:
-        if not m >= smallest:
-            if m != m:
-                return math.nan
-            smallest = float(m)
-    return smallest
