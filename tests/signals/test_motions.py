@@ -354,6 +354,20 @@ def test_the_acceleration_of_any_driver_sums_up_to_its_rate(side):
         assert gained <= 1e-5
 
 
+@pytest.mark.parametrize("name", ["pump", "watt_sixbar", "ruiz_fourbar"])
+def test_an_accelerometer_that_no_load_follows_leaves_the_motion_as_it_is(name):
+    graph = bm.Graph.load(CONTROL.parent / f"{name}.json")
+    start = {"start": {d: (0.7, 2.0) for d in graph.compile().drivers}}
+    alone = graph.compile().simulate("time=0.05", **start)
+    (driver,) = graph.compile().drivers
+    graph.add("sum", signals.Integrator())
+    graph.connect(f"{driver}.acceleration", "sum.u")
+    run = graph.compile().simulate("time=0.05", want=["*.rate", "sum.integral"], **start)
+    assert run.motion.q_end == pytest.approx(alone.motion.q_end, abs=1e-8)
+    gained = run[f"{driver}.rate"] - 2.0
+    assert run["sum.integral"] == pytest.approx(gained, abs=1e-7 * np.abs(gained).max())
+
+
 # -- what is refused ---------------------------------------------------------------------------
 
 

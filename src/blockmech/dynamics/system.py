@@ -406,7 +406,7 @@ class System:
         """Values (n,) of a program at states of one driver, flat."""
         self._count(q.size, True)
         rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()
-        given = {"q_0": q.ravel(), "qd_0": rates, "t": np.full(q.size, t)}
+        given = {"q_0": q.ravel(), "qd_0": rates, "qdd_0": 0.0 * rates, "t": np.full(q.size, t)}
         states = zip(self.signals.names, self.signals.initial, strict=True)
         given |= {name: np.full(q.size, x) for name, x in states}
         with np.errstate(all="ignore"):
