@@ -91,6 +91,8 @@ class Synthetic(System):
         return Sample(J, tau, margin)
 
     def terms(self, q, qd, t=0.0):
+        if self._given_terms is None:
+            return super().terms(q, qd, t)
         self._count(1, False)
         return self._given_terms(q, qd, t)
 
