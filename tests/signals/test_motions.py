@@ -357,7 +357,7 @@ def test_the_acceleration_of_any_driver_sums_up_to_its_rate(side):
 @pytest.mark.parametrize("name", ["pump", "watt_sixbar", "ruiz_fourbar"])
 def test_an_accelerometer_that_no_load_follows_leaves_the_motion_as_it_is(name):
     graph = bm.Graph.load(CONTROL.parent / f"{name}.json")
-    start = {"start": {d: (0.7, 2.0) for d in graph.compile().drivers}}
+    start = {"start": dict.fromkeys(graph.compile().drivers, (0.7, 2.0))}
     alone = graph.compile().simulate("time=0.05", **start)
     (driver,) = graph.compile().drivers
     graph.add("sum", signals.Integrator())
