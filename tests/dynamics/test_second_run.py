@@ -10,6 +10,7 @@ import pytest
 import blockmech as bm
 from blockmech.dynamics import ends
 from blockmech.dynamics.estimate import difference, in_place
+from blockmech.dynamics.panels import Panels
 from blockmech.dynamics.path import PathRun, compared
 from blockmech.dynamics.path_mesh import COARSE, FINE
 from blockmech.dynamics.request import SimulationRequest, Start, Until
@@ -74,3 +75,38 @@ def test_late_by_dt_is_ahead_by_the_way_in_dt():
     system = System(mechanism("watt_sixbar"))
     motion = ended(system, SimulationRequest(Start(0.7), Until("time", 2.0)), FINE).motion()
     assert in_place(motion, by, 0.0, (True,)).q == pytest.approx(4e-12, rel=1e-12)
+
+
+def test_what_samples_leave_unknown_is_in_the_estimate(monkeypatch):
+    """Inertia and effort that are off by 1e-10, here and there, as a general group's may be."""
+    sample = System.sample
+
+    def rough(self, q, *state):
+        true = sample(self, q, *state)
+        off = 1 + 1e-10 * np.sin(1e7 * np.asarray(q))
+        return true._replace(J=true.J * off, tau=true.tau / off)
+
+    system = System(mechanism("watt_sixbar"))
+    request = SimulationRequest(Start(math.pi / 3), Until("time", 2.0), method="energy")
+    fine = ended(system, request, FINE)
+    exact = fine.motion()
+    monkeypatch.setattr(System, "sample", rough)
+    monkeypatch.setattr(System, "noise", 1e-10)
+    system = System(bm.Graph.load(GRAPHS / "watt_sixbar.json").compile())
+    fine = ended(system, request, FINE)
+    motion = fine.motion()
+    apart = compared(fine, motion, second_run(fine))
+    assert apart.agree
+    assert abs(motion.q_end - exact.q_end) <= apart.q
+    assert 1e-12 <= apart.q <= 1e-8
+
+
+@pytest.mark.parametrize(("name", "start", "until"), RUNS[:2])
+def test_both_samplings_say_the_same_of_a_panel(name, start, until):
+    system = System(mechanism(name))
+    run = ended(system, SimulationRequest(start, until, method="spectral"), FINE)
+    for panels in (leg if isinstance(leg, Panels) else leg.panels for leg in run.whole):
+        J, tau = panels.second[:, 0, :-1], panels.second[:, 1, :-1]
+        np.testing.assert_allclose(J, panels.J, rtol=1e-12)
+        np.testing.assert_allclose(tau, panels.w, atol=1e-12 * np.abs(panels.w).max())
+        assert (J != panels.J).any()

@@ -146,7 +146,7 @@ def with_rounding(
             states = State(states.q[inside], states.qd[inside])
         off += ROUNDING * np.abs(states.q)
         unsure = motion.time_error + (0.0 if motion.end == "time" else float(late[-1]))
-        motion = replace(motion, error=motion.error + float(off.max()), time_error=unsure)
+        motion = motion.but(error=motion.error + float(off.max()), time_error=unsure)
     return motion if target is None else missed(motion, target)
 
 
@@ -198,7 +198,7 @@ def refined(
 def agreed(fine: Motion, apart: Difference) -> Motion:
     """The finer of two runs that are one motion, with its error."""
     late = 0.0 if fine.end == "time" else apart.t
-    return replace(fine, error=apart.q, time_error=fine.time_error + late)
+    return fine.but(error=apart.q, time_error=fine.time_error + late)
 
 
 def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: tuple[float, ...]) -> Motion:

@@ -92,7 +92,7 @@ def move(system: System, request: SimulationRequest) -> Motion:
     motion = _with_misfit(system, motion)
     system.remember()
     status: Status = "failed" if motion.end == ends.TOO_MANY else motion.status
-    return replace(motion, cost=system.cost, status=status)
+    return motion.but(cost=system.cost, status=status)
 
 
 def _with_misfit(system: System, motion: Motion) -> Motion:

@@ -201,6 +201,12 @@ class Motion(Facts, Report):
         """Whether the error estimate is within the target (True if there is none)."""
         return self.accuracy is None or self.error <= self.accuracy
 
+    def but(self, **changes: Any) -> Motion:
+        """The same with some of its fields changed, in a tenth of what `replace` takes."""
+        motion = object.__new__(Motion)
+        motion.__dict__.update(self.__dict__, **changes)
+        return motion
+
     def lines(self, degrees: bool = DEGREES) -> list[str]:
         """What ended it, method, error and figures, one a line."""
         return self.summary()

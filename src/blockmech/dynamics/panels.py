@@ -201,7 +201,7 @@ class Spans:
         """[J] (m, n + 1) by which w = dK/dq (m, n) raises K at the nodes and that end."""
         energy = rule(w.shape[1]).energy
         gains: Floats = w @ energy[PLAIN].T
-        for i in np.flatnonzero(self.kind).tolist():  # few, if any
+        for i in self.kind.nonzero()[0].tolist():  # few, if any
             gains[i] = energy[self.kind[i]] @ w[i]
         gains *= self.way[:, None]
         return gains
@@ -271,7 +271,7 @@ class Panels:
     def times(self) -> Floats:
         """(m + 1,) [s] when they begin, and when the last ends."""
         times = np.empty(len(self.w) + 1)
-        times[0], times[1:] = 0.0, np.cumsum(self.durations)
+        times[0], times[1:] = 0.0, self.durations.cumsum()
         return self.t0 + times
 
     @property
@@ -428,7 +428,7 @@ class Panels:
         """(m, n + 2) [s] at the anchors, nodes and ends."""
         since = self._known[1]
         times = self.times[:-1, None] + since
-        for i in np.flatnonzero(self.spans.backward).tolist():  # few, if any
+        for i in self.spans.backward.nonzero()[0].tolist():  # few, if any
             times[i] = self.times[i + 1] - since[i]
         return np.asarray(times)
 

@@ -114,7 +114,7 @@ class _SecondRun:
         begin, end, energy, kind, w, K, inertia = (
             np.concatenate(column) for column in zip(*parts, strict=True)
         )
-        lost = np.broadcast_to(0.0, w.shape)
+        lost = np.zeros(w.shape)
         lies = Spans(begin, end, energy, kind)
         second = Panels(t0, lies, w, K, inertia, lost, panels.second)
         second.rate[:, int(KEPT * w.shape[1]) :] = 0.0

@@ -84,7 +84,7 @@ class Stretch:
         self.kept[0] = at.K > 0 and abs(at.q - begin) <= near
         self.kept[-1] &= abs(end - ends[-1]) <= near
         self.values, self.gains = self.row.values[self.which], self.row.gains[self.which]
-        self._fill(np.flatnonzero(~self.kept))
+        self._fill((~self.kept).nonzero()[0])
 
     @classmethod
     def ahead(cls, builder: PanelBuilder, at: PathState, goal: float) -> Stretch | None:
@@ -123,7 +123,7 @@ class Stretch:
             if good.all() or not level:
                 count = leading(good)
                 break
-            self._halved(np.flatnonzero(~good))
+            self._halved((~good).nonzero()[0])
             panels, J0, low = self._over_edges()
         return panels.first(count) if count else None
 
@@ -185,7 +185,7 @@ class Stretch:
             energy[-1] = 0.0
         spans.energy[:] = energy
         K = energy[:, None] + gains
-        lost = np.broadcast_to(0.0, w.shape)
+        lost = np.zeros(w.shape)
         second = self.values[:, self.row.largest.shape[1] :]
         panels = Panels(self.at.t, spans, w, K, inertia[:, :-1], lost, second)
         if not self.stands:
@@ -217,14 +217,16 @@ class Stretch:
     def _used_up(self, w: Floats, K: Floats) -> NDArray[np.bool_]:
         """Where (m, n + 1) no energy is left, at ends but for rounding."""
         used_up: NDArray[np.bool_] = K <= 0
-        braked = np.maximum(-self.at.sign * w[:, -1], 0.0) * np.abs(np.diff(self.edges))
+        braked = np.maximum(-self.at.sign * w[:, -1], 0.0) * np.abs(
+            self.edges[1:] - self.edges[:-1]
+        )
         used_up[:, -1] |= K[:, -1] < math.sqrt(EPS) * braked
         return used_up
 
     def _to_standstill(self) -> None:
         """Cut the panel that holds a standstill there; not where that needs a shorter piece."""
         w = self.values[:, TAU, :-1]
-        K = begin_energies(self.at.K, self.gains, self._more(np.diff(self.edges), w))
+        K = begin_energies(self.at.K, self.gains, self._more(self.edges[1:] - self.edges[:-1], w))
         K = K[:, None] + self.gains
         used_up = self._used_up(w, K)
         if not used_up.any():
