@@ -9,7 +9,7 @@ Of a simulation the states are held against one another as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -177,9 +177,10 @@ def verify(
     taken = blocks.samples(at, samples, times, rates, accelerations)
     taken = replace(taken, inputs={**taken.inputs, **_states(blocks, taken.n)})
     given["static"] = static
-    evidence = Evidence(blocks.answer(taken, EVERYTHING, given, **how))
-    shaken = Evidence(_perturbed_run(evidence.run, how))
-    return _judged(mechanism, evidence, [(evidence, CHECKS), (shaken, CHECKS)])
+    run = blocks.answer(taken, EVERYTHING, given, **how)
+    shaken = _perturbed_run(run, how)
+    runs = [shaken] if shaken.n > run.n else [run, shaken]
+    return _judged(mechanism, run.n, [(Evidence(r), CHECKS) for r in runs])
 
 
 def _of_result(
@@ -194,20 +195,17 @@ def _of_result(
     if motion is None:
         how["static"] = result.settings["static"]
         run = blocks.answer(result.samples, EVERYTHING, how, engine, None, chunk)
-        evidence = Evidence(run)
-        return _judged(mechanism, evidence, [(evidence, CHECKS)])
+        return _judged(mechanism, run.n, [(Evidence(run), CHECKS)])
     t = motion.times(1) if result.time is None else result.time
-    evidence = Evidence(
-        result_along(blocks, motion, t, EVERYTHING, **how, engine=engine, chunk=chunk)
-    )
-    judged = _judged(mechanism, evidence, [(evidence, (*CHECKS, idle))])
+    run = result_along(blocks, motion, t, EVERYTHING, **how, engine=engine, chunk=chunk)
+    judged = _judged(mechanism, run.n, [(Evidence(run), (*CHECKS, idle))])
     return replace(judged, rows=(*judged.rows, *(Check(*row) for row in trajectory(result))))
 
 
 def _judged(
-    mechanism: Compiled, first: Evidence, tables: Iterable[tuple[Evidence, Sequence[CheckOf]]]
+    mechanism: Compiled, n: int, tables: Sequence[tuple[Evidence, Sequence[CheckOf]]]
 ) -> Verification:
-    """The worst of every check over all evidence."""
+    """The worst of every check over all evidence, the first ``n`` samples of which were asked."""
     worst: dict[str, float] = {}
     for evidence, checks in tables:
         good = evidence.good
@@ -215,9 +213,10 @@ def _judged(
             for what, of, left, scale in check(evidence):
                 name = f"{what} {_said(mechanism, of)}"
                 worst[name] = np.maximum(worst.get(name, 0.0), _relative(left[good], scale[good]))
+    first = tables[0][0]
     conditions = [first.condition(block)[first.good] for block in first.structure.blocks]
     rows = tuple(Check(name, float(value)) for name, value in worst.items())
-    return Verification(rows, int(first.good.sum()), float(np.max(conditions, initial=1.0)))
+    return Verification(rows, int(first.good[:n].sum()), float(np.max(conditions, initial=1.0)))
 
 
 def _relative(left: Any, scale: Any) -> float:
@@ -240,7 +239,8 @@ def _perturbed_run(run: Result, how: Mapping[str, Any]) -> Result:
     """The same poses without friction, each with rates and accelerations of its own.
 
     Rates are between half of those asked for and those; none is zero. Accelerations are of the
-    size of the rate times the largest rate of a link.
+    size of the rate times the largest rate of a link. Where nothing rubs, the run itself comes
+    before, in the same arrays.
     """
     mechanism, at = run.mechanism, np.arange(run.n)
     inputs = {name: np.asarray(given, dtype=float) for name, given in run.samples.inputs.items()}
@@ -255,9 +255,22 @@ def _perturbed_run(run: Result, how: Mapping[str, Any]) -> Result:
         )
     plan = mechanism.plan("*", friction="none", static=run.settings["static"])
     samples = Samples(run.n, inputs, run.samples.time)
+    if plan.program.source == run.plan.program.source:
+        samples = _stacked(run.samples, samples)
     values, engine = mechanism.evaluate(plan, samples, **how)
     settings = run.settings | {"friction": "none", "tolerance": None, "iterations": None}
     return Result(mechanism, plan, samples, values, engine, settings)
+
+
+def _stacked(first: Samples, second: Samples) -> Samples:
+    """The samples of two runs, one behind the other."""
+    n = first.n
+    inputs = {
+        name: np.concatenate([np.broadcast_to(given, n), np.broadcast_to(second.inputs[name], n)])
+        for name, given in first.inputs.items()
+    }
+    time = None if first.time is None else np.tile(first.time, 2)
+    return Samples(2 * n, inputs, time)
 
 
 def _said(mechanism: Compiled, of: Part) -> str:

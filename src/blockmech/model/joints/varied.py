@@ -11,7 +11,7 @@ Source: Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM 2008, ch. 3 (f
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
@@ -136,27 +136,32 @@ def remainder(x: Any, period: float) -> Any:
 PLAIN = frozenset({float, complex, int, bool, str, type(None)})
 
 
+def varies(x: Any) -> bool:
+    """Whether a number has derivatives, also inside records, lists and mappings."""
+    if isinstance(x, Varied):
+        return True
+    if isinstance(x, list | tuple):
+        parts: Iterable[Any] = x
+    elif is_dataclass(x):
+        parts = vars(x).values()
+    else:
+        parts = x.values() if isinstance(x, Mapping) else ()
+    return any(varies(part) for part in parts if type(part) not in PLAIN)
+
+
 def settled(x: Any) -> Any:
     """Numbers without derivatives, also inside records, lists and mappings.
 
     What holds none with derivatives is given back itself.
     """
-    kind = type(x)
-    if kind in PLAIN:
+    if not varies(x):
         return x
     if isinstance(x, Varied):
         z = complex(x)
         return z if z.imag else z.real
     if isinstance(x, list | tuple):
         parts = [settled(item) for item in x]
-        if all(a is b for a, b in zip(parts, x, strict=True)):
-            return x
-        return kind(*parts) if hasattr(x, "_fields") else kind(parts)
+        return type(x)(*parts) if hasattr(x, "_fields") else type(x)(parts)
     if isinstance(x, Mapping):
-        found = {key: settled(item) for key, item in x.items()}
-        return found if any(found[key] is not item for key, item in x.items()) else x
-    if is_dataclass(x) and not isinstance(x, type):
-        given = {f.name: getattr(x, f.name) for f in fields(x)}
-        new = settled(given)
-        return x if new is given else replace(x, **new)
-    return x
+        return {key: settled(item) for key, item in x.items()}
+    return replace(x, **{f.name: settled(getattr(x, f.name)) for f in fields(x)})
