@@ -46,8 +46,11 @@ def all_problems(blocks: Blocks, wires: Iterable[Wire], scene: Scene) -> list[Pr
     problems += _group_problems(blocks)
     problems += _branch_problems(blocks, wires)
     if not any(p.code == "unknown-block" for p in problems):
-        cycles = list(_cycles(blocks, wires))
-        problems += cycles or loop_problems(motion_dag(blocks, wires), blocks)
+        dag = block_dag(blocks, wires)
+        if cycles := list(_cycles(dag, blocks, wires)):
+            return problems + cycles
+        add_couplings(dag, blocks)
+        problems += loop_problems(dag, blocks)
     return problems
 
 
@@ -285,11 +288,11 @@ def _group_problems(blocks: Blocks) -> Iterator[Problem]:
                 yield Problem(finding.code, where, finding.text(), "", remedy)
 
 
-def _cycles(blocks: Blocks, wires: Iterable[Wire]) -> Iterator[Problem]:
+def _cycles(dag: nx.DiGraph, blocks: Blocks, wires: Iterable[Wire]) -> Iterator[Problem]:
     import networkx as nx
 
     links = 0
-    for component in nx.strongly_connected_components(block_dag(blocks, wires)):
+    for component in nx.strongly_connected_components(dag):
         if len(component) > 1:
             from blockmech.model import cycles  # only a wrong graph pays for it
 

@@ -233,11 +233,12 @@ def _fits(data: Any) -> bool:
     for _ in range(DEEPEST):
         below: list[Any] = []
         for x in level:
-            if isinstance(x, dict):
+            kind = type(x)  # of JSON, so no subclass
+            if kind is dict:
                 below += x.values()
-            elif isinstance(x, list):
+            elif kind is list:
                 below += x
-            elif isinstance(x, int | float) and not abs(x) <= HIGHEST:
+            elif (kind is float or kind is int) and not -HIGHEST <= x <= HIGHEST:
                 return False
         if not below:
             return True
