@@ -8,60 +8,62 @@ from blockmech import sigint as _sigint  # noqa: F401 (before all that takes tim
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from blockmech.blocks import (
-    PRP,
-    RPP,
-    RPR,
-    RRP,
-    RRR,
-    Crank,
-    Cylinder,
-    Frame,
-    GeneralGroup,
-    SlideDrive,
-)
-from blockmech.builders import Graph, Linkage, read
-from blockmech.couplings import Belt, Cam, Gear, Geneva, Rack, Ratio
-from blockmech.errors import (
-    AssemblyError,
-    BlockmechError,
-    FormatError,
-    FrictionError,
-    GraphError,
-    MissingEngineError,
-    Problem,
-    RequestError,
-    SingularError,
-)
-from blockmech.friction.laws import (
-    Coulomb,
-    Dahl,
-    ElastoPlastic,
-    FrictionLaw,
-    Hydrodynamic,
-    LuGre,
-    Preload,
-    RollingBearing,
-    Stiction,
-    Stribeck,
-    Viscous,
-)
-from blockmech.loads import Couple, Force, Motor, Spring, Thrust, TorsionSpring, laws
-from blockmech.model.laws_of_motion import (
-    ConstantRate,
-    Cycloidal,
-    Harmonic,
-    RateAcceleration,
-    Table,
-)
-from blockmech.model.subgraph import Subgraph
+from blockmech.garbage import uncollected
 
-from blockmech import signals as signals  # isort: skip
-from blockmech.studies.sampling import normal, uniform
-from blockmech.values import Link, Marker
+with uncollected():  # all that is made here is kept
+    from blockmech import signals as signals
+    from blockmech.blocks import (
+        PRP,
+        RPP,
+        RPR,
+        RRP,
+        RRR,
+        Crank,
+        Cylinder,
+        Frame,
+        GeneralGroup,
+        SlideDrive,
+    )
+    from blockmech.builders import Graph, Linkage, read
+    from blockmech.errors import (
+        AssemblyError,
+        BlockmechError,
+        FormatError,
+        FrictionError,
+        GraphError,
+        MissingEngineError,
+        Problem,
+        RequestError,
+        SingularError,
+    )
+    from blockmech.friction.laws import (
+        Coulomb,
+        Dahl,
+        ElastoPlastic,
+        FrictionLaw,
+        Hydrodynamic,
+        LuGre,
+        Preload,
+        RollingBearing,
+        Stiction,
+        Stribeck,
+        Viscous,
+    )
+    from blockmech.loads import Couple, Force, Motor, Spring, Thrust, TorsionSpring, laws
+    from blockmech.model.laws_of_motion import (
+        ConstantRate,
+        Cycloidal,
+        Harmonic,
+        RateAcceleration,
+        Table,
+    )
+    from blockmech.model.subgraph import Subgraph
+    from blockmech.studies.sampling import normal, uniform
+    from blockmech.values import Link, Marker
 
 if TYPE_CHECKING:
     from blockmech import draw, studio, synthesis
+    from blockmech.couplings.kinds import Belt, Cam, Gear, Geneva, Rack, Ratio
     from blockmech.dynamics.motion_outputs import SimulationResult
     from blockmech.dynamics.request import Until, Watch
     from blockmech.exchange.writing import write
@@ -141,6 +143,9 @@ __all__ = [
 __version__ = "0.1.0"
 
 _LATER = {  # loaded when they are first asked for
+    **dict.fromkeys(
+        ("Belt", "Cam", "Gear", "Geneva", "Rack", "Ratio"), "blockmech.couplings.kinds"
+    ),
     "Mechanism": "blockmech.mechanism",
     "Result": "blockmech.result",
     "SimulationResult": "blockmech.dynamics.motion_outputs",

@@ -5,7 +5,9 @@ The latter are defined by modules that the entry points of the group ``blockmech
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from types import MappingProxyType
 from typing import Any
 
 from blockmech.errors import GraphError, Problem, close_match, listed
@@ -16,10 +18,14 @@ class Registry:
 
     what : what one is called in messages, e.g. "block type"
     code : of the problem of an unknown one
+    families : first part of a name -> module that registers the built-in ones with it, imported
+        when one of them is first asked for
     """
 
-    def __init__(self, what: str, code: str) -> None:
-        self.what, self.code = what, code
+    def __init__(
+        self, what: str, code: str, families: Mapping[str, str] = MappingProxyType({})
+    ) -> None:
+        self.what, self.code, self.families = what, code, families
         self._types: dict[str, type[Any]] = {}
         self._outside_loaded = False
 
@@ -36,6 +42,8 @@ class Registry:
 
     def __getitem__(self, name: str) -> type[Any]:
         if name not in self._types:
+            self._load_family(name.partition(".")[0])
+        if name not in self._types:
             self._load_outside()
         return self._types[name]
 
@@ -50,6 +58,8 @@ class Registry:
         return self.get(name) is not None
 
     def __iter__(self) -> Iterator[str]:
+        for family in self.families:
+            self._load_family(family)
         self._load_outside()
         return iter(sorted(self._types))
 
@@ -59,6 +69,10 @@ class Registry:
         found, known = f'no {self.what} "{name}"', f"known {kind}s: {listed(self, 30)}"
         remedy = close_match(name, self) or "install the package that defines it"
         return Problem(self.code, where, found, known, remedy)
+
+    def _load_family(self, family: str) -> None:
+        if family in self.families:
+            import_module(self.families[family])
 
     def _load_outside(self) -> None:
         if self._outside_loaded:

@@ -4,5 +4,9 @@ from __future__ import annotations
 
 from blockmech.registry import Registry
 
-REGISTRY = Registry("block type", code="unknown-block")
+REGISTRY = Registry(
+    "block type",
+    code="unknown-block",
+    families={"coupling": "blockmech.couplings.kinds", "signal": "blockmech.signals.kinds"},
+)
 """Every block type by name: blocks, loads and couplings."""

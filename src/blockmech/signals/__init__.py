@@ -1,17 +1,24 @@
-"""Signals: what controls a mechanism, as blocks; importing registers them."""
+"""Signals: what controls a mechanism, as blocks."""
 
-from blockmech.signals.algebra import DeadZone, Gain, Product, Saturation, Sum
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from blockmech.signals.contract import Signal, State
-from blockmech.signals.dynamic import (
-    DCMotor,
-    Delay,
-    Integrator,
-    Pid,
-    StateSpace,
-    TransferFunction,
-)
-from blockmech.signals.functions import Python
-from blockmech.signals.sources import Constant, Input, Step, Table
+
+if TYPE_CHECKING:
+    from blockmech.signals.algebra import DeadZone, Gain, Product, Saturation, Sum
+    from blockmech.signals.dynamic import (
+        DCMotor,
+        Delay,
+        Integrator,
+        Pid,
+        StateSpace,
+        TransferFunction,
+    )
+    from blockmech.signals.functions import Python
+    from blockmech.signals.sources import Constant, Input, Step, Table
 
 __all__ = [
     "Constant",
@@ -33,3 +40,11 @@ __all__ = [
     "Table",
     "TransferFunction",
 ]
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        if name in __all__:
+            return getattr(import_module("blockmech.signals.kinds"), name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
