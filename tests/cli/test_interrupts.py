@@ -136,7 +136,7 @@ def test_a_trade_is_kept_as_far_as_it_came(call, tmp_path, monkeypatch):
 def test_workers_end_with_the_command(tmp_path, sent):
     """Whoever reads the output sees its end: no worker holds the pipe any more."""
     words = ["sweep", str(GRAPHS / "ruiz_fourbar.json"), "--vary", "dyad.l_i=normal(6,0.05)"]
-    words += ["--want", "max_abs(crank.drive)", "--sampling", "random", "--count", "100000000"]
+    words += ["--want", "max_abs(crank.drive)", "--sampling", "random", "--count", "3000000"]
     words += ["--out", str(tmp_path / "parts"), "--workers", "2"]
     run = subprocess.Popen(
         [sys.executable, "-m", "blockmech", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE
