@@ -35,12 +35,11 @@ def test_a_change_is_seen_at_once(name, block, length, most):
     for _ in range(5):
         form = copy.deepcopy(sheet.form)
         form["blocks"][block][length] *= 1.0001
-        begun = time.perf_counter()
+        begun = time.process_time()
         sheet.change(form, length)
-        taken.append(time.perf_counter() - begun)
+        taken.append(time.process_time() - begun)
         assert answers.result.mechanism is sheet.mechanism
-    print(f"{name}: a change is seen after {1e3 * min(taken):.0f} ms")
-    assert min(taken) < most
+    row(f"a change of {name}, without a browser", min(taken), most)
 
 
 FRAMES = """() => {
