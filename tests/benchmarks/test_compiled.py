@@ -59,6 +59,16 @@ def test_kinetostatics_of_a_sweep(benchmark, mech: Mechanism, friction: str, goa
     assert result["crank.drive"][1] == pytest.approx(RUIZ[1][key], rel=1e-8)
 
 
+@pytest.mark.parametrize("name", ["stephenson_3_triad", "stephenson_2_class_4"])
+def test_general_groups_in_a_sweep(benchmark, name: str) -> None:
+    """Newton, rates, accelerations, reactions and margins of a group that is followed."""
+    mech = bm.Graph.load(ROOT / "graphs" / f"{name}.json").compile()
+    q = np.linspace(0.0, 1.0, POSES // 10)
+    benchmark(lambda: mech.run(at=q, engine="llvm"))
+    seconds = benchmark.stats.stats.min / q.size
+    ROWS.append(Row(f"{name}, a sample, llvm", seconds, 5e-6, "goal of 5 µs", 1.0))
+
+
 def test_one_warm_pose_with_reactions(benchmark, mech: Mechanism) -> None:
     def run() -> bm.Result:
         return mech.run(at=RUIZ[1]["crank"], want=FORCES, engine="llvm")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -128,7 +129,8 @@ class AcceptedSteps(NamedTuple):
 
     def part(self, first: int, end: int) -> AcceptedSteps:
         """Some of them."""
-        return self._replace(t=self.t[first : end + 1], y=self.y[first : end + 1])
+        dense = self.dense.part(first, end) if isinstance(self.dense, Dense) else self.dense
+        return self._replace(t=self.t[first : end + 1], y=self.y[first : end + 1], dense=dense)
 
     def until(self, t: float, y: Any) -> AcceptedSteps:
         """The same, the last to another end."""
@@ -171,12 +173,22 @@ class Dense:
         t, h, series = zip(*kept, strict=True)
         return cls(np.concatenate(t), np.concatenate(h), np.concatenate(series, axis=1))
 
+    def part(self, first: int, end: int) -> Dense:
+        """That of some steps."""
+        return Dense(self.t[first:end], self.h[first:end], self.series[:, first:end])
+
+    @cached_property
+    def _first(self) -> Any:
+        """The series of the first step as numbers."""
+        return self.series[:, 0].tolist()
+
     def __call__(self, t: Any) -> Floats:
-        i = self.t[1:].searchsorted(t)
-        x, series = (t - self.t[i]) / self.h[i], self.series[:, i]
+        i = self.t[1:].searchsorted(t) if len(self.t) > 1 else 0
         if np.ndim(t):
-            return powers_of(x, series).T
-        total, *rows = series.tolist()
+            x, series = (t - self.t[i]) / self.h[i], self.series[:, i]
+            return powers_of(x, series if np.ndim(i) else series[:, None]).T
+        x = float((t - self.t[i]) / self.h[i])
+        total, *rows = self.series[:, i].tolist() if i else self._first
         for k, row in enumerate(rows, start=1):
             factor = x if k % 2 else 1 - x
             total = [a * factor + b for a, b in zip(total, row, strict=True)]

@@ -280,11 +280,10 @@ class Equation:
 
     def inertia(self, y: Floats) -> Floats:
         """Inertia (k, k) on the drivers."""
-        q, qd = self.layout.motion(y)
-        row = self.row(0.0, self.layout.start(q, 0.0 * qd))
-        return (
-            self.system.terms(q, qd).M if row is None else np.array([[row[self.layout.size + 1]]])
-        )
+        if self.code is None:
+            return self.system.terms(*self.layout.motion(y)).M
+        self.closeness(y)
+        return np.array([[self._last[2]]])
 
     def kinetic(self, y: Floats) -> float:
         """Kinetic energy [J]."""
