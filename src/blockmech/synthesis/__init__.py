@@ -17,15 +17,10 @@ from blockmech.assur.chains import chains, mechanisms
 from blockmech.synthesis.designs import Design, Synthesis, fourbar, saved
 from blockmech.synthesis.fourbar import coupler_point
 from blockmech.synthesis.function import function_generator
+from blockmech.synthesis.over_structures import Candidate, Candidates, path_over_structures
 from blockmech.synthesis.path import path_generator
 from blockmech.synthesis.positions import body_guidance, burmester_pins, three_positions
-from blockmech.synthesis.structures import (
-    Candidate,
-    Candidates,
-    Structure,
-    path_over_structures,
-    structures,
-)
+from blockmech.synthesis.structures import Structure, structures
 
 __all__ = [
     "Candidate",
