@@ -38,7 +38,6 @@ from blockmech.dynamics.path_mesh import COARSE, FINE, PathMesh
 from blockmech.dynamics.place_data import NOTHING, RESOLVED, SHORT
 from blockmech.dynamics.second_run import KEPT
 from blockmech.engines import loops
-from blockmech.engines.assembly import Text
 from blockmech.engines.llvm import machine_code, slots_of
 from blockmech.engines.loops import Counts, Reals
 from blockmech.plane import EPS
@@ -411,10 +410,18 @@ def matrices() -> tuple[Floats, tuple[int, ...]]:
     return np.concatenate([x.ravel() for x in rows]), tuple(begins)
 
 
+@cache
+def compiled(dimension: int) -> Any:
+    """`swings` as machine code, the same for all mechanisms."""
+    made = partial(swings, of=Sizes(FINE, COARSE, int(KEPT * FINE), dimension, *matrices()[1]))
+    return machine_code(loops.text(swings=made), ("swings", loops.signature(made)))[0]
+
+
 class FirstSwings(NamedTuple):
     """What moves designs of a family to their first standstill.
 
-    code : `swings` beside the right-hand side ``rates``
+    code : `swings` as machine code
+    rates : the right-hand side of all
     lows, lengths, pieces, start : as it takes them
     request : what is asked of all
     """
@@ -447,13 +454,8 @@ class FirstSwings(NamedTuple):
             pieces.append(len(course.low))
         share = rounding_share(system, request)
         start = np.array([q, rate, system.rounding(q) / UNSURE, ROUNDING, share])
-        of = Sizes(FINE, COARSE, int(KEPT * FINE), rates.dimension, *matrices()[1])
-        fill: Any = "fill"  # by its name in the text
-        made = partial(swings, of=of, fill=fill)
-        text = Text(1).fill(rates.inputs, rates.rows, loops={"swings": made})
-        (code,) = machine_code(text, ("swings", loops.signature(made)))
         arrays = np.array(lows), np.array(lengths), np.array(pieces, np.int64), start
-        return cls(code, rates, *arrays, request)
+        return cls(compiled(rates.dimension), rates, *arrays, request)
 
     def moved(self, values: tuple[Any, ...], m: int) -> Motions:
         """Motions of m designs with these numbers of the program, without their tracks."""
@@ -467,7 +469,7 @@ class FirstSwings(NamedTuple):
         given = slots, row, state, self.lows, self.lengths, self.pieces, self.start
         own = np.zeros((2, 4)), room, np.zeros(4 * FINE), found
         places = [a.ctypes.data for a in (*given, matrices()[0], *own)]
-        self.code(slots.shape[1], x, *places, m)
+        self.code(ctypes.cast(self.rates.at, ctypes.c_void_p), slots.shape[1], x, *places, m)
         t, q, apart, rounding, late, good = found.T
         error, nothing = apart + rounding, np.zeros(m)
         way = np.minimum(np.abs(q - self.start[0]), 1.0)
