@@ -68,6 +68,7 @@ ROOMS = (
     "builders",
     "synthesis",
     "__init__",
+    "graph_files",
     "testing",
     "studio",
     "cli",

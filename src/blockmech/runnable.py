@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import ABC, ABCMeta, abstractmethod
 from importlib import import_module
 from types import MethodType
 from typing import TYPE_CHECKING, Any, Generic
@@ -39,6 +39,8 @@ class LazyMethod:
         self.owner, self.name = owner, name
 
     def __get__(self, instance: Any, owner: type) -> Any:
+        if isinstance(self.owner, ABCMeta) and "__abstractmethods__" not in vars(self.owner):
+            return self  # the class is being made, and asks each name whether it is abstract
         function = getattr(import_module(self.module), self.name)
         setattr(self.owner, self.name, function)
         return function if instance is None else MethodType(function, instance)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,8 +22,9 @@ from blockmech.errors import (
     in_file,
     refused,
 )
-from blockmech.mechanism import Mechanism
-from blockmech.testing.expectations import check_closing
+
+if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
 
 
 def check(file: GraphFile, json: AsJson = False) -> None:
@@ -53,6 +54,8 @@ def check(file: GraphFile, json: AsJson = False) -> None:
 
 def _doubts(model: Opened, file: str) -> list[Problem]:
     """What breaks no rule and is hardly meant: groups that do not close where it starts."""
+    from blockmech.testing.expectations import check_closing
+
     try:
         check_closing(compiled_of(model, file))
     except BlockmechError as error:

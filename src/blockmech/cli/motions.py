@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from blockmech.result import Result
-
 if TYPE_CHECKING:
     from blockmech.dynamics.motion import Event
+    from blockmech.result import Result
 
 LINES = 8  # events shown
 DIGITS = 12  # significant ones of a number

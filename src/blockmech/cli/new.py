@@ -10,7 +10,7 @@ import typer
 from blockmech.cli.terminal import say
 from blockmech.errors import close_match, listed, refused
 from blockmech.files import writing
-from blockmech.testing.files import gallery
+from blockmech.graph_files import gallery
 
 
 def new(

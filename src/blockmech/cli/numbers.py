@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import TypeAlias, TypeVar
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 
 from blockmech.cli.terminal import note
-from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError, close_match, listed
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.units import has_unit, number_in, units_of
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
 
 UNITS = {of: units_of(of) for of in ("rad", "m")}
 RATES = {of: {**units, **units_of(f"{of}/s")} for of, units in UNITS.items()}

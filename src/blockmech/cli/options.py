@@ -12,15 +12,17 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
 from blockmech.cli.numbers import MOST, coordinates, times
-from blockmech.compiled import Compiled
 from blockmech.errors import close_match, listed, refused
-from blockmech.testing.files import gallery
+from blockmech.graph_files import gallery
 from blockmech.units import number_in, units_of
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
 
 
 def option(help: str, metavar: str | None = None, **more: Any) -> Any:

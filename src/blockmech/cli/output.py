@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from blockmech.cli.options import AsJson, one_of, option, si_only, switch
 from blockmech.cli.terminal import (
@@ -25,7 +25,9 @@ from blockmech.errors import refused
 from blockmech.export import csv_chunks, json_chunks, table, write_csv
 from blockmech.files import folder, refuse_spared, writing
 from blockmech.report import DEGREES, Facts, Report, as_json
-from blockmech.result import Result
+
+if TYPE_CHECKING:
+    from blockmech.result import Result
 
 Pictures: TypeAlias = Callable[..., list[Path]]  # (result, folder, degrees=) -> files drawn
 

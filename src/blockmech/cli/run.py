@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,9 +22,10 @@ from blockmech.cli.options import (
 from blockmech.cli.output import Output
 from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, say
 from blockmech.export import gap_lines, leading
-from blockmech.failures import why_not, without_gaps
-from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
+
+if TYPE_CHECKING:
+    from blockmech.result import Result
 
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")
@@ -62,6 +63,8 @@ def run(
         everything = mechanism.outputs
         request["want"] = leading(mechanism.outputs)  # the table has no room for more
     request |= poses.of(mechanism) | {"engine": engine, "precision": precision}
+    from blockmech.failures import why_not, without_gaps  # brings what runs
+
     with progress_bar("computing"):
         result = mechanism.run(**request, accuracy=accuracy, on_gap="mark")
         gaps = gap_lines(result, output.deg)

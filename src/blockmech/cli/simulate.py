@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -27,8 +27,10 @@ from blockmech.cli.options import (
 from blockmech.cli.output import Output
 from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
 from blockmech.export import gap_lines
-from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
+
+if TYPE_CHECKING:
+    from blockmech.result import Result
 
 Step = Annotated[
     float | None,

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from blockmech.builders import compiled
 from blockmech.cli.numbers import UNITS, row, starts
@@ -23,13 +23,13 @@ from blockmech.cli.options import (
 )
 from blockmech.cli.output import check_places, write_answer
 from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
-from blockmech.compiled import Compiled
 from blockmech.errors import needed, refused
 from blockmech.model.parameters import named
-from blockmech.studies.family import parameters
-from blockmech.studies.reductions import TEXT
 from blockmech.studies.sampling import Distribution, normal, uniform
 from blockmech.units import units_of
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
 
 Vary = Annotated[
     list[str],
@@ -125,6 +125,8 @@ def _client(address: str | None) -> Iterator[Any]:
 
 def _reduction(mechanism: Compiled, text: str) -> str:
     """A reduction with its pose as a plain number: ``at(crank.drive, 60deg)`` at 1.047 rad."""
+    from blockmech.studies.reductions import TEXT  # brings what runs
+
     match = TEXT.fullmatch(text.strip())
     if match is None or match["at"] is None or match["how"] != "at" or not mechanism.drivers:
         return text
@@ -135,6 +137,8 @@ def _reduction(mechanism: Compiled, text: str) -> str:
 
 def _varied(mechanism: Compiled, given: list[str]) -> dict[str, list[float] | Distribution]:
     """Address -> values or distribution, from the ``--vary`` options."""
+    from blockmech.studies.family import parameters  # brings what runs
+
     known = parameters(mechanism)
     varied: dict[str, list[float] | Distribution] = {}
     for text in given:

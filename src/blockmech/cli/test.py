@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -15,16 +15,12 @@ from blockmech.builders import opened
 from blockmech.cli.options import AsJson, names_of, option
 from blockmech.cli.terminal import NO_ANSWER, WRONG, note, progress_bar, say
 from blockmech.errors import BlockmechError, Problem, in_file
+from blockmech.graph_files import LEFT_OUT, graphs_of
 from blockmech.model.expect import Expectation
 from blockmech.model.writing import plain
-from blockmech.testing.expectations import (
-    Outcome,
-    check_expectation,
-    expectations_of,
-    failure_table,
-    recorded,
-)
-from blockmech.testing.files import LEFT_OUT, graphs_of
+
+if TYPE_CHECKING:
+    from blockmech.testing.expectations import Outcome
 
 Record = Annotated[
     str | None, option("Write what these outputs are now into the files' expect.", "A,B")
@@ -66,6 +62,8 @@ class Tested:
 
     def lines(self) -> Iterator[str]:
         """One line for each entry, with a table below one that fails."""
+        from blockmech.testing.expectations import failure_table
+
         for k, expectation, outcomes in self.entries:
             failed = sum(not o.ok for o in outcomes)
             count = f"{failed} of {len(outcomes)}" if failed else f"{len(outcomes)}"
@@ -94,6 +92,8 @@ def test(
     outputs join the expect of each file as they are today.
     """
     if record is not None:
+        from blockmech.testing.expectations import recorded
+
         for file in [file for path in paths for file in _files(Path(path))]:
             document = opened(file)
             entries = [plain(e) for e in recorded(document.compile(), names_of([record]))]
@@ -137,6 +137,8 @@ def _files(path: Path) -> list[str]:
 
 def _tested(file: str) -> Tested:
     """Run every expectation of a file; what is wrong with the file is noted."""
+    from blockmech.testing.expectations import check_expectation, expectations_of
+
     tested = Tested(file)
     try:
         graph = opened(file)

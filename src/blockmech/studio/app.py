@@ -13,6 +13,7 @@ import param
 
 from blockmech.builders import Graph, Linkage, Opened, opened
 from blockmech.errors import BlockmechError
+from blockmech.graph_files import gallery
 from blockmech.studio.answers import Answers
 from blockmech.studio.component import Component, script
 from blockmech.studio.diagram import Diagram
@@ -27,7 +28,6 @@ from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.server import DRAWING, serve
 from blockmech.studio.session import follow
 from blockmech.studio.sharing import KEY, packed, unpacked
-from blockmech.testing.files import gallery
 
 UNITS = "blockmech_units"  # the cookie in which the browser keeps the units that a user chose
 SAID = 400  # letters of a message that an address carries

@@ -13,9 +13,9 @@ import panel as pn
 from blockmech.builders import Opened, opened, read_text
 from blockmech.draw.paper import rendered
 from blockmech.errors import BlockmechError
+from blockmech.graph_files import gallery
 from blockmech.studio.component import style
 from blockmech.studio.looks import begin, page
-from blockmech.testing.files import gallery
 
 
 @cache

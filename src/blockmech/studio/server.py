@@ -15,8 +15,8 @@ from tornado.routing import Matcher, PathMatches, Rule
 from tornado.web import OutputTransform, RequestHandler
 
 from blockmech.errors import refused
+from blockmech.graph_files import gallery
 from blockmech.studio.gallery import picture_of
-from blockmech.testing.files import gallery
 
 HOST = "127.0.0.1"
 DRAWING = ThreadPoolExecutor(1, "pictures")  # one after the other: each is drawn once

@@ -21,13 +21,13 @@ import pytest
 
 from blockmech.builders import Opened, opened
 from blockmech.errors import BlockmechError
+from blockmech.graph_files import is_graph_of
 from blockmech.testing.expectations import (
     check_closing,
     check_expectation,
     expectations_of,
     failure_table,
 )
-from blockmech.testing.files import is_graph_of
 from pytest_blockmech import FOLDERS
 
 if TYPE_CHECKING:
