@@ -166,8 +166,8 @@ def next_time_kink(structure: Structure, t: float) -> float:
     for element in structure.elements.values():
         law = _law(element)
         if law is not None and law.variables() == ("time",):
-            times += law.within(t, t + 2 * law.repeats_after if law.repeats_after else math.inf)
-    return min((s for s in times if s > t), default=math.inf)
+            times.append(law.next_kink(t))
+    return min(times, default=math.inf)
 
 
 def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> list[float]:

@@ -69,29 +69,6 @@ def equilibrium(system: System, q: float) -> tuple[str, dict[str, float], tuple[
     return "equilibrium", {}, ()
 
 
-def released(
-    system: System, q: float, t: float, t_last: float
-) -> tuple[float | None, tuple[float, float]]:
-    """First time [s] after t at which the loads push beyond what friction holds, and that then.
-
-    None where they do not until ``t_last``, or, if that is infinite, in a period of the loads.
-    Holding: (lowest, highest) driving effort [N m or N]; it moves forward where the highest is
-    negative, backward where the lowest is positive.
-    """
-    friction = system.friction
-    assert friction is not None
-
-    def holding(s: float) -> tuple[float, float]:
-        return friction.rest(q, s).holding
-
-    def beyond(s: float) -> float:
-        low, high = holding(s)
-        return max(low, -high)
-
-    until, latest = first_beyond(system, beyond, t, t_last)
-    return until, holding(latest if until is None else math.nextafter(until, math.inf))
-
-
 def first_beyond(
     system: System, beyond: Callable[[float], float], t: float, t_last: float
 ) -> tuple[float | None, float]:

@@ -19,7 +19,7 @@ from blockmech.dynamics.events import EventFunction, friction_rules, release_rul
 from blockmech.dynamics.friction import JointFriction
 from blockmech.dynamics.motion import Event, Floats, Slips, Status
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.rest import first_beyond, released
+from blockmech.dynamics.rest import first_beyond
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.plane import EPS
 
@@ -96,6 +96,15 @@ class Frictionless:
     def release(self, now: Now) -> Transition:
         """Start what friction held, in the sense in which it is pushed."""
         return Transition()
+
+    def _excess(self, t: float, y: Floats) -> float:
+        """By how much the loads push beyond what joint friction holds at rest."""
+        return -math.inf
+
+    def _beyond(self, now: Now) -> tuple[float | None, float]:
+        """When loads of the time push beyond that, see `first_beyond`."""
+        system, t_last = self.equation.system, self.request.t_last
+        return first_beyond(system, lambda t: self._excess(t, now.y), now.t, t_last)
 
     def _states(self, y: Floats) -> Floats | None:
         """States of signal blocks and of laws, None where there are none."""
@@ -178,7 +187,9 @@ class OneDriver(Frictionless):
             if "state" in system.depends_on:
                 self.rests = self.equation.held = True
                 return stays
-            until, holding = released(system, q, now.t, self.request.t_last)
+            until, latest = self._beyond(now)
+            after = latest if until is None else math.nextafter(until, math.inf)
+            holding = self.friction.rest(q, after).holding
             stays = stays.then(self._stays(now, until))
         self._start(now.y, holding)
         return stays
@@ -285,9 +296,7 @@ class SeveralDrivers(Frictionless):
         system = self.equation.system
         if "state" in system.depends_on or (system.held and "time" in system.depends_on):
             return Transition()  # signals go on, or a stop lets go before
-        until, _ = first_beyond(
-            system, lambda t: self._excess(t, now.y), now.t, self.request.t_last
-        )
+        until, _ = self._beyond(now)
         stays = self._stays(now, until)
         return stays if until is None else stays.then(self.release(Now(until, now.y, True)))
 

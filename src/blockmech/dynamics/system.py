@@ -237,6 +237,13 @@ class System:
         """A length [rad or m] over which things change."""
         return math.tau if self.rotary[0] else loads.largest_length(self.compiled.structure)
 
+    @property
+    def spans(self) -> list[float]:
+        """Those of the coordinates of all drivers."""
+        length = loads.largest_length
+        others = (math.tau if t else length(self.compiled.structure) for t in self.rotary[1:])
+        return [self.span, *others]
+
     @cached_property
     def damped(self) -> bool:
         """Whether loads follow the rate, each as a straight line."""

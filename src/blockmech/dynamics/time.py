@@ -241,14 +241,10 @@ class TimeIntegration:
             self.t = bound
             return None
         parts = 1 if self.method in STEPPERS else PARTS
-        spans = [self.system.span]
-        if self.equation.drivers > 1:
-            length = loads.largest_length
-            spans = [math.tau if turns else length(structure) for turns in self.system.rotary]
         known = self.pairs.known(self._now)
         if self.fired is not None and self.fired.kind != ends.RELEASED:
             known.add((self.fired.kind, self.fired.index))
-        rules, here = self._rules(), (parts, spans, self.t, self.y, known)
+        rules, here = self._rules(), (parts, self.system.spans, self.t, self.y, known)
         lookouts = [
             EventDetector.at([r for r in rules if r.own is x], *here) for x in (False, True)
         ]

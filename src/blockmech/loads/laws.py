@@ -138,6 +138,11 @@ class Law(StrictModel):
         """Arguments at which it is not smooth, from low to high, repeated as it repeats."""
         return ()
 
+    def next_kink(self, x: float) -> float:
+        """The first argument after another at which it is not smooth; infinite for none."""
+        last = x + 2 * self.repeats_after if self.repeats_after else math.inf
+        return min((y for y in self.within(x, last) if y > x), default=math.inf)
+
     def kinks_of_angle(self) -> Sequence[float]:
         """Arguments in [-pi, pi] at which it is not smooth, if that is an angle which jumps."""
         return (*self.within(-math.pi, math.pi), *(() if self.one_turn else (math.pi,)))
@@ -280,8 +285,9 @@ class Table(_Repeating):
 
     def rows(self) -> Sequence[float]:
         """Its arguments, of a table that repeats with the end."""
-        numbers = self.numbers()
-        return [float(numbers.start + x) for x in numbers.knots]
+        start = self.arguments[0] if self.repeats else 0.0
+        rows = [float(start + (a - start)) for a in self.arguments]
+        return [*rows, float(start + self.whole)] if self.repeats else rows
 
     def within(self, low: float, high: float) -> Sequence[float]:
         """Its arguments, repeated as it repeats."""

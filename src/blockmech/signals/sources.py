@@ -170,11 +170,4 @@ class Table(Signal, type="signal.table"):
 
     def next_kink(self, t: float) -> float:
         """The next row of a table of the time."""
-        if self.of != "time":
-            return math.inf
-        rows, period = self.arguments, self.period
-        if period is None:
-            return min((x for x in rows if x > t), default=math.inf)
-        k = math.floor((t - rows[0]) / period)
-        later = (x + (k + i) * period for i in (0, 1) for x in rows)
-        return min(x for x in later if x > t)
+        return self.law().next_kink(t) if self.of == "time" else math.inf
