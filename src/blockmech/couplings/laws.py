@@ -81,11 +81,6 @@ def once(x: Real, law: LawNumbers) -> Transmission:
     return shifted(value_at(x, law), law)
 
 
-def once_with_sine(x: Real, law: LawNumbers) -> Transmission:
-    """The same, with sines."""
-    return shifted(with_sine(x, law), law)
-
-
 def repeated(x: Real, law: LawNumbers) -> Transmission:
     """A law that repeats."""
     u = modulo(x - law.start, law.period)

@@ -21,7 +21,6 @@ from blockmech.exchange.parsing import fields, items, json_of, number, wrong
 TYPES = ("R", "P", "RP", "G")
 GROUND = "ground"
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
-WORD = r"[\w \-]+"
 JOINT = re.compile(
     r"J\[\s*(?P<type>\w+)\s*,(?:\s*A\[(?P<angle>[^\]]*)\]\s*,)?\s*(?:color\[[^\]]*\]\s*,)?"
     r"\s*P\[(?P<x>[^,\]]*),(?P<y>[^\]]*)\]\s*,\s*L\[(?P<links>[^\]]*)\]\s*\]"
