@@ -47,9 +47,14 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(autouse=True)
 def _own_registries():
-    """What a test registers is known to that test alone: messages list all that there is."""
+    """What a test registers is known to that test alone: messages list all that there is.
+
+    Families that are imported when they are asked for are there before, or they were lost with it.
+    """
     from blockmech.blocks.registry import REGISTRY
+    from blockmech.couplings import kinds as couplings  # noqa: F401
     from blockmech.friction.laws.contract import LAWS
+    from blockmech.signals import kinds as signals  # noqa: F401
 
     before = [(registry, dict(registry._types)) for registry in (REGISTRY, LAWS)]
     yield
