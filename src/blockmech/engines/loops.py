@@ -1,7 +1,7 @@
 """Plain Python functions of numbers and arrays as LLVM assembly: loops that no trace can say.
 
-A function is written once. Run by Python it is its own reference; translated it has the same bits,
-for nothing is fused and nothing re-associated. The subset:
+A function of a module is written once. Run by Python it is its own reference; translated it has
+the same bits, for nothing is fused and nothing re-associated. The subset:
 
     arguments    float, int, bool, `Reals`, `Counts`, functions ``Callable[[Reals, int], float]``.
                  What is given beforehand, with `partial`, is part of the text: sizes (an int, or
@@ -188,9 +188,9 @@ class _Module:
 
 @cache
 def _functions(file: str) -> dict[int, ast.FunctionDef]:
-    """Functions of a file by their lines."""
-    tree = ast.walk(ast.parse("".join(linecache.getlines(file))))
-    return {x.lineno: x for x in tree if isinstance(x, ast.FunctionDef)}
+    """Functions of a module by their lines."""
+    body = ast.parse("".join(linecache.getlines(file))).body
+    return {x.lineno: x for x in body if isinstance(x, ast.FunctionDef)}
 
 
 class _Translation:
