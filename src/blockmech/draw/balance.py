@@ -8,7 +8,7 @@ import numpy as np
 
 from blockmech.draw import palette as ink
 from blockmech.draw.curves import abscissa, values
-from blockmech.draw.paper import captioned, legend_above, scaled_unit, shown_name
+from blockmech.draw.paper import axis_label, captioned, legend_above, scaled_unit, shown_name
 from blockmech.studies.balance import Balance
 from blockmech.studies.drives import MotorDemand
 from blockmech.studies.flywheel import Flywheel
@@ -31,7 +31,7 @@ def balance_figure(balance: Balance, degrees: bool) -> Any:
                 axes.plot(
                     across.values, factor * values(run, name), label=label, **ink.curve_style(n)
                 )
-            axes.set_ylabel(f"{shown_name(name)} [{unit or '–'}]", labelpad=2)
+            axes.set_ylabel(axis_label(shown_name(name), unit, PANEL), labelpad=2)
             axes.grid(True)
         legend_above(panels[0], ink.COLUMN)
         panels[-1].set_xlabel(across.words, labelpad=1)

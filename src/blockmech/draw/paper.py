@@ -132,6 +132,18 @@ def legend_above(axes: Any, width: float) -> int:
     return -(-len(entries) // columns)
 
 
+def axis_label(name: str, unit: str, room: float) -> str:
+    """A name and its unit, on two lines where one has not the room [pt]."""
+    whole = f"{name} [{unit or '–'}]"
+    if text_width(whole, TEXT) <= room:
+        return whole
+    breaks = [whole.rindex(" [") + 1, whole.find("(") + 1]
+    breaks += [k for k, sign in enumerate(whole) if sign == "."]
+    texts = [f"{whole[:k]}\n{whole[k:]}" for k in breaks if k]
+    fits = (t for t in texts if max(text_width(x, TEXT) for x in t.split("\n")) <= room)
+    return next(fits, texts[-1])
+
+
 def scaled_unit(unit: str, largest: float) -> tuple[float, str]:
     """A factor and a unit with a prefix, so that a force, power or energy reads well.
 

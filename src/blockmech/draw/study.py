@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.draw import palette as ink
-from blockmech.draw.paper import captioned, scaled_unit, shown_name, text_width
+from blockmech.draw.paper import axis_label, captioned, scaled_unit, shown_name
 from blockmech.errors import refused
 from blockmech.export import Column
 from blockmech.studies.table import Study
@@ -56,18 +56,6 @@ def study_figure(study: Study, degrees: bool) -> Any:
     return figure
 
 
-def _label(name: str, unit: str, room: float) -> str:
-    """A name and its unit, on two lines where one has not the room [pt]."""
-    whole = f"{name} [{unit or '–'}]"
-    if text_width(whole, ink.TEXT) <= room:
-        return whole
-    breaks = [whole.rindex(" [") + 1, whole.find("(") + 1]
-    breaks += [k for k, sign in enumerate(whole) if sign == "."]
-    texts = [f"{whole[:k]}\n{whole[k:]}" for k in breaks if k]
-    fits = (t for t in texts if max(text_width(x, ink.TEXT) for x in t.split("\n")) <= room)
-    return next(fits, texts[-1])
-
-
 def _maps(figure: Any, study: Study, results: Sequence[Column], numbers: Sequence[Column]) -> None:
     """Every result by colours over two numbers."""
     first, second = numbers
@@ -87,9 +75,9 @@ def _maps(figure: Any, study: Study, results: Sequence[Column], numbers: Sequenc
             vmin=factor * low, vmax=factor * high,
         )  # fmt: skip
         bar = figure.colorbar(drawn, ax=axes, pad=0.02, extend="both")
-        bar.set_label(_label(column.name, unit, PANEL), labelpad=2)
-        axes.set_xlabel(_label(first.name, first.unit, ink.COLUMN * 0.7), labelpad=1)
-        axes.set_ylabel(_label(second.name, second.unit, PANEL), labelpad=2)
+        bar.setaxis_label(axis_label(column.name, unit, PANEL), labelpad=2)
+        axes.set_xlabel(axis_label(first.name, first.unit, ink.COLUMN * 0.7), labelpad=1)
+        axes.set_ylabel(axis_label(second.name, second.unit, PANEL), labelpad=2)
 
 
 def _matrix(
@@ -113,6 +101,6 @@ def _matrix(
             style = {"marker": "x", "s": 8, "lw": 0.6, "color": ink.ALARM, "zorder": 3}
             axes.scatter(number.values[bad], foot, transform=place, **style)
             axes.grid(True)
-        row[0].set_ylabel(_label(column.name, unit, beside), labelpad=2)
+        row[0].set_ylabel(axis_label(column.name, unit, beside), labelpad=2)
     for axes, number in zip(panels[-1], numbers, strict=True):
-        axes.set_xlabel(_label(number.name, number.unit, over), labelpad=1)
+        axes.set_xlabel(axis_label(number.name, number.unit, over), labelpad=1)
