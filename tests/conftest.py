@@ -59,8 +59,9 @@ def _own_registries():
     before = [(registry, dict(registry._types)) for registry in (REGISTRY, LAWS)]
     yield
     for registry, types in before:
-        registry._types.clear()
-        registry._types.update(types)
+        own = {n: c for n, c in registry._types.items() if c.__module__.startswith("blockmech.")}
+        registry._types.clear()  # of the package's own kinds a family may have come meanwhile
+        registry._types.update({**own, **types})
 
 
 @pytest.fixture(scope="module")

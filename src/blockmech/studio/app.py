@@ -93,11 +93,10 @@ class Page:
             css_classes=["bar"],
             sizing_mode="stretch_width",
         )
+        flow = self.formula, self.diagram.flow
         ways = {
             "Links and joints": lambda: LinksSheet(self.sheet, self.dark, self.view).panel(),
-            "Blocks": lambda: pn.Column(
-                self.formula, self.diagram.flow, sizing_mode="stretch_both"
-            ),
+            "Blocks": lambda: pn.Column(*flow, sizing_mode="stretch_both"),
         }
         drawn = either(ways, list(ways)[not isinstance(self.sheet.document, Linkage)])
         below = {
@@ -184,9 +183,8 @@ def started(folder: Path, file: str | None, port: int, told: Callable[[str], Non
     """A server of the studio; run its ``io_loop``. Raises like `Filed.open` for the file."""
     desk = Desk(folder)
     start = desk.open(file) if file else ""
-    example = Filed(opened(gallery()["ruiz_fourbar"]))
     # schemas and modules that are made once are there when the first sheet is opened
-    DRAWING.submit(Diagram, example, print, print, str)
+    DRAWING.submit(Diagram, Filed(opened(gallery()["ruiz_fourbar"])), print, print, str)
     return serve(lambda: window(desk), start, port, told)
 
 

@@ -33,8 +33,7 @@ class Plain(pn.pane.Str):  # type: ignore[misc]  # as the sheet
     """Text as it stands; Panel's own pane writes it into the page as markup, `<driver>` too."""
 
     def _transform_object(self, obj: Any) -> dict[str, Any]:
-        transformed: dict[str, Any] = super()._transform_object(html.escape(str(obj or "")))
-        return transformed
+        return dict(super()._transform_object(html.escape(str(obj or ""))))
 
 
 def begin(dark: bool) -> None:

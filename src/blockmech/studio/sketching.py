@@ -151,7 +151,11 @@ def _put(form: Form, name: str, pin: Drawn, z: complex) -> Form:
     """With one pin elsewhere."""
     marker = ("markers", name, "at")
     places: dict[Path, Any] = {("links", link, *marker): _on(form, link, z) for link in pin.links}
-    if pin.kind:
+    if pin.kind == "P":  # its ends stay as far apart as they are, which is its coordinate
+        ends = zip(pin.links, form["joints"][name]["at"], strict=True)
+        at = [xy(Place.parse(p).z + (z - pin.z) / pose_of(form, link)[1]) for link, p in ends]
+        places = {("joints", name, "at"): at}
+    elif pin.kind:
         places = {("joints", name, "at"): list(places.values())}
     for path, at in (places or {(*LOOSE, name): xy(z)}).items():
         form = with_item(form, path, at)
@@ -200,8 +204,7 @@ def _guided(form: Form, name: str, places: Mapping[str, complex], angle: float) 
     """With a joint at which two links, each at its place, slide along a direction [rad]."""
     at = [_on(form, link, z) for link, z in places.items()]
     made = {"type": "P", "links": [*places], "at": at, "angle": _angles(form, places, angle)}
-    joined: Form = with_item(form, ("joints", name), made)
-    return joined
+    return dict(with_item(form, ("joints", name), made))
 
 
 def _angles(form: Form, links: Iterable[str], angle: float) -> list[float]:
