@@ -67,7 +67,7 @@ def bearing(load: Any) -> tuple[Any, Any]:
 
 
 def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgram | None:
-    """The force pass of a mechanism and its friction laws; None where no pair's friction can act.
+    """The force pass of a mechanism with its friction laws; None where none can act.
 
     ``pushed`` : pairs along whose coordinates stops may push
     """
