@@ -59,9 +59,8 @@ def _own_registries():
     before = [(registry, dict(registry._types)) for registry in (REGISTRY, LAWS)]
     yield
     for registry, types in before:
-        own = {n: c for n, c in registry._types.items() if c.__module__.startswith("blockmech.")}
-        registry._types.clear()  # of the package's own kinds a family may have come meanwhile
-        registry._types.update({**own, **types})
+        registry._types.clear()
+        registry._types.update(types)
 
 
 @pytest.fixture(scope="module")
