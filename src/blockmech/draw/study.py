@@ -75,7 +75,7 @@ def _maps(figure: Any, study: Study, results: Sequence[Column], numbers: Sequenc
             vmin=factor * low, vmax=factor * high,
         )  # fmt: skip
         bar = figure.colorbar(drawn, ax=axes, pad=0.02, extend="both")
-        bar.setaxis_label(axis_label(column.name, unit, PANEL), labelpad=2)
+        bar.set_label(axis_label(column.name, unit, PANEL), labelpad=2)
         axes.set_xlabel(axis_label(first.name, first.unit, ink.COLUMN * 0.7), labelpad=1)
         axes.set_ylabel(axis_label(second.name, second.unit, PANEL), labelpad=2)
 
