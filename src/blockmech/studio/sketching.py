@@ -214,7 +214,7 @@ def _angles(form: Form, links: Iterable[str], angle: float) -> list[float]:
 
 def cylinder(form: Form, names: Iterable[str]) -> Form:
     """With a cylinder between two pins, whose rod is driven out of its barrel."""
-    (a, b), pins = two(names), pins_of(form)
+    (a, b), pins = both_pins(names), pins_of(form)
     barrel = _link(form, "barrel")
     form = attached(form, [a], barrel)
     rod = _link(form, "rod")
@@ -231,7 +231,7 @@ def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
     rack, a cam whose roller stands at the follower's joint. Raises `RequestError` for joints of
     other kinds, and for one that follows another already.
     """
-    ends, known = list(two(names)), form.get("couplings", {})
+    ends, known = list(both_pins(names)), form.get("couplings", {})
     pairs = REGISTRY[f"coupling.{kind}"].pairs
     held = "".join(form["joints"].get(name, {}).get("type", "-") for name in ends)
     if held not in pairs:
@@ -290,7 +290,7 @@ def turned(form: Form, names: Iterable[str], angle: float) -> Form:
 def loaded(form: Form, names: Iterable[str], kind: str) -> Form:
     """With a force at each of some pins, or a spring between two; both at rest as drawn."""
     pins, known = pins_of(form), form.get("loads", {})
-    held = two(names) if kind == "spring" else list(names)
+    held = both_pins(names) if kind == "spring" else list(names)
     for name in held:
         if not pins[name].links:
             raise refused(name, "no link is there to hold it", "draw a link to the pin first")
@@ -363,7 +363,7 @@ def copied(form: Form, names: Iterable[str]) -> Form:
     return made
 
 
-def two(names: Iterable[str]) -> tuple[str, str]:
+def both_pins(names: Iterable[str]) -> tuple[str, str]:
     """The two pins that something is between. Raises `RequestError` for any other number."""
     ends = list(dict.fromkeys(names))
     if len(ends) != 2:
