@@ -92,18 +92,18 @@ def axes(sides: Iterable[Side], size: float) -> dict[str, str]:
     not known, coincides with nothing. Places are one where they fall into one cell of a grid
     or of one that is shifted by half a cell, so that near ones are never kept apart.
     """
-    graph: nx.Graph[object] = nx.Graph()
+    one: nx.Graph[str] = nx.Graph()  # pairs that share a cell on a link
+    first: dict[object, str] = {}  # cell -> a pair in it
+    axis_of = {}
     for side in sides:
-        graph.add_node(side.pair)
+        axis_of[side.pair] = ""
         # a direction and its opposite have the same square
         z = side.at / size if side.kind == "R" else side.at * side.at
         for shift in (0, 0.5, 0.5j, 0.5 + 0.5j):
             w = z / (2 * SAME) + shift
             cell = (side.link, side.kind, shift, math.floor(w.real), math.floor(w.imag))
-            graph.add_edge(side.pair, cell)
-    axis_of = {name: "" for name in graph if isinstance(name, str)}
-    for part in nx.connected_components(graph):
-        names = [name for name in part if isinstance(name, str)]
-        if len(names) > 1:
-            axis_of.update(dict.fromkeys(names, min(names)))
+            if (other := first.setdefault(cell, side.pair)) != side.pair:
+                one.add_edge(other, side.pair)
+    for names in nx.connected_components(one):
+        axis_of.update(dict.fromkeys(names, min(names)))
     return axis_of

@@ -154,10 +154,11 @@ def dyad_modes(dyad: AssurGroup, supports: Sequence[Any]) -> tuple[Mode, ...]:
     [(1, 0.6), (-1, -0.6)]
     """
     modes: list[Mode] = []
+    numbers = dyad.parameters()
     for branch in branches(dyad):
-        one = dyad if branch is None else dyad.model_copy(update={"branch": branch})
+        p = numbers if branch is None else numbers._replace(branch=float(branch))
         try:
-            pose = one.kernels.position(*supports, one.parameters())
+            pose = dyad.kernels.position(*supports, p)
         except ZeroDivisionError:  # two pivots on each other, parallel guides: no pose, or any
             continue
         links = {name: getattr(pose, name) for name in dyad.link_names}

@@ -37,12 +37,10 @@ CLOSED = 1e-10  # [-] of the size, rad: gaps that are left to rounding and condi
 SINGULAR = 1e-7  # [-] of the largest singular value: between rounding and its square root
 
 
-class _Condition(NamedTuple):
-    """A condition of a pair: value, and derivatives by x, y over the size and by the angle."""
-
-    value: float
-    by_first: tuple[float, float, float]
-    by_second: tuple[float, float, float]
+_Row: TypeAlias = tuple[float, float, float]
+_Condition: TypeAlias = tuple[float, _Row, _Row]
+"""A value, and its derivatives by x, y over the size and by the angle of both links."""
+FORTH, BACK = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)  # how a turn counts the angles of its links
 
 
 def _conditions(c: Connection, poses: Poses, size: float) -> tuple[_Condition, ...]:
@@ -55,29 +53,28 @@ def _conditions(c: Connection, poses: Poses, size: float) -> tuple[_Condition, .
     e_a, e_b = cmath.rect(1.0, theta_a), cmath.rect(1.0, theta_b)
     arm_a, arm_b = e_a * c.at[0], e_b * c.at[1]
     d = o_b + arm_b - o_a - arm_a
-
-    def way(n: complex, turns: bool = False) -> _Condition:
-        """The distance along n, which may turn with the first link."""
-        turn_a = turns * dot(1j * n, d) - dot(n, 1j * arm_a)
-        return _Condition(
-            dot(n, d) / size,
-            (-n.real, -n.imag, turn_a / size),
-            (n.real, n.imag, dot(n, 1j * arm_b) / size),
+    if c.kind == "R":
+        a, b = arm_a / size, arm_b / size
+        return (
+            (d.real / size, (-1.0, 0.0, a.imag), (1.0, 0.0, -b.imag)),
+            (d.imag / size, (0.0, -1.0, -a.real), (0.0, 1.0, b.real)),
+            (theta_b - theta_a, BACK, FORTH),
         )
 
-    def turn(angle: float) -> _Condition:
-        return _Condition(angle, (0.0, 0.0, -1.0), (0.0, 0.0, 1.0))
+    def along(n: complex) -> _Condition:
+        """The distance along n, which turns with the first link."""
+        by_a = (dot(1j * n, d) - dot(n, 1j * arm_a)) / size
+        by_b = dot(n, 1j * arm_b) / size
+        return dot(n, d) / size, (-n.real, -n.imag, by_a), (n.real, n.imag, by_b)
 
-    if c.kind == "R":
-        return way(1 + 0j), way(1j), turn(theta_b - theta_a)
     u, w = e_a * c.along[0], e_b * c.along[1]
-    return way(1j * u, True), turn(cmath.phase(w * u.conjugate())), way(u, True)
+    return along(1j * u), (cmath.phase(w * u.conjugate()), BACK, FORTH), along(u)
 
 
 def coordinate(poses: Poses, c: Connection, size: float = 1.0) -> float:
     """Coordinate of a pair: angle [rad] of the second link less that of the first, or
     distance [m] from the first link's point to the second's along the guide, over the size."""
-    return _conditions(c, poses, size)[2].value
+    return _conditions(c, poses, size)[2][0]
 
 
 class Gap(NamedTuple):
@@ -92,7 +89,7 @@ def gaps(poses: Poses, pairs: Iterable[Connection], size: float) -> list[Gap]:
     """Joints that gape by more than rounding, the widest first."""
     rows = []
     for c in pairs:
-        one, two, _ = (condition.value for condition in _conditions(c, poses, size))
+        (one, *_), (two, *_), _ = _conditions(c, poses, size)
         pin = c.kind == "R"
         gap = Gap(c, math.hypot(one, two) if pin else abs(one), 0.0 if pin else abs(two))
         if not max(gap[1:]) <= CLOSED:
@@ -120,23 +117,25 @@ class Closing:
 
     def _rows(self, poses: Poses) -> Iterator[tuple[Connection, _Condition]]:
         for c in self.pairs:
-            one, two, drive = _conditions(c, poses, self.size)
+            one, two, (value, by_a, by_b) = _conditions(c, poses, self.size)
             yield c, one
             yield c, two
             if c.name in self.held:
-                yield c, drive._replace(value=drive.value - self.held[c.name])
+                yield c, (value - self.held[c.name], by_a, by_b)
 
     def conditions(self, poses: Poses) -> tuple[Floats, Floats]:
         """Values (m,) and their derivatives (m, 3n)."""
-        rows = list(self._rows(poses))
-        values = np.array([row.value for _, row in rows])
-        matrix = np.zeros((len(rows), 3 * len(self.links)))
         column = {link: 3 * k for k, link in enumerate(self.links)}
-        for line, (c, row) in zip(matrix, rows, strict=True):
-            for link, part in ((c.first, row.by_first), (c.second, row.by_second)):
-                if link in column:
-                    line[column[link] : column[link] + 3] += part
-        return values, matrix
+        values, lines = [], []
+        for c, (value, *slopes) in self._rows(poses):
+            line = [0.0] * (3 * len(self.links))
+            for link, part in zip(c.links, slopes, strict=True):
+                if (k := column.get(link)) is not None:
+                    line[k : k + 3] = part
+            values.append(value)
+            lines.append(line)
+        matrix = np.array(lines).reshape(len(lines), 3 * len(self.links))
+        return np.array(values) + 0.0, matrix + 0.0  # no -0, whose sign LAPACK takes over
 
     def moved(self, poses: Poses, step: Floats) -> dict[str, Pose]:
         """The poses after a step (3n,): places, over the size, and angles."""

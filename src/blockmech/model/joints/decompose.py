@@ -88,15 +88,16 @@ def _closed(layout: Layout, groups: Formation, pairs: Connections) -> Poses:
     Raises `GraphError` where it is not found, too far off, or holds a group at a dead centre.
     """
     held = {c: coordinate(layout.given, layout.pairs[c], layout.size) for c in layout.drivers}
-    poses, stuck = layout.given, []
+    poses, stuck = dict(layout.given), []
     for unit in groups.units:
         own = tuple(pairs[p.name] for p in unit.pairs)
         closing = Closing(unit.links, own, layout.size, {c: held[c] for c in unit.driven})
-        poses = closing.refine(poses)
-        if not closing.closed(poses):
+        near = closing.refine({link: poses[link] for c in own for link in c.links})
+        if not closing.closed(near):
             raise GraphError(does_not_close(layout))
-        if unit.kind in ("group", "triad", "cylinder") and closing.freedom(poses)[0]:
+        if unit.kind in ("group", "triad", "cylinder") and closing.freedom(near)[0]:
             stuck.append(unit)
+        poses |= near
     away = list(far_off(layout, poses))
     if away or stuck:
         raise GraphError(away or why_stuck(layout, stuck))

@@ -11,7 +11,7 @@ Source: Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM 2008, ch. 3 (f
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
@@ -138,15 +138,22 @@ PLAIN = frozenset({float, complex, int, bool, str, type(None)})
 
 def varies(x: Any) -> bool:
     """Whether a number has derivatives, also inside records, lists and mappings."""
-    if isinstance(x, Varied):
-        return True
-    if isinstance(x, list | tuple):
-        parts: Iterable[Any] = x
-    elif is_dataclass(x):
-        parts = vars(x).values()
-    else:
-        parts = x.values() if isinstance(x, Mapping) else ()
-    return any(varies(part) for part in parts if type(part) not in PLAIN)
+    level = [x]
+    while level:
+        below: list[Any] = []
+        for item in level:
+            if type(item) in PLAIN:
+                continue
+            if isinstance(item, Varied):
+                return True
+            if isinstance(item, list | tuple):
+                below += item
+            elif is_dataclass(item):
+                below += vars(item).values()
+            elif isinstance(item, Mapping):
+                below += item.values()
+        level = below
+    return False
 
 
 def settled(x: Any) -> Any:
