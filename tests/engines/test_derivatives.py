@@ -99,7 +99,7 @@ def test_a_load_that_is_a_function_of_python_is_refused_by_name():
     def drag(rate):
         return -0.3 * rate
 
-    law = bind_functions({"law": Function.told(drag).kernel()}, PRIMITIVES)["law"]
+    law = bind_functions({"law": Function.of_call(drag).kernel()}, PRIMITIVES)["law"]
     assert law(np.array([2.0]), ()).tolist() == [-0.6]  # as long as nothing turns its argument
     with pytest.raises(RequestError, match="drag: a load's function of Python"):
         law(at(2.0, 1.0), ())

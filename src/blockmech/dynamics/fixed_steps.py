@@ -54,13 +54,21 @@ class RungeKutta4(OdeSolver):  # type: ignore[misc]
         return possible, None if possible else "no pose"
 
     def _dense_output_impl(self) -> Any:
-        return cubic(self.t_old, self.t, *self.begin, self.y, self.slope)
+        return Cubic.of(self)
 
 
-def cubic(t0: float, t1: float, y0: Floats, f0: Floats, y1: Floats, f1: Floats) -> Any:
+class Cubic(CubicHermiteSpline):  # type: ignore[misc]
     """Dense output of a step: the cubic through states and slopes at both ends."""
-    curve = CubicHermiteSpline((t0, t1), (y0, y1), (f0, f1))
-    return lambda t: curve(t).T
+
+    @classmethod
+    def of(cls, step: RungeKutta4 | EulerQ) -> Cubic:
+        """That of the last step of a solver."""
+        values, slopes = zip(step.begin, (step.y, step.slope), strict=True)
+        return cls((step.t_old, step.t), values, slopes)
+
+    def __call__(self, t: Any) -> Floats:
+        """States (n,) or (n, k) at times (k,) [s]."""
+        return np.asarray(super().__call__(t).T)
 
 
 class EulerQ(OdeSolver):  # type: ignore[misc]
@@ -117,4 +125,4 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
         return True, None
 
     def _dense_output_impl(self) -> Any:
-        return cubic(self.t_old, self.t, *self.begin, self.y, self.slope)
+        return Cubic.of(self)

@@ -75,6 +75,10 @@ class Function:
         """No kinks are known."""
         return ()
 
+    def next_kink(self, x: float) -> float:
+        """None is known."""
+        return math.inf
+
     def numbers(self) -> tuple[()]:
         """None: the function has its own."""
         return ()
