@@ -5,12 +5,9 @@ from __future__ import annotations
 from abc import ABC, ABCMeta, abstractmethod
 from importlib import import_module
 from types import MethodType
-from typing import TYPE_CHECKING, Any, Generic
+from typing import Any, Generic
 
 from blockmech.typing import M
-
-if TYPE_CHECKING:
-    pass
 
 EVERYTHING = ("*",)
 

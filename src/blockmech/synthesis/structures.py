@@ -9,7 +9,7 @@ Source: Mruthyunjaya, Mechanism and Machine Theory 38 (2003) (chains).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from blockmech.assur.chains import Chain, chains, mechanisms
 from blockmech.assur.formation import formation
 from blockmech.assur.pairs import Pair
 from blockmech.builders import Graph, Linkage
-
-if TYPE_CHECKING:
-    pass
 
 
 class Structure(NamedTuple):
