@@ -46,5 +46,6 @@ if not TYPE_CHECKING:
 
     def __getattr__(name: str) -> Any:
         if name in __all__:
-            return getattr(import_module("blockmech.signals.kinds"), name)
+            modules = import_module("blockmech.signals.kinds").MODULES
+            return next(getattr(x, name) for x in modules if hasattr(x, name))
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
