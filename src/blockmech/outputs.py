@@ -456,7 +456,8 @@ class Catalogue(Mapping[str, Output]):
         entries = sorted(
             schedule.entries, key=lambda e: (STAGES.index(e.stage), order[e.block], e.driver)
         )
-        return Plan(names, tuple(entries), schedule.graph, schedule.program(values), layout)
+        steps = schedule.lines, schedule.calls
+        return Plan(names, tuple(entries), steps, schedule.program(values), layout)
 
 
 def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:

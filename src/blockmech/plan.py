@@ -16,7 +16,7 @@ from __future__ import annotations
 import copy
 import functools
 import re
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
@@ -70,6 +70,21 @@ class Entry(NamedTuple):
     def node(self) -> Node:
         """The call in the graph of the plan: (block, stage), of unit rates with the driver."""
         return tuple(self) if self.driver else self[:2]
+
+
+class Call(NamedTuple):
+    """A call of the plan's graph as it came into the program.
+
+    node : the call
+    value : name of the value that it gives
+    line : number of lines that stand before what uses it
+    head : of a share in what is reduced to a driver, that driver's block, which adds them up
+    """
+
+    node: Node
+    value: str
+    line: int
+    head: str = ""
 
 
 @dataclass(frozen=True)
@@ -156,9 +171,8 @@ def _compiled(source: str) -> CodeType:
 class Schedule:
     """A program under construction: asks, remembers, emits.
 
-    Asking builds ``graph``, the directed graph of the kernel calls (`Plan.graph`): a rule asks
-    for what it needs before it emits, so the order of asking is a topological order of the
-    graph, and the program is emitted in it.
+    A rule asks for what it needs before it emits, so the order of asking is a topological order
+    of the kernel calls (`Plan.graph`), and the program is emitted in it.
     """
 
     def __init__(
@@ -171,15 +185,13 @@ class Schedule:
         guess: Guess,
     ) -> None:
         """``guess`` serves groups without closed form; see `passes.homotopy.schedule`."""
-        import networkx as nx
-
         self.structure = structure
         self.scene = scene
         self.friction = friction
         self.static = static
         self.guess = guess
         self.entries: list[Entry] = []
-        self.graph = nx.DiGraph()
+        self.calls: list[Call] = []
         self.lines: list[tuple[str, str]] = []  # name of a value and the expression for it
         self.functions: dict[str, Callable[..., Any]] = {}
         self.formulas: dict[str, Formula] = {}
@@ -189,7 +201,6 @@ class Schedule:
         self.loaded = self  # the schedule of the loads that there are; see `under`
         self._answers: dict[Hashable, Any] = {}
         self._by_text: dict[str, str] = {}  # expression -> name of its value
-        self._calls: dict[str, tuple[Node, ...]] = {}  # value -> the calls that it comes from
         self._names: dict[str, int] = {}
         self._taken = {"P", ZERO, ONE, REST, "t", "program", "abs", *SCALAR_PRIMITIVES}
         self._slots: dict[Hashable, str] = {}
@@ -268,16 +279,13 @@ class Schedule:
         if self.unit_load is not None and len(self.lines) == before:
             return value  # a pose that is there
         self.entries.append(entry)
-        self._add_call(entry.node, self._calls[value])
-        self._calls[value] = (entry.node,)
+        self.calls.append(Call(entry.node, value, len(self.lines)))
         return value
 
     def share(self, block: str, driver: str, value: str) -> str:
         """Note a value as a block's share of what is reduced to a driver."""
-        share = (block, "reduction", driver)
-        head = (self.structure.driven[driver].block, *share[1:])
-        self._add_call(share, self._calls.get(value, ()))
-        self._add_call(head, (share,))
+        head = self.structure.driven[driver].block
+        self.calls.append(Call((block, "reduction", driver), value, len(self.lines), head))
         return value
 
     def parameter(self, key: Hashable, formula: Formula, name: str) -> str:
@@ -334,20 +342,7 @@ class Schedule:
     def _add(self, text: str, name: str) -> str:
         value = self._fresh(name)
         self.lines.append((value, text))
-        behind = [c for c in map(self._calls.get, NAMES.findall(text)) if c]
-        self._calls[value] = (
-            tuple(dict.fromkeys(chain(*behind))) if len(behind) > 1 else behind[0] if behind else ()
-        )
         return value
-
-    def _add_call(self, call: Node, needed: Iterable[Node]) -> None:
-        """Add a call to the graph, and edges from the calls that it needs."""
-        self.graph.add_node(call, block=call[0], stage=call[1])
-        for other in needed:
-            if other != call:
-                kind = TRAVELS[other[1]]
-                way = "back" if kind in BACK else "forward"
-                self.graph.add_edge(other, call, kind=kind, way=way)
 
     def _function(self, function: Callable[..., Any]) -> str:
         name = _identifier(f"{function.__module__.rsplit('.', 1)[-1]}_{function.__name__}")
@@ -429,7 +424,7 @@ class Plan:
     ----------
     want : names of the wanted outputs
     entries : the kernel calls, by stage and formation order
-    dag : the calls and what travels between them; see `graph`
+    steps : lines of the program and the calls in them; see `graph`
     program : the straight-line program
     layout : wanted output -> indices of the program's values
     engines : (engine, precision) -> the program made ready for it, when it was first run
@@ -437,7 +432,7 @@ class Plan:
 
     want: tuple[str, ...]
     entries: tuple[Entry, ...]
-    dag: nx.DiGraph = field(compare=False)
+    steps: tuple[Sequence[tuple[str, str]], Sequence[Call]] = field(compare=False)
     program: Program
     layout: Mapping[str, tuple[int, ...]]
     engines: dict[tuple[str, str], Any] = field(default_factory=dict, compare=False)
@@ -470,7 +465,32 @@ class Plan:
         what that is ("place", "velocity", "acceleration", "force and moment", "reduced inertia
         and effort"), and ``way`` whether it travels "forward" from the drivers or "back".
         """
-        return self.dag.copy()
+        import networkx as nx
+
+        graph = nx.DiGraph()
+        behind: dict[str, tuple[Node, ...]] = {}  # value -> the calls that it comes from
+
+        def add(call: Node, needed: Iterable[Node]) -> None:
+            graph.add_node(call, block=call[0], stage=call[1])
+            for other in needed:
+                if other != call:
+                    kind = TRAVELS[other[1]]
+                    way = "back" if kind in BACK else "forward"
+                    graph.add_edge(other, call, kind=kind, way=way)
+
+        lines, calls = self.steps
+        start = 0
+        for call, value, line, head in calls:
+            for name, text in lines[start:line]:
+                parts = (behind.get(part, ()) for part in NAMES.findall(text))
+                behind[name] = tuple(dict.fromkeys(chain.from_iterable(parts)))
+            start = line
+            add(call, behind.get(value, ()))
+            if head:
+                add((head, *call[1:]), (call,))
+            else:
+                behind[value] = (call,)
+        return graph
 
     def explain(self) -> str:
         """The schedule as text: per stage the blocks in order, and the kernel calls."""

@@ -183,7 +183,8 @@ def read(text: str, file: str, kind: Callable[[dict[str, Any]], type[D]]) -> D:
 def _attributes(cls: type) -> tuple[str, ...]:
     """Names that can be set on documents of a kind."""
     declared = [n for c in cls.__mro__ for n in vars(c).get("__annotations__", ())]
-    properties = [n for n, p in inspect.getmembers(cls) if isinstance(p, property) and p.fset]
+    members = inspect.getmembers_static(cls)  # nothing is loaded for methods that are not called
+    properties = [n for n, p in members if isinstance(p, property) and p.fset]
     return *(n for n in declared if not n.startswith("_") and n != "form"), *properties
 
 
