@@ -90,10 +90,9 @@ def gaps(poses: Poses, pairs: Iterable[Connection], size: float) -> list[Gap]:
     rows = []
     for c in pairs:
         (one, *_), (two, *_), _ = _conditions(c, poses, size)
-        pin = c.kind == "R"
-        gap = Gap(c, math.hypot(one, two) if pin else abs(one), 0.0 if pin else abs(two))
-        if not max(gap[1:]) <= CLOSED:
-            rows.append(gap)
+        gap = (math.hypot(one, two), 0.0) if c.kind == "R" else (abs(one), abs(two))
+        if not max(gap) <= CLOSED:
+            rows.append(Gap(c, *gap))
     rows.sort(key=lambda g: (-max(g[1:]), g.pair.name))
     return [gap._replace(distance=gap.distance * size) for gap in rows]
 
@@ -126,15 +125,16 @@ class Closing:
     def conditions(self, poses: Poses) -> tuple[Floats, Floats]:
         """Values (m,) and their derivatives (m, 3n)."""
         column = {link: 3 * k for k, link in enumerate(self.links)}
-        values, lines = [], []
-        for c, (value, *slopes) in self._rows(poses):
-            line = [0.0] * (3 * len(self.links))
-            for link, part in zip(c.links, slopes, strict=True):
-                if (k := column.get(link)) is not None:
-                    line[k : k + 3] = part
+        values, entries, zeros = list[float](), list[float](), [0.0] * (3 * len(self.links))
+        for c, (value, by_first, by_second) in self._rows(poses):
+            line = zeros.copy()
+            if (k := column.get(c.first)) is not None:
+                line[k : k + 3] = by_first
+            if (k := column.get(c.second)) is not None:
+                line[k : k + 3] = by_second
             values.append(value)
-            lines.append(line)
-        matrix = np.array(lines).reshape(len(lines), 3 * len(self.links))
+            entries += line
+        matrix = np.array(entries).reshape(len(values), len(zeros))
         return np.array(values) + 0.0, matrix + 0.0  # no -0, whose sign LAPACK takes over
 
     def moved(self, poses: Poses, step: Floats) -> dict[str, Pose]:

@@ -118,7 +118,9 @@ class Layout:
             ),
             size,
         )
-        shared = {name: replace(pairs[name], axis=axis[name]) for name in sorted(pairs)}
+        shared = {
+            name: replace(c, axis=axis[name]) if axis[name] else c for name, c in sorted(pairs.items())
+        }
         return cls(links, given, shared, linkage.driven, size)
 
 
