@@ -119,7 +119,8 @@ class Layout:
             size,
         )
         shared = {
-            name: replace(c, axis=axis[name]) if axis[name] else c for name, c in sorted(pairs.items())
+            name: replace(c, axis=axis[name]) if axis[name] else c
+            for name, c in sorted(pairs.items())
         }
         return cls(links, given, shared, linkage.driven, size)
 
