@@ -178,21 +178,26 @@ class Dense:
         return Dense(self.t[first:end], self.h[first:end], self.series[:, first:end])
 
     @cached_property
-    def _first(self) -> Any:
-        """The series of the first step as numbers."""
-        return self.series[:, 0].tolist()
+    def _first(self) -> tuple[float, float, list[list[float]]]:
+        """Begin, length and series (n, 8) of the first step as numbers."""
+        return float(self.t[0]), float(self.h[0]), self.series[:, 0].T.tolist()
 
     def __call__(self, t: Any) -> Floats:
-        i = self.t[1:].searchsorted(t) if len(self.t) > 1 else 0
         if np.ndim(t):
-            x, series = (t - self.t[i]) / self.h[i], self.series[:, i]
-            return powers_of(x, series if np.ndim(i) else series[:, None]).T
-        x = float((t - self.t[i]) / self.h[i])
-        total, *rows = self.series[:, i].tolist() if i else self._first
-        for k, row in enumerate(rows, start=1):
-            factor = x if k % 2 else 1 - x
-            total = [a * factor + b for a, b in zip(total, row, strict=True)]
-        return np.array(total)
+            i = self.t[1:].searchsorted(t) if len(self.t) > 1 else 0
+            series = self.series.take(i, axis=1) if np.ndim(i) else self.series
+            return powers_of((t - self.t[i]) / self.h[i], series).T
+        if len(self.t) > 1 and (i := int(self.t[1:].searchsorted(t))):
+            return self.part(i, i + 1)(t)
+        begin, h, series = self._first
+        x = (float(t) - begin) / h
+        z = 1.0 - x  # as `powers_of`, a component after the other
+        return np.array(
+            [
+                ((((((a * x + b) * z + c) * x + d) * z + e) * x + f) * z + g) * x + k
+                for a, b, c, d, e, f, g, k in series
+            ]
+        )
 
 
 def powers_of(x: Any, series: Floats) -> Floats:
@@ -200,7 +205,9 @@ def powers_of(x: Any, series: Floats) -> Floats:
 
     They are those of z z z x, z z z, z z x, z z, z x, z, x, 1, with z = x (1 - x).
     """
-    factors, powers = (1 - x[:, None], x[:, None]), np.array(series[0])
-    for k, row in enumerate(series[1:], start=1):
-        powers = powers * factors[k % 2] + row
+    factors = 1 - x[:, None], x[:, None]
+    powers: Floats = series[0] * factors[1] + series[1]
+    for k, row in enumerate(series[2:]):
+        powers *= factors[k % 2]
+        powers += row
     return powers

@@ -279,10 +279,9 @@ class EventDetector:
         if alike and all(quiet):
             return []
         hits: list[EventHit] = []
-        shares = np.arange(self.parts) / self.parts
-        t = np.append(steps[:-1, None] + np.diff(steps)[:, None] * shares, t1)
+        begins, shares = steps[:-1, None], np.arange(self.parts) / self.parts
+        t = np.array([*(begins + (steps[1:, None] - begins) * shares).flat, t1])
         inner = t[1:-1], np.asarray(dense(t[1:-1]))
-        one_by_one = list(zip(inner[0].tolist(), inner[1].T, strict=True))
         for rule, low, high in zip(self.rules, values, self.values, strict=True):
             dips = rule.dips and min(low, high) < near
             parts = min(max(rule.parts, PARTS // 2 if dips else 1), self.parts)
@@ -290,7 +289,8 @@ class EventDetector:
             if rule.arrays:
                 between = rule.value(*(x[..., each - 1 :: each] for x in inner))
             else:
-                between = [rule.value(s, y) for s, y in one_by_one[each - 1 :: each]]
+                some = (x[..., each - 1 :: each].T for x in inner)
+                between = [rule.value(float(s), y) for s, y in zip(*some, strict=True)]
             row = np.array([low, *between, high], dtype=np.float64)
             if (row.min() > 0 or row.max() < 0) and not dips:
                 continue

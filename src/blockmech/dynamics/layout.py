@@ -70,9 +70,9 @@ class StateLayout:
 
     def start(self, q: Any, rate: Any) -> Floats:
         """The state (size,) from which a motion begins: no work is done yet."""
-        works = np.zeros(1 + self.rubs)
-        parts = np.atleast_1d(q), np.atleast_1d(rate), works, np.array(self.initial)
-        return np.concatenate(parts, dtype=np.float64)
+        y = np.zeros(self.size)
+        y[self.q], y[self.rate], y[self.signals] = q, rate, self.initial
+        return y
 
     def motion(self, y: Any) -> tuple[Any, Any]:
         """Coordinates and rates of a state: numbers of one driver, else arrays (k,)."""
