@@ -155,7 +155,8 @@ class Dense:
         h, moved, series = t[1:] - t[:-1], y[1:] - y[:-1], np.empty((8, len(K), n))
         series[:4] = h[:, None] * (DOP853.D[::-1] @ K)[..., :n].swapaxes(0, 1)
         first, last = h[:, None] * K[:, 0, :n], h[:, None] * K[:, DOP853.n_stages, :n]
-        series[4:] = 2 * moved - last - first, first - moved, moved, y[:-1]
+        series[4], series[5] = 2 * moved - last - first, first - moved
+        series[6], series[7] = moved, y[:-1]
         return cls(t[:-1], h, series)
 
     @classmethod
