@@ -185,18 +185,18 @@ class Dense:
 
     def __call__(self, t: Any) -> Floats:
         if np.ndim(t):
-            i = self.t[1:].searchsorted(t) if len(self.t) > 1 else 0
+            i: Any = self.t[1:].searchsorted(t) if len(self.t) > 1 else 0
             series = self.series.take(i, axis=1) if np.ndim(i) else self.series
             return powers_of((t - self.t[i]) / self.h[i], series).T
-        if len(self.t) > 1 and (i := int(self.t[1:].searchsorted(t))):
-            return self.part(i, i + 1)(t)
+        if len(self.t) > 1 and (k := int(self.t[1:].searchsorted(t))):
+            return self.part(k, k + 1)(t)
         begin, h, series = self._first
         x = (float(t) - begin) / h
         z = 1.0 - x  # as `powers_of`, a component after the other
         return np.array(
             [
-                ((((((a * x + b) * z + c) * x + d) * z + e) * x + f) * z + g) * x + k
-                for a, b, c, d, e, f, g, k in series
+                ((((((a * x + b) * z + c) * x + d) * z + e) * x + f) * z + g) * x + last
+                for a, b, c, d, e, f, g, last in series
             ]
         )
 
