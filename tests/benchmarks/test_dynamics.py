@@ -38,7 +38,7 @@ YARDSTICK = 1e-9  # [rad] error of the C integrator's setting that the goals ref
         ("auto", 1e-9, 2.0),
         ("energy", 1e-12, 1.0),
         ("dop853", 1e-9, None),
-        ("dop853 llvm", 1e-9, 8.0),
+        ("dop853 llvm", 1e-9, 2.0),
         ("lsoda", 1e-9, 30.0),
     ],
 )
