@@ -215,6 +215,12 @@ def slots_of(values: tuple[Any, ...]) -> Array:
     return slots
 
 
+def addresses_of(numbers: Array) -> Any:
+    """Where each number of an array stands: what machine code takes for inputs."""
+    first, size = numbers.ctypes.data, numbers.itemsize
+    return (ctypes.c_void_p * numbers.size)(*range(first, first + size * numbers.size, size))
+
+
 class SingleEvaluator:
     """A program that is asked for one sample after the other, as an integrator asks."""
 

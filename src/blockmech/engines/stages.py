@@ -19,7 +19,6 @@ Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 199
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 from math import sqrt
@@ -30,7 +29,7 @@ from numpy.typing import NDArray
 
 from blockmech.engines import loops
 from blockmech.engines.assembly import Text
-from blockmech.engines.llvm import FILL, machine_code, row_of
+from blockmech.engines.llvm import FILL, addresses_of, machine_code, row_of
 from blockmech.engines.loops import Counts, Reals
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.trace import FOLLOWED, Body, Trace
@@ -307,9 +306,7 @@ class CompiledRhs:
         K = room[: m * self.room_of(most)].reshape(m, most + 1, len(by.C), width)
         counts = np.zeros(m, np.int64)
         state = np.zeros(self.inputs)
-        size = state.itemsize
-        first = state.ctypes.data
-        x = (ctypes.c_void_p * self.inputs)(*range(first, first + size * self.inputs, size))
+        x = addresses_of(state)
         slots, given, control, tolerances = map(
             np.ascontiguousarray, (slots, given, control, tolerances)
         )
@@ -365,9 +362,7 @@ class CompiledStepper:
         self._state = np.array([0.0] * (rates.dimension + 1) + [*given])
         self._row = np.zeros(len(rates.rows))
         self._room = np.zeros((0, 0, 0))
-        first, count = self._state.ctypes.data, rates.inputs
-        size = self._state.itemsize
-        self._x = (ctypes.c_void_p * count)(*range(first, first + size * count, size))
+        self._x = addresses_of(self._state)
 
     def steps(
         self,

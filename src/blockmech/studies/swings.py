@@ -38,7 +38,7 @@ from blockmech.dynamics.path_mesh import COARSE, FINE, PathMesh
 from blockmech.dynamics.place_data import NOTHING, RESOLVED, SHORT
 from blockmech.dynamics.second_run import KEPT
 from blockmech.engines import loops
-from blockmech.engines.llvm import machine_code, slots_of
+from blockmech.engines.llvm import addresses_of, machine_code, slots_of
 from blockmech.engines.loops import Counts, Reals
 from blockmech.plane import EPS
 from blockmech.series import LEVEL, NOISE
@@ -463,8 +463,7 @@ class FirstSwings(NamedTuple):
         slots = np.ascontiguousarray(np.broadcast_to(slots, (m, slots.shape[1])))
         state, row = np.zeros(inputs), np.zeros(len(self.rates.rows))
         state[dimension + 2], state[dimension + 3] = 1.0, SMALLEST
-        first, size = state.ctypes.data, state.itemsize
-        x = (ctypes.c_void_p * inputs)(*range(first, first + size * inputs, size))
+        x = addresses_of(state)
         found, room = np.zeros((m, 6)), np.zeros((11, 2, FINE + 2))
         given = slots, row, state, self.lows, self.lengths, self.pieces, self.start
         own = np.zeros((2, 4)), room, np.zeros(4 * FINE), found
