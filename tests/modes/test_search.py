@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.modes.file_pose import FilePose
+from blockmech.modes.file_pose import file_poses
 from blockmech.modes.listing import _Lister
 from tests.gallery import GRAPHS
 
@@ -14,11 +14,10 @@ from tests.gallery import GRAPHS
 def test_the_search_finds_of_a_triad_what_its_polynomial_has() -> None:
     mechanism = bm.Graph.load(GRAPHS / "stephenson_3_triad.json").compile()
     listed = mechanism.modes(arcs=False)["triad"].samples[0]
-    stand = FilePose(mechanism, {"crank": 0.0})
+    stands = file_poses(mechanism, mechanism.samples(0.0))
     block = mechanism.structure.blocks["triad"]
     outer = [joint.name for joint in block.joints.values() if joint.outer]
-    lister = _Lister(mechanism, (stand,), "")
-    (found,) = lister._modes("triad", None, outer, lister._supports("triad", outer))
+    (found,) = _Lister(mechanism, stands, "")._modes("triad", None, outer)
     assert len(found) == len(listed)
     for mode in listed:
         x, y, angle = mode.links["plate"]

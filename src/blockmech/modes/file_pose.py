@@ -3,25 +3,54 @@
 from __future__ import annotations
 
 import cmath
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import numpy as np
+
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import Mode
-from blockmech.model.structure import LinkRef
+from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.modes.report import TURN
+from blockmech.modes.triad import Support
 from blockmech.plane import angle
-from blockmech.typing import LinkPosition
+from blockmech.typing import Guide, LinkPosition
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
+    from blockmech.result import Result
+    from blockmech.samples import Samples
 
 Pose: TypeAlias = tuple[float, float, float]
 """x [m], y [m] and angle [rad] of a link's frame in ground axes."""
 
+PLACES = {"friction": "none", "tolerance": None, "iterations": None, "static": True}
 CHOSEN = 1e-6  # of the size: the pose that the file chooses is this mode
+
+
+def supports_read(structure: Structure, joints: Iterable[JointRef]) -> Iterator[str]:
+    """Outputs that `supports` of some outer joints reads."""
+    for ref in joints:
+        feed = structure.feeds[ref]
+        yield f"{feed}.p"
+        if structure.joint(ref).reads == "guide" and feed.on != structure.frame_link:
+            yield f"{feed.on}.angle"
+
+
+def supports(run: Result, joints: Iterable[JointRef]) -> list[Support]:
+    """Where earlier links hold some outer joints, at all samples of a run: arrays (n,)."""
+    structure = run.mechanism.structure
+    places: list[Support] = []
+    for ref in joints:
+        feed = structure.feeds[ref]
+        p, e = run[f"{feed}.p"], getattr(structure.marker(feed), "direction", 1 + 0j)
+        if structure.joint(ref).reads == "guide":
+            turned = feed.on != structure.frame_link
+            e = e * (np.exp(1j * run[f"{feed.on}.angle"]) if turned else np.ones_like(p))
+        places.append(Guide(p, e) if structure.joint(ref).reads == "guide" else p)
+    return places
 
 
 @dataclass(frozen=True)
@@ -30,23 +59,23 @@ class FilePose:
 
     A graph names links by block, a document of links and joints by itself, in frames of
     its own, and the angles of its driven links tell the drivers' coordinates.
+
+    ``run`` has the places of all links and supports at samples, of which this is number ``n``.
     """
 
     mechanism: Compiled
     drivers: Mapping[str, float]
+    run: Result
+    n: int
 
     @cached_property
     def links(self) -> Mapping[LinkRef, LinkPosition]:
         """How the links stand in the mode that the file has; NaN where they cannot."""
-        blocks = self.mechanism.structure.blocks.items()
-        refs = [LinkRef(name, link) for name, block in blocks for link in block.link_names]
-        want = [f"{ref}.{what}" for ref in refs for what in ("p", "angle")]
-        rates = dict.fromkeys(self.drivers, 0.0)
-        at = dict(self.drivers)
-        run = self.mechanism.of_blocks.run(at=at, rates=rates, want=want, on_gap="mark")
+        run, n, structure = self.run, self.n, self.mechanism.structure
         return {
-            ref: LinkPosition(run[f"{ref}.p"][0], cmath.exp(1j * run[f"{ref}.angle"][0]))
-            for ref in refs
+            ref: LinkPosition(run[f"{ref}.p"][n], cmath.exp(1j * run[f"{ref}.angle"][n]))
+            for ref in structure.links
+            if ref != structure.frame_link
         }
 
     def in_file_frames(self, group: str, links: Mapping[str, LinkPosition]) -> dict[str, Pose]:
@@ -103,6 +132,29 @@ class FilePose:
                 q = structure.coordinate(driver).of_joint(self.drivers[driver])
                 poses[later][2] += TURN * round((before + q - poses[later][2]) / TURN)
         return list(poses.items())
+
+
+def file_poses(mechanism: Compiled, taken: Samples) -> tuple[FilePose, ...]:
+    """A mechanism at some samples, where links that cannot stand are NaN."""
+    structure = mechanism.structure
+    refs = [
+        JointRef(name, joint.name)
+        for name, block in structure.blocks.items()
+        if block.closes
+        for joint in block.joints.values()
+        if joint.outer
+    ]
+    moving = [link for link in structure.links if link != structure.frame_link]
+    want = [f"{link}.{what}" for link in moving for what in ("p", "angle")]
+    run = run_of_places(mechanism, taken, dict.fromkeys((*want, *supports_read(structure, refs))))
+    rows = zip(*(taken.coordinate(i).tolist() for i in range(len(mechanism.drivers))), strict=True)
+    drivers = (dict(zip(mechanism.drivers, q, strict=True)) for q in rows)
+    return tuple(FilePose(mechanism, q, run, n) for n, q in enumerate(drivers))
+
+
+def run_of_places(mechanism: Compiled, taken: Samples, want: Iterable[str]) -> Result:
+    """Places at samples, NaN at gaps."""
+    return mechanism.of_blocks.answer(taken, want, PLACES)
 
 
 def _pose(o: complex, e: complex) -> Pose:

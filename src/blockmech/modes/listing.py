@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from blockmech.model.joints.layout import Pose
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.closing import NEAR, triad_modes
 from blockmech.modes.connection import CHECKS, Connections, connect
-from blockmech.modes.file_pose import FilePose
+from blockmech.modes.file_pose import FilePose, file_poses, run_of_places, supports, supports_read
 from blockmech.modes.groups import Outline, outline
 from blockmech.modes.report import (
     DEAD,
@@ -46,9 +46,6 @@ from blockmech.typing import Coordinates, Guide, LinkPosition
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
-
-Supports: TypeAlias = Callable[[Mapping[str, Any]], list[Support]]
-"""Driver -> coordinates (n,) [rad or m], to the supports (n,); NaN where they are not placed."""
 
 
 class _On(NamedTuple):
@@ -97,13 +94,12 @@ def modes(
         at = {d: q for d, q in begun.items() if q is not None}
     taken = make_samples(mechanism.drivers, mechanism.scene, at, rates=still)
     rows = {d: tuple(taken.coordinate(i).tolist()) for i, d in enumerate(drivers)}
-    samples = [dict(zip(rows, q, strict=True)) for q in zip(*rows.values(), strict=True)]
     among(drivers, "driver", () if driver is None or not arcs else driver)
     moved = (driver or (drivers[0] if len(drivers) == 1 else "")) if arcs else ""
     blocks = mechanism.structure.blocks.items()
     group_of = {mechanism.block_name(name): name for name, block in blocks if block.closes}
     wanted = among(group_of, "group", group_of if groups is None else groups)
-    lister = _Lister(mechanism, tuple(FilePose(mechanism, q) for q in samples), moved)
+    lister = _Lister(mechanism, file_poses(mechanism, taken), moved)
     listing = tuple(lister.group(block) for name, block in group_of.items() if name in wanted)
     units = {d: mechanism.driver_joint(d).coordinate_unit for d in drivers}
     return Modes(rows, units, moved, listing, mechanism.driver_prefix)
@@ -129,15 +125,12 @@ class _Lister:
             triad = outline(block) if isinstance(block, GeneralGroup) else None
             outer = [joint.name for joint in block.joints.values() if joint.outer]
             joints = triad.joints if triad else outer
-            supports = self._supports(name, joints)
-            every = self._modes(name, triad, joints, supports)
+            every = self._modes(name, triad, joints)
             if isinstance(block, GeneralGroup) and triad is None:
                 note = NOTE
             elif self.driver in self.mechanism.structure.upstream[name]:
                 arcs, on, note = (
-                    self._triad(name, triad, supports, every)
-                    if triad
-                    else self._dyad(name, block, every)
+                    self._triad(name, triad, every) if triad else self._dyad(name, block, every)
                 )
         except RequestError as error:  # of one group; the others are told all the same
             note = "; ".join(problem.found for problem in error.problems)
@@ -150,10 +143,10 @@ class _Lister:
         return GroupModes(self.mechanism.block_name(name), kind, samples, tuple(arcs), note)
 
     def _modes(
-        self, name: str, triad: Outline | None, joints: Sequence[str], supports: Supports
+        self, name: str, triad: Outline | None, joints: Sequence[str]
     ) -> list[Sequence[Mode]]:
         """The modes of a group at each sample; none where an earlier group does not close."""
-        at = supports({d: [s.drivers[d] for s in self.samples] for d in self.mechanism.drivers})
+        at = supports(self.samples[0].run, [JointRef(name, joint) for joint in joints])
         every: list[Sequence[Mode]] = []
         for n, stand in enumerate(self.samples):
             held = [
@@ -226,12 +219,13 @@ class _Lister:
         return arcs, located, "" if arcs else around.sentence()
 
     def _triad(
-        self, name: str, group: Outline, supports: Supports, every: Sequence[Sequence[Mode]]
+        self, name: str, group: Outline, every: Sequence[Sequence[Mode]]
     ) -> tuple[list[Arc], list[list[_On | None]], str]:
         """All modes connected over the stretches of the driver where earlier groups close."""
         structure, fixed = self.mechanism.structure, self._fixed()
         earlier = [block for block in structure.supports(name) if block != structure.frame]
         around = self._limits(earlier)
+        joints = [JointRef(name, joint) for joint in group.joints]
         arcs: list[Arc] = []
         located: list[list[_On | None]] = [[None] * len(modes) for modes in every]
         stretches = self._stretches(around)
@@ -244,7 +238,7 @@ class _Lister:
             also = {n: q for n, q in near.items() if low <= q <= high}
             connections = connect(
                 lambda q: group.at(self._driven(name, fixed | {self.driver: q})).triad,
-                lambda q: supports(fixed | {self.driver: q}),
+                lambda q: self._supports(joints, fixed | {self.driver: q}),
                 low,
                 high,
                 ends=ends,
@@ -297,31 +291,12 @@ class _Lister:
         """Whether a sample is on the line along which arcs are sought."""
         return all(stand.drivers[d] == q for d, q in self._fixed().items())
 
-    def _supports(self, group: str, joints: Sequence[str]) -> Supports:
-        """Where earlier links hold joints of a group."""
-        structure, mechanism = self.mechanism.structure, self.mechanism.of_blocks
-        feeds = [structure.feeds[JointRef(group, joint)] for joint in joints]
-        guided = [structure.joint(JointRef(group, joint)).reads == "guide" for joint in joints]
-        turning = [
-            f"{feed.on}.angle" if guide and feed.on != structure.frame_link else ""
-            for feed, guide in zip(feeds, guided, strict=True)
-        ]
-        want = sorted({f"{feed}.p" for feed in feeds}.union(filter(None, turning)))
-        still = dict.fromkeys(mechanism.drivers, 0.0)
-
-        def supports(drivers: Mapping[str, Any]) -> list[Support]:
-            n = max((np.size(q) for q in drivers.values()), default=1)
-            at = {d: np.broadcast_to(q, n) for d, q in drivers.items()}
-            run = mechanism.run(at=at, rates=still, want=want, on_gap="mark")
-            places: list[Support] = []
-            for feed, guide, turned in zip(feeds, guided, turning, strict=True):
-                p = run[f"{feed}.p"]
-                e = np.exp(1j * run[turned]) if turned else np.ones_like(p)
-                e = e * getattr(structure.marker(feed), "direction", 1 + 0j)
-                places.append(Guide(p, e) if guide else p)
-            return places
-
-        return supports
+    def _supports(self, joints: Sequence[JointRef], drivers: Mapping[str, Any]) -> list[Support]:
+        """Where earlier links hold joints of a group, at coordinates (n,) or a number each."""
+        mechanism, still = self.mechanism.of_blocks, dict.fromkeys(drivers, 0.0)
+        taken = make_samples(mechanism.drivers, mechanism.scene, drivers, rates=still)
+        want = supports_read(mechanism.structure, joints)
+        return supports(run_of_places(mechanism, taken, want), joints)
 
     def _driven(self, name: str, drivers: Mapping[str, Any]) -> list[Any]:
         """Coordinates of the driven joints inside a group."""
