@@ -14,7 +14,7 @@ from tests.gallery import GRAPHS
 def test_the_search_finds_of_a_triad_what_its_polynomial_has() -> None:
     mechanism = bm.Graph.load(GRAPHS / "stephenson_3_triad.json").compile()
     listed = mechanism.modes(arcs=False)["triad"].samples[0]
-    stands = file_poses(mechanism, mechanism.samples(0.0))
+    stands = file_poses(mechanism, [{"crank": 0.0}])
     block = mechanism.structure.blocks["triad"]
     outer = [joint.name for joint in block.joints.values() if joint.outer]
     (found,) = _Lister(mechanism, stands, "")._modes("triad", None, outer)

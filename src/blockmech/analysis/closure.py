@@ -5,14 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from blockmech.analysis.scan import ASIDE, SEAM, TURN, Span
 from blockmech.blocks.contract import BuiltIn, Moving
+from blockmech.engines.numpy import NumpyEngine
+from blockmech.engines.scalar import ScalarEngine
 from blockmech.model.structure import JointRef
+from blockmech.passes import forward
+from blockmech.passes.homotopy import schedule
+from blockmech.plan import Friction
 from blockmech.series import Floats
 
 if TYPE_CHECKING:
@@ -38,12 +43,11 @@ class Closure:
         self.mechanism = _sharp(mechanism)
         self.driver = driver
         self.held = held
-        self._rows: list[tuple[str, tuple[str, ...]]] = []
-        for g in groups:
-            self._rows.append((g, (f"{g}.margin",)))
-            if self._hides_its_pole(g):
-                self._rows.append((g, self._pivots(g)))
-        self.blocks = tuple(block for block, _ in self._rows)
+        kept = self.mechanism.once(_kept)
+        if groups not in kept:
+            kept[groups] = _Program(self.mechanism, groups)
+        self._program = kept[groups]
+        self.blocks = self._program.rows
         self._known = cache(self._evaluated)
 
     def margins(self, q: Floats) -> Floats:
@@ -52,43 +56,24 @@ class Closure:
 
     def margin(self, k: int, q: float) -> float:
         """Margin number k at one place."""
-        values = self._scalar.one(list(self._inputs(q).values()))
-        return float(self._read(k, values))
+        return float(self._program.read(k, self._at(q)))
 
     def _evaluated(self, places: bytes) -> Floats:
         q = np.frombuffer(places)
         columns = {n: np.broadcast_to(x, q.shape) for n, x in self._inputs(q).items()}
-        values = self._batch.run(columns, len(q))
+        values = self._program.batch.run(columns, len(q))
         with np.errstate(all="ignore"):
-            rows = [self._read(k, values) for k in range(len(self._rows))]
+            rows = [self._program.read(k, values) for k in range(len(self.blocks))]
             return np.array([np.broadcast_to(row, q.shape) for row in rows], dtype=float)
+
+    def _at(self, q: float) -> tuple[Any, ...]:
+        """Values of the program at one place."""
+        return self._program.scalar.one(list(self._inputs(q).values()))
 
     def _inputs(self, q: Any) -> dict[str, Any]:
         number = {f"q_{i}": d for i, d in enumerate(self.mechanism.drivers)}
-        drivers = {n: number[n] for n in self._plan.program.inputs}
+        drivers = {n: number[n] for n in self._program.scalar.program.inputs}
         return {n: q if d == self.driver else self.held[d] for n, d in drivers.items()}
-
-    def _read(self, k: int, values: tuple[Any, ...]) -> Any:
-        """A margin; of two pins the square of their distance relative to the origin's."""
-        a, *more = (values[self._plan.layout[name][0]] for name in self._rows[k][1])
-        if not more:
-            return a
-        (b,) = more
-        x, y = a.real - b.real, a.imag - b.imag
-        size = a.real * a.real + a.imag * a.imag + b.real * b.real + b.imag * b.imag
-        return (x * x + y * y) / (size + (size == 0))
-
-    @cached_property
-    def _plan(self) -> Any:
-        return self.mechanism.plan(tuple(sorted({n for _, names in self._rows for n in names})))
-
-    @cached_property
-    def _scalar(self) -> Any:
-        return self.mechanism._engine(self._plan, "scalar", "")
-
-    @cached_property
-    def _batch(self) -> Any:
-        return self.mechanism._engine(self._plan, "numpy", "complex128")
 
     def passable(self, block: str, q: float, d: float) -> bool:
         """Whether the links of a group pass a touch of its margin without a jump.
@@ -113,33 +98,72 @@ class Closure:
         block: Any = self.mechanism.structure.blocks[name]
         if block.kind not in ("RRR", "RPR"):
             return WORDS.get(block.kind, "dead centre")
-        pivots = self._pivots(name)
-        run = self._run([q], list(pivots))
-        apart = abs(complex(run[pivots[0]][0] - run[pivots[1]][0]))
-        if apart <= COINCIDENT * block.largest_length() or self._hides_its_pole(name):
+        there, (B, D) = self._at(q), self._program.pivots[name]
+        apart = abs(complex(there[B] - there[D]))
+        if apart <= COINCIDENT * block.largest_length() or _hides_its_pole(block):
             return "coincident"
         if block.kind == "RPR":
             return WORDS["RPR"]
         return "extended" if apart > math.hypot(block.l_i, block.l_j) else "folded"
 
-    def _hides_its_pole(self, group: str) -> bool:
-        """Whether a group's margin is silent where its two outer pins meet.
-
-        RPR: the margin 1 - h^2/r^2 is constant for h = 0, but the guide's direction is
-        undefined at r = 0.
-        """
-        block: Any = self.mechanism.structure.blocks[group]
-        return bool(block.kind == "RPR" and block.h_i == block.h_j)
-
-    def _pivots(self, group: str) -> tuple[str, str]:
-        """Outputs for the places of the outer pins B and D."""
-        feeds = self.mechanism.structure.feeds
-        return f"{feeds[JointRef(group, 'B')]}.p", f"{feeds[JointRef(group, 'D')]}.p"
-
     def _run(self, q: list[float], want: list[str]) -> Any:
         # Rates are given so that laws of motion, which may be by time, are not asked.
         at = {d: q if d == self.driver else self.held[d] for d in self.mechanism.drivers}
         return self.mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), want=want, on_gap="mark")
+
+
+class _Program:
+    """The margins of groups in formation order, and the outer pins of those whose words need them.
+
+    Attributes
+    ----------
+    rows : group of each margin
+    pivots : group -> where its outer pins B and D are among the values
+    """
+
+    def __init__(self, mechanism: Compiled, groups: tuple[str, ...]) -> None:
+        structure, rows = mechanism.structure, list[str]()
+        s = schedule(structure, mechanism.scene, Friction("none"))
+        values: list[str] = []
+        self.pivots: dict[str, tuple[int, int]] = {}
+        self._of_rows: list[tuple[int, int]] = []  # where a margin's one or two values are
+        for g in groups:
+            rows.append(g)
+            self._of_rows.append((len(values), 0))
+            values.append(s.ask(forward.margin, g))
+            if structure.blocks[g].kind in ("RRR", "RPR"):
+                self.pivots[g] = len(values), len(values) + 1
+                values += [s.ask(forward.joint_position, JointRef(g, pin)) for pin in "BD"]
+            if _hides_its_pole(structure.blocks[g]):
+                rows.append(g)
+                self._of_rows.append(self.pivots[g])
+        self.rows = tuple(rows)
+        program = s.program(values)
+        self.scalar, self.batch = ScalarEngine(program), NumpyEngine(program)
+
+    def read(self, k: int, values: tuple[Any, ...]) -> Any:
+        """A margin; of two pins the square of their distance relative to the origin's."""
+        at, other = self._of_rows[k]
+        a, b = values[at], values[other]
+        if not other:
+            return a
+        x, y = a.real - b.real, a.imag - b.imag
+        size = a.real * a.real + a.imag * a.imag + b.real * b.real + b.imag * b.imag
+        return (x * x + y * y) / (size + (size == 0))
+
+
+def _kept(mechanism: Compiled) -> dict[tuple[str, ...], _Program]:
+    """Programs that are made, by their groups."""
+    return {}
+
+
+def _hides_its_pole(block: Any) -> bool:
+    """Whether a group's margin is silent where its two outer pins meet.
+
+    RPR: the margin 1 - h^2/r^2 is constant for h = 0, but the guide's direction is
+    undefined at r = 0.
+    """
+    return bool(block.kind == "RPR" and block.h_i == block.h_j)
 
 
 def _sharp(mechanism: Compiled) -> Compiled:

@@ -5,78 +5,81 @@ from __future__ import annotations
 import cmath
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import Mode
-from blockmech.model.structure import JointRef, LinkRef, Structure
+from blockmech.engines.numpy import NumpyEngine
+from blockmech.engines.scalar import ScalarEngine
+from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.report import TURN
 from blockmech.modes.triad import Support
+from blockmech.passes.forward import joint_position, link_position
+from blockmech.passes.homotopy import schedule
+from blockmech.plan import Friction
 from blockmech.plane import angle
 from blockmech.typing import Guide, LinkPosition
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
-    from blockmech.result import Result
-    from blockmech.samples import Samples
 
 Pose: TypeAlias = tuple[float, float, float]
 """x [m], y [m] and angle [rad] of a link's frame in ground axes."""
 
-PLACES = {"friction": "none", "tolerance": None, "iterations": None, "static": True}
 CHOSEN = 1e-6  # of the size: the pose that the file chooses is this mode
 
 
-def supports_read(structure: Structure, joints: Iterable[JointRef]) -> Iterator[str]:
-    """Outputs that `supports` of some outer joints reads."""
-    for ref in joints:
-        feed = structure.feeds[ref]
-        yield f"{feed}.p"
-        if structure.joint(ref).reads == "guide" and feed.on != structure.frame_link:
-            yield f"{feed.on}.angle"
+class Places:
+    """Where links stand, and what earlier links hold joints by, at drivers' coordinates."""
+
+    def __init__(
+        self, mechanism: Compiled, joints: Iterable[JointRef], links: Iterable[LinkRef] = ()
+    ) -> None:
+        s = schedule(mechanism.structure, mechanism.scene, Friction("none"))
+        values = [value for link in links for value in s.ask(link_position, link)]
+        values += [s.ask(joint_position, ref) for ref in joints]
+        self.program = s.program(values)
+        self._drivers = {f"q_{i}": driver for i, driver in enumerate(mechanism.drivers)}
+
+    def _inputs(self, drivers: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: drivers[self._drivers[name]] for name in self.program.inputs}
+
+    def at(self, samples: Iterable[Mapping[str, float]]) -> Iterator[tuple[Any, ...]]:
+        """Origins [m] and directions of the links, and supports; NaN where they are not placed."""
+        engine = ScalarEngine(self.program)
+        for drivers in samples:
+            yield engine.one(list(self._inputs(drivers).values()))
+
+    def along(self, drivers: Mapping[str, Any], n: int) -> list[Any]:
+        """The same at n places, as arrays (n,)."""
+        columns = {name: np.broadcast_to(q, n) for name, q in self._inputs(drivers).items()}
+        return [_of_arrays(value) for value in NumpyEngine(self.program).run(columns, n)]
 
 
-def supports(run: Result, joints: Iterable[JointRef]) -> list[Support]:
-    """Where earlier links hold some outer joints, at all samples of a run: arrays (n,)."""
-    structure = run.mechanism.structure
-    places: list[Support] = []
-    for ref in joints:
-        feed = structure.feeds[ref]
-        p, e = run[f"{feed}.p"], getattr(structure.marker(feed), "direction", 1 + 0j)
-        if structure.joint(ref).reads == "guide":
-            turned = feed.on != structure.frame_link
-            e = e * (np.exp(1j * run[f"{feed.on}.angle"]) if turned else np.ones_like(p))
-        places.append(Guide(p, e) if structure.joint(ref).reads == "guide" else p)
-    return places
+def _of_arrays(value: Any) -> Support:
+    if isinstance(value, Guide):
+        return Guide(*map(_of_arrays, value))
+    return np.asarray(value.real) + 1j * np.asarray(value.imag)
 
 
 @dataclass(frozen=True)
 class FilePose:
-    """A mechanism at one sample: driver -> coordinate [rad or m].
+    """A mechanism at one sample.
 
     A graph names links by block, a document of links and joints by itself, in frames of
     its own, and the angles of its driven links tell the drivers' coordinates.
 
-    ``run`` has the places of all links and supports at samples, of which this is number ``n``.
+    drivers : driver -> coordinate [rad or m]
+    links : how the links stand in the mode that the file has; NaN where they cannot
+    supports : outer joint -> the place [m], or place and direction, by which it is held
     """
 
     mechanism: Compiled
     drivers: Mapping[str, float]
-    run: Result
-    n: int
-
-    @cached_property
-    def links(self) -> Mapping[LinkRef, LinkPosition]:
-        """How the links stand in the mode that the file has; NaN where they cannot."""
-        run, n, structure = self.run, self.n, self.mechanism.structure
-        return {
-            ref: LinkPosition(run[f"{ref}.p"][n], cmath.exp(1j * run[f"{ref}.angle"][n]))
-            for ref in structure.links
-            if ref != structure.frame_link
-        }
+    links: Mapping[LinkRef, LinkPosition]
+    supports: Mapping[JointRef, Support]
 
     def in_file_frames(self, group: str, links: Mapping[str, LinkPosition]) -> dict[str, Pose]:
         """Links of a group by the file's names and frames."""
@@ -134,27 +137,22 @@ class FilePose:
         return list(poses.items())
 
 
-def file_poses(mechanism: Compiled, taken: Samples) -> tuple[FilePose, ...]:
-    """A mechanism at some samples, where links that cannot stand are NaN."""
-    structure = mechanism.structure
-    refs = [
+def file_poses(mechanism: Compiled, samples: Iterable[Mapping[str, float]]) -> tuple[FilePose, ...]:
+    """A mechanism at some samples: driver -> coordinate [rad or m]."""
+    structure, stands = mechanism.structure, []
+    links = [link for link in structure.links if link != structure.frame_link]
+    joints = [
         JointRef(name, joint.name)
         for name, block in structure.blocks.items()
-        if block.closes
         for joint in block.joints.values()
-        if joint.outer
+        if block.closes and joint.outer
     ]
-    moving = [link for link in structure.links if link != structure.frame_link]
-    want = [f"{link}.{what}" for link in moving for what in ("p", "angle")]
-    run = run_of_places(mechanism, taken, dict.fromkeys((*want, *supports_read(structure, refs))))
-    rows = zip(*(taken.coordinate(i).tolist() for i in range(len(mechanism.drivers))), strict=True)
-    drivers = (dict(zip(mechanism.drivers, q, strict=True)) for q in rows)
-    return tuple(FilePose(mechanism, q, run, n) for n, q in enumerate(drivers))
-
-
-def run_of_places(mechanism: Compiled, taken: Samples, want: Iterable[str]) -> Result:
-    """Places at samples, NaN at gaps."""
-    return mechanism.of_blocks.answer(taken, want, PLACES)
+    samples = tuple(samples)
+    for drivers, values in zip(samples, Places(mechanism, joints, links).at(samples), strict=True):
+        held = dict(zip(joints, values[2 * len(links) :], strict=True))
+        placed = dict(zip(links, map(LinkPosition, values[::2], values[1::2]), strict=False))
+        stands.append(FilePose(mechanism, drivers, placed, held))
+    return tuple(stands)
 
 
 def _pose(o: complex, e: complex) -> Pose:

@@ -25,7 +25,7 @@ from blockmech.model.joints.layout import Pose
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.closing import NEAR, triad_modes
 from blockmech.modes.connection import CHECKS, Connections, connect
-from blockmech.modes.file_pose import FilePose, file_poses, run_of_places, supports, supports_read
+from blockmech.modes.file_pose import FilePose, Places, file_poses
 from blockmech.modes.groups import Outline, outline
 from blockmech.modes.report import (
     DEAD,
@@ -42,7 +42,7 @@ from blockmech.modes.report import (
 from blockmech.modes.search import NOTE, searched
 from blockmech.modes.triad import Support
 from blockmech.samples import make_samples
-from blockmech.typing import Coordinates, Guide, LinkPosition
+from blockmech.typing import Coordinates, LinkPosition
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -99,7 +99,8 @@ def modes(
     blocks = mechanism.structure.blocks.items()
     group_of = {mechanism.block_name(name): name for name, block in blocks if block.closes}
     wanted = among(group_of, "group", group_of if groups is None else groups)
-    lister = _Lister(mechanism, file_poses(mechanism, taken), moved)
+    samples = [dict(zip(rows, q, strict=True)) for q in zip(*rows.values(), strict=True)]
+    lister = _Lister(mechanism, file_poses(mechanism, samples), moved)
     listing = tuple(lister.group(block) for name, block in group_of.items() if name in wanted)
     units = {d: mechanism.driver_joint(d).coordinate_unit for d in drivers}
     return Modes(rows, units, moved, listing, mechanism.driver_prefix)
@@ -146,16 +147,11 @@ class _Lister:
         self, name: str, triad: Outline | None, joints: Sequence[str]
     ) -> list[Sequence[Mode]]:
         """The modes of a group at each sample; none where an earlier group does not close."""
-        at = supports(self.samples[0].run, [JointRef(name, joint) for joint in joints])
         every: list[Sequence[Mode]] = []
-        for n, stand in enumerate(self.samples):
-            held = [
-                Guide(complex(s.p[n]), complex(s.u[n])) if isinstance(s, Guide) else complex(s[n])
-                for s in at
-            ]
-            closes = all(np.isfinite(support).all() for support in held)
-            given = dict(zip(joints, held, strict=True))
-            every.append(self._at(name, triad, given, stand) if closes else ())
+        for stand in self.samples:
+            held = {joint: stand.supports[JointRef(name, joint)] for joint in joints}
+            closes = all(np.isfinite(support).all() for support in held.values())
+            every.append(self._at(name, triad, held, stand) if closes else ())
         return every
 
     def _at(
@@ -225,7 +221,7 @@ class _Lister:
         structure, fixed = self.mechanism.structure, self._fixed()
         earlier = [block for block in structure.supports(name) if block != structure.frame]
         around = self._limits(earlier)
-        joints = [JointRef(name, joint) for joint in group.joints]
+        places = Places(self.mechanism, [JointRef(name, joint) for joint in group.joints])
         arcs: list[Arc] = []
         located: list[list[_On | None]] = [[None] * len(modes) for modes in every]
         stretches = self._stretches(around)
@@ -238,7 +234,7 @@ class _Lister:
             also = {n: q for n, q in near.items() if low <= q <= high}
             connections = connect(
                 lambda q: group.at(self._driven(name, fixed | {self.driver: q})).triad,
-                lambda q: self._supports(joints, fixed | {self.driver: q}),
+                lambda q: places.along(fixed | {self.driver: q}, len(q)),
                 low,
                 high,
                 ends=ends,
@@ -290,13 +286,6 @@ class _Lister:
     def _held(self, stand: FilePose) -> bool:
         """Whether a sample is on the line along which arcs are sought."""
         return all(stand.drivers[d] == q for d, q in self._fixed().items())
-
-    def _supports(self, joints: Sequence[JointRef], drivers: Mapping[str, Any]) -> list[Support]:
-        """Where earlier links hold joints of a group, at coordinates (n,) or a number each."""
-        mechanism, still = self.mechanism.of_blocks, dict.fromkeys(drivers, 0.0)
-        taken = make_samples(mechanism.drivers, mechanism.scene, drivers, rates=still)
-        want = supports_read(mechanism.structure, joints)
-        return supports(run_of_places(mechanism, taken, want), joints)
 
     def _driven(self, name: str, drivers: Mapping[str, Any]) -> list[Any]:
         """Coordinates of the driven joints inside a group."""
