@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.analysis.closure import Closure
-from blockmech.analysis.scan import NODES, ROUNDED, SEAM, TURN, Span, bisect, places, runs, scan
+from blockmech.analysis.scan import NODES, ROUNDED, SEAM, TURN, Span, last_place, places, runs, scan
 from blockmech.series import DOUBLE_ROOT, Floats, fit
 
 # [rad or m] Where rounding is measured: a parabola stays level there to its own rounding.
@@ -126,7 +126,7 @@ class _Margin:
         # What stands on a group that touched zero may have a corner at the touch.
         cuts = piece.span.share(piece.corners)
         series = fit(
-            lambda u: self._row(piece.span.place(u)),
+            lambda u: _bounded(self._row(piece.span.place(u))),
             np.unique([*self.edges, *cuts]) if piece.passes else self.edges,
             n=NODES,
             floor=ROUNDED,
@@ -234,10 +234,14 @@ class _Margin:
         return Piece(Span(start.q, end.q, size=self.piece.span.size), start, end, tuple(inside))
 
     def _end(self, inside: float, outside: float) -> Bound:
-        def closes(q: float) -> bool:
-            return self.closure.margin(self.k, q) >= 0
+        return Bound(
+            last_place(lambda q: self.closure.margin(self.k, q), inside, outside), self.block
+        )
 
-        return Bound(bisect(closes, inside, outside), self.block)
+
+def _bounded(margin: Floats) -> Floats:
+    """A margin, at most 2, by another scale: poles, as of a cylinder without length, are smooth."""
+    return margin / (3 - margin)
 
 
 def _rolled(values: NDArray[Any], first: int, turn: float | None = None) -> NDArray[Any]:
