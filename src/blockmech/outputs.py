@@ -19,7 +19,6 @@ import numpy as np
 from blockmech.blocks.contract import Joint
 from blockmech.errors import Problem, RequestError, as_names, close_match, listed
 from blockmech.garbage import uncollected
-from blockmech.loads.contract import Element
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
@@ -328,7 +327,10 @@ def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
     useful = [e for e in structure.elements.values() if e.useful]
     drivers = structure.drivers
     if len(useful) == 1 and len(drivers) == 1:
-        unit = _advantage_unit(structure, useful[0])
+        # Unit of the mechanical advantage: useful load per driving effort.
+        effort = structure.driver_joint(structure.drivers[0]).effort_unit
+        load = next(iter(useful[0].terminals.values())).unit
+        unit = "" if load == effort else f"{load}/({effort})"
         yield of("mechanical_advantage", unit, "real", energy.advantage, energy.read_advantage)
     if useful and drivers:
         yield of("efficiency", "", "number", energy.efficiency, energy.read_efficiency)
@@ -345,13 +347,6 @@ def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
 
         yield of("M", "SI", "matrix", inertias, _same)
         yield of("Q", "SI", "matrix", efforts, _same)
-
-
-def _advantage_unit(structure: Structure, useful: Element) -> str:
-    """Unit of the mechanical advantage: useful load per driving effort."""
-    effort = structure.driver_joint(structure.drivers[0]).effort_unit
-    load = next(iter(useful.terminals.values())).unit
-    return "" if load == effort else f"{load}/({effort})"
 
 
 # -- by name, and planned ---------------------------------------------------------------

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import shown_place
-from blockmech.analysis.turning_points import Signal, Turn, signal_of, turns_of
+from blockmech.analysis.turning_points import Turn, signal_of, turns_of
 from blockmech.errors import held, listed, refused, shown
 from blockmech.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.typing import FrictionMethod
@@ -159,7 +159,13 @@ def extremes(
     ranges = {}
     for part in parts:
         signal = signal_of(cycle, output, part)
-        ranges["" if len(parts) == 1 else part] = range_of(cycle, signal, part)
+        turns = turns_of(cycle, signal)
+        ranges["" if len(parts) == 1 else part] = Range(
+            part,
+            extreme_at(cycle, turns.low),
+            extreme_at(cycle, turns.high),
+            tuple(extreme_at(cycle, t) for t in turns.inner),
+        )
     return Extremes(name, cycle.mechanism.outputs[output].unit, ranges)
 
 
@@ -181,17 +187,6 @@ def parts_of(mechanism: Compiled, name: str) -> tuple[str, tuple[str, ...]]:
         what = {"real": "it is a real number without parts"}.get(kind, f"it is a {kind}")
         raise refused(name, what, "name a real output, or a vector or its part")
     return output, (part,) if part or kind == "real" else PARTS
-
-
-def range_of(cycle: Cycle, signal: Signal, part: str = "") -> Range:
-    """Smallest and largest value of a signal over a cycle, and all its turns."""
-    turns = turns_of(cycle, signal)
-    return Range(
-        part,
-        extreme_at(cycle, turns.low),
-        extreme_at(cycle, turns.high),
-        tuple(extreme_at(cycle, t) for t in turns.inner),
-    )
 
 
 def extreme_at(cycle: Cycle, turn: Turn) -> Extreme:

@@ -237,16 +237,6 @@ def _vector(column: Any, n: int) -> Vectors:
     return np.broadcast_to(np.asarray(vector, complex), n)
 
 
-def _systems(group: Group, values: tuple[Any, ...], n: int, scale: Floats) -> Systems:
-    factors = np.where(group.separates, 1.0, scale[:, None])
-    k = np.stack([np.broadcast_to(values[i], n) for i in group.k], axis=1) * factors
-    drag = np.stack([np.broadcast_to(values[i], n) for i in group.drags], axis=1)
-    base = np.stack([_vector(values[i], n) for i in group.loads], axis=1)
-    rows = [np.stack([_vector(values[i], n) for i in row], axis=1) for row in group.rows]
-    every = np.stack(rows, axis=1)
-    return Systems(group, k, drag, base + np.einsum("njm,nm->nj", every, drag), every)
-
-
 @np.errstate(all="ignore")
 def _existence(systems: Systems) -> Floats | None:
     """The number c of each branch; None where it is not known."""
@@ -310,7 +300,13 @@ def _tree(equations: Equations, taken: Samples, scale: Floats) -> Tree:
             g = BOUND["load_norm"](_planar(load), step.edges)
             tree.t[:, step.input] = k * g + np.broadcast_to(values[step.drag], n)
             continue
-        systems = _systems(step, values, n, factor)
+        factors = np.where(step.separates, 1.0, factor[:, None])
+        weights = np.stack([np.broadcast_to(values[i], n) for i in step.k], axis=1) * factors
+        drag = np.stack([np.broadcast_to(values[i], n) for i in step.drags], axis=1)
+        base = np.stack([_vector(values[i], n) for i in step.loads], axis=1)
+        rows = [np.stack([_vector(values[i], n) for i in row], axis=1) for row in step.rows]
+        every = np.stack(rows, axis=1)
+        systems = Systems(step, weights, drag, base + np.einsum("njm,nm->nj", every, drag), every)
         c = _existence(systems)
         if c is not None:
             tree.existence[step.block] = np.full(taken.n, np.nan)

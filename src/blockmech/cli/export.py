@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -39,7 +39,12 @@ def export(
     if to == "list":
         raise refused("--to list", "it takes no file", "write blockmech export list")
     if file == "list":
-        say("\n".join(_formats(WRITERS)))
+        lines = []
+        for name in WRITERS:
+            writer = WRITERS[name]
+            lines.append(f"{name:<10}{', '.join(writer.suffixes):<16}{writer.about}")
+            lines += [f"{'':<26}--set {k}=...  {v}" for k, v in writer.options.items()]
+        say("\n".join(lines))
         return
     document = reading(file, opened)
     mechanism = compiled_of(document, file)
@@ -53,15 +58,6 @@ def export(
             document, output, to, want=names_of(want) or EVERYTHING, **request, **_options(set_)
         )
     say("\n".join(f"wrote {path}" for path in files))
-
-
-def _formats(writers: Any) -> list[str]:
-    lines = []
-    for name in writers:
-        writer = writers[name]
-        lines.append(f"{name:<10}{', '.join(writer.suffixes):<16}{writer.about}")
-        lines += [f"{'':<26}--set {k}=...  {v}" for k, v in writer.options.items()]
-    return lines
 
 
 def _options(given: list[str] | None) -> dict[str, str]:

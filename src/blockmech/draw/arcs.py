@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from blockmech.analysis.limits import Limits
@@ -85,7 +85,9 @@ def _figure(bars: Sequence[Bar], name: str, unit: str, caption: str, degrees: bo
     with captioned(caption, rows * ink.ROW) as figure:
         axes = figure.subplots()
         axes.use_sticky_edges = False
-        low, high = _range(bars)
+        # What is shown: all finite ends; of bars that nothing ends a unit about zero.
+        ends = [q for bar in bars for q in (bar.start, bar.end) if math.isfinite(q)] or [-1.0, 1.0]
+        low, high = min(ends), max(ends)
         for y, bar in enumerate(bars[: ink.MOST]):
             _draw(axes, y, bar, (low, high), scale)
         axes.set_ylim(len(bars[: ink.MOST]) - 1 + THICK, -1.0)
@@ -93,12 +95,6 @@ def _figure(bars: Sequence[Bar], name: str, unit: str, caption: str, degrees: bo
         axes.set_xlabel(f"{shown_name(name)} [{unit}]", labelpad=1)
         axes.grid(True, axis="x")
     return figure
-
-
-def _range(bars: Iterable[Bar]) -> tuple[float, float]:
-    """What is shown: all finite ends; of bars that nothing ends a unit about zero."""
-    ends = [q for bar in bars for q in (bar.start, bar.end) if math.isfinite(q)] or [-1.0, 1.0]
-    return min(ends), max(ends)
 
 
 def _draw(axes: Any, y: int, bar: Bar, shown: tuple[float, float], scale: float) -> None:

@@ -18,7 +18,7 @@ from blockmech.couplings.contract import Coupling
 from blockmech.draw.layout import Box, Ends
 from blockmech.draw.palette import MOST, SIZES, SMALL, TEXT
 from blockmech.draw.paper import shown_name, text_width
-from blockmech.errors import Problem, listed
+from blockmech.errors import listed
 from blockmech.loads.contract import Element, Following
 from blockmech.model.couplings import couplings_of, driven_joints
 from blockmech.model.diagram import UnknownBlock, Wire
@@ -160,7 +160,9 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
     shown = list(dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))]))
     problems = graph.check()
     if problems:
-        subtitle = _complaint(problems)
+        codes = {p.code: [q.where for q in problems if q.code == p.code] for p in problems}
+        summary = "; ".join(f"{code}: {listed(where, 4)}" for code, where in codes.items())
+        subtitle = f"not complete – {summary}"
     else:
         s = graph.structure()
         subtitle = words.formula(s).replace("->", "→")
@@ -201,12 +203,6 @@ def _drive_wires(graph: Graph) -> Iterator[Ends]:
     for name, block in graph.blocks.items():
         if isinstance(block, Subgraph) and block.on:
             yield Ends(*split_address(block.on, graph.blocks), name, ON)
-
-
-def _complaint(problems: Sequence[Problem]) -> str:
-    codes = {p.code: [q.where for q in problems if q.code == p.code] for p in problems}
-    summary = "; ".join(f"{code}: {listed(where, 4)}" for code, where in codes.items())
-    return f"not complete – {summary}"
 
 
 def _flows(graph: Graph, wire: Ends) -> bool:

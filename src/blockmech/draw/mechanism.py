@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -192,7 +192,18 @@ def paths_of(motion: Motion, names: Iterable[str] | None) -> Paths:
     Raises `RequestError` for names of no marker of a moving link.
     """
     moving = _markers(motion.mechanism)
-    names = _usual_paths(motion.mechanism, moving) if names is None else names
+    # The user's markers, else the inner revolute joints; the last ones are the outputs.
+    blocks = motion.mechanism.structure.blocks
+    named = {marker: name for name, marker in moving.items()}
+    own = [named[m] for m in shown_markers(motion.mechanism) if m in named]
+    inner = [
+        named[m]
+        for name, block in blocks.items()
+        for m in motion.mechanism.structure.markers(name)
+        if (joint := block.joints.get(m.name)) is not None and m in named
+        if joint.kind == "R" and not joint.outer
+    ]
+    names = (own or inner)[-PATHS:] if names is None else names
     names = among(moving, "moving marker", names, "unknown-marker")
     return {n: motion.at(moving[n].on, marker_place(motion.structure, moving[n])) for n in names}
 
@@ -216,21 +227,6 @@ def _markers(mechanism: Compiled) -> dict[str, MarkerRef]:
     }
     pins = {str(ref): name for ref, name in mechanism.joint_names.items()}
     return markers | {pins[place]: ref for place, ref in every.items() if place in pins}
-
-
-def _usual_paths(mechanism: Compiled, moving: Mapping[str, MarkerRef]) -> list[str]:
-    """The user's markers, else the inner revolute joints; the last ones are the outputs."""
-    blocks = mechanism.structure.blocks
-    named = {marker: name for name, marker in moving.items()}
-    own = [named[m] for m in shown_markers(mechanism) if m in named]
-    inner = [
-        named[m]
-        for name, block in blocks.items()
-        for m in mechanism.structure.markers(name)
-        if (joint := block.joints.get(m.name)) is not None and m in named
-        if joint.kind == "R" and not joint.outer
-    ]
-    return (own or inner)[-PATHS:]
 
 
 # -- labels --------------------------------------------------------------------------------

@@ -112,7 +112,13 @@ def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
             if pair:
                 look |= {"color": ink.SERIES[1], "dashes": (4.0, 1.8), "lw": 1.1, "zorder": 3}
             _line(axes, x, factor * panel.without[name][order], label=WITHOUT, **look)
-    _shade_gaps(axes, x, panel.rows[:, order])
+    # Shade where a curve has no answer.
+    bad = ~np.isfinite(panel.rows[:, order]).all(axis=0)
+    edges = np.diff(np.pad(bad.astype(int), 1))
+    for a, b in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
+        left, right = x[max(int(a) - 1, 0)], x[min(int(b), len(x) - 1)]
+        style = {"facecolor": ink.FRAME_FILL, "edgecolor": ink.PALE, "hatch": "////", "lw": 0}
+        axes.axvspan(left, right, zorder=0.5, label="no answer", **style)
     for at, words in along.events:
         axes.axvline(at, color=ink.GREY, lw=0.6, dashes=(1.5, 2), zorder=1, label=words)
     axes.set_ylabel(f"{panel.quantity} [{unit or '–'}]", labelpad=3)
@@ -133,16 +139,6 @@ def _line(axes: Any, x: Array, y: Array, **look: Any) -> None:
     if len(y) > FEW:
         look |= {"markevery": alone} if alone else {"marker": ""}
     axes.plot(x, y, ms=2.4, **look)
-
-
-def _shade_gaps(axes: Any, x: Array, rows: Array) -> None:
-    """Shade where a curve has no answer."""
-    bad = ~np.isfinite(rows).all(axis=0)
-    edges = np.diff(np.pad(bad.astype(int), 1))
-    for a, b in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True):
-        left, right = x[max(int(a) - 1, 0)], x[min(int(b), len(x) - 1)]
-        style = {"facecolor": ink.FRAME_FILL, "edgecolor": ink.PALE, "hatch": "////", "lw": 0}
-        axes.axvspan(left, right, zorder=0.5, label="no answer", **style)
 
 
 def _set_ticks(axes: Any, span: float, turn: float) -> None:

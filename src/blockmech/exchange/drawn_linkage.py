@@ -400,11 +400,8 @@ class _Making:
                 law = {"kind": "polynomial", "coefficients": [0.0, exact if inside else -exact]}
                 made = {"type": "ratio", "law": law}
         made |= {"driver": self._driver_of(ends[leading]), "driven": name}
-        self.couplings[self._coupling_name(pair.name)] = made
-
-    def _coupling_name(self, text: str) -> str:
         taken = {*self.couplings, *self.links, *self.drivers, *self.joints}
-        return free_name(_clean(text) or "gears", taken)
+        self.couplings[free_name(_clean(pair.name) or "gears", taken)] = made
 
     def _driver_name(self, joint: str) -> str:
         name = "motor"

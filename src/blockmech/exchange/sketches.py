@@ -55,7 +55,9 @@ def sketched(layers: dict[str, Layer], drawing: Drawing, where: str) -> Drawing:
         for name, other in drawing.points.items():
             if abs(z - other) <= NEAR * size:
                 return name
-        name = _letters(len(drawing.points))
+        # A, B, ... Z, A1, B1, ...
+        k = len(drawing.points)
+        name = chr(ord("A") + k % 26) + (str(k // 26) if k >= 26 else "")
         drawing.points[name] = z
         return name
 
@@ -107,11 +109,6 @@ def _slots(name: str, layer: Layer, drawing: Drawing, near: float, where: str) -
                 inside.append(point)
         if not inside:
             drawing.note(f"no pin is on a line of layer {name}: left out")
-
-
-def _letters(k: int) -> str:
-    """A, B, ... Z, A1, B1, ..."""
-    return chr(ord("A") + k % 26) + (str(k // 26) if k >= 26 else "")
 
 
 # -- DXF ------------------------------------------------------------------------------------

@@ -317,7 +317,15 @@ def _asked(
 ) -> tuple[dict[str, Parameter], set[str]]:
     """The numbers that addresses and patterns name, and which are named one by one."""
     known = parameters(mechanism)
-    every = {**known, **_of_drivers(mechanism, result)}
+    # Coordinate, rate and acceleration of each driver as numbers; as large as they become.
+    parameters_ = {}
+    for i, driver in enumerate(mechanism.drivers):
+        for what, name in INPUTS.items():
+            address, given = mechanism.of_driver(driver, what), result.samples.inputs[f"{name}_{i}"]
+            size = float(np.abs(np.asarray(given, float)).max(initial=0.0))
+            unit = mechanism.outputs[address].unit
+            parameters_[address] = Parameter(address, size, unit, (GIVEN, name, driver))
+    every = {**known, **parameters_}
     chosen: dict[str, Parameter] = {}
     alone: set[str] = set()
     for pattern in patterns:
@@ -327,18 +335,6 @@ def _asked(
         chosen |= fits or one
         alone |= one.keys()
     return chosen, alone
-
-
-def _of_drivers(mechanism: Compiled, result: Result) -> dict[str, Parameter]:
-    """Coordinate, rate and acceleration of each driver as numbers; as large as they become."""
-    parameters_ = {}
-    for i, driver in enumerate(mechanism.drivers):
-        for what, name in INPUTS.items():
-            address, given = mechanism.of_driver(driver, what), result.samples.inputs[f"{name}_{i}"]
-            size = float(np.abs(np.asarray(given, float)).max(initial=0.0))
-            unit = mechanism.outputs[address].unit
-            parameters_[address] = Parameter(address, size, unit, (GIVEN, name, driver))
-    return parameters_
 
 
 def _without(p: Parameter) -> str:

@@ -146,7 +146,7 @@ class Statements:
             if node.op == "after" and node.args[0] not in done:
                 done.add(node.args[0])
                 lines += self._loop(node.args[0])
-            elif not _inside_a_loop(node):
+            elif node.scope <= 1:  # others stand inside a loop
                 lines += self._statement(node, "    ")
         return "".join(f"{line}\n" for line in lines)
 
@@ -231,10 +231,6 @@ def _state(loop: Loop, i: int) -> str:
 
 def _is_state(x: Any) -> bool:
     return isinstance(x, Node) and x.op == "state"
-
-
-def _inside_a_loop(node: Node) -> bool:
-    return node.scope > 1
 
 
 def _needed(wanted: Iterable[Any]) -> tuple[list[Node], dict[Loop, list[int]]]:

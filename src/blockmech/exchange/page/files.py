@@ -65,10 +65,12 @@ def write_page(order: Order, path: Path) -> list[Path]:
     }  # fmt: skip
     scripts = [numbers(), drawing.text("drawing"), curves.text("curves")]
     scripts.append((HERE / "page.js").read_text("utf-8"))
+    # JSON that ends no script element, and that JavaScript reads as it is.
+    text = json.dumps(data, allow_nan=False, ensure_ascii=True)
     page = Template((HERE / "page.html").read_text("utf-8")).substitute(
         title=html.escape(title),
         version=blockmech.__version__,
-        data=_in_a_script(data),
+        data=text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"),
         scripts="\n".join(scripts),
     )
     refuse_spared(path)
@@ -111,12 +113,6 @@ def _chosen(words: str | None, offered: list[str]) -> list[str]:
 
 def _is_given(name: str) -> bool:
     return not name.startswith("size_") and not name.endswith("_branch")
-
-
-def _in_a_script(data: Any) -> str:
-    """JSON that ends no script element, and that JavaScript reads as it is."""
-    text = json.dumps(data, allow_nan=False, ensure_ascii=True)
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def _picture(drawing: Script) -> dict[str, Any]:
