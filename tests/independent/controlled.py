@@ -94,7 +94,7 @@ class Sampled:
 
     kp: float
     ki: float
-    wish: float
+    setpoint: float
     T: float
     limits: tuple[float, float]
     linkage: FourBar = field(default_factory=FourBar)
@@ -105,7 +105,7 @@ class Sampled:
         start = self.linkage.angles(q)
         y, total, held = np.concatenate([start, np.zeros(3), [0.0]]), 0.0, 0.0
         for _ in range(round(t_end / self.T)):
-            e = self.wish - y[3]
+            e = self.setpoint - y[3]
             v = self.kp * e + self.ki * total
             low, high = self.limits
             held = min(max(v, low), high)
@@ -130,7 +130,7 @@ class Continuous:
     ki: float
     kd: float
     n: float
-    wish: float
+    setpoint: float
     linkage: FourBar = field(default_factory=FourBar)
     motor: Motor = field(default_factory=Motor)
 
@@ -139,7 +139,7 @@ class Continuous:
         y0 = np.concatenate([self.linkage.angles(q), np.zeros(6)])
 
         def rate(t: float, y: np.ndarray) -> np.ndarray:
-            e = self.wish - y[3]
+            e = self.setpoint - y[3]
             u = self.kp * e + self.ki * y[7] + self.kd * self.n * (e - y[8])
             al = self.linkage.accelerations(y[:3], y[3:6], self.motor.k * y[6])
             di = (u - self.motor.R * y[6] - self.motor.k * y[3]) / self.motor.L
@@ -166,7 +166,7 @@ class Stopped:
     limits: tuple[float, float] = (-20.0, 20.0)
     motor: Motor = field(default_factory=lambda: Motor(1.0, 0.1, 1.5))
 
-    def wish(self, t: float) -> float:
+    def setpoint(self, t: float) -> float:
         """Straight lines from 2 rad, back to -1 rad, and to 3 rad."""
         return float(np.interp(t, [0.0, 1.0, 2.0, 3.0, 4.0], [2.0, 2.0, -1.0, -1.0, 3.0]))
 
@@ -186,7 +186,7 @@ class Stopped:
 
     def _switched(self, t: float, y: np.ndarray) -> float:
         """The output from an instant on; the integral of y goes on by a sample."""
-        e = self.wish(t) - y[0]
+        e = self.setpoint(t) - y[0]
         v, (low, high) = self.kp * e + self.ki * y[2], self.limits
         if not ((v > high and e > 0) or (v < low and e < 0)):
             y[2] += self.sample * e
@@ -199,7 +199,7 @@ class Stopped:
         m, free = self.motor, not lies
 
         def rate(t: float, y: np.ndarray) -> list[float]:
-            e = self.wish(t) - y[0]
+            e = self.setpoint(t) - y[0]
             u = self.kp * e + self.ki * y[2] if self.sample is None else held
             pull = m.k * y[3] / self.inertia
             integral = e if self.sample is None else 0.0
@@ -235,7 +235,7 @@ class Pump:
     """A slider-crank pump under speed control, by its crank angle alone.
 
     Kinetic energy J(q) q'^2 / 2 in closed form, J' by a complex step; a spring and damper push
-    on the plunger. The wish is a ramp to 60 rad/s in 0.4 s, the tachometer has a filter of 10 ms.
+    on the plunger. The setpoint is a ramp to 60 rad/s in 0.4 s, the tachometer's filter has 10 ms.
     Data: ``graphs/pump.json``.
     """
 

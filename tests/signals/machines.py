@@ -43,8 +43,8 @@ def flywheel(blocks, wires, inertia=2.0, start=(0.0, 0.0), load=True):
     return g
 
 
-def speed_control(controller, wish=10.0, **machine):
-    """A wheel whose rate a controller leads to a wish."""
-    blocks = {"wish": signals.Constant(value=wish), "error": signals.Sum(signs="+-")}
-    wires = [("wish.y", "error.u0"), ("wheel.rate", "error.u1"), ("error.y", "pid.u")]
+def speed_control(controller, setpoint=10.0, **machine):
+    """A wheel whose rate a controller leads to a setpoint."""
+    blocks = {"setpoint": signals.Constant(value=setpoint), "error": signals.Sum(signs="+-")}
+    wires = [("setpoint.y", "error.u0"), ("wheel.rate", "error.u1"), ("error.y", "pid.u")]
     return flywheel({**blocks, "pid": controller}, [*wires, ("pid.y", "drive.law")], **machine)

@@ -14,7 +14,7 @@ from tests.signals.machines import flywheel
 ROWS = {"arguments": [0.0, 1.0, 2.0, 3.0, 4.0, 9.0], "values": [2.0, 2.0, -1.0, -1.0, 3.0, 3.0]}
 WANT = ["wheel.q", "wheel.rate", "pid.integral", "motor.current"]
 WIRES = [
-    *(("wish.y", "error.u0"), ("wheel.q", "error.u1"), ("error.y", "pid.u")),
+    *(("setpoint.y", "error.u0"), ("wheel.q", "error.u1"), ("error.y", "pid.u")),
     *(("pid.y", "motor.u"), ("wheel.rate", "motor.rate"), ("motor.moment", "drive.law")),
 ]
 
@@ -23,7 +23,7 @@ def led(restitution, sample=None):
     """A wheel whose angle a controller leads against a stop, and away from it again."""
     limits = {} if sample is None else {"limits": (-20.0, 20.0), "sample": sample}
     blocks = {
-        "wish": signals.Table(interpolation="linear", **ROWS),
+        "setpoint": signals.Table(interpolation="linear", **ROWS),
         "error": signals.Sum(signs="+-"),
         "pid": signals.Pid(kp=8.0, ki=6.0, **limits),
         "motor": signals.DCMotor(R=1.0, L=0.1, k=1.5),

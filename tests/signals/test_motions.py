@@ -95,11 +95,11 @@ def test_the_files_expect_what_the_judge_says(name):
 
 @pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
 def test_a_wheel_under_pid_is_a_matrix_exponential(method):
-    J, kp, ki, kd, n, wish = 2.0, 3.0, 5.0, 0.4, 30.0, 10.0
-    mech = speed_control(signals.Pid(kp=kp, ki=ki, kd=kd, n=n), wish, inertia=J).compile()
+    J, kp, ki, kd, n, setpoint = 2.0, 3.0, 5.0, 0.4, 30.0, 10.0
+    mech = speed_control(signals.Pid(kp=kp, ki=ki, kd=kd, n=n), setpoint, inertia=J).compile()
     names = ["wheel.q", "wheel.rate", "pid.integral", "pid.filtered"]
-    # x = (q, w, I, x_f, 1), e = wish - w, M = kp e + ki I + kd n (e - x_f)
-    e = np.array([0.0, -1.0, 0.0, 0.0, wish])
+    # x = (q, w, I, x_f, 1), e = setpoint - w, M = kp e + ki I + kd n (e - x_f)
+    e = np.array([0.0, -1.0, 0.0, 0.0, setpoint])
     unit = np.eye(5)
     moment = kp * e + ki * unit[2] + kd * n * (e - unit[3])
     A = np.array([unit[1], moment / J, e, n * (e - unit[3]), 0 * e])
@@ -109,11 +109,11 @@ def test_a_wheel_under_pid_is_a_matrix_exponential(method):
 
 
 def test_a_sampled_wheel_is_a_product_of_matrix_exponentials():
-    J, kp, ki, T, wish = 0.5, 2.0, 8.0, 0.05, 10.0
-    mech = speed_control(signals.Pid(kp=kp, ki=ki, sample=T), wish, inertia=J).compile()
+    J, kp, ki, T, setpoint = 0.5, 2.0, 8.0, 0.05, 10.0
+    mech = speed_control(signals.Pid(kp=kp, ki=ki, sample=T), setpoint, inertia=J).compile()
     w, total = 0.0, 0.0
     for _ in range(20):
-        e = wish - w
+        e = setpoint - w
         w, total = w + T / J * (kp * e + ki * total), total + T * e
     run = mech.simulate("time=1", times=[1.0], want=["wheel.rate", "pid.integral"])
     assert run["wheel.rate"][0] == pytest.approx(w, rel=1e-11)
@@ -165,15 +165,17 @@ def test_a_mirrored_machine_under_control_mirrors_its_motion():
 def test_instants_that_rounding_parts_are_one(method):
     # 3 times 0.1 s is not 0.3 s in binary numbers, and a step comes before the samples
     blocks = {
-        "wish": signals.Step(value=1.0, time=0.3),
+        "setpoint": signals.Step(value=1.0, time=0.3),
         "fast": signals.TransferFunction(num=[1.0], den=[1.0, 0.0], sample=0.1),
         "slow": signals.Delay(sample=0.3, steps=1),
     }
-    wires = [("wish.y", "fast.u"), ("wish.y", "slow.u"), ("fast.y", "drive.law")]
+    wires = [("setpoint.y", "fast.u"), ("setpoint.y", "slow.u"), ("fast.y", "drive.law")]
     mech = flywheel(blocks, wires).compile()
     t = [0.25, 0.35, 0.45, 0.55, 0.65]
-    run = mech.simulate("time=0.95", times=t, want=["wish.y", "fast.y", "slow.y"], method=method)
-    assert run["wish.y"].tolist() == [0.0, 1.0, 1.0, 1.0, 1.0]
+    run = mech.simulate(
+        "time=0.95", times=t, want=["setpoint.y", "fast.y", "slow.y"], method=method
+    )
+    assert run["setpoint.y"].tolist() == [0.0, 1.0, 1.0, 1.0, 1.0]
     assert run["fast.y"].tolist() == [0.0, 0.0, 1.0, 1.0, 1.0]
     assert run["slow.y"].tolist() == [0.0, 0.0, 0.0, 0.0, 1.0]
     assert run.motion.end == "time"
@@ -183,13 +185,13 @@ def test_a_delay_of_some_samples_changes_the_answer():
     ends = []
     for steps in (1, 3):
         blocks = {
-            "wish": signals.Constant(value=10.0),
+            "setpoint": signals.Constant(value=10.0),
             "error": signals.Sum(signs="+-"),
             "late": signals.Delay(sample=0.05, steps=steps),
             "gain": signals.Gain(k=2.0),
         }
         wires = [
-            ("wish.y", "error.u0"),
+            ("setpoint.y", "error.u0"),
             ("wheel.rate", "error.u1"),
             ("error.y", "late.u"),
             ("late.y", "gain.u"),
@@ -208,14 +210,14 @@ def test_a_delay_of_some_samples_changes_the_answer():
 
 @pytest.mark.parametrize("engine", ["scalar", "llvm"])
 def test_limits_of_a_continuous_controller_hold_the_integral(engine):
-    J, kp, ki, high, wish = 2.0, 5.0, 4.0, 6.0, 10.0
+    J, kp, ki, high, setpoint = 2.0, 5.0, 4.0, 6.0, 10.0
     controller = signals.Pid(kp=kp, ki=ki, limits=(-high, high))
-    mech = speed_control(controller, wish, inertia=J).compile()
+    mech = speed_control(controller, setpoint, inertia=J).compile()
     want = ["wheel.rate", "pid.integral", "pid.y"]
     run = mech.simulate("time=8", times=[1.0, 3.0, 8.0], want=want, accuracy=1e-9, engine=engine)
 
     def rate(t, x):
-        e = wish - x[0]
+        e = setpoint - x[0]
         v = kp * e + ki * x[1]
         room = ((high - v) if e > 0 else (v + high)) / (1e-3 * 2 * high)
         return [min(max(v, -high), high) / J, e * min(max(room, 0.0), 1.0)]
@@ -290,7 +292,7 @@ def test_a_function_of_python_with_memory_is_the_block_that_it_says():
 def test_a_filtered_acceleration_may_be_fed_back():
     # J w' = 2 (10 - w) - 0.5 f, f' = 20 (w' - f)
     blocks = {
-        "wish": signals.Constant(value=10.0),
+        "setpoint": signals.Constant(value=10.0),
         "error": signals.Sum(signs="+-"),
         "gain": signals.Gain(k=2.0),
         "filter": signals.TransferFunction(num=[20.0], den=[1.0, 20.0]),
@@ -298,7 +300,7 @@ def test_a_filtered_acceleration_may_be_fed_back():
         "whole": signals.Sum(signs="+-"),
     }
     wires = [
-        ("wish.y", "error.u0"),
+        ("setpoint.y", "error.u0"),
         ("wheel.rate", "error.u1"),
         ("error.y", "gain.u"),
         ("wheel.acceleration", "filter.u"),
@@ -456,6 +458,6 @@ def test_a_controlled_wheel_settles_with_the_roots_of_its_loop():
 )
 def test_steady_states_that_no_turn_has_are_refused(controller, said):
     pid = signals.Pid(kp=8.0, ki=6.0, **controller)
-    mech = speed_control(pid, wish=10.0 if controller else 0.0).compile()
+    mech = speed_control(pid, setpoint=10.0 if controller else 0.0).compile()
     with pytest.raises(RequestError, match=said):
         mech.simulate("steady")

@@ -19,7 +19,7 @@ def fed(**machine):
 def fourbar():
     """The four-bar whose voltage is fed."""
     data = data_of("sampled_fourbar")
-    del data["blocks"]["pid"], data["blocks"]["wish"], data["blocks"]["error"]
+    del data["blocks"]["pid"], data["blocks"]["setpoint"], data["blocks"]["error"]
     data["blocks"]["volts"] = {"type": "signal.input"}
     kept = [w for w in data["wires"] if w["to"].split(".")[0] in data["blocks"]]
     data["wires"] = [

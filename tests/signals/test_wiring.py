@@ -103,11 +103,11 @@ def wired(*wires):
 @pytest.mark.parametrize(
     ("wire", "code", "said"),
     [
-        (("wish.y", "pid.u"), "double-wire", "already fed by error.y"),
-        (("wish.y", "wheel.A"), "unknown-joint", "no input"),
-        (("wish.z", "pid.u"), "unknown-output", "outputs there: y"),
-        (("wish.y", "pid.v"), "unknown-joint", "inputs there: u"),
-        (("wish.y", "nobody.u"), "no-such-block", "no block"),
+        (("setpoint.y", "pid.u"), "double-wire", "already fed by error.y"),
+        (("setpoint.y", "wheel.A"), "unknown-joint", "no input"),
+        (("setpoint.z", "pid.u"), "unknown-output", "outputs there: y"),
+        (("setpoint.y", "pid.v"), "unknown-joint", "inputs there: u"),
+        (("setpoint.y", "nobody.u"), "no-such-block", "no block"),
     ],
 )
 def test_a_wrong_wire_is_refused_at_once(wire, code, said):
@@ -161,5 +161,5 @@ def test_a_function_of_python_is_not_written():
 
 def test_gains_are_numbers_of_the_design():
     mech = compiled(data_of("speed_controlled_fourbar"))
-    assert {"pid.kp", "pid.ki", "motor.R", "wish.value"} <= set(mech.parameters())
+    assert {"pid.kp", "pid.ki", "motor.R", "setpoint.value"} <= set(mech.parameters())
     assert mech.parameters()["motor.L"].unit == "H"

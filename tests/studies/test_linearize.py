@@ -202,13 +202,13 @@ def wheel(sample=None):
     g = bm.Graph("wheel")
     g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     g.add("wheel", bm.Crank(links={"crank": bm.Link(inertia=2.0)}))
-    g.add("wish", signals.Step(value=10.0))
+    g.add("setpoint", signals.Step(value=10.0))
     g.add("error", signals.Sum(signs="+-"))
     g.add("pid", signals.Pid(kp=3.0, ki=5.0, kd=0.4, n=30.0, sample=sample))
     g.add("drive", bm.Motor(law=laws.Signal()))
     for a, b in (
         ("frame.A", "wheel.A"), ("frame.A", "drive.a"), ("wheel.crank", "drive.b"),
-        ("wish.y", "error.u0"), ("wheel.rate", "error.u1"), ("error.y", "pid.u"),
+        ("setpoint.y", "error.u0"), ("wheel.rate", "error.u1"), ("error.y", "pid.u"),
         ("pid.y", "drive.law"),
     ):  # fmt: skip
         g.connect(a, b)
@@ -224,11 +224,11 @@ def test_a_controlled_wheel_has_the_transfer_function_of_the_textbook():
         .linearize(
             {"wheel": 0.3},
             rates={"wheel": 10.0},
-            inputs=["wish.y"],
+            inputs=["setpoint.y"],
             outputs=["wheel.rate", "pid.y"],
         )
     )
-    assert found.inputs == ("wheel.drive", "wish.y")
+    assert found.inputs == ("wheel.drive", "setpoint.y")
     assert dict(found.states) == pytest.approx({"pid.integral": 0.0, "pid.filtered": 0.0})
     w = np.array([0.01, 1.0, 5.0, 200.0])
     s = 1j * w
@@ -247,16 +247,18 @@ def test_a_controlled_fourbar_is_that_of_three_angles_and_multipliers():
     mech = bm.Graph.load(GRAPHS / "control/speed_controlled_fourbar.json").compile()
     z0 = np.array([0.4, 3.0, 20.0, 0.3, 2.0])
     states = dict(zip(("motor.current", "pid.integral", "pid.filtered"), z0[2:], strict=True))
-    found = mech.linearize({"crank": 0.4}, rates={"crank": 3.0}, states=states, inputs=["wish.y"])
+    found = mech.linearize(
+        {"crank": 0.4}, rates={"crank": 3.0}, states=states, inputs=["setpoint.y"]
+    )
     assert found.states == states
     linkage, motor = controlled.FourBar(), controlled.Motor()
     kept_up = float(found.effort[0])  # what else the crank needs to keep its rate
 
-    def rates(z, wish=10.0):
+    def rates(z, setpoint=10.0):
         q, w, i, total, filtered = z
         angles = linkage.angles(q)
         al = linkage.accelerations(angles, linkage.rates(angles, w), motor.k * i + kept_up)[0]
-        e = wish - w
+        e = setpoint - w
         u = 20.0 * e + 40.0 * total + 0.5 * 50.0 * (e - filtered)
         return np.array(
             [w, al, (u - motor.R * i - motor.k * w) / motor.L, e, 50.0 * (e - filtered)]
@@ -276,7 +278,7 @@ def test_states_at_rest_are_looked_for():
     data = wheel().to_data()
     data["scene"]["gravity"] = [0.0, -9.81]
     data["blocks"]["wheel"]["links"] = {"crank": {"mass": 1.0, "inertia": 2.0, "cm": [0.5, 0.0]}}
-    data["blocks"]["wish"]["value"] = 0.3
+    data["blocks"]["setpoint"]["value"] = 0.3
     for wire in data["wires"]:
         if wire["from"] == "wheel.rate":
             wire["from"] = "wheel.q"
@@ -294,4 +296,4 @@ def test_signals_that_do_not_fit_are_refused():
     with pytest.raises(bm.RequestError, match=r"pid\.integral"):
         wheel().compile().linearize({"wheel": 0.0}, states={"pid.integrl": 1.0})
     with pytest.raises(bm.RequestError):
-        wheel().compile().linearize({"wheel": 0.0}, inputs=["wish.x"])
+        wheel().compile().linearize({"wheel": 0.0}, inputs=["setpoint.x"])

@@ -126,9 +126,10 @@ def modes(
     at: At = None,
     group: Annotated[list[str] | None, option("Only this group; may be repeated.", "NAME")] = None,
     driver: Annotated[
-        str | None, option("Along which arcs are sought; by default the only one.", "NAME")
+        str | None,
+        option("The driver along which arcs are searched for; by default the only one.", "NAME"),
     ] = None,
-    no_arcs: Annotated[bool, switch("no-arcs", "Do not seek the arcs of each mode.")] = False,
+    no_arcs: Annotated[bool, switch("no-arcs", "Do not search for the arcs of each mode.")] = False,
 ) -> None:
     """List all assembly modes of each group, what chooses them, and where they exist."""
     mechanism = shown.read(file, compiled)
@@ -146,7 +147,7 @@ def extremes(
         typer.Argument(metavar="OUTPUT...", help="Outputs or patterns, e.g. dyad.C.p.x 'crank.*'."),
     ],
     stroke: Annotated[
-        bool, switch("stroke", "Of each its stroke and the time ratio instead.")
+        bool, switch("stroke", "The stroke and the time ratio of each instead.")
     ] = False,
 ) -> None:
     """Find extremes of outputs over the cycle, refined beyond the samples."""

@@ -39,7 +39,7 @@ def decompose(
     ] = None,
     json: AsJson = False,
 ) -> None:
-    """Find drivers and Assur groups in formation order, and who became what.
+    """Find drivers and Assur groups in formation order, and which block each link became.
 
     Without -o nothing is written.
     """

@@ -159,8 +159,8 @@ class Output:
     ] = None
     plot: Annotated[str | None, option("Draw the wanted outputs (png, svg, pdf).", "FILE")] = None
     deg: Annotated[bool, switch("deg", "Angles in degrees in the table, CSV and plots.")] = DEGREES
-    separator: Annotated[str, option('Of CSV cells: "," ";" "|" or tab.', "SIGN")] = ","
-    decimal: Annotated[str, option('Of CSV numbers: "." or ",".', "SIGN")] = "."
+    separator: Annotated[str, option('Between CSV cells: "," ";" "|" or tab.', "SIGN")] = ","
+    decimal: Annotated[str, option('Decimal sign of CSV numbers: "." or ",".', "SIGN")] = "."
 
     def __post_init__(self) -> None:
         chosen = {name: getattr(self, name) is not None for name in ("out", "csv", "plot")}

@@ -37,8 +37,8 @@ Vary = Annotated[
 ]
 Keep = Annotated[list[str], option('What is kept, e.g. "max_abs(crank.drive)".', "REDUCTION")]
 How = Annotated[str | None, option("grid or paired; latin, sobol or random.", "SAMPLING")]
-Count = Annotated[int | None, option("Of distributions: how many designs.", "N", min=1)]
-Seed = Annotated[int, option("Of distributions: which designs.", "N", min=0)]
+Count = Annotated[int | None, option("How many designs distributions draw.", "N", min=1)]
+Seed = Annotated[int, option("Seed of the designs that distributions draw.", "N", min=0)]
 Out = Annotated[
     str | None,
     option("Write a table (csv, parquet), or parts into a folder, to go on there.", "FILE|FOLDER"),
@@ -71,7 +71,7 @@ def sweep(
     method: Method = "auto",
     accuracy: Accuracy = None,
 ) -> None:
-    """Run many designs: turn numbers of the file, and keep extremes or means of outputs.
+    """Run many designs: vary numbers of the file, and keep extremes or means of outputs.
 
     With --until each design moves under its loads, and what is kept is of its motion.
     """

@@ -81,7 +81,7 @@ class Gear(LossyCoupling, type="coupling.gear"):
     @model_validator(mode="after")
     def _of_two_sizes(self) -> Gear:
         if self.internal and self.teeth[0] == self.teeth[1]:
-            found = f"a wheel of {self.teeth[0]} teeth in a ring of as many rolls nowhere"
+            found = f"a wheel of {self.teeth[0]} teeth cannot roll in a ring of as many"
             raise mistake("bad-teeth", found, "a ring has more teeth than the wheel in it")
         return self
 

@@ -249,7 +249,7 @@ def _diagram_figure(subject: Subject) -> Any:
 def _centrodes_figure(mechanism: Compiled, at: Any, want: Any, degrees: bool) -> Any:
     links = as_names("want", want)
     if links == ("*",):
-        raise refused("want", "it is not said of which link", 'e.g. want=["rod.i"]')
+        raise refused("want", "it does not name a link", 'e.g. want=["rod.i"]')
     curves = {
         name if len(links) == 1 else f"{name} of {link}": curve
         for link in links

@@ -56,7 +56,7 @@ def states_of(mechanism: Compiled) -> dict[str, int]:
 
 
 def sources_of(mechanism: Compiled) -> dict[str, int]:
-    """Outputs of blocks without inputs that are held from outside: ``wish.y`` -> place in x."""
+    """Outputs of blocks without inputs that are held from outside: ``setpoint.y`` -> place in x."""
     return {
         f"{ref.block}.{ref.name.removeprefix(HELD)}": i
         for ref, i in mechanism.structure.states.items()

@@ -11,7 +11,7 @@ rounding, and f what is added to u0. From them natural frequencies and modes, th
 
 with outputs and inputs by name, and its frequency response. Where signal blocks drive loads,
 z = (x, x', s) has their states s, too: closed loops are in A, and what a block without inputs
-holds, ``wish.y``, is an input by its name.
+holds, ``setpoint.y``, is an input by its name.
 
 Sources: Shabana, Dynamics of Multibody Systems, 4th ed.; Meirovitch, Fundamentals of Vibrations,
 2001, ch. 7; Ogata, Modern Control Engineering, 2010, section 2-7.
@@ -248,7 +248,7 @@ def linearize(
     time : [s], where loads or signals follow the time
     inputs : besides the efforts of the drivers (``crank.drive``), which are always inputs:
         addresses of numbers, e.g. ``push.force.x`` (`Mechanism.parameters`), and outputs of
-        signal blocks that are held from outside, e.g. ``wish.y`` of a step
+        signal blocks that are held from outside, e.g. ``setpoint.y`` of a step
     outputs : names of outputs that are a number, e.g. ``dyad.C.p.x``; by default the
         coordinates of the drivers
     friction : as that of a run, for joints that slip at the rates; at rest joint friction has no

@@ -107,7 +107,8 @@ class Hydrodynamic(FrictionLaw):
     @model_validator(mode="after")
     def _thin(self) -> Hydrodynamic:
         if self.clearance > THICKEST * self.radius:
-            found = f'"clearance" {self.clearance:g} m is {self.clearance / self.radius:.3g} radii'
+            share = self.clearance / self.radius
+            found = f'"clearance" {self.clearance:g} m is {share:.3g} of the radius'
             valid = f"Petroff's equation is for films up to {THICKEST:g} of the radius"
             raise mistake("bad-friction", found, valid, "give the radial clearance in m")
         return self

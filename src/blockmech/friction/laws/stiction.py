@@ -60,4 +60,4 @@ def check_static(static: float, kinetic: float) -> None:
     if static < kinetic:
         found = f'"static" {static:g} is below "kinetic" {kinetic:g}'
         valid = "a pair at rest holds at least what it resists with while it slips"
-        raise mistake("bad-friction", found, valid, "exchange them")
+        raise mistake("bad-friction", found, valid, "swap them")
