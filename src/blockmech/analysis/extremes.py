@@ -12,10 +12,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import shown_place
 from blockmech.analysis.turning_points import Turn, signal_of, turns_of
+from blockmech.analysis.working_cycle import Cycle
 from blockmech.errors import held, listed, refused, shown
 from blockmech.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.typing import FrictionMethod

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.analysis.cycle import SAME, Cycle, no_range
 from blockmech.analysis.limits import limits
 from blockmech.analysis.scan import TURN
+from blockmech.analysis.working_cycle import SAME, Cycle, no_range
 from blockmech.result import Result
 from blockmech.series import SCANNED, Floats
 

@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.extremes import Extreme, extreme_at, parts_of
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turning_points import ALIKE, Signal, Turn, Turns, signal_of, turns_of
+from blockmech.analysis.working_cycle import Cycle
 from blockmech.errors import refused
 from blockmech.report import DEGREES, Facts, Report, with_unit
 from blockmech.series import EPS, Floats, fit, panels

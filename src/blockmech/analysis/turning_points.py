@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.cycle import Cycle
 from blockmech.analysis.scan import ASIDE, Span, minimize, runs, scan
+from blockmech.analysis.working_cycle import Cycle
 from blockmech.errors import refused
 from blockmech.failures import without_gaps
 from blockmech.series import EPS, Floats, panels

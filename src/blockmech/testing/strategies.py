@@ -28,7 +28,7 @@ from blockmech.builders import Graph
 from blockmech.friction.laws import Coulomb
 from blockmech.loads import Couple, Force, Spring, TorsionSpring
 from blockmech.model.structure import LinkRef
-from blockmech.testing.placers import PLACERS, SIZES, Placed, place_group, random_shape
+from blockmech.testing.random_groups import PLACERS, SIZES, Placed, place_group, random_shape
 from blockmech.values import Link, Marker, Place, Vector
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""One placer a group: from the places of its ends to parameters and places of its links.
+"""Random groups: from the places of their ends to parameters and places of their links.
 
 A placer ``(chance, least_margin, end, end)`` gets the place and direction of what its outer
 joints are wired to, and gives the block's parameters, the pose of its links and the

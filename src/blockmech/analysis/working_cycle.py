@@ -1,4 +1,4 @@
-"""The cycle over which an output is followed: how to ask for any place of it."""
+"""The working cycle over which an output is followed, and the run of any place of it."""
 
 from __future__ import annotations
 
