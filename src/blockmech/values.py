@@ -6,7 +6,7 @@ import cmath
 import math
 import sys
 from collections.abc import Container, Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, count, pairwise
 from numbers import Integral, Real
 from typing import (
     TYPE_CHECKING,
@@ -234,11 +234,16 @@ def is_name(name: str) -> bool:
     return bool(name) and "." not in name and "/" not in name
 
 
-def free_name(wish: str, taken: Container[str]) -> str:
-    """The wished name, with underscores behind it until it is free."""
-    while wish in taken:
-        wish += "_"
-    return wish
+def free_name(name: str, taken: Container[str]) -> str:
+    """The name, with underscores behind it until it is free."""
+    while name in taken:
+        name += "_"
+    return name
+
+
+def numbered_name(name: str, taken: Container[str]) -> str:
+    """The first of name, name_2, name_3, ... that is free."""
+    return next(x for x in chain([name], (f"{name}_{i}" for i in count(2))) if x not in taken)
 
 
 def split_address(address: str, blocks: Container[str]) -> tuple[str, str]:

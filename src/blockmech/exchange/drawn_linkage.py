@@ -25,7 +25,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from blockmech.errors import FormatError, Problem, listed
-from blockmech.values import free_name
+from blockmech.values import free_name, numbered_name
 
 FRAME = "frame"
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
@@ -225,11 +225,7 @@ class _Making:
         return [z.real * self.scale, z.imag * self.scale]
 
     def _free(self, what: str, text: str) -> str:
-        base = name = _clean(text) or what[:-1]
-        count = 1
-        while name in self.taken[what]:
-            count += 1
-            name = f"{base}_{count}"
+        name = numbered_name(_clean(text) or what[:-1], self.taken[what])
         self.taken[what].add(name)
         return name
 

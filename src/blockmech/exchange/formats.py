@@ -9,14 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, wraps
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import IO, Any, Generic, NamedTuple, TypeVar
 
 from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError, close_match, listed, refused, shown
 from blockmech.exchange.drawn_linkage import Drawing
+from blockmech.files import writing
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 from blockmech.units import number_in, units_of
@@ -66,7 +67,7 @@ class Writer(NamedTuple):
 
     about : what it is, in a few words
     suffixes : ends of file names, the usual one first
-    write : (order, path) -> the files that were written
+    write : (order, path) -> the files that were written, e.g. by `one_file`
     options : what it takes beside outputs and poses: name -> what that is
     """
 
@@ -74,6 +75,18 @@ class Writer(NamedTuple):
     suffixes: tuple[str, ...]
     write: Callable[[Order, Path], list[Path]]
     options: Mapping[str, str] = {}
+
+
+def one_file(fill: Callable[[Order, IO[bytes]], Any]) -> Callable[[Order, Path], list[Path]]:
+    """The ``write`` of a format of one file, from what fills its stream; whole or not at all."""
+
+    @wraps(fill)
+    def write(order: Order, path: Path) -> list[Path]:
+        with writing(path) as stream:
+            fill(order, stream)
+        return [path]
+
+    return write
 
 
 class Reader(NamedTuple):

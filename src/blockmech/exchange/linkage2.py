@@ -23,6 +23,7 @@ from blockmech.errors import listed
 from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Slot, Wheels, direction
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import number, wrong, xml_of
+from blockmech.values import numbered_name
 
 RPM = math.tau / 60
 ROOM = 9e-4  # by which Linkage keeps the diameter of an arc above the distance of its limits
@@ -115,11 +116,7 @@ def _connector(
 def _link(raw: Element, where: str, scale: float, drawing: Drawing) -> None:
     points = [str(x.get("id")) for x in raw.findall("connector")]
     points = [p for p in dict.fromkeys(points) if p in drawing.points]
-    base = name = f"link_{raw.get('id')}"
-    count = 1
-    while name in drawing.links:
-        count += 1
-        name = f"{base}_{count}"
+    name = numbered_name(f"link_{raw.get('id')}", drawing.links)
     if raw.find("fastenconnector") is not None or raw.find("fastenlink") is not None:
         drawing.note(f"{name} is fastened to another part: that was left out")
     if _is(raw, "actuator") and len(points) == 2:

@@ -6,18 +6,18 @@ what each is, ``x.status`` which samples have an answer.
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import IO
 
 import numpy as np
 
 from blockmech.exchange.c.program import Names
-from blockmech.exchange.formats import Order, Writer
-from blockmech.files import writing
+from blockmech.exchange.formats import Order, Writer, one_file
 
 LONGEST = 31  # signs of a field's name in version 5
 
 
-def write_mat(order: Order, path: Path) -> list[Path]:
+@one_file
+def write_mat(order: Order, stream: IO[bytes]) -> None:
     """One variable ``run``, a structure."""
     from scipy.io import savemat
 
@@ -35,9 +35,7 @@ def write_mat(order: Order, path: Path) -> list[Path]:
         "units": {fields[n]: "s" if n == "time" else result.output(n).unit for n in arrays},
         "status": np.array(result.quality.status, object),
     }
-    with writing(path) as stream:
-        savemat(stream, {"run": whole}, oned_as="column", long_field_names=True)
-    return [path]
+    savemat(stream, {"run": whole}, oned_as="column", long_field_names=True)
 
 
 WRITER = Writer("MATLAB and Octave: the arrays of a run", (".mat",), write_mat)

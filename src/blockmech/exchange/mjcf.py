@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
@@ -23,8 +22,7 @@ import numpy as np
 from blockmech.compiled import Compiled
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import listed, printable, refused
-from blockmech.exchange.formats import Order, Writer
-from blockmech.files import writing
+from blockmech.exchange.formats import Order, Writer, one_file
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes.forward import guide_direction
 from blockmech.passes.homotopy import schedule
@@ -189,17 +187,9 @@ def _xyz(z: complex) -> str:
     return f"{x!r} {y!r} 0"
 
 
-def write_mjcf(order: Order, path: Path) -> list[Path]:
-    """One XML file."""
-    text = Model(order).text()
-    with writing(path) as stream:
-        stream.write(text.encode())
-    return [path]
-
-
 WRITER = Writer(
     "MuJoCo: bodies, hinges, slides and loops",
     (".xml", ".mjcf"),
-    write_mjcf,
+    one_file(lambda order, stream: stream.write(Model(order).text().encode())),
     {"step": "[s] of its integration; default 1e-4"},
 )

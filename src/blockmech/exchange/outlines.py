@@ -11,15 +11,14 @@ from __future__ import annotations
 import cmath
 import math
 import re
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 from blockmech.errors import printable, refused
-from blockmech.exchange.formats import Order, Writer
-from blockmech.files import writing
+from blockmech.exchange.formats import Order, Writer, one_file
 from blockmech.model.structure import JointRef
+from blockmech.values import numbered_name
 
 MM = 1e3
 OPTIONS = {
@@ -156,12 +155,8 @@ def _layers(shapes: dict[str, list[Shape]]) -> dict[str, str]:
     """Names that R12 takes, each once."""
     layers: dict[str, str] = {}
     for link in shapes:
-        base = name = re.sub(r"[^A-Z0-9_$-]", "_", link.upper())[:28] or "LINK"
-        count = 1
-        while name in layers.values():
-            count += 1
-            name = f"{base}_{count}"
-        layers[link] = name
+        name = re.sub(r"[^A-Z0-9_$-]", "_", link.upper())[:28] or "LINK"
+        layers[link] = numbered_name(name, layers.values())
     return layers
 
 
@@ -212,19 +207,10 @@ def _element(shape: Shape) -> str:
     return f'<path d="M {at(a)} A {r!r} {r!r} 0 {large} 0 {at(b)}"/>'
 
 
-def write_dxf(order: Order, path: Path) -> list[Path]:
-    """One file of R12 text."""
-    with writing(path) as stream:
-        stream.write(dxf(outlines(order)).encode("ascii"))
-    return [path]
+def _writer(about: str, suffix: str, text: Callable[[dict[str, list[Shape]]], str]) -> Writer:
+    write = one_file(lambda order, stream: stream.write(text(outlines(order)).encode("ascii")))
+    return Writer(about, (suffix,), write, OPTIONS)
 
 
-def write_svg(order: Order, path: Path) -> list[Path]:
-    """One picture."""
-    with writing(path) as stream:
-        stream.write(svg(outlines(order)).encode())
-    return [path]
-
-
-DXF = Writer("outlines of the links to scale, R12, mm", (".dxf",), write_dxf, OPTIONS)
-SVG = Writer("outlines of the links to scale, mm", (".svg",), write_svg, OPTIONS)
+DXF = _writer("outlines of the links to scale, R12, mm", ".dxf", dxf)
+SVG = _writer("outlines of the links to scale, mm", ".svg", svg)

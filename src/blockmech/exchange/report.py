@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Iterable, Mapping
-from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -19,9 +18,8 @@ from blockmech.draw.curves import abscissa, chosen_panels
 from blockmech.draw.mechanism import draw_mechanism
 from blockmech.draw.panels import draw_panels
 from blockmech.draw.paper import image
-from blockmech.exchange.formats import Order, Writer
+from blockmech.exchange.formats import Order, Writer, one_file
 from blockmech.exchange.page.files import samples_of, wanted_of
-from blockmech.files import refuse_spared, writing
 from blockmech.model.parameters import parameters_of
 from blockmech.result import Result
 
@@ -50,7 +48,8 @@ def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     return f"<table><thead>{line('th', head)}</thead><tbody>{body}</tbody></table>"
 
 
-def write_report(order: Order, path: Path) -> list[Path]:
+@one_file
+def write_report(order: Order, stream: IO[bytes]) -> None:
     """One page; without wanted outputs it shows the drives."""
     mechanism, result = order.mechanism, order.computed
     if result is None:
@@ -83,10 +82,7 @@ def write_report(order: Order, path: Path) -> list[Path]:
         f"<style>{STYLE}</style><h1>{html.escape(title)}</h1>{head}{body}"
         f"<p>blockmech {blockmech.__version__}</p></html>\n"
     )
-    refuse_spared(path)
-    with writing(path) as stream:
-        stream.write(page.encode(errors="replace"))
-    return [path]
+    stream.write(page.encode(errors="replace"))
 
 
 def _drawing(result: Result) -> Any:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import IO
 
 from blockmech.errors import needed
-from blockmech.exchange.formats import Order, Writer
+from blockmech.exchange.formats import Order, Writer, one_file
 from blockmech.export import csv_chunks, json_chunks, write_csv
-from blockmech.files import writing
 
 
 def write_table(order: Order, path: Path) -> list[Path]:
@@ -16,12 +16,10 @@ def write_table(order: Order, path: Path) -> list[Path]:
     return [path]
 
 
-def write_json(order: Order, path: Path) -> list[Path]:
+@one_file
+def write_json(order: Order, stream: IO[bytes]) -> None:
     """The result as JSON."""
-    with writing(path) as stream:
-        for chunk in json_chunks(order.result()):
-            stream.write(chunk.encode())
-    return [path]
+    stream.writelines(chunk.encode() for chunk in json_chunks(order.result()))
 
 
 def write_npz(order: Order, path: Path) -> list[Path]:
@@ -30,13 +28,11 @@ def write_npz(order: Order, path: Path) -> list[Path]:
     return [path]
 
 
-def write_parquet(order: Order, path: Path) -> list[Path]:
+@one_file
+def write_parquet(order: Order, stream: IO[bytes]) -> None:
     """A column for each component. Raises `MissingEngineError` without pandas or pyarrow."""
     needed("pyarrow", "parquet", "study")
-    frame = order.result().to_dataframe()
-    with writing(path) as stream:
-        frame.to_parquet(stream)
-    return [path]
+    order.result().to_dataframe().to_parquet(stream)
 
 
 CSV = Writer("table of a run as text", (".csv",), write_table)

@@ -7,13 +7,11 @@ texts are never formulas.
 from __future__ import annotations
 
 import math
-from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from blockmech.errors import needed, printable
-from blockmech.exchange.formats import Order, Writer
+from blockmech.exchange.formats import Order, Writer, one_file
 from blockmech.export import columns
-from blockmech.files import writing
 from blockmech.result import Result
 
 LONGEST = 1_048_000  # rows of a sheet
@@ -87,13 +85,11 @@ def _chart(openpyxl: Any, sheet: Any, result: Result, wanted: list[int]) -> Any:
     return chart
 
 
-def write_xlsx(order: Order, path: Path) -> list[Path]:
+@one_file
+def write_xlsx(order: Order, stream: IO[bytes]) -> None:
     """A workbook of the wanted outputs."""
     needed("openpyxl.chart", "xlsx", "office")
-    book = workbook(order.result())
-    with writing(path) as stream:
-        book.save(stream)
-    return [path]
+    workbook(order.result()).save(stream)
 
 
 WRITER = Writer("workbook of a run, with units and a chart", (".xlsx",), write_xlsx)

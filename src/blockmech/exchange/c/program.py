@@ -14,6 +14,8 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.resources import files
+from importlib.resources.abc import Traversable
 from typing import Any
 
 import numpy as np
@@ -33,6 +35,7 @@ from blockmech.quality import WORDS
 from blockmech.runnable import EVERYTHING
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
+from blockmech.values import numbered_name
 
 VECTORS = 24  # poses of the test program
 INPUTS = {"q": ("q", ""), "qd": ("rate", "/s"), "qdd": ("acceleration", "/s2")}
@@ -213,56 +216,29 @@ class CProgram:
     @property
     def header(self) -> str:
         """Text of ``NAME.h``."""
-        me, guard = self.name, f"{self.name.upper()}_H"
         title = getattr(self.mechanism.document, "title", "") or self.mechanism.name
         how = ", ".join(f"{k} {v}" for k, v in self._settings.items() if v) or "friction newton"
-        left = [f"   Left out, as figures of a whole run: {_comment(listed(self.left_out))}."]
-        reasons = ", ".join(f"{i} {word}" for i, word in enumerate(WORDS))
-        about = [
-            f"/* {_comment(title)}",
-            f"   Written by blockmech {blockmech.__version__} ({_comment(how)}). SI, radians.",
-            "",
-            f"   cc {FLAGS} -c {me}.c     (link with -lm)",
-            f"   cc {FLAGS} {me}.c {me}_test.c -lm -o {me}_test && ./{me}_test",
-            "",
-            "   With -ffp-contract=off the numbers are those of blockmech to the last bit where",
-            "   sin, cos and atan2 are the same. No heap, no static data that change.",
-            f"   {me}() returns {reasons};",
-            "   where it is not 0, outputs that have no value are not finite.",
-            *(left if self.left_out else []),
-            "*/",
-        ]
-        lines = [
-            *about,
-            f"#ifndef {guard}",
-            f"#define {guard}",
-            "",
-            "#ifdef __cplusplus",
-            'extern "C" {',
-            "#endif",
-            "",
-            f"typedef {self.real} {me}_real;",
-            "#define real " + f"{me}_real",
-            *_struct(f"{me}_parameters", self.parameters),
-            *_struct(f"{me}_inputs", self.inputs),
-            *_struct(f"{me}_outputs", self.outputs.values()),
-            "#undef real",
-            "",
-            f"extern const {me}_parameters {me}_defaults;",
-            "",
-            f"int {me}(const {me}_parameters *p, const {me}_inputs *in, {me}_outputs *out);",
-            "",
-            "#ifdef __cplusplus",
-            "}",
-            "#endif",
-            "#endif",
-        ]
-        return "\n".join(lines) + "\n"
+        left = f"   Left out, as figures of a whole run: {_comment(listed(self.left_out))}.\n"
+        empty = "    real unused; /* C has no empty struct */"
+        return filled(
+            files(__package__) / "program.h",
+            NAME=self.name,
+            GUARD=f"{self.name.upper()}_H",
+            TITLE=_comment(title),
+            VERSION=blockmech.__version__,
+            HOW=_comment(how),
+            FLAGS=FLAGS,
+            REASONS=", ".join(f"{i} {word}" for i, word in enumerate(WORDS)),
+            LEFTOUT=left if self.left_out else "",
+            REAL=self.real,
+            PARAMETERS="\n".join(x.declared for x in self.parameters) or empty,
+            INPUTS="\n".join(x.declared for x in self.inputs) or empty,
+            OUTPUTS="\n".join(x.declared for x in self.outputs.values()) or empty,
+        )
 
     @property
     def source(self) -> str:
         """Text of ``NAME.c``."""
-        me = self.name
         made, body = self._statements
         suffix = "f" if self.real == FLOAT else ""
         calls = {"FABS": "fabs"} | {x.upper(): x for x in ("sqrt", "sin", "cos", "exp", "pow")}
@@ -271,116 +247,57 @@ class CProgram:
         defines = [f"#define {a} {b}{suffix}" for a, b in calls.items() if f"{a}(" in text]
         if "ROUNDING" in text:
             defines.append(f"#define ROUNDING {'FLT' if suffix else 'DBL'}_EPSILON")
-        unused = [x for x in ("p", "in") if f"{x}->" not in body]
-        lines = [
-            f"/* {me}.c: see {me}.h */",
-            f'#include "{me}.h"',
-            "#include <float.h>",
-            "#include <math.h>",
-            "",
-            "#ifdef __clang__",
-            "#pragma STDC FP_CONTRACT OFF",
-            "#endif",
-            "",
-            f"typedef {me}_real real;",
-            *defines,
-            "",
-            f"const {me}_parameters {me}_defaults = {{",
-            *(self._default(member) for member in self.parameters),
-            *(["    0,"] if not self.parameters else []),
-            "};",
-            *self._tables(text),
-            made.helpers(),
-            f"int {me}(const {me}_parameters *p, const {me}_inputs *in, {me}_outputs *out)",
-            "{",
-            body.rstrip("\n"),
-            *(f"    (void){x};" for x in unused),
-            *(
-                f"    out->{member.name} = {made.name(self._results[name])};"
-                for name, member in self.outputs.items()
-            ),
-            f"    return (int)({made.name(self._status)});",
-            "}",
+        tables = [
+            f"static const real table{k}[] = {{{self._row(table)}}};\n"
+            for k, table in enumerate(self._trace.tables)
+            if re.search(rf"\btable{k}\b", text)
         ]
-        return "\n".join(lines) + "\n"
+        values = ((self._row(x.numbers), x.is_array) for x in self.parameters)
+        unused = [f"    (void){x};" for x in ("p", "in") if f"{x}->" not in body]
+        results = (
+            f"    out->{x.name} = {made.name(self._results[n])};" for n, x in self.outputs.items()
+        )
+        return filled(
+            files(__package__) / "program.c",
+            NAME=self.name,
+            DEFINES="".join(f"{line}\n" for line in defines),
+            DEFAULTS="\n".join(f"    {{{x}}}," if many else f"    {x}," for x, many in values)
+            or "    0,",
+            TABLES="".join(tables),
+            HELPERS=made.helpers(),
+            BODY="\n".join([body.rstrip("\n"), *unused, *results]),
+            WORD=made.name(self._status),
+        )
 
-    def _default(self, member: Member) -> str:
-        numbers = ", ".join(literal(x, self.real) for x in member.numbers)
-        return f"    {{{numbers}}}," if member.is_array else f"    {numbers},"
-
-    def _tables(self, text: str) -> Iterator[str]:
-        for k, table in enumerate(self._trace.tables):
-            if re.search(rf"\btable{k}\b", text):
-                numbers = ", ".join(literal(x, self.real) for x in table)
-                yield f"static const real table{k}[] = {{{numbers}}};"
+    def _row(self, numbers: Iterable[float]) -> str:
+        return ", ".join(literal(x, self.real) for x in numbers)
 
     def test(self, samples: Samples) -> str:
         """Text of ``NAME_test.c``: what blockmech has for some samples."""
-        me = self.name
-        given = samples.given(self.plan.program.inputs)
-        values, _ = self.mechanism.evaluate(self.plan, samples)
         from blockmech.result import Result
 
+        given = samples.given(self.plan.program.inputs)
+        values, _ = self.mechanism.evaluate(self.plan, samples)
         result = Result(self.mechanism, self.plan, samples, values, "", {"friction": "newton"})
-        rows = [
-            tuple(float(np.ravel(given[name])[i]) for name in self.plan.program.inputs)
-            for i in range(samples.n)
-        ]
+        columns = [np.ravel(given[name]).tolist() for name in self.plan.program.inputs]
         wanted = np.stack([self.column(result, name) for name in self.outputs], axis=1)
         allowed = TOLERANCES[self.real] * self._scales(wanted)
-        words = [WORDS.index(word) for word in result.quality.status]
-        m, k = len(self.outputs), len(self.inputs)
-
-        def table(rows: Iterable[Iterable[float]]) -> list[str]:
-            return [f"    {{{', '.join(literal(x, self.real) for x in row)}}}," for row in rows]
-
-        members = ", ".join(f"out.{x.name}" for x in self.outputs.values())
-        taken = ", ".join(f"given[i][{j}]" for j in range(k)) or "0"
-        lines = [
-            f"/* {me}_test.c: the answers of blockmech for poses of the mechanism's range */",
-            f'#include "{me}.h"',
-            "#include <math.h>",
-            "#include <stdio.h>",
-            "",
-            f"typedef {me}_real real;",
-            f"static const real given[{samples.n}][{max(k, 1)}] = {{",
-            *(table(rows) if k else ["    {0},"]),
-            "};",
-            f"static const real expected[{samples.n}][{m}] = {{",
-            *table(wanted.tolist()),
-            "};",
-            f"static const real allowed[{m}] = {{",
-            *(f"    {literal(x, self.real)}," for x in allowed.tolist()),
-            "};",
-            f"static const int words[{samples.n}] = {{{', '.join(map(str, words))}}};",
-            "",
-            "int main(void)",
-            "{",
-            "    int wrong = 0;",
-            f"    for (int i = 0; i < {samples.n}; ++i) {{",
-            f"        const {me}_inputs in = {{{taken}}};",
-            f"        {me}_outputs out;",
-            f"        const int word = {me}(&{me}_defaults, &in, &out);",
-            f"        const real found[{m}] = {{{members}}};",
-            "        if (word != words[i]) {",
-            '            printf("pose %d: returns %d, expected %d\\n", i, word, words[i]);',
-            "            ++wrong;",
-            "            continue;",
-            "        }",
-            f"        for (int j = 0; word == 0 && j < {m}; ++j)",
-            "            if (isfinite(expected[i][j]) &&",
-            "                !(fabs((double)found[j] - (double)expected[i][j]) <= "
-            "(double)allowed[j])) {",
-            '                printf("pose %d, output %d: %.17g, expected %.17g\\n", i, j,',
-            "                       (double)found[j], (double)expected[i][j]);",
-            "                ++wrong;",
-            "            }",
-            "    }",
-            f'    printf("{me}: %d of {samples.n} poses x {m} outputs differ\\n", wrong);',
-            "    return wrong != 0;",
-            "}",
-        ]
-        return "\n".join(lines) + "\n"
+        poses, k = range(samples.n), len(self.inputs)
+        return filled(
+            files(__package__) / "program_test.c",
+            NAME=self.name,
+            POSES=str(samples.n),
+            WIDTH=str(max(k, 1)),
+            COUNT=str(len(self.outputs)),
+            GIVEN="\n".join(f"    {{{self._row([x[i] for x in columns])}}}," for i in poses)
+            if k
+            else "    {0},",
+            EXPECTED="\n".join(f"    {{{self._row(row)}}}," for row in wanted.tolist()),
+            ALLOWED="\n".join(f"    {literal(x, self.real)}," for x in allowed.tolist()),
+            WORDS=", ".join(str(WORDS.index(word)) for word in result.quality.status),
+            TAKEN=", ".join(f"given[i][{j}]" for j in range(k)) or "0",
+            MEMBERS=", ".join(f"out.{x.name}" for x in self.outputs.values()),
+        )
 
     def _scales(self, wanted: Any) -> Any:
         """The largest number among all outputs of the same unit: others may be rounding alone."""
@@ -420,13 +337,14 @@ class Names:
 
     def fresh(self, text: str) -> str:
         """A C name like a text, of its own."""
-        base = name = identifier(text)
-        count = 1
-        while name in self._taken:
-            count += 1
-            name = f"{base}_{count}"
+        name = numbered_name(identifier(text), self._taken)
         self._taken.add(name)
         return name
+
+
+def filled(template: Traversable, **texts: str) -> str:
+    """A file whose words @NAME@ are replaced by the texts of these names, each looked at once."""
+    return re.sub("@([A-Z]+)@", lambda word: texts[word[1]], template.read_text("utf-8"))
 
 
 def identifier(text: str) -> str:
@@ -461,11 +379,3 @@ def _of_value(name: str, value: Any, taken: Names) -> Iterator[Member]:
             yield Member(taken.fresh(f"{name}_{part}"), "", (float(x),))
     else:
         yield Member(taken.fresh(name), "", (float(value),))
-
-
-def _struct(name: str, members: Iterable[Member]) -> Iterator[str]:
-    lines = [member.declared for member in members]
-    yield ""
-    yield "typedef struct {"
-    yield from lines or ["    real unused; /* C has no empty struct */"]
-    yield f"}} {name};"

@@ -10,7 +10,6 @@ Sources: Functional Mock-up Interface 2.0 and 3.0, Modelica Association, 2014 an
 
 from __future__ import annotations
 
-import io
 import math
 import platform
 import shutil
@@ -21,15 +20,14 @@ import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import blockmech
 from blockmech.errors import printable, refused, shown
-from blockmech.exchange.c.program import CProgram
+from blockmech.exchange.c.program import CProgram, filled
 from blockmech.exchange.fmu.states import States
-from blockmech.exchange.formats import Order, Writer
-from blockmech.files import writing
+from blockmech.exchange.formats import Order, Writer, one_file
 from blockmech.runnable import EVERYTHING
 
 COMPILERS = ("cc", "gcc", "clang")
@@ -127,7 +125,7 @@ class Unit:
 
     def sources(self) -> dict[str, str]:
         """The texts in C, by the names of their files."""
-        p, here = self.program, files("blockmech.exchange.fmu")
+        p, here = self.program, files(__package__)
         interface = f"fmi{self.fmi}.c"
         own = (here / interface).read_text("utf-8")
         return {f"{p.name}.h": p.header, f"{p.name}.c": p.source} | {
@@ -187,10 +185,7 @@ class Unit:
             "READS": _row(int(x.reads) for x in states.discrete),
             "STEP": repr(self.step),
         }
-        text = (files("blockmech.exchange.fmu") / "unit.h").read_text("utf-8")
-        for word, content in texts.items():
-            text = text.replace(f"@{word}@", content)
-        return text
+        return filled(files(__package__) / "unit.h", **texts)
 
     def _attributes(self) -> Iterator[dict[str, str]]:
         """Attributes of each variable."""
@@ -320,23 +315,20 @@ def binary(sources: Mapping[str, str], name: str, fmi: str) -> tuple[str, bytes]
         return f"binaries/{place}/{name}{suffix}", made.read_bytes()
 
 
-def write_fmu(order: Order, path: Path) -> list[Path]:
+@one_file
+def write_fmu(order: Order, stream: IO[bytes]) -> None:
     """One file ``.fmu``: description, sources, and the binary if a C compiler is at hand."""
     unit = Unit(order)
     sources = unit.sources()
     made = binary(sources, unit.program.name, unit.fmi)
     if unit.fmi == "3":
         sources |= {"buildDescription.xml": unit.build_description()}
-    packed = io.BytesIO()
-    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("modelDescription.xml", unit.description())
         for file, text in sources.items():
             archive.writestr(f"sources/{file}", text)
         if made is not None:
             archive.writestr(*made)
-    with writing(path) as stream:
-        stream.write(packed.getvalue())
-    return [path]
 
 
 WRITER = Writer(
