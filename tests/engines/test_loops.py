@@ -16,7 +16,7 @@ from blockmech.engines import loops, stages
 from blockmech.engines.assembly import Text, piece
 from blockmech.engines.loops import Counts, Reals
 from blockmech.engines.nodes import SAMPLE
-from blockmech.engines.spread import Lanes, spread
+from blockmech.engines.singular_values import Lanes, spread
 from blockmech.engines.trace import Trace, solve
 from tests.gallery import mechanism
 

@@ -55,7 +55,7 @@ def stephenson(lengths, pins, at, crank, pivots, home=4.0, mode=0):
 
 
 def overturned():
-    """Two arcs longer than a turn; see `tests.modes.test_connection`."""
+    """Two arcs longer than a turn; see `tests.modes.test_circuits`."""
     return stephenson(
         [1.62, 1.12, 2.75], [0, 0.52 + 0.12j, 0.69 + 0.86j], 0, 1.6, [0.61 + 0.97j, 0.91 - 1.74j]
     )

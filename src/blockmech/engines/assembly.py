@@ -27,7 +27,7 @@ from typing import Any
 
 from blockmech.engines.loops import Reals, text
 from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, is_truth, needed
-from blockmech.engines.spread import Lanes, spread
+from blockmech.engines.singular_values import Lanes, spread
 
 LANES = 8  # one vector register of the widest processors; LLVM splits it on others
 ARITHMETIC = {"+": "fadd", "-": "fsub", "*": "fmul", "/": "fdiv", "fmod": "frem"}

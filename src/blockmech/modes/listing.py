@@ -23,8 +23,8 @@ from blockmech.blocks.modes import Mode, branches, dyad_modes
 from blockmech.errors import Problem, RequestError, among, refused
 from blockmech.model.joints.layout import Pose
 from blockmech.model.structure import JointRef, LinkRef
+from blockmech.modes.circuits import CHECKS, Connections, connect
 from blockmech.modes.closing import NEAR, triad_modes
-from blockmech.modes.connection import CHECKS, Connections, connect
 from blockmech.modes.file_pose import FilePose, Places, file_poses
 from blockmech.modes.groups import Outline, outline
 from blockmech.modes.report import (

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from blockmech.errors import RequestError
+from blockmech.modes.circuits import connect
 from blockmech.modes.closing import triad_modes
-from blockmech.modes.connection import connect
 from blockmech.modes.triad import Triad
 from tests.modes import chance
 from tests.modes.exact import count_exactly
