@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import html
 from collections.abc import Iterable, Mapping
+from importlib.resources import files
+from string import Template
 from typing import IO, Any
 
 import numpy as np
@@ -25,17 +27,6 @@ from blockmech.result import Result
 
 ROWS = 13  # of the table: every 30 degrees of a turn
 POSES = 4  # in the drawing
-STYLE = """
-body { font: 15px/1.45 system-ui, "DejaVu Sans", sans-serif; color: #1a1a1a; max-width: 900px;
-  margin: 24px auto; padding: 0 16px }
-h1 { font-size: 24px; margin: 0 } h2 { font-size: 17px; margin: 28px 0 6px; break-after: avoid }
-img { max-width: 100%; display: block; margin: auto } section, tr, img { break-inside: avoid }
-table { border-collapse: collapse; font-size: 12px; font-variant-numeric: tabular-nums }
-th, td { text-align: right; padding: 2px 10px; border-bottom: 1px solid #ddd }
-th:first-child, td:first-child { text-align: left } th { font-weight: 600 }
-.numbers { columns: 2; column-gap: 32px } .numbers table { width: 100% } pre { font-size: 11px;
-  white-space: pre-wrap } @page { margin: 16mm } @media print { body { margin: 0 } }
-"""
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -77,10 +68,8 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
         f"<section>{f'<h2>{name}</h2>' if name else ''}{part}</section>"
         for name, part in parts.items()
     )
-    page = (
-        f"<!DOCTYPE html><html lang=en><meta charset=utf-8><title>{html.escape(title)}</title>"
-        f"<style>{STYLE}</style><h1>{html.escape(title)}</h1>{head}{body}"
-        f"<p>blockmech {blockmech.__version__}</p></html>\n"
+    page = Template((files(__package__) / "report.html").read_text("utf-8")).substitute(
+        title=html.escape(title), head=head, body=body, version=blockmech.__version__
     )
     stream.write(page.encode(errors="replace"))
 
