@@ -145,9 +145,9 @@ class Several(Facts, Report):
 
 @dataclass(frozen=True)
 class Output:
-    """The way of output that was asked for; without one a table, and nothing is written.
+    """The kind of output that was asked for; without one a table, and nothing is written.
 
-    Raises `RequestError` for ways that do not go together.
+    Raises `RequestError` for kinds that exclude each other.
     """
 
     json: Annotated[bool, switch("json", "Print the result as JSON.")] = False
