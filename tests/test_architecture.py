@@ -33,6 +33,7 @@ ROOMS = (
     "validation_errors",
     "values",
     "series",
+    "motion",
     "assur",
     "friction",
     "blocks",

@@ -248,3 +248,40 @@ def left_undone(residual: Any, contraction: Any) -> Any:
 def at_most_one(margin: Any) -> Any:
     """A margin [-] without the last bit by which rounding may pass its bound, 1."""
     return np.minimum(margin, 1.0)
+
+
+@dataclass(frozen=True)
+class Accuracy(Facts):
+    """What was chosen for a wanted accuracy, and the error that it is estimated to have.
+
+    Attributes
+    ----------
+    target : wanted error [- or rad]
+    estimate : estimated error of the worst output at the worst sample
+    friction, iterations, precision : the settings taken
+    why : the reason in words
+    """
+
+    FACTS = ("target", "estimate", "friction", "iterations", "precision", "why", "reached")
+
+    target: float
+    estimate: float
+    friction: str
+    iterations: int | None
+    precision: str
+    why: str
+
+    @property
+    def reached(self) -> bool:
+        """Whether the estimate is within the target."""
+        return self.estimate <= self.target
+
+    def __str__(self) -> str:
+        method = f"friction {self.friction}"
+        if self.iterations is not None:
+            method += f", {self.iterations} iterations"
+        reached = "" if self.reached else "; accuracy not reached"
+        return (
+            f"accuracy {self.target:.1g}: {method}, {self.precision}; "
+            f"estimated error {self.estimate:.1g}, {self.why}{reached}"
+        )

@@ -15,6 +15,7 @@ from blockmech.arguments import declared
 from blockmech.engines.numpy import Planar, Whole
 from blockmech.errors import held, listed, refused
 from blockmech.export import Exported
+from blockmech.motion import Motion
 from blockmech.plan import Output, Plan
 from blockmech.quality import OK, Flag, Quality, assess
 from blockmech.report import DEGREES, places
@@ -38,8 +39,6 @@ class Result(Exported, Generic[M]):
     instead = "draw.plot draws its outputs; the mechanism is its .mechanism"
 
     mechanism: M  # a `Compiled`, which makes results
-    motion: Any  # of a simulation: how it moved, its events and its error
-    accuracy: Any  # of a run to an accuracy: what was chosen
     _planned: tuple[tuple[str, ...], Mapping[str, tuple[int, ...]]]  # of an unpickled one
 
     def __init__(
@@ -50,7 +49,7 @@ class Result(Exported, Generic[M]):
         values: tuple[Any, ...],
         engine: str,
         settings: Mapping[str, Any],
-        motion: Any = None,
+        motion: Motion | None = None,
     ) -> None:
         self.mechanism = mechanism
         self.plan = plan

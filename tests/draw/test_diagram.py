@@ -101,8 +101,8 @@ def test_every_wire_runs_from_its_marker_to_its_port(drawn):
     ports = {str(a.get_label()).split(":", 1)[1] for a in labelled(drawn, "port:")}
     arrows = {str(a.get_label()).split(":", 1)[1]: a for a in labelled(drawn, "back:")}
     for i, found in enumerate(drawn.content.wires):
-        route, (source, marker, target, port) = drawn.placed.routes[i], found.ends
-        assert (route[0], route[-1]) == drawn.placed.ends(i)
+        way, (source, marker, target, port) = drawn.placed.ways[i], found.ends
+        assert (way[0], way[-1]) == drawn.placed.ends(i)
         assert f"{target}.{port}" in ports
         if i not in drawn.placed.made.backward:
             assert f"{source}.{marker} -> {target}.{port}" in arrows

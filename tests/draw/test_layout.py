@@ -1,4 +1,4 @@
-"""Places of a block diagram: layers, order, rows and routes of the wires."""
+"""Places of a block diagram: layers, order, rows and ways of the wires."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def random_diagram(seed: int) -> tuple[list[Box], list[Ends]]:
     return boxes, wires
 
 
-def pieces(route: list[Point]) -> list[tuple[Point, Point]]:
-    return [(a, b) for a, b in itertools.pairwise(route) if a != b]
+def pieces(way: list[Point]) -> list[tuple[Point, Point]]:
+    return [(a, b) for a, b in itertools.pairwise(way) if a != b]
 
 
 def lie_on_each_other(one: tuple[Point, Point], other: tuple[Point, Point]) -> bool:
@@ -55,7 +55,7 @@ def lie_on_each_other(one: tuple[Point, Point], other: tuple[Point, Point]) -> b
 def crossings(placed: Placed) -> int:
     """Number of crossings of wires."""
     count = 0
-    for one, other in itertools.combinations(placed.routes.values(), 2):
+    for one, other in itertools.combinations(placed.ways.values(), 2):
         for (a, b), (c, d) in itertools.product(pieces(one), pieces(other)):
             flat, upright = ((a, b), (c, d)) if a[1] == b[1] else ((c, d), (a, b))
             xs, ys = sorted(p[0] for p in flat), sorted(p[1] for p in upright)
@@ -80,14 +80,14 @@ def test_in_random_diagrams_nothing_overlaps_and_wires_end_on_ports(seed):
         apart_y = one.y + one.height < other.y or other.y + other.height < one.y
         assert apart_x or apart_y
     for i, wire in enumerate(wires):
-        route = placed.routes[i]
+        way = placed.ways[i]
         source, target = placed.boxes[wire.source], placed.boxes[wire.target]
-        assert (route[0], route[-1]) == placed.ends(i)
-        assert route[0][0] == pytest.approx(source.x + source.width, abs=TOLERANCE)
-        assert route[-1][0] == pytest.approx(target.x, abs=TOLERANCE)
-        assert source.y < route[0][1] < source.y + source.height
-        assert target.y < route[-1][1] < target.y + target.height
-        for (x1, y1), (x2, y2) in pieces(route):
+        assert (way[0], way[-1]) == placed.ends(i)
+        assert way[0][0] == pytest.approx(source.x + source.width, abs=TOLERANCE)
+        assert way[-1][0] == pytest.approx(target.x, abs=TOLERANCE)
+        assert source.y < way[0][1] < source.y + source.height
+        assert target.y < way[-1][1] < target.y + target.height
+        for (x1, y1), (x2, y2) in pieces(way):
             assert abs(x1 - x2) < TOLERANCE or abs(y1 - y2) < TOLERANCE, "right angles only"
             for r in placed.boxes.values():
                 outside_x = (
@@ -95,7 +95,7 @@ def test_in_random_diagrams_nothing_overlaps_and_wires_end_on_ports(seed):
                 )
                 outside_y = max(y1, y2) <= r.y or min(y1, y2) >= r.y + r.height
                 assert outside_x or outside_y, f"wire {wire} runs through a box"
-    for one, other in itertools.combinations(placed.routes.values(), 2):
+    for one, other in itertools.combinations(placed.ways.values(), 2):
         for a, b in itertools.product(pieces(one), pieces(other)):
             assert not lie_on_each_other(a, b)
 

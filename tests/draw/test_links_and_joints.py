@@ -10,7 +10,7 @@ from blockmech.draw.curves import pictures_of
 from blockmech.draw.diagram import draw_diagram
 from blockmech.draw.mechanism import draw_mechanism, paths_of
 from blockmech.draw.motion import moves
-from blockmech.draw.shapes import Stage, drive_arrows
+from blockmech.draw.shapes import Stage, drive_ways
 from blockmech.draw.sketch import sketch_of
 from blockmech.errors import RequestError
 from tests.model.documents import DOCUMENTS, flipped, linkage
@@ -56,7 +56,7 @@ def test_an_arrow_shows_where_the_driven_link_goes_however_its_joint_is_named(cr
     for mechanism in (crank.compile(), other.compile()):
         motion = moves(mechanism, samples=5)
         stage = Stage(sketch_of(motion), motion, 0.01)
-        ways.append(drive_arrows(stage)["motor"][:, 1])
+        ways.append(drive_ways(stage)["motor"][:, 1])
     assert np.abs(np.subtract(*ways)).max() <= 1e-15
 
 

@@ -16,7 +16,7 @@ from blockmech.draw.labels import Crowd, Label
 from blockmech.draw.mechanism import Picture, caption, draw_mechanism, draw_tile
 from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.paper import styled
-from blockmech.draw.shapes import Stage, load_arrows
+from blockmech.draw.shapes import Stage, load_ways
 from blockmech.draw.sketch import hull, sketch_of
 from blockmech.export import table
 from blockmech.report import DEGREES
@@ -74,7 +74,7 @@ def test_arrows_of_forces_end_on_the_page():
     picture = draw_mechanism(g.compile(), at=[0.0, 3.0, 1.5])
     (low, high), (bottom, top) = picture.axes.get_xlim(), picture.axes.get_ylim()
     for load in picture.stage.sketch.loads:
-        for way in load_arrows(picture.stage, load):
+        for way in load_ways(picture.stage, load):
             tip = way[-1]
             assert np.all((low < tip.real) & (tip.real < high))
             assert np.all((bottom < tip.imag) & (tip.imag < top))
@@ -166,7 +166,7 @@ def test_a_couple_turns_the_way_of_its_sign(moment):
     g.connect("dyad.j", "couple.on")
     motion = moves(g.compile(), 1.0)
     stage = Stage(sketch_of(motion), motion, 0.01)
-    ((way),) = load_arrows(stage, stage.sketch.loads[0])
+    ((way),) = load_ways(stage, stage.sketch.loads[0])
     way = way[:, 0]
     middle = sum(way) / len(way)
     turned = sum(cmath.phase((b - middle) / (a - middle)) for a, b in itertools.pairwise(way))

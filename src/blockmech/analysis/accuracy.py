@@ -25,7 +25,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,7 +44,7 @@ from blockmech.analysis.trade.derived import run_off_by_a_digit
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import COMPILED_FROM, Compiled
 from blockmech.errors import as_names, listed, refused
-from blockmech.report import Facts
+from blockmech.quality import Accuracy
 from blockmech.result import Result
 from blockmech.samples import Samples
 from blockmech.values import is_number
@@ -60,43 +60,6 @@ FRICTION = (
     *(("successive", k) for k in range(2, MOST_ITERATIONS + 1)),
 )
 """Cheaper methods than Newton's, the cheapest first."""
-
-
-@dataclass(frozen=True)
-class Accuracy(Facts):
-    """What was chosen for a wanted accuracy, and the error that it is estimated to have.
-
-    Attributes
-    ----------
-    target : wanted error [- or rad]
-    estimate : estimated error of the worst output at the worst sample
-    friction, iterations, precision : the settings taken
-    why : the reason in words
-    """
-
-    FACTS = ("target", "estimate", "friction", "iterations", "precision", "why", "reached")
-
-    target: float
-    estimate: float
-    friction: str
-    iterations: int | None
-    precision: str
-    why: str
-
-    @property
-    def reached(self) -> bool:
-        """Whether the estimate is within the target."""
-        return self.estimate <= self.target
-
-    def __str__(self) -> str:
-        method = f"friction {self.friction}"
-        if self.iterations is not None:
-            method += f", {self.iterations} iterations"
-        reached = "" if self.reached else "; accuracy not reached"
-        return (
-            f"accuracy {self.target:.1g}: {method}, {self.precision}; "
-            f"estimated error {self.estimate:.1g}, {self.why}{reached}"
-        )
 
 
 class Probe(NamedTuple):

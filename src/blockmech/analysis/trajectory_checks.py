@@ -17,6 +17,7 @@ import numpy as np
 from blockmech.analysis.evidence import Evidence, Residual
 from blockmech.analysis.free_bodies import Array
 from blockmech.dynamics.loads import largest_length
+from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.motion_outputs import result_along
 from blockmech.plane import EPS
 from blockmech.result import Result
@@ -52,14 +53,13 @@ def idle(e: Evidence) -> Iterator[Residual]:
         yield Residual("idle drive of", driver, effort * rate, e.sizes(block).power)
 
 
-def trajectory(result: Result) -> Iterator[tuple[str, float, float]]:
+def trajectory(result: Result, motion: Motion) -> Iterator[tuple[str, float, float]]:
     """For each driver: a check in words, its relative error, and what is allowed.
 
     Two states, each known to the motion's stated error, may gape by twice that; a rate may by
     as much as the coordinate does in a time of the motion.
     """
-    motion, mechanism = result.motion, result.mechanism
-    over = _stretches(result)
+    mechanism, over = result.mechanism, _stretches(result, motion)
     if not len(over.edges):
         return
     names = [mechanism.of_driver(driver, "acceleration") for driver in mechanism.drivers]
@@ -87,9 +87,9 @@ def trajectory(result: Result) -> Iterator[tuple[str, float, float]]:
             yield f"{what} of {driver}", error, allowed + ROUNDINGS * NODES * EPS
 
 
-def _stretches(result: Result) -> Stretches:
+def _stretches(result: Result, motion: Motion) -> Stretches:
     """Stretches between output times and events, each of a small move."""
-    motion, structure = result.motion, result.mechanism.structure
+    structure = result.mechanism.structure
     times = [motion.t_start, *(event.t for event in motion.events), motion.t_end]
     ends = np.unique([*(() if result.time is None else result.time), *times])
     ends = ends[np.diff(ends, prepend=-np.inf) > 1e-9 * (ends[-1] - ends[0])]  # rounded alike

@@ -199,7 +199,9 @@ def _of_result(
     t = motion.times(1) if result.time is None else result.time
     run = result_along(blocks, motion, t, EVERYTHING, **how, engine=engine, chunk=chunk)
     judged = _judged(mechanism, run.n, [(Evidence(run), (*CHECKS, idle))])
-    return replace(judged, rows=(*judged.rows, *(Check(*row) for row in trajectory(result))))
+    return replace(
+        judged, rows=(*judged.rows, *(Check(*row) for row in trajectory(result, motion)))
+    )
 
 
 def _judged(

@@ -172,7 +172,7 @@ def si_only(json: bool, degrees: bool) -> None:
 
 
 def one_of(**given: bool) -> None:
-    """Refuse two kinds of output at a time."""
+    """Refuse two ways of output at a time."""
     chosen = [f"--{name}" for name, on in given.items() if on]
     if len(chosen) > 1:
         raise refused(" ".join(chosen), "only one of them at a time", "--out writes all files")

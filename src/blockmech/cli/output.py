@@ -145,9 +145,9 @@ class Several(Facts, Report):
 
 @dataclass(frozen=True)
 class Output:
-    """The kind of output that was asked for; without one a table, and nothing is written.
+    """The way of output that was asked for; without one a table, and nothing is written.
 
-    Raises `RequestError` for kinds that exclude each other.
+    Raises `RequestError` for ways that do not go together.
     """
 
     json: Annotated[bool, switch("json", "Print the result as JSON.")] = False

@@ -66,7 +66,7 @@ class Diagram:
         given = {"fontsize": ink.SMALL, "va": "center_baseline", "color": ink.INK, "zorder": 4}
         self.labels.append(self.axes.text(x, y, text, label="text", **{**given, **style}))
 
-    def arrow(self, route: Sequence[Point], kind: str, what: str) -> None:
+    def arrow(self, way: Sequence[Point], kind: str, what: str) -> None:
         """A line with an arrowhead at its end."""
         from matplotlib.patches import FancyArrowPatch
         from matplotlib.path import Path
@@ -74,7 +74,7 @@ class Diagram:
         style: dict[str, Any] = {"arrowstyle": ARROWHEAD, "mutation_scale": 1, "lw": 1.0}
         style |= {"color": ARROWS[kind], "joinstyle": "round", "zorder": 1.8}
         style |= {"ls": DASHED} if kind == "signal" else {}
-        self.axes.add_patch(FancyArrowPatch(path=Path(route), label=f"{kind}:{what}", **style))
+        self.axes.add_patch(FancyArrowPatch(path=Path(way), label=f"{kind}:{what}", **style))
 
     def pin(self, x: float, y: float, pair: str, what: str, colour: str = ink.INK) -> None:
         """The symbol of a joint or a terminal; a marker is a dot."""
@@ -194,25 +194,25 @@ def _draw_drive(drawn: Diagram, r: Rectangle, labels: tuple[str, ...]) -> None:
 
 def _draw_wire(drawn: Diagram, i: int, wire: DrawnWire) -> None:
     source, marker, *_ = wire.ends
-    what, route = str(wire.ends), drawn.placed.routes[i]
+    what, way = str(wire.ends), drawn.placed.ways[i]
     if wire.signal:
-        drawn.arrow(shortened(route, SIZES.port), "signal", what)
+        drawn.arrow(shortened(way, SIZES.port), "signal", what)
     elif i in drawn.placed.made.backward:
-        drawn.arrow(shortened(route, SIZES.port), "cycle", what)
+        drawn.arrow(shortened(way, SIZES.port), "cycle", what)
     else:
         aside = SIZES.aside if wire.forward else 0.0
         if wire.forward:
-            drawn.arrow(shortened(shifted(route, aside), SIZES.port), "forward", what)
-        drawn.arrow(shortened(shifted(route, -aside)[::-1], SIZES.port), "back", what)
-    x, y = route[0]
+            drawn.arrow(shortened(shifted(way, aside), SIZES.port), "forward", what)
+        drawn.arrow(shortened(shifted(way, -aside)[::-1], SIZES.port), "back", what)
+    x, y = way[0]
     drawn.pin(x, y, "marker", f"marker:{source}.{marker}")
     drawn.write(x - SIZES.pad, y, shown_name(wire.word, 16), ha="right")
 
 
-def shifted(route: Sequence[Point], distance: float) -> list[Point]:
-    """A right-angled route moved to its left (seen on the page) by a distance, corners kept."""
-    moved = list(route)
-    for k, ((x1, y1), (x2, y2)) in enumerate(pairwise(route)):
+def shifted(way: Sequence[Point], distance: float) -> list[Point]:
+    """A right-angled way moved to its left (seen on the page) by a distance, corners kept."""
+    moved = list(way)
+    for k, ((x1, y1), (x2, y2)) in enumerate(pairwise(way)):
         r = math.hypot(x2 - x1, y2 - y1) or 1.0
         dx, dy = (y2 - y1) / r * distance, -(x2 - x1) / r * distance
         for i in (k, k + 1):
@@ -221,11 +221,11 @@ def shifted(route: Sequence[Point], distance: float) -> list[Point]:
     return moved
 
 
-def shortened(route: Sequence[Point], by: float) -> list[Point]:
-    """A route whose two ends stop short by a distance."""
-    cut = list(route)
+def shortened(way: Sequence[Point], by: float) -> list[Point]:
+    """A way whose two ends stop short by a distance."""
+    cut = list(way)
     for end, near in ((0, 1), (-1, -2)):
-        (x, y), (x2, y2) = route[end], route[near]
+        (x, y), (x2, y2) = way[end], way[near]
         r = math.hypot(x2 - x, y2 - y) or 1.0
         cut[end] = (x + (x2 - x) / r * by, y + (y2 - y) / r * by)
     return cut

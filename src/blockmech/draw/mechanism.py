@@ -127,8 +127,8 @@ def page_of(sketch: Sketch, motion: Motion, paths: Paths, captions: Iterable[str
     """A page for all that is drawn of a mechanism at all samples, arrows of forces too."""
     wide, places = sketch.words > MANY, places_of(sketch, motion, paths)
     stage = Stage(sketch, motion, unit_of(places, wide))
-    arrows = (shapes.load_arrows(stage, load) for load in sketch.loads if load.unit == "N")
-    ends = np.concatenate([places, *(arrow.ravel() for own in arrows for arrow in own)])
+    ways = (shapes.load_ways(stage, load) for load in sketch.loads if load.unit == "N")
+    ends = np.concatenate([places, *(arrow.ravel() for way in ways for arrow in way)])
     return Page(ends[np.isfinite(ends)], wide, paths, captions)
 
 
@@ -250,10 +250,10 @@ def _labels(page: Page, stage: Stage) -> Iterator[Label]:
             if body.name:
                 z = page.points(stage.motion.at(*body.middle))
                 yield Label(shown_name(body.name), [z], ink.GREY, clearance=SIZES.beside)
-    drives = shapes.drive_arrows(stage)
-    for name, arrow in drives.items():
+    drives = shapes.drive_ways(stage)
+    for name, way in drives.items():
         text = "q" if len(drives) == 1 else f"{shown_name(name)}.q"
-        yield Label(text, page.points(arrow[:: max(1, len(arrow) // 2)]), ink.DRIVE)
+        yield Label(text, page.points(way[:: max(1, len(way) // 2)]), ink.DRIVE)
     for load in stage.sketch.loads:
         yield from _load_label(page, stage, load)
 
@@ -275,11 +275,11 @@ def _load_label(page: Page, stage: Stage, load: LoadMark) -> Iterator[Label]:
         anchors = [a + (b - a) * t for t in (0.5, 0.35, 0.65, 0.2, 0.8)]
         yield Label(text, anchors, ink.SPRING, clearance=4.0)
         return
-    arrows = [page.points(arrow) for arrow in shapes.load_arrows(stage, load)]
-    if not arrows or not np.isfinite(arrows[0][:, 0]).all():
+    ways = [page.points(way) for way in shapes.load_ways(stage, load)]
+    if not ways or not np.isfinite(ways[0][:, 0]).all():
         return
     if load.unit == "N":
-        start, end = arrows[0][0], arrows[0][-1]
+        start, end = ways[0][0], ways[0][-1]
         yield Label(text, [end, start], ink.LOAD, cmath.phase(complex((end - start)[0])))
     else:
-        yield Label(text, [arrows[0].mean(axis=0)], ink.LOAD, clearance=SIZES.couple)
+        yield Label(text, [ways[0].mean(axis=0)], ink.LOAD, clearance=SIZES.couple)

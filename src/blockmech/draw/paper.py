@@ -71,10 +71,10 @@ def new_page(width: float, height: float, left: float, top: float) -> tuple[Any,
 
 
 @contextlib.contextmanager
-def captioned(caption: str, height: float, width: float = COLUMN) -> Iterator[Any]:
+def captioned(said: str, height: float, width: float = COLUMN) -> Iterator[Any]:
     """A figure to be drawn in, with words below it; they come on top of the height [pt]."""
     with styled():
-        lines = wrapped(caption, SMALL, width - 10)
+        lines = wrapped(said, SMALL, width - 10)
         figure = new_figure(width, height + ROW * len(lines), layout="constrained")
         figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=SMALL)
         yield figure

@@ -52,11 +52,11 @@ class Climb:
 
 @dataclass
 class Placed:
-    """The finished places [pt] of boxes and routes of wires."""
+    """The finished places [pt] of boxes and ways of wires."""
 
     made: Layered
     boxes: dict[str, Rectangle] = field(default_factory=dict)
-    routes: dict[int, list[Point]] = field(default_factory=dict)
+    ways: dict[int, list[Point]] = field(default_factory=dict)
     corner: Point = (0.0, 0.0)  # upper left of all
     width: float = 0.0
     height: float = 0.0
@@ -75,7 +75,7 @@ class Placed:
 
 
 def place(made: Layered) -> Placed:
-    """Rectangles [pt] of the boxes and routes of the wires, from rows to points."""
+    """Rectangles [pt] of the boxes and ways of the wires, from rows to points."""
     bottom = max((made.row[n] + made.height(n) for layer in made.layers for n in layer), default=0)
     placed = Placed(made, height=(bottom + len(made.backward) + bool(made.backward)) * ROW)
     climbs: dict[int, list[Point]] = {i: [] for i in range(len(made.wires))}
@@ -111,7 +111,7 @@ def place(made: Layered) -> Placed:
         climbs[i] = [(down, start[1]), (down, y), (up, y), (up, end[1])]
     for i, between in climbs.items():
         start, end = placed.ends(i)
-        placed.routes[i] = [start, *between, end]
+        placed.ways[i] = [start, *between, end]
     return placed
 
 
@@ -151,19 +151,19 @@ def honour(placed: Placed, view: Mapping[str, Point]) -> None:
     for name, r in old.items():
         x, y = view.get(name, (r.x + x0, r.y - top + below + y0))
         placed.boxes[name] = r._replace(x=x - x0 + SIZES.stub, y=y - y0 + room)
-    for i in placed.routes:
-        placed.routes[i] = route_between(*placed.ends(i), i, placed.boxes.values())
-    corners = [p for route in placed.routes.values() for p in route]
+    for i in placed.ways:
+        placed.ways[i] = way_between(*placed.ends(i), i, placed.boxes.values())
+    corners = [p for way in placed.ways.values() for p in way]
     corners += [(r.x + r.width, r.y + r.height) for r in placed.boxes.values()]
     placed.corner = (min(0.0, *(x - SIZES.stub / 2 for x, _ in corners)), 0.0)
     placed.width = max(x for x, _ in corners) - placed.corner[0] + SIZES.stub / 2
     placed.height = max(y for _, y in corners)
 
 
-def route_between(
+def way_between(
     start: Point, end: Point, k: int = 0, boxes: Iterable[Rectangle] = ()
 ) -> list[Point]:
-    """A plain route between boxes that the user placed, through as few of them as it can.
+    """A plain way between boxes that the user placed, through as few of them as it can.
 
     Where the end is not to the right, it goes around below all; ``k`` sets wires side by side.
     """
@@ -173,17 +173,17 @@ def route_between(
     if out > into:
         y = max((r.y + r.height for r in boxes), default=max(y1, y2)) + ROW + aside
         return [start, (out, y1), (out, y), (into, y), (into, y2), end]
-    routes = [[start, (x, y1), (x, y2), end] for x in ((out + into) / 2, out, into)]
-    return min(routes, key=lambda route: sum(runs_through(route, r) for r in boxes))
+    ways = [[start, (x, y1), (x, y2), end] for x in ((out + into) / 2, out, into)]
+    return min(ways, key=lambda way: sum(runs_through(way, r) for r in boxes))
 
 
-def runs_through(route: Sequence[Point], r: Rectangle) -> bool:
-    """Whether a route runs through a box, or too near beside it."""
+def runs_through(way: Sequence[Point], r: Rectangle) -> bool:
+    """Whether a way runs through a box, or too near beside it."""
     near = SIZES.stub / 3  # so that ports beside the wire stay free
     return any(
         min(xa, xb) < r.x + r.width + near
         and max(xa, xb) > r.x - near
         and min(ya, yb) < r.y + r.height
         and max(ya, yb) > r.y
-        for (xa, ya), (xb, yb) in pairwise(route)
+        for (xa, ya), (xb, yb) in pairwise(way)
     )

@@ -61,8 +61,8 @@ def shapes_of(stage: Stage) -> list[Shape]:
         shapes.append(Shape(f"wheel:{wheel.name}", "line", points, 4.7, ink.GREY, **look))
     for load in stage.sketch.loads:
         shapes += _load(stage, load)
-    for name, arrow in drive_arrows(stage).items():
-        shapes += _arrow(arrow, ink.DRIVE, f"drive:{name}", stage.unit)
+    for name, way in drive_ways(stage).items():
+        shapes += _arrow(way, ink.DRIVE, f"drive:{name}", stage.unit)
     return shapes
 
 
@@ -160,30 +160,30 @@ def _mirrored(arc: Complex, sense: Any) -> Complex:
     return mirrored
 
 
-def _arrow(arrow: Complex, colour: str, name: str, unit: float) -> Iterator[Shape]:
+def _arrow(way: Complex, colour: str, name: str, unit: float) -> Iterator[Shape]:
     """A line (p, n) with an arrowhead at its end."""
-    z, last = arrow[-1], arrow[-1] - arrow[-2]
+    z, last = way[-1], way[-1] - way[-2]
     u = last * (unit / np.abs(last))
-    yield Shape(name, "line", np.array([*arrow[:-1], z - 3 * u]), 7, colour, width=1.3)
+    yield Shape(name, "line", np.array([*way[:-1], z - 3 * u]), 7, colour, width=1.3)
     head = z - u * np.array([0, 6 + 2.4j, 6 - 2.4j])[:, None]
     yield Shape("arrowhead", "area", head, 7.1, colour, colour, 0.0)
 
 
-def load_arrows(stage: Stage, load: LoadMark) -> list[Complex]:
+def load_ways(stage: Stage, load: LoadMark) -> list[Complex]:
     """Arrows (p, n) of forces, arcs of couples: one for each terminal, NaN where it is zero."""
     values = stage.motion.efforts[load.name]
     if values is None or load.kind == "spring":
         return []
-    arrows = []
+    ways = []
     for spot, value in zip(load.spots, values, strict=True):
         if load.unit == "N":
-            arrows.append(_scaled(stage, stage.motion.at(*spot), value, stage.largest))
+            ways.append(_way(stage, stage.motion.at(*spot), value, stage.largest))
         else:
             bodies = (b.middle for b in stage.sketch.bodies if b.link == spot.link)
             z = stage.motion.at(*next(bodies, spot))
             arc = _arc(SIZES.couple * stage.unit, -0.6 * math.pi, 1.5 * math.pi)
-            arrows.append(z + _mirrored(arc, value.real / _size(value)))
-    return arrows
+            ways.append(z + _mirrored(arc, value.real / _size(value)))
+    return ways
 
 
 def _size(value: Complex) -> Any:
@@ -191,7 +191,7 @@ def _size(value: Complex) -> Any:
     return np.where(np.isfinite(value) & (value != 0), np.abs(value), np.nan)
 
 
-def _scaled(stage: Stage, z: Complex, value: Complex, largest: float) -> Complex:
+def _way(stage: Stage, z: Complex, value: Complex, largest: float) -> Complex:
     """An arrow (2, n) from places; its length is that of the value (n,) beside the largest."""
     size = _size(value)
     length = np.maximum(SIZES.force[0], SIZES.force[1] * size / largest) * stage.unit
@@ -202,8 +202,8 @@ def vectors(stage: Stage, found: Mapping[str, Vector], colour: str) -> Iterator[
     """Vectors (n,) of one quantity at their spots as arrows, by name, on one scale."""
     sizes = [float(np.nanmax(np.abs(value), initial=0.0)) for _, value in found.values()]
     for name, (spot, value) in found.items():
-        arrow = _scaled(stage, stage.motion.at(*spot), value, max(sizes) or 1.0)
-        yield from _arrow(arrow, colour, name, stage.unit)
+        way = _way(stage, stage.motion.at(*spot), value, max(sizes) or 1.0)
+        yield from _arrow(way, colour, name, stage.unit)
 
 
 def friction_scale(stage: Stage, radii: Mapping[str, tuple[Spot, float]]) -> int:
@@ -225,8 +225,8 @@ def friction_circles(stage: Stage, radii: Mapping[str, tuple[Spot, float]]) -> I
 
 
 def _load(stage: Stage, load: LoadMark) -> Iterator[Shape]:
-    for arrow in load_arrows(stage, load):
-        yield from _arrow(arrow, ink.LOAD, f"load:{load.name}", stage.unit)
+    for way in load_ways(stage, load):
+        yield from _arrow(way, ink.LOAD, f"load:{load.name}", stage.unit)
     if load.kind in ("spring", "strut"):
         a, b = (stage.motion.at(*spot) for spot in load.spots)
         spring = load.kind == "spring"
@@ -248,9 +248,9 @@ def _zigzag(a: Complex, b: Complex, unit: float) -> Complex:
     return np.array([a, a + u * ends, *coil, b - u * ends, b])
 
 
-def drive_arrows(stage: Stage) -> dict[str, Complex]:
+def drive_ways(stage: Stage) -> dict[str, Complex]:
     """The senses in which the drivers move: an arc (p, n), or a line beside the slider."""
-    arrows = {}
+    ways = {}
     motion, s = stage.motion, stage.motion.structure
     for name in s.drivers:
         ref = s.driven[name]
@@ -260,8 +260,8 @@ def drive_arrows(stage: Stage) -> dict[str, Complex]:
         if not s.joint(ref).rotary:
             z = motion.at(link, s.blocks[ref.block].slider_place(ref.name, link.link))
             beside, half = z + 1j * e * (SIZES.slider[1] + 4), (SIZES.couple - 1) * sense * e
-            arrows[name] = np.array([beside - half, beside + half])
+            ways[name] = np.array([beside - half, beside + half])
         elif spot is not None:
             arc = _mirrored(_arc(SIZES.couple + 3, 0.45, 1.2), sense)
-            arrows[name] = motion.at(*spot) + e * arc
-    return arrows
+            ways[name] = motion.at(*spot) + e * arc
+    return ways

@@ -28,6 +28,7 @@ from blockmech.draw.paper import (
     styled,
     write_figure,
 )
+from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.motion_outputs import result_along
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
@@ -43,9 +44,10 @@ ENERGIES = ("mechanism.kinetic_energy", "mechanism.potential_energy")
 
 def motion_svg(result: Result) -> str:
     """Coordinate and rate of each driver over time as SVG text; "" of a motion of no duration."""
-    if not result.motion.t_end > result.motion.t_start:
+    motion = result.motion
+    if motion is None or not motion.t_end > motion.t_start:
         return ""
-    fine, over = _smooth(result, ())
+    fine, over = _smooth(result, motion, ())
     return rendered(draw_panels(state_panels(fine), over), ".svg").decode()
 
 
@@ -67,12 +69,11 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = DEGR
     Raises `RequestError` where the folder cannot be written.
     """
     motion, mechanism = result.motion, result.mechanism
-    assert motion is not None
-    if not motion.t_end > motion.t_start:
+    if motion is None or not motion.t_end > motion.t_start:
         return []
     friction = result.settings["friction"] != "none"
     ends = (".reaction", *ENERGIES, *(".friction_power",) * friction)
-    fine, over = _smooth(result, [n for n in mechanism.outputs if n.endswith(ends)])
+    fine, over = _smooth(result, motion, [n for n in mechanism.outputs if n.endswith(ends)])
     panels = {
         "motion.png": motion_panels(fine, degrees),
         "energy.png": energy_panels(fine),
@@ -89,9 +90,9 @@ def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = DEGR
     return [Path(folder) / name for name in (*figures, "animation.gif", "animation.html")]
 
 
-def _smooth(result: Result, names: Iterable[str]) -> tuple[Result, Abscissa]:
+def _smooth(result: Result, motion: Motion, names: Iterable[str]) -> tuple[Result, Abscissa]:
     """Coordinates, rates and further outputs at times of a picture's own, and these times."""
-    motion, mechanism = result.motion, result.mechanism
+    mechanism = result.mechanism
     states = [mechanism.of_driver(d, what) for d in mechanism.drivers for what in ("q", "rate")]
     t = motion.times(CURVE)
     marked = tuple((e.t, e.kind) for e in motion.events if e.kind in MARKED)

@@ -22,13 +22,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.contacts import DEPENDENT, Held, constrained, pushing
+from blockmech.dynamics.contacts import DEPENDENT, SETTLED, STILL, Held, constrained, pushing
 from blockmech.dynamics.motion import Floats
-from blockmech.dynamics.sticking import SETTLED, Instant, SeveralFriction
+from blockmech.dynamics.sticking import Instant, SeveralFriction
 
 STAGES = 64  # of a blow at most: each ends with a slip
 SUDDEN = 2.0**20  # [1/s]: a blow takes a microsecond for laws that are not linear in the load
-DONE = 1e-12  # [-] of a blow: what is left of it is rounding
 
 
 class Blow(NamedTuple):
@@ -124,7 +123,7 @@ def _rubbed(
         T += step / SUDDEN * response.t
         gained += float(P @ (held.rows @ (rate + step / 2 * jump)))
         rate, done = rate + step * jump, done + step
-        if 1.0 - done <= DONE:
+        if 1.0 - done <= STILL:
             return Blow(rate, pushes, T, reverses, max(gained, 0.0))
         reverses = True
         zero = [*(j for j in zero if settled.sides[j] == 0), *slips[ends <= step * (1 + DEPENDENT)]]

@@ -22,8 +22,8 @@ import numpy as np
 from blockmech.dynamics.motion import Floats
 
 DEPENDENT = 1e-10  # [-] of the largest singular value of rows: below it they depend on others
-PULLS = 1e-9  # [-] of what acts: a push of less than none is rounding
-STILL = 1e-12  # [-] of what rates make of a coordinate, below which they leave it at rest
+SETTLED = 1e-9  # [-] by which a law may be missed where things start, stay or part: rounding
+STILL = 1e-12  # [-] of a rate's parts, or of a blow: what is left of them is rounding
 
 
 class Held(NamedTuple):
@@ -84,5 +84,5 @@ def pushing(M: Floats, rows: Floats, apart: Floats) -> list[tuple[int, ...]]:
         P[at] = np.linalg.solve(part, -apart[at])
         left = apart + G @ P
         sets.append(some)
-        wrong.append(bool((P < 0).any() or (left < -PULLS * np.abs(apart).max()).any()))
+        wrong.append(bool((P < 0).any() or (left < -SETTLED * np.abs(apart).max()).any()))
     return [sets[i] for i in np.argsort(wrong, kind="stable")]

@@ -21,6 +21,7 @@ import numpy as np
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.rates import LEAST_INERTIA, rates_of
+from blockmech.dynamics.run import TooMany
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
 from blockmech.engines.stages import CompiledRhs, CompiledStepper
@@ -29,10 +30,6 @@ if TYPE_CHECKING:
     from blockmech.dynamics.pair_friction import FrictionState
 
 LOOKED_AT = 64  # states of a step and more at which the relative rates of pairs are kept
-
-
-class TooMany(Exception):
-    """More evaluations than allowed."""
 
 
 @dataclass

@@ -25,14 +25,15 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.blow import Blow, blow
-from blockmech.dynamics.contacts import Held, constrained, rate_along
+from blockmech.dynamics.contacts import SETTLED, Held, constrained, rate_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.friction import GIVEN
 from blockmech.dynamics.motion import Event, Floats, Impact, Lying, Motion, State, Track
 from blockmech.dynamics.pair_stops import PairStops, held_by, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.rest import first_beyond
-from blockmech.dynamics.sticking import SETTLED, SeveralFriction
+from blockmech.dynamics.run import Run, RunEnd
+from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.stops import Stop
 from blockmech.dynamics.system import System, solved
 from blockmech.errors import refused
@@ -84,20 +85,15 @@ class Chain:
 
 
 @dataclass
-class Bounces:
+class Bounces(Run):
     """A motion between stops that let it bounce, under way."""
 
-    system: System
-    request: SimulationRequest
     move: Move
     legs: list[Motion] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
     impacts: list[Impact] = field(default_factory=list)
-    facts: dict[str, float] = field(default_factory=dict)
     held: dict[int, int] = field(default_factory=dict)
     since: dict[int, tuple[float, float]] = field(default_factory=dict)  # [s] lying, push [N, N m]
     struck: dict[int, tuple[float, float]] = field(default_factory=dict)  # [s], speed after it
-    notes: list[str] = field(default_factory=list)
     gained: float = 0.0  # [J] most that a stop gave
     lying: list[Lying] = field(default_factory=list)
     flights: float = 0.0  # [s] sum of those to come
@@ -105,31 +101,40 @@ class Bounces:
     height: float = 0.0  # [rad or m] of the flight to come
     unseen: float = 0.0  # of those that were summed up
 
-    def run(self) -> Motion:
-        """Go on from blow to blow."""
-        at = self.request
-        while True:
-            leg = self._leg(at)
-            self.legs.append(leg)
-            where = self._stop_of(leg)
-            known = (leg.end if where else "", ends.LEAVES_STOP)  # these are told below
-            self.events += [e for e in leg.events if e.kind not in known]
-            if leg.end == ends.LEAVES_STOP:
-                after = self._released(leg)
-            elif where is not None and len(self.legs) < MOST:
-                after = self._struck(leg, *where)
-            else:
-                return self._whole()
-            left = self._left(leg)
-            if left is None:
-                self.legs[-1] = replace(leg, end="time", status="reached")
-                return self._whole(after)
-            q = self.legs[-1].q_end
-            if self.system.counted is not None:
-                self.system.counted = self.system.counted.begun(q)
-            at = replace(at, start=Start(q, after, leg.t_end), until=left, apex=self.apex)
-            times = tuple(t for t in at.times if t > leg.t_end)
-            at = replace(at, times=times, switched=leg.switched)
+    def begin(self) -> RunEnd | None:
+        """Start with what is asked for."""
+        self.next = self.request
+        return None
+
+    def segment(self) -> RunEnd | None:
+        """Go on to the next blow, or to where it leaves a stop."""
+        leg = self._leg(self.next)
+        self.legs.append(leg)
+        where = self._stop_of(leg)
+        known = (leg.end if where else "", ends.LEAVES_STOP)  # these are told below
+        self.events += [e for e in leg.events if e.kind not in known]
+        if leg.end == ends.LEAVES_STOP:
+            after = self._released(leg)
+        elif where is not None and len(self.legs) < MOST:
+            after = self._struck(leg, *where)
+        else:
+            return RunEnd(leg.end, leg.status)
+        left, q = self._left(leg), self.legs[-1].q_end
+        if left is None:
+            self.legs[-1] = self.legs[-1].but(qd_end=after)
+            return RunEnd("time", "reached")
+        if self.system.counted is not None:
+            self.system.counted = self.system.counted.begun(q)
+        times = tuple(t for t in self.next.times if t > leg.t_end)
+        self.next = replace(
+            self.next,
+            start=Start(q, after, leg.t_end),
+            until=left,
+            apex=self.apex,
+            times=times,
+            switched=leg.switched,
+        )
+        return None
 
     def _leg(self, request: SimulationRequest) -> Motion:
         begin = self.legs[-1].x_end if self.legs else ()
@@ -389,8 +394,13 @@ class Bounces:
 
     # -- the whole ------------------------------------------------------------------------
 
-    def _whole(self, rates: Any = None) -> Motion:
-        last, legs = self.legs[-1], self.legs
+    def motion(self) -> Motion:
+        """Go on from blow to blow, and join what is between them."""
+        self.run()
+        assert self.over is not None
+        if not self.legs:  # interrupted
+            return self.result()
+        legs, last = self.legs, self.legs[-1].but(end=self.over.end, status=self.over.status)
         if len(legs) == 1 and not self.impacts:
             return last
         moving = [leg for leg in legs if leg.t_end > leg.t_start] or legs[-1:]
@@ -410,7 +420,6 @@ class Bounces:
             why=legs[0].why,
             regime="with impacts",
             t_start=self.request.start.t,
-            qd_end=last.qd_end if rates is None else rates,
             track=Chain(np.array([leg.t_start for leg in moving]), tuple(x.track for x in moving)),
             events=tuple(sorted(self.events, key=lambda e: e.t)),
             impacts=tuple(self.impacts),
@@ -432,7 +441,7 @@ def bounced(system: System, request: SimulationRequest, move: Move) -> Motion:
     if goal in ("turns", "steady"):
         remedy = 'ask for "time=<s>", or leave the restitution out'
         raise refused("until", f'"{goal}" with end stops that let it bounce', remedy, code="until")
-    return Bounces(system, request, move).run()
+    return Bounces(system, request, move).motion()
 
 
 def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:

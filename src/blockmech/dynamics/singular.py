@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.motion import Floats
+from blockmech.dynamics.run import RunEnd
 from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
 
@@ -19,13 +20,6 @@ if TYPE_CHECKING:
 NEAR_DEAD_CENTRE = math.sqrt(LEAST_MARGIN)  # below which a solver that gives up is at one
 PAST = 16 * EPS  # relative: so near to a place, and so little beyond it
 AHEAD = math.sqrt(EPS)  # relative: how far ahead of where a solver gives up there is no pose
-
-
-class End(NamedTuple):
-    """What ends an integration, and the time [s] left to it from where it stops."""
-
-    kind: str
-    left: float = 0.0
 
 
 def time_left(system: System, kind: str, q: float, qd: float) -> float:
@@ -44,7 +38,7 @@ def time_left(system: System, kind: str, q: float, qd: float) -> float:
     return 2 * here.margin / fall if fall > 0 else math.inf
 
 
-def what_is_ahead(equation: Equation, t: float, y: Floats) -> End:
+def what_is_ahead(equation: Equation, t: float, y: Floats) -> RunEnd:
     """What is ahead of a state from which a solver found no step."""
     rates = y[equation.layout.rate]
     margin = equation.closeness(y)[0]
@@ -52,14 +46,14 @@ def what_is_ahead(equation: Equation, t: float, y: Floats) -> End:
         known = margin > 0
         q, qd = float(y[0]), float(rates[0])
         left = time_left(equation.system, ends.DEAD_CENTRE, q, qd) if known else 0.0
-        return End(ends.DEAD_CENTRE, left)
+        return RunEnd(ends.DEAD_CENTRE, left=left)
     way = np.sign(np.asarray(equation(t, y), dtype=float))
     ahead = y + AHEAD * np.maximum(np.abs(y), 1.0) * np.where(np.isfinite(way), way, 0.0)
     later = t + AHEAD * max(abs(t), 1.0)
     if equation.sides and equation.resisted(later, ahead).locked:
-        return End(ends.SELF_LOCKED)
+        return RunEnd(ends.SELF_LOCKED)
     if np.isfinite(np.asarray(equation(later, ahead), dtype=float)).all():
-        return End("the solver's step became too small")
+        return RunEnd("the solver's step became too small", "failed")
     rate, places = float(np.abs(rates[0])), PAST * max(1.0, float(np.abs(y[0])))
     left = PAST * max(abs(t), EPS)  # it comes so near, and steps so short
-    return End(ends.IMPOSSIBLE, left + (places / rate if rate else 0.0))
+    return RunEnd(ends.IMPOSSIBLE, left=left + (places / rate if rate else 0.0))

@@ -180,7 +180,7 @@ class Flow:
         # of the parts of a state
         self.size = np.append(np.repeat([min(span, 1.0), self.speed], self.k), self._sizes(self.x))
         if not np.isfinite(self.acceleration(self.x)).all():
-            why = what_is_ahead(self.equation, start.t, self._whole(self.x)).kind
+            why = what_is_ahead(self.equation, start.t, self._whole(self.x)).end
             raise no_steady(f"{why} at the start", "start elsewhere")
 
     def acceleration(self, x: Floats, later: float = 0.0) -> Floats:

@@ -16,6 +16,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.request import (
@@ -43,8 +44,6 @@ from blockmech.values import is_count, is_number
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
-
-ACCURATE = 1e-9  # tolerance of a step, where none is asked for
 
 
 class Stepper:
@@ -265,5 +264,5 @@ def stepper(
     refuse_memory(mechanism.structure, starts)
     how = friction_asked(friction, None, None)
     system = system_of(mechanism, method=how, engine=engine, **at_stops)
-    tolerance = size_of("accuracy", accuracy) or ACCURATE
+    tolerance = size_of("accuracy", accuracy) or TARGET
     return Stepper(mechanism, system, starts, as_names("want", want), copies, tolerance)

@@ -17,21 +17,15 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.events import EventFunction, friction_rules, release_rule
 from blockmech.dynamics.friction import JointFriction
-from blockmech.dynamics.motion import Event, Floats, Slips, Status
+from blockmech.dynamics.motion import Event, Floats, Slips
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import first_beyond
+from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.plane import EPS
 
 WITHIN = 4 * EPS  # [-] of a time, to which an event is found in it
 Known = set[tuple[str, int]]  # events at a place, by kind and index
-
-
-class SegmentEnd(NamedTuple):
-    """Why a run is over."""
-
-    status: Status
-    end: str
 
 
 class Now(NamedTuple):
@@ -45,7 +39,7 @@ class Now(NamedTuple):
 class Transition(NamedTuple):
     """What becomes of a run between two segments."""
 
-    end: SegmentEnd | None = None
+    end: RunEnd | None = None
     y: Floats | None = None  # the state to go on with, where it is another one
     until: float | None = None  # [s] all stands still until then
     events: tuple[Event, ...] = ()
@@ -91,7 +85,7 @@ class Frictionless:
 
     def stand(self, now: Now, short: bool) -> Transition:
         """Go on from a standstill, after a swing that was too ``short`` to be one or not."""
-        return Transition(SegmentEnd("ended", ends.REST) if short else None)
+        return Transition(RunEnd(ends.REST) if short else None)
 
     def release(self, now: Now) -> Transition:
         """Start what friction held, in the sense in which it is pushed."""
@@ -114,7 +108,7 @@ class Frictionless:
     def _stays(self, now: Now, until: float | None) -> Transition:
         """Stand still until loads start it, to the end of the run if they never do."""
         if until is None and self.request.span == math.inf:
-            return Transition(SegmentEnd("ended" if now.moved else "rest", ends.REST))
+            return Transition(RunEnd(ends.REST, "ended" if now.moved else "rest"))
         return Transition(until=self.request.t_last if until is None else until)
 
 
@@ -165,7 +159,7 @@ class OneDriver(Frictionless):
         """Start the driver, in the sense in which it is pushed."""
         rest = self.friction.rest(float(now.y[0]), now.t, self._states(now.y))
         if rest.ambiguous:
-            return Transition(SegmentEnd("failed", ends.AMBIGUOUS))
+            return Transition(RunEnd(ends.AMBIGUOUS, "failed"))
         self.rests = self.equation.held = False
         self._start(now.y, rest.holding)
         return Transition()
@@ -176,7 +170,7 @@ class OneDriver(Frictionless):
         rest = self.friction.rest(q, now.t, self._states(now.y))
         low, high = holding = rest.holding
         if rest.ambiguous:
-            return Transition(SegmentEnd("failed", ends.AMBIGUOUS))
+            return Transition(RunEnd(ends.AMBIGUOUS, "failed"))
         stays = Transition()
         if rest.rests:
             event, facts = (
@@ -274,7 +268,7 @@ class SeveralDrivers(Frictionless):
         found = friction.settled(at, friction.sides_at(at, self.zero), self.zero, released)
         if found.end:
             moved = found.end == ends.SELF_LOCKED and now.moved
-            return Transition(SegmentEnd("ended" if moved else "failed", found.end))
+            return Transition(RunEnd(found.end, "ended" if moved else "failed"))
         self.equation.sides = sides = found.sides
         events = []
         for j, (before, after) in enumerate(zip(old, sides, strict=False)):

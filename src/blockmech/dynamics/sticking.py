@@ -29,7 +29,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.contacts import DEPENDENT, Held
+from blockmech.dynamics.contacts import DEPENDENT, SETTLED, Held
 from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.pair_friction import (
     FrictionState,
@@ -47,7 +47,6 @@ from blockmech.quality import left_undone
 
 Against: TypeAlias = Callable[[Floats, Floats, Any], Held]
 
-SETTLED = 1e-9  # [-] by which a law may be missed where pairs start or stay: rounding of a state
 LOCATED = 1e-6  # [-] the same where an event was located on a dense output
 APART = 1e-5  # [-] accelerations that differ by more are two
 BEYOND = 1e-4  # [rad or m] how far beyond a place the sense of a pair shows

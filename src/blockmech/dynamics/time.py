@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -17,7 +17,7 @@ from scipy.integrate import LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.dop853 import AcceptedSteps, Dense, Dop853
-from blockmech.dynamics.equation import Equation, TooMany, scales
+from blockmech.dynamics.equation import Equation, scales
 from blockmech.dynamics.estimate import FINER, FLOOR, SHORTER, TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
     PARTS,
@@ -43,8 +43,9 @@ from blockmech.dynamics.motion import (
     Still,
 )
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.singular import AHEAD, PAST, End, time_left, what_is_ahead
-from blockmech.dynamics.stick_slip import Now, SegmentEnd, Transition, stick_slip
+from blockmech.dynamics.run import Run, RunEnd, TooMany
+from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
+from blockmech.dynamics.stick_slip import Now, Transition, stick_slip
 from blockmech.plane import EPS
 from blockmech.signals.contract import at_once
 
@@ -87,11 +88,9 @@ class Steps:
 
 
 @dataclass
-class TimeIntegration:
+class TimeIntegration(Run):
     """One integration at one tolerance, or with one step, under way."""
 
-    system: System
-    request: SimulationRequest
     method: str
     tolerance: float
     name: str  # for those who follow the progress
@@ -100,18 +99,12 @@ class TimeIntegration:
     step: float = math.nan  # [s], or [rad or m] of euler_q, of the schemes of fixed steps
     scales: tuple[float, float] | None = None  # typical speed and work, for the tolerances
     longest: float = 0.0  # [s] step so far
-    t: float = 0.0
     y: Floats = field(default_factory=lambda: np.empty(0))
     times: list[float] = field(default_factory=list)
     pieces: list[Any] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
     slips: list[Slips] = field(default_factory=list)
-    facts: dict[str, float] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    standstills: int = 0
     fired: EventFunction | None = None
     turned: float = 0.0  # [J] largest work on the way
-    left: float = 0.0  # [s] to a singular place that the run stops short of
 
     def __post_init__(self) -> None:
         q, rate, self.t = self.request.start
@@ -136,47 +129,32 @@ class TimeIntegration:
     def motion(self) -> Motion:
         """Integrate until the goal or whatever ends the motion before."""
         start = self.y
-        try:
-            verdict = self._becomes(self.pairs.begin(self._now))
-            self.scales = self.scales or scales(self.equation, self.t, self.y)
-            while verdict is None:
-                verdict = self._segment()
-        except KeyboardInterrupt:  # what is done so far is kept
-            verdict = SegmentEnd("ended", ends.INTERRUPTED)
-        except TooMany:
-            verdict = SegmentEnd("failed", ends.TOO_MANY)
-        return self._result(start, verdict)
-
-    def _result(self, start: Floats, verdict: SegmentEnd) -> Motion:
+        self.run()
+        assert self.over is not None
+        end, status = self.over.end, self.over.status
         q, qd = self.layout.motion(self.y)
         self._balance(start)
-        if verdict.end in (ends.SELF_LOCKED, ends.AMBIGUOUS):
+        if end in (ends.SELF_LOCKED, ends.AMBIGUOUS):
             where = (", ".join(f"{x:.9g}" for x in np.atleast_1d(part)) for part in (q, qd))
             at = "t = {:.9g} s, q = {}, rate = {}".format(self.t, *where)
-            self.notes.append(f"{verdict.end}: {at}")
-        if self.method != self.method_wanted and verdict.status == "reached":
+            self.notes.append(f"{end}: {at}")
+        if self.method != self.method_wanted and status == "reached":
             self.notes.append(f"{self.method_wanted} gave up on the way, {self.method} went on")
         fixed = self.method_wanted in STEPPERS
-        return replace(
-            self.request.standing,
+        if not fixed:
+            self.facts["tolerance"] = self.tolerance
+        return self.result(
             method=self.method_wanted,
-            regime="fixed steps" if fixed else "rest" if verdict.end == ends.REST else "integrated",
-            status=verdict.status,
-            end=verdict.end,
+            regime="fixed steps" if fixed else "rest" if end == ends.REST else "integrated",
             t_end=self.t,
             q_end=q,
             qd_end=qd,
             x_end=tuple(self.y[self.layout.signals].tolist()),
             switched=self.switched,
             track=Steps.of(self.layout, self.times, self.pieces) if self.pieces else Still(q, qd),
-            events=tuple(self.events),
             slips=tuple(self.slips),
-            error=math.inf,
-            time_error=2 * self.left,
             cost=self.system.cost,
             engine=self.system.engine_of_states.name,
-            notes=tuple(self.notes),
-            facts=self.facts | ({} if fixed else {"tolerance": self.tolerance}),
         )
 
     def _balance(self, start: Floats) -> None:
@@ -197,7 +175,13 @@ class TimeIntegration:
     def _now(self) -> Now:
         return Now(self.t, self.y, bool(self.pieces))
 
-    def _becomes(self, change: Transition) -> SegmentEnd | None:
+    def begin(self) -> RunEnd | None:
+        """Give pairs with friction the senses in which they slip first."""
+        over = self._becomes(self.pairs.begin(self._now))
+        self.scales = self.scales or scales(self.equation, self.t, self.y)
+        return over
+
+    def _becomes(self, change: Transition) -> RunEnd | None:
         """Go on as pairs with friction do."""
         self.events += change.events
         self.facts |= change.facts
@@ -220,17 +204,17 @@ class TimeIntegration:
             rules += kink_rules(float(self.y[0]), system.knots, system.period)
         return [*rules, *signals, *self.pairs.rules()]
 
-    def _segment(self) -> SegmentEnd | None:
+    def segment(self) -> RunEnd | None:
         """Go on with one smooth right-hand side to whatever ends it."""
         if self.t_max - self.t <= 2 * EPS * abs(self.t_max):  # on less LSODA does not start
             self.t = self.t_max
-            return SegmentEnd("reached", "time")
+            return RunEnd("time", "reached")
         structure, held = self.system.compiled.structure, self.system.held
         self._switch()
         if any(way * self.equation.stop_force(i, self.t, self.y) > 0 for i, way in held.items()):
-            return SegmentEnd("ended", ends.LEAVES_STOP)  # what has just switched pulls
+            return RunEnd(ends.LEAVES_STOP)  # what has just switched pulls
         if (pressed := self._pressed()) is not None:
-            return SegmentEnd("ended", pressed)
+            return RunEnd(pressed)
         if self.pairs.pushed_loose(self._now):
             return self._becomes(self.pairs.release(self._now))
         kink = loads.next_time_kink(structure, self.t)
@@ -250,7 +234,7 @@ class TimeIntegration:
         ]
         self.fired = None
         hit = self._integrated(bound, *lookouts)
-        if isinstance(hit, SegmentEnd):
+        if isinstance(hit, RunEnd):
             return hit
         return None if hit is None else self._met(hit)
 
@@ -288,7 +272,7 @@ class TimeIntegration:
                 y[self.layout.signals] += CREEP * slope[self.layout.signals]
             if push * way > 0:
                 kind = self.system.end_at(i)
-                self.events.append(Event(kind, self.t, *self.layout.motion(self.y)))
+                self.happened(kind, *self.layout.motion(self.y))
                 return kind
         return None
 
@@ -336,7 +320,7 @@ class TimeIntegration:
 
     def _integrated(
         self, bound: float, lookout: EventDetector, own: EventDetector
-    ) -> EventHit | SegmentEnd | None:
+    ) -> EventHit | RunEnd | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""
         slope = np.asarray(self.equation(self.t, self.y), dtype=np.float64)
         if not np.isfinite(slope).all():  # from which SciPy's would never come back
@@ -448,7 +432,7 @@ class TimeIntegration:
 
     # -- what was met ----------------------------------------------------------------------
 
-    def _met(self, hit: EventHit) -> SegmentEnd | None:
+    def _met(self, hit: EventHit) -> RunEnd | None:
         """Why the run is over by the event that ended a segment, or None."""
         rule = self.fired = hit.rule
         if rule.kind == ends.KINK:
@@ -461,24 +445,23 @@ class TimeIntegration:
             return self._becomes(self.pairs.release(self._now))
         elif rule.kind == ends.LEAVES_STOP:
             self._past_contact(rule)
-            return SegmentEnd("ended", rule.kind)
+            return RunEnd(rule.kind)
         elif rule.kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
             q, qd = float(self.y[0]), float(self.y[1])
             left = time_left(self.system, rule.kind, q, qd)
-            return SegmentEnd("ended", self._met_end(End(rule.kind, left)))
+            return self.short_of(rule.kind, left)
         elif rule.kind == ends.GOAL:
-            return SegmentEnd("reached", self.request.until.goal)
+            return RunEnd(self.request.until.goal, "reached")
         elif rule.kind not in (ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.DEFLECTION_KINK):
             own = any(rule.kind == w.name and w.terminal for w in self.request.watch)
-            return SegmentEnd("reached" if own else "ended", rule.kind)
+            return RunEnd(rule.kind, "reached" if own else "ended")
         return None
 
-    def _stood(self) -> SegmentEnd | None:
+    def _stood(self) -> RunEnd | None:
         self.y[1] = 0.0
-        self.standstills += 1
         swing, self.swing_from = abs(float(self.y[0]) - self.swing_from), float(self.y[0])
-        if self.standstills >= self.request.standstills:
-            return SegmentEnd("reached", self.request.until.goal)
+        if (over := self.stood()) is not None:
+            return over
         short = self.request.standstills < math.inf and swing <= self.rest
         return self._becomes(self.pairs.stand(self._now, short))
 
@@ -510,23 +493,14 @@ class TimeIntegration:
             AcceptedSteps(times, states, lambda t: np.multiply.outer(still, np.ones_like(t)))
         )
 
-    def _given_up(self) -> SegmentEnd | None:
+    def _given_up(self) -> RunEnd | None:
         """Why the run is over where a solver gave up; None if another one goes on."""
         if self.method != "dop853":
             self.method = "dop853"  # which comes as near as one can to where there is no pose
             return None
-        end = self._met_end(what_is_ahead(self.equation, self.t, self.y))
-        known = end in (ends.DEAD_CENTRE, ends.IMPOSSIBLE) or (
-            end == ends.SELF_LOCKED and self.pieces
-        )
-        return SegmentEnd("ended" if known else "failed", end)
-
-    def _met_end(self, end: End) -> str:
-        """Keep what is known of an end that the run stops short of."""
-        self.left = end.left
-        if end.kind in (ends.DEAD_CENTRE, ends.NO_INERTIA) and math.isfinite(end.left):
-            self.facts[f"{end.kind.replace(' ', '_')}_time"] = self.t + end.left
-        return end.kind
+        end, status, left, *_ = what_is_ahead(self.equation, self.t, self.y)
+        locked = end == ends.SELF_LOCKED and not self.pieces
+        return self.short_of(end, left, "failed" if locked else status)
 
 
 def in_time(system: System, request: SimulationRequest, method: str) -> Motion:

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.files import AnyPath
+from blockmech.motion import Motion
 from blockmech.plan import Output
-from blockmech.quality import Quality
+from blockmech.quality import Accuracy, Quality
 from blockmech.typing import Named
 
 __all__ = ["AnyPath", "Array", "Column", "Labelled", "columns", "driver_columns", "output_columns"]
@@ -23,14 +24,14 @@ Array = NDArray[np.float64]
 class Labelled(Mapping[str, NDArray[Any]]):
     """What the exports need of a result: outputs by name, and what they are.
 
-    ``motion`` is that of a simulation (`blockmech.dynamics`), ``accuracy`` what was chosen
-    for a wanted one (`blockmech.analysis`); both rooms lie above this one.
+    ``motion`` is that of a simulation, ``accuracy`` what was chosen for a wanted one; of other
+    results they are None. Both rooms lie above this one, so their types are for checkers alone.
     """
 
     mechanism: Named
     settings: dict[str, Any]
-    motion: Any
-    accuracy: Any
+    motion: Motion | None
+    accuracy: Accuracy | None
 
     @property
     @abstractmethod

@@ -14,6 +14,7 @@ from pydantic_core import to_json
 from blockmech.errors import needed
 from blockmech.export.columns import Column, Labelled, columns
 from blockmech.files import AnyPath, writing
+from blockmech.motion import Motion
 from blockmech.report import as_json
 
 FORMAT, VERSION = "blockmech/result", 1
@@ -130,7 +131,7 @@ def _head(result: Labelled) -> dict[str, Any]:
     return head
 
 
-def _motion(result: Labelled, motion: Any) -> dict[str, Any]:
+def _motion(result: Labelled, motion: Motion) -> dict[str, Any]:
     """How a simulation moved: its events, and method, error and what ended it."""
     names = list(result.drivers)
     events = []

@@ -13,7 +13,7 @@ import param
 from bokeh.models import Div
 
 from blockmech.draw.motion import Motion, moves_of_result
-from blockmech.dynamics.motion_outputs import result_along
+from blockmech.dynamics.motion_outputs import SimulationResult, result_along
 from blockmech.dynamics.simulation import simulate
 from blockmech.errors import BlockmechError
 from blockmech.result import Result
@@ -224,14 +224,14 @@ class Answers:
         free = () if mechanism is None else {*mechanism.drivers} - {*mechanism.scene.initial}
         start = {driver: (q, 0.0) for driver, q in shown.items() if driver in free}
 
-        def task(report: OnProgress) -> Result:
+        def task(report: OnProgress) -> SimulationResult:
             simulated = simulate(
                 mechanism, until, start=start, want=(), friction=friction, progress=report
             )
             times = simulated.motion.times(DEFAULT_SAMPLES)
             return result_along(mechanism, simulated.motion, times, (), friction=friction)
 
-        def done(result: Result) -> None:
+        def done(result: SimulationResult) -> None:
             self.view.play(moves_of_result(result))
             self.view.pose = 0
             self.said.object = " ".join(result.motion.summary())

@@ -15,7 +15,7 @@ from blockmech.draw.diagram import view_of
 from blockmech.draw.layout import Box, Ends, arrange
 from blockmech.draw.palette import ROW, SIZES, SMALL, TEXT
 from blockmech.draw.paper import text_width, wrapped
-from blockmech.draw.routing import Point, Rectangle, place, route_between
+from blockmech.draw.routing import Point, Rectangle, place, way_between
 from blockmech.model.graph import Graph
 from blockmech.studio.edits import markers_of
 
@@ -24,12 +24,12 @@ PIXELS = 13 / TEXT  # of the page for a point of a file's view: 13 px words in p
 
 @dataclass(frozen=True)
 class Canvas:
-    """Words, handles and rectangles [pt] of blocks, and the routes of wires that were laid out."""
+    """Words, handles and rectangles [pt] of blocks, and the ways of wires that were laid out."""
 
     words: Mapping[str, list[str]]
     handles: Mapping[str, dict[str, list[dict[str, str]]]]
     boxes: Mapping[str, Rectangle]
-    routes: Mapping[int, list[Point]]
+    ways: Mapping[int, list[Point]]
 
     @classmethod
     def of(cls, content: Content, shown: Graph, wrong: Mapping[str, str]) -> Canvas:
@@ -46,13 +46,13 @@ class Canvas:
             ends = (*ports, *map(str, range(len(ports), rows)))  # free below, for wires that pass
             boxes.append(Box(block.name, width, ends, 1, 0, block.kind == "frame", markers))
         sizes = {box.name: (box.width, len(box.ports) * ROW) for box in boxes}
-        routes: dict[int, list[Point]] = {}
+        ways: dict[int, list[Point]] = {}
         if len(at) < len(boxes):
             made = place(arrange(boxes, wires))
             below = max((y + sizes[name][1] for name, (_, y) in at.items()), default=0.0)
             at = {n: at.get(n, (r.x, r.y + below)) for n, r in made.boxes.items()}
-            routes = {} if view_of(shown) else made.routes
-        return cls(words, handles, {n: Rectangle(*at[n], *sizes[n]) for n in at}, routes)
+            ways = {} if view_of(shown) else made.ways
+        return cls(words, handles, {n: Rectangle(*at[n], *sizes[n]) for n in at}, ways)
 
     def blocks(self, content: Content, wrong: Collection[str]) -> list[dict[str, Any]]:
         """The blocks as `diagram.js` draws them, in pixels."""
@@ -69,19 +69,19 @@ class Canvas:
         ]
 
     def wire(self, k: int, ends: Ends) -> dict[str, Any]:
-        """A wire and its route [px]: as it was laid out, or a plain one through few blocks."""
+        """A wire and its way [px]: as it was laid out, or a plain one through few blocks."""
         boxes, sides = (self.boxes[ends.source], self.boxes[ends.target]), ("outputs", "inputs")
         places = []
         for r, side, name, pin in zip(boxes, sides, ends[::2], ends[1::2], strict=True):
             row = [handle["id"] for handle in self.handles[name][side]].index(pin) + 1.5
             places.append((r.x + r.width * (side == "outputs"), r.y + ROW * row))
         begin, end = places
-        route = self.routes.get(k) or route_between(begin, end, k, self.boxes.values())
+        way = self.ways.get(k) or way_between(begin, end, k, self.boxes.values())
         return {
             "id": str(ends),
             "from": [ends.source, ends.marker],
             "to": [ends.target, ends.port],
-            "way": [[x * PIXELS, y * PIXELS] for x, y in route],
+            "way": [[x * PIXELS, y * PIXELS] for x, y in way],
         }
 
 

@@ -280,9 +280,9 @@ def compared(
     """
     output = result.output(name)
     whole = output.kind == "number"
-    reached = np.ones(len(expected), dtype=bool)
-    if times is not None and not whole:
-        reached = np.asarray(times) <= result.motion.t_end
+    reached, motion = np.ones(len(expected), dtype=bool), result.motion
+    if motion is not None and times is not None and not whole:
+        reached = np.asarray(times) <= motion.t_end
     got = np.full_like(expected, np.nan)
     got[reached] = result[name]
     margins = np.full(len(expected), np.inf)
@@ -294,8 +294,8 @@ def compared(
         known, drivers, reason = bool(np.isfinite(got[i])), {}, ""
         if reached[i] and not whole:
             drivers = {d[:-2]: float(q[row[i]]) for d, q in result.drivers.items()}
-        if not reached[i]:
-            reason = f"the motion ended at {result.motion.t_end:.9g} s: {result.motion.end}"
+        if motion is not None and not reached[i]:
+            reason = f"the motion ended at {motion.t_end:.9g} s: {motion.end}"
         elif not known:
             reason = _why_not(result, None if whole else row[i])
         elif tolerance[i] == 0 and error[i] > 0 and rtol > 0:

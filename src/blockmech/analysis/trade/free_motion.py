@@ -18,6 +18,7 @@ from blockmech.analysis.reference_errors import DOUBLE, ReferenceErrors, referen
 from blockmech.analysis.trade.measure import USELESS, Clock, Question, Reference, Setting
 from blockmech.dynamics.ends import INTERRUPTED
 from blockmech.dynamics.motion import Motion
+from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.errors import RequestError, refused
 from blockmech.result import Result
 
@@ -62,7 +63,7 @@ class FreeMotion(Question):
     )
 
     errors: ReferenceErrors
-    best: Result
+    best: SimulationResult
     mechanism: Any  # a `Mechanism`, which stands above the analyses
 
     def __init__(
@@ -115,9 +116,9 @@ class FreeMotion(Question):
         if self.reference.floor >= USELESS:
             self.notes += ("reference and check have nothing in common, so no error is claimed",)
 
-    def _finest(self, automatic: str, clock: Clock) -> list[tuple[str, Result]]:
+    def _finest(self, automatic: str, clock: Clock) -> list[tuple[str, SimulationResult]]:
         """Two fine runs of different kinds, or fewer where they do not end in their time."""
-        finest: dict[str, tuple[str, Result]] = {}
+        finest: dict[str, tuple[str, SimulationResult]] = {}
         refusal = None
         for method, accuracy in FINEST:
             kind = automatic if method == "auto" else method
@@ -159,7 +160,7 @@ class FreeMotion(Question):
             step = float(f"{length / count:.1e}")
             yield Setting(method, f"step {step:g} {unit}", {"method": method, "step": step})
 
-    def run(self, options: Mapping[str, Any], seconds: float) -> Result | None:
+    def run(self, options: Mapping[str, Any], seconds: float) -> SimulationResult | None:
         """The simulation with a setting, through the public call; None if it took longer.
 
         Raises `KeyboardInterrupt` if the user stopped it: half a run cannot be compared.
@@ -167,7 +168,7 @@ class FreeMotion(Question):
         result, in_time = self._run(options, seconds)
         return result if in_time else None
 
-    def _run(self, options: Mapping[str, Any], seconds: float) -> tuple[Result, bool]:
+    def _run(self, options: Mapping[str, Any], seconds: float) -> tuple[SimulationResult, bool]:
         """The simulation as far as it comes, and whether that is its end."""
         end = time.perf_counter() + seconds
 
@@ -176,7 +177,7 @@ class FreeMotion(Question):
                 raise KeyboardInterrupt  # by which a simulation is stopped
 
         given = {**self.request, **options, "progress": stop_late}
-        result: Result = self.mechanism.simulate(**given)
+        result: SimulationResult = self.mechanism.simulate(**given)
         if result.motion.end != INTERRUPTED:
             return result, True
         if time.perf_counter() <= end:
@@ -185,6 +186,7 @@ class FreeMotion(Question):
 
     def evaluations(self, result: Result) -> int:
         """States at which the equation of motion was evaluated."""
+        assert isinstance(result, SimulationResult)
         cost = result.motion.cost
         return int(cost.samples + max(cost.singles, cost.states))
 
@@ -193,6 +195,7 @@ class FreeMotion(Question):
 
         Where an event ends the run, its time counts, relative to the time of the run.
         """
+        assert isinstance(result, SimulationResult)
         n, moved, wanted = min(result.n, self.best.n), result.motion, self.best.motion
         by_event = wanted.end != "time"
         if n == 0 or (n < self.best.n and not by_event):
@@ -203,5 +206,5 @@ class FreeMotion(Question):
         return max(worst, (late / span, "time")) if by_event and span > 0 else worst
 
 
-def _errors(best: Result) -> ReferenceErrors:
+def _errors(best: SimulationResult) -> ReferenceErrors:
     return reference_errors(best, best, np.ones(best.n, dtype=bool))
