@@ -255,10 +255,12 @@ def split_address(address: str, blocks: Container[str]) -> tuple[str, str]:
     ('leg.dyad', 'C')
     """
     name, _, port = first = address.partition(".")
-    while name not in blocks and "." in port:
+    while name not in blocks:
+        if "." not in port:
+            return first[0], first[2]
         more, _, port = port.partition(".")
         name = f"{name}.{more}"
-    return (name, port) if name in blocks else (first[0], first[2])
+    return name, port
 
 
 def mistake(

@@ -7,8 +7,9 @@ import random
 
 import pytest
 
-from blockmech.draw.layout import Box, Ends, arrange
+from blockmech.draw.layout import Box, arrange
 from blockmech.draw.routing import Placed, Point, place
+from blockmech.model.diagram import Ends
 
 TOLERANCE = 1e-9  # [pt] rounding of sums of a few hundred points
 

@@ -15,13 +15,13 @@ from blockmech.blocks.frame import Frame
 from blockmech.blocks.joints import PAIRS
 from blockmech.compiled import Compiled
 from blockmech.couplings.contract import Coupling
-from blockmech.draw.layout import Box, Ends
+from blockmech.draw.layout import Box
 from blockmech.draw.palette import MOST, SIZES, SMALL, TEXT
 from blockmech.draw.paper import shown_name, text_width
 from blockmech.errors import listed
 from blockmech.loads.contract import Element, Following
 from blockmech.model.couplings import couplings_of, driven_joints
-from blockmech.model.diagram import UnknownBlock, Wire
+from blockmech.model.diagram import Ends, UnknownBlock, Wire
 from blockmech.model.flat import open_ports
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
@@ -151,11 +151,7 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
     """What the diagram of a graph shows; ``names`` are those of links and joints."""
     words = Words.of(names, graph)
     # An address that is none at all leaves a part empty.
-    parts = (
-        [part for end in wire.ends for part in split_address(end, graph.blocks)]
-        for wire in graph.wires
-    )
-    wires = [Ends(*ends) for ends in parts if all(ends)]
+    wires = [ends for wire in graph.wires if all(ends := wire.apart(graph.blocks))]
     wires += _drive_wires(graph)
     shown = list(dict.fromkeys([*graph.blocks, *(n for w in wires for n in (w.source, w.target))]))
     problems = graph.check()
@@ -179,7 +175,8 @@ def content_of(graph: Graph, names: Names | None = None, most: int = MOST) -> Co
         complete=not problems,
         blocks=tuple(_block(graph, name, drawn, fed, words) for name in shown),
         wires=tuple(
-            DrawnWire(w, _flows(graph, w), words.beside(w), _is_signal(graph, w)) for w in drawn
+            DrawnWire(w, _flows(graph, w), words.beside(w), signal_wire(graph.blocks, w))
+            for w in drawn
         ),
     )
 
@@ -209,11 +206,6 @@ def _flows(graph: Graph, wire: Ends) -> bool:
     """Whether anything flows forward: a load may read nothing of its marker."""
     target = graph.blocks.get(wire.target)
     return not isinstance(target, Element) or bool(target.reads().get(wire.port))
-
-
-def _is_signal(graph: Graph, wire: Ends) -> bool:
-    ends = Wire(f"{wire.source}.{wire.marker}", f"{wire.target}.{wire.port}")
-    return signal_wire(graph.blocks, ends)
 
 
 def _block(

@@ -15,10 +15,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations, pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import networkx as nx
 import numpy as np
+
+from blockmech.model.diagram import Ends
 
 SWEEPS = 24  # more change nothing on diagrams of a hundred blocks
 STRAIGHT = {0: 1, 1: 2, 2: 8}  # weight of a step, by how many of its ends only pass a layer
@@ -43,18 +45,6 @@ class Box:
     above: int = 0
     first: bool = False  # stands in the first layer, alone
     markers: tuple[str, ...] | None = None
-
-
-class Ends(NamedTuple):
-    """A wire from a marker of one box to a port of another."""
-
-    source: str
-    marker: str
-    target: str
-    port: str
-
-    def __str__(self) -> str:
-        return f"{self.source}.{self.marker} -> {self.target}.{self.port}"
 
 
 @dataclass

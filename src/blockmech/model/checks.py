@@ -1,13 +1,13 @@
 """The checks of a graph, one rule each; every problem is data.
 
-What is locally wrong is refused when it is added; `all_problems` finds the rest in
+What is locally wrong is refused when it is added; `checked` finds the rest in
 one pass, so that a user sees everything at once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
@@ -17,9 +17,9 @@ from blockmech.blocks.modes import TwoModes
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
 from blockmech.errors import Problem, close_match, listed
-from blockmech.loads.contract import Element, Following
+from blockmech.loads.contract import LAW, Element, Following
 from blockmech.model.couplings import add_couplings, coupling_problems, loop_problems
-from blockmech.model.diagram import AnyBlock, UnknownBlock, Wire
+from blockmech.model.diagram import AnyBlock, Ends, UnknownBlock, Wire
 from blockmech.model.scene import Scene
 from blockmech.model.signals import signal_ports, signal_wire, signal_wire_problems
 from blockmech.model.structure import COORDINATE
@@ -32,33 +32,54 @@ if TYPE_CHECKING:
 Blocks: TypeAlias = Mapping[str, AnyBlock]
 
 
-def all_problems(blocks: Blocks, wires: Iterable[Wire], scene: Scene) -> list[Problem]:
-    """Every problem of a graph."""
-    wires = list(wires)
+class Checked(NamedTuple):
+    """A graph that was checked.
+
+    problems : all that is wrong with it
+    order : where nothing is, its blocks with links in formation order: of those that do not
+        wait for each other the first by name comes first
+    ends : its wires by the names of their blocks
+    """
+
+    problems: list[Problem]
+    order: tuple[str, ...]
+    ends: list[Ends]
+
+
+def checked(blocks: Blocks, wires: Iterable[Wire], scene: Scene) -> Checked:
+    """Every problem of a graph, and what was found from its wires."""
+    import networkx as nx
+
     problems = list(_block_problems(blocks))
     fed: dict[str, Wire] = {}
+    ends = []
     for wire in wires:
-        problems += wire_problems(blocks, wire, fed.get(wire.target))
+        ends.append(wire.apart(blocks))
+        problems += wire_problems(blocks, wire, ends[-1], fed.get(wire.target))
         fed.setdefault(wire.target, wire)
     problems += _unwired(blocks, fed)
     problems += _driver_problems(blocks, scene)
     problems += coupling_problems(blocks, scene)
     problems += _group_problems(blocks)
-    problems += _branch_problems(blocks, wires)
-    if not any(p.code == "unknown-block" for p in problems):
-        dag = block_dag(blocks, wires)
-        if cycles := list(_cycles(dag, blocks, wires)):
-            return problems + cycles
-        add_couplings(dag, blocks)
-        problems += loop_problems(dag, blocks)
-    return problems
+    problems += _branch_problems(blocks, ends)
+    if any(p.code == "unknown-block" for p in problems):
+        return Checked(problems, (), ends)
+    dag = block_dag(blocks, ends)
+    add_couplings(dag, blocks)
+    try:
+        order = tuple(nx.lexicographical_topological_sort(dag, key=str))
+    except nx.NetworkXUnfeasible:
+        cycles = list(_cycles(block_dag(blocks, ends), blocks, wires))
+        return Checked(problems + (cycles or list(loop_problems(dag, blocks))), (), ends)
+    problems += loop_problems(dag, blocks)  # a driver that is coupled to itself is none of the dag
+    return Checked(problems, () if problems else order, ends)
 
 
 def remarks(blocks: Blocks, wires: Iterable[Wire]) -> list[Problem]:
     """Unused and unreachable things of a graph: not wrong, but perhaps forgotten."""
     import networkx as nx
 
-    dag, used = block_dag(blocks, wires), {w.source for w in wires}
+    dag, used = block_dag(blocks, [w.apart(blocks) for w in wires]), {w.source for w in wires}
     frames = {n: b for n, b in blocks.items() if isinstance(b, Frame)}
     moving = {n: b for n, b in blocks.items() if isinstance(b, Moving)}
     reached = set(frames).union(*(nx.descendants(dag, n) for n in frames))
@@ -102,9 +123,14 @@ def _block_problems(blocks: Blocks) -> Iterator[Problem]:
             yield REGISTRY.unknown(block.type, name)
 
 
-def wire_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterator[Problem]:
-    """What is locally wrong with a wire; ``fed`` is an earlier one to the same joint."""
-    if signal_wire(blocks, wire):
+def wire_problems(blocks: Blocks, wire: Wire, ends: Ends, fed: Wire | None) -> Iterator[Problem]:
+    """What is locally wrong with a wire.
+
+    ``ends`` are its own in these blocks; ``fed`` is an earlier wire to the same joint.
+    """
+    if fed is None and _joins(blocks, ends):
+        return
+    if signal_wire(blocks, ends):
         yield from signal_wire_problems(blocks, wire, fed)
         return
     problems = list(_local_problems(blocks, wire, fed))
@@ -117,6 +143,26 @@ def wire_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterator[Prob
         found, valid = "a wire does not end there", "a wire runs from a marker to a joint"
         remedy = f"turn the wire round: {turned}"
         yield Problem(problems[0].code, wire.target, found, valid, remedy)
+
+
+def _joins(blocks: Blocks, ends: Ends) -> bool:
+    """Whether a wire plainly fits: what the rules below have nothing to say of."""
+    source, marker, target, port = ends
+    holder, block = blocks.get(source), blocks.get(target)
+    if source == target or not isinstance(holder, Moving | Frame) or "." in marker + port:
+        return False
+    declared = holder.all_markers.get(marker, ("", None))[1]
+    if declared is None or isinstance(block, Element):
+        return declared is not None and port in block.terminals and port != LAW
+    joint = block.joints.get(port) if isinstance(block, Moving) else None
+    if joint is None or not joint.outer:
+        return False
+    return joint.pair.reads != "guide" or not _pointlike(declared)
+
+
+def _pointlike(marker: object) -> bool:
+    """Whether a marker has no direction of its own."""
+    return isinstance(marker, Marker) and marker.angle is None and marker.dir is None
 
 
 def _local_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterator[Problem]:
@@ -168,8 +214,8 @@ def _target_problems(
         found = f"fed by {wire.source} of the same block"
         valid = "a joint is fed by an earlier block"
         yield Problem("self-wire", wire.target, found, valid, "wire it to another block")
-    pointlike = isinstance(marker, Marker) and marker.angle is None and marker.dir is None
-    if pointlike and isinstance(block, Moving) and block.joints[name].pair.reads == "guide":
+    guided = isinstance(block, Moving) and block.joints[name].pair.reads == "guide"
+    if guided and _pointlike(marker):
         found = f"a prismatic joint needs a guide, {wire.source} is a point"
         valid = "a guide is a marker with a direction"
         remedy = f'give {wire.source} an "angle" [rad] or a "dir" [dx, dy]'
@@ -251,12 +297,12 @@ def _is_coordinate(blocks: Blocks, name: str) -> bool:
     return last == COORDINATE and joint in getattr(blocks.get(block), "joints", ())
 
 
-def _branch_problems(blocks: Blocks, wires: Iterable[Wire]) -> Iterator[Problem]:
+def _branch_problems(blocks: Blocks, ends: Iterable[Ends]) -> Iterator[Problem]:
     """Branches that follow a motion of several drivers, or of another one than home says."""
     import networkx as nx
 
     following = {n: b for n, b in blocks.items() if isinstance(b, TwoModes) and b.follows}
-    dag = block_dag(blocks, wires) if following else None
+    dag = block_dag(blocks, ends) if following else None
     for name, block in following.items():
         above = nx.ancestors(dag, name)
         drivers = driver_names({n: b for n, b in blocks.items() if n in above})
@@ -302,14 +348,7 @@ def _cycles(dag: nx.DiGraph, blocks: Blocks, wires: Iterable[Wire]) -> Iterator[
             yield cycles.cycle_problem(blocks, wires, names, told=links <= cycles.MOST_LINKS)
 
 
-def motion_dag(blocks: Blocks, wires: Iterable[Wire]) -> nx.DiGraph:
-    """The same with an edge from each block to those that are coupled to it."""
-    dag = block_dag(blocks, wires)
-    add_couplings(dag, blocks)
-    return dag
-
-
-def block_dag(blocks: Blocks, wires: Iterable[Wire]) -> nx.DiGraph:
+def block_dag(blocks: Blocks, ends: Iterable[Ends]) -> nx.DiGraph:
     """Blocks with links, and an edge from each block to those that it feeds."""
     import networkx as nx
 
@@ -317,8 +356,7 @@ def block_dag(blocks: Blocks, wires: Iterable[Wire]) -> nx.DiGraph:
     dag.add_nodes_from(
         n for n, b in blocks.items() if not isinstance(b, Element | Coupling | Signal)
     )
-    for wire in wires:
-        source, target = (split_address(end, blocks)[0] for end in (wire.source, wire.target))
+    for source, _, target, _ in ends:
         fixed = isinstance(blocks.get(target), Frame)  # nothing can feed it
         if source in dag and target in dag and source != target and not fixed:
             dag.add_edge(source, target)

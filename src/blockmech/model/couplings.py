@@ -83,8 +83,9 @@ def _is_marker(blocks: Blocks, address: str) -> bool:
 
 def add_couplings(dag: nx.DiGraph, blocks: Blocks) -> None:
     """Edges from the blocks that lead to those that follow."""
-    drivers = driven_joints(blocks)
-    for coupling in couplings_of(blocks).values():
+    couplings = couplings_of(blocks)
+    drivers = driven_joints(blocks) if couplings else {}
+    for coupling in couplings.values():
         if coupling.driven in drivers:
             known = drivers.get(coupling.driver)
             source = known[0] if known else split_address(coupling.driver, blocks)[0]
@@ -97,8 +98,9 @@ def loop_problems(dag: nx.DiGraph, blocks: Blocks) -> Iterator[Problem]:
     """Couplings by which a driver would follow itself."""
     import networkx as nx
 
-    drivers = driven_joints(blocks)
-    for name, coupling in couplings_of(blocks).items():
+    couplings = couplings_of(blocks)
+    drivers = driven_joints(blocks) if couplings else {}
+    for name, coupling in couplings.items():
         if coupling.driven not in drivers:
             continue
         known = drivers.get(coupling.driver)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field
 
@@ -15,7 +15,7 @@ from blockmech.model.expect import Expectation
 from blockmech.model.form import VERSION, Form, Section
 from blockmech.model.scene import Scene
 from blockmech.validation_errors import field_order
-from blockmech.values import StrictModel
+from blockmech.values import StrictModel, split_address
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,18 @@ class UnknownBlock:
 
     type: str
     raw: dict[str, Any] = field(default_factory=dict)
+
+
+class Ends(NamedTuple):
+    """A wire from a marker or output of one block to a joint, terminal or input of another."""
+
+    source: str
+    marker: str
+    target: str
+    port: str
+
+    def __str__(self) -> str:
+        return f"{self.source}.{self.marker} -> {self.target}.{self.port}"
 
 
 @dataclass(frozen=True)
@@ -40,6 +52,11 @@ class Wire:
     def ends(self) -> tuple[str, str]:
         """Source and target."""
         return self.source, self.target
+
+    def apart(self, blocks: Container[str]) -> Ends:
+        """The names of its blocks, and those behind them; empty where an address has none."""
+        source, target = (split_address(str(end), blocks) for end in self.ends)
+        return Ends(*source, *target)
 
     def __str__(self) -> str:
         return f"{self.source} -> {self.target}"

@@ -8,10 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import replace
 from itertools import islice
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Self
 
 from blockmech.arguments import declared
-from blockmech.blocks.contract import Block, Moving
+from blockmech.blocks.contract import Moving
 from blockmech.blocks.frame import Frame
 from blockmech.couplings.contract import Coupling
 from blockmech.errors import MOST, FormatError, GraphError, Problem, RequestError
@@ -28,7 +29,7 @@ from blockmech.model.signals import signal_wire
 from blockmech.model.structure import JointRef, MarkerRef, Structure
 from blockmech.model.subgraph import Subgraph, found_file
 from blockmech.signals.contract import Signal
-from blockmech.values import Vector, split_address
+from blockmech.values import Vector
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -109,7 +110,8 @@ class Graph(Document):
                 self.wires.append(wire)  # inside of what is unread
                 continue
             there = Wire(*map(flat.address, wire.ends))
-            problems = list(checks.wire_problems(flat.blocks, there, fed.get(wire.target)))
+            parts = there.apart(flat.blocks)
+            problems = list(checks.wire_problems(flat.blocks, there, parts, fed.get(wire.target)))
             if problems:
                 refused |= {wire.target, wire.source}  # or the other way round
                 yield from problems
@@ -257,7 +259,7 @@ class Graph(Document):
         flat = self._flattened() if inside else Flat(self.blocks)
         fed = next((w for w in self.wires if w.target == wire.target), None)
         there = Wire(*map(flat.address, wire.ends)) if inside else wire
-        return list(checks.wire_problems(flat.blocks, there, fed))
+        return list(checks.wire_problems(flat.blocks, there, there.apart(flat.blocks), fed))
 
     def drive(self, driver: str, law: LawOfMotion) -> None:
         """Give a driver its law of motion; replaces an earlier one.
@@ -301,15 +303,11 @@ class Graph(Document):
 
     def check(self) -> list[Problem]:
         """All problems of the wiring, as data; an empty list is a valid mechanism."""
-        parts = self._flattened()
-        flat = self.flat()
-        problems = [*parts.problems, *checks.all_problems(flat.blocks, flat.wires, flat.scene)]
-        if not problems and any(isinstance(b, Coupling) for b in flat.blocks.values()):
-            try:
-                flat._formed().check_couplings()
-            except GraphError as error:
-                problems = list(error.problems)
-        return problems
+        try:
+            Graph.structure(self)
+        except GraphError as error:
+            return list(error.problems)
+        return []
 
     def remarks(self) -> list[Problem]:
         """Unused and unreachable things: not wrong, but perhaps forgotten."""
@@ -318,45 +316,13 @@ class Graph(Document):
 
     def structure(self) -> Structure:
         """The checked formation sequence. Raises `GraphError` with all problems."""
-        problems = Graph.check(self)
-        if problems:
+        flat = self._flattened()
+        found = checks.checked(flat.blocks, flat.wires, flat.scene)
+        if problems := [*flat.problems, *found.problems]:
             raise GraphError(problems)
-        return self.flat()._formed()
-
-    def _formed(self) -> Structure:
-        import networkx as nx
-
-        known = {n: b for n, b in self.blocks.items() if isinstance(b, Block)}
-        frame = next(n for n, b in known.items() if isinstance(b, Frame))
-        dag = checks.motion_dag(self.blocks, self.wires)
-        order = nx.lexicographical_topological_sort(dag, key=str)  # ties by name
-        feeds: dict[JointRef, MarkerRef] = {}
-        holds: dict[JointRef, MarkerRef] = {}
-        read: dict[JointRef, str] = {}
-        for wire in self.wires:
-            block, joint = split_address(wire.target, known)
-            if signal_wire(self.blocks, wire):
-                read[JointRef(block, joint)] = wire.source
-                continue
-            source, marker = split_address(wire.source, known)
-            wires = holds if isinstance(known[block], Element) else feeds
-            ref = MarkerRef(source, known[source].all_markers[marker][0], marker)
-            wires[JointRef(block, joint)] = ref
-        moving = {n: b for n in order if isinstance(b := known[n], Moving)}
-        elements = {n: b for n in sorted(known) if isinstance(b := known[n], Element)}
-        couplings = {n: b for n in sorted(known) if isinstance(b := known[n], Coupling)}
-        signals = {n: b for n in sorted(known) if isinstance(b := known[n], Signal)}
-        return Structure(
-            frame,
-            moving,
-            elements,
-            known[frame],
-            feeds,
-            holds,
-            couplings=couplings,
-            signals=signals,
-            signal_wires=read,
-        )
+        formed = _formed(flat, found)
+        formed.check_couplings()
+        return formed
 
     def to_networkx(self) -> nx.DiGraph:
         """A copy of the block diagram: nodes are blocks, edges carry their ``wires``."""
@@ -381,6 +347,35 @@ class Graph(Document):
             f"<Graph {self.name}: {len(s.links) - 1} moving links, {s.pairs} pairs, "
             f"mobility {s.mobility}; {s.formula}>"
         )
+
+
+def _formed(flat: Flat, found: checks.Checked) -> Structure:
+    """The structure of a graph with which nothing is wrong."""
+    known: dict[str, Any] = flat.blocks
+    feeds: dict[JointRef, MarkerRef] = {}
+    holds: dict[JointRef, MarkerRef] = {}
+    read: dict[JointRef, str] = {}
+    for wire, ends in zip(flat.wires, found.ends, strict=True):
+        joint = JointRef(ends.target, ends.port)
+        if signal_wire(known, ends):
+            read[joint] = wire.source
+            continue
+        wires = holds if isinstance(known[ends.target], Element) else feeds
+        link, _ = known[ends.source].all_markers[ends.marker]
+        wires[joint] = MarkerRef(ends.source, link, ends.marker)
+    named = sorted(known.items(), key=itemgetter(0))
+    frame = next(n for n, b in named if isinstance(b, Frame))
+    return Structure(
+        frame,
+        {n: b for n in found.order if isinstance(b := known[n], Moving)},
+        {n: b for n, b in named if isinstance(b, Element)},
+        known[frame],
+        feeds,
+        holds,
+        couplings={n: b for n, b in named if isinstance(b, Coupling)},
+        signals={n: b for n, b in named if isinstance(b, Signal)},
+        signal_wires=read,
+    )
 
 
 def _one_file(path: str) -> str:

@@ -7,7 +7,7 @@ from typing import TypeAlias
 
 from blockmech.errors import Problem, close_match, listed
 from blockmech.loads.contract import LAW, Element, Following
-from blockmech.model.diagram import AnyBlock, Wire
+from blockmech.model.diagram import AnyBlock, Ends, Wire
 from blockmech.signals.contract import Signal
 from blockmech.values import split_address
 
@@ -22,14 +22,12 @@ def signal_ports(block: AnyBlock) -> tuple[str, ...]:
     return block.ports if isinstance(block, Following) else ()
 
 
-def signal_wire(blocks: Blocks, wire: Wire) -> bool:
+def signal_wire(blocks: Blocks, ends: Ends) -> bool:
     """Whether a wire has to do with signals: it ends or starts at a signal block, or at a law."""
-    (source, _), (target, port) = (
-        split_address(str(end), blocks) for end in (wire.source, wire.target)
-    )
-    if isinstance(blocks.get(source), Signal) or isinstance(blocks.get(target), Signal):
+    target = blocks.get(ends.target)
+    if isinstance(blocks.get(ends.source), Signal) or isinstance(target, Signal):
         return True
-    return isinstance(blocks.get(target), Element) and port == LAW
+    return ends.port == LAW and isinstance(target, Element)
 
 
 def signal_wire_problems(

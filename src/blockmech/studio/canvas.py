@@ -12,10 +12,11 @@ from typing import Any
 
 from blockmech.draw.boxes import Content, DrawnBlock
 from blockmech.draw.diagram import view_of
-from blockmech.draw.layout import Box, Ends, arrange
+from blockmech.draw.layout import Box, arrange
 from blockmech.draw.palette import ROW, SIZES, SMALL, TEXT
 from blockmech.draw.paper import text_width, wrapped
 from blockmech.draw.routing import Point, Rectangle, place, way_between
+from blockmech.model.diagram import Ends
 from blockmech.model.graph import Graph
 from blockmech.studio.edits import markers_of
 
