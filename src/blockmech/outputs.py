@@ -12,17 +12,19 @@ import fnmatch
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from blockmech.blocks.contract import Joint
+from blockmech.by_owner import ByOwner, Part
 from blockmech.errors import Problem, RequestError, as_names, close_match, listed
 from blockmech.garbage import uncollected
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
-from blockmech.outputs_by_link import outputs_by_link
+from blockmech.outputs_by_link import outputs_by_link, readings
 from blockmech.passes import (
     energy,
     forces,
@@ -37,8 +39,10 @@ from blockmech.passes import (
 )
 from blockmech.plan import NOUGHT, STAGES, ZERO, Friction, Output, Plan, Reader, Schedule
 from blockmech.quality import at_most_one
+from blockmech.signals.contract import Signal
 
 PARTS = {"x": "real", "y": "imag"}
+WILD = re.compile(r"[*?[]")
 
 
 def _same(x: Any) -> Any:
@@ -90,35 +94,38 @@ def in_program(output: Output) -> Callable[..., str] | None:
 # -- block by block ------------------------------------------------
 
 
-def outputs_of(structure: Structure) -> Iterator[Output]:
-    """Every output of a mechanism, in formation order."""
+def outputs_of(structure: Structure) -> Iterator[Part[Output]]:
+    """Every output of a mechanism, in formation order, by what it belongs to."""
     loose = {name for name, block in structure.blocks.items() if block.clearance}
     for name, block in structure.blocks.items():
+        plays = bool(loose) and not loose.isdisjoint(structure.ancestors(name))
         for driver in structure.drivers_of(name):
-            yield from _driver_outputs(structure, driver)
+            yield driver, _driver_outputs, (structure, driver)
         for link in block.link_names:
-            yield from _link_outputs(LinkRef(name, link))
+            yield f"{name}.{link}", _link_outputs, (LinkRef(name, link),)
         for marker in structure.markers(name):
-            yield from _marker_outputs(marker)
-            if loose and not loose.isdisjoint(structure.ancestors(name)):
-                yield _vector(f"{marker}.play", "m", play.play, marker)
-                yield _vector(f"{marker}.play_bound", "m", play.play_bound, marker)
+            yield f"{name}.{marker.name}", _marker_outputs, (marker, plays)
         for joint in block.joints.values():
-            yield from _joint_outputs(structure, JointRef(name, joint.name), joint)
+            ref = JointRef(name, joint.name)
+            yield f"{name}.{joint.name}", _joint_outputs, (structure, ref, joint)
         if block.closes:
-            yield from _group_outputs(structure, name)
+            yield name, _group_outputs, (structure, name)
     for marker in structure.markers(structure.frame):
-        yield from _marker_outputs(marker)
+        yield str(marker), _marker_outputs, (marker, False)
     for name in structure.elements:
-        yield from _element_outputs(structure, name)
-    for driver in structure.followers:
-        yield from _coupling_outputs(structure, driver)
+        yield name, _element_outputs, (structure, name)
+    for driver, follower in structure.followers.items():
+        yield follower.coupling, _coupling_outputs, (structure, driver)
     for name, signal in structure.signals.items():
-        for port in signal.ports:
-            words = f"{'output' if port in signal.outputs else 'state'} of the signal block"
-            unit = signal.port_unit(port)
-            yield _real(f"{name}.{port}", unit, signals.output, name, port, words=words)
-    yield from _mechanism_outputs(structure)
+        yield name, _signal_outputs, (name, signal)
+    yield "mechanism", _mechanism_outputs, (structure,)
+
+
+def _signal_outputs(name: str, signal: Signal) -> Iterator[Output]:
+    for port in signal.ports:
+        words = f"{'output' if port in signal.outputs else 'state'} of the signal block"
+        unit = signal.port_unit(port)
+        yield _real(f"{name}.{port}", unit, signals.output, name, port, words=words)
 
 
 def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
@@ -210,10 +217,13 @@ def _scalar(rule: Any, link: LinkRef) -> Callable[[Schedule], tuple[str]]:
     return lambda s: (s.ask(rule, link).scalar,)
 
 
-def _marker_outputs(marker: MarkerRef) -> Iterator[Output]:
+def _marker_outputs(marker: MarkerRef, plays: bool) -> Iterator[Output]:
     yield _vector(f"{marker}.p", "m", forward.marker_place, marker)
     yield _vector(f"{marker}.v", "m/s", forward.marker_velocity, marker)
     yield _vector(f"{marker}.a", "m/s2", forward.marker_acceleration, marker)
+    if plays:
+        yield _vector(f"{marker}.play", "m", play.play, marker)
+        yield _vector(f"{marker}.play_bound", "m", play.play_bound, marker)
 
 
 def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterator[Output]:
@@ -359,34 +369,40 @@ def near(pattern: str, names: Iterable[str]) -> list[str]:
 
 
 class Catalogue(Mapping[str, Output]):
-    """All outputs of a mechanism by name, made once and on first use."""
+    """All outputs of a mechanism by name, each made once and on first use."""
 
     def __init__(self, structure: Structure, names: Names | None = None) -> None:
         """With ``names`` the outputs are those of a joint-based document, and no others."""
         self.structure = structure
-        with uncollected():
-            self._outputs = {o.name: o for o in outputs_of(structure)}
-            if names is not None:
-                outputs = outputs_by_link(structure, names, self._outputs)
-                self._outputs = {o.name: o for o in outputs}
-        self._parts: dict[str, Output] = {}  # of vectors, those that were asked for
+        self._known: ByOwner[Any] = ByOwner(outputs_of(structure))
+        self._made: dict[str, Output] = {}  # those that were asked for, and parts of vectors
+        self._more: dict[str, Output] = {}
+        self._of_document = None
+        if names is not None:
+            self._of_document = outputs_by_link(structure, names, self._known)
+            self._known = ByOwner(readings(structure, names, self._known))
 
     def __getitem__(self, name: str) -> Output:
         """An output by its name; ``.x`` or ``.y`` behind that of a vector is a part of it."""
-        output = self._outputs.get(name) or self._parts.get(name)
+        output = self._made.get(name) or self._more.get(name)
         if output is None:
-            whole, _, end = name.rpartition(".")
-            if end not in PARTS or (of := self._outputs[whole]).kind != "vector":
-                raise KeyError(name)
-            read = partial(_part, of.read, PARTS[end])
-            output = self._parts[name] = of._replace(name=name, kind="real", read=read)
+            output = self._made[name] = self._output(name)
         return output
 
+    def _output(self, name: str) -> Output:
+        if name in self._known:
+            known = self._known[name]
+            return known if self._of_document is None else self._of_document(known)
+        whole, _, end = name.rpartition(".")
+        if end not in PARTS or (of := self[whole]).kind != "vector":
+            raise KeyError(name)
+        return of._replace(name=name, kind="real", read=partial(_part, of.read, PARTS[end]))
+
     def __iter__(self) -> Iterator[str]:
-        return iter(self._outputs)
+        return chain(self._known, self._more)
 
     def __len__(self) -> int:
-        return len(self._outputs)
+        return len(self._known) + len(self._more)
 
     def __repr__(self) -> str:
         return f"<outputs {listed(self, 8)}>"
@@ -394,7 +410,7 @@ class Catalogue(Mapping[str, Output]):
     def extended(self, more: Iterable[Output]) -> Catalogue:
         """The catalogue with more outputs behind its own."""
         other = copy.copy(self)
-        other._outputs = {**self._outputs, **{output.name: output for output in more}}
+        other._more = {**self._more, **{output.name: output for output in more}}
         return other
 
     def match(self, want: Iterable[str]) -> tuple[str, ...]:
@@ -409,10 +425,11 @@ class Catalogue(Mapping[str, Output]):
                 matched[pattern] = None
                 continue
             fits = re.compile(fnmatch.translate(pattern)).match
-            names = [n for n in self._outputs if fits(n)]
+            start = WILD.split(pattern, maxsplit=1)[0]
+            names = [n for n in chain(self._known.beginning(start), self._more) if fits(n)]
             if not names:
-                known = f"outputs there: {listed(near(pattern, self._outputs), 16)}"
-                reason, remedy = "no output has that name", close_match(pattern, self._outputs)
+                known = f"outputs there: {listed(near(pattern, self), 16)}"
+                reason, remedy = "no output has that name", close_match(pattern, self)
                 problems.append(Problem("unknown-output", pattern, reason, known, remedy))
             matched.update(dict.fromkeys(names))
         if problems:

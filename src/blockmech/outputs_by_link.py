@@ -20,14 +20,15 @@ named after the dyad's two, ``joint.A.rocker.rod.transmission_angle``: whatever 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.model.naming import JointName, Names
-from blockmech.model.structure import LinkRef, Structure
+from blockmech.by_owner import ByOwner, Part
+from blockmech.model.naming import JointName, LinkName, Names
+from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.plan import Output
 
 OF_LINKS = ("angle", "omega", "alpha")
@@ -62,8 +63,8 @@ class Reading(NamedTuple):
 
 def outputs_by_link(
     structure: Structure, names: Names, known: Mapping[str, Output]
-) -> Iterator[Output]:
-    """Every output of a joint-based document, in its own order.
+) -> Callable[[Reading], Output]:
+    """What makes the outputs of a joint-based document of their `readings`.
 
     Parameters
     ----------
@@ -73,55 +74,81 @@ def outputs_by_link(
     """
     link_names = {str(ref): link for ref, link in names.of_links.items()}
     link_names[str(structure.frame_link)] = "frame"
-    for reading in readings(structure, names, known):
-        parts = [(known[name], sign) for name, sign in reading.parts if name in known]
-        if not parts:
-            continue
+
+    def made(reading: Reading) -> Output:
+        parts = [(known[name], sign) for name, sign in reading.parts]
         output = _sum(parts) if len(parts) > 1 or parts[0][1] < 0 else parts[0][0]
         if reading.turn or reading.wrapped:
             output = _rotated(output, reading.turn)
         by, on = (link_names.get(link, link) for link in (output.by, output.on))
         if by and reading.between:
             by, on = (x or y for x, y in zip(reading.between, (by, on), strict=True))
-        yield Output(reading.name, *output[1:5], by, on, output.words)
+        return Output(reading.name, *output[1:5], by, on, output.words)
+
+    return made
 
 
-def readings(structure: Structure, names: Names, known: Mapping[str, Output]) -> Iterator[Reading]:
+def readings(structure: Structure, names: Names, known: ByOwner[Output]) -> Iterator[Part[Reading]]:
     """The name table of a document: drivers, links, joints, loads, signals, the whole."""
     pairs = {pair.joint: pair.links for pair in names.joints.values()}
-    for driver, driven in structure.driven.items():
-        for what in OF_DRIVERS:
-            parts = ((f"{driver}.{what}", 1),)
-            yield Reading(f"driver.{driver}.{what}", parts, between=pairs.get(driven))
+    driven = {ref: driver for driver, ref in structure.driven.items()}
+
+    def of(owner: str, make: Callable[..., Iterator[Reading]], *more: Any) -> Part[Reading]:
+        """An owner's readings, without outputs of the graph that there are not."""
+        return owner, _present, (known, make, more)
+
+    for ref, driver in driven.items():
+        yield of(f"driver.{driver}", _of_driver, driver, pairs.get(ref))
     for link, at in names.links.items():
-        if at.link != structure.frame_link:
-            for what in OF_PLAY:
-                yield Reading(f"link.{link}.{what}", ((f"{at.marker}.{what}", 1),))
-            for point, turn in zip(OF_POINTS, OF_LINKS, strict=True):
-                yield Reading(f"link.{link}.{point}", ((f"{at.marker}.{point}", 1),))
-                more = at.turn if turn == "angle" else 0.0
-                yield Reading(f"link.{link}.{turn}", ((f"{at.link}.{turn}", 1),), more)
-        for marker, ref in at.markers.items():
-            for what in (*OF_POINTS, *OF_PLAY):
-                yield Reading(f"link.{link}.{marker}.{what}", ((f"{ref}.{what}", 1),))
+        yield of(f"link.{link}", _of_link, link, at, at.link == structure.frame_link)
     for pin, entries in groupby(names.joints.items(), lambda item: item[0].partition(".")[0]):
-        yield from _of_joints(pin, dict(entries), structure, names, known)
+        yield of(f"joint.{pin}", _of_pin, pin, dict(entries), structure, names, known, driven)
     of_blocks = {f"coupling.{name}": block for name, block in names.couplings.items()}
     for name, block in {**of_blocks, **names.signals}.items():
-        for what in (n.removeprefix(f"{block}.") for n in known if n.startswith(f"{block}.")):
-            yield Reading(f"{name}.{what}", ((f"{block}.{what}", 1),))
-    yield from _of_loads(structure, names, known)
-    for name in known:
-        if name.startswith("mechanism."):
-            yield Reading(name, ((name, 1),))
+        yield of(name, _of_block, name, block, known)
+    for load, elements in names.loads.items():
+        yield of(load, _of_load, load, elements, known)
+    yield of("mechanism", _of_block, "mechanism", "mechanism", known)
 
 
-def _of_joints(
+def _present(
+    known: Mapping[str, Output], make: Callable[..., Iterator[Reading]], more: tuple[Any, ...]
+) -> Iterator[Reading]:
+    for reading in make(*more):
+        if parts := tuple(part for part in reading.parts if part[0] in known):
+            yield reading if parts == reading.parts else reading._replace(parts=parts)
+
+
+def _of_driver(driver: str, between: tuple[str, str] | None) -> Iterator[Reading]:
+    for what in OF_DRIVERS:
+        yield Reading(f"driver.{driver}.{what}", ((f"{driver}.{what}", 1),), between=between)
+
+
+def _of_link(link: str, at: LinkName, fixed: bool) -> Iterator[Reading]:
+    if not fixed:
+        for what in OF_PLAY:
+            yield Reading(f"link.{link}.{what}", ((f"{at.marker}.{what}", 1),))
+        for point, turn in zip(OF_POINTS, OF_LINKS, strict=True):
+            yield Reading(f"link.{link}.{point}", ((f"{at.marker}.{point}", 1),))
+            more = at.turn if turn == "angle" else 0.0
+            yield Reading(f"link.{link}.{turn}", ((f"{at.link}.{turn}", 1),), more)
+    for marker, ref in at.markers.items():
+        for what in (*OF_POINTS, *OF_PLAY):
+            yield Reading(f"link.{link}.{marker}.{what}", ((f"{ref}.{what}", 1),))
+
+
+def _of_block(name: str, block: str, known: ByOwner[Output]) -> Iterator[Reading]:
+    for whole in known.of(block):
+        yield Reading(f"{name}{whole.removeprefix(block)}", ((whole, 1),))
+
+
+def _of_pin(
     pin: str,
     pairs: Mapping[str, JointName],
     structure: Structure,
     names: Names,
     known: Mapping[str, Output],
+    driven: Mapping[JointRef, str],
 ) -> Iterator[Reading]:
     """The place of a pin, what each of its pairs does, and the angles of dyads with it inside."""
     place = next(iter(pairs.values())).joint
@@ -130,7 +157,7 @@ def _of_joints(
     for name, pair in pairs.items():
         for what in OF_JOINTS:
             if what == "coordinate" and structure.joint(pair.joint).rotary:
-                yield _coordinate(name, pair, structure, names)
+                yield _coordinate(name, pair, driven.get(pair.joint), names)
             elif f"{pair.joint}.{what}" in known:
                 own = _of_joint(what, pair, structure, names)
                 yield Reading(f"joint.{name}.{what}", own, between=pair.links)
@@ -143,12 +170,11 @@ def _of_joints(
             yield Reading(f"joint.{name}.transmission_angle", ((angle, 1),))
 
 
-def _coordinate(name: str, pair: JointName, structure: Structure, names: Names) -> Reading:
+def _coordinate(name: str, pair: JointName, driver: str | None, names: Names) -> Reading:
     """Angle of the second link's axes against the first's; of a driven pin the driver's."""
     what = f"joint.{name}.coordinate"
-    for driver, ref in structure.driven.items():
-        if ref == pair.joint:
-            return Reading(what, ((f"{driver}.q", 1),), between=pair.links)
+    if driver is not None:
+        return Reading(what, ((f"{driver}.q", 1),), between=pair.links)
     parts, turn = list[tuple[str, int]](), 0.0
     for link, sign in zip(pair.links, (-1, 1), strict=True):
         if link in names.links:
@@ -177,17 +203,12 @@ def _of_joint(
     return ((one[0], -one[1] if along and pair.turned else one[1]),)
 
 
-def _of_loads(structure: Structure, names: Names, known: Mapping[str, Output]) -> Iterator[Reading]:
-    """What loads give at their terminals, and their power, under the document's names."""
-    outputs: dict[str, list[str]] = {}
-    for name in known:
-        element, _, what = name.partition(".")
-        if element in structure.elements:
-            outputs.setdefault(element, []).append(what)
-    for load, elements in names.loads.items():
-        for what in outputs[elements[0]]:
-            parts = tuple((f"{element}.{what}", 1) for element in elements)
-            yield Reading(f"{load}.{what}", parts, between=(load, ""))
+def _of_load(load: str, elements: Sequence[str], known: ByOwner[Output]) -> Iterator[Reading]:
+    """What a load gives at its terminals, and its power, under the document's names."""
+    for name in known.of(elements[0]):
+        what = name.removeprefix(elements[0])
+        parts = tuple((f"{element}{what}", 1) for element in elements)
+        yield Reading(f"{load}{what}", parts, between=(load, ""))
 
 
 def _sum(parts: list[tuple[Output, int]]) -> Output:

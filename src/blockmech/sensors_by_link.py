@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from blockmech.by_owner import ByOwner
 from blockmech.errors import GraphError, Problem, close_match, listed
 from blockmech.model.graph import Graph
 from blockmech.model.joints.varied import settled
 from blockmech.model.naming import Names
-from blockmech.outputs import PARTS, Catalogue, near
+from blockmech.outputs import PARTS, Catalogue, near, outputs_of
 from blockmech.outputs_by_link import Reading, readings
 from blockmech.values import free_name, split_address
 
@@ -29,7 +30,7 @@ def with_sensors_of_blocks(data: dict[str, Any], names: Names) -> dict[str, Any]
     blocks, own = dict(data["blocks"]), set(names.signals.values())
     structure = Graph.from_data(_without_signals(settled(data), own)).structure()
     known = Catalogue(structure)
-    table = {reading.name: reading for reading in readings(structure, names, known)}
+    table = ByOwner(readings(structure, names, ByOwner(outputs_of(structure))))
     wires, found, problems = [], dict[str, str](), list[Problem]()
     for wire in data["wires"]:
         source, target = wire["from"], wire["to"]
@@ -74,8 +75,8 @@ def _reading(table: Mapping[str, Reading], known: Catalogue, source: str) -> Rea
     reading = table.get(source)
     if reading is None and part in PARTS and whole in table:
         reading, ends = table[whole], f".{part}"
-    parts = [] if reading is None else [(n + ends, s) for n, s in reading.parts if n in known]
-    if reading is None or not all(name in known for name, _ in parts) or not parts:
+    parts = [] if reading is None else [(n + ends, s) for n, s in reading.parts]
+    if reading is None or not all(name in known for name, _ in parts):
         there = near(source, table)
         valid, remedy = f"outputs there: {listed(there, 16)}", close_match(source, there)
         return Problem("unknown-output", source, "no output has that name", valid, remedy)

@@ -152,8 +152,10 @@ def _joins(blocks: Blocks, ends: Ends) -> bool:
     if source == target or not isinstance(holder, Moving | Frame) or "." in marker + port:
         return False
     declared = holder.all_markers.get(marker, ("", None))[1]
-    if declared is None or isinstance(block, Element):
-        return declared is not None and port in block.terminals and port != LAW
+    if declared is None:
+        return False
+    if isinstance(block, Element):
+        return port in block.terminals and port != LAW
     joint = block.joints.get(port) if isinstance(block, Moving) else None
     if joint is None or not joint.outer:
         return False
