@@ -46,6 +46,7 @@ ROOMS = (
     "engines",
     "passes",
     "quality",
+    "by_owner",
     "outputs_by_link",
     "outputs",
     "sensors",

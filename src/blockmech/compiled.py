@@ -6,6 +6,7 @@ engine and wraps the arrays in a labelled result.
 
 from __future__ import annotations
 
+import weakref
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -90,7 +91,9 @@ class Compiled(Runnable[M]):
             scene=scene,
             name=name,
             document=document,
-            _planned=lru_cache(PLANS)(partial(_plan, self)),
+            _planned=lru_cache(PLANS)(
+                partial(_plan, weakref.proxy(self))
+            ),  # no cycle to search for
             _kept={},
         )
 

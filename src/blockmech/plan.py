@@ -198,7 +198,7 @@ class Schedule:
         self.inputs: set[str] = set()
         self.angles: set[str] = set()
         self.unit_load: UnitLoad | None = None
-        self.loaded = self  # the schedule of the loads that there are; see `under`
+        self._loaded: Schedule | None = None  # of unit loads, the schedule that `under` is of
         self._answers: dict[Hashable, Any] = {}
         self._by_text: dict[str, str] = {}  # expression -> name of its value
         self._names: dict[str, int] = {}
@@ -222,8 +222,13 @@ class Schedule:
         """
         other = copy.copy(self)
         other.unit_load, other.static, other.friction = load, True, Friction("none")
-        other._answers = {}
+        other._answers, other._loaded = {}, self.loaded
         return other
+
+    @property
+    def loaded(self) -> Schedule:
+        """The schedule of the loads that there are; see `under`."""
+        return self._loaded or self
 
     def ask_first(
         self,
