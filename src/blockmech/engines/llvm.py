@@ -37,9 +37,10 @@ from blockmech.plan import Program
 
 Array = NDArray[np.float64]
 LONGEST = 50_000  # lines of assembly, some ten seconds of compiling: others run longer programs
-# Samples that the scalar engine takes as long for as compiling takes, the compiler's loading
-# included: 0.3 s by some 20 us. Who stops there has waited twice as long as needed, nobody longer.
-WORTH = 15_000
+# States for which an integrator in Python takes about as long as compiling: 110 to 150 us each,
+# solver and friction included, by 0.2 to 0.35 s, or 0.05 s where machine code is on disk already.
+# Who stops there has waited twice as long as needed, nobody longer.
+WORTH = 2_000
 LINE = LANES * ctypes.sizeof(ctypes.c_double)  # bytes of a block of samples
 FILL = ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 4)
 PARALLEL = 2**17  # samples: some five milliseconds of work, beside which starting threads is little
