@@ -36,9 +36,12 @@ def flywheel(restitution=E, moment=TAU, **load):
     return g
 
 
-@pytest.mark.parametrize("method", ["energy", "dop853", "radau", "rk4"])
-def test_bounces_by_a_constant_moment_end_by_their_sum(method):
-    step = {"step": 1e-3} if method == "rk4" else {}
+@pytest.mark.parametrize(
+    ("method", "engine"),
+    [*((m, "auto") for m in ("energy", "dop853", "radau", "rk4")), ("dop853", "llvm")],
+)
+def test_bounces_by_a_constant_moment_end_by_their_sum(method, engine):
+    step = {"engine": engine} | ({"step": 1e-3} if method == "rk4" else {})
     r = flywheel().compile().simulate("time=5", method=method, **step)
     motion, flight = r.motion, 2 * W * J / TAU
     assert motion.facts["rest_time"] == pytest.approx(flight / (1 - E), rel=1e-10)

@@ -252,9 +252,12 @@ class EventDetector:
         return len(self.spans) == 1 and all(of_driver)
 
     def free_range(self, q: float) -> tuple[float, float]:
-        """The next places of the only driver, below and above one, at which there are events."""
+        """The next places of the only driver, below and above one, at which there are events.
+
+        Who begins at one of them, as after a blow, has no room: it may come back in its first step.
+        """
         places = [rule.place for rule in self.rules]
-        below, above = (p for p in places if p < q), (p for p in places if p > q)
+        below, above = (p for p in places if p <= q), (p for p in places if p >= q)
         return max(below, default=-math.inf), min(above, default=math.inf)
 
     def within(self, steps: Floats, states: Floats, dense: Callable[[Any], Any]) -> list[EventHit]:
