@@ -1,4 +1,7 @@
-"""Synthesis over structures: the structures are different, designs do what their table says."""
+"""Synthesis over structures: the structures are different, designs do what their table says.
+
+That a six-bar meets what a four-bar cannot is on the page `docs/synthesis.md`, which is run.
+"""
 
 from __future__ import annotations
 
@@ -71,12 +74,3 @@ def test_a_table_over_structures(tmp_path):
     assert str(again) == str(found)
     other = path_over_structures(POINTS, ANGLES, **how | {"seed": 1}, budget=0.0, out=tmp_path)
     assert len(other.unfinished) == 1
-
-
-def test_a_six_bar_meets_what_a_fourbar_cannot():
-    """Six points with their angles leave a four-bar 29 mm off; a six-bar has numbers enough."""
-    found = path_over_structures(POINTS, ANGLES, links=[4, 6], starts=256, refined=2)
-    four = min(c.design.miss for c in found if c.links == 4)
-    six = min(c.design.miss for c in found if c.links == 6)
-    assert 0.02 < four < 0.04
-    assert six < 1e-6

@@ -99,6 +99,8 @@ def test_settings_that_give_the_same_at_the_same_cost_are_one_row() -> None:
 
 def test_a_motion_that_does_not_end_in_time_is_compared_over_what_it_reaches(monkeypatch) -> None:
     monkeypatch.setattr("blockmech.analysis.trade.free_motion.SHARE", 0.005)  # 0.3 s
+    monkeypatch.setattr("blockmech.analysis.trade.measure.FEWEST", 1)
+    monkeypatch.setattr("blockmech.analysis.trade.measure.LONG_ENOUGH", 0.0)
     shaken = bm.Graph.load(GRAPHS / "motions" / "shaken_slider.json").compile()
     found = trade(shaken, "simulate", budget=60.0, until="time=1e6")
     assert found.points

@@ -6,6 +6,7 @@ LuGre's pendulum is the one of the design notes (DOP853 and Radau on m, z and w 
 
 from __future__ import annotations
 
+import inspect
 import math
 
 import numpy as np
@@ -15,6 +16,7 @@ from scipy.integrate import solve_ivp
 import blockmech as bm
 from tests.dynamics.test_friction_laws import HANGING, G, pendulum, wheel
 from tests.gallery import changed, document
+from tests.independent.kept import kept
 
 CURVE = {"static": 0.3, "kinetic": 0.2, "stribeck_speed": 0.5, "viscous": 0.01}
 PIN = 0.05
@@ -81,10 +83,18 @@ def rubbed(law, mu, slipping, t_end, z0=0.0, stop=-math.inf, restitution=0.0):
     return y
 
 
+DAHL = bm.Dahl(kinetic=0.2, stiffness=200.0, radius=PIN)
+
+
+@kept(inspect.getsource(rubbed), DAHL, PIN, G)
+def by_dahl(t_end, *stop):
+    """The same of Dahl's law; stop: where it is, and its restitution."""
+    return rubbed(DAHL, lambda w: 0.2, lambda w, z: 1.0, t_end, 0.0, *stop).tolist()
+
+
 def test_dahls_pendulum():
-    law = bm.Dahl(kinetic=0.2, stiffness=200.0, radius=PIN)
-    wanted = rubbed(law, lambda w: 0.2, lambda w, z: 1.0, 1.5)
-    moved = pendulum(law).simulate(
+    wanted = by_dahl(1.5)
+    moved = pendulum(DAHL).simulate(
         "time=1.5", start={"crank": (2.0 + HANGING, 0.0)}, times=[1.5],
         want=["crank.q", "crank.rate", "crank.A.deflection"],
     )  # fmt: skip
@@ -95,9 +105,8 @@ def test_dahls_pendulum():
 
 @pytest.mark.parametrize("method", ["dop853", "radau"])
 def test_a_deflection_goes_on_through_blows(method):
-    law = bm.Dahl(kinetic=0.2, stiffness=200.0, radius=PIN)
-    wanted = rubbed(law, lambda w: 0.2, lambda w, z: 1.0, 2.0, stop=-0.3, restitution=0.5)
-    g = wheel(law, cm=0.5, gravity=G)
+    wanted = by_dahl(2.0, -0.3, 0.5)
+    g = wheel(DAHL, cm=0.5, gravity=G)
     g.stop("crank", low=HANGING - 0.3, restitution=0.5)
     moved = g.compile().simulate(
         "time=2", start={"crank": (2.0 + HANGING, 0.0)}, times=[2.0], method=method,
@@ -109,8 +118,12 @@ def test_a_deflection_goes_on_through_blows(method):
     assert moved["crank.A.deflection"][0] == pytest.approx(wanted[2], abs=1e-10)
 
 
-def test_an_elasto_plastic_pendulum():
-    law = bm.ElastoPlastic(**CURVE, stiffness=200.0, damping=0.3, breakaway=0.08, radius=PIN)
+ELASTO_PLASTIC = bm.ElastoPlastic(**CURVE, stiffness=200.0, damping=0.3, breakaway=0.08, radius=PIN)
+
+
+@kept(inspect.getsource(rubbed), ELASTO_PLASTIC, PIN, G)
+def by_elasto_plastic_bristles(t_end):
+    """The same of that law."""
 
     def mu(w):
         return 0.2 + 0.1 * math.exp(-((w / 0.5) ** 2))
@@ -123,8 +136,12 @@ def test_an_elasto_plastic_pendulum():
             return 1.0
         return 0.5 + 0.5 * math.sin(math.pi * (f - (top + 0.08) / 2) / (top - 0.08))
 
-    wanted = rubbed(law, mu, slipping, 1.5)
-    moved = pendulum(law).simulate(
+    return rubbed(ELASTO_PLASTIC, mu, slipping, t_end).tolist()
+
+
+def test_an_elasto_plastic_pendulum():
+    wanted = by_elasto_plastic_bristles(1.5)
+    moved = pendulum(ELASTO_PLASTIC).simulate(
         "time=1.5", start={"crank": (2.0 + HANGING, 0.0)}, times=[1.5],
         want=["crank.q", "crank.A.deflection"],
     )  # fmt: skip

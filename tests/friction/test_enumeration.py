@@ -5,12 +5,15 @@ The judges are many starts of Newton's method and, of pins, a polynomial of degr
 groups each.
 """
 
+import inspect
+
 import numpy as np
 import pytest
 
 from blockmech.friction import enumeration
 from tests.friction.test_existence import existence_of
 from tests.independent import degree_eight, dyads
+from tests.independent.kept import kept
 
 KINDS = [*((kind, None) for kind in dyads.KINDS), ("RRP", 0.7), ("RPR", 0.7), ("PRP", 0.7)]
 
@@ -25,12 +28,23 @@ def sums(found, n):
     return total
 
 
+def ten_groups(kind, arm, guide_length):
+    return dyads.random_groups(kind, 10, arm, np.random.default_rng(5), guide_length)
+
+
+@kept(dyads, inspect.getsource(ten_groups))
+def brute_force(kind, arm, guide_length):
+    """All solutions of ten groups from 400 starts each."""
+    groups = ten_groups(kind, arm, guide_length)
+    return [t.tolist() for t in dyads.brute_force(groups, 400, np.random.default_rng(6))]
+
+
 @pytest.mark.parametrize(("kind", "guide_length"), KINDS)
 @pytest.mark.parametrize("arm", [0.05, 0.3, 1.0, 3.0])
 def test_every_solution_is_one_and_none_is_missing(kind, guide_length, arm):
-    groups = dyads.random_groups(kind, 10, arm, np.random.default_rng(5), guide_length)
+    groups = ten_groups(kind, arm, guide_length)
     found = enumerated(groups)
-    wanted = dyads.brute_force(groups, 400, np.random.default_rng(6))
+    wanted = [np.array(t) for t in brute_force(kind, arm, guide_length)]
     F = groups.base[found.system] + np.einsum("sjm,sm->sj", groups.rows[found.system], found.t)
     load = dyads.norms(groups, F)
     off = np.abs(found.t / groups.k[found.system] - load)
@@ -41,6 +55,13 @@ def test_every_solution_is_one_and_none_is_missing(kind, guide_length, arm):
         for t in judged:
             near = np.abs(mine - t).max(axis=1) / np.abs(t).max()
             assert near.min() <= 1e-6
+
+
+def test_what_is_kept_of_the_search_is_found_again():
+    again = brute_force.__wrapped__("RRR", 0.3, None)
+    assert len(again) == 10
+    for t, known in zip(again, brute_force("RRR", 0.3, None), strict=True):
+        assert np.array(t) == pytest.approx(np.array(known), rel=1e-9)
 
 
 @pytest.mark.parametrize("arm", [0.05, 0.3, 1.0, 3.0])

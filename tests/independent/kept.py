@@ -4,7 +4,9 @@ A number is kept under the name of the function that works it out, with a digest
 and of all that it is worked out by: what was changed since is not kept. It is then worked out and a
 warning says so, an error in the suite. To write the file anew:
 
-    JUDGED=anew python -m pytest -n 0 tests/independent tests/dynamics/test_other_formulations.py
+    JUDGED=anew python -m pytest -n 0 tests/independent \
+        tests/dynamics/test_other_formulations.py tests/dynamics/test_friction_states.py \
+        tests/friction/test_enumeration.py
 """
 
 from __future__ import annotations
