@@ -19,7 +19,6 @@ from blockmech.studio.plots import coloured
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import (
     blamed_blocks,
-    closing,
     dead_centres,
     travel,
     turn,
@@ -61,9 +60,10 @@ def test_every_mechanism_of_the_gallery_has_columns_for_every_pose(name):
         assert {len(row) for row in layer.looks.values()} == {count}
         starts = layer.starts or range(count + 1)
         assert len(starts) == count + 1
-        assert starts[-1] == layer.places.shape[1]
+        points = layer.places[0] if layer.offsets is None else layer.offsets
+        assert starts[-1] == len(points)
         for i, what in enumerate(layer.looks["name"]):
-            if what.startswith(("link", "pin")):
+            if what.startswith(("link", "pin")) and layer.offsets is None:
                 assert np.isfinite(layer.places[:, starts[i] : starts[i + 1]]).all()
             assert not what.startswith("gap")
     assert np.isfinite(names.places).all()
@@ -139,14 +139,14 @@ def words_of(view):
 
 def places_of(view, named, k):
     """Where the shapes whose names begin so are drawn in sample k [m]."""
-    return {
-        what: layer.places[k if len(layer.places) > 1 else 0][slice(*layer.starts[i : i + 2])]
-        if layer.starts
-        else layer.places[k, [i]]
-        for layer in view.figure.layers
-        for i, what in enumerate(layer.looks["name"])
-        if what.startswith(named)
-    }
+    drawn = {}
+    for layer in view.figure.layers:
+        row = layer.places[k if len(layer.places) > 1 else 0]
+        for i, what in enumerate(layer.looks["name"]):
+            span = slice(*layer.starts[i : i + 2]) if layer.starts else slice(i, i + 1)
+            if what.startswith(named):
+                drawn[what] = row[span] if layer.offsets is None else row[i] + layer.offsets[span]
+    return drawn
 
 
 def marked(view):
@@ -184,7 +184,7 @@ def test_dead_centres_are_those_of_limits():
     motion, found = turn(sheet.mechanism), sheet.mechanism.limits()
     q = motion.q["crank"]
     ends = {end.q % (2 * np.pi): str(end) for arc in found.arcs for end in (arc.start, arc.end)}
-    passed = dead_centres(motion, closing(motion).quality.margin)
+    passed = dead_centres(motion)
     assert len(passed) == len(ends) == 2
     for place, name in passed:
         at = np.interp(place, np.arange(len(q)), q)

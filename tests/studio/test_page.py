@@ -13,6 +13,7 @@ from blockmech.errors import BlockmechError
 from blockmech.studio.edits import renamed
 from blockmech.studio.sharing import KEY, packed, unpacked
 from tests.studio.page import (
+    blocks,
     choose,
     drag_block,
     drop,
@@ -244,6 +245,33 @@ def test_nothing_is_below_the_fold_and_no_two_buttons_share_a_name(page, studio,
     assert lines["y"] + 60 < size[1]
     play = page.get_by_role("button", name="▶ Play").bounding_box()
     assert play["y"] + play["height"] < lines["y"]
+
+
+FITS = """(diagram) => {
+    const { right } = diagram.getBoundingClientRect();
+    const inside = (block) => block.getBoundingClientRect().right <= right;
+    return [...diagram.querySelectorAll(".block")].every(inside);
+}"""
+
+
+def test_a_sheet_takes_the_gallerys_place_on_the_same_page(page, studio):
+    page.goto(studio[0])
+    page.evaluate("window.same = true")
+    page.locator('.card[href="?example=slider_crank"]').click()
+    blocks(page).first.wait_for()
+    assert page.evaluate("window.same")
+    sheet = page.url
+    assert "?sheet=" in sheet
+    page.go_back()
+    page.locator(".cards").wait_for()
+    page.go_forward()
+    blocks(page).first.wait_for()
+    assert page.url == sheet
+    page.goto(f"{studio[0]}?example=slider_crank")
+    blocks(page).first.wait_for()
+    page.wait_for_url("**/?sheet=*")
+    page.set_viewport_size({"width": 1024, "height": 700})
+    page.wait_for_function(FITS, arg=page.locator(".diagram svg").element_handle())
 
 
 def test_a_link_holds_the_document_and_opens_it_in_any_studio(page, browser, studio):

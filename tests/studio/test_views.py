@@ -55,7 +55,10 @@ def answered(page, studio, theme):
     yield "curves"
     press(page, "Analyses")
     press(page, "Equilibria")
-    page.get_by_alt_text("picture of the answer").wait_for()
+    picture = page.get_by_alt_text("picture of the answer")
+    picture.wait_for()
+    box = picture.bounding_box()
+    assert box["y"] + box["height"] <= SIZE["height"]  # as a whole, without scrolling
     yield "analyses"
     press(page, "Cost")
     page.get_by_text("kernel calls").first.wait_for()

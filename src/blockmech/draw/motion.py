@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
+from blockmech.quality import Quality
 from blockmech.result import Result
 
 Complex = NDArray[np.complex128]
@@ -37,6 +38,7 @@ class Motion:
     samples : (n,) which samples of the run
     origin, axis : link -> complex (n,), origin [m] and unit x axis [-]
     q, q_rate : driver -> (n,) coordinate and rate
+    quality : margins and gaps of the poses, at all samples of the run
     """
 
     result: Result
@@ -45,6 +47,7 @@ class Motion:
     axis: Mapping[LinkRef, Complex]
     q: Mapping[str, Real]
     q_rate: Mapping[str, Real]
+    quality: Quality
 
     @property
     def mechanism(self) -> Compiled:
@@ -164,7 +167,7 @@ def moves_of_result(result: Result) -> Motion:
     )
     n = result.n
     origin, axis = {fixed: np.zeros(n, complex), **origin}, {fixed: np.ones(n, complex), **axis}
-    return Motion(result, np.arange(n), origin, axis, q, rate)
+    return Motion(result, np.arange(n), origin, axis, q, rate, outputs.quality)
 
 
 def _starts(mechanism: Compiled) -> dict[str, float] | None:

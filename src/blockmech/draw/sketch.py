@@ -193,16 +193,14 @@ def _merged(motion: Motion, pins: Sequence[tuple[JointRef, Spot]]) -> tuple[Pin,
     s = motion.structure
     places = np.array([motion.at(*spot) for _, spot in pins])
     close = SAME_PLACE * np.abs(places).max(initial=0.0)
-    groups: list[list[int]] = []
-    for i in range(len(pins)):
-        together = (g for g in groups if np.abs(places[i] - places[g[0]]).max() <= close)
-        if cluster := next(together, None):
-            cluster.append(i)
-        else:
-            groups.append([i])
+    groups: dict[int, list[int]] = {}  # by the first pin of each
+    for i, row in enumerate(places):
+        near = np.flatnonzero(np.abs(places[:i, 0] - row[0]) <= close).tolist()
+        together = (j for j in near if j in groups and np.abs(places[j] - row).max() <= close)
+        groups.setdefault(next(together, i), []).append(i)
     every = [ref for ref, _ in pins]
     merged = []
-    for group in groups:
+    for group in groups.values():
         refs = [every[i] for i in group]
         names = dict.fromkeys(_name(motion, ref, every) for ref in refs)
         joined = {link for ref in refs for link in (s.earlier_link(ref), s.later_link(ref))}

@@ -24,6 +24,7 @@ from blockmech.studio.work import OnProgress, Work
 from blockmech.typing import FrictionMethod
 
 PICTURE = "picture of the answer"
+BESIDE = "img { height: 205px; max-width: none }"  # px, of the drawer below the tabs
 CURVES = 5  # of a family, the middle one as the sheet has it
 EVERY = 10  # of the poses, for what takes long at each
 NOTHING = "nothing moves on this sheet yet, or no output is ticked under Curves"
@@ -128,7 +129,7 @@ class Analyses:
     ) -> None:
         self.ask, self.along, self.work = ask, along, work
         self.text = Plain("", sizing_mode="stretch_width", stylesheets=[TABLE])
-        self.image = pn.pane.HTML("", sizing_mode="stretch_width")
+        self.image = pn.pane.HTML("", visible=False, stylesheets=[BESIDE])
         self.buttons = [
             button(name, partial(self.run, name), description=words)
             for name, (words, _) in ANALYSES.items()
@@ -141,9 +142,10 @@ class Analyses:
             widget.param.watch(lambda _: self.vary(), "value")
 
     def panel(self) -> Any:
-        """What is asked, and below what is answered."""
+        """What is asked, below it what is answered, and beside both its picture."""
         choices = beside(*self.buttons, self.number, self.share)
-        return pn.Column(choices, self.text, self.image, sizing_mode="stretch_width")
+        wide = {"sizing_mode": "stretch_width", "scroll": "x-auto"}
+        return pn.Row(pn.Column(choices, self.text, **wide), self.image, **wide)
 
     def renew(self) -> None:
         """Offer the numbers of the mechanism; what was answered of another one goes."""
@@ -158,7 +160,8 @@ class Analyses:
 
     def show(self, text: str = "", picture: str = "") -> None:
         """Show an answer."""
-        self.text.object, self.image.object = text, picture
+        self.text.object = text
+        self.image.param.update(object=picture, visible=bool(picture))
 
     def run(self, name: str) -> None:
         """Ask one of the analyses, beside the page."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import html
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
+from urllib.parse import parse_qsl
 
 import panel as pn
 import param
@@ -21,16 +22,15 @@ from blockmech.studio.exports import exported, kinds
 from blockmech.studio.fields import CHOICES, Shown
 from blockmech.studio.files import Desk, Filed, files_of
 from blockmech.studio.form import MECHANISM, Form
-from blockmech.studio.gallery import gallery_page
+from blockmech.studio.gallery import gallery_parts
 from blockmech.studio.links import LinksSheet
 from blockmech.studio.looks import begin, beside, button, either, page
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.server import DRAWING, serve
-from blockmech.studio.session import follow
-from blockmech.studio.sharing import KEY, packed, unpacked
+from blockmech.studio.session import follow, together
+from blockmech.studio.sharing import packed, unpacked
 
 UNITS = "blockmech_units"  # the cookie in which the browser keeps the units that a user chose
-SAID = 400  # letters of a message that an address carries
 
 FIRST = "Add a frame and a crank, then wire the crank to a marker of the frame."
 FORMULA = 36  # px above the canvas, which does not move when problems come and go
@@ -42,9 +42,11 @@ ABOVE = 480, 400  # px of either side; in a lower window it scrolls
 class Browser(Component):
     """What the page asks of the browser itself: to copy a link, to save a file, to keep units.
 
-    Whoever leaves a sheet that is not saved is asked.
+    Whoever leaves a sheet that is not saved is asked. ``address`` is of the sheet that a
+    server shows, "" of the gallery: links, and a document behind ``#``, are opened on the page.
     """
 
+    address = param.String(default=None)
     saved = param.Boolean(default=True)
     units = param.String()
 
@@ -54,8 +56,8 @@ class Browser(Component):
 class Page:
     """One window on a sheet. Several may show the same sheet, which the server keeps."""
 
-    def __init__(self, sheet: Filed, dark: bool = False) -> None:
-        self.sheet, self.dark = sheet, dark
+    def __init__(self, sheet: Filed, dark: bool = False, browser: Browser | None = None) -> None:
+        self.sheet, self.dark, self.browser = sheet, dark, browser or Browser()
         wide = {"sizing_mode": "stretch_width", "margin": (0, 4)}
         self.status = pn.pane.HTML("", css_classes=["bm-status"], **wide)
         self.formula = pn.pane.HTML("", height=FORMULA, styles={"overflow-y": "auto"}, **wide)
@@ -69,7 +71,6 @@ class Page:
         self.undo = button("Undo", lambda: self.say(f"Undo: {sheet.undo()}"))
         self.redo = button("Redo", lambda: self.say(f"Redo: {sheet.redo()}"))
         self.kind = pn.widgets.Select(label="Export as", groups=kinds(), width=130, **BARE)
-        self.browser = Browser()
         kept = Shown.of(pn.state.cookies.get(UNITS, ""))
         self.units = [
             pn.widgets.Select(label=label, options=list(known), value=unit, width=66, **BARE)
@@ -81,15 +82,14 @@ class Page:
         follow(sheet, self.show, "form", "problems", "saved", "undoable", "redoable", "path")
         self.show()
 
-    def panel(self) -> Any:
-        """The page."""
+    def parts(self) -> list[Any]:
+        """What the page shows, from above to below."""
         bar = beside(
             pn.pane.HTML("<h1>blockmech</h1>"),
             *(self.file, self.save, self.replace, self.undo, self.redo),
             *(button("Copy link", self._share), self.kind, button("Export", self._export)),
             pn.layout.HSpacer(),
             *self.units,
-            self.browser,
             css_classes=["bar"],
             sizing_mode="stretch_width",
         )
@@ -112,7 +112,7 @@ class Page:
         sides = [pn.Column(*s, sizing_mode="stretch_both", scroll="y-auto") for s in (left, right)]
         for side, least in zip(sides, ABOVE, strict=True):
             side[0].styles = {"min-height": f"{least}px"}
-        return page([bar, pn.Row(*sides, sizing_mode="stretch_both")], self.dark)
+        return [bar, pn.Row(*sides, sizing_mode="stretch_both")]
 
     # -- what is shown ----------------------------------------------------
 
@@ -183,53 +183,67 @@ def started(folder: Path, file: str | None, port: int, told: Callable[[str], Non
     """A server of the studio; run its ``io_loop``. Raises like `Filed.open` for the file."""
     desk = Desk(folder)
     start = desk.open(file) if file else ""
-    # schemas and modules that are made once are there when the first sheet is opened
-    DRAWING.submit(Diagram, Filed(opened(gallery()["ruiz_fourbar"])), print, print, str)
-    return serve(lambda: window(desk), start, port, told)
+    DRAWING.submit(_prepare)
+    return serve(lambda: Window(desk).root, start, port, told)
 
 
-def window(desk: Desk) -> Any:
-    """What a window shows: the sheet that its address names, or the gallery."""
-    args = {key: values[0].decode() for key, values in pn.state.session_args.items()}
-    dark = args.get("theme") == "dark"
-    message, name = args.get("said", "")[:SAID], args.get("sheet", "")
-    try:
-        if "open" in args:
-            name = desk.open(args["open"])
-        elif "example" in args and args["example"] in gallery():
-            name = desk.put(opened(gallery()[args["example"]]))
-        elif "new" in args or "draw" in args:
-            name = desk.put(Linkage() if "draw" in args else None)
-    except BlockmechError as error:
-        message = str(error)
-    if name not in desk.sheets:
-        if pn.state.location is not None:
-            pn.state.location.param.watch(lambda event: shared(desk, event.new), "hash")
-        return gallery_page(files_of(desk.folder), desk.put, message, dark)
-    if pn.state.location is not None and args.get("sheet") != name:
-        theme = "&theme=dark" if dark else ""
-        pn.state.location.param.update(search=f"?sheet={name}{theme}", reload=False)
-    return shown_of(desk.sheets[name], dark)
+def _prepare() -> None:
+    """Make what is made once before the first sheet is opened, and let nobody search it again.
+
+    Python looks for what is no longer used among all that a program holds; modules and schemas
+    are used until the end, and each search of them took longer than opening a four-bar.
+    """
+    for document in (opened(gallery()["ruiz_fourbar"]), Linkage()):
+        Page(Filed(document)).parts()
+    gc.collect()
+    gc.freeze()
 
 
-def shared(desk: Desk, fragment: str) -> None:
-    """Open the document that stands in an address, in its window."""
-    if not fragment.startswith(KEY):
-        return
-    try:
-        search = f"?sheet={desk.put(unpacked(fragment))}"
-    except BlockmechError as error:
-        search = f"?said={quote(str(error)[:SAID])}"
-    pn.state.location.param.update(hash="", search=search, reload=True)
+class Window:
+    """What a window of the browser shows: the sheet that its address names, or the gallery.
 
+    A sheet takes the gallery's place on the same page: its scripts are there already.
+    """
 
-def shown_of(sheet: Filed, dark: bool) -> Any:
-    """A page of a sheet."""
-    begin(dark)
-    return Page(sheet, dark).panel()
+    def __init__(self, desk: Desk) -> None:
+        self.desk = desk
+        args = {key: values[0].decode() for key, values in pn.state.session_args.items()}
+        self.dark = args.get("theme") == "dark"
+        begin(self.dark)
+        self.browser = Browser(self.meant, margin=0)
+        self.root = page([self.browser], self.dark)
+        self.open(args)
+
+    @together
+    def meant(self, msg: dict[str, Any]) -> None:
+        """Open what a link of the page, or what stands behind ``#`` in the address, names."""
+        self.open(dict(parse_qsl(msg["open"][1:], keep_blank_values=True)))
+
+    def open(self, args: Mapping[str, str]) -> None:
+        """Show the sheet that an address names, or the gallery, with what is wrong."""
+        desk, message, name = self.desk, "", args.get("sheet", "")
+        try:
+            if "doc" in args:
+                name = desk.put(unpacked(args["doc"]))
+            elif "open" in args:
+                name = desk.open(args["open"])
+            elif "example" in args and args["example"] in gallery():
+                name = desk.put(opened(gallery()[args["example"]]))
+            elif "new" in args or "draw" in args:
+                name = desk.put(Linkage() if "draw" in args else None)
+        except BlockmechError as error:
+            message = str(error)
+        sheet = desk.sheets.get(name)
+        self.browser.address = f"?sheet={name}{'&theme=dark' * self.dark}" if sheet else ""
+        if sheet:
+            self.root[1:] = Page(sheet, self.dark, self.browser).parts()
+        else:
+            self.root[1:] = gallery_parts(files_of(desk.folder), desk.put, message, self.dark)
 
 
 def in_notebook(document: Opened | None, dark: bool) -> Any:
     """The page of a copy of a document, as a panel object."""
     pn.extension()
-    return shown_of(Filed(None if document is None else document.snapshot()), dark)
+    begin(dark)
+    shown = Page(Filed(None if document is None else document.snapshot()), dark)
+    return page([shown.browser, *shown.parts()], dark)

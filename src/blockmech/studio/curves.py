@@ -14,6 +14,7 @@ from bokeh.plotting import figure
 
 from blockmech.draw import palette as ink
 from blockmech.draw.curves import chosen_panels, without_friction
+from blockmech.draw.motion import Motion
 from blockmech.draw.panels import WITHOUT, Abscissa, Panel
 from blockmech.draw.paper import scaled_unit, shown_name
 from blockmech.result import Result
@@ -41,10 +42,10 @@ def panels_of(result: Result, names: Iterable[str]) -> list[Panel]:
     return panels
 
 
-def margins_of(result: Result) -> Panel:
+def margins_of(motion: Motion) -> Panel:
     """The margin of every group: 0 at a dead centre, below where it cannot close."""
-    name_of = result.mechanism.block_name
-    return Panel("margin", "", {name_of(block): m for block, m in result.quality.margin.items()})
+    name_of = motion.mechanism.block_name
+    return Panel("margin", "", {name_of(block): m for block, m in motion.quality.margin.items()})
 
 
 class Plot:

@@ -330,8 +330,7 @@ export function render({ model, el }) {
   });
   let known = 0;
   onSize(model, svg, ({ width }) => {
-    if (width && !known) { fit(); renew(); }
-    known = width;
+    if (width && width !== known) { [known, ids] = [width, ""]; renew(); }
   });
   return box;
 }

@@ -93,6 +93,10 @@ class MechanismFigure:
         columns = {key: [value] * len(names) for key, value in looks.items()}
         return Layer("scatter", places.reshape(-1, n).T, {**columns, "name": names})
 
+    def _points(self, places: Any) -> Any:
+        """Places [m] as points of the screen, x and y in turn."""
+        return (places / self.unit).astype(np.complex64, order="C").view("f4")
+
     def _drawing(self) -> dict[str, Any]:
         """What the browser draws; places are points of the screen around the middle."""
         scene = self.scene
@@ -101,18 +105,17 @@ class MechanismFigure:
             return {**EMPTY, **scales, "seconds": 1.0, "forward": True, "held": False}
         low, high = scene.bounds
         middle, motion = (low + high) / 2, scene.motion
-        rows = ((layer.places - middle) / self.unit for layer in self.layers)
-        places = [row.astype(np.complex64, order="C") for row in rows]
         return {
             "layers": [
                 {
                     "glyph": layer.glyph,
-                    "places": z.view("f4"),
+                    "places": self._points(layer.places - middle),
                     "looks": dict(layer.looks),
                     "starts": list(layer.starts),
+                    "offsets": layer.offsets is not None and self._points(layer.offsets),
                     "count": layer.places.shape[1],
                 }
-                for layer, z in zip(self.layers, places, strict=True)
+                for layer in self.layers
             ],
             "bounds": [xy(low), xy(high)],
             "middle": xy(middle),

@@ -1,4 +1,4 @@
-"""A mechanism in motion as columns for bokeh: the shapes of `blockmech.draw`, layer by layer.
+"""A mechanism in motion as columns: the shapes of `blockmech.draw`, layer by layer.
 
 Everything here is numbers and words; what looks how is declared in `blockmech.draw` alone.
 All samples are computed at once, so that a pose is a row of columns.
@@ -18,7 +18,7 @@ from blockmech.draw import shapes
 from blockmech.draw.animation import SEEN
 from blockmech.draw.labels import DIRECTIONS, DISTANCES, LEADER, LINE, NEAR, cheapest
 from blockmech.draw.mechanism import paths_of, places_of
-from blockmech.draw.motion import Complex, Motion, Spot, marker_place
+from blockmech.draw.motion import SAME_PLACE, Complex, Motion, Spot, marker_place
 from blockmech.draw.page import Paths, Shape
 from blockmech.draw.palette import MOST, SIZES, SMALL
 from blockmech.draw.paper import shown_name, text_width
@@ -27,12 +27,13 @@ from blockmech.draw.sketch import Outline, Sketch, pin_spot, sketch_of
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.studio.plots import PIXELS, coloured
 
+MARK = 3  # points of a shape, more than which are worth to be sent once for all samples
 PIVOT = -1j * np.array([4.0, 7.0, 10.0, 13.0])[:, None]  # [pt] places of a ground's below its pin
 GLYPHS = {"area": "patches", "line": "multi_line", "disc": "scatter"}
 
 
 def glyph_of(shape: Shape) -> str:
-    """What bokeh draws a shape with; a bar with round ends is an area without width.
+    """What a shape is drawn with; a bar with round ends is an area without width.
 
     So links of two pins and of more lie on one another within one layer.
     """
@@ -43,13 +44,15 @@ class Layer(NamedTuple):
     """Shapes of one glyph that lie on one another: places (samples or 1, p), and their looks.
 
     ``starts`` are where the points of each shape begin, and the end of the last; empty for
-    glyphs of one point each.
+    glyphs of one point each. Shapes that never turn have one place each, and ``offsets`` (p,)
+    of their points from it.
     """
 
     glyph: str
     places: Complex
     looks: Mapping[str, list[Any]]
     starts: tuple[int, ...] = ()
+    offsets: Complex | None = None
 
 
 @dataclass(frozen=True)
@@ -92,10 +95,8 @@ class Scene:
             for piece in np.ma.clump_unmasked(np.ma.masked_invalid(path))  # type: ignore[no-untyped-call]
         ]
         shown.sort(key=lambda shape: (shape.order, shape.still, glyph_of(shape)))
-        layers = [
-            _layer(glyph, list(together), dark)
-            for (glyph, _), together in groupby(shown, key=lambda s: (glyph_of(s), s.still))
-        ]
+        kinds = groupby(shown, key=lambda s: (glyph_of(s), s.still, _carried(s)))
+        layers = [_layer(*kind[::2], list(together), dark) for kind, together in kinds]
         return [*layers, names_of(stage, dark)] if "names" in self.show else layers
 
 
@@ -168,12 +169,29 @@ ON_REQUEST = {"velocities": _velocities, "reactions": _reactions, "friction circ
 SHOWN = ("paths", "names", *ON_REQUEST)
 
 
-def _layer(glyph: str, shown: list[Shape], dark: bool) -> Layer:
+def _carried(shape: Shape) -> bool:
+    """Whether a shape of several points moves and never turns, as a mark does."""
+    if shape.still or len(shape.points) <= MARK:
+        return False
+    offsets = _offsets(shape)
+    apart = np.abs(shape.points - shape.points[0] - offsets[:, None])
+    return not (apart > SAME_PLACE * np.abs(offsets).max()).any()
+
+
+def _offsets(shape: Shape) -> Complex:
+    """Points (p,) from the first one, in the first sample in which all are there."""
+    k = np.isfinite(shape.points).all(axis=0).argmax()
+    return np.asarray(shape.points[:, k] - shape.points[0, k])
+
+
+def _layer(glyph: str, carried: bool, shown: list[Shape], dark: bool) -> Layer:
     """Shapes of one glyph as one layer; what is not there in a frame is NaN."""
-    rows = [np.where(np.isfinite(s.points).all(axis=0), s.points, np.nan).T for s in shown]
+    points = [s.points[: 1 if carried else None] for s in shown]
+    rows = [np.where(np.isfinite(z).all(axis=0), z, np.nan).T for z in points]
     frames = max(map(len, rows))
     places = np.concatenate([np.broadcast_to(r, (frames, r.shape[1])) for r in rows], axis=1)
     starts = np.cumsum([0, *(len(s.points) for s in shown)])
+    offsets = np.concatenate([*map(_offsets, shown)]) if carried else None
     looks: dict[str, list[Any]] = {
         "line_width": [s.width * PIXELS for s in shown],
         "line_color": [coloured(s.stroke, dark) for s in shown],
@@ -184,7 +202,8 @@ def _layer(glyph: str, shown: list[Shape], dark: bool) -> Layer:
         looks["fill_color"] = [coloured(s.fill, dark) if s.fill else "transparent" for s in shown]
     if glyph == "scatter":
         looks["size"] = [2 * s.radius * PIXELS for s in shown]
-    return Layer(glyph, places, looks, () if glyph == "scatter" else tuple(starts.tolist()))
+    begin = () if glyph == "scatter" else tuple(starts.tolist())
+    return Layer(glyph, places, looks, begin, offsets)
 
 
 # -- names ---------------------------------------------------------------------------------

@@ -15,7 +15,6 @@ from blockmech.draw.paper import rendered
 from blockmech.errors import BlockmechError
 from blockmech.graph_files import gallery
 from blockmech.studio.component import style
-from blockmech.studio.looks import begin, page
 
 
 @cache
@@ -32,9 +31,13 @@ def words_of(name: str) -> str:
     return opened(gallery()[name]).title
 
 
-def gallery_page(names: Sequence[str], put: Callable[[Opened], str], said: str, dark: bool) -> Any:
-    """The page; ``names`` are files of the folder, ``put`` makes a sheet and gives its name."""
-    begin(dark)
+def gallery_parts(
+    names: Sequence[str], put: Callable[[Opened], str], message: str, dark: bool
+) -> list[Any]:
+    """What stands on the page, with what went wrong as a message.
+
+    ``names`` are files of the folder, ``put`` makes a sheet and gives its name.
+    """
     theme = "&amp;theme=dark" if dark else ""
     cards = "".join(
         f'<a class=card href="?example={quote(name)}{theme}">'
@@ -47,7 +50,7 @@ def gallery_page(names: Sequence[str], put: Callable[[Opened], str], said: str, 
         f'<li><a href="?open={quote(name)}{theme}">{html.escape(name)}</a></li>' for name in names
     )
     upload = pn.widgets.FileInput(accept=".json", name="Upload a file")
-    line = pn.pane.HTML(_alert(said))
+    line = pn.pane.HTML(_alert(message))
 
     def take(event: Any) -> None:
         try:
@@ -64,9 +67,7 @@ def gallery_page(names: Sequence[str], put: Callable[[Opened], str], said: str, 
     shown = f"<style>{style('cards.css')}</style><h2>Gallery</h2><div class=cards>{cards}</div>"
     parts = (head, line, upload, here, shown)
     wide = "stretch_width"
-    return page(
-        [pn.pane.HTML(p, sizing_mode=wide) if isinstance(p, str) else p for p in parts], dark
-    )
+    return [pn.pane.HTML(p, sizing_mode=wide) if isinstance(p, str) else p for p in parts]
 
 
 def _alert(message: str) -> str:

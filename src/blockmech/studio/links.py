@@ -27,7 +27,7 @@ from blockmech.studio.redraw import as_links
 from blockmech.studio.session import follow, heard
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.sketching import Drawn, Form, outlines_of, sides_of
-from blockmech.studio.turn import closing, shown_motion
+from blockmech.studio.turn import shown_motion
 from blockmech.values import Place, xy
 
 PAIRS = ["Link", "Cylinder", "Gears", "Rack", "Cam", "Belt", "Spring"]
@@ -239,7 +239,7 @@ class LinksSheet:
         motion, message = shown_motion(self.sheet.form, self.sheet.mechanism, (), "", {})
         if motion is None:
             raise refused("blocks", message, "mend them first")
-        return as_links(self.sheet.form, motion, closing(motion))
+        return as_links(self.sheet.form, motion)
 
     def _refuse(self, error: BlockmechError) -> None:
         self.canvas.param.trigger("drawing")

@@ -154,18 +154,21 @@ export function render({ model, el }) {
     pen.fillText(`[${length}]`, size.width - 5, 13);
   }
 
-  function paint({ glyph, places, looks, starts, count }, x0, y0, k) {
+  function paint({ glyph, places, looks, starts, offsets, count }, x0, y0, k) {
     const row = places.length > 2 * count ? pose * 2 * count : 0;
-    const x = (i) => x0 + places[row + 2 * i] * k;
-    const y = (i) => y0 - places[row + 2 * i + 1] * k;
+    let shape = 0; // of which all points are carried by one place
+    const at = offsets ? (i, c) => places[row + 2 * shape + c] + offsets[2 * i + c] : (i, c) => places[row + 2 * i + c];
+    const x = (i) => x0 + at(i, 0) * k;
+    const y = (i) => y0 - at(i, 1) * k;
     pen.lineJoin = "round";
     looks.name.forEach((_, i) => {
+      shape = i;
       const [from, to] = starts.length ? [starts[i], starts[i + 1]] : [i, i + 1];
       if (glyph === "text") return write(looks.text[i], looks.text_color[i], x(i), y(i));
       pen.beginPath();
       let on = false;
       for (let j = from; j < to; j++) {
-        if (Number.isNaN(places[row + 2 * j])) on = false;
+        if (Number.isNaN(at(j, 0))) on = false;
         else if (glyph === "scatter") pen.arc(x(j), y(j), looks.size[i] / 2, 0, 2 * Math.PI);
         else if (on) pen.lineTo(x(j), y(j));
         else {

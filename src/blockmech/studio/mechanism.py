@@ -19,7 +19,6 @@ from blockmech.draw.motion import Motion
 from blockmech.draw.panels import Abscissa
 from blockmech.draw.simulation import screen_time
 from blockmech.errors import BlockmechError, refused
-from blockmech.result import Result
 from blockmech.studio.curves import Plots, margins_of
 from blockmech.studio.dragging import dragged
 from blockmech.studio.fields import Shown
@@ -28,7 +27,7 @@ from blockmech.studio.film import SHOWN
 from blockmech.studio.looks import beside
 from blockmech.studio.session import follow, heard, together
 from blockmech.studio.sheet import Sheet
-from blockmech.studio.turn import closing, dead_centres, gaps_of, shown_motion, travel
+from blockmech.studio.turn import dead_centres, gaps_of, shown_motion, travel
 
 
 class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
@@ -57,7 +56,6 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         self.along = Abscissa("sample", np.zeros(1))
         self._by_hand: tuple[str, dict[str, float]] = ("", {})
         self._margins: Plots | None = None
-        self._closed: Result | None = None
         self.figure = MechanismFigure(dark, self.meant)
         follow(sheet, self.renew, "form", "mechanism")
         self.param.watch(lambda *_: self._draw(), ["show"])
@@ -98,20 +96,18 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     @together
     def play(self, motion: Motion | None, said: str = "") -> None:
         """Show a motion, e.g. that of a simulation, until the sheet changes."""
-        closed = None if motion is None else closing(motion)
-        last = 0 if motion is None else len(motion.samples) - 1
-        if motion is not None and closed is not None:
-            along = abscissa(closed, degrees=self.degrees)
+        last, gaps = 0, []
+        if motion is not None:
+            last, gaps = len(motion.samples) - 1, gaps_of(motion)
+            along = abscissa(motion.result, degrees=self.degrees)
             samples = np.arange(last + 1)
             events = [
                 (float(np.interp(k, samples, along.values)), name)
-                for k, name in dead_centres(motion, closed.quality.margin)
+                for k, name in dead_centres(motion)
             ]
             self.along = replace(along, events=tuple(events))
-        gaps = [] if closed is None else gaps_of(closed)
         self.param.update(gaps=gaps, said=said, pose=min(self.pose, last))
         self.motion = motion
-        self._closed = closed
         self._show_margins()
         self._draw()
 
@@ -133,8 +129,8 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
 
     def _show_margins(self) -> None:
         if self._margins is not None:
-            closed = self._closed
-            panels = [margins_of(closed)] if closed and closed.quality.margin else []
+            known = self.motion is not None and self.motion.quality.margin
+            panels = [margins_of(self.motion)] if known else []
             self._margins.show(panels, self.along, self.spans)
 
     def drivers(self) -> list[dict[str, Any]]:

@@ -19,7 +19,6 @@ from blockmech.draw.sketch import pin_spot, sketch_of
 from blockmech.errors import BlockmechError, RequestError, refused
 from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
-from blockmech.result import Result
 from blockmech.studio.edits import OF_DRIVERS
 from blockmech.values import xy
 
@@ -33,9 +32,9 @@ SAME = 1e-9  # of the size: poses are found by other formulas
 class _Redrawn:
     """Names and places of what a graph's form holds, in a pose far from dead centres."""
 
-    def __init__(self, form: Mapping[str, Any], motion: Motion, closed: Result) -> None:
+    def __init__(self, form: Mapping[str, Any], motion: Motion) -> None:
         self.form, self.motion, self.s = form, motion, motion.structure
-        margins = closed.quality.margin.values()
+        margins = motion.quality.margin.values()
         worst = np.where(motion.feasible, np.min([*margins, motion.feasible], axis=0), -1.0)
         self.k = int(np.argmax(worst))
         several = {ref.block for ref in self.s.links if ref.link != ref.block}
@@ -149,12 +148,12 @@ class _Redrawn:
             yield name, made
 
 
-def as_links(form: Mapping[str, Any], motion: Motion, closed: Result) -> Form:
-    """A graph's form as links and joints; ``closed`` has the margins of the motion's samples.
+def as_links(form: Mapping[str, Any], motion: Motion) -> Form:
+    """A graph's form as links and joints.
 
     Raises `RequestError` where these do not say the same, with the reason.
     """
-    redrawn = _Redrawn(form, motion, closed)
+    redrawn = _Redrawn(form, motion)
     made = redrawn.document()
     try:
         other = Linkage.from_data(made)

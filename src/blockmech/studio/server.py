@@ -59,6 +59,9 @@ def serve(window: Callable[[], Any], start: str, port: int, told: Callable[[str]
         http_server_kwargs={"max_body_size": UPLOAD},
         websocket_max_message_size=UPLOAD,
     )
+    used = ["bokeh", "bokeh-widgets", "bokeh-tables"]  # Panel asks for tables, nobody for WebGL
+    scripts = server._tornado.resources().clone(components=used)
+    server._tornado.resources = lambda absolute_url=None: scripts
     door = {"token": token, "cookie": f"blockmech_{port}"}
     guard = [Rule(Stranger(**door), Refused), Rule(PathMatches(f"/{token}/"), Door, door)]
     server._tornado.wildcard_router.rules[:0] = guard

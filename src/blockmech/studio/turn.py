@@ -20,7 +20,6 @@ from blockmech.errors import BlockmechError, Problem
 from blockmech.failures import why_not
 from blockmech.mechanism import Mechanism
 from blockmech.model.laws_of_motion import OverRange
-from blockmech.result import Result
 from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.edits import without
 
@@ -48,9 +47,8 @@ def shown_motion(
         motion = turn(mechanism, moved, at)
         if motion.feasible.any():
             return motion, message
-        closed = closing(motion)
-        message = message or gaps_of(closed)[0].why
-        blamed |= set(closed.quality.blame.values())
+        message = message or gaps_of(motion)[0].why
+        blamed |= set(motion.quality.blame.values())
         mechanism = what_moves(form, blamed, file)
     return None, message
 
@@ -123,14 +121,15 @@ def _limits(
     return limits(mechanism, driver, held, blocks=blocks) if len(groups) <= MOST_GROUPS else None
 
 
-def dead_centres(motion: Motion, margins: Mapping[str, Any]) -> tuple[tuple[float, str], ...]:
+def dead_centres(motion: Motion) -> tuple[tuple[float, str], ...]:
     """Where a motion of one driver passes the ends and change points of `limits`.
 
-    Each with the sample, which may lie between two, and the name. ``margins`` are those of all
-    groups; one that is farther from 0 than it changes from sample to sample has no dead centre.
-    Of more groups than `MOST_GROUPS` none is told.
+    Each with the sample, which may lie between two, and the name. A group whose margin is farther
+    from 0 than it changes from sample to sample has no dead centre. Of more groups than
+    `MOST_GROUPS` none is told.
     """
     moved, *more = [d for d, q in motion.q.items() if np.ptp(q)] or [""]
+    margins = motion.quality.margin
     near = [b for b, m in margins.items() if not np.min(m) > np.max(np.abs(np.diff(m)), initial=0)]
     if not moved or more or not near:
         return ()
@@ -153,36 +152,31 @@ def dead_centres(motion: Motion, margins: Mapping[str, Any]) -> tuple[tuple[floa
     return tuple(sorted(events))
 
 
-def closing(motion: Motion) -> Result:
-    """The same samples with the margins of all groups, and which of them fails in a gap."""
-    places = (name for name in motion.mechanism.outputs if name.endswith(".p"))
-    return motion.result.rerun(*places)
-
-
 @dataclass(frozen=True)
 class Gap:
     """A run of samples without an answer, from the first to the last."""
 
-    result: Result
+    motion: Motion
     first: int
     last: int
 
     @cached_property
     def why(self) -> str:
         """Why there is none, as a sentence; of many groups it takes a second to find."""
-        result, drivers = self.result, enumerate(self.result.mechanism.drivers)
-        at = {d: float(result.samples.coordinate(i)[self.first]) for i, d in drivers}
-        how: dict[str, Any] = {"want": tuple(result), "on_gap": "mark", "friction": "none"}
-        alone = result.mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), **how)
-        return why_not(alone if alone.quality.gaps else result)
+        mechanism = self.motion.mechanism
+        places = tuple(name for name in mechanism.outputs if name.endswith(".p"))
+        at = {d: float(q[self.first]) for d, q in self.motion.q.items()}
+        how: dict[str, Any] = {"want": places, "on_gap": "mark", "friction": "none"}
+        alone = mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), **how)
+        return why_not(alone if alone.quality.gaps else self.motion.result.rerun(*places))
 
 
-def gaps_of(result: Result) -> list[Gap]:
+def gaps_of(motion: Motion) -> list[Gap]:
     """Runs of samples without an answer."""
-    bad = np.zeros(result.n, bool)
-    bad[list(result.quality.gaps)] = True
+    bad = np.zeros(motion.result.n, bool)
+    bad[list(motion.quality.gaps)] = True
     edges = np.flatnonzero(np.diff(np.pad(bad.astype(int), 1)))
-    return [Gap(result, int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
+    return [Gap(motion, int(a), int(b) - 1) for a, b in edges.reshape(-1, 2)]
 
 
 def part_of(form: Mapping[str, Any], failing: Collection[str]) -> dict[str, Any]:
