@@ -148,15 +148,20 @@ def pin_at(form: Form, end: Mapping[str, Any]) -> tuple[Form, str]:
 
 
 def _put(form: Form, name: str, pin: Drawn, z: complex) -> Form:
-    """With one pin elsewhere."""
+    """With one pin elsewhere; places on its links that the poses do not bring together stay apart.
+
+    So only what is moved changes where poses are rounded, and so does no coordinate of a slider.
+    """
     marker = ("markers", name, "at")
     places: dict[Path, Any] = {("links", link, *marker): _on(form, link, z) for link in pin.links}
-    if pin.kind == "P":  # its ends stay as far apart as they are, which is its coordinate
-        ends = zip(pin.links, form["joints"][name]["at"], strict=True)
-        at = [xy(Place.parse(p).z + (z - pin.z) / pose_of(form, link)[1]) for link, p in ends]
+    if pin.kind:
+        at = list(places.values())
+        for i, (link, given) in enumerate(zip(pin.links, form["joints"][name]["at"], strict=True)):
+            (o, e), local = pose_of(form, link), Place.parse(given).z
+            apart = abs(o + e * local - pin.z) > SAME * (abs(z) + abs(pin.z))
+            if apart or pin.kind == "P":
+                at[i] = xy(local + (z - pin.z) / e)
         places = {("joints", name, "at"): at}
-    elif pin.kind:
-        places = {("joints", name, "at"): list(places.values())}
     for path, at in (places or {(*LOOSE, name): xy(z)}).items():
         form = with_item(form, path, at)
     return form
