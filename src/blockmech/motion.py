@@ -158,7 +158,8 @@ class Motion(Facts, Report):
     accuracy : the target of ``error``, None if none was given
     reached : whether ``error`` is within the target
     cost : kernel evaluations
-    engine : of single states, "scalar" or "llvm" in the end; "numpy" along the path
+    engine : of single states, "scalar" or "llvm" in the end; along the path "numpy", or "llvm"
+        where both runs went by machine code
     x_end, switched : states of signal blocks and friction laws at the end, and the last instant
         [s] at which discrete blocks switched
     notes : what a reader must know: doubts, targets missed, limits

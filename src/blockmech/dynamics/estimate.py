@@ -113,6 +113,12 @@ def _judged(
     return Difference(float(np.max(apart)), late, agree, near, times, states)
 
 
+def rounding_share(system: System, q: float, moves: bool, t: float) -> float:
+    """What rounding leaves unknown of the time of what starts there, relative."""
+    share = ROUNDING + system.noise
+    return share * system.inertia_rounding(q) if moves else max(share, system.push_rounding(q, t))
+
+
 def with_rounding(
     system: System, motion: Motion, target: float | None, by: Difference | None = None
 ) -> Motion:
@@ -133,8 +139,7 @@ def with_rounding(
         if len(system.drivers) == 1:
             q, qd = (float(x[0]) for x in states)
             moves = abs(qd) > EPS * float(np.abs(states.qd).max())  # a series' 0 is rounded too
-            share *= system.inertia_rounding(q) if moves else 1.0
-            share = max(share, 0.0 if moves else system.push_rounding(q, motion.t_start))
+            share = rounding_share(system, q, moves, motion.t_start)
         late = share * np.maximum(np.abs(times), times - motion.t_start)
         off = (late * np.abs(states.qd).T).T
         way = np.abs(np.diff(states.q, axis=0))

@@ -212,7 +212,7 @@ def span(begin: float, end: float, energy: float, kind: int = PLAIN) -> Spans:
     return Spans(*map(np.atleast_1d, (begin, end, energy, kind)))
 
 
-KEPT = "rate", "clock", "durations", "_known"  # with panels that are taken to another time
+DATED = "times", "known_times"  # what panels that are taken to another time leave behind
 
 
 @dataclass(frozen=True)
@@ -267,12 +267,21 @@ class Panels:
         durations = weights / np.sqrt(self.K[:, :-1] + energies[:, None, None])
         return np.asarray(durations.sum(axis=2))
 
+    def lasting(self, energies: Floats) -> Floats:
+        """(k,) [s] that all of them take with so much more kinetic energy (k,) [J]."""
+        return np.asarray(self.durations_with(energies).sum(axis=1))
+
     @cached_property
     def times(self) -> Floats:
         """(m + 1,) [s] when they begin, and when the last ends."""
         times = np.empty(len(self.w) + 1)
         times[0], times[1:] = 0.0, self.durations.cumsum()
         return self.t0 + times
+
+    @property
+    def begin(self) -> float:
+        """[rad or m] where the first begins."""
+        return float(self.spans.begin[0])
 
     @property
     def t1(self) -> float:
@@ -293,9 +302,9 @@ class Panels:
         """The same panels at another time and with more kinetic energy [J]."""
         if energy:
             return replace(self.some(slice(None), energy), t0=t0)
-        panels = Panels(t0, self.spans, self.w, self.K, self.J, self.lost, self.second)
-        known = ((x, y) for x, y in self.__dict__.items() if x in KEPT)
-        panels.__dict__.update(known)
+        panels = object.__new__(type(self))
+        known = ((x, y) for x, y in self.__dict__.items() if x not in DATED)
+        panels.__dict__.update(known, t0=t0)
         return panels
 
     def first(self, count: int) -> Panels:
@@ -307,6 +316,21 @@ class Panels:
         K = self.K[which] + np.asarray(energy)[..., None]
         rows = self.w[which], K, self.J[which], self.lost[which], self.second[which]
         return Panels(self.t0, self.spans.some(which, energy), *rows)
+
+    def followed_by(self, row: Sequence[Panels]) -> Panels:
+        """These and those of a row as one."""
+        whole = (self, *row)
+        places = (p.spans for p in whole)
+        columns = zip(*((x.begin, x.end, x.energy, x.kind) for x in places), strict=True)
+        spans = Spans(*map(np.concatenate, columns))
+        names = ("w", "K", "J", "lost", "second")
+        parts = (np.concatenate([getattr(p, name) for p in whole]) for name in names)
+        return Panels(self.t0, spans, *parts)
+
+    @property
+    def other(self) -> Any:
+        """The second run's, where it went beside them; else None."""
+        return None
 
     def smooth(self, J0: Floats, tolerance: float, work: bool, largest: Any) -> NDArray[np.bool_]:
         """Whether the time of each (m,), and its work, are smooth enough for its nodes.
@@ -465,11 +489,4 @@ class Panels:
 
 def joined(row: Sequence[Panels]) -> Panels:
     """Panels that follow each other as one."""
-    if len(row) == 1:
-        return row[0]
-    places = (p.spans for p in row)
-    columns = zip(*((x.begin, x.end, x.energy, x.kind) for x in places), strict=True)
-    spans = Spans(*map(np.concatenate, columns))
-    names = ("w", "K", "J", "lost", "second")
-    parts = (np.concatenate([getattr(p, name) for p in row]) for name in names)
-    return Panels(row[0].t0, spans, *parts)
+    return row[0].followed_by(row[1:]) if len(row) > 1 else row[0]

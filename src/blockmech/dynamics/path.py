@@ -24,8 +24,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.dynamics import ends
+from blockmech.dynamics.compiled_path import BothRuns, PathCode, apart
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
+    PARTED,
     ROUNDING,
     TARGET,
     Difference,
@@ -33,13 +35,23 @@ from blockmech.dynamics.estimate import (
     difference,
     in_place,
     judged,
+    missed,
+    rounding_share,
     stopped,
     with_rounding,
 )
 from blockmech.dynamics.motion import Event, Motion, Status, Still
 from blockmech.dynamics.panel_builder import PanelBuilder, PanelFailure, PathState
 from blockmech.dynamics.panels import Panels, joined
-from blockmech.dynamics.path_mesh import CLOSE, COARSE, FINE, PIECES, PathMesh, Piece
+from blockmech.dynamics.path_mesh import (
+    CLOSE,
+    COARSE,
+    FINE,
+    PIECES,
+    LeftToArraysError,
+    PathMesh,
+    Piece,
+)
 from blockmech.dynamics.place_data import RESOLVED, J
 from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
@@ -56,6 +68,7 @@ MOST = 8_000  # panels of a run; ten seconds of work and more
 # Panels in a row, one by one, that cover less than a part of a piece of the path: it crawls. Panels
 # crowd to where something is not smooth as powers of two, a score on either side.
 CROWD, CRAWL = 48, 1 / 64
+WORTH = 200  # motions of a mechanism that take as long as making, or loading, machine code
 SWINGS = 8  # with friction, to be expected: panels of fewer cost no more than machine code at first
 
 
@@ -92,6 +105,7 @@ class PathRun:
     gained: float = math.inf  # [J] in the last turn, without its sign
     left: float = 0.0  # [s] to a dead centre that the run stops short of
     mark: tuple[int, PathState] | None = None  # panel and state where a pattern may begin
+    both: BothRuns | None = None  # this and the second run by machine code
 
     def __post_init__(self) -> None:
         self.rounding = ROUNDING + 2 * self.system.noise  # relative, of work and inertia
@@ -115,6 +129,8 @@ class PathRun:
                 self.mark = (0, self.at)
             else:
                 self.leave()
+            if self.both is not None:
+                self.both.begin(self.q, self.K, self.beside())
             while not self.end:
                 self.advance()
                 if self.count > MOST or self.crawls:
@@ -238,6 +254,8 @@ class PathRun:
             return None
         if self.system.friction is not None:
             return None
+        if self.both is not None:
+            return self.both.over(self.mesh, self.at, goal)
         stretch = Stretch.ahead(self.next, self.at, goal)
         panels = stretch.panels() if stretch else None
         self.pause = 0 if panels is not None or not stretch else 2 * self.pause + 1
@@ -294,6 +312,15 @@ class PathRun:
         if self.one_turn and not isinstance(piece := self.mesh.ahead(self.q, self.sign or 1), str):
             return float(piece.rows(np.array([self.q]))[J, 0])
         return float(self.system.at(self.q).J[0])
+
+    def beside(self) -> float:
+        """[J] with which the second run starts."""
+        piece = self.mesh.ahead(self.q, self.sign) if self.K else ""
+        if isinstance(piece, str):
+            return 0.0
+        rate = float(self.request.start.rate) * (1 + ROUNDING)
+        inertia = piece.rows(np.array([self.q]))[len(piece.data.rows) + J, 0]
+        return float(inertia) * rate**2 / 2
 
     def rate(self) -> float:
         """Rate of the driver."""
@@ -384,13 +411,17 @@ class PathRun:
             self.stop(ends.TURN, "reached")
             return
         start = self.mark[1]
+        if self.place_only and not start.K:  # the next turn tells
+            self.mark = (len(self.panels), self.at)
+            return
         turn = self.since_mark(step=self.sign * period, gain=self.K - start.K)
-        some = abs(turn.gain) <= 16 * self.rounding * turn.panels.size  # of some panels
         last, self.gained = self.gained, abs(turn.gain)
         counted = self.request.span < math.inf or self.request.places  # the turns to come are
         falling = counted and not self.place_only and 0 < self.gained < last
-        if self.system.lossless or (some and not falling):
-            turn = replace(turn, gain=0.0)
+        lossless = self.system.lossless
+        if not (lossless or falling):  # but for rounding of some panels
+            lossless = abs(turn.gain) <= 16 * self.rounding * turn.panels.size
+        turn = replace(turn, gain=0.0) if lossless and turn.gain else turn
         pattern = None
         if start.K > 0 and (self.place_only or not turn.gain):
             pattern = turns(turn, self.request, self.mesh.tolerance, self.told)
@@ -447,6 +478,8 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     Of two runs the coarser has fewer nodes and is some roundings off, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
+    if (by_code := by_machine_code(system, request)) is not None:
+        return by_code
     fine = PathRun(system, request, FINE)
     if system.friction is None:
         fine.run()
@@ -479,6 +512,49 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     return with_rounding(system, motion, request.accuracy or TARGET, apart)
 
 
+def by_machine_code(system: System, request: SimulationRequest) -> Motion | None:
+    """The motion by machine code for both runs; None where it is left to arrays.
+
+    It is where there is no such code, or not yet: `auto` makes some once the mechanism was moved
+    so many times that it pays.
+    """
+    place_only = system.depends_on <= {"q"} and system.friction is None
+    if not place_only or system.period is None or system.engine == "scalar":
+        return None
+    motions = system.kept["motions"] = system.kept.get("motions", 0) + 1
+    if (motions <= WORTH and system.engine != "llvm") or (code := PathCode.made()) is None:
+        return None
+    run = PathRun(system, request, FINE)
+    run.both = BothRuns(code, run.rounding, run.mesh.tolerance)
+    run.mesh.kept_only = True
+    try:
+        run.run()
+    except LeftToArraysError:
+        return None
+    if run.end in (ends.INTERRUPTED, ends.TOO_MANY):
+        return stopped(run.motion(), None)
+    legs, start = second_run(run), request.start
+    if legs is None:
+        return None if run.panels or run.legs else run.motion()
+    share, whole = rounding_share(system, float(start.q), bool(start.rate), start.t), run.whole
+    by, last = apart(whole, legs, start.t, start.t + run.t, share), whole[-1]
+    motion = run.motion()
+    late = by.late
+    if isinstance(last, RepeatedSegment) and last.mirrored:
+        late = clock_apart(run.t, last, legs[-1])
+    span = motion.t_end - start.t
+    size = max(abs(by.low), abs(by.high)) + abs(motion.t_end) * by.fastest
+    way = min(by.high - by.low, 1.0 if system.rotary[0] else math.inf)
+    within = PARTED * way + ROUNDING * size
+    if by.unsure or not (by.q <= within and late <= PARTED * span):
+        return None
+    unsure = motion.time_error
+    if motion.end != "time":
+        unsure += late + share * max(abs(by.t), by.t - start.t)
+    motion = motion.but(error=by.q + by.rounding, time_error=unsure, engine="llvm")
+    return missed(motion, request.accuracy or TARGET)
+
+
 def compared(fine: PathRun, motion: Motion, legs: Sequence[Leg]) -> Difference | None:
     """How far a run is from the second one; None where that has no clock."""
     by, late, last = lateness(fine.whole, legs, fine.t), 0.0, fine.whole[-1]
@@ -487,7 +563,12 @@ def compared(fine: PathRun, motion: Motion, legs: Sequence[Leg]) -> Difference |
     if fine.end != "time":  # at a standstill, where clocks at a place say nothing, of their ends
         late = float(np.abs(by.late[-2:]).max())
         if isinstance(last, RepeatedSegment) and last.mirrored:
-            many = round((fine.t - last.t0) / last.duration)
-            late = abs(legs[-1].begins(many) - last.begins(many))  # type: ignore[union-attr]
+            late = clock_apart(fine.t, last, legs[-1])
     by = by._replace(t=by.t + motion.t_start)
     return in_place(motion, by, late, fine.system.rotary)
+
+
+def clock_apart(t: float, one: RepeatedSegment, other: Any) -> float:
+    """By how much [s] another run is later at the standstill of a time [s]."""
+    many = round((t - one.t0) / one.duration)
+    return float(abs(other.begins(many) - one.begins(many)))

@@ -41,9 +41,14 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 COARSE, FINE = 32, 48  # nodes of a panel: 16 resolve too little, sums of 96 round more
+KEPT = 2 / 3  # of the terms of a clock: what the second run reads of it
 PIECES = 4  # of a turn (or of the span of a slide), to begin with; halved where they are too long
 TOGETHER = 32  # pieces that a motion is worked on at once over, where they are no period
 CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
+
+
+class LeftToArraysError(Exception):
+    """Machine code does not go on from here, see `compiled_path`."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +124,7 @@ class Course(NamedTuple):
 
     row, which : the row they are in, and where
     low, high, ends : (k,) [rad or m] their ends, and those that come last in the direction
+    places : of these arrays in memory, for machine code: which, low and high
     """
 
     row: PieceRow
@@ -126,6 +132,7 @@ class Course(NamedTuple):
     low: Floats
     high: Floats
     ends: Floats
+    places: tuple[int, int, int]
 
 
 class PieceRow:
@@ -136,6 +143,7 @@ class PieceRow:
         self.lows = [x.end(-1) for x in self.pieces]
         self._whole: dict[int, WholePieces] = {}
         self._courses: dict[tuple[int, int], Course] = {}
+        self._blocks: dict[int, Floats] = {}
 
     @cached_property
     def low(self) -> Floats:
@@ -170,7 +178,8 @@ class PieceRow:
         good[1:] &= whole.follows[which[:-1]]
         which, shifts = which[: leading(good)], shifts[: leading(good)]
         low, high = row.low[which] + shifts, row.high[which] + shifts
-        course = Course(row, which, low, high, high if sign > 0 else low)
+        places = which.ctypes.data, low.ctypes.data, high.ctypes.data
+        course = Course(row, which, low, high, high if sign > 0 else low, places)
         self._courses[key] = course
         return course
 
@@ -206,6 +215,20 @@ class PieceRow:
             )
         return self._whole[sign]
 
+    def blocks(self, sign: int) -> Floats:
+        """Pieces (m, 5, 2, n + 2) as they are run over in a direction, see `path_loops`."""
+        if sign not in self._blocks:
+            whole, way = self.whole(sign), sign * (self.high - self.low)
+            blocks = np.zeros((len(self.pieces), 5, 2, self.n + 2))
+            for r, first in ((0, J), (1, whole.largest.shape[1])):
+                rows = slice(first, first + 2)  # J and tau
+                blocks[:, r, :, :-2] = whole.series[:, rows]
+                blocks[:, 2 + r, :, :-1] = whole.values[:, rows]
+                gains = whole.values[:, first + TAU, :-1] @ rule(self.n).energy[PLAIN].T
+                blocks[:, 4, r, :-1] = way[:, None] * gains
+            self._blocks[sign] = blocks
+        return self._blocks[sign]
+
 
 @dataclass
 class PathMesh:
@@ -225,6 +248,7 @@ class PathMesh:
     off: float = 0.0
     rounding: float = 0.0
     limits: list[tuple[float, int, str]] = field(default_factory=list)  # place, direction, what
+    kept_only: bool = False  # whether no other pieces are made
 
     @cached_property
     def row(self) -> PieceRow:
@@ -277,12 +301,20 @@ class PathMesh:
         i = self.row.index(q - shift, sign, near)
         if i is not None:
             return self.row.pieces[i].shifted(shift)
+        if self.kept_only:
+            raise LeftToArraysError
         there = next((x for x in self._edges if abs(x - (q - shift)) <= near), q - shift)
         made = self._made(there, sign, length)
         if isinstance(made, str):
             return made
         self._with([*self.row.pieces, made])
         return made.shifted(shift)
+
+    def course(self, q: float, sign: int) -> tuple[Course | None, float]:
+        """The pieces that are kept ahead of a place, and how far they are shifted [rad or m]."""
+        shift, near = self.turn(q, sign)
+        first = self.row.index(q - shift, sign, near)
+        return None if first is None else self.row.ahead(first, sign), shift
 
     def shorten(self, piece: Piece, q: float, sign: int, length: float) -> None:
         """A shorter piece from a place on instead of one that is too long for what happens."""

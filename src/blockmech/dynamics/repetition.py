@@ -20,6 +20,7 @@ from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.track import AT_ONCE, RepeatedSegment
 from blockmech.series import tail
 
+FIRST = 4  # turns that are counted at once: as quick as one
 MOST_TURNS = 2**21  # that gain energy, in a run; some seconds of work
 
 
@@ -56,8 +57,7 @@ def swings(swing: RepeatedSegment, request: SimulationRequest, done: int) -> Per
             swing, regime, facts, swing.begins(2), f"never reached: {regime}", "ended"
         )
     last = int(more)
-    spans = swing.panels.spans
-    places = float(spans.end[-1]), float(spans.begin[0])
+    places = swing.panels.at_end()[0], swing.panels.begin
     listed = [*range(1, min(last, AT_ONCE)), last] if last else []
     stands = tuple((swing.begins(n + 1), places[n % 2]) for n in listed)
     t = request.span if request.span < math.inf else swing.begins(last + 1)
@@ -77,7 +77,7 @@ def turns(
 
     tolerance : to which panels are resolved; told : called with the time [s] reached
     """
-    begin, period, count = float(turn.panels.spans.begin[0]), abs(turn.step), math.inf
+    begin, period, count = turn.panels.begin, abs(turn.step), math.inf
     if turn.gain:
         starts = _starts(turn, request, tolerance, told)
         count = starts.size - 1
@@ -110,7 +110,7 @@ def _starts(
     turn: RepeatedSegment, request: SimulationRequest, tolerance: float, progress: Any
 ) -> Floats:
     """When [s] turns like this one begin: while there is energy, or until the goal."""
-    begin = float(turn.panels.spans.begin[0])
+    begin = turn.panels.begin
     ways = [abs(x - begin) for x in request.places]
     if turn.gain < 0:
         most = _resolved(turn, tolerance)
@@ -119,7 +119,7 @@ def _starts(
     else:
         most = MOST_TURNS if request.span < math.inf else 2
     starts, reached = [np.zeros(1)], turn.t0
-    first, some = 0, 1
+    first, some = 0, FIRST
     while first < most:  # twice as many each time, as most runs end soon
         energies = np.arange(first, min(first + some, most), dtype=np.float64) * turn.gain
         first, some = first + some, min(2 * some, AT_ONCE)

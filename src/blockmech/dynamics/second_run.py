@@ -19,14 +19,13 @@ from blockmech.dynamics.ends import END_STOP
 from blockmech.dynamics.estimate import ROUNDING
 from blockmech.dynamics.panels import TO_LIMIT, TO_REST, Floats, P, Panels, Spans, rule
 from blockmech.dynamics.path_equation import begin_energies, of_rate, solved
+from blockmech.dynamics.path_mesh import KEPT
 from blockmech.dynamics.place_data import TAU, J
 from blockmech.dynamics.track import Leg, RepeatedSegment
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
-
-KEPT = 2 / 3  # of the terms of a clock
 
 
 class Run(Protocol):
@@ -58,7 +57,7 @@ def second_run(run: Run) -> list[Leg] | None:
     if not named and not run.end.startswith("never reached"):
         return None
     whole = [x.panels if isinstance(x, RepeatedSegment) else x for x in run.whole]
-    dead_centre = any((x.spans.kind == TO_LIMIT).any() for x in whole)
+    dead_centre = any(x.other is None and (x.spans.kind == TO_LIMIT).any() for x in whole)
     if run.system.friction is not None or run.regime == "rest" or dead_centre or not whole:
         return None
     try:
@@ -74,9 +73,11 @@ class _SecondRun:
         self.run, self.rounding = run, run.rounding
         q, rate = float(run.request.start.q), float(run.request.start.rate) * (1 + ROUNDING)
         self.t, self.off, self.K = 0.0, q * ROUNDING, 0.0
-        if rate:
-            first = run.whole[0]
-            panels = first.panels if isinstance(first, RepeatedSegment) else first
+        first = run.whole[0]
+        panels = first.panels if isinstance(first, RepeatedSegment) else first
+        if rate and panels.other is not None:
+            self.K = float(panels.other.spans.energy[0])
+        elif rate:
             inertia = panels.second[0, J]  # at the nodes, and where it begins
             if panels.spans.backward[0]:
                 inertia = rule(len(inertia) - 1).to_series.sum(axis=0) @ inertia[:-1, None]
@@ -103,13 +104,17 @@ class _SecondRun:
                 segment = RepeatedSegment(t, panels, leg.step, gain, leg.mirrored, starts)
             legs.append(segment)
             if isinstance(following, Panels):
-                way = float(following.spans.begin[0] - leg.panels.spans.begin[0])
+                way = float(following.begin - leg.panels.begin)
                 many = round(way / leg.step)
                 self.K, self.t = K + many * gain, segment.begins(many)
         return legs
 
     def _panels(self, panels: Panels, t0: float) -> Panels:
         """Its panels where the first has some, from where it is on."""
+        if panels.other is not None:
+            self.K = panels.other.left
+            beside: Panels = panels.other.taken_from(t0)
+            return beside
         parts = [self._one_way(panels, some) for some in panels.one_way()]
         begin, end, energy, kind, w, K, inertia = (
             np.concatenate(column) for column in zip(*parts, strict=True)

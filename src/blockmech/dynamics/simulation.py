@@ -90,8 +90,8 @@ def simulate(
     want : outputs at the output times
     friction : of the joints: "none", "single", "successive" or "newton" (default)
     tolerance, iterations : of ``successive``, as in a run
-    engine : of the integrators: "scalar", "llvm" (machine code), or "auto": machine code once
-        the mechanism's motions are worth compiling. Path methods work on NumPy's arrays
+    engine : "scalar", "llvm" (machine code), or "auto": machine code once the mechanism's motions
+        are worth compiling. Without machine code path methods work on NumPy's arrays
     progress : called now and then with (what is at work, how far it is, the whole or None)
 
     Returns

@@ -89,13 +89,10 @@ class Stretch:
     @classmethod
     def ahead(cls, builder: PanelBuilder, at: PathState, goal: float) -> Stretch | None:
         """As far as whole pieces are known, at most a turn, and to a goal; None where none are."""
-        mesh, row, sign = builder.mesh, builder.mesh.row, at.sign
-        shift, near = mesh.turn(at.q, sign)
-        first = row.index(at.q - shift, sign, near)
-        if first is None:
+        course, shift = builder.mesh.course(at.q, at.sign)
+        if course is None:
             return None
-        course = row.ahead(first, sign)
-        ends = course.ends + shift
+        sign, ends = at.sign, course.ends + shift
         reached = sign * (ends - goal) >= 0
         count = len(ends)
         end = float(ends[-1]) if count else goal

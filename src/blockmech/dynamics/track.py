@@ -25,6 +25,7 @@ class RepeatedSegment:
     gain : [J] by which the kinetic energy grows in one
     mirrored : whether every other one runs backwards: a swing and the swing back
     starts : (n + 1,) [s] since t0 of the repetitions, where they do not last equally long
+    known : repetitions with their energies, the last one or two that were asked for
     """
 
     t0: float
@@ -33,7 +34,7 @@ class RepeatedSegment:
     gain: float = 0.0
     mirrored: bool = False
     starts: Floats | None = None
-    _repetitions: dict[int, Panels] = field(default_factory=dict, repr=False, compare=False)
+    known: dict[int, Panels] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def duration(self) -> float:
@@ -45,16 +46,19 @@ class RepeatedSegment:
         since = k * self.duration if self.starts is None else float(self.starts[k])
         return self.t0 + since
 
-    def beside(self, other: RepeatedSegment, t_end: float) -> list[Any]:
-        """Rows of `_beside` of some repetitions that begin before a time [s]."""
+    def compared_in(self, other: RepeatedSegment, t_end: float) -> list[int]:
+        """Repetitions that begin before a time [s] and are compared: ends, and the worst."""
         if self.starts is None or other.starts is None:
-            some = {0, max(math.ceil((t_end - self.t0) / self.duration) - 1, 0)}
-        else:
-            most = min(max(int(np.searchsorted(self.starts, t_end - self.t0)), 1), len(self.starts))
-            some = {0, most - 1, int(np.abs(self.starts[:most] - other.starts[:most]).argmax())}
+            return sorted({0, max(math.ceil((t_end - self.t0) / self.duration) - 1, 0)})
+        most = min(max(int(np.searchsorted(self.starts, t_end - self.t0)), 1), len(self.starts))
+        worst = int(np.abs(self.starts[:most] - other.starts[:most]).argmax())
+        return sorted({0, most - 1, worst})
+
+    def beside(self, other: RepeatedSegment, t_end: float) -> list[Any]:
+        """Rows of `_beside` of repetitions that are compared."""
         rows: list[Any] = []
         alike = None if self.gain or other.gain else _beside(self.panels, other.panels)
-        for k in sorted(some):
+        for k in self.compared_in(other, t_end):
             apart = _beside(self.repetition(k), other.repetition(k)) if alike is None else alike
             row = apart.copy()
             if self.mirrored and k % 2:
@@ -71,10 +75,10 @@ class RepeatedSegment:
         """Its panels, with its energy; times and places as in the first."""
         if not (self.gain and k):
             return self.panels
-        if k not in self._repetitions:
-            self._repetitions.clear()
-            self._repetitions[k] = self.panels.taken_from(0.0, k * self.gain)
-        return self._repetitions[k]
+        if k not in self.known:
+            self.known.clear()
+            self.known[k] = self.panels.taken_from(0.0, k * self.gain)
+        return self.known[k]
 
     def state(self, t: Floats) -> tuple[Floats, Floats]:
         """Driver coordinate and rate (m,) at times (m,) [s]."""
@@ -116,7 +120,7 @@ class RepeatedSegment:
     def durations(self, energies: Floats) -> Floats:
         """Time [s] of a repetition with so much more kinetic energy (m,)."""
         parts = range(0, energies.size, AT_ONCE)
-        some = (self.panels.durations_with(energies[k : k + AT_ONCE]).sum(axis=1) for k in parts)
+        some = (self.panels.lasting(energies[k : k + AT_ONCE]) for k in parts)
         return np.concatenate([np.empty(0), *some])
 
 

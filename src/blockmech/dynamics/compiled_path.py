@@ -1,0 +1,275 @@
+"""Motions along the path by machine code: both runs side by side, see `path_loops`.
+
+The program is the same for all mechanisms. What it leaves to others, who go by arrays (`Stretch`,
+`second_run`): joint friction, loads of the rate, dead centres, whatever is not resolved on the
+pieces of the path that are kept.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache, cached_property, partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from blockmech.dynamics.estimate import ROUNDING
+from blockmech.dynamics.panels import TO_REST, Floats, Panels, Spans, rule
+from blockmech.dynamics.path_loops import (
+    HALVED,
+    PANEL,
+    again,
+    beside,
+    lasting,
+    matrices,
+    placed,
+    sizes,
+    stretch,
+)
+from blockmech.dynamics.path_mesh import FINE, LeftToArraysError
+from blockmech.dynamics.place_data import TAU, J
+from blockmech.dynamics.track import Leg, RepeatedSegment
+from blockmech.engines import loops
+from blockmech.engines.llvm import machine_code
+from blockmech.errors import MissingEngineError
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.panel_builder import PathState
+    from blockmech.dynamics.path_mesh import PathMesh
+
+LOOPS = stretch, beside, again, placed, lasting
+SHAPE = PANEL, 2, FINE + 2  # of a panel's record
+
+
+class PathCode(NamedTuple):
+    """The loops as machine code, and the place of their matrices."""
+
+    stretch: Any
+    beside: Any
+    again: Any
+    placed: Any
+    lasting: Any
+    M: int
+
+    @staticmethod
+    @cache
+    def made() -> PathCode | None:
+        """The code; None without the package that makes it."""
+        functions = {f.__name__: partial(f, of=sizes()) for f in LOOPS}
+        kinds = [(name, loops.signature(f)) for name, f in functions.items()]
+        try:
+            code = machine_code(loops.text(**functions), *kinds)
+        except MissingEngineError:
+            return None
+        return PathCode._make([*code, matrices()[0].ctypes.data])
+
+
+class BothPanels(Panels):
+    """Panels of one of both runs, read from the records (m, 7, 2, n + 2) of `path_loops`."""
+
+    records: Floats
+    of: int
+
+    def __init__(self, records: Floats, of: int, t0: float) -> None:
+        """Those of the first run (0) or of the second (1)."""
+        self.__dict__.update(records=records, of=of, t0=t0)
+
+    @cached_property
+    def spans(self) -> Spans:
+        """Where they lie."""
+        begin, end, energy, kind = self.records[:, 6, self.of, :4].T
+        return Spans(begin, end, energy, kind.astype(np.intp))
+
+    @cached_property
+    def w(self) -> Floats:
+        """(m, n) dK/dq at the nodes."""
+        return self.records[:, self.of, TAU, :FINE]
+
+    @cached_property
+    def J(self) -> Floats:
+        """(m, n) inertia at the nodes."""
+        return self.records[:, self.of, J, :FINE]
+
+    @cached_property
+    def K(self) -> Floats:
+        """(m, n + 1) [J] at the nodes, and at the end that is not known."""
+        records = self.records[:, :, self.of]
+        return records[:, 6, 2:3] + records[:, 2, : FINE + 1]
+
+    @cached_property
+    def lost(self) -> Floats:
+        """(m, n) nothing."""
+        return np.zeros(self.w.shape)
+
+    @cached_property
+    def second(self) -> Floats:
+        """(m, 0, 0) nothing that `other` does not hold."""
+        return np.empty((len(self.records), 0, 0))
+
+    @property
+    def t1(self) -> float:
+        """[s] when the last ends."""
+        first, last = self.records[[0, -1], 6, self.of, 4].tolist()
+        return float(self.t0 + (last + float(self.records[-1, 4, self.of, -1]) - first))
+
+    @property
+    def begin(self) -> float:
+        """[rad or m] where the first begins."""
+        return float(self.records[0, 6, self.of, 0])
+
+    @cached_property
+    def place(self) -> int:
+        """Of the records in memory."""
+        return self.records.ctypes.data
+
+    def at_end(self) -> tuple[float, float]:
+        """Place [rad or m] and kinetic energy [J] at the end of the last."""
+        q, K = self.records[-1, 6, self.of, 1:6:4].tolist()
+        return q, K
+
+    @cached_property
+    def rate(self) -> Floats:
+        """Chebyshev coefficients (m, n) of dt/dv."""
+        return self.records[:, 3, self.of, :FINE]
+
+    @cached_property
+    def durations(self) -> Floats:
+        """(m,) [s] that each takes."""
+        return self.records[:, 4, self.of, -1]
+
+    @cached_property
+    def _known(self) -> tuple[Floats, Floats, Floats]:
+        return rule(FINE).leads[TO_REST], self.records[:, 4, self.of], self.records[:, 5, self.of]
+
+    @cached_property
+    def other(self) -> BothPanels:
+        """Those of the second run."""
+        return BothPanels(self.records, 1, float(self.records[0, 6, 1, 4]))
+
+    @property
+    def left(self) -> float:
+        """[J] with which it goes on."""
+        return float(self.records[-1, 6, self.of, 5])
+
+    @property
+    def size(self) -> float:
+        """[J] of all the work to and fro."""
+        return float(self.records[:, 6, self.of, 6].sum())
+
+    def with_more(self, energy: float, other: float) -> Floats:
+        """Records of both runs with more kinetic energy [J] each, their times from 0 s on."""
+        code, records = PathCode.made(), np.empty_like(self.records)
+        assert code is not None
+        code.again(code.M, self.place, len(records), energy, other, records.ctypes.data)
+        return records
+
+    def taken_from(self, t0: float, energy: float = 0.0) -> Panels:
+        """The same panels at another time and with more kinetic energy [J]."""
+        if energy and PathCode.made() is not None:
+            return BothPanels(self.with_more(energy, energy), self.of, t0)
+        return super().taken_from(t0, energy)
+
+    def followed_by(self, row: Sequence[Any]) -> Panels:
+        """These and those of a row as one."""
+        records = np.concatenate([self.records, *(p.records for p in row)])
+        return BothPanels(records, self.of, self.t0)
+
+    def state(self, t: Floats) -> tuple[Floats, Floats]:
+        """Driver coordinate and rate (k,) at times (k,) [s]; after the end those of the end."""
+        if (code := PathCode.made()) is None:
+            return super().state(t)
+        since = t - (self.t0 - self.records[0, 6, self.of, 4])
+        q, rate, room = np.empty(t.size), np.empty(t.size), np.empty(FINE + 1)
+        given = self.place, len(self.records), self.of, since.ctypes.data, t.size
+        code.placed(code.M, *given, *(x.ctypes.data for x in (q, rate, room)))
+        return q, rate
+
+    def lasting(self, energies: Floats) -> Floats:
+        """(k,) [s] that all of them take with so much more kinetic energy (k,) [J]."""
+        if (code := PathCode.made()) is None:
+            return super().lasting(energies)
+        times, given = np.empty(energies.size), (self.place, len(self.records))
+        places = energies.ctypes.data, energies.size, times.ctypes.data
+        code.lasting(code.M, *given, self.of, *places)
+        return times
+
+
+class BothRuns:
+    """Where both runs are."""
+
+    def __init__(self, code: PathCode, rounding: float, tolerance: float) -> None:
+        self.code, self.rounding, self.tolerance = code, rounding, tolerance
+        self.runs, self.room = np.zeros((2, 4)), np.empty(4 * FINE)
+
+    def begin(self, q: float, K: float, there: float) -> None:
+        """At a place, with kinetic energies [J] of the first and of the second run."""
+        self.runs[:] = (q, K, 0.0, 0.0), (q * (1 + ROUNDING), there, 0.0, 0.0)
+
+    def over(self, mesh: PathMesh, at: PathState, goal: float) -> BothPanels:
+        """Both over the pieces of the path that are kept, as far as to a standstill or a goal.
+
+        Raises `LeftToArraysError` where that is not all.
+        """
+        course, shift = mesh.course(at.q, at.sign)
+        known = self.runs[0, :2].tolist() == [at.q, at.K]
+        if not known or course is None or not len(course.which):
+            raise LeftToArraysError
+        count, pieces = len(course.which), course.row.blocks(at.sign)
+        records, done = np.empty((count * HALVED, *SHAPE)), np.zeros(1, np.int64)
+        own = (x.ctypes.data for x in (self.runs, records, done, self.room))
+        numbers = shift, goal, count, float(at.sign), self.rounding, self.tolerance
+        if not self.code.stretch(self.code.M, pieces.ctypes.data, *course.places, *numbers, *own):
+            raise LeftToArraysError
+        return BothPanels(records[: int(done[0])].copy(), 0, at.t)
+
+
+class Apart(NamedTuple):
+    """How far both runs are apart, as `path_loops.beside` says it."""
+
+    q: float
+    rounding: float
+    low: float
+    high: float
+    fastest: float
+    t: float
+    late: float
+    unsure: float
+
+
+def apart(
+    run: Sequence[Leg], other: Sequence[Any], t_start: float, t_end: float, share: float
+) -> Apart:
+    """How far apart two runs are, whose panels are `BothPanels`, from one time [s] to another.
+
+    share : what rounding leaves unknown of times, relative
+    """
+    code = PathCode.made()
+    assert code is not None
+    found = np.array([0.0, 0.0, math.inf, -math.inf, 0.0, 0.0, 0.0, 0.0])
+    at = np.array([0.0, 0.0, 0.0, t_end, t_start, share])
+    given = at.ctypes.data, found.ctypes.data
+
+    def look(panels: Any, backward: bool, begins: tuple[float, float], step: float) -> None:
+        first, second = panels.records[0, 6, :, 4].tolist()
+        sign = 1.0 if backward else -1.0
+        at[:3] = t_start + begins[0] + sign * first, t_start + begins[1] + sign * second, step
+        code.beside(code.M, panels.place, len(panels.records), int(backward), *given)
+
+    for leg, there, end in zip(
+        run, other, [*(x.t0 for x in run[1:]), t_end - t_start], strict=True
+    ):
+        if not isinstance(leg, RepeatedSegment):
+            look(leg, False, (leg.t0, there.t0), 0.0)
+            continue
+        for k in leg.compared_in(there, end):
+            panels, backward = leg.panels, leg.mirrored and bool(k % 2)
+            if k and leg.gain:
+                assert isinstance(panels, BothPanels)
+                records = panels.with_more(k * leg.gain, k * there.gain)
+                panels = leg.known[k] = BothPanels(records, 0, 0.0)
+            begins = leg.begins(k), there.begins(k)
+            if backward:
+                begins = begins[0] + leg.duration, begins[1] + there.duration
+            look(panels, backward, begins, k * leg.step)
+    return Apart(*found.tolist())

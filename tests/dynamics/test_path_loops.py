@@ -1,0 +1,152 @@
+"""Motions along the path by machine code are those by arrays, and have the bits of their Python."""
+
+from __future__ import annotations
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from numpy.polynomial import chebyshev
+
+import blockmech as bm
+from blockmech.dynamics import compiled_path, path, path_loops
+from blockmech.dynamics.compiled_path import PathCode
+from blockmech.dynamics.panels import FROM_REST, PLAIN, TO_REST, rule
+from blockmech.dynamics.path_mesh import FINE, PathMesh
+from blockmech.dynamics.place_data import RESOLVED
+from blockmech.dynamics.system import System
+from blockmech.series import tail
+from tests.dynamics.honesty import GRAPHS, mechanism
+
+MOTIONS = [  # from rest and from a rate, with the coordinate and against it, all ways to end
+    ("watt_sixbar", (math.pi / 3, 0.0), "time=2"),
+    ("watt_sixbar", (0.7, 0.0), "swings=81"),
+    ("watt_sixbar", (-2.0, -3.0), "standstill"),
+    ("watt_sixbar", (0.5, 2.0), "time=50"),
+    ("watt_sixbar", (1.0, 40.0), "turns=12.5"),
+    ("watt_sixbar", (1.0, -40.0), "angle=-3rad"),
+    ("watt_sixbar", (0.7, 0.0), "angle=3rad"),
+    ("andrews_squeezer", (-0.0617138900142764496358948458001, 0.0), "time=0.03"),
+    ("andrews_squeezer", (0.5, -90.0), "time=0.3"),
+    ("slider_crank", (0.5, 0.0), "swings=2"),
+    ("slider_crank", (0.5, 50.0), "turns=3"),
+]
+
+
+@pytest.fixture
+def llvm():
+    pytest.importorskip("llvmlite", reason="machine code needs the extra fast")
+
+
+@pytest.mark.parametrize(("name", "start", "until"), MOTIONS)
+def test_a_motion_by_machine_code_is_that_by_arrays(llvm, name, start, until):
+    mech = mechanism(name)
+    request = {"start": {mech.drivers[0]: start}, "method": "energy", "want": []}
+    arrays, code = (
+        mech.simulate(until, engine=engine, **request).motion for engine in ("scalar", "llvm")
+    )
+    assert (arrays.engine, code.engine) == ("numpy", "llvm")
+    assert (code.status, code.end, code.regime) == (arrays.status, arrays.end, arrays.regime)
+    assert [e.kind for e in code.events] == [e.kind for e in arrays.events]
+    assert code.notes == arrays.notes
+    assert code.facts == pytest.approx(arrays.facts, rel=1e-11)
+    assert arrays.error / 3 <= code.error <= 3 * arrays.error
+    assert abs(code.t_end - arrays.t_end) <= arrays.time_error + 4e-16 * arrays.t_end
+    t = np.linspace(0.0, min(code.t_end, arrays.t_end), 501)
+    one, other = arrays.at(t), code.at(t)
+    assert np.abs(one.q - other.q).max() <= arrays.error
+    assert np.abs(one.qd - other.qd).max() <= 1e-10 * np.abs(one.qd).max()
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "end"),
+    [
+        ("elliptic_trammel", (-0.26, -2.8), "dead centre"),
+        ("rack_gripper", (0.116, 0.064), "swings"),
+        ("tangent_generator", (1.05, 2.7), "not decided"),
+    ],
+)
+def test_what_machine_code_leaves_goes_by_arrays(llvm, name, start, end):
+    """Dead centres and pieces that are made on the way, as ever."""
+    mech = mechanism(name)
+    request = {"start": {mech.drivers[0]: start}, "method": "energy", "want": []}
+    request["friction"] = "none"
+    arrays, code = (
+        mech.simulate("swings=3", engine=engine, **request).motion for engine in ("scalar", "llvm")
+    )
+    assert code.end == arrays.end == end
+    assert code.engine == "numpy"
+    assert (code.t_end, code.q_end, code.error) == (arrays.t_end, arrays.q_end, arrays.error)
+
+
+def test_auto_makes_code_once_a_mechanism_has_moved_often(llvm, monkeypatch):
+    monkeypatch.setattr(path, "WORTH", 2)
+    mech = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
+    request = {"start": {"crank": (1.0, 0.0)}, "want": []}
+    motions = [mech.simulate(**request).motion for _ in range(4)]
+    assert [motion.engine for motion in motions] == ["numpy", "numpy", "llvm", "llvm"]
+    assert motions[2].q_end == motions[3].q_end
+    assert abs(motions[3].q_end - motions[0].q_end) <= motions[0].error
+
+
+def test_a_motion_is_read_where_there_is_no_code(llvm, monkeypatch):
+    mech = mechanism("andrews_squeezer")
+    motion = mech.simulate("time=0.03", want=[], method="energy", engine="llvm").motion
+    t = np.linspace(0.0, 0.03, 101)
+    by_code = motion.at(t)
+    monkeypatch.setattr(compiled_path.PathCode, "made", staticmethod(lambda: None))
+    elsewhere = pickle.loads(pickle.dumps(motion))
+    np.testing.assert_allclose(elsewhere.at(t).q, by_code.q, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(elsewhere.at(t).qd, by_code.qd, rtol=1e-10, atol=1e-10)
+    assert mech.simulate("time=0.03", want=[], method="energy").motion.engine == "numpy"
+
+
+@pytest.mark.parametrize("K", [0.0, 900.0])
+def test_machine_code_has_the_bits_of_its_python(llvm, K):
+    """Both runs over a swing or a turn, and all that is read from their panels."""
+    mesh = PathMesh(System(mechanism("watt_sixbar")), 1.0, FINE, RESOLVED)
+    sign, goal = (-1, -math.inf) if not K else (1, 1.0 + math.tau)
+    course, shift = mesh.course(1.0, sign)
+    many, M, of = len(course.which), path_loops.matrices()[0], path_loops.sizes()
+    pieces = course.row.blocks(sign), course.which, course.low, course.high
+    times, energies = np.linspace(0.0, 2.0, 7), np.linspace(0.0, 9.0, 3)
+    answers = []
+    for compiled in (False, True):
+        records, count = np.zeros((3 * many, *compiled_path.SHAPE)), np.zeros(1, np.int64)
+        runs, room = np.array([[1.0, K, 0.0, 0.0], [1.0 + 4e-16, K, 0.0, 0.0]]), np.empty(4 * FINE)
+        found, more, spans = np.zeros(8), np.zeros_like(records), np.empty(3)
+        at, states = np.array([0.0, 0.0, 0.0, 9.0, 0.0, 1e-15]), np.empty((2, 7))
+
+        def call(function, *given, compiled=compiled):
+            if not compiled:
+                return function(of, M, *given)
+            code = getattr(PathCode.made(), function.__name__)
+            return code(*(x.ctypes.data if isinstance(x, np.ndarray) else x for x in (M, *given)))
+
+        numbers = shift, goal, many, float(sign), 1e-14, RESOLVED
+        ended = call(path_loops.stretch, *pieces, *numbers, runs, records, count, room)
+        assert ended == (1 if K else 2)
+        n = int(count[0])
+        call(path_loops.beside, records, n, 1, at, found)
+        call(path_loops.again, records, n, 1.0, 1.25, more)
+        call(path_loops.lasting, records, n, 0, energies, 3, spans)
+        call(path_loops.placed, records, n, 1, times, 7, *states, room)
+        answers.append((runs, records[:n], found, more[:n], spans, states))
+    for by_python, by_code in zip(*answers, strict=True):
+        np.testing.assert_array_equal(by_python, by_code)
+
+
+@pytest.mark.parametrize("kind", [PLAIN, FROM_REST, TO_REST])
+def test_series_of_a_piece_are_read_as_numpy_reads_them(kind):
+    of, M = path_loops.sizes(), path_loops.matrices()[0]
+    rng = np.random.default_rng(2)
+    series = rng.normal(size=(2, FINE + 2)) * 0.5 ** np.arange(FINE + 2)
+    rows, room = np.zeros((2, FINE + 2)), np.zeros(4 * FINE)
+    path_loops.over(of, M, 0.25, 2.0, 0.5, 1.75, kind, series, rows, room, 0)
+    v = rule(FINE).v if kind == PLAIN else rule(FINE).v ** 2
+    places = 1.75 - 1.25 * v if kind == TO_REST else 0.5 + 1.25 * v
+    exact = chebyshev.chebval(places - 0.25 - 1.0, series[0, :FINE])
+    np.testing.assert_allclose(rows[0, :FINE], exact, atol=1e-13)
+    for c in (series[0, :FINE], rng.normal(size=FINE), np.zeros(FINE)):
+        assert path_loops.ending(c, FINE) == tail(c)
