@@ -235,10 +235,9 @@ class Window:
             message = str(error)
         sheet = desk.sheets.get(name)
         self.browser.address = f"?sheet={name}{'&theme=dark' * self.dark}" if sheet else ""
-        if sheet:
-            self.root[1:] = Page(sheet, self.dark, self.browser).parts()
-        else:
-            self.root[1:] = gallery_parts(files_of(desk.folder), desk.put, message, self.dark)
+        here = files_of(desk.folder), desk.put, message, self.dark
+        parts = Page(sheet, self.dark, self.browser).parts() if sheet else gallery_parts(*here)
+        self.root[1:] = parts
 
 
 def in_notebook(document: Opened | None, dark: bool) -> Any:

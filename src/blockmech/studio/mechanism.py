@@ -101,10 +101,8 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             last, gaps = len(motion.samples) - 1, gaps_of(motion)
             along = abscissa(motion.result, degrees=self.degrees)
             samples = np.arange(last + 1)
-            events = [
-                (float(np.interp(k, samples, along.values)), name)
-                for k, name in dead_centres(motion)
-            ]
+            dead = dead_centres(motion)
+            events = [(float(np.interp(k, samples, along.values)), name) for k, name in dead]
             self.along = replace(along, events=tuple(events))
         self.param.update(gaps=gaps, said=said, pose=min(self.pose, last))
         self.motion = motion
