@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from blockmech.assur.formation import formation
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Pose, Poses
-from blockmech.plane import dot
+from blockmech.plane import EPS, dot
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -159,7 +159,7 @@ class Closing:
             gap = float(np.abs(values).max(initial=0.0))
             if gap <= last:
                 best = poses
-            if gap == 0.0 or not math.isfinite(gap) or (gap < CLOSED and gap >= last / 2):
+            if gap <= EPS or not math.isfinite(gap) or (gap < CLOSED and gap >= last / 2):
                 break
             last = gap
             step: Any = np.linalg.lstsq(matrix, -values, rcond=SINGULAR)[0]
