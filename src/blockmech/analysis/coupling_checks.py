@@ -111,10 +111,8 @@ def lines_of_action(e: Evidence) -> Iterator[Residual]:
 
     Iterations of friction that are cut short have the sense of the effort before them.
     """
-    if e.run.settings["friction"] not in ("none", "newton"):
-        return
     s = e.structure
-    for driver, (name, _, _, leader, centre) in s.followers.items():
+    for driver, (name, _, _, leader, centre) in s.followers.items() if e.exact.any() else ():
         kind, ref = s.couplings[name], s.driven[driver]
         if type(kind) not in LINES or kind.rubs:
             continue
@@ -127,6 +125,7 @@ def lines_of_action(e: Evidence) -> Iterator[Residual]:
         slides = leader is not None and not s.joint(leader).rotary
         c = Contact(lead, on, link, F, M, np.abs(F) + size.force, size.moment, reach, slides)
         left, scale = LINES[type(kind)](kind, c)
+        left = np.where(e.exact, left, 0.0)
         yield Residual("line of action of", name, left, scale * e.condition(ref.block))
 
 

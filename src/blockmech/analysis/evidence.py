@@ -8,7 +8,9 @@ conditioning that it knows is that of the group's own equations, 1 / sqrt(margin
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,6 +20,7 @@ from blockmech.analysis.free_bodies import Array, Body, FreeBodies
 from blockmech.model.structure import JointRef, LinkRef
 
 if TYPE_CHECKING:
+    from blockmech.quality import Quality
     from blockmech.result import Result
 
 TOLERANCE = 2.0**-43  # of the sum of absolute terms times the conditioning: 1024 roundings
@@ -77,12 +80,50 @@ def total(terms: Iterable[Term]) -> Term:
     return Term(np.sum(values, axis=0), np.sum(sizes, axis=0))
 
 
-class Evidence:
-    """A run with its links as free bodies, and what each block's equations are measured by."""
+class Together:
+    """Runs of one mechanism that differ in their friction, read as one with all their samples."""
 
-    def __init__(self, run: Result) -> None:
-        """``run`` has all outputs of blocks."""
-        self.run = run
+    def __init__(self, runs: Sequence[Result]) -> None:
+        self._runs, (first, *_) = runs, runs
+        self.mechanism, self.motion, self.samples = first.mechanism, first.motion, first.samples
+        self.settings, self.n = first.settings, sum(run.n for run in runs)
+        self.time = None if first.time is None else np.concatenate([run.time for run in runs])
+        self._read: dict[str, Array] = {}
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self._read:
+            self._read[name] = np.concatenate([run[name] for run in self._runs])
+        return self._read[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._runs[0]
+
+    @cached_property
+    def quality(self) -> Quality:
+        """Status of each sample, and the margins."""
+        parts = [run.quality for run in self._runs]
+        margin = {name: np.concatenate([q.margin[name] for q in parts]) for name in parts[0].margin}
+        status = tuple(itertools.chain.from_iterable(q.status for q in parts))
+        return replace(parts[0], status=status, margin=margin)
+
+
+class Evidence:
+    """Runs with their links as free bodies, and what each block's equations are measured by.
+
+    Attributes
+    ----------
+    run : the run, or several one behind the other
+    good : (n,) whether a sample has an answer
+    smooth : (n,) whether it was asked for without friction
+    exact : (n,) whether friction is solved there, not cut short (``single``, ``successive``)
+    """
+
+    def __init__(self, *runs: Result) -> None:
+        """``runs`` of one mechanism have all outputs of blocks."""
+        run = self.run = runs[0] if len(runs) == 1 else Together(runs)
+        methods = np.repeat([r.settings["friction"] for r in runs], [r.n for r in runs])
+        self.smooth = methods == "none"
+        self.exact = self.smooth | (methods == "newton")
         self.structure = run.mechanism.structure
         self.bodies = FreeBodies(run)
         self.good = np.array([s == "ok" for s in run.quality.status])

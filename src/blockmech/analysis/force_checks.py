@@ -56,11 +56,11 @@ def couplings(e: Evidence) -> Iterator[Residual]:
         scale = through.size + e.sizes(e.structure.driven[driver].block).power
         taken = e.run[f"{follower.coupling}.loss"] if e.structure.coupling_of(driver).lossy else 0.0
         yield Residual("power through", follower.coupling, through.value + taken, scale)
-        if lost and e.run.settings["friction"] in ("none", "newton"):
+        if lost and e.exact.any():
             x, felt = e.bodies.argument(driver)
             most = np.maximum(np.abs(felt * x), np.abs(felt * x + taken))
-            share = lost if e.run.settings["friction"] == "newton" else 0.0
-            yield Residual("efficiency of", follower.coupling, taken - share * most, scale)
+            left = np.where(e.exact, taken - np.where(e.smooth, 0.0, lost) * most, 0.0)
+            yield Residual("efficiency of", follower.coupling, left, scale)
 
 
 def whole(e: Evidence) -> Iterator[Residual]:
@@ -85,7 +85,7 @@ def friction(e: Evidence) -> Iterator[Residual]:
 
     Iterations that are cut short (``single``, ``successive``) keep the sense alone.
     """
-    r, method = e.run, e.run.settings["friction"]
+    r = e.run
     moving = [e.bodies.link(link) for link in e.structure.links]
     speed = np.max(np.abs([body.v for body in moving]), axis=0)
     turning = np.max(np.abs([body.om for body in moving]), axis=0)
@@ -107,23 +107,20 @@ def friction(e: Evidence) -> Iterator[Residual]:
             if law.remembers:
                 k, d = bound_kernel(law.kernel())(slip, r[f"{ref}.deflection"], law.parameters())
                 scale = (np.abs(k) * terms + np.abs(d)) * e.condition(name)
-                if method in ("none", "newton"):
-                    left = t + (k * load + d if method == "newton" else 0.0)
-                    yield Residual("friction in", ref, np.abs(left), scale)
+                left = t + np.where(e.smooth, 0.0, k * load + d)
+                yield Residual("friction in", ref, np.where(e.exact, np.abs(left), 0.0), scale)
                 continue
             factor, drag = law.sliding(bound_kernel)(np.abs(slip), load)
-            bound = factor * load + drag if method != "none" else 0.0 * load
+            bound = np.where(e.smooth, 0.0, factor * load + drag)
             scale = (np.abs(factor) * terms + np.abs(drag)) * e.condition(name)
             # a thousand times: the solver measures speed and size of the group alone
             rests = np.abs(slip) * way <= 1e3 * REST_SHARE * np.maximum(speed, turning * way)
             driven = np.where(rests, 0.0, np.maximum(t * np.sign(slip), 0.0))
             yield Residual("friction in", ref, driven, scale)
-            if method in ("none", "newton"):
-                still = law.at_rest()
-                most = still.factor * load + still.drag if method != "none" else 0.0 * load
-                left = np.abs(np.abs(t) - bound)
-                left = np.where(rests, np.maximum(np.abs(t) - most, 0.0), left)
-                yield Residual("friction in", ref, left, scale)
+            still = law.at_rest()
+            most = np.where(e.smooth, 0.0, still.factor * load + still.drag)
+            left = np.where(rests, np.maximum(np.abs(t) - most, 0.0), np.abs(np.abs(t) - bound))
+            yield Residual("friction in", ref, np.where(e.exact, left, 0.0), scale)
 
 
 def bound_kernel(kernel: Any) -> Any:
@@ -134,9 +131,7 @@ def bound_kernel(kernel: Any) -> Any:
 def reduction(e: Evidence) -> Iterator[Residual]:
     """Driving effort by reactions against the one by reduction, without friction."""
     r = e.run
-    if r.settings["friction"] != "none":
-        return
-    for driver in e.structure.drivers:
+    for driver in e.structure.drivers if e.smooth.any() else ():
         left = r[f"{driver}.drive"] - r[f"{driver}.drive_by_reduction"]
-        rate = r[f"{driver}.rate"]
-        yield Residual("two routes to", f"{driver}.drive", left * rate, _flow(e))
+        left = np.where(e.smooth, left * r[f"{driver}.rate"], 0.0)
+        yield Residual("two routes to", f"{driver}.drive", left, _flow(e))

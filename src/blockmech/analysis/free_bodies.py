@@ -21,6 +21,7 @@ from blockmech.dynamics.pair_stops import lain_against
 from blockmech.model.structure import JointRef, LinkRef, Structure
 
 if TYPE_CHECKING:
+    from blockmech.analysis.evidence import Together
     from blockmech.result import Result
 
 Array = NDArray[Any]
@@ -70,7 +71,7 @@ class FreeBodies:
     run : a run of blocks with all outputs; arrays are (n,) over its samples
     """
 
-    def __init__(self, run: Result) -> None:
+    def __init__(self, run: Result | Together) -> None:
         self.run = run
         self.structure: Structure = run.mechanism.structure
         self.link: Callable[[LinkRef], Body] = cache(self._link)

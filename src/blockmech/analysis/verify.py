@@ -9,7 +9,7 @@ Of a simulation the states are held against one another as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -179,8 +179,8 @@ def verify(
     given["static"] = static
     run = blocks.answer(taken, EVERYTHING, given, **how)
     shaken = _perturbed_run(run, how)
-    runs = [shaken] if shaken.n > run.n else [run, shaken]
-    return _judged(mechanism, run.n, [(Evidence(r), CHECKS) for r in runs])
+    evidence = Evidence(shaken) if shaken.n > run.n else Evidence(run, shaken)
+    return _judged(mechanism, run.n, evidence)
 
 
 def _of_result(
@@ -195,30 +195,27 @@ def _of_result(
     if motion is None:
         how["static"] = result.settings["static"]
         run = blocks.answer(result.samples, EVERYTHING, how, engine, None, chunk)
-        return _judged(mechanism, run.n, [(Evidence(run), CHECKS)])
+        return _judged(mechanism, run.n, Evidence(run))
     t = motion.times(1) if result.time is None else result.time
     run = result_along(blocks, motion, t, EVERYTHING, **how, engine=engine, chunk=chunk)
-    judged = _judged(mechanism, run.n, [(Evidence(run), (*CHECKS, idle))])
+    judged = _judged(mechanism, run.n, Evidence(run), idle)
     return replace(
         judged, rows=(*judged.rows, *(Check(*row) for row in trajectory(result, motion)))
     )
 
 
-def _judged(
-    mechanism: Compiled, n: int, tables: Sequence[tuple[Evidence, Sequence[CheckOf]]]
-) -> Verification:
+def _judged(mechanism: Compiled, n: int, evidence: Evidence, *more: CheckOf) -> Verification:
     """The worst of every check over all evidence, the first ``n`` samples of which were asked."""
     worst: dict[str, float] = {}
-    for evidence, checks in tables:
-        good = evidence.good
-        for check in checks:
-            for what, of, left, scale in check(evidence):
-                name = f"{what} {_said(mechanism, of)}"
-                worst[name] = np.maximum(worst.get(name, 0.0), _relative(left[good], scale[good]))
-    first = tables[0][0]
-    conditions = [first.condition(block)[first.good] for block in first.structure.blocks]
+    good = evidence.good
+    for check in (*CHECKS, *more):
+        for what, of, left, scale in check(evidence):
+            name = f"{what} {_said(mechanism, of)}"
+            worst[name] = np.maximum(worst.get(name, 0.0), _relative(left[good], scale[good]))
+    asked = good & (np.arange(len(good)) < n)
+    conditions = [evidence.condition(block)[asked] for block in evidence.structure.blocks]
     rows = tuple(Check(name, float(value)) for name, value in worst.items())
-    return Verification(rows, int(first.good[:n].sum()), float(np.max(conditions, initial=1.0)))
+    return Verification(rows, int(asked.sum()), float(np.max(conditions, initial=1.0)))
 
 
 def _relative(left: Any, scale: Any) -> float:

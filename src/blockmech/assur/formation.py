@@ -158,7 +158,9 @@ def _give(need: Sequence[int], edges: Sequence[Edge]) -> _Given:
 
 def _in_order(parts: nx.DiGraph[int], rank: Mapping[int, object]) -> list[int]:
     """Parts after those that they wait for, the lowest rank first."""
-    return list(nx.lexicographical_topological_sort(parts.reverse(copy=False), key=rank.__getitem__))
+    return list(
+        nx.lexicographical_topological_sort(parts.reverse(copy=False), key=rank.__getitem__)
+    )
 
 
 def _holds(unit: Unit) -> bool:

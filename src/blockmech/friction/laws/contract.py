@@ -126,12 +126,12 @@ class FrictionLaw(StrictModel):
     @property
     def reads_speed(self) -> bool:
         """Whether friction depends on the speed."""
-        return SPEED in inspect.signature(self.kernel()).parameters
+        return SPEED in _read(self.kernel())
 
     @property
     def reads_load(self) -> bool:
         """Whether friction is not linear in the load, see rule 6."""
-        return LOAD in inspect.signature(self.kernel()).parameters
+        return LOAD in _read(self.kernel())
 
     def numbers(self) -> dict[str, Any]:
         """The law's numbers by name."""
@@ -190,9 +190,15 @@ class FrictionLaw(StrictModel):
             raise mistake("friction-mismatch", found, valid, f"laws for it: {listed(fit)}")
 
 
+@functools.lru_cache
+def _read(kernel: Callable[..., Any]) -> tuple[str, ...]:
+    """What a kernel reads, by the names of its arguments."""
+    return tuple(inspect.signature(kernel).parameters)
+
+
 def _check(kernel: Callable[..., Any] | None, readable: Sequence[tuple[str, ...]]) -> None:
     """Raise `TypeError` for a kernel that reads, before the law's numbers, what is not there."""
-    names = tuple(inspect.signature(kernel).parameters) if kernel is not None else ("p",)
+    names = _read(kernel) if kernel is not None else ("p",)
     if names[:-1] not in readable or not names:
         where = f"{kernel.__module__}.{kernel.__qualname__}" if kernel else ""
         fit = " or ".join(f"({', '.join((*x, 'p'))})" for x in readable)

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from blockmech.assur.formation import formation
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Pose, Poses
-from blockmech.plane import EPS, dot
+from blockmech.plane import dot
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -148,10 +148,10 @@ class Closing:
             },
         }
 
-    def refine(self, poses: Poses) -> Poses:
+    def refine(self, poses: Poses, enough: float = 0.0) -> Poses:
         """The poses that close the joints near the given ones, as far as Newton gets.
 
-        Where the matrix is singular each step is the shortest of those nearest to closing.
+        It ends where they gape by no more than is ``enough``, over the size. Where the matrix is singular each step is the shortest of those nearest to closing.
         """
         last, best = math.inf, poses
         for _ in range(ITERATIONS):
@@ -159,7 +159,7 @@ class Closing:
             gap = float(np.abs(values).max(initial=0.0))
             if gap <= last:
                 best = poses
-            if gap <= EPS or not math.isfinite(gap) or (gap < CLOSED and gap >= last / 2):
+            if gap <= enough or not math.isfinite(gap) or (gap < CLOSED and gap >= last / 2):
                 break
             last = gap
             step: Any = np.linalg.lstsq(matrix, -values, rcond=SINGULAR)[0]

@@ -38,6 +38,7 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.varied import settled
 from blockmech.model.naming import Names
+from blockmech.plane import EPS
 
 General: TypeAlias = Literal["", "groups", "one"]
 Parts: TypeAlias = tuple[dict[str, Any], Names, Formation, Linkage | None]
@@ -92,10 +93,12 @@ def _closed(layout: Layout, groups: Formation, pairs: Connections) -> Poses:
     for unit in groups.units:
         own = tuple(pairs[p.name] for p in unit.pairs)
         closing = Closing(unit.links, own, layout.size, {c: held[c] for c in unit.driven})
-        near = closing.refine({link: poses[link] for c in own for link in c.links})
+        home = unit.kind in ("group", "triad", "cylinder")  # others need to be seen, not placed
+        here = {link: poses[link] for c in own for link in c.links}
+        near = closing.refine(here, 0.0 if home else EPS)
         if not closing.closed(near):
             raise GraphError(does_not_close(layout))
-        if unit.kind in ("group", "triad", "cylinder") and closing.freedom(near)[0]:
+        if home and closing.freedom(near)[0]:
             stuck.append(unit)
         poses |= near
     away = list(far_off(layout, poses))
