@@ -151,7 +151,8 @@ class Closing:
     def refine(self, poses: Poses, enough: float = 0.0) -> Poses:
         """The poses that close the joints near the given ones, as far as Newton gets.
 
-        It ends where they gape by no more than is ``enough``, over the size. Where the matrix is singular each step is the shortest of those nearest to closing.
+        It ends where they gape by no more than is ``enough``, over the size. Where the matrix is
+        singular each step is the shortest of those nearest to closing.
         """
         last, best = math.inf, poses
         for _ in range(ITERATIONS):
