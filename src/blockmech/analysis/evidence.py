@@ -8,19 +8,16 @@ conditioning that it knows is that of the group's own equations, 1 / sqrt(margin
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.free_bodies import Array, Body, FreeBodies
+from blockmech.analysis.free_bodies import Array, Body, FreeBodies, Together
 from blockmech.model.structure import JointRef, LinkRef
 
 if TYPE_CHECKING:
-    from blockmech.quality import Quality
     from blockmech.result import Result
 
 TOLERANCE = 2.0**-43  # of the sum of absolute terms times the conditioning: 1024 roundings
@@ -78,33 +75,6 @@ def total(terms: Iterable[Term]) -> Term:
     """Sum of terms, and of their sizes."""
     values, sizes = zip(*terms, strict=True)
     return Term(np.sum(values, axis=0), np.sum(sizes, axis=0))
-
-
-class Together:
-    """Runs of one mechanism that differ in their friction, read as one with all their samples."""
-
-    def __init__(self, runs: Sequence[Result]) -> None:
-        self._runs, (first, *_) = runs, runs
-        self.mechanism, self.motion, self.samples = first.mechanism, first.motion, first.samples
-        self.settings, self.n = first.settings, sum(run.n for run in runs)
-        self.time = None if first.time is None else np.concatenate([run.time for run in runs])
-        self._read: dict[str, Array] = {}
-
-    def __getitem__(self, name: str) -> Array:
-        if name not in self._read:
-            self._read[name] = np.concatenate([run[name] for run in self._runs])
-        return self._read[name]
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._runs[0]
-
-    @cached_property
-    def quality(self) -> Quality:
-        """Status of each sample, and the margins."""
-        parts = [run.quality for run in self._runs]
-        margin = {name: np.concatenate([q.margin[name] for q in parts]) for name in parts[0].margin}
-        status = tuple(itertools.chain.from_iterable(q.status for q in parts))
-        return replace(parts[0], status=status, margin=margin)
 
 
 class Evidence:

@@ -9,8 +9,10 @@ Source: [R10] Ruiz, Durango & Calle 2010, Eqs. 2-7.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,7 +23,7 @@ from blockmech.dynamics.pair_stops import lain_against
 from blockmech.model.structure import JointRef, LinkRef, Structure
 
 if TYPE_CHECKING:
-    from blockmech.analysis.evidence import Together
+    from blockmech.quality import Quality
     from blockmech.result import Result
 
 Array = NDArray[Any]
@@ -63,6 +65,33 @@ class Body(NamedTuple):
         v = np.abs(self.v) + np.abs(other.v) + rate * s
         a = np.abs(self.a) + np.abs(other.a) + (np.abs(self.al) + np.abs(other.al)) * s
         return s, v, a + rate * v
+
+
+class Together:
+    """Runs of one mechanism that differ in their friction, read as one with all their samples."""
+
+    def __init__(self, runs: Sequence[Result]) -> None:
+        self._runs, (first, *_) = runs, runs
+        self.mechanism, self.motion, self.samples = first.mechanism, first.motion, first.samples
+        self.settings, self.n = first.settings, sum(run.n for run in runs)
+        self.time = None if first.time is None else np.concatenate([run.time for run in runs])
+        self._read: dict[str, Array] = {}
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self._read:
+            self._read[name] = np.concatenate([run[name] for run in self._runs])
+        return self._read[name]
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._runs[0]
+
+    @cached_property
+    def quality(self) -> Quality:
+        """Status of each sample, and the margins."""
+        parts = [run.quality for run in self._runs]
+        margin = {name: np.concatenate([q.margin[name] for q in parts]) for name in parts[0].margin}
+        status = tuple(itertools.chain.from_iterable(q.status for q in parts))
+        return replace(parts[0], status=status, margin=margin)
 
 
 class FreeBodies:
