@@ -39,8 +39,7 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Set aside what was collected."""
-    gc.collect()
+    """Set aside what was collected, the little garbage in it included."""
     gc.freeze()
     gc.enable()
 

@@ -8,6 +8,7 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import networkx as nx
@@ -141,10 +142,13 @@ def room(module):
     return parts[1] if len(parts) > 1 else "__init__"
 
 
-LOADED = {name: set(imports(name, late=False)) for name in MODULES}
-IMPORTS = {name: set(imports(name, late=True)) for name in MODULES}
-FILES = nx.DiGraph((a, b) for a, others in IMPORTS.items() for b in others & set(MODULES) - {a})
-FILES.remove_nodes_from(["blockmech"])  # the public names, which nothing inside needs
+@cache
+def files():
+    """What imports what; read when a test asks for it, not by all who collect tests."""
+    known = set(MODULES)
+    found = nx.DiGraph((a, b) for a in known for b in set(imports(a, late=True)) & known - {a})
+    found.remove_nodes_from(["blockmech"])  # the public names, which nothing inside needs
+    return found
 
 
 def test_every_file_is_in_a_room():
@@ -155,19 +159,19 @@ def test_imports_run_downhill():
     """Also those inside functions and for types."""
     up = {
         (name, other)
-        for name, other in FILES.edges
+        for name, other in files().edges
         if ROOMS.index(room(other)) > ROOMS.index(room(name))
     }
     assert up == set()
 
 
 def test_no_circle_of_files():
-    circles = [c for c in nx.strongly_connected_components(FILES) if len(c) > 1]
+    circles = [c for c in nx.strongly_connected_components(files()) if len(c) > 1]
     assert circles == []
 
 
 def test_floors_of_files():
-    assert len(list(nx.topological_generations(nx.condensation(FILES)))) <= FLOORS
+    assert len(list(nx.topological_generations(nx.condensation(files())))) <= FLOORS
 
 
 def test_functions_fit_a_screen():
@@ -189,8 +193,8 @@ def length(function):
 def test_heavy_packages_are_loaded_late():
     early = {
         (name, package)
-        for name, others in LOADED.items()
-        for package in {other.split(".")[0] for other in others} & LATE
+        for name in MODULES
+        for package in {other.split(".")[0] for other in imports(name, late=False)} & LATE
         if NEEDED_IN.get(package) not in (room(name), name)
     }
     assert early == set()
