@@ -8,7 +8,7 @@ from blockmech import sigint as _sigint  # noqa: F401 (before all that takes tim
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from blockmech.garbage import uncollected
+from blockmech.garbage import grown_old, uncollected
 
 with uncollected():  # all that is made here is kept
     from blockmech import signals as signals
@@ -60,6 +60,8 @@ with uncollected():  # all that is made here is kept
     from blockmech.model.subgraph import Subgraph
     from blockmech.studies.sampling import normal, uniform
     from blockmech.values import Link, Marker
+
+    grown_old()
 
 if TYPE_CHECKING:
     from blockmech import draw, studio, synthesis

@@ -91,9 +91,7 @@ class Compiled(Runnable[M]):
             scene=scene,
             name=name,
             document=document,
-            _planned=lru_cache(PLANS)(
-                partial(_plan, weakref.proxy(self))
-            ),  # no cycle to search for
+            _planned=lru_cache(PLANS)(partial(_plan, weakref.proxy(self))),
             _kept={},
         )
 

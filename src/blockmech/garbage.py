@@ -21,3 +21,13 @@ def uncollected() -> Iterator[None]:
     finally:
         if running:
             gc.enable()
+
+
+def grown_old() -> None:
+    """Count what there is among what is kept for long, without the search that would find it so.
+
+    Only for what is made once: in a loop what is really garbage would never be searched for.
+    """
+    if not gc.get_freeze_count():
+        gc.freeze()
+        gc.unfreeze()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -55,6 +55,9 @@ COMMANDS = (
     studio,
 )
 
+COMPLETING = "_BLOCKMECH_COMPLETE"
+"""What a shell sets that asks how a line could go on: the words are not in the call then."""
+
 FAULTY = "This is a fault of blockmech: please report it with these lines."
 
 
@@ -93,7 +96,7 @@ def _answered(words: list[str]) -> int:
 def _run(words: list[str]) -> int:
     """Let typer find and call the command; its own refusals become one sentence."""
     try:
-        code = command().main(args=words, prog_name="blockmech", standalone_mode=False)
+        code = command(words).main(args=words, prog_name="blockmech", standalone_mode=False)
     except Exception as error:
         # Typer took click into itself under another name, so its errors are recognised by form.
         if type(error).__name__ == "Abort":
@@ -111,8 +114,12 @@ def _run(words: list[str]) -> int:
     return code if isinstance(code, int) else DONE
 
 
-def command() -> Any:
-    """The whole application as one command that can be called."""
+def command(words: Sequence[str] | None = None) -> Any:
+    """The whole application as one command that can be called.
+
+    Of commands that are not among the words of a call only name and purpose are read.
+    """
+    whole = words is None or COMPLETING in os.environ
     app = typer.Typer(
         rich_markup_mode=None,
         pretty_exceptions_enable=False,
@@ -121,8 +128,19 @@ def command() -> Any:
     )
     app.callback()(_shared)
     for function in COMMANDS:
-        app.command()(flat(function))
+        called = whole or function.__name__.rstrip("_") in (words or ())
+        app.command()(flat(function) if called else _listed(function))
     return typer.main.get_command(app)
+
+
+def _listed(function: Callable[..., Any]) -> Callable[[], None]:
+    """A command without its options: reading those of all took a tenth of any call."""
+
+    def unread() -> None:
+        raise AssertionError(function.__name__)
+
+    unread.__name__, unread.__doc__ = function.__name__, function.__doc__
+    return unread
 
 
 def _version(wanted: bool) -> None:

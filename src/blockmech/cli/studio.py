@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import webbrowser
 from pathlib import Path
 from typing import Annotated
 
@@ -29,6 +28,8 @@ def studio(
     def told(address: str) -> None:
         say(address)
         if not no_browser:
+            import webbrowser  # few calls need it
+
             webbrowser.open(address)
 
     server = page().started(Path.cwd(), file, port, told)
