@@ -42,6 +42,7 @@ RIGHT = (
     "made: bm.Mechanism = g.run(at=0.0).mechanism",
     'moved: bm.Mechanism = mech.simulate("time=2").mechanism',
     'end: str = mech.simulate("time=2").motion.end',
+    "chosen: str = how.friction if (how := g.run(at=0.0, accuracy=1e-3).accuracy) else ''",
     'mech.limits().plot("arcs.svg", degrees=True)',
     'mech.study({"dyad.l_i": [1.0]}, want="crank.drive").figure()',
 )
@@ -58,6 +59,7 @@ WRONG = (
     'mech.trade("runs")',
     "g.run(at=0.0).mechanism.limts()",
     'mech.simulate("time=2").motion.ends',
+    "g.run(at=0.0).motion.end",  # a run has none
     'mech.limits().plot("arcs.svg", degree=True)',
     'bm.laod("graphs/ruiz_fourbar.json")',
     'mech.trade("run", sample=5)',

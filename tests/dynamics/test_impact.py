@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.dynamics import simulation
 from blockmech.dynamics.contacts import pushing
 from blockmech.errors import GraphError, RequestError
 from tests.gallery import GRAPHS
@@ -381,3 +382,22 @@ def test_of_several_stops_those_push_that_must():
         P, _ = nnls(np.linalg.solve(L, rows.T), -L.T @ before)
         chosen = pushing(M, rows, rows @ before)[0]
         assert set(chosen) == set(np.flatnonzero(P > 1e-12).tolist())
+
+
+def test_interrupted_between_two_flights_it_keeps_those_before(monkeypatch):
+    flights, move = [], simulation.move
+
+    def third_is_stopped(system, request):
+        if len(flights) == 2:
+            raise KeyboardInterrupt
+        flights.append(move(system, request))
+        return flights[-1]
+
+    monkeypatch.setattr(simulation, "move", third_is_stopped)
+    r = flywheel().compile().simulate("time=5")
+    flight = 2 * W * J / TAU
+    assert (r.motion.status, r.motion.end) == ("ended", "interrupted")
+    assert len(r.motion.impacts) == 2
+    assert r.motion.t_end == pytest.approx(flight * (1 + E), rel=1e-12)
+    assert r["crank.q"][-1] == 2.0
+    assert r["crank.rate"][-1] == pytest.approx(-W * E**2, rel=1e-9)
