@@ -36,6 +36,7 @@ from blockmech.dynamics.path_equation import (
 )
 from blockmech.dynamics.path_mesh import CLOSE, PathMesh, Piece, WholePieces
 from blockmech.dynamics.place_data import SHORT, SLIPS, TAU, J
+from blockmech.dynamics.run import RunEnd
 from blockmech.plane import EPS
 
 ROUGH = 1 / 64  # of a piece's inertia: what is below has two digits less
@@ -48,14 +49,6 @@ class PathState(NamedTuple):
     q: float
     K: float
     sign: int
-
-
-class PanelFailure(NamedTuple):
-    """Why there is no panel: an end by its name, or "" where the mesh was made anew."""
-
-    end: str = ""
-    note: str = ""
-    friction_limit: float = math.nan
 
 
 class PanelBuilder:
@@ -72,7 +65,7 @@ class PanelBuilder:
         self.solved: tuple[WholePieces, Floats] | None = None
         self.longest = math.inf  # [rad or m] that may be smooth: twice what was, if not all
 
-    def panel(self, at: PathState, piece: Piece, end: float) -> Panels | PanelFailure:
+    def panel(self, at: PathState, piece: Piece, end: float) -> Panels | RunEnd:
         """The next panel towards a place."""
         q, sign, whole = at.q, at.sign, abs(end - at.q)
         end, self.longest = q + sign * min(whole, self.longest), math.inf
@@ -81,7 +74,7 @@ class PanelBuilder:
         while True:
             if abs(end - q) <= CLOSE * max(abs(q), abs(end)):
                 # What goes no further than rounding of its place, behind a strong damper, stands.
-                return self._too_short(at, end) if stop is None else PanelFailure(STANDSTILL)
+                return self._too_short(at, end) if stop is None else RunEnd(STANDSTILL)
             lies = span(q, end, at.K, PLAIN if at.K else FROM_REST)
             if piece.data.limit == sign and end == piece.end(sign) and at.K > 0:
                 lies = span(q, end, at.K, TO_LIMIT)
@@ -96,7 +89,7 @@ class PanelBuilder:
             if stop is not None:
                 way = abs(stop - q)
                 if self._shortened(at, piece, way) or self.kept_clear(at, piece, way):
-                    return PanelFailure()
+                    return RunEnd("")
                 panels = self._to_standstill(at, piece, stop) if at.K else None
                 if panels is not None:
                     return panels
@@ -109,7 +102,7 @@ class PanelBuilder:
             end = q + 0.5 * (end - q)
             rough = rows[J].min() < ROUGH * piece.data.largest[J]
             if rough and self._shortened(at, piece, abs(end - q)):
-                return PanelFailure()
+                return RunEnd("")
 
     def _shortened(self, at: PathState, piece: Piece, way: float) -> bool:
         """Whether a way that is short against its piece of the path got one of its own size."""
@@ -164,7 +157,7 @@ class PanelBuilder:
         acting: EffortFunction,
         K: Floats,
         rows: Floats,
-    ) -> Panels | PanelFailure | None:
+    ) -> Panels | RunEnd | None:
         """The panel of a solution, or what is before its end; None where it is too long."""
         lost = np.zeros((1, self.n)) + acting.lost
         J0, second = rows[J, -1:], rows[None, len(piece.data.rows) :]
@@ -177,7 +170,7 @@ class PanelBuilder:
             return None
         return self._until_kink(at, piece, panel, acting)
 
-    def _locked(self, at: PathState) -> PanelFailure | None:
+    def _locked(self, at: PathState) -> RunEnd | None:
         """Self-locking where the motion is: no acceleration satisfies Coulomb's law there."""
         friction = self.system.friction
         if friction is None:
@@ -188,11 +181,12 @@ class PanelBuilder:
         if not state.locked:
             return None
         note = f"{SELF_LOCKED}: t = {at.t:.9g} s, q = {at.q:.9g}, rate = {rate:.9g}"
-        return PanelFailure(SELF_LOCKED, note, state.limit)
+        known = {} if math.isnan(state.limit) else {"friction_limit": state.limit}
+        return RunEnd(SELF_LOCKED, note=note, facts=known)
 
-    def _too_short(self, at: PathState, end: float) -> PanelFailure:
+    def _too_short(self, at: PathState, end: float) -> RunEnd:
         """No panel is short enough: friction has no solution, or the loads are not smooth."""
-        rough = PanelFailure(TOO_MANY, f"the loads are not smooth at q = {at.q:.12g}")
+        rough = RunEnd(TOO_MANY, note=f"the loads are not smooth at q = {at.q:.12g}")
         return self._locked(at._replace(q=end)) or rough
 
     def _standstill(self, lies: Spans, along: Floats, K: Floats) -> float | None:
@@ -219,9 +213,7 @@ class PanelBuilder:
         share = before / (before - float(K[i]))
         return float(begin + (end - begin) * (at_before + share * (u[i] - at_before)))
 
-    def _to_standstill(
-        self, at: PathState, piece: Piece, guess: float
-    ) -> Panels | PanelFailure | None:
+    def _to_standstill(self, at: PathState, piece: Piece, guess: float) -> Panels | RunEnd | None:
         """The panel that ends at a standstill; None where it is not resolved.
 
         Its end is moved until the energy at its other end is that of the motion.
@@ -231,7 +223,7 @@ class PanelBuilder:
         while True:
             length = at.sign * (guess - at.q)
             if abs(length) <= CLOSE * max(abs(at.q), abs(guess)):
-                return PanelFailure(STANDSTILL)
+                return RunEnd(STANDSTILL)
             if length <= 0 or at.sign * (guess - piece.end(at.sign)) > math.sqrt(EPS) * length:
                 return None
             lies = span(at.q, guess, 0.0, TO_REST)
@@ -257,7 +249,7 @@ class PanelBuilder:
 
     def _until_kink(
         self, at: PathState, piece: Piece, panel: Panels, acting: EffortFunction
-    ) -> Panels | PanelFailure:
+    ) -> Panels | RunEnd:
         """The panel, or the part of it up to where the size of a load has a kink."""
         if self.system.friction is None:
             return panel

@@ -40,8 +40,8 @@ from blockmech.dynamics.estimate import (
     stopped,
     with_rounding,
 )
-from blockmech.dynamics.motion import Event, Motion, Status, Still
-from blockmech.dynamics.panel_builder import PanelBuilder, PanelFailure, PathState
+from blockmech.dynamics.motion import Event, Motion, Still
+from blockmech.dynamics.panel_builder import PanelBuilder, PathState
 from blockmech.dynamics.panels import Panels, joined
 from blockmech.dynamics.path_mesh import (
     CLOSE,
@@ -55,6 +55,7 @@ from blockmech.dynamics.path_mesh import (
 from blockmech.dynamics.place_data import RESOLVED, J
 from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
+from blockmech.dynamics.run import Run, RunEnd
 from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.singular import time_left
 from blockmech.dynamics.stretch import Stretch
@@ -73,37 +74,27 @@ SWINGS = 8  # with friction, to be expected: panels of fewer cost no more than m
 
 
 @dataclass
-class PathRun:
+class PathRun(Run):
     """One run: where the motion is, and what it left behind.
 
     t [s] counts from the start of the run; K [J]; sign is the direction of the motion. A run
     ``perturbed`` starts some roundings off, and has rounding added to inertia and energies.
     """
 
-    system: System
-    request: SimulationRequest
     n: int
     perturbed: bool = False
     one_turn: bool = False  # whether a whole turn ends it, or that there is none
-    t: float = 0.0
     q: float = 0.0
     K: float = 0.0
     sign: int = 0
     panels: list[Panels] = field(default_factory=list)  # since the last leg
     legs: list[Leg] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
-    status: Status = "reached"
-    end: str = ""
     regime: str = "one way"
-    notes: list[str] = field(default_factory=list)
-    facts: dict[str, float] = field(default_factory=dict)
-    standstills: int = 0
     count: int = 0  # of panels
     alone: int = 0  # panels to be made one by one, where many at once were not resolved
     pause: int = 0  # how many the last time
     lately: list[float] = field(default_factory=list)  # ends of panels since a standstill
     gained: float = math.inf  # [J] in the last turn, without its sign
-    left: float = 0.0  # [s] to a dead centre that the run stops short of
     mark: tuple[int, PathState] | None = None  # panel and state where a pattern may begin
     both: BothRuns | None = None  # this and the second run by machine code
 
@@ -119,24 +110,23 @@ class PathRun:
 
     # -- the run ------------------------------------------------------------
 
-    def run(self) -> None:
-        """Go on until something ends the run."""
+    def begin(self) -> RunEnd | None:
+        """Take the energy of the start, or leave a standstill."""
         rate = float(self.request.start.rate) * (1 + self.off)
-        try:
-            self.K = self.inertia() * rate**2 / 2
-            if self.K > 0:  # not of a rate whose square is below all numbers
-                self.sign = 1 if rate > 0 else -1
-                self.mark = (0, self.at)
-            else:
-                self.leave()
-            if self.both is not None:
-                self.both.begin(self.q, self.K, self.beside())
-            while not self.end:
-                self.advance()
-                if self.count > MOST or self.crawls:
-                    self.stop(ends.TOO_MANY, "ended")
-        except KeyboardInterrupt:
-            self.stop(ends.INTERRUPTED, "ended")
+        self.K, over = self.inertia() * rate**2 / 2, None
+        if self.K > 0:  # not of a rate whose square is below all numbers
+            self.sign = 1 if rate > 0 else -1
+            self.mark = (0, self.at)
+        else:
+            over = self.leave()
+        if self.both is not None:
+            self.both.begin(self.q, self.K, self.beside())
+        return over
+
+    @property
+    def now(self) -> float:
+        """Time [s] of the motion."""
+        return self.request.start.t + self.t
 
     @property
     def at(self) -> PathState:
@@ -146,7 +136,7 @@ class PathRun:
     @property
     def crawls(self) -> bool:
         """Whether panels stay so short that integration in time is quicker; then a note says so."""
-        if len(self.lately) <= CROWD or self.end:
+        if len(self.lately) <= CROWD:
             return False
         period, way = self.system.period or self.system.span, self.q - self.lately[-CROWD]
         if abs(way) >= CRAWL * period / PIECES:
@@ -155,29 +145,25 @@ class PathRun:
         self.notes.append(f"{CROWD} panels in a row cover {abs(way):.1e} {from_q}: it crawls")
         return True
 
-    def stop(self, end: str, status: Status) -> None:
-        """End the run by a name."""
-        self.end, self.status = end, status
-
     def told(self, t: float) -> None:
         """Tell those who follow the progress how far it is [s]."""
         if self.system.progress is not None:
             span = self.request.span
             self.system.progress("moving", t, span if span < math.inf else None)
 
-    def leave(self) -> None:
+    def leave(self) -> RunEnd | None:
         """From a standstill: the direction in which the motion starts, or rest."""
         q, system = self.q, self.system
         self.K = 0.0
         if system.friction is not None:
             rest = system.friction.rest(q)
             if rest.ambiguous:
-                self.stop(ends.AMBIGUOUS, "ended")
-            elif rest.rests:
+                return RunEnd(ends.AMBIGUOUS)
+            if rest.rests:
                 self.facts.update(holding_low=rest.holding[0], holding_high=rest.holding[1])
-                self.rest(ends.REST)
-            elif self.swings_on:
-                self.stop(ends.SWINGS_ON, "ended")
+                return self.rest(ends.REST)
+            if self.swings_on:
+                return RunEnd(ends.SWINGS_ON)
             self.sign = rest.moves
         else:
             q = q if self.count else float(self.request.start.q)
@@ -185,67 +171,59 @@ class PathRun:
                 kind, facts, notes = equilibrium(system, q)
                 self.facts.update(facts)
                 self.notes += [kind, *notes]
-                self.rest(kind)
+                return self.rest(kind)
             self.sign = 1 if system.at(q).tau[0] > 0 else -1
         self.mark = (len(self.panels), self.at)
+        return None
 
-    def rest(self, kind: str) -> None:
+    def rest(self, kind: str) -> RunEnd:
         """Stay at this place from now on."""
-        self.events.append(Event(ends.REST, self.t, self.q, 0.0))
+        self.happened(ends.REST, self.q, 0.0)
         self.regime = "rest"
-        if self.request.span < math.inf:
-            self.t = self.request.span
-            self.stop("time", "reached")
-        else:
-            self.stop(kind, "ended" if self.panels or self.legs else "rest")
+        if self.request.span == math.inf:
+            return RunEnd(kind, "ended" if self.panels or self.legs else "rest")
+        self.t = self.request.span
+        return RunEnd("time", "reached")
 
-    def advance(self) -> None:
-        """One panel further."""
+    def segment(self) -> RunEnd | None:
+        """One panel further, or all of them at once up to the next transition."""
+        if self.count > MOST or self.crawls:
+            return RunEnd(ends.TOO_MANY)
         stop = self.system.stops[0][self.sign > 0]
-        piece = (
-            ends.END_STOP
-            if self.sign * (self.q - stop) >= 0
-            else self.mesh.ahead(self.q, self.sign)
-        )
+        beyond = self.sign * (self.q - stop) >= 0
+        piece = ends.END_STOP if beyond else self.mesh.ahead(self.q, self.sign)
         if isinstance(piece, str):
-            self.arrive(piece)
-            return
+            return self.arrive(piece)
         end = piece.end(self.sign)
         if self.here(end):
             self.q = end
             if self.K > 0:
-                self.passed(piece)
-            elif piece.what_ends(self.sign):
-                self.arrive(piece.what_ends(self.sign))
-            return
+                return self.passed(piece)
+            what = piece.what_ends(self.sign)
+            return self.arrive(what) if what else None
         goals = [stop, *self.request.places]
         if self.mark is not None and self.system.period is not None:
             goals.append(self.turned(self.system.period))
         goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
         goal = min(goals, key=lambda x: self.sign * x, default=self.sign * math.inf)
-        panel: Panels | PanelFailure | None = self.at_once(goal)
+        panel: Panels | RunEnd | None = self.at_once(goal)
         if panel is None and self.one_turn and self.mark is not None and self.mark[1].K == 0:
-            self.stop(ends.SWINGS_ON, "ended")  # no turn from rest
-            return
+            return RunEnd(ends.SWINGS_ON)  # no turn from rest
         if panel is None:
             cuts = (x for x in piece.cuts if self.sign * (x - self.q) > 0 and not self.here(x))
             panel = self.next.panel(
                 self.at, piece, min([end, goal, *cuts], key=lambda x: self.sign * x)
             )
-        if isinstance(panel, Panels):
-            ahead = piece.what_ends(self.sign) == ends.DEAD_CENTRE
-            if ahead and (panel.t1 > self.request.span or float(panel.spans.end[-1]) == goal):
-                way = abs(float(panel.state(np.array([self.request.span]))[0][0]) - self.q)
-                if self.next.kept_clear(self.at, piece, way):
-                    return
-            self.take(panel)
-            self.lately.append(self.q)
-            self.passed(piece)
-        elif panel.end == ends.STANDSTILL:
-            self.K = 0.0
-            self.stand()
-        elif panel.end:
-            self.obstructed(panel)
+        if isinstance(panel, RunEnd):
+            return self.obstructed(panel) if panel.end else None
+        ahead = piece.what_ends(self.sign) == ends.DEAD_CENTRE
+        if ahead and (panel.t1 > self.request.span or float(panel.spans.end[-1]) == goal):
+            way = abs(float(panel.state(np.array([self.request.span]))[0][0]) - self.q)
+            if self.next.kept_clear(self.at, piece, way):
+                return None
+        self.take(panel)
+        self.lately.append(self.q)
+        return self.passed(piece)
 
     def at_once(self, goal: float) -> Panels | None:
         """All panels until a standstill or a goal; None where that is not for all at once."""
@@ -262,14 +240,14 @@ class PathRun:
         self.alone = self.pause
         return panels
 
-    def obstructed(self, by: PanelFailure) -> None:
-        """The end, where no panel goes on."""
-        if by.friction_limit == by.friction_limit:
-            self.facts["friction_limit"] = by.friction_limit
-        self.notes += [by.note] if by.note else []
-        self.arrive(by.end)
-        if by.end == ends.SELF_LOCKED and not (self.panels or self.legs):
-            self.status = "failed"
+    def obstructed(self, by: RunEnd) -> RunEnd | None:
+        """A standstill, or the end, where no panel goes on."""
+        if by.end == ends.STANDSTILL:
+            self.K = 0.0
+            return self.stand()
+        over = self.arrive(by.end)
+        locked = by.end == ends.SELF_LOCKED and not (self.panels or self.legs)
+        return by._replace(status="failed" if locked else over.status, left=over.left)
 
     def here(self, x: float) -> bool:
         """Whether a place is where the motion is, but for rounding."""
@@ -289,23 +267,23 @@ class PathRun:
         if self.perturbed and self.K > 0:
             self.K += self.rounding * panel.size
 
-    def passed(self, piece: Piece) -> None:
+    def passed(self, piece: Piece) -> RunEnd | None:
         """What happens at the end of a panel."""
         if self.t >= self.request.span:
             self.t = self.request.span
-            self.stop("time", "reached")
-        elif self.K == 0:
-            self.stand()
-        elif any(map(self.here, self.request.places)):
-            self.stop(self.request.until.goal, "reached")
-        elif self.here(piece.end(self.sign)) and piece.what_ends(self.sign):
-            self.arrive(piece.what_ends(self.sign))
-        elif self.system.friction is not None and any(map(self.here, piece.cuts)):
-            self.events.append(Event("joint reverses", self.t, self.q, self.rate()))
+            return RunEnd("time", "reached")
+        if self.K == 0 and (over := self.stand()) is not None:
+            return over
+        if any(map(self.here, self.request.places)):
+            return RunEnd(self.request.until.goal, "reached")
+        if self.here(piece.end(self.sign)) and piece.what_ends(self.sign):
+            return self.arrive(piece.what_ends(self.sign))
+        if self.K > 0 and self.system.friction is not None and any(map(self.here, piece.cuts)):
+            self.happened("joint reverses", self.q, self.rate())
         period = self.system.period
-        repeats = not self.end and self.mark is not None
-        if repeats and period is not None and self.here(self.turned(period)):
-            self.repeat_turn(period)
+        if self.mark is None or period is None or not self.here(self.turned(period)):
+            return None
+        return self.repeat_turn(period)
 
     def inertia(self) -> float:
         """[kg m2 or kg] where the motion is; for the many turns of a search by place data."""
@@ -326,25 +304,24 @@ class PathRun:
         """Rate of the driver."""
         return self.sign * math.sqrt(2 * self.K / self.inertia())
 
-    def stand(self) -> None:
+    def stand(self) -> RunEnd | None:
         """A standstill: the goal, or on from there."""
         self.lately.clear()
-        self.events.append(Event(ends.STANDSTILL, self.t, self.q, 0.0))
-        self.standstills += 1
-        if self.standstills >= self.request.standstills:
-            if self.regime == "one way":
-                self.regime = "to a standstill"
-            self.stop(self.request.until.goal, "reached")
-        elif self.place_only and self.mark is not None and self.mark[1].K == 0:
-            self.repeat(swings(self.since_mark(mirrored=True), self.request, self.standstills))
-        elif self.is_too_slow():
-            self.notes.append(
+        self.happened(ends.STANDSTILL, self.q, 0.0)
+        if (over := self.stood()) is not None:
+            self.regime = "to a standstill" if self.regime == "one way" else self.regime
+            return over
+        if self.place_only and self.mark is not None and self.mark[1].K == 0:
+            return self.repeat(
+                swings(self.since_mark(mirrored=True), self.request, self.standstills)
+            )
+        if self.is_too_slow():
+            note = (
                 f"{self.count} panels reach {self.t:.3g} s, at most {MOST} are made: ask for a "
                 'shorter time, or for what it settles to, "steady"'
             )
-            self.stop(ends.TOO_MANY, "failed")
-        else:
-            self.leave()
+            return RunEnd(ends.TOO_MANY, "failed", note=note)
+        return self.leave()
 
     @property
     def swings_on(self) -> bool:
@@ -364,17 +341,15 @@ class PathRun:
         some, swings_on = self.count > MOST / 8, self.system.friction is None
         return some and swings_on and math.inf > self.request.span > self.t * MOST / self.count
 
-    def arrive(self, what: str) -> None:
+    def arrive(self, what: str) -> RunEnd:
         """The end of the path."""
         rubs = self.system.friction is not None
         rate = self.rate() if rubs or what != ends.DEAD_CENTRE else 0.0
-        if what == ends.DEAD_CENTRE:
-            self.left = time_left(self.system, what, self.q, rate) if rate else 0.0
-            if self.left < math.inf:
-                self.facts["dead_centre_time"] = self.request.start.t + self.t + self.left
         self.regime = what
-        self.events.append(Event(what, self.t, self.q, rate))
-        self.stop(what, "failed" if what == ends.UNDECIDED else "ended")
+        self.happened(what, self.q, rate)
+        if what != ends.DEAD_CENTRE:
+            return RunEnd(what, "failed" if what == ends.UNDECIDED else "ended")
+        return self.short_of(what, time_left(self.system, what, self.q, rate) if rate else 0.0)
 
     # -- patterns ------------------------------------------------------------
 
@@ -384,7 +359,7 @@ class PathRun:
         first, at = self.mark
         return RepeatedSegment(at.t, joined(self.panels[first:]).taken_from(0.0), **more)
 
-    def repeat(self, by: PeriodicContinuation) -> None:
+    def repeat(self, by: PeriodicContinuation) -> RunEnd | None:
         """A pattern takes the place of its first repetition, and tells what follows."""
         assert self.mark is not None
         first, start = self.mark
@@ -393,14 +368,14 @@ class PathRun:
         self.panels, self.mark, self.regime, self.t = [], None, by.regime, by.t
         self.facts.update(by.facts)
         self.notes += [by.note] if by.note else []
-        self.events += [Event(ends.STANDSTILL, t, q, 0.0) for t, q in by.stands]
+        t0 = self.request.start.t
+        self.events += [Event(ends.STANDSTILL, t0 + t, q, 0.0) for t, q in by.stands]
         if by.many:
             self.q = start.q + by.many * by.pattern.step
             self.K = start.K + by.many * by.pattern.gain
-        if by.end:
-            self.stop(by.end, by.status)
+        return by.over
 
-    def repeat_turn(self, period: float) -> None:
+    def repeat_turn(self, period: float) -> RunEnd | None:
         """A turn without a standstill: it repeats, with more energy or less each time.
 
         Loads of the rate and friction repeat once the energy is what it was a turn before: its
@@ -408,12 +383,11 @@ class PathRun:
         """
         assert self.mark is not None
         if self.one_turn:
-            self.stop(ends.TURN, "reached")
-            return
+            return RunEnd(ends.TURN, "reached")
         start = self.mark[1]
         if self.place_only and not start.K:  # the next turn tells
             self.mark = (len(self.panels), self.at)
-            return
+            return None
         turn = self.since_mark(step=self.sign * period, gain=self.K - start.K)
         last, self.gained = self.gained, abs(turn.gain)
         counted = self.request.span < math.inf or self.request.places  # the turns to come are
@@ -425,10 +399,10 @@ class PathRun:
         pattern = None
         if start.K > 0 and (self.place_only or not turn.gain):
             pattern = turns(turn, self.request, self.mesh.tolerance, self.told)
-        if pattern is None:  # the next turn tells
-            self.mark = (len(self.panels), self.at)
-        else:
-            self.repeat(pattern)
+        if pattern is not None:
+            return self.repeat(pattern)
+        self.mark = (len(self.panels), self.at)  # the next turn tells
+        return None
 
     # -- the result ------------------------------------------------------------
 
@@ -442,34 +416,25 @@ class PathRun:
         request, system, t0 = self.request, self.system, self.request.start.t
         legs = self.whole
         track = PathTrack(tuple(legs), t0) if legs else Still(self.q)
-        if self.events and self.events[-1].t == self.t:
+        if self.events and self.events[-1].t == self.now:
             q, qd = self.events[-1].q, self.events[-1].qd
         else:  # with the times wanted, which are asked for again
-            last = t0 + self.t
-            times = np.array([*(t for t in request.times if t0 <= t < last), last])
+            times = np.array([*(t for t in request.times if t0 <= t < self.now), self.now])
             q, qd = (float(x[-1]) for x in track.state(times))
         if self.end == request.until.goal and any(map(self.here, self.request.places)):
             q = self.q
         if system.friction is not None:
             self.facts["friction_work"] = math.fsum(leg.taken(self.t) for leg in legs)
-        return Motion(
-            "energy" if self.place_only else "spectral",
-            request.why,
-            t0,
-            t0 + self.t,
-            q,
-            qd,
-            track,
-            request.accuracy,
-            self.regime if self.status != "failed" else "none",
-            self.status,
-            self.end,
-            events=tuple(e._replace(t=t0 + e.t) for e in self.events),
-            notes=tuple(self.notes),
-            facts=dict(self.facts),
-            error=math.inf if legs else 0.0,
-            time_error=2 * self.left,
+        failed = self.over is not None and self.over.status == "failed"
+        motion = self.result(
+            method="energy" if self.place_only else "spectral",
+            regime="none" if failed else self.regime,
+            t_end=self.now,
+            q_end=q,
+            qd_end=qd,
+            track=track,
         )
+        return motion if legs else motion.but(error=0.0)
 
 
 def along_path(system: System, request: SimulationRequest) -> Motion:

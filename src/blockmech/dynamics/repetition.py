@@ -7,6 +7,7 @@ the goal is met.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -14,9 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.motion import Status
 from blockmech.dynamics.panels import Floats
 from blockmech.dynamics.request import SimulationRequest
+from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.track import AT_ONCE, RepeatedSegment
 from blockmech.series import tail
 
@@ -28,7 +29,7 @@ class PeriodicContinuation(NamedTuple):
     """What comes of a pattern.
 
     facts : of the motion
-    t : [s] to which it repeats, and what ends the motion then: "" where it goes on otherwise
+    t : [s] to which it repeats, and why the run is over then: None where it goes on otherwise
     stands : (time, place) of the standstills of its repetitions
     many : repetitions until it goes on otherwise
     """
@@ -37,8 +38,7 @@ class PeriodicContinuation(NamedTuple):
     regime: str
     facts: Mapping[str, float]
     t: float
-    end: str
-    status: Status = "reached"
+    over: RunEnd | None
     stands: tuple[tuple[float, float], ...] = ()
     many: int = 0
     note: str = ""
@@ -54,7 +54,7 @@ def swings(swing: RepeatedSegment, request: SimulationRequest, done: int) -> Per
     more = min(request.standstills - done, (request.span - swing.t0) / span - 1)
     if more == math.inf:
         return PeriodicContinuation(
-            swing, regime, facts, swing.begins(2), f"never reached: {regime}", "ended"
+            swing, regime, facts, swing.begins(2), RunEnd(f"never reached: {regime}")
         )
     last = int(more)
     places = swing.panels.at_end()[0], swing.panels.begin
@@ -63,7 +63,7 @@ def swings(swing: RepeatedSegment, request: SimulationRequest, done: int) -> Per
     t = request.span if request.span < math.inf else swing.begins(last + 1)
     note = f"of {last} further standstills {AT_ONCE} are listed" if last > AT_ONCE else ""
     return PeriodicContinuation(
-        swing, regime, facts, t, request.until.goal, stands=stands, note=note
+        swing, regime, facts, t, RunEnd(request.until.goal, "reached"), stands, note=note
     )
 
 
@@ -94,16 +94,14 @@ def turns(
     t, goal = min([*met, (request.span, "time")])
     last = turn.begins(int(count)) if count < math.inf else math.inf
     if t <= last and t < math.inf:
-        return PeriodicContinuation(turn, regime, facts, t, goal)
+        return PeriodicContinuation(turn, regime, facts, t, RunEnd(goal, "reached"))
     if turn.gain >= 0 and request.span == math.inf and not ways:
         return PeriodicContinuation(
-            turn, regime, facts, turn.begins(1), f"never reached: {regime}", "ended"
+            turn, regime, facts, turn.begins(1), RunEnd(f"never reached: {regime}")
         )
-    end = ends.TOO_MANY if turn.gain > 0 else ""
-    note = f"{count} turns reach no further" if end else ""
-    return PeriodicContinuation(
-        turn, regime, facts, last, end, "failed", many=int(count), note=note
-    )
+    too_many = RunEnd(ends.TOO_MANY, "failed", note=f"{count} turns reach no further")
+    over = too_many if turn.gain > 0 else None
+    return PeriodicContinuation(turn, regime, facts, last, over, many=int(count))
 
 
 def _starts(
@@ -133,9 +131,9 @@ def _starts(
 
 def _resolved(turn: RepeatedSegment, tolerance: float) -> int:
     """How many turns lose energy until they are slow somewhere, where panels do not resolve."""
-    low, high = 0, int(float(turn.panels.K.min()) / -turn.gain)
-    while high > low:
-        middle = (low + high + 1) // 2
-        fits = (tail(turn.repetition(middle).rate) <= tolerance).all()
-        low, high = (middle, high) if fits else (low, middle - 1)
-    return low
+    turns = range(1, int(float(turn.panels.K.min()) / -turn.gain) + 1)
+
+    def slow(k: int) -> bool:
+        return not (tail(turn.repetition(k).rate) <= tolerance).all()
+
+    return bisect_left(turns, True, key=slow)

@@ -35,8 +35,11 @@ class Run(Protocol):
     request: SimulationRequest
     rounding: float
     place_only: bool
-    end: str
     regime: str
+
+    @property
+    def end(self) -> str:
+        """By what it is over."""
 
     @property
     def whole(self) -> list[Leg]:
