@@ -238,11 +238,14 @@ class Motion(Facts, Report):
         if last.all() and flat.size:  # nothing to look up: the end is known exactly
             return Still(self.q_end, self.qd_end).state(times)
         inside = (flat >= self.t_start) & (flat <= self.t_end)
-        state = self.track.state(np.where(inside, flat, self.t_start))
+        whole = inside.all()
+        state = self.track.state(flat if whole else np.where(inside, flat, self.t_start))
         mask, end = (inside, last) if state.q.ndim == 1 else (inside[:, None], last[:, None])
+        columns: Any = state if whole else (np.where(mask, x, np.nan) for x in state)
+        if last.any():
+            pairs = zip(columns, (self.q_end, self.qd_end), strict=True)
+            columns = (np.where(end, there, x) for x, there in pairs)
         shape = times.shape + state.q.shape[1:]
-        pairs = zip(state, (self.q_end, self.qd_end), strict=True)
-        columns = (np.where(end, there, np.where(mask, x, np.nan)) for x, there in pairs)
         return State(*(x.reshape(shape) for x in columns))
 
     def signal_states(self, t: Floats) -> Floats:

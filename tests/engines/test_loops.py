@@ -22,7 +22,7 @@ from tests.gallery import mechanism
 
 pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
 
-from blockmech.engines.llvm import FILL, machine_code
+from blockmech.engines.llvm import FILL, addresses_of, machine_code
 
 THIRD = 1 / 3
 
@@ -141,32 +141,43 @@ def test_pieces_of_tables(n):
 
 
 @pytest.mark.parametrize("name", ["watt_sixbar", "andrews_squeezer", "pump"])
-def test_steps_are_those_of_python(name):
+@pytest.mark.parametrize("lanes", [1, 2])
+def test_steps_are_those_of_python(name, lanes):
     """The loop of the integrator, with the rates by machine code in both."""
-    system = System(mechanism(name), engine="llvm")
-    rates = kept_rates(system)
-    n, by = rates.dimension, stages.scheme()
-    of = stages.Sizes(n, len(rates.rows), len(rates.rows) - rates.watched, *by.E.shape[::-1])
-    of = of._replace(stages=by.C.size, ends=by.E.shape[1])
-    begin = 0.0, np.array([0.7, 2.0] + [0.0] * (n - 2))
-    tolerances = np.full((2, n), 1e-10)
-    stepper = stages.CompiledStepper(rates, (0.0, 1.0, 1e-9))
-    control = 1e-3, (0.05, 0.01), (-9.0, 9.0)
-    fast = stepper.steps(begin, *control, tolerances, 12)
+    rates = kept_rates(System(mechanism(name), engine="llvm"))
+    n, by, width, most = rates.dimension, stages.scheme(), len(rates.rows), 12
+    sizes = n, width, width - rates.watched, by.C.size, by.E.shape[1], lanes
+    fill, over = rates._code(lanes, stages.steps)
+    state = np.zeros((rates.inputs, lanes))
+    state[n + 2], state[n + 3] = 1.0, 1e-9
+    x = addresses_of(state[:, 0])
 
-    def fill(x, numbers, out, *_):
-        out[:] = stepper.at(state[n], state[:n])
-        return 0.0
+    def same(_x, numbers, out, *_):
+        fill(x, numbers.ctypes.data, out.ctypes.data, lanes, lanes, 0, 1)
 
-    K, t, y = np.zeros((13, of.stages, of.width)), np.zeros(13), np.zeros((13, n))
-    y[0], state = begin[1], np.zeros(n + 4)
-    K[0, 0] = stepper.at(*begin)
-    room = np.array([control[0], *control[1], 0.0, *control[2]])
-    where = fill, None, None, K, y, state, *by, tolerances, room, t
-    count = stages.steps(of, *where, 12, rates.watched)
-    m = abs(count)
-    assert (m, count < 0, room[3]) == (len(fast.K), fast.doubtful, fast.tried)
-    for one, other in ((t[: m + 1], fast.t), (y[: m + 1], fast.y), (K[:m], fast.K)):
+    def made(call):
+        K, t, y = (
+            np.zeros((*by.C.shape, width, lanes)),
+            np.zeros(lanes * 13),
+            np.zeros((lanes, 13, n)),
+        )
+        y[:, 0, :2], state[:2], state[2:n] = (0.7, 2.0), [[0.7] * lanes, [2.0] * lanes], 0.0
+        same(x, rates.numbers, K[0])
+        tolerances = np.full((2, n, lanes), 1e-8)
+        tolerances[..., -1] = 1e-10
+        series, turns = np.zeros((lanes * most, 8, n)), np.zeros(lanes * most, np.int64)
+        room, counts = np.zeros((stages.ROWS + n, lanes)), np.ones(2 * lanes, np.int64)
+        control = np.tile([0.0, 0.05, 0.01, 0.0, -9.0, 9.0], (lanes, 1))
+        first = rates.numbers, K, y.reshape(-1, n), state, *by, tolerances, control
+        call(x, *first, t, series, turns, room, counts, most, rates.watched)
+        return t, y, series, turns, control, counts
+
+    def machine(x, *given):
+        over(x, *(z.ctypes.data if isinstance(z, np.ndarray) else z for z in given))
+
+    fast, slow = made(machine), made(partial(stages.steps, stages.Sizes(*sizes), same))
+    assert all(np.abs(fast[-1][:lanes]) > 3)
+    for one, other in zip(fast, slow, strict=True):
         np.testing.assert_array_equal(one, other)
 
 

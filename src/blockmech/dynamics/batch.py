@@ -20,9 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
-from blockmech.dynamics.dop853 import powers_of
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import FINER, FLOOR, PARTED, ROUNDING, SHORTER, TARGET, spread
 from blockmech.dynamics.motion import EVALUATIONS, Floats
@@ -103,7 +101,7 @@ class Track:
 
     m : number of designs
     design, t0, t1 : (s,) whose, from and to [s]
-    series : (8, s, 2) of coordinate and rate, see `Dense`
+    series : (8, s, 2) of coordinate and rate, see `blockmech.engines.dense`
     """
 
     m: int
@@ -250,7 +248,6 @@ class _Run:
         pairs = rates.inputs - n - 4
         self.rubs = pairs > 0
         self.given = np.zeros((m, 3 + pairs))
-        self.room = np.empty(m * rates.room_of(TOGETHER))
         self.given[:, 1] = 1.0
         self._begin(tolerance)
 
@@ -294,14 +291,14 @@ class _Run:
         y[:, 0], y[:, 1] = q, rate
         self.spent[which] += 1
         every = np.ones((len(which), 2, self.n))
-        rows: Floats = self._fleet(which, y, np.zeros((len(which), 6)), every, 0).K[:, 0, 0]
-        return rows.copy()
+        rows: Floats = self._fleet(which, y, np.zeros((len(which), 6)), every, 0).K[:, 0]
+        return rows
 
     def _fleet(self, which: Any, y: Floats, control: Floats, tolerances: Floats, most: int) -> Any:
         """What machine code makes of states (s, n) of some designs: so many steps at most."""
         given, states = self.given[which], (self.t[which], y)
         slots = self.slots[which]
-        return self.rates.fleet(slots, given, states, control, tolerances, most, self.room)
+        return self.rates.fleet(slots, given, states, control, tolerances, most)
 
     def _slip(self, which: Any, way: Floats) -> Floats:
         """Set the directions of slip of designs that move in a direction; the row then."""
@@ -355,7 +352,7 @@ class _Run:
         return Motions(self.alone, *state, nothing, nothing, track)
 
     def _steps(self, which: Any, bound: Floats, h: Floats, longest: Floats, most: int) -> Any:
-        """Steps of designs from where they are, and their dense output's series (8, m, s, n)."""
+        """Steps of designs from where they are."""
         q, control = self.y[which, 0], np.zeros((len(which), 6))
         control[:, 0], control[:, 1], control[:, 2] = h, bound, longest
         control[:, 4], control[:, 5] = -math.inf, math.inf
@@ -373,7 +370,7 @@ class _Run:
         row = np.arange(len(which))
         alone = (taken_steps.made == 0) | (self.spent[which] > EVALUATIONS)
         series = _series(taken_steps)
-        K, y0, y1 = taken_steps.K[row, last], taken_steps.y[row, last], taken_steps.y[row, last + 1]
+        K, y0, y1 = taken_steps.K, taken_steps.y[row, last], taken_steps.y[row, last + 1]
         watched = K[:, :, -self.rates.watched :]
         in_doubt = taken_steps.doubtful & ~alone
         close = _may_dip(watched[..., MARGIN] + LEAST_MARGIN) | _may_dip(K[:, :, self.n + 1])
@@ -474,14 +471,20 @@ class _Run:
 
 def _series(steps: FleetSteps) -> Floats:
     """Dense output (8, m, s, 2) of coordinate and rate, of all steps; of none that is not made."""
-    h, K = np.diff(steps.t, axis=1)[..., None], steps.K[:, :-1, :, :2]
-    with np.errstate(all="ignore"):
-        moved = np.diff(steps.y[..., :2], axis=1)
-        first, last = h * K[:, :, 0], h * K[:, :, DOP853.n_stages]
-        high = np.moveaxis(h[..., None] * np.tensordot(K, DOP853.D[::-1], (2, 1)), -1, 0)
-        low = 2 * moved - last - first, first - moved, moved, steps.y[:, :-1, :2]
-    whole: Floats = np.concatenate([high, np.array(low)])
-    return whole
+    return np.moveaxis(steps.series[..., :2], 2, 0)
+
+
+def powers_of(x: Any, series: Floats) -> Floats:
+    """Dense output (p, n) at shares x (p,) of steps, from their series (8, p, n).
+
+    They are those of z z z x, z z z, z z x, z z, z x, z, x, 1, with z = x (1 - x).
+    """
+    factors = 1 - x[:, None], x[:, None]
+    powers: Floats = series[0] * factors[1] + series[1]
+    for k, row in enumerate(series[2:]):
+        powers *= factors[k % 2]
+        powers += row
+    return powers
 
 
 def _may_dip(x: Floats) -> Bools:

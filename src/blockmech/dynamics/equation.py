@@ -23,7 +23,7 @@ from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.rates import LEAST_INERTIA, rates_of
 from blockmech.dynamics.run import TooMany
 from blockmech.dynamics.sticking import SeveralFriction
-from blockmech.dynamics.system import System
+from blockmech.dynamics.system import REPORTED, System
 from blockmech.engines.stages import CompiledRhs, CompiledStepper
 
 if TYPE_CHECKING:
@@ -46,6 +46,11 @@ class Equation:
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
     _rates: dict[bytes, Floats] = field(default_factory=dict)  # of states looked at last
+
+    def again(self) -> Equation:
+        """The same for another run: nothing is spent, no pair slips yet."""
+        self.spent, self.sides, self.held = 0, (), False
+        return self
 
     @cached_property
     def layout(self) -> StateLayout:
@@ -119,7 +124,7 @@ class Equation:
         if (rates := kept_rates(self.system)) is None:
             return None
         least = LEAST_INERTIA * self.typical
-        made[key] = CompiledStepper(rates, (0.0, 1.0, least, *map(float, self.sides)))
+        made[key] = CompiledStepper(rates, (0.0, 1.0, least, *map(float, self.sides)), REPORTED)
         return made[key]
 
     def took(self, states: int) -> None:
@@ -275,17 +280,13 @@ class Equation:
         """See `System.typical_inertia`."""
         return self.system.typical_inertia(self.q0)
 
-    def inertia(self, y: Floats) -> Floats:
-        """Inertia (k, k) on the drivers."""
+    def kinetic(self, y: Floats, rates: Any = None) -> float:
+        """Kinetic energy [J] of a state, or at other rates (k,) there."""
+        qd = y[self.layout.rate] if rates is None else rates
         if self.code is None:
-            return self.system.terms(*self.layout.motion(y)).M
+            return 0.5 * float(qd @ self.system.terms(*self.layout.motion(y)).M @ qd)
         self.closeness(y)
-        return np.array([[self._last[2]]])
-
-    def kinetic(self, y: Floats) -> float:
-        """Kinetic energy [J]."""
-        qd = y[self.layout.rate]
-        return 0.5 * float(qd @ self.inertia(y) @ qd)
+        return 0.5 * self._last[2] * float(qd[0]) ** 2
 
 
 def kept_rates(system: System) -> CompiledRhs | None:
@@ -305,9 +306,8 @@ def kept_rates(system: System) -> CompiledRhs | None:
 def scales(equation: Equation, t: float, y: Floats) -> tuple[float, float]:
     """A typical speed [rad/s or m/s] and a typical work [J], for the tolerances."""
     rate = equation.layout.rate
-    slope = np.asarray(equation(t, y), dtype=np.float64)[rate]
-    push = float(np.nanmax(np.abs(slope), initial=0.0))
+    push = max((abs(x) for x in equation(t, y)[rate] if not math.isnan(x)), default=0.0)
     fallen = math.sqrt(2 * push * min(equation.system.span, 1.0))
-    speed = float(np.abs(y[rate]).max()) + fallen or 1.0
-    work = 0.5 * float(equation.inertia(y).trace()) * speed**2
+    speed = max(map(abs, y[rate].tolist())) + fallen or 1.0
+    work = sum(equation.kinetic(y, one) for one in np.diag([speed] * equation.drivers))
     return speed, work if 0 < work < math.inf else 1.0

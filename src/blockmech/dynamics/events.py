@@ -22,6 +22,7 @@ from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.dynamics.request import SimulationRequest, Watch
+from blockmech.engines.dense import Dense
 from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
 
@@ -44,6 +45,7 @@ class EventFunction:
     parts : of a step that are looked at; 1: only its end, of values that cost kernels
     dips : whether it also happens where the value only dips below zero
     index : of the pair with friction that it is about
+    component : of the state, of which ``value`` is what is above ``place``, or above zero
     place : [rad or m] of the only driver that it is about
     own : whether it is a user's
     arrays : whether ``value`` takes times (m,) and states (n, m) at once
@@ -56,6 +58,7 @@ class EventFunction:
     parts: int = PARTS
     dips: bool = False
     index: int = -1
+    component: int = -1
     place: float = math.nan
     own: bool = False
     arrays: bool = False
@@ -73,7 +76,8 @@ class EventHit(NamedTuple):
 
 def driver_at(kind: str, q: float, direction: int = 0, driver: int = 0) -> EventFunction:
     """A driver's coordinate reaches q [rad or m]."""
-    return EventFunction(kind, lambda t, y: y[driver] - q, direction, place=q, arrays=True)
+    above: dict[str, Any] = {"component": driver, "place": q, "arrays": True}
+    return EventFunction(kind, lambda t, y: y[driver] - q, direction, **above)
 
 
 def pair_at(system: System, kind: str, place: float, direction: int, i: int) -> EventFunction:
@@ -116,8 +120,8 @@ def general_rules(
         return rules
     rules += [driver_at(ends.GOAL, q) for q in request.places]
     ends_run = request.standstills < math.inf or system.friction is not None
-    stands = EventFunction(ends.STANDSTILL, lambda t, y: y[1], terminal=ends_run, arrays=True)
-    return [*rules, stands]
+    stands: dict[str, Any] = {"component": 1, "terminal": ends_run, "arrays": True}
+    return [*rules, EventFunction(ends.STANDSTILL, lambda t, y: y[1], **stands)]
 
 
 def leaving_rule(i: int, way: int, stop_force: Callable[..., float]) -> EventFunction:
@@ -209,31 +213,28 @@ class EventDetector:
 
     parts : of a step that are looked at, at most
     spans : (k,) coordinates over which things change [rad or m], a turn of angles
+    t : [s] at the end of the last step, or before the first one
+    happened : what did so before the first one (kind, index), and is on its surface still
+    values : of the rules at the end of the last step
     """
 
     rules: Sequence[EventFunction]
     parts: int
     spans: Sequence[float]
-    t: float  # [s] at the end of the last step, and the rules' values there
-    values: list[float]
+    t: float
+    happened: Collection[tuple[str, int]] = ()
+    values: list[float] | None = None
 
-    @classmethod
-    def at(
-        cls,
-        rules: Sequence[EventFunction],
-        parts: int,
-        spans: Sequence[float],
-        t: float,
-        y: Floats,
-        happened: Collection[tuple[str, int]],
-    ) -> EventDetector:
-        """Before the first step; what ``happened`` here (kind, index) is on its surface still."""
-        values = [r.value(t, y) for r in rules]
+    def _before(self, t: float, y: Floats) -> list[float]:
+        """The rules' values where a step begins; what came before it may not be looked at."""
+        if t == self.t and self.values is not None:
+            return self.values
+        values = [rule.value(t, y) for rule in self.rules]
         near = SAME * max(1.0, float(np.abs(y[0])))
-        for i, r in enumerate(rules):
-            if (r.kind, r.index) in happened:
+        for i, r in enumerate(self.rules if t == self.t else ()):
+            if (r.kind, r.index) in self.happened:
                 values[i] = 0.0 if r.kind != ends.KINK or abs(values[i]) <= near else values[i]
-        return cls(rules, parts, spans, t, values)
+        return values
 
     @property
     def ends_at_standstill(self) -> bool:
@@ -268,24 +269,31 @@ class EventDetector:
         if not self.rules:
             return []
         t0, t1, y0, y1 = float(steps[0]), float(steps[-1]), states[0], states[-1]
-        values = self.values
-        if t0 != self.t:  # steps before it were not looked at: nothing happens in them
-            values = [rule.value(t0, y0) for rule in self.rules]
-        self.t, self.values = t1, [rule.value(t1, y1) for rule in self.rules]
+        values = self._before(t0, y0)
+        self.t, self.values = t1, (ends_at := [rule.value(t1, y1) for rule in self.rules])
         ways = [abs(a - b) / s for a, b, s in zip(y1, y0, self.spans, strict=False)]
         near = min(NEAR, PARTS * math.tau * max(ways))  # no margin falls by more on so short a way
         quiet = (
             not turned(a, b, rule.direction) and not (rule.dips and min(a, b) < near)
-            for rule, a, b in zip(self.rules, values, self.values, strict=True)
+            for rule, a, b in zip(self.rules, values, ends_at, strict=True)
         )
         alike = self.parts == 1 or (self.simple and self._steady(t1 - t0, y0, y1))
         if alike and all(quiet):
             return []
-        hits: list[EventHit] = []
+        hits, open_ = list[EventHit](), [*zip(self.rules, values, ends_at, strict=True)]
+        if isinstance(dense, Dense):
+            for rule, *known in open_:
+                level = 0.0 if math.isnan(rule.place) else rule.place
+                where = rule.component, level, known, rule.direction, self.parts
+                times = dense.crossings(*where) if rule.component >= 0 else ()
+                hits += [EventHit(rule, s) for s in times]
+            open_ = [x for x in open_ if x[0].component < 0]
+        if not open_:
+            return hits
         begins, shares = steps[:-1, None], np.arange(self.parts) / self.parts
         t = np.array([*(begins + (steps[1:, None] - begins) * shares).flat, t1])
         inner = t[1:-1], np.asarray(dense(t[1:-1]))
-        for rule, low, high in zip(self.rules, values, self.values, strict=True):
+        for rule, low, high in open_:
             dips = rule.dips and min(low, high) < near
             parts = min(max(rule.parts, PARTS // 2 if dips else 1), self.parts)
             each = self.parts // parts
@@ -387,7 +395,7 @@ def watched(motion: Motion, watches: Sequence[Watch]) -> Motion:
 
     states = dense(t).T
     rules = [user_rule(w, StateLayout(1)) for w in watches]
-    lookout = EventDetector.at(rules, PARTS, [math.inf], motion.t_start, states[0], ())
+    lookout = EventDetector(rules, PARTS, [math.inf], motion.t_start)
     hits = until_terminal(lookout.within(t, states, dense))
     events = [Event(hit.rule.kind, hit.t, *map(float, dense(hit.t))) for hit in hits]
     if not (hits and hits[-1].rule.terminal):

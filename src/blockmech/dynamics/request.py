@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -176,7 +176,7 @@ class SimulationRequest:
     switched: float = math.nan
     why: str = ""
 
-    @property
+    @cached_property
     def standing(self) -> Motion:
         """The motion that stays at the start; others are this one but for what they know."""
         q, qd, t = self.start

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from blockmech.dynamics import ends
@@ -111,8 +111,7 @@ class Run(ABC):
     def result(self, **known: Any) -> Motion:
         """The motion of a run that is over; its error is not known yet."""
         end, status, left, *_ = self.over or RunEnd("")
-        return replace(
-            self.request.standing,
+        return self.request.standing.but(
             status=status,
             end=end,
             events=tuple(self.events),

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import InitVar, dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from scipy.integrate import LSODA, OdeSolution, Radau
 
 from blockmech.dynamics import ends, loads
-from blockmech.dynamics.dop853 import AcceptedSteps, Dense, Dop853
+from blockmech.dynamics.dop853 import AcceptedSteps, Dop853
 from blockmech.dynamics.equation import Equation, scales
 from blockmech.dynamics.estimate import FINER, FLOOR, SHORTER, TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
@@ -46,6 +47,7 @@ from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.run import Run, RunEnd, TooMany
 from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
 from blockmech.dynamics.stick_slip import Now, Transition, stick_slip
+from blockmech.engines.dense import Dense
 from blockmech.plane import EPS
 from blockmech.signals.contract import at_once
 
@@ -56,8 +58,10 @@ SOLVERS = dict(zip(INTEGRATORS, (Dop853, LSODA, Radau), strict=True))
 STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}
 QUICKER = 8  # times as many states may a friction law with a state ask of machine code
 LOOKED_AT = EVALUATIONS / 16  # states by which it shows whether that is enough
+LESS = 0.9  # of the longest step of a coarser run: at order 8 that leaves less than half an error
 CHAIN, CREEP = 4, 1e-6  # blocks in a row that a push may come through; [s] of a step of each
 ANYWHERE = (-math.inf, math.inf)
+UNFINISHED = ends.INTERRUPTED, ends.TOO_MANY
 SILENT = frozenset(
     {ends.KINK, ends.GOAL, ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.RELEASED, ends.DEFLECTION_KINK}
 )  # kinds of events that nobody method_wanted for
@@ -95,8 +99,10 @@ class TimeIntegration(Run):
     tolerance: float
     name: str  # for those who follow the progress
     rest: float  # [rad or m]: a swing shorter than this is none
-    max_step: float = math.inf  # [s]
     step: float = math.nan  # [s], or [rad or m] of euler_q, of the schemes of fixed steps
+    before: InitVar[TimeIntegration | None] = None  # a coarser run of the same
+    finer: float | None = None  # tolerance of a run that comes after this
+    max_step: float = math.inf  # [s]
     scales: tuple[float, float] | None = None  # typical speed and work, for the tolerances
     longest: float = 0.0  # [s] step so far
     y: Floats = field(default_factory=lambda: np.empty(0))
@@ -106,11 +112,19 @@ class TimeIntegration(Run):
     fired: EventFunction | None = None
     turned: float = 0.0  # [J] largest work on the way
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, before: TimeIntegration | None) -> None:
         q, rate, self.t = self.request.start
         self.times.append(self.t)
+        if before is None:
+            self.equation = Equation(self.system, q)
+            how = self.equation.closeness, self.equation.stop_force
+            self.general = general_rules(self.system, self.request, *how)
+        else:
+            self.equation, self.general = before.equation.again(), before.general
+            self.scales = before.scales
+        self.repeats = before is not None
         quick = self.system.remembers and self.system.quick_states
-        self.equation = Equation(self.system, q, EVALUATIONS * (QUICKER if quick else 1))
+        self.equation.most = EVALUATIONS * (QUICKER if quick else 1)
         self.equation.held = self.equation.drivers == 1 and bool(self.system.held)
         self.pairs = stick_slip(self.equation, self.request)
         self.layout = self.equation.layout
@@ -199,7 +213,7 @@ class TimeIntegration(Run):
             ways = system.held.items()
             leaving = [leaving_rule(i, way, equation.stop_force) for i, way in ways]
             return [*(leaving or self.pairs.rules()), *signals]
-        rules = general_rules(system, self.request, equation.closeness, equation.stop_force)
+        rules = self.general.copy()
         if equation.drivers == 1:
             rules += kink_rules(float(self.y[0]), system.knots, system.period)
         return [*rules, *signals, *self.pairs.rules()]
@@ -228,10 +242,8 @@ class TimeIntegration(Run):
         known = self.pairs.known(self._now)
         if self.fired is not None and self.fired.kind != ends.RELEASED:
             known.add((self.fired.kind, self.fired.index))
-        rules, here = self._rules(), (parts, self.system.spans, self.t, self.y, known)
-        lookouts = [
-            EventDetector.at([r for r in rules if r.own is x], *here) for x in (False, True)
-        ]
+        rules, here = self._rules(), (parts, self.system.spans, self.t, known)
+        lookouts = [EventDetector([r for r in rules if r.own is x], *here) for x in (False, True)]
         self.fired = None
         hit = self._integrated(bound, *lookouts)
         if isinstance(hit, RunEnd):
@@ -276,11 +288,10 @@ class TimeIntegration(Run):
                 return kind
         return None
 
-    def _solver(self, bound: float, t: float, y: Floats, slope: Floats, longest: float) -> Any:
-        if self.method in STEPPERS:
-            return STEPPERS[self.method](self.equation, t, y, bound, self.step)
+    def _tolerances(self, tol: float) -> tuple[Any, Floats]:
+        """Relative and absolute ones of the components of the state."""
         assert self.scales is not None
-        at, (speed, work), tol = self.layout, self.scales, self.tolerance
+        at, (speed, work) = self.layout, self.scales
         rtol: Any = max(tol, FLOOR)
         if self.method != "radau":  # SciPy's takes one number only
             rtol = np.full(at.size, rtol)
@@ -288,9 +299,15 @@ class TimeIntegration(Run):
         atol = np.full(at.size, tol)
         atol[at.rate], atol[at.works] = tol * speed, tol * work
         atol[at.signals] = tol * np.array(self.system.signals.sizes)
+        return rtol, atol
+
+    def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
+        if self.method in STEPPERS:
+            return STEPPERS[self.method](self.equation, t, y, bound, self.step)
+        rtol, atol = self._tolerances(self.tolerance)
         how: dict[str, Any] = {"rtol": rtol, "atol": atol, "max_step": longest}
-        if self.method == "dop853":
-            how["slope"] = slope
+        if self.finer is not None and self.method == "dop853" and t == self.request.start.t:
+            how["finer"] = np.array(self._tolerances(self.finer))
         solver = SOLVERS[self.method](self.equation, t, y, bound, **how)
         if self.method == "radau":
             # SciPy's iterates to 10 EPS, every step to the same side: no finer run would show it.
@@ -302,9 +319,9 @@ class TimeIntegration(Run):
         self, solver: Any, free_range: tuple[float, float] = ANYWHERE, every: bool = True
     ) -> AcceptedSteps | None:
         """One more step, or some of them at once by machine code; None where there is none."""
+        if self.method == "dop853" and (steps := solver.steps(free_range, every)):
+            return cast(AcceptedSteps, steps)
         with np.errstate(all="ignore"):
-            if self.method == "dop853" and (steps := solver.steps(free_range, every)):
-                return cast(AcceptedSteps, steps)
             y = solver.y
             try:
                 solver.step()
@@ -322,10 +339,10 @@ class TimeIntegration(Run):
         self, bound: float, lookout: EventDetector, own: EventDetector
     ) -> EventHit | RunEnd | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""
-        slope = np.asarray(self.equation(self.t, self.y), dtype=np.float64)
-        if not np.isfinite(slope).all():  # from which SciPy's would never come back
+        slope = self.equation(self.t, self.y)
+        if not all(map(math.isfinite, slope)):  # from which SciPy's would never come back
             return self._given_up()
-        solver = self._solver(bound, self.t, self.y, slope, self.max_step)
+        solver = self._solver(bound, self.t, self.y, self.max_step)
         every = lookout.ends_at_standstill
         while solver.status == "running":
             steps = self._stepped(solver, lookout.free_range(float(solver.y[0])), every)
@@ -367,9 +384,8 @@ class TimeIntegration(Run):
         coarse = [step.until(t, step.dense(t))]
         if not t > t0:
             return coarse
-        finer = math.isfinite(self.max_step)  # not the one step of the coarser run again
-        slope = np.asarray(self.equation(t0, y0), dtype=np.float64)
-        solver = self._solver(t, t0, y0, slope, SHORTER * (t - t0) if finer else math.inf)
+        longest = SHORTER * (t - t0) if self.repeats else math.inf  # not the same one step again
+        solver = self._solver(t, t0, y0, longest)
         while solver.status == "running":
             more = self._stepped(solver)
             if more is None:
@@ -391,7 +407,7 @@ class TimeIntegration(Run):
             self.times.append(self.t)
             self.pieces.append(steps.dense)
         self._refuse_stiff()
-        self.longest = max(self.longest, float(np.diff(steps.t).max()))
+        self.longest = max(self.longest, float((steps.t[1:] - steps.t[:-1]).max()))
         self.turned = max(self.turned, float(np.abs(steps.y[1:, self.layout.work]).max()))
         if self.system.progress is not None:
             self.system.progress(self.name, *self._far())
@@ -506,17 +522,23 @@ class TimeIntegration(Run):
 def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
     """The motion by an integrator, with its estimated error."""
     target = request.accuracy or TARGET
-    runs, longest, typical = 0, math.inf, None
+    runs, last = 0, None
 
     def run(tolerance: float) -> Motion:
-        nonlocal runs, longest, typical
+        nonlocal runs, last
         runs += 1
         name = method if runs == 1 else f"{method}, run {runs}"
-        one = TimeIntegration(
-            system, request, method, tolerance, name, target, SHORTER * longest, scales=typical
-        )
+        more = finer(tolerance, math.inf) if last is None else None
+        how = partial(TimeIntegration, system, request, method, tolerance, name, target)
+        limit = SHORTER * (last.longest or math.inf) if last is not None else math.inf
+        # Steps that an error limits are shorter by themselves; equal ones would show no error.
+        freely = last is None or method == "dop853"
+        one = how(before=last, finer=more, max_step=math.inf if freely else limit)
         motion = one.motion()
-        longest, typical = one.longest or math.inf, one.scales
+        if freely and one.longest > limit * LESS / SHORTER and motion.end not in UNFINISHED:
+            one = how(before=last, max_step=limit)
+            motion = one.motion()
+        last = one
         return motion
 
     def finer(tolerance: float, apart: float) -> float | None:

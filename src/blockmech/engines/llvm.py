@@ -217,8 +217,8 @@ def slots_of(values: tuple[Any, ...]) -> Array:
 
 
 def addresses_of(numbers: Array) -> Any:
-    """Where each number of an array stands: what machine code takes for inputs."""
-    first, size = numbers.ctypes.data, numbers.itemsize
+    """Where each number of an array (k,) stands: what machine code takes for inputs."""
+    first, size = numbers.ctypes.data, numbers.strides[0]
     return (ctypes.c_void_p * numbers.size)(*range(first, first + size * numbers.size, size))
 
 

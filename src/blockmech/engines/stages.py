@@ -6,7 +6,8 @@ Of each step, until most are done or the bound is reached:
     off = norm of h sum_j E_j K_j, in tolerances, of two estimates
     the step is taken where off < 1, else it is tried again with a shorter h
 
-A step in which something may happen is the last: its first component leaves the ``free_range``, or
+Each step leaves a series for the states inside it, see `blockmech.engines.dense`. One in which
+something may happen is the last: its first component leaves the ``free_range``, or
 what is ``watched`` changes its sign at a stage of the step. Of the first two, which may dip to
 zero between two stages, a stage that is not `FAR` from zero may not differ from the end by a third
 of it either: then none is twice another. The rates are those of a traced program of one lane
@@ -19,8 +20,10 @@ Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 199
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from functools import cache, partial
+from functools import cache, cached_property, partial
+from itertools import accumulate
 from math import sqrt
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
@@ -37,6 +40,7 @@ from blockmech.plan import Program
 from blockmech.plane import EPS
 
 Floats = NDArray[np.float64]
+LANES = 2  # runs of a motion side by side: two differ in accuracy alone
 FAR = 0.125  # of a margin, 21 degrees of a transmission angle; and of inertia, in usual ones
 
 
@@ -45,6 +49,7 @@ class Sizes(NamedTuple):
 
     first : column of the first number that is watched
     ends : stages up to the end of a step; the others are for its dense output
+    lanes : runs side by side
     """
 
     state: int
@@ -52,11 +57,15 @@ class Sizes(NamedTuple):
     first: int
     stages: int
     ends: int
+    lanes: int
 
 
-Rows: TypeAlias = Annotated[Reals, "of.width"]
-Blocks: TypeAlias = Annotated[Reals, "of.stages", "of.width"]
+Lanes: TypeAlias = Annotated[Reals, "of.lanes"]
+Rows: TypeAlias = Annotated[Reals, "of.width", "of.lanes"]
 States: TypeAlias = Annotated[Reals, "of.state"]
+Series: TypeAlias = Annotated[Reals, "8", "of.state"]
+Limits: TypeAlias = Annotated[Reals, "of.state", "of.lanes"]
+Controls: TypeAlias = Annotated[Reals, "6"]
 Fill: TypeAlias = Callable[[Reals, Reals, Reals, int, int, int, int], float]
 
 
@@ -65,11 +74,19 @@ class Scheme(NamedTuple):
 
     A : (stages, stages), C : (stages,)
     E : (2, ends) of the estimates of orders 5 and 3
+    D : (4, stages) of the highest terms of a step's series
     """
 
     A: Floats
     C: Floats
     E: Floats
+    D: Floats
+
+
+@cache
+def places_of_scheme() -> tuple[int, ...]:
+    """Where its coefficients stand."""
+    return tuple(x.ctypes.data for x in scheme())
 
 
 @cache
@@ -81,7 +98,12 @@ def scheme() -> Scheme:
     A, C = np.zeros((whole, whole)), np.ones(whole)
     A[:n, :n], A[n, :n], A[n + 1 :] = DOP853.A, DOP853.B, DOP853.A_EXTRA
     C[:n], C[n + 1 :] = DOP853.C, DOP853.C_EXTRA
-    return Scheme(A, C, np.array([DOP853.E5, DOP853.E3]))
+    return Scheme(A, C, np.array([DOP853.E5, DOP853.E3]), np.ascontiguousarray(DOP853.D[::-1]))
+
+
+TRY, BOUND, LONGEST, TRIED, LOW, HIGH = range(6)  # columns of a control
+TIME, LATER, H, FREE, GROWS, OFF, ROWS = range(7)  # of a step under way
+OVER, BEGINS, AGAIN, TAKEN = range(4)  # what a lane is at
 
 
 def rates_at(
@@ -90,62 +112,155 @@ def rates_at(
     x: Reals,
     numbers: Reals,
     K: Rows,
-    y: Reals,
-    state: Reals,
+    y: Lanes,
+    state: Lanes,
     A: Annotated[Reals, "of.stages"],
     C: Reals,
-    t: float,
-    h: float,
+    now: Lanes,
     begin: int,
     end: int,
 ) -> None:
     """Rows of the program at some stages of a step; ``x`` leads to ``state``."""
     for s in range(begin, end):
         for i in range(of.state):
-            total = 0.0
-            for j in range(s):
-                total += A[s, j] * K[j, i]
-            state[i] = y[i] + h * total
-        state[of.state] = t + C[s] * h
-        fill(x, numbers, K[s], 1, 1, 0, 1)
+            total = A[s, 0] * K[0, i]
+            for j in range(1, s):
+                total = total + A[s, j] * K[j, i]
+            state[i] = y[i] + now[H] * total
+        state[of.state] = now[TIME] + C[s] * now[H]
+        fill(x, numbers, K[s], of.lanes, of.lanes, 0, 1)
 
 
 def error_of(
     of: Sizes,
     K: Rows,
-    y: Reals,
+    y: Lanes,
+    new: Lanes,
+    now: Lanes,
+    E: Annotated[Reals, "of.ends"],
+    tolerances: Limits,
+) -> None:
+    """Errors of steps in tolerances, of the estimates of orders 5 and 3."""
+    none = 0.0 * now[H]
+    fifths, thirds = none, none
+    for i in range(of.state):
+        larger = np.where(abs(new[i]) > abs(y[i]), abs(new[i]), abs(y[i]))
+        scale = tolerances[1, i] + larger * tolerances[0, i]
+        fifth, third = none, none
+        for j in range(of.ends):
+            fifth = fifth + E[0, j] * K[j, i]
+            third = third + E[1, j] * K[j, i]
+        fifth, third = fifth / scale, third / scale
+        fifths = fifths + fifth * fifth
+        thirds = thirds + third * third
+    whole = fifths / np.sqrt((fifths + 0.01 * thirds) * float(of.state))
+    now[OFF] = now[H] * np.where(fifths + thirds == 0.0, none, whole)
+
+
+def series_of(
+    of: Sizes,
+    K: Rows,
+    y: Lanes,
     new: Reals,
     h: float,
-    E: Annotated[Reals, "of.ends"],
-    tolerances: States,
-) -> float:
-    """Error of a step in tolerances, of the estimates of orders 5 and 3."""
-    fifths, thirds = 0.0, 0.0
+    D: Annotated[Reals, "of.stages"],
+    series: States,
+    lane: int,
+) -> None:
+    """The series of a step, see `blockmech.engines.dense`, from the rates at its stages."""
     for i in range(of.state):
-        scale = tolerances[1, i] + max(abs(y[i]), abs(new[i])) * tolerances[0, i]
-        fifth, third = 0.0, 0.0
-        for j in range(of.ends):
-            fifth += E[0, j] * K[j, i]
-            third += E[1, j] * K[j, i]
-        fifth, third = fifth / scale, third / scale
-        fifths += fifth * fifth
-        thirds += third * third
-    if fifths + thirds == 0.0:
-        return 0.0
-    return h * (fifths / sqrt((fifths + 0.01 * thirds) * of.state))
+        for r in range(4):
+            total = 0.0
+            for j in range(of.stages):
+                total += D[r, j] * K[j, i, lane]
+            series[r, i] = h * total
+        moved = new[i] - y[i, lane]
+        first, last = h * K[0, i, lane], h * K[of.ends - 1, i, lane]
+        series[4, i], series[5, i] = 2.0 * moved - last - first, first - moved
+        series[6, i], series[7, i] = moved, y[i, lane]
 
 
-def is_calm(of: Sizes, K: Rows, watched: int) -> bool:
+def is_calm(of: Sizes, K: Rows, watched: int, lane: int) -> bool:
     """Whether nothing that is watched may have changed its sign in a step."""
     for w in range(watched):
-        end = K[of.ends - 1, of.first + w]
+        end = K[of.ends - 1, of.first + w, lane]
         for s in range(of.stages):
-            now = K[s, of.first + w]
+            now = K[s, of.first + w, lane]
             near = abs(now - end) * 3.0 < end or (now > FAR and end > FAR)
-            alike = now * end > 0.0 or now == 0.0
-            if not (near if w < 2 else alike):
+            if not (near if w < 2 else now * end > 0.0 or now == 0.0):
                 return False
     return True
+
+
+def may_turn(of: Sizes, K: Rows, lane: int) -> int:
+    """1 where the last number that is watched may change its sign in a step, else 0."""
+    end = K[of.ends - 1, of.width - 1, lane]
+    for s in range(of.stages):
+        now = K[s, of.width - 1, lane]
+        if not (now * end > 0.0 or now == 0.0):
+            return 1
+    return 0
+
+
+def first_steps(
+    of: Sizes,
+    fill: Fill,
+    x: Reals,
+    numbers: Reals,
+    K: Rows,
+    y: Lanes,
+    state: Lanes,
+    tolerances: Limits,
+    controls: Controls,
+    now: Lanes,
+) -> None:
+    """The steps to try first, where none is given.
+
+    Source: Hairer, Norsett & Wanner, II.4, starting step size.
+    """
+    for lane in range(of.lanes):
+        far, fast, longest = 0.0, 0.0, controls[lane, BOUND] - now[TIME, lane]
+        for i in range(of.state):
+            scale = tolerances[1, i, lane] + abs(y[i, lane]) * tolerances[0, i, lane]
+            far += y[i, lane] / scale * (y[i, lane] / scale)
+            fast += K[0, i, lane] / scale * (K[0, i, lane] / scale)
+        far, fast = sqrt(far / of.state), sqrt(fast / of.state)
+        h = min(1e-6 if far < 1e-5 or fast < 1e-5 else 0.01 * far / fast, longest)
+        now[H, lane], now[OFF, lane] = h, fast
+        for i in range(of.state):
+            state[i, lane] = y[i, lane] + h * K[0, i, lane]
+        state[of.state, lane] = now[TIME, lane] + h
+    fill(x, numbers, K[1], of.lanes, of.lanes, 0, 1)
+    for lane in range(of.lanes):
+        bends, h = 0.0, now[H, lane]
+        for i in range(of.state):
+            scale = tolerances[1, i, lane] + abs(y[i, lane]) * tolerances[0, i, lane]
+            bend = (K[1, i, lane] - K[0, i, lane]) / scale
+            bends += bend * bend
+        quick = max(now[OFF, lane], sqrt(bends / of.state) / h)
+        fits = sqrt(sqrt(sqrt(0.01 / quick))) if quick > 1e-15 else max(1e-6, 1e-3 * h)
+        if controls[lane, TRY] == 0.0:
+            longest = controls[lane, BOUND] - now[TIME, lane]
+            controls[lane, TRY] = min(min(100.0 * h, fits), longest)
+
+
+def tries(
+    of: Sizes, K: Rows, controls: Controls, now: Lanes, is_at: Counts, counts: Counts, lane: int
+) -> int:
+    """1 where a lane tries a step, and how long a one; else 0."""
+    t, control = now[TIME, lane], controls[lane:]
+    shortest, bound = abs(t) * EPS * 10.0, control[0, BOUND]
+    if is_at[lane] == BEGINS:
+        if counts[lane] > 0:
+            for k in range(of.width):
+                K[0, k, lane] = K[of.ends - 1, k, lane]
+        now[FREE, lane] = max(min(control[0, TRY], control[0, LONGEST]), shortest)
+        now[GROWS, lane] = 10.0
+    if is_at[lane] != OVER and now[FREE, lane] < shortest:
+        is_at[lane] = OVER
+    now[LATER, lane] = t if is_at[lane] == OVER else min(t + now[FREE, lane], bound)
+    now[H, lane] = now[LATER, lane] - t
+    return 0 if is_at[lane] == OVER else 1
 
 
 def steps(
@@ -153,51 +268,81 @@ def steps(
     fill: Fill,
     x: Reals,
     numbers: Reals,
-    blocks: Blocks,
+    K: Rows,
     states: States,
-    state: Reals,
+    state: Lanes,
     A: Annotated[Reals, "of.stages"],
     C: Reals,
     E: Annotated[Reals, "of.ends"],
-    tolerances: States,
-    control: Reals,
+    D: Annotated[Reals, "of.stages"],
+    tolerances: Limits,
+    controls: Controls,
     times: Reals,
+    series: Series,
+    turns: Counts,
+    room: Lanes,
+    counts: Counts,
     most: int,
     watched: int,
-) -> int:
-    """How many steps were made; negative where something may happen in the last one.
+) -> None:
+    """Steps of each lane, up to its bound, so many, or one in which something may happen.
 
-    control : step to try, bound, longest step, how many were tried, the free_range
+    K : rows of the program at the stages of the last step made; its first is that of the start
+    controls : of each lane the step to try, 0 for one that fits; bound, longest step, how many were
+        tried, the free_range
+    turns : 1 of a step in which the last number that is watched may change its sign, else 0
+    counts : steps made, negative where something may happen in the last one; first what a lane is
+        at, `BEGINS` or, where there is nothing to do, `OVER`
     """
-    m = 0
-    while times[m] < control[1] and m < most:
-        t, K, y = times[m], blocks[m], states[m]
-        shortest = abs(t) * EPS * 10.0
-        free, grows = max(min(control[0], control[2]), shortest), 10.0
-        while True:
-            if free < shortest:
-                return m
-            later = min(t + free, control[1])
-            h = later - t
-            control[3] += 1.0
-            rates_at(of, fill, x, numbers, K, y, state, A, C, t, h, 1, of.ends)
-            off = error_of(of, K, y, state, h, E, tolerances)
-            factor = 0.9 / sqrt(sqrt(sqrt(off)))
-            if off < 1.0:
-                break
-            free, grows = h * max(0.2, factor), 1.0
-        control[0] = h * min(factor, grows)
-        m += 1
-        times[m] = later
+    is_at, now, y = counts[of.lanes :], room, room[ROWS:]
+    for lane in range(of.lanes):
+        is_at[lane], counts[lane], now[TIME, lane] = counts[lane], 0, times[lane * (most + 1)]
         for i in range(of.state):
-            states[m, i] = state[i]
-        rates_at(of, fill, x, numbers, K, y, state, A, C, t, h, of.ends, of.stages)
-        for k in range(of.width):
-            blocks[m, 0, k] = K[of.ends - 1, k]
-        inside = control[4] < states[m, 0] and states[m, 0] < control[5]
-        if not (inside and is_calm(of, K, watched)):
-            return -m
-    return m
+            y[i, lane] = states[lane * (most + 1), i]
+    if controls[0, TRY] == 0.0 and most > 0:
+        first_steps(of, fill, x, numbers, K, y, state, tolerances, controls, now)
+    while True:
+        going, taken = 0, False
+        for lane in range(of.lanes):
+            ended = not (now[TIME, lane] < controls[lane, BOUND] and counts[lane] < most)
+            if is_at[lane] == BEGINS and ended:
+                is_at[lane] = OVER
+            going += tries(of, K, controls, now, is_at, counts, lane)
+        if going == 0:
+            return
+        rates_at(of, fill, x, numbers, K, y, state, A, C, now, 1, of.ends)
+        error_of(of, K, y, state, now, E, tolerances)
+        for lane in range(of.lanes):
+            if is_at[lane] == OVER:
+                continue
+            h, off = now[H, lane], now[OFF, lane]
+            factor = 0.9 / sqrt(sqrt(sqrt(off)))
+            controls[lane, TRIED] += 1.0
+            if not off < 1.0:
+                is_at[lane] = AGAIN
+                now[FREE, lane], now[GROWS, lane] = h * max(0.2, factor), 1.0
+            else:
+                is_at[lane], taken = TAKEN, True
+                controls[lane, TRY] = h * min(factor, now[GROWS, lane])
+                counts[lane] += 1
+                at = lane * (most + 1) + counts[lane]
+                times[at] = now[LATER, lane]
+                for i in range(of.state):
+                    states[at, i] = state[i, lane]
+        if taken:
+            rates_at(of, fill, x, numbers, K, y, state, A, C, now, of.ends, of.stages)
+        for lane in range(of.lanes):
+            if is_at[lane] == TAKEN:
+                at, m = lane * (most + 1) + counts[lane], lane * most + counts[lane] - 1
+                new = states[at]
+                series_of(of, K, y, new, now[H, lane], D, series[m], lane)
+                turns[m] = may_turn(of, K, lane)
+                for i in range(of.state):
+                    y[i, lane] = new[i]
+                now[TIME, lane], is_at[lane] = now[LATER, lane], BEGINS
+                inside = controls[lane, LOW] < new[0] and new[0] < controls[lane, HIGH]
+                if not (inside and is_calm(of, K, watched, lane)):
+                    is_at[lane], counts[lane] = OVER, -counts[lane]
 
 
 def fleet(
@@ -207,48 +352,40 @@ def fleet(
     more: int,
     x: Reals,
     numbers: Reals,
-    blocks: Blocks,
+    blocks: Annotated[Reals, "of.stages", "of.width", "of.lanes"],
     states: States,
-    state: Reals,
+    state: Lanes,
     A: Annotated[Reals, "of.stages"],
     C: Reals,
     E: Annotated[Reals, "of.ends"],
-    tolerances: States,
-    controls: Annotated[Reals, "6"],
+    D: Annotated[Reals, "of.stages"],
+    tolerances: Annotated[Reals, "2", "of.state", "of.lanes"],
+    controls: Controls,
     times: Reals,
+    series: Series,
+    turns: Counts,
+    room: Lanes,
     given: Reals,
     counts: Counts,
     most: int,
     watched: int,
     designs: int,
 ) -> None:
-    """Steps of each design, from its first state and time."""
+    """Steps of each design, from its first state and time: one lane after the other."""
     for d in range(designs):
-        first = d * (most + 1)
-        P, y, t = numbers[d * slots :], states[first:], times[first:]
+        first, K, control, limits = d * (most + 1), blocks[d], controls[d:], tolerances[d]
+        P, y, t, count = numbers[d * slots :], states[first:], times[first:], counts[d:]
         for i in range(of.state):
-            state[i] = y[0, i]
-        state[of.state] = t[0]
+            state[i, 0] = y[0, i]
+        state[of.state, 0] = t[0]
         for k in range(more):
-            state[of.state + 1 + k] = given[d * more + k]
-        fill(x, P, blocks[first, 0], 1, 1, 0, 1)
-        counts[d] = steps(
-            of,
-            fill,
-            x,
-            P,
-            blocks[first:],
-            y,
-            state,
-            A,
-            C,
-            E,
-            tolerances[2 * d :],
-            controls[d],
-            t,
-            most,
-            watched,
-        )
+            state[of.state + 1 + k, 0] = given[d * more + k]
+        fill(x, P, K[0], 1, 1, 0, 1)
+        count[0] = BEGINS
+        steps(
+            of, fill, x, P, K, y, state, A, C, E, D, limits, control, t, series[d * most :], turns,
+            room, count, most, watched,
+        )  # fmt: skip
 
 
 class CompiledRhs:
@@ -269,19 +406,23 @@ class CompiledRhs:
         if trace.asked:
             raise Untraceable(FOLLOWED)
         self.rows: list[Any] = [*trace.values]
-        width, (stages, ends) = len(self.rows), (scheme().C.size, scheme().E.shape[1])
-        of = Sizes(dimension, width, width - watched, stages, ends)
-        fill: Any = "fill"  # by its name in the text
-        made = {f.__name__: partial(f, of=of, fill=fill) for f in (steps, fleet)}
-        text = Text(1).fill(self.inputs, self.rows, loops=made)
-        kinds = ((name, loops.signature(f)) for name, f in made.items())
-        self.at, self.steps, self._fleet = machine_code(text, ("fill", FILL), *kinds)
-        self.program = program
-        self.numbers = row_of(program)
+        self.program, self.numbers = program, row_of(program)
+        self.place = self.numbers.ctypes.data
+        self.fill, self.steps = self._code(LANES, steps)
 
-    def room_of(self, most: int) -> int:
-        """How many numbers so many steps of a design leave at their stages."""
-        return (most + 1) * len(scheme().C) * len(self.rows)
+    def _code(self, lanes: int, function: Callable[..., None]) -> Any:
+        """The rows of so many states side by side as machine code, and a function that asks it."""
+        (ends, stages), width = (scheme().E.shape[1], scheme().C.size), len(self.rows)
+        of = Sizes(self.dimension, width, width - self.watched, stages, ends, lanes)
+        fill: Any = "fill"  # by its name in the text
+        made = partial(function, of=of, fill=fill)
+        text = Text(lanes).fill(self.inputs, self.rows, loops={"over": made})
+        return machine_code(text, ("fill", FILL), ("over", loops.signature(made)))
+
+    @cached_property
+    def of_designs(self) -> Any:
+        """The rows of one state as machine code, and `fleet`."""
+        return self._code(1, fleet)
 
     def fleet(
         self,
@@ -291,37 +432,38 @@ class CompiledRhs:
         control: Floats,
         tolerances: Floats,
         most: int,
-        room: Floats,
     ) -> FleetSteps:
         """Steps of m designs, each from its own ``begin`` (t (m,), y (m, n)), at most so many.
 
         slots : (m, k) numbers of the program, given : (m, p) of the right-hand side
         control : (m, 6) step to try, bound, longest step, 0, and the free_range (`CompiledStepper`)
         tolerances : (m, 2, n) relative and absolute ones
-        room : numbers, at least m `room_of` so many steps; what was in it is gone
         """
         by, m, n, width = scheme(), len(slots), self.dimension, len(self.rows)
         t, y = np.zeros((m, most + 1)), np.zeros((m, most + 1, n))
         t[:, 0], y[:, 0] = begin
-        K = room[: m * self.room_of(most)].reshape(m, most + 1, len(by.C), width)
-        counts = np.zeros(m, np.int64)
-        state = np.zeros(self.inputs)
+        K, series = np.empty((m, len(by.C), width)), np.empty((m, most, 8, n))
+        counts, turns = np.zeros(m + 1, np.int64), np.zeros(most, np.int64)
+        state, room = np.zeros(self.inputs), np.zeros(ROWS + n)
         x = addresses_of(state)
         slots, given, control, tolerances = map(
             np.ascontiguousarray, (slots, given, control, tolerances)
         )
-        arrays = slots, K, y, state, by.A, by.C, by.E, tolerances, control, t, given, counts
+        arrays = slots, K, y, state, *by, tolerances, control, t, series, turns, room, given, counts
         places = (a.ctypes.data for a in arrays)
-        self._fleet(slots.shape[1], given.shape[1], x, *places, most, self.watched, m)
-        return FleetSteps(t, y, K, np.abs(counts), counts < 0, control[:, 0], control[:, 3])
+        _, over = self.of_designs
+        over(slots.shape[1], given.shape[1], x, *places, most, self.watched, m)
+        made, h, tried = np.abs(counts[:m]), control[:, TRY], control[:, TRIED]
+        return FleetSteps(t, y, K, series, made, counts[:m] < 0, h, tried)
 
 
 class FleetSteps(NamedTuple):
     """Steps of m designs.
 
     t : (m, s + 1) [s], y : (m, s + 1, n) where they begin, and where the last ends
-    K : (m, s + 1, stages, r) rows of the program at their stages, until the room is used again;
-        of no step that of the start
+    K : (m, stages, r) rows of the program at the stages of the last one; the first of no step
+        that of the start
+    series : (m, s, 8, n) of each, see `blockmech.engines.dense`
     made : (m,) how many steps, doubtful : (m,) whether something may happen in the last one
     h : (m,) [s] the step to try next, tried : (m,) how many were tried
     """
@@ -329,6 +471,7 @@ class FleetSteps(NamedTuple):
     t: Floats
     y: Floats
     K: Floats
+    series: Floats
     made: NDArray[np.int64]
     doubtful: NDArray[np.bool_]
     h: Floats
@@ -339,7 +482,8 @@ class Steps(NamedTuple):
     """Some steps, one after the other.
 
     t : (m + 1,) [s], y : (m + 1, n) where they begin, and where the last ends
-    K : (m, s, r) rows of the program at their stages, until the next steps are made
+    series : (m, 8, n) of each, see `blockmech.engines.dense`
+    turns : (m,) 1 of one in which the first component may turn, else 0
     h : [s] the step to try next
     tried : how many steps were tried
     doubtful : whether something may happen in the last one
@@ -347,22 +491,36 @@ class Steps(NamedTuple):
 
     t: Floats
     y: Floats
-    K: Floats
+    series: Floats
+    turns: NDArray[np.int64]
     h: float
     tried: int
     doubtful: bool
 
 
 class CompiledStepper:
-    """Rates with numbers that are given."""
+    """Rates with numbers that are given, and room for so many steps at a time."""
 
-    def __init__(self, rates: CompiledRhs, given: Sequence[float]) -> None:
+    def __init__(self, rates: CompiledRhs, given: Sequence[float], most: int) -> None:
+        n, by, lanes = rates.dimension, scheme(), LANES
         self._rates = rates
-        self._parameters = rates.numbers.ctypes.data
-        self._state = np.array([0.0] * (rates.dimension + 1) + [*given])
-        self._row = np.zeros(len(rates.rows))
-        self._room = np.zeros((0, 0, 0))
-        self._x = addresses_of(self._state)
+        shapes = (
+            *((len(by.C), len(rates.rows), lanes), (lanes * (most + 1), n), (rates.inputs, lanes)),
+            *((2, n, lanes), (lanes, 6), (lanes * (most + 1),), (lanes * most, 8, n)),
+            *((lanes * most,), (ROWS + n, lanes), (2 * lanes,)),
+        )
+        ends = [0, *accumulate(map(math.prod, shapes))]
+        room = np.empty(ends[-1])
+        first, cuts = room.ctypes.data, zip(ends[:-1], ends[1:], shapes, strict=True)
+        parts = [room[a:b].reshape(shape) for a, b, shape in cuts]
+        self._rows, self._y, self._state, self._tolerances, self._control = parts[:5]
+        self._t, self._series = parts[5:7]
+        self._turns, self._counts = (parts[i].view(np.int64) for i in (7, 9))
+        self._state[:] = np.array([0.0] * (n + 1) + [*given])[:, None]
+        K, y, state, *more = (first + 8 * k for k in ends[:-1])
+        x = addresses_of(self._state[:, 0])
+        self._places = x, rates.place, K, y, state, *places_of_scheme(), *more
+        self._ahead: tuple[Any, Steps] | None = None
 
     def steps(
         self,
@@ -373,33 +531,51 @@ class CompiledStepper:
         tolerances: Floats,
         most: int,
         every: bool = True,
+        finer: Floats | None = None,
     ) -> Steps:
-        """Steps from ``begin`` (t, y), at most so many.
+        """Steps from ``begin`` (t, y), so many at most.
 
+        h : [s] the first one to try, 0 for one that fits
         ends : [s] where they end, and the longest one
         free_range : between which the first component is to stay
         tolerances : (2, n) relative and absolute ones
         every : whether all that is watched is looked at, or all but the last
+        finer : tolerances of a run that will ask the same after this one. It goes along in a lane
+            of its own, which costs next to nothing: both wait for the same latencies
         """
-        r, n, width = self._rates, self._rates.dimension, self._row.size
-        by, watched = scheme(), r.watched - (not every)
-        if len(self._room) <= most:
-            self._room = np.zeros((most + 1, len(by.C), width))
-        K, t, y = self._room, np.zeros(most + 1), np.zeros((most + 1, n))
-        t[0], y[0] = begin
-        K[0, 0] = self.at(*begin)
-        control = np.array([h, *ends, 0.0, *free_range])
-        arrays = K, y, self._state, by.A, by.C, by.E, tolerances, control, t
-        places = (x.ctypes.data for x in arrays)
-        count = r.steps(self._x, self._parameters, *places, most, watched)
-        m = abs(count)
-        h, tried = float(control[0]), int(control[3])
-        return Steps(t[: m + 1], y[: m + 1], K[:m], h, tried, count < 0)
+        key = *begin[1], begin[0], ends, free_range, every
+        if h == 0.0 and self._ahead is not None:
+            (tolerated, at), ahead = self._ahead
+            self._ahead = None
+            if at == key and np.array_equal(tolerated, tolerances):
+                return ahead
+        self.at(*begin)
+        self._t[: 2 + most : most + 1], self._y[: 2 + most : most + 1] = begin
+        self._counts[:LANES] = BEGINS
+        self._tolerances[:] = tolerances[..., None]
+        self._control[:] = h, *ends, 0.0, *free_range
+        if finer is None:
+            self._counts[1] = OVER
+        else:
+            self._tolerances[..., 1] = finer
+        self._rates.steps(*self._places, most, self._rates.watched - (not every))
+        if finer is not None:
+            self._ahead = (finer, key), self._made(1, most)
+        return self._made(0, most)
+
+    def _made(self, lane: int, most: int) -> Steps:
+        """The steps of a lane, of so many at most."""
+        count, (h, _, _, tried, *_) = int(self._counts[lane]), self._control[lane].tolist()
+        m, k, at = abs(count), lane * most, lane * (most + 1)
+        states = self._t[at : at + m + 1], self._y[at : at + m + 1]
+        kept: Any = *states, self._series[k : k + m], self._turns[k : k + m]
+        return Steps._make([*(x.copy() for x in kept), h, int(tried), count < 0])
 
     def at(self, t: float, y: Sequence[float]) -> list[float]:
         """What the program says of a state."""
-        r, n = self._rates, self._rates.dimension
-        self._state[:n], self._state[n] = y, t
-        r.at(self._x, self._parameters, self._row.ctypes.data, 1, 1, 0, 1)
-        row: list[float] = self._row.tolist()
+        n = self._rates.dimension
+        self._state[:n], self._state[n] = np.reshape(y, (n, 1)), t
+        x, numbers, rows, *_ = self._places
+        self._rates.fill(x, numbers, rows, LANES, LANES, 0, 1)
+        row: list[float] = self._rows[0, :, 0].tolist()
         return row

@@ -227,7 +227,8 @@ class FirstSwings(NamedTuple):
         given = slots, row, state, self.lows, self.lengths, self.pieces, self.start
         own = np.zeros((2, 4)), room, panels, counts, np.zeros(4 * FINE), found
         places = [a.ctypes.data for a in (*given, matrices()[0], *own)]
-        self.code(ctypes.cast(self.rates.at, ctypes.c_void_p), slots.shape[1], x, *places, m)
+        fill = ctypes.cast(self.rates.of_designs[0], ctypes.c_void_p)
+        self.code(fill, slots.shape[1], x, *places, m)
         apart, rounding, *_, t, q, late, good = found.T
         error, nothing = apart + rounding, np.zeros(m)
         way, share = np.minimum(np.abs(q - self.start[0]), 1.0), self.start[-1]
