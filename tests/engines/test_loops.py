@@ -12,7 +12,7 @@ import pytest
 
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.system import System
-from blockmech.engines import loops, stages
+from blockmech.engines import dense, loops, stages
 from blockmech.engines.assembly import Text, piece
 from blockmech.engines.loops import Counts, Reals
 from blockmech.engines.nodes import SAMPLE
@@ -289,3 +289,26 @@ def test_systems_are_solved_flat_with_pivots_of_each_lane(unit):
     want = np.linalg.solve(a[..., :15].transpose(2, 0, 1), right[:, :15].T[..., None])[..., 0]
     np.testing.assert_allclose(out[:, :15].T, want, rtol=1e-12)
     assert not np.isfinite(out[:, 15]).all()
+
+
+def test_dense_output_is_that_of_python_and_passes_levels_where_it_does():
+    rng = np.random.default_rng(5)
+    m, n = 5, 3
+    steps = rng.uniform(0.1, 1.0, m)
+    made = dense.Dense(np.cumsum(steps) - steps, steps, rng.normal(size=(m, 8, n)))
+    times = np.linspace(0.0, steps.sum(), 40)
+    same = np.empty((n, 40))
+    dense.states(made.t, made.h, made.series.ravel(), times, same.ravel(), m, n, 40)
+    np.testing.assert_array_equal(made(times), same)
+    np.testing.assert_array_equal(made(float(times[7])), same[:, 7])
+    for i, way in itertools.product(range(n), (-1, 0, 1)):
+        first = made.part(2, 3)
+        level = 0.6 * first(first.t[0])[i] + 0.4 * first(first.t[0] + first.h[0])[i]
+        ends = [float(first(t)[i]) - level for t in (first.t[0], first.t[0] + first.h[0])]
+        known, found = first.series.ravel()[i:], np.empty(8)
+        many = dense.crossings(known, found, n, level, *ends, way, 8)
+        passed = first.crossings(i, level, ends, way, 8)
+        assert passed == [float(first.t[0]) + x * float(first.h[0]) for x in found[:many]]
+        assert passed or way * (ends[1] - ends[0]) < 0
+        for t in passed:
+            assert abs(first(t)[i] - level) < 1e-12
