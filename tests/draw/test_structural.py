@@ -52,7 +52,7 @@ def test_both_are_kinds_of_pictures(tmp_path):
     assert draw(ruiz(), tmp_path / "c.svg", "centrodes", want="dyad.i").exists()
     q = np.linspace(0.9, 1.3, 9)
     assert draw(ruiz(), tmp_path / "d.svg", "centrodes", q, want="dyad.i").exists()
-    with pytest.raises(RequestError, match="of which link"):
+    with pytest.raises(RequestError, match="it does not name a link"):
         draw(ruiz(), tmp_path / "c.svg", "centrodes")
     with pytest.raises(RequestError, match="a structure has no poses"):
         draw(watt(), tmp_path / "s.svg", "structure", at=1.0)

@@ -47,7 +47,8 @@ def test_the_gallery_is_the_same_to_the_last_bit(name):
 def assert_near(mech, **request):
     """Both engines' results of groups without closed form: to rounding over the conditioning.
 
-    Of the largest of the kind: a link that does not turn has rates that are rounding alone.
+    One linear system answers all rates of a kind, and a solve is off in proportion to the largest
+    of its answers: a link that does not turn has rates that are rounding alone.
     """
     one, many = (mech.run(**request, engine=e, on_gap="mark") for e in ("scalar", "llvm"))
     assert one.quality.status == many.quality.status

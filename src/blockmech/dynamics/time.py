@@ -64,7 +64,7 @@ ANYWHERE = (-math.inf, math.inf)
 UNFINISHED = ends.INTERRUPTED, ends.TOO_MANY
 SILENT = frozenset(
     {ends.KINK, ends.GOAL, ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.RELEASED, ends.DEFLECTION_KINK}
-)  # kinds of events that nobody method_wanted for
+)  # kinds of events that a motion does not list
 
 
 @dataclass(frozen=True)
