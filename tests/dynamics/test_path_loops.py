@@ -115,7 +115,7 @@ def test_machine_code_has_the_bits_of_its_python(llvm, K):
     for compiled in (False, True):
         records, count = np.zeros((3 * many, *compiled_path.SHAPE)), np.zeros(1, np.int64)
         runs, room = np.array([[1.0, K, 0.0, 0.0], [1.0 + 4e-16, K, 0.0, 0.0]]), np.empty(4 * FINE)
-        found, more, spans = np.zeros(8), np.zeros_like(records), np.empty(3)
+        found, spans = np.zeros(8), np.empty(3)
         at, states = np.array([0.0, 0.0, 0.0, 9.0, 0.0, 1e-15]), np.empty((2, 7))
 
         def call(function, *given, compiled=compiled):
@@ -128,8 +128,10 @@ def test_machine_code_has_the_bits_of_its_python(llvm, K):
         ended = call(path_loops.stretch, *pieces, *numbers, runs, records, count, room)
         assert ended == (1 if K else 2)
         n = int(count[0])
-        call(path_loops.beside, records, n, 1, at, found)
-        call(path_loops.again, records, n, 1.0, 1.25, more)
+        call(path_loops.beside, records, records, n, 1, at, found)
+        more = records.copy()
+        call(path_loops.again, more, n, 0, 1.0)
+        call(path_loops.again, more, n, 1, 1.25)
         call(path_loops.lasting, records, n, 0, energies, 3, spans)
         call(path_loops.placed, records, n, 1, times, 7, *states, room)
         answers.append((runs, records[:n], found, more[:n], spans, states))

@@ -9,14 +9,14 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics import ends
-from blockmech.dynamics.estimate import difference, in_place
-from blockmech.dynamics.panels import Panels
-from blockmech.dynamics.path import PathRun, compared
+from blockmech.dynamics.estimate import difference
+from blockmech.dynamics.panels import PLAIN, TO_REST, Panels, rule, span
+from blockmech.dynamics.path import PathRun
 from blockmech.dynamics.path_mesh import COARSE, FINE
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.system import System
-from blockmech.dynamics.track import Lateness
+from blockmech.dynamics.track import apart
 from tests.dynamics.honesty import GRAPHS, mechanism
 
 RUNS = [  # name, start, end; the third from rest through 80 swings, the fourth braked by its loads
@@ -41,14 +41,11 @@ def test_it_differs_as_much_as_a_run_of_its_own(name, start, until):
     request = SimulationRequest(start, until, method="spectral")
     fine, own = ended(system, request, FINE), ended(system, request, COARSE, True)
     motion = fine.motion()
-    legs = second_run(fine)
-    apart = compared(fine, motion, legs)
+    by = apart(fine.whole, second_run(fine), 0.0, motion.t_end, 0.0)
     usual = difference(own.motion(), motion, system.rotary)
-    assert apart.agree
     assert usual.agree
-    assert usual.q / 10 <= apart.q <= 10 * usual.q
-    assert apart.times[0] == pytest.approx(0.0, abs=1e-15)
-    assert apart.times[-1] >= motion.t_end * (1 - 1e-12)
+    assert usual.q / 10 <= by.q <= 10 * usual.q
+    assert by.t >= motion.t_end * (1 - 1e-12)
 
 
 def test_a_motion_that_hardly_gets_over_the_top_has_nothing_beside_it_that_does():
@@ -69,12 +66,23 @@ def test_a_motion_that_hardly_gets_over_the_top_has_nothing_beside_it_that_does(
     assert motion.time_error > 1e-8 * motion.t_end
 
 
-def test_late_by_dt_is_ahead_by_the_way_in_dt():
-    t, qd = np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 0.0])
-    by = Lateness(t, t, qd, np.array([0.0, 3e-9, 1.0]), np.array([0.0, 6e-9, 4e-12]))
-    system = System(mechanism("watt_sixbar"))
-    motion = ended(system, SimulationRequest(Start(0.7), Until("time", 2.0)), FINE).motion()
-    assert in_place(motion, by, 0.0, (True,)).q == pytest.approx(4e-12, rel=1e-12)
+@pytest.mark.parametrize(("begin", "end"), [(0.7, 2.0), (2.0, 0.7)])
+@pytest.mark.parametrize("kind", [PLAIN, TO_REST])
+def test_late_by_dt_is_ahead_by_the_way_in_dt(begin, end, kind):
+    """The same panels later are no other motion, and panels elsewhere are by as much."""
+    rest, n = int(kind == TO_REST), FINE
+    K = 2.0 + (rule(n).known_first if rest else np.zeros(n + 1))
+    rows = np.zeros((1, n)), K[None], np.ones((1, n)), np.zeros((1, n)), np.zeros((1, 2, n + 1))
+    one = Panels(0.0, span(begin, end, 2.0, kind), *rows)
+    same = apart([one], [one.taken_from(3e-9)], 0.5, 0.5 + one.t1, 1e-10)
+    ahead = float(one.known_rates[0].max()) if begin < end else -float(one.known_rates[0].min())
+    assert same.q == pytest.approx(3e-9 * ahead, rel=1e-6)
+    assert same.late == pytest.approx(3e-9, rel=1e-6)
+    assert (same.low, same.high) == pytest.approx((0.7, 2.0))
+    unknown = 1e-10 * (0.5 + one.known_times) * np.abs(one.known_rates)
+    assert same.rounding == pytest.approx(float(unknown.max()), rel=1e-3)
+    there = Panels(0.0, span(begin + 4e-12, end + 4e-12, 2.0, kind), *rows)
+    assert apart([one], [there], 0.0, one.t1, 0.0).q == pytest.approx(4e-12, rel=1e-3)
 
 
 def test_what_samples_leave_unknown_is_in_the_estimate(monkeypatch):
@@ -95,10 +103,9 @@ def test_what_samples_leave_unknown_is_in_the_estimate(monkeypatch):
     system = System(bm.Graph.load(GRAPHS / "watt_sixbar.json").compile())
     fine = ended(system, request, FINE)
     motion = fine.motion()
-    apart = compared(fine, motion, second_run(fine))
-    assert apart.agree
-    assert abs(motion.q_end - exact.q_end) <= apart.q
-    assert 1e-12 <= apart.q <= 1e-8
+    by = apart(fine.whole, second_run(fine), 0.0, motion.t_end, 0.0)
+    assert abs(motion.q_end - exact.q_end) <= by.q
+    assert 1e-12 <= by.q <= 1e-8
 
 
 @pytest.mark.parametrize(("name", "start", "until"), RUNS[:2])

@@ -29,7 +29,7 @@ from blockmech.dynamics.path_loops import (
 )
 from blockmech.dynamics.path_mesh import FINE, LeftToArraysError
 from blockmech.dynamics.place_data import TAU, J
-from blockmech.dynamics.track import Leg, RepeatedSegment
+from blockmech.dynamics.track import Apart, Leg, compared
 from blockmech.engines import loops
 from blockmech.engines.llvm import machine_code
 from blockmech.errors import MissingEngineError
@@ -157,18 +157,13 @@ class BothPanels(Panels):
         """[J] of all the work to and fro."""
         return float(self.records[:, 6, self.of, 6].sum())
 
-    def with_more(self, energy: float, other: float) -> Floats:
-        """Records of both runs with more kinetic energy [J] each, their times from 0 s on."""
-        code, records = PathCode.made(), np.empty_like(self.records)
-        assert code is not None
-        code.again(code.M, self.place, len(records), energy, other, records.ctypes.data)
-        return records
-
     def taken_from(self, t0: float, energy: float = 0.0) -> Panels:
         """The same panels at another time and with more kinetic energy [J]."""
-        if energy and PathCode.made() is not None:
-            return BothPanels(self.with_more(energy, energy), self.of, t0)
-        return super().taken_from(t0, energy)
+        if not energy or (code := PathCode.made()) is None:
+            return super().taken_from(t0, energy)
+        panels = BothPanels(self.records.copy(), self.of, t0)
+        code.again(code.M, panels.place, len(panels.records), self.of, energy)
+        return panels
 
     def followed_by(self, row: Sequence[Any]) -> Panels:
         """These and those of a row as one."""
@@ -224,52 +219,21 @@ class BothRuns:
         return BothPanels(records[: int(done[0])].copy(), 0, at.t)
 
 
-class Apart(NamedTuple):
-    """How far both runs are apart, as `path_loops.beside` says it."""
-
-    q: float
-    rounding: float
-    low: float
-    high: float
-    fastest: float
-    t: float
-    late: float
-    unsure: float
-
-
 def apart(
-    run: Sequence[Leg], other: Sequence[Any], t_start: float, t_end: float, share: float
+    run: Sequence[Leg], other: Sequence[Leg], t_start: float, t_end: float, share: float
 ) -> Apart:
-    """How far apart two runs are, whose panels are `BothPanels`, from one time [s] to another.
-
-    share : what rounding leaves unknown of times, relative
-    """
+    """What `track.apart` says, of runs whose panels are `BothPanels`."""
     code = PathCode.made()
     assert code is not None
     found = np.array([0.0, 0.0, math.inf, -math.inf, 0.0, 0.0, 0.0, 0.0])
     at = np.array([0.0, 0.0, 0.0, t_end, t_start, share])
     given = at.ctypes.data, found.ctypes.data
-
-    def look(panels: Any, backward: bool, begins: tuple[float, float], step: float) -> None:
-        first, second = panels.records[0, 6, :, 4].tolist()
-        sign = 1.0 if backward else -1.0
-        at[:3] = t_start + begins[0] + sign * first, t_start + begins[1] + sign * second, step
-        code.beside(code.M, panels.place, len(panels.records), int(backward), *given)
-
-    for leg, there, end in zip(
-        run, other, [*(x.t0 for x in run[1:]), t_end - t_start], strict=True
-    ):
-        if not isinstance(leg, RepeatedSegment):
-            look(leg, False, (leg.t0, there.t0), 0.0)
-            continue
-        for k in leg.compared_in(there, end):
-            panels, backward = leg.panels, leg.mirrored and bool(k % 2)
-            if k and leg.gain:
-                assert isinstance(panels, BothPanels)
-                records = panels.with_more(k * leg.gain, k * there.gain)
-                panels = leg.known[k] = BothPanels(records, 0, 0.0)
-            begins = leg.begins(k), there.begins(k)
-            if backward:
-                begins = begins[0] + leg.duration, begins[1] + there.duration
-            look(panels, backward, begins, k * leg.step)
+    one: Any
+    there: Any
+    for one, there, sign, begin, begin_there, step in compared(run, other, t_end - t_start):
+        first, second = float(one.records[0, 6, 0, 4]), float(there.records[0, 6, 1, 4])
+        at[0] = t_start + begin + sign * (one.t0 - first)
+        at[1] = t_start + begin_there + sign * (there.t0 - second)
+        at[2] = step
+        code.beside(code.M, one.place, there.place, len(one.records), int(sign < 0), *given)
     return Apart(*found.tolist())

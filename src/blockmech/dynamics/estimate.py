@@ -24,7 +24,6 @@ from blockmech.series import GOLDEN
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
-    from blockmech.dynamics.track import Lateness
 
 Setting = TypeVar("Setting")
 
@@ -82,35 +81,13 @@ def difference(
     if same:
         apart = np.maximum(apart, np.abs(np.asarray(coarse.q_end) - np.asarray(fine.q_end)))
     late = abs(coarse.t_end - fine.t_end)
-    return _judged(fine, apart, late, same, rotary, times, State(q, qd))
-
-
-def in_place(fine: Motion, by: Lateness, late: float, rotary: tuple[bool, ...]) -> Difference:
-    """How far apart two runs over the same panels are, whose ends are ``late`` [s] apart.
-
-    Where one is late by dt the other is ahead by q' dt.
-    """
-    apart = np.abs(by.off - by.late * by.qd).max()
-    return _judged(fine, apart, late, True, rotary, by.t, State(by.q, by.qd))
-
-
-def _judged(
-    fine: Motion,
-    apart: Any,
-    late: float,
-    same: bool,
-    rotary: tuple[bool, ...],
-    times: Floats,
-    states: State,
-) -> Difference:
-    """Whether runs that are so far apart, a number or (k,), are one motion."""
-    (q, qd), span = states, fine.t_end - fine.t_start
+    span = fine.t_end - fine.t_start
     size = float(np.abs(q).max()) + abs(fine.t_end) * float(np.abs(qd).max())
     longest = np.where(rotary, 1.0, math.inf) if q.ndim > 1 else 1.0 if rotary[0] else math.inf
     near = PARTED * np.minimum(np.ptp(q, axis=0), longest) + ROUNDING * size
     close = bool(np.all(apart <= near)) and late <= PARTED * span
     agree = same and (close or span == 0)
-    return Difference(float(np.max(apart)), late, agree, near, times, states)
+    return Difference(float(np.max(apart)), late, agree, near, times, State(q, qd))
 
 
 def rounding_share(system: System, q: float, moves: bool, t: float) -> float:
@@ -200,16 +177,11 @@ def refined(
     return best, by
 
 
-def agreed(fine: Motion, apart: Difference) -> Motion:
-    """The finer of two runs that are one motion, with its error."""
-    late = 0.0 if fine.end == "time" else apart.t
-    return fine.but(error=apart.q, time_error=fine.time_error + late)
-
-
 def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: tuple[float, ...]) -> Motion:
     """The finer of two runs with its error, or what both know of the motion."""
     if apart.agree:
-        return agreed(fine, apart)
+        late = 0.0 if fine.end == "time" else apart.t
+        return fine.but(error=apart.q, time_error=fine.time_error + late)
     times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
     off = np.abs(coarse.at(times).q - fine.at(times).q)
     one = off.ndim == 1

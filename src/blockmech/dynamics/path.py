@@ -17,23 +17,19 @@ Source of the identity: [D14] Eq. 1, in its integrated form.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.dynamics import ends
-from blockmech.dynamics.compiled_path import BothRuns, PathCode, apart
+from blockmech.dynamics import compiled_path, ends
+from blockmech.dynamics.compiled_path import BothRuns, PathCode
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
     PARTED,
     ROUNDING,
     TARGET,
-    Difference,
-    agreed,
     difference,
-    in_place,
     judged,
     missed,
     rounding_share,
@@ -59,7 +55,8 @@ from blockmech.dynamics.run import Run, RunEnd
 from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.singular import time_left
 from blockmech.dynamics.stretch import Stretch
-from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, lateness
+from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, apart
+from blockmech.plane import EPS
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
@@ -443,19 +440,14 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     Of two runs the coarser has fewer nodes and is some roundings off, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
-    if (by_code := by_machine_code(system, request)) is not None:
-        return by_code
-    fine = PathRun(system, request, FINE)
-    if system.friction is None:
-        fine.run()
-        motion = fine.motion()
-        if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
-            return stopped(motion, None)
-        legs = second_run(fine)
-        apart = None if legs is None else compared(fine, motion, legs)
-        if apart is not None and apart.agree:
-            return with_rounding(system, agreed(motion, apart), request.accuracy or TARGET, apart)
-    if fine.end and not fine.panels and not fine.legs:
+    code, fine = worth_machine_code(system), PathRun(system, request, FINE)
+    if code is not None:
+        run = PathRun(system, request, FINE)
+        run.both = BothRuns(code, run.rounding, run.mesh.tolerance)
+        run.mesh.kept_only = True
+        if (motion := judged_in_place(run)) is not None:
+            return motion
+    if system.friction is None and (motion := judged_in_place(fine)) is not None:
         return motion
     run = PathRun(system, request, COARSE, True)
     run.run()
@@ -465,72 +457,68 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
         return stopped(coarse, None)
     if not fine.end:
         fine.run()
-        motion = fine.motion()
+    motion = fine.motion()
     if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
         return stopped(motion, coarse if fine.end == ends.INTERRUPTED else None)
-    if not fine.panels and not fine.legs:
+    if not fine.whole:
         return motion
     if coarse.end == ends.TOO_MANY and coarse.t_end < motion.t_end:
         return stopped(coarse, replace(motion, notes=(*coarse.notes, *motion.notes)))
-    apart = difference(coarse, motion, system.rotary, request.times)
-    motion = judged(coarse, motion, apart, request.times)
-    return with_rounding(system, motion, request.accuracy or TARGET, apart)
+    by = difference(coarse, motion, system.rotary, request.times)
+    motion = judged(coarse, motion, by, request.times)
+    return with_rounding(system, motion, request.accuracy or TARGET, by)
 
 
-def by_machine_code(system: System, request: SimulationRequest) -> Motion | None:
-    """The motion by machine code for both runs; None where it is left to arrays.
+def worth_machine_code(system: System) -> PathCode | None:
+    """What moves both runs by machine code; None where there is none, or not yet.
 
-    It is where there is no such code, or not yet: `auto` makes some once the mechanism was moved
-    so many times that it pays.
+    `auto` makes some once the mechanism was moved so many times that it pays.
     """
     place_only = system.depends_on <= {"q"} and system.friction is None
     if not place_only or system.period is None or system.engine == "scalar":
         return None
     motions = system.kept["motions"] = system.kept.get("motions", 0) + 1
-    if (motions <= WORTH and system.engine != "llvm") or (code := PathCode.made()) is None:
-        return None
-    run = PathRun(system, request, FINE)
-    run.both = BothRuns(code, run.rounding, run.mesh.tolerance)
-    run.mesh.kept_only = True
+    return PathCode.made() if motions > WORTH or system.engine == "llvm" else None
+
+
+def judged_in_place(run: PathRun) -> Motion | None:
+    """The motion of a run, its error by a second run over the same panels.
+
+    None where that run takes another path, or both differ as two motions do.
+    """
     try:
         run.run()
     except LeftToArraysError:
         return None
     if run.end in (ends.INTERRUPTED, ends.TOO_MANY):
         return stopped(run.motion(), None)
-    legs, start = second_run(run), request.start
-    if legs is None:
-        return None if run.panels or run.legs else run.motion()
-    share, whole = rounding_share(system, float(start.q), bool(start.rate), start.t), run.whole
-    by, last = apart(whole, legs, start.t, start.t + run.t, share), whole[-1]
-    motion = run.motion()
+    if not run.whole:
+        return run.motion()
+    if (legs := second_run(run)) is None:
+        return None
+    system, start, whole, motion = run.system, run.request.start, run.whole, run.motion()
+    share = rounding_share(system, float(start.q), bool(start.rate), start.t)
+    look = apart if run.both is None else compiled_path.apart
+    by, last = look(whole, legs, start.t, motion.t_end, share), whole[-1]
     late = by.late
-    if isinstance(last, RepeatedSegment) and last.mirrored:
+    if motion.end == "time":  # at a standstill, where clocks at a place say nothing, of their ends
+        late = 0.0
+    elif isinstance(last, RepeatedSegment) and last.mirrored:
         late = clock_apart(run.t, last, legs[-1])
-    span = motion.t_end - start.t
     size = max(abs(by.low), abs(by.high)) + abs(motion.t_end) * by.fastest
     way = min(by.high - by.low, 1.0 if system.rotary[0] else math.inf)
     within = PARTED * way + ROUNDING * size
-    if by.unsure or not (by.q <= within and late <= PARTED * span):
+    if not (by.q <= within and late <= PARTED * (motion.t_end - start.t)):
         return None
-    unsure = motion.time_error
-    if motion.end != "time":
-        unsure += late + share * max(abs(by.t), by.t - start.t)
-    motion = motion.but(error=by.q + by.rounding, time_error=unsure, engine="llvm")
-    return missed(motion, request.accuracy or TARGET)
-
-
-def compared(fine: PathRun, motion: Motion, legs: Sequence[Leg]) -> Difference | None:
-    """How far a run is from the second one; None where that has no clock."""
-    by, late, last = lateness(fine.whole, legs, fine.t), 0.0, fine.whole[-1]
-    if not np.isfinite(by.late).all():
-        return None
-    if fine.end != "time":  # at a standstill, where clocks at a place say nothing, of their ends
-        late = float(np.abs(by.late[-2:]).max())
-        if isinstance(last, RepeatedSegment) and last.mirrored:
-            late = clock_apart(fine.t, last, legs[-1])
-    by = by._replace(t=by.t + motion.t_start)
-    return in_place(motion, by, late, fine.system.rotary)
+    motion = motion.but(error=by.q, time_error=motion.time_error + late)
+    if run.both is not None:
+        motion = motion.but(engine="llvm")
+    target = run.request.accuracy or TARGET
+    if by.unsure or (start.rate and abs(start.rate) <= EPS * by.fastest):  # as from rest
+        return with_rounding(system, motion, target)
+    unsure = 0.0 if motion.end == "time" else share * max(abs(by.t), by.t - start.t)
+    error, time_error = motion.error + by.rounding, motion.time_error + unsure
+    return missed(motion.but(error=error, time_error=time_error), target)
 
 
 def clock_apart(t: float, one: RepeatedSegment, other: Any) -> float:

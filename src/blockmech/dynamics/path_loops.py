@@ -324,9 +324,12 @@ def stretch(
 
 
 def beside(
-    of: Sizes, M: Reals, panels: Records, count: int, backward: int, at: Reals, found: Reals
+    of: Sizes, M: Reals, panels: Records, others: Records, count: int, backward: int, at: Reals,
+    found: Reals,
 ) -> None:  # fmt: skip
-    """How far the second run is from the first at the nodes of panels, see `estimate.in_place`.
+    """How far the second run, in ``others``, is from the first at the nodes of panels.
+
+    The numbers of `track.Apart`.
 
     backward : 1 where they are run over from their end to their begin, else 0
     at : what both count times from [s], or back from where they run backward; what is added to
@@ -340,11 +343,12 @@ def beside(
     off, before, gap, late_before = 0.0, 0.0, LARGEST, 0.0
     for j in range(count):
         now = panels[count - 1 - j if backward == 1 else j]
+        other = others[count - 1 - j if backward == 1 else j]
         kind = now[6, 0, 3]
         ends_there, plain = kind == float(TO_REST), kind == float(PLAIN)
         onward = backward == (1 if ends_there else 0)  # in the order of the nodes
-        anchor, there = now[6, 0, 1 if ends_there else 0], now[6, 1, 1 if ends_there else 0]
-        way, way_there = now[6, 0, 1] - now[6, 0, 0], now[6, 1, 1] - now[6, 1, 0]
+        anchor, there = now[6, 0, 1 if ends_there else 0], other[6, 1, 1 if ends_there else 0]
+        way, way_there = now[6, 0, 1] - now[6, 0, 0], other[6, 1, 1] - other[6, 1, 0]
         speed = way if plain else 2.0 * way
         if ends_there:
             way, way_there = -way, -way_there
@@ -352,10 +356,10 @@ def beside(
             speed = -speed
         for m in range(last + 1):
             i = m if onward else last - m
-            t, late = now[4, 0, i], now[4, 1, i]
+            t, late = now[4, 0, i], other[4, 1, i]
             if ends_there:
-                t, late = now[4, 0, last] - t, now[4, 1, last] - late
-            t, late = now[6, 0, 4] + t, now[6, 1, 4] + late
+                t, late = now[4, 0, last] - t, other[4, 1, last] - late
+            t, late = now[6, 0, 4] + t, other[6, 1, 4] + late
             if backward == 1:
                 t, late = -t, -late
             t = at[0] + t
@@ -367,7 +371,9 @@ def beside(
             apart = abs(apart - late * rate)
             q += at[2]
             near = abs(q - before)
-            if off > max(gap, near) or not apart <= LARGEST:
+            if not apart <= LARGEST:
+                apart = LARGEST
+            if off > max(gap, near):
                 found[7] = 1.0
             off = at[5] * max(abs(t), t - at[4]) * abs(rate)
             gap, before = near if m + j > 0 else LARGEST, q
@@ -385,26 +391,21 @@ def beside(
         found[7] = 1.0
 
 
-def again(
-    of: Sizes, M: Reals, panels: Records, count: int, energy: float, other: float, out: Records
-) -> None:  # fmt: skip
-    """Panels with more energy [J] of both runs, their times from 0 s on."""
+def again(of: Sizes, M: Reals, panels: Records, count: int, r: int, energy: float) -> None:
+    """Panels of run r with more energy [J], their times from 0 s on."""
+    t = 0.0
     for j in range(count):
-        for m in range(PANEL):
-            for r in range(2):
-                for i in range(of.n + 2):
-                    out[j, m, r, i] = panels[j, m, r, i]
-        now = out[j]
-        for r in range(2):
-            now[6, r, 2] += energy if r == 0 else other
-            kind = PLAIN if now[6, r, 3] == float(PLAIN) else FROM_REST
-            way = now[6, r, 1] - now[6, r, 0]
-            clock(of, M, way, kind, now[6, r, 2], now[2, r], now[r], now[5, r], now[3, r])
-            if r == 1:
-                for i in range(of.terms, of.n):
-                    now[3, 1, i] = 0.0
-            product(now[3, r], M[of.since :], now[4, r], of.n, of.n + 2, 1.0)
-            now[6, r, 4] = 0.0 if j == 0 else out[j - 1, 6, r, 4] + out[j - 1, 4, r, of.n + 1]
+        now = panels[j]
+        now[6, r, 2] += energy
+        kind = PLAIN if now[6, r, 3] == float(PLAIN) else FROM_REST
+        way = now[6, r, 1] - now[6, r, 0]
+        clock(of, M, way, kind, now[6, r, 2], now[2, r], now[r], now[5, r], now[3, r])
+        if r == 1:
+            for i in range(of.terms, of.n):
+                now[3, 1, i] = 0.0
+        product(now[3, r], M[of.since :], now[4, r], of.n, of.n + 2, 1.0)
+        now[6, r, 4] = t
+        t += now[4, r, of.n + 1]
 
 
 def lasting(

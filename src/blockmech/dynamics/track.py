@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from blockmech.dynamics.estimate import ROUNDING
 from blockmech.dynamics.motion import State
 from blockmech.dynamics.panels import Floats, Panels
 
@@ -53,23 +54,6 @@ class RepeatedSegment:
         most = min(max(int(np.searchsorted(self.starts, t_end - self.t0)), 1), len(self.starts))
         worst = int(np.abs(self.starts[:most] - other.starts[:most]).argmax())
         return sorted({0, most - 1, worst})
-
-    def beside(self, other: RepeatedSegment, t_end: float) -> list[Any]:
-        """Rows of `_beside` of repetitions that are compared."""
-        rows: list[Any] = []
-        alike = None if self.gain or other.gain else _beside(self.panels, other.panels)
-        for k in self.compared_in(other, t_end):
-            apart = _beside(self.repetition(k), other.repetition(k)) if alike is None else alike
-            row = apart.copy()
-            if self.mirrored and k % 2:
-                row[0], row[3] = self.duration - row[0], other.duration - self.duration - row[3]
-                row[2] *= -1
-            begin = self.begins(k)
-            row[0] += begin
-            row[1] += k * self.step
-            row[3] += other.begins(k) - begin
-            rows.append(row)
-        return rows
 
     def repetition(self, k: int) -> Panels:
         """Its panels, with its energy; times and places as in the first."""
@@ -127,42 +111,78 @@ class RepeatedSegment:
 Leg: TypeAlias = Panels | RepeatedSegment  # a part of the track
 
 
-class Lateness(NamedTuple):
-    """How another run goes beside one, arrays (k,) in order of time.
+def compared(
+    run: Sequence[Leg], other: Sequence[Leg], t_end: float
+) -> Iterator[tuple[Panels, Panels, int, float, float, float]]:
+    """Panels of two runs over the same ones, until a time [s] since their start, in its order.
 
-    t, q, qd : states of the one [s], [rad or m] and rates, from its begin to beyond its end
-    late, off : [s], [rad or m] by which the other is later there, and elsewhere
+    With them -1 where they run backwards, else 1; when both begin [s], or end where they run
+    backwards, beside their own times; and what is added to places. Of what repeats the first and
+    the last repetition count, and the one that is most apart.
+    """
+    for leg, there, end in zip(run, other, [*(x.t0 for x in run[1:]), t_end], strict=True):
+        if isinstance(leg, Panels) or isinstance(there, Panels):
+            yield leg, there, 1, 0.0, 0.0, 0.0  # type: ignore[misc]
+            continue
+        for k in leg.compared_in(there, end):
+            back = leg.mirrored and k % 2
+            begins = leg.begins(k + back), there.begins(k + back)
+            yield leg.repetition(k), there.repetition(k), 1 - 2 * back, *begins, k * leg.step
+
+
+class Apart(NamedTuple):
+    """How far another run is from one over the same panels.
+
+    q, rounding : [rad or m] how far, and how far rounding may take both, at most
+    low, high, fastest : places between which it goes, and the largest rate
+    t, late : [s] the last time that counts, and by how much the other is later there
+    unsure : whether rates change so fast that rounding is to be judged otherwise
     """
 
-    t: Floats
-    q: Floats
-    qd: Floats
-    late: Floats
-    off: Floats
+    q: float
+    rounding: float
+    low: float
+    high: float
+    fastest: float
+    t: float
+    late: float
+    unsure: float
 
 
-def lateness(run: Sequence[Leg], other: Sequence[Leg], t_end: float) -> Lateness:
-    """Of two runs over the same panels until a time [s].
+@np.errstate(all="ignore")  # what is not finite is another motion
+def apart(
+    run: Sequence[Leg], other: Sequence[Leg], t_start: float, t_end: float, share: float
+) -> Apart:
+    """How far apart two runs over the same panels are, from one time [s] to another.
 
-    Both are read at the nodes, so that no time is inverted. Of what repeats the first and the
-    last repetition count, and the one that is most apart.
+    Both are read at the nodes, so that no time is inverted: where one is late by dt the other is
+    ahead by q' dt. ``share``: what rounding leaves unknown of times, relative.
     """
-    rows: list[Any] = []
-    for leg, same, end in zip(run, other, [*(x.t0 for x in run[1:]), t_end], strict=True):
-        if isinstance(leg, RepeatedSegment):
-            rows += leg.beside(same, end)  # type: ignore[arg-type]
-        else:
-            rows.append(_beside(leg, same))  # type: ignore[arg-type]
-    columns = np.concatenate(rows, axis=1) if len(rows) > 1 else rows[0]
-    columns = columns.take(np.argsort(columns[0], kind="stable"), axis=1)
-    return Lateness(*columns[:, : int(np.searchsorted(columns[0], t_end)) + 1])
+    rows, last, row = [], None, np.empty(0)
+    for one, there, sign, begin, begin_there, step in compared(run, other, t_end - t_start):
+        if last != (id(one), id(there)):
+            row, last = _beside(one, there), (id(one), id(there))
+        factors, more = (sign, 1, sign, sign, 1), (begin, step, 0.0, begin_there - begin, 0.0)
+        rows.append((row * np.array(factors)[:, None] + np.array(more)[:, None])[:, ::sign])
+    columns = np.concatenate(rows, axis=1)
+    columns[0] += t_start
+    t, q, qd, late, off = columns[:, : int(np.searchsorted(columns[0], t_end)) + 1]
+    speed, way = np.abs(qd), np.abs(np.diff(q))
+    unknown = share * np.maximum(np.abs(t), t - t_start) * speed
+    unsure = (unknown[1:] > np.maximum(way, np.append(way[1:], 0.0))).any()
+    most = np.abs(off - late * qd).max(), (unknown + ROUNDING * np.abs(q)).max()
+    ends = q.min(), q.max(), speed.max(), t[-1], np.abs(late[-2:]).max(), unsure
+    return Apart(*map(float, (*most, *ends)))
 
 
 def _beside(one: Panels, other: Panels) -> Floats:
-    """Columns (5, k) of `Lateness`."""
+    """Times [s], places, rates (5, k) in order of time; how much later, and where, another is."""
     t, q = one.known_times, one.known_places
     late, off = other.known_times - t, other.known_places - q
-    return np.array([t, q, one.known_rates, late, off]).reshape(5, -1)
+    rows = np.array([t, q, one.known_rates, late, off])
+    for i in one.spans.backward.nonzero()[0].tolist():  # few, if any
+        rows[:, i] = rows[:, i, ::-1].copy()
+    return rows.reshape(5, -1)
 
 
 @dataclass(frozen=True)

@@ -160,7 +160,7 @@ def swings(
             if how != 1:
                 break
         if how == 2:
-            beside(of, M, panels, counts[0], 0, start[4:], found[d])
+            beside(of, M, panels, panels, counts[0], 0, start[4:], found[d])
             found[d, 11] = 1.0 - found[d, 7]
         found[d, 8], found[d, 9] = runs[0, 2], runs[0, 0]
         found[d, 10] = abs(runs[1, 2] - runs[0, 2])
