@@ -91,6 +91,7 @@ class Compiled(Runnable[M]):
             scene=scene,
             name=name,
             document=document,
+            # by a proxy: a mechanism whose plans hold it would be a cycle
             _planned=lru_cache(PLANS)(partial(_plan, weakref.proxy(self))),
             _kept={},
         )

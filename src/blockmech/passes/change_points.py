@@ -26,7 +26,7 @@ from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction
-from blockmech.series import DOUBLE_ROOT, GOLDEN, NODES, SCANNED, Floats, fit, panels
+from blockmech.series import DOUBLE_ROOT, GOLDEN, NODES, SCANNED, Floats, Series, fit, panels
 
 SEAM = -math.pi / 2  # where the scan of a turn begins
 # Spacings on either side that a series covers. From further away larger misses look like rounding:
@@ -67,14 +67,12 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
         known = {p for other in followed_structure.followed.values() for p in other.points}
         plain = {**followed_structure.followed, name: FollowedBranch(driver)}
         search = _search(replace(followed_structure, followed=plain), scene, name, driver, q_home)
-        edges = panels(search.low, search.high, SCANNED)
-        sizes = search.size(edges)
-        at_home = float(search.size(np.array([q_home]))[0])
-        if not at_home > AT_HOME * np.nanmax(sizes, initial=0.0):
+        square, at_home, largest = _square(search, q_home)
+        if not at_home > AT_HOME * largest:
             problems.append(_no_home(name, driver, q_home, at_home))
             wrong.add(name)
             continue
-        points = tuple(sorted(_points(search, edges, np.isnan(sizes), known)))
+        points = tuple(sorted(_points(search, square, known)))
         sides = (_side(q_home, p, search.rotary) for p in points)
         first = home.branch * math.prod(sides)
         scale = 1.0 if search.rotary else (search.high - search.low) / 2
@@ -114,17 +112,33 @@ def _no_home(block: str, driver: str, q: float, size: float) -> Problem:
     return Problem("bad-home", f"{block}.home", found, "", remedy)
 
 
-def _points(search: _Search, edges: Floats, gap: Any, known: set[float]) -> Iterator[float]:
-    """Change points among the extrema of the determinant's square."""
-    whole = panels(search.low, search.high, SCANNED // NODES)
-    extrema = fit(lambda q: search.size(q) ** 2, whole).extrema()
-    points = [x for guess in extrema.tolist() if (x := _root(search, guess)) is not None]
+def _square(search: _Search, q_home: float) -> tuple[Series, float, float]:
+    """The series of the determinant's square; its size at home, and the largest that was seen."""
+    sizes: list[Floats] = []
+
+    def squared(q: Floats) -> Floats:
+        sizes.append(search.size(np.append(q, q_home)))
+        return np.asarray(sizes[-1][:-1] ** 2)
+
+    square = fit(squared, panels(search.low, search.high, SCANNED // NODES))
+    return square, float(sizes[0][-1]), float(np.nanmax(sizes[0], initial=0.0))
+
+
+def _points(search: _Search, square: Series, known: set[float]) -> Iterator[float]:
+    """Change points among the minima of the determinant's square."""
+    x = square.extrema()
+    sides = np.minimum(square(x - search.spacing), square(x + search.spacing))
+    minima = x[~(square(x) > sides)]  # NaN on one side decides nothing
+    points = [x for guess in minima.tolist() if (x := _root(search, guess)) is not None]
     for point in points:
         x = SEAM + (point - SEAM) % math.tau if search.rotary else point
         yield next((k for k in known if abs(k - x) <= DOUBLE_ROOT * search.spacing), x)
-    if search.rotary and len(points) % 2 and gap.any():
-        # the driver does not turn fully: a turn further on the same pose is the same mode
-        yield float(edges[_middle(gap[:-1])])
+    if search.rotary and len(points) % 2:
+        edges = panels(search.low, search.high, SCANNED)
+        gap = np.isnan(search.size(edges))
+        if gap.any():
+            # the driver does not turn fully: a turn further on the same pose is the same mode
+            yield float(edges[_middle(gap[:-1])])
 
 
 def _root(search: _Search, guess: float) -> float | None:
