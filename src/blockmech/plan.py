@@ -214,6 +214,13 @@ class Schedule:
         answer: T = self._answers[question]
         return answer
 
+    def copied(self) -> Schedule:
+        """The same so far; what is asked of one is not known to the other."""
+        other = copy.copy(self)
+        own = {k: v.copy() for k, v in vars(self).items() if isinstance(v, list | dict | set)}
+        vars(other).update(own)
+        return other
+
     def under(self, load: UnitLoad) -> Schedule:
         """The same program, asked about the mechanism at rest under a unit load alone.
 

@@ -25,7 +25,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction
+from blockmech.plan import Friction, Schedule
 from blockmech.series import DOUBLE_ROOT, GOLDEN, NODES, SCANNED, Floats, Series, fit, panels
 
 SEAM = -math.pi / 2  # where the scan of a turn begins
@@ -57,6 +57,7 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
     """
     followed_structure, problems = structure, list[Problem]()
     wrong: set[str] = set()
+    last, made = "", schedule(structure, scene, Friction("none"))
     for name, block in structure.blocks.items():
         if not (isinstance(block, TwoModes) and block.follows):
             continue
@@ -65,8 +66,15 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
         home: Any = block.home  # type: ignore[attr-defined]
         ((driver, q_home),) = home.drivers.items()
         known = {p for other in followed_structure.followed.values() for p in other.points}
+        if last in structure.ancestors(name):  # what moves it goes on from there
+            made.structure = followed_structure
+            made.ask(position, last)
+        else:
+            made = schedule(followed_structure, scene, Friction("none"))
+        last, ahead = name, made.copied()
         plain = {**followed_structure.followed, name: FollowedBranch(driver)}
-        search = _search(replace(followed_structure, followed=plain), scene, name, driver, q_home)
+        ahead.structure = replace(followed_structure, followed=plain)
+        search = _search(ahead, name, driver, q_home)
         square, at_home, largest = _square(search, q_home)
         if not at_home > AT_HOME * largest:
             problems.append(_no_home(name, driver, q_home, at_home))
@@ -85,8 +93,7 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
     return followed_structure
 
 
-def _search(structure: Structure, scene: Scene, block: str, driver: str, q_home: float) -> _Search:
-    made = schedule(structure, scene, Friction("none"))
+def _search(made: Schedule, block: str, driver: str, q_home: float) -> _Search:
     program = made.program([f"{made.ask(position, block)}.det"])
     engine = NumpyEngine(program)
 
@@ -94,10 +101,10 @@ def _search(structure: Structure, scene: Scene, block: str, driver: str, q_home:
         sizes = engine.run(dict.fromkeys(program.inputs, q), q.size)[0]
         return np.asarray(np.abs(np.asarray(sizes, dtype=float)))
 
-    if structure.driver_joint(driver).rotary:
+    if made.structure.driver_joint(driver).rotary:
         low = SEAM + GOLDEN * math.tau / SCANNED
         return _Search(size, low, low + math.tau, True)
-    reach = TRAVEL * sum(b.largest_length() for b in structure.blocks.values())
+    reach = TRAVEL * sum(b.largest_length() for b in made.structure.blocks.values())
     return _Search(size, q_home - reach, q_home + reach, False)
 
 
@@ -126,9 +133,9 @@ def _square(search: _Search, q_home: float) -> tuple[Series, float, float]:
 
 def _points(search: _Search, square: Series, known: set[float]) -> Iterator[float]:
     """Change points among the minima of the determinant's square."""
-    x = square.extrema()
-    sides = np.minimum(square(x - search.spacing), square(x + search.spacing))
-    minima = x[~(square(x) > sides)]  # NaN on one side decides nothing
+    places = square.extrema()
+    sides = np.minimum(square(places - search.spacing), square(places + search.spacing))
+    minima = places[~(square(places) > sides)]  # NaN on one side decides nothing
     points = [x for guess in minima.tolist() if (x := _root(search, guess)) is not None]
     for point in points:
         x = SEAM + (point - SEAM) % math.tau if search.rotary else point
