@@ -178,6 +178,7 @@ def fit(
     floor: float = 0.0,
     levels: int = LEVELS,
     most: int = MOST,
+    divide: Callable[[Floats, Floats, Floats], Floats] | None = None,
 ) -> Series:
     """The series of a function, fine enough to end on each panel.
 
@@ -190,6 +191,8 @@ def fit(
     floor : tail that is rounding, however small the panel's coefficients
     levels : how often a panel may be halved
     most : panels above which none is halved any more
+    divide : middles (m,) of panels that do not end, places and values (m, n) there -> where to
+        divide them instead
 
     Returns
     -------
@@ -201,7 +204,8 @@ def fit(
     for level in range(levels + 1):
         half = (high - low) / 2
         x = (low + half)[:, None] + half[:, None] * nodes(n)
-        c = coefficients(np.asarray(function(x.ravel()), dtype=float).reshape(x.shape))
+        y = np.asarray(function(x.ravel()), dtype=float).reshape(x.shape)
+        c = coefficients(y)
         good: NDArray[np.bool_] = np.asarray(np.isfinite(c).all(axis=1))
         rounded = EPS * np.abs(edges).max() / half  # of the places, which moves the values
         size, change = np.abs(c).max(axis=1), np.abs(c[:, 1:]).max(axis=1)
@@ -217,6 +221,7 @@ def fit(
         if final.all():
             break
         low, middle, high = low[~final], middle[~final], high[~final]
+        middle = divide(middle, x[~final], y[~final]) if divide else middle
         low, high = np.stack([low, middle], 1).ravel(), np.stack([middle, high], 1).ravel()
     lows, highs, cs, goods = (np.concatenate(part) for part in zip(*kept, strict=True))
     order = np.argsort(lows)

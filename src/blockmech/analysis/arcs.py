@@ -111,6 +111,7 @@ class _Margin:
         it is farthest from zero to the same place a turn later
     y : (m,) its values there
     sure : (m,) whether they are beyond their rounding, and so have a sign
+    ends : the last places where it is not negative, of those found on the way
     whole : whether there is no zero on the piece, nor below it; the others are missing then
     """
 
@@ -118,6 +119,7 @@ class _Margin:
         self.closure, self.k, self.piece = closure, k, piece
         self.block = closure.blocks[k]
         self.whole = False
+        self.ends: list[float] = []
         if piece.tiny:
             self.x = np.array([piece.span.low])
             self.y = self._row(self.x)
@@ -130,6 +132,7 @@ class _Margin:
             np.unique([*self.edges, *cuts]) if piece.passes else self.edges,
             n=NODES,
             floor=ROUNDED,
+            divide=self._divided,
         )
         self.whole = bool(np.all(series.resolved & ~series.may_vanish() & (series.c[:, 0] > 0)))
         if self.whole:
@@ -154,6 +157,21 @@ class _Margin:
             first = int(np.argmax(np.abs(self.y)))
             self.x = _rolled(self.x, first, TURN)
             self.y, self.sure = _rolled(self.y, first), _rolled(self.sure, first)
+
+    def _divided(self, middle: Floats, u: Floats, y: Floats) -> Floats:
+        """Where to divide panels that have no series: at the first change of sign, if there is one.
+
+        Beyond its dead centre the margin of a general group is another function, how far it
+        misses closing, and is smooth on both sides only.
+        """
+        span, signs = self.piece.span, np.where(np.abs(y) > ROUNDED, np.sign(y), np.nan)
+        for i, j in enumerate(np.argmax(signs[:, 1:] * signs[:, :-1] < 0, axis=1).tolist()):
+            if not signs[i, j] * signs[i, j + 1] < 0:
+                continue
+            sides = span.place(u[i, j : j + 2])[:: int(signs[i, j])].tolist()
+            self.ends.append(self._last(*sides))
+            middle[i] = np.clip(span.share(np.array(self.ends[-1])), u[i, j], u[i, j + 1])
+        return middle
 
     def _row(self, q: Floats) -> Floats:
         return np.array(self.closure.margins(q)[self.k])
@@ -234,9 +252,12 @@ class _Margin:
         return Piece(Span(start.q, end.q, size=self.piece.span.size), start, end, tuple(inside))
 
     def _end(self, inside: float, outside: float) -> Bound:
-        return Bound(
-            last_place(lambda q: self.closure.margin(self.k, q), inside, outside), self.block
-        )
+        low, high = sorted((inside, outside))
+        known = next((q for q in self.ends if low < q < high), None)
+        return Bound(self._last(inside, outside) if known is None else known, self.block)
+
+    def _last(self, inside: float, outside: float) -> float:
+        return last_place(lambda q: self.closure.margin(self.k, q), inside, outside)
 
 
 def _bounded(margin: Floats) -> Floats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from blockmech.analysis.scan import ASIDE, SEAM, TURN, Span
 from blockmech.blocks.contract import BuiltIn, Moving
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.model.structure import JointRef
+from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction
@@ -49,6 +49,7 @@ class Closure:
         self._program = kept[groups]
         self.blocks = self._program.rows
         self._known = cache(self._evaluated)
+        self._paths_at = cache(self._paths)  # of a chain, all groups touch zero together
 
     def margins(self, q: Floats) -> Floats:
         """Margins (rows, n) at places (n,); all groups are looked at, one after the other."""
@@ -66,6 +67,12 @@ class Closure:
             rows = [self._program.read(k, values) for k in range(len(self.blocks))]
             return np.array([np.broadcast_to(row, q.shape) for row in rows], dtype=float)
 
+    def _paths(self, places: bytes) -> list[Any]:
+        q = np.frombuffer(places)
+        columns = {n: np.broadcast_to(x, q.shape) for n, x in self._inputs(q).items()}
+        values = self._program.paths.run(columns, len(q))
+        return [np.broadcast_to(z.real + 1j * z.imag, q.shape) for z in values]
+
     def _at(self, q: float) -> tuple[Any, ...]:
         """Values of the program at one place."""
         return self._program.scalar.one(list(self._inputs(q).values()))
@@ -81,12 +88,11 @@ class Closure:
         A corner or a smooth passage moves as far from -d to d as from -2d to -d and d to 2d
         together; a pole or a flip moves much farther.
         """
-        s = self.mechanism.structure
-        links = [f"{block}.{link}.angle" for link in s.blocks[block].link_names]
-        points = [f"{m}.p" for m in s.markers(block)]
-        run = self._run([q - 2 * d, q - d, q + d, q + 2 * d], [*links, *points])
-        paths = [np.exp(1j * run[n]) for n in links] + [run[n] for n in points]
-        for z in paths:
+        places = np.array([q - 2 * d, q - d, q + d, q + 2 * d])
+        if not (self.margins(places)[self.blocks.index(block)] >= 0).all():
+            return False
+        paths = self._paths_at(places.tobytes())
+        for z in (paths[i] for i in self._program.paths_of[block]):
             step = np.abs(np.diff(z))
             noise = 1e-9 * float(np.abs(z).max())
             if not step[1] <= 1.5 * (step[0] + step[2]) + noise:
@@ -106,11 +112,6 @@ class Closure:
             return WORDS["RPR"]
         return "extended" if apart > math.hypot(block.l_i, block.l_j) else "folded"
 
-    def _run(self, q: list[float], want: list[str]) -> Any:
-        # Rates are given so that laws of motion, which may be by time, are not asked.
-        at = {d: q if d == self.driver else self.held[d] for d in self.mechanism.drivers}
-        return self.mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), want=want, on_gap="mark")
-
 
 class _Program:
     """The margins of groups in formation order, and the outer pins of those whose words need them.
@@ -119,6 +120,7 @@ class _Program:
     ----------
     rows : group of each margin
     pivots : group -> where its outer pins B and D are among the values
+    paths_of : group -> which values of ``paths`` are its links' directions and markers' places
     """
 
     def __init__(self, mechanism: Compiled, groups: tuple[str, ...]) -> None:
@@ -140,6 +142,20 @@ class _Program:
         self.rows = tuple(rows)
         program = s.program(values)
         self.scalar, self.batch = ScalarEngine(program), NumpyEngine(program)
+        self._mechanism = mechanism
+        self.paths_of: dict[str, range] = {}
+
+    @cached_property
+    def paths(self) -> NumpyEngine:
+        """How the links of all groups move."""
+        structure, values = self._mechanism.structure, list[str]()
+        s = schedule(structure, self._mechanism.scene, Friction("none"))
+        for g in self.rows:
+            first, links = len(values), structure.blocks[g].link_names
+            values += [s.ask(forward.link_position, LinkRef(g, x)).scalar for x in links]
+            values += [s.ask(forward.marker_place, m) for m in structure.markers(g)]
+            self.paths_of[g] = range(first, len(values))
+        return NumpyEngine(s.program(values))
 
     def read(self, k: int, values: tuple[Any, ...]) -> Any:
         """A margin; of two pins the square of their distance relative to the origin's."""
