@@ -122,6 +122,12 @@ def test_what_the_hand_does_is_drawn_within_a_frame(page, studio):  # noqa: F811
 
 
 GALLERY = ("ruiz_fourbar", "excavator", "engine", "scissor_lift")
+NUMBERED = """() => {
+    const all = [...Bokeh.documents[0]._all_models.values()];
+    const curve = (one) => one.type === "ColumnDataSource" && one.data.get?.("xs")?.[0]?.length > 1;
+    const numbers = (one) => one.type === "Div" && one.text.includes(" = ");
+    return all.some(curve) && all.some(numbers) && Bokeh.documents[0].is_idle;
+}"""
 BLOCKS_CHANGE = """async ([button, diagram]) => {
     const count = () => diagram.querySelectorAll(".block").length;
     const [begun, before, most] = [performance.now(), count(), 3e4];
@@ -162,7 +168,8 @@ def test_a_page_and_mechanisms_of_the_gallery_open(page, studio):  # noqa: F811
             begun = time.perf_counter()
             page.locator(f'.card[href="?example={name}"]').click()
             blocks(page).first.wait_for()
-            page.wait_for_function("Bokeh.documents[0]?.is_idle")
+            page.locator(".caption").get_by_text("=").first.wait_for()  # drawn in its poses
+            page.wait_for_function(NUMBERED)
             taken.append(time.perf_counter() - begun)
         row(f"open {name}", min(taken), 1.5)
 

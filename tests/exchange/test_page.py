@@ -2,7 +2,6 @@
 
 import json
 import random
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -11,22 +10,18 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.exchange.page.script import Script, numbers
+from tests.studio.conftest import ARGUMENTS, chromium, driver
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 POSES = 1000
-ARGUMENTS = ("--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking")
 
 
 @pytest.fixture(scope="module")
 def browser():
-    tool = pytest.importorskip("playwright.sync_api", reason="it is no browser's driver")
-    found = shutil.which("chromium")
-    if found is None:
-        pytest.skip("there is no browser: the Debian package chromium is not installed")
-    with tool.sync_playwright() as running:
-        made = running.chromium.launch(executable_path=found, headless=True, args=ARGUMENTS)
-        yield made
-        made.close()
+    how = {"executable_path": chromium(), "headless": True, "args": ARGUMENTS}
+    made = driver().chromium.launch(**how)
+    yield made
+    made.close()
 
 
 @pytest.fixture

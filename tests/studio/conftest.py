@@ -1,11 +1,12 @@
 """One server and one browser for all tests that act as a user does."""
 
+import atexit
 import os
 import shutil
 import subprocess
 import sys
 from contextlib import contextmanager
-from pathlib import Path
+from functools import cache
 
 import pytest
 
@@ -44,23 +45,32 @@ def studio(tmp_path_factory):
         yield address, folder
 
 
-@pytest.fixture(scope="session")
-def browser(tmp_path_factory):
-    """Chromium with a user's folder of its own."""
-    from playwright.sync_api import expect, sync_playwright
+@cache
+def driver():
+    """What drives browsers. A process has one: a second one beside it is refused by Playwright."""
+    tool = pytest.importorskip("playwright.sync_api", reason="it is no browser's driver")
+    running = tool.sync_playwright().start()
+    atexit.register(running.stop)
+    return running
 
+
+def chromium():
+    """The browser's program."""
     found = shutil.which("chromium")
     if found is None:
         pytest.skip("there is no browser: the Debian package chromium is not installed")
-    with sync_playwright() as tool:
-        folder = Path(tmp_path_factory.mktemp("chromium"))
-        context = tool.chromium.launch_persistent_context(
-            folder, executable_path=found, headless=True, args=ARGUMENTS, viewport=WINDOW
-        )
-        context.set_default_timeout(PATIENCE)
-        expect.set_options(timeout=PATIENCE)
-        yield context
-        context.close()
+    return found
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory):
+    """Chromium with a user's folder of its own."""
+    how = {"executable_path": chromium(), "headless": True, "args": ARGUMENTS, "viewport": WINDOW}
+    context = driver().chromium.launch_persistent_context(tmp_path_factory.mktemp("user"), **how)
+    context.set_default_timeout(PATIENCE)
+    pytest.importorskip("playwright.sync_api").expect.set_options(timeout=PATIENCE)
+    yield context
+    context.close()
 
 
 @pytest.fixture(scope="session")

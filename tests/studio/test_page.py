@@ -13,6 +13,7 @@ from blockmech.errors import BlockmechError
 from blockmech.studio.edits import renamed
 from blockmech.studio.sharing import KEY, packed, unpacked
 from tests.studio.page import (
+    add,
     blocks,
     choose,
     drag_block,
@@ -241,6 +242,7 @@ def test_nothing_is_below_the_fold_and_no_two_buttons_share_a_name(page, studio,
     press(page, "Trade")
     answer = page.get_by_text("complex64")
     answer.wait_for()
+    page.wait_for_function("Bokeh.documents[0].is_idle")  # it is laid out beside its picture
     lines = answer.bounding_box()
     assert lines["y"] + 60 < size[1]
     play = page.get_by_role("button", name="▶ Play").bounding_box()
@@ -266,6 +268,15 @@ def test_a_sheet_takes_the_gallerys_place_on_the_same_page(page, studio):
     page.locator(".cards").wait_for()
     page.go_forward()
     blocks(page).first.wait_for()
+    assert page.url == sheet
+    add(page, "spring")
+    count = blocks(page).count()
+    page.go_back()  # nobody is asked, and nothing is lost by whatever is opened then
+    page.locator('.card[href="?example=ruiz_fourbar"]').click()
+    blocks(page).first.wait_for()
+    page.go_back()
+    page.locator(f'.files a[href="{sheet[sheet.index("?") :]}"]').click()
+    blocks(page).nth(count - 1).wait_for()
     assert page.url == sheet
     page.goto(f"{studio[0]}?example=slider_crank")
     blocks(page).first.wait_for()

@@ -103,8 +103,8 @@ class Answers:
         self.names = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
         self.find = Find(label="Add an output", placeholder="part of its name", width=190, **FINDS)
         self.find.param.watch(lambda event: self._add(event.new), "value")
-        methods, wanted = list(get_args(FrictionMethod)), {x: float(x) for x in ACCURACIES}
-        wanted = {"default": 0.0, **wanted}
+        methods = list(get_args(FrictionMethod))
+        wanted = {"default": 0.0, **{x: float(x) for x in ACCURACIES}}
         self.friction = pn.widgets.Select(label="Friction", options=methods, width=92)
         self.accuracy = pn.widgets.Select(label="Accuracy", options=wanted, width=100)
         self.friction.value = "newton"

@@ -12,7 +12,7 @@ from urllib.parse import parse_qsl
 import panel as pn
 import param
 
-from blockmech.builders import Graph, Linkage, Opened, opened
+from blockmech.builders import Graph, Linkage, Opened, opened, read_text
 from blockmech.errors import BlockmechError
 from blockmech.graph_files import gallery
 from blockmech.studio.answers import Answers
@@ -20,7 +20,7 @@ from blockmech.studio.component import Component, script
 from blockmech.studio.diagram import Diagram
 from blockmech.studio.exports import exported, kinds
 from blockmech.studio.fields import CHOICES, Shown
-from blockmech.studio.files import Desk, Filed, files_of
+from blockmech.studio.files import Desk, Filed
 from blockmech.studio.form import MECHANISM, Form
 from blockmech.studio.gallery import gallery_parts
 from blockmech.studio.links import LinksSheet
@@ -219,24 +219,38 @@ class Window:
         """Open what a link of the page, or what stands behind ``#`` in the address, names."""
         self.open(dict(parse_qsl(msg["open"][1:], keep_blank_values=True)))
 
+    @together
+    def take(self, name: str, content: bytes) -> None:
+        """Open a file that was uploaded."""
+        self.show(lambda: self.desk.put(read_text(content, name)))
+
     def open(self, args: Mapping[str, str]) -> None:
-        """Show the sheet that an address names, or the gallery, with what is wrong."""
-        desk, message, name = self.desk, "", args.get("sheet", "")
+        """Show the sheet that an address names, or the gallery."""
+        desk, examples = self.desk, gallery()
+        known: dict[str, Callable[[str], str]] = {
+            "doc": lambda text: desk.put(unpacked(text)),
+            "open": desk.open,
+            "example": lambda name: desk.put(opened(examples[name])) if name in examples else "",
+            "new": lambda _: desk.put(),
+            "draw": lambda _: desk.put(Linkage()),
+            "sheet": str,
+        }
+        key = next((key for key in known if key in args), "sheet")
+        self.show(lambda: known[key](args.get(key, "")))
+
+    def show(self, named: Callable[[], str]) -> None:
+        """Show the sheet whose name is given, or the gallery, with what is wrong."""
+        message = name = ""
         try:
-            if "doc" in args:
-                name = desk.put(unpacked(args["doc"]))
-            elif "open" in args:
-                name = desk.open(args["open"])
-            elif "example" in args and args["example"] in gallery():
-                name = desk.put(opened(gallery()[args["example"]]))
-            elif "new" in args or "draw" in args:
-                name = desk.put(Linkage() if "draw" in args else None)
+            name = named()
         except BlockmechError as error:
             message = str(error)
-        sheet = desk.sheets.get(name)
+        sheet = self.desk.sheets.get(name)
         self.browser.address = f"?sheet={name}{'&theme=dark' * self.dark}" if sheet else ""
-        here = files_of(desk.folder), desk.put, message, self.dark
-        parts = Page(sheet, self.dark, self.browser).parts() if sheet else gallery_parts(*here)
+        if sheet:
+            parts = Page(sheet, self.dark, self.browser).parts()
+        else:
+            parts = gallery_parts(self.desk, self.take, message, self.dark)
         self.root[1:] = parts
 
 

@@ -2,7 +2,7 @@
 
 const YEARS = 10 * 365 * 86400; // s, for which a choice is kept
 
-function addresses(model, on) {
+function addresses(model, on, heard) {
   const open = (address) => model.send_msg({ open: address });
   const fragment = () => {
     const { hash, search } = location;
@@ -16,7 +16,11 @@ function addresses(model, on) {
     open(to);
   });
   on("hashchange", fragment);
-  on("popstate", () => { if (location.search !== model.address) location.reload(); });
+  on("popstate", () => {
+    if (location.search === model.address) return;
+    heard.abort(); // nothing is asked: the gallery lists what is not saved
+    location.reload();
+  });
   model.on("address", () => history.pushState(null, "", model.address));
   if (model.address) history.replaceState(null, "", model.address);
   fragment();
@@ -27,7 +31,7 @@ export function render({ model }) {
   const on = (name, act) => window.addEventListener(name, act, { signal: heard.signal });
   model.on("remove", () => heard.abort());
   on("beforeunload", (event) => { if (!model.saved) event.preventDefault(); });
-  if (model.address !== null) addresses(model, on); // a notebook's are its own
+  if (model.address !== null) addresses(model, on, heard); // a notebook's are its own
   model.on("units", () => {
     document.cookie = `blockmech_units=${model.units}; path=/; max-age=${YEARS}; samesite=strict`;
   });

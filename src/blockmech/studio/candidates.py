@@ -70,18 +70,14 @@ class Candidates:
         none = "No four-bar without defects passes these; move them, or ask for fewer."
         self.said.object = HOW if designs else none
         self.designs = [design for design, _ in designs]
-        self.found.objects = [
-            pn.Column(
-                pn.pane.HTML(picture, stylesheets=[THUMB], margin=2),
-                beside(
-                    button(f"Take {k}", partial(self.take, design)),
-                    Plain(
-                        f"miss {design.miss:.2g} m, margin {design.margin:.2g}", stylesheets=[LINES]
-                    ),
-                ),
-            )
-            for k, (design, picture) in enumerate(designs, 1)
-        ]
+        self.found.objects = [self._card(k, *found) for k, found in enumerate(designs, 1)]
+
+    def _card(self, k: int, design: Any, picture: str) -> Any:
+        """The picture of a design, how good it is, and the button that takes it."""
+        words = f"miss {design.miss:.2g} m, margin {design.margin:.2g}"
+        take = button(f"Take {k}", partial(self.take, design))
+        below = beside(take, Plain(words, stylesheets=[LINES]))
+        return pn.Column(pn.pane.HTML(picture, stylesheets=[THUMB], margin=2), below)
 
     def take(self, design: Any) -> None:
         """Put a design on the sheet; *Undo* brings back what was wanted."""

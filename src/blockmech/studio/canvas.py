@@ -98,14 +98,8 @@ def _handles(
     shown: Graph, block: DrawnBlock, wrong: Mapping[str, str], wires: Iterable[Ends]
 ) -> dict[str, list[dict[str, str]]]:
     """Handles of a block: joints and terminals on the left, markers and guides on the right."""
-    inputs = [
-        {
-            "id": port.name,
-            "kind": port.pair or "load",
-            "said": wrong.get(f"{block.name}.{port.name}", ""),
-        }
-        for port in block.ports
-    ]
+    said = {port.name: wrong.get(f"{block.name}.{port.name}", "") for port in block.ports}
+    inputs = [{"id": p.name, "kind": p.pair or "load", "said": said[p.name]} for p in block.ports]
     outputs = []
     known = markers_of(shown.blocks.get(block.name))
     for name in dict.fromkeys((*known, *(w.marker for w in wires if w.source == block.name))):

@@ -33,20 +33,14 @@ export function render({ model, el }) {
   const canvas = ({ x, y }) => ({ x: (x - view.x) / view.scale, y: (y - view.y) / view.scale });
   const at = (one) => drag?.moved?.[one.id] ?? one;
 
-  function show() {
-    all.setAttribute("transform", `translate(${view.x} ${view.y}) scale(${view.scale})`);
-  }
+  const show = () => all.setAttribute("transform", `translate(${view.x} ${view.y}) scale(${view.scale})`);
 
   function fit() {
     const { width, height } = svg.getBoundingClientRect();
     if (!width || !blocks().length) return;
+    const ends = blocks().flatMap((b) => [[b.x, b.y], [b.x + b.width, b.y + b.height]]);
     const ways = model.drawing.wires.flatMap((wire) => wire.way);
-    const [xs, ys] = [
-      [...blocks().flatMap((b) => [b.x, b.x + b.width]), ...ways.map(([x]) => x)],
-      [...blocks().flatMap((b) => [b.y, b.y + b.height]), ...ways.map(([, y]) => y)],
-    ];
-    const [left, top] = [xs, ys].map((row) => row.reduce((a, b) => Math.min(a, b)));
-    const [right, bottom] = [xs, ys].map((row) => row.reduce((a, b) => Math.max(a, b)));
+    const [[left, top], [right, bottom]] = corners([...ends, ...ways]);
     view.scale = Math.min(1, (width - 2 * EDGE) / (right - left), (height - 2 * EDGE) / (bottom - top));
     view.x = (width - (left + right) * view.scale) / 2;
     view.y = (height - (top + bottom) * view.scale) / 2;
@@ -140,16 +134,6 @@ export function render({ model, el }) {
     return { x: r.x + r.width / 2 - s.x, y: r.y + r.height / 2 - s.y };
   }
 
-  function nearest(p, side) {
-    let [best, least] = [null, NEAR];
-    for (const handle of handles(side)) {
-      const z = middle(handle);
-      const off = Math.hypot(z.x - p.x, z.y - p.y);
-      if (off < least) [best, least] = [handle, off];
-    }
-    return best;
-  }
-
   function choose(names, more) {
     const known = chosen().filter((name) => !names.includes(name));
     const all_in = names.every((name) => chosen().includes(name));
@@ -189,7 +173,7 @@ export function render({ model, el }) {
         { x: block(name).x + by[0], y: block(name).y + by[1] }]));
       draw();
     } else if (drag.kind === "wire") {
-      const onto = nearest(p, drag.side);
+      const onto = closest(handles(drag.side), middle, p, NEAR);
       const z = canvas(onto ? middle(onto) : p);
       drag.end = [z.x, z.y];
       if (onto?.dataset.port !== drag.onto?.port || onto?.dataset.block !== drag.onto?.block) {
@@ -254,12 +238,7 @@ export function render({ model, el }) {
     over = wire;
   }
 
-  function hint(text, { x, y }) {
-    const { width } = svg.getBoundingClientRect();
-    tip.textContent = text;
-    tip.style.transform = `translate(${Math.max(Math.min(x + 12, width - 320), 0)}px, ${y + 14}px)`;
-    tip.hidden = !text;
-  }
+  const hint = (text, p) => sayAt(tip, svg, text, p);
 
   function hide() { tip.hidden = true; }
 

@@ -141,13 +141,8 @@ def fields_of(root: Schema, node: Schema, raw: Any, path: Path = ()) -> Iterator
 
 
 def _leaf(node: Schema, path: Path) -> Field:
-    leaf = Field(
-        path,
-        "json",
-        str(node.get("unit", "")),
-        node.get("default"),
-        said=str(node.get("description", "")),
-    )
+    unit, words = (str(node.get(key, "")) for key in ("unit", "description"))
+    leaf = Field(path, "json", unit, node.get("default"), said=words)
     if any("polar" in o.get("properties", {}) for o in node.get("anyOf", ())):
         return leaf._replace(kind="place", unit="m")
     if "enum" in node or node.get("type") == "boolean":

@@ -74,9 +74,8 @@ export function render({ model, el }) {
     own.input.setAttribute("aria-invalid", Boolean(row.wrong));
     if (own.keys.dataset.keys !== row.keys.join("\u0000")) {
       own.keys.replaceChildren();
-      for (const name of row.keys) {
-        pressed(own.keys, `Remove ${name}`, "", () => model.send_msg({ act: "remove", path: row.path, key: name }));
-      }
+      for (const key of row.keys)
+        pressed(own.keys, `Remove ${key}`, "", () => model.send_msg({ act: "remove", path: row.path, key }));
       own.keys.dataset.keys = row.keys.join("\u0000");
     }
     return [key, own];

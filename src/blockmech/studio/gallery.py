@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any
 from urllib.parse import quote
 
 import panel as pn
 
-from blockmech.builders import Opened, opened, read_text
+from blockmech.builders import opened
 from blockmech.draw.paper import rendered
-from blockmech.errors import BlockmechError
 from blockmech.graph_files import gallery
 from blockmech.studio.component import style
+from blockmech.studio.files import Desk, files_of
 
 
 @cache
@@ -32,11 +32,12 @@ def words_of(name: str) -> str:
 
 
 def gallery_parts(
-    names: Sequence[str], put: Callable[[Opened], str], message: str, dark: bool
+    desk: Desk, take: Callable[[str, bytes], None], message: str, dark: bool
 ) -> list[Any]:
     """What stands on the page, with what went wrong as a message.
 
-    ``names`` are files of the folder, ``put`` makes a sheet and gives its name.
+    ``take`` gets name and content of a file that is uploaded. Sheets of the desk that are not
+    saved are there too: whoever left one finds it again.
     """
     theme = "&amp;theme=dark" if dark else ""
     cards = "".join(
@@ -46,29 +47,23 @@ def gallery_parts(
         for name in gallery()
         if "/" not in name
     )
-    files = "".join(
-        f'<li><a href="?open={quote(name)}{theme}">{html.escape(name)}</a></li>' for name in names
-    )
+
+    def listed(heading: str, key: str, names: Mapping[str, str]) -> str:
+        links = "".join(
+            f'<li><a href="?{key}={quote(name)}{theme}">{html.escape(words)}</a></li>'
+            for name, words in names.items()
+        )
+        return f"<h2>{heading}</h2><ul class=files>{links}</ul>" if links else ""
+
     upload = pn.widgets.FileInput(accept=".json", name="Upload a file")
-    line = pn.pane.HTML(_alert(message))
-
-    def take(event: Any) -> None:
-        try:
-            name = put(read_text(event.new, upload.filename))
-        except BlockmechError as error:
-            line.object = _alert(str(error))
-            return
-        line.object = f'<p>read: <a href="?sheet={name}{theme}">open the sheet</a></p>'
-
-    upload.param.watch(take, "value")
+    upload.param.watch(lambda event: take(upload.filename, event.new), "value")
     head = f'<h1>blockmech studio</h1><p><a href="?draw{theme}">Draw links and joints</a> '
     head += f'or <a href="?new{theme}">wire blocks</a> on an empty sheet</p>'
-    here = f"<h2>In this folder</h2><ul class=files>{files}</ul>" if files else ""
+    unsaved = {name: s.form["name"] for name, s in desk.sheets.items() if not s.saved}
+    files = {name: name for name in files_of(desk.folder)}
+    here = listed("Not saved", "sheet", unsaved) + listed("In this folder", "open", files)
     shown = f"<style>{style('cards.css')}</style><h2>Gallery</h2><div class=cards>{cards}</div>"
-    parts = (head, line, upload, here, shown)
+    alert = f"<p role=alert>{html.escape(message)}</p>" if message else ""
+    parts = (head, alert, upload, here, shown)
     wide = "stretch_width"
     return [pn.pane.HTML(p, sizing_mode=wide) if isinstance(p, str) else p for p in parts]
-
-
-def _alert(message: str) -> str:
-    return f"<p role=alert>{html.escape(message)}</p>" if message else ""

@@ -25,7 +25,7 @@ from blockmech.studio.looks import beside, button
 from blockmech.studio.plots import coloured
 from blockmech.studio.redraw import as_links
 from blockmech.studio.session import follow, heard
-from blockmech.studio.sheet import Sheet
+from blockmech.studio.sheet import Sheet, Step
 from blockmech.studio.sketching import Drawn, Form, outlines_of, sides_of
 from blockmech.studio.turn import shown_motion
 from blockmech.values import Place, xy
@@ -68,9 +68,8 @@ def drawing_of(form: Form, pins: dict[str, Drawn], dark: bool, units: Shown) -> 
     """Pins, links, distances and loads as the browser draws them; places in metres."""
     outlines = outlines_of(pins)
     fills = [coloured(fill, dark) for fill in ink.LINK_FILLS]
-    wheels = [wheel for gear in form.get("couplings", {}).values() for wheel in _wheels(form, gear)]
+    couplings = form.get("couplings", {}).values()
     return {
-        "ours": True,
         "pins": [
             {
                 "name": name,
@@ -91,7 +90,7 @@ def drawing_of(form: Form, pins: dict[str, Drawn], dark: bool, units: Shown) -> 
             for a, b in dict.fromkeys(pair for ends in outlines.values() for pair in sides_of(ends))
         ],
         "loads": list(_loads(form)),
-        "wheels": wheels,
+        "wheels": [wheel for coupling in couplings for wheel in _wheels(form, coupling)],
         "unit": units.factor("m"),  # how many of the unit shown make one of SI
         "degree": units.factor("rad"),
         "length": units.length,
@@ -159,10 +158,11 @@ class LinksSheet:
             "Delete": sketching.removed,
         }
         self.buttons = [button(name, partial(self.act, name)) for name in self.acts]
-        redraw = partial(self._change, self._redrawn, "drawn as links and joints")
+        redraw = partial(self._change, self._redrawn)
         self.redraw = button("Draw these blocks on as links and joints", redraw)
-        empty = partial(self._change, Linkage(sheet.form["name"]).to_data, "begun")
-        self.begin = button("Begin a drawing of links and joints", empty)
+        empty = Step(Linkage(sheet.form["name"]).to_data(), "begun")
+        begin = partial(self._change, lambda: empty)
+        self.begin = button("Begin a drawing of links and joints", begin)
         # Panel sends the value twice at Enter, as a change and with the key
         self.place.param.watch(lambda _: self._typed(self.place.value), "enter_pressed")
         self.said = pn.pane.HTML("", sizing_mode="stretch_width", margin=(0, 4))
@@ -227,23 +227,20 @@ class LinksSheet:
 
     # -- what is done ----------------------------------------------------------------------
 
-    def _change(self, make: Callable[[], Form], step: str) -> None:
+    def _change(self, make: Callable[[], Step]) -> None:
         """Change the sheet; what cannot be is said, and drawn no more."""
         try:
-            self.sheet.change(make(), step)
+            self.sheet.change(*make())
         except BlockmechError as error:
-            self._refuse(error)
+            self.canvas.param.trigger("drawing")
+            self._say(str(error), "alert")
 
-    def _redrawn(self) -> Form:
+    def _redrawn(self) -> Step:
         """The blocks of the sheet as links and joints; the diagram then follows from these."""
         motion, message = shown_motion(self.sheet.form, self.sheet.mechanism, (), "", {})
         if motion is None:
             raise refused("blocks", message, "mend them first")
-        return as_links(self.sheet.form, motion)
-
-    def _refuse(self, error: BlockmechError) -> None:
-        self.canvas.param.trigger("drawing")
-        self._say(str(error), "alert")
+        return Step(as_links(self.sheet.form, motion), "drawn as links and joints")
 
     def _sliding(self, form: Form, pins: list[str]) -> Form:
         angle = self.angle.value
@@ -271,8 +268,10 @@ class LinksSheet:
             how = "drag from pin to pin" if name in PAIRS else "click on a pin"
             self._say(f"{name}: {how}, or choose pins first; Esc ends it", "status")
             return
-        make = partial(self.acts[name], self.sheet.form, list(pins))
-        self._change(make, f"{name}: {', '.join(pins)}")
+        self._change(lambda: self._acted(self.sheet.form, name, pins))
+
+    def _acted(self, form: Form, name: str, pins: list[str]) -> Step:
+        return Step(self.acts[name](form, list(pins)), f"{name}: {', '.join(pins)}")
 
     def _typed(self, text: str) -> None:
         """A pin at places typed in: the way of the keyboard."""
@@ -291,37 +290,36 @@ class LinksSheet:
 
     def meant(self, msg: dict[str, Any]) -> None:
         """Do what a gesture means: one step of the sheet."""
-        act, form = msg["act"], self.sheet.form
+        act = msg["act"]
         if not self.ours:
             return
-        try:
-            if act in self.acts:
-                self.act(act, msg["pins"])
-            elif act == "pin":
-                form, pin = sketching.pin_at(form, msg)
-                self.sheet.change(form, f"pin {pin}")
-            elif act == "draw":
-                form, a = sketching.pin_at(form, msg["from"])
-                form, b = sketching.pin_at(form, msg["to"])
-                tool = msg["tool"] or "Link"
-                self.sheet.change(self.acts[tool](form, [a, b]), f"{tool}: {a}, {b}")
-            elif act == "move":
-                places = {n: complex(*z) for n, z in msg["pins"].items() if n in self.drawn}
-                self.sheet.change(sketching.moved(form, places), f"move {', '.join(places)}")
-            elif act == "dimension":
-                a, b = msg["ends"]
-                self.sheet.change(sketching.dimensioned(form, a, b, msg["value"]), f"{a} to {b}")
-            elif act == "angle":
-                pins = [name for name in msg["pins"] if name in self.drawn]
-                self.sheet.change(
-                    sketching.turned(form, pins, msg["value"]), f"angle {', '.join(pins)}"
-                )
-            elif act in ("undo", "redo"):
-                getattr(self.sheet, act)()
-            else:
-                self._say(msg["said"], "alert")
-        except BlockmechError as error:
-            self._refuse(error)
+        if act in self.acts:
+            self.act(act, msg["pins"])
+        elif act in ("undo", "redo"):
+            getattr(self.sheet, act)()
+        elif act == "wrong":
+            self._say(msg["said"], "alert")
+        else:
+            self._change(lambda: self._step(act, msg))
+
+    def _step(self, act: str, msg: dict[str, Any]) -> Step:
+        """What a gesture makes of the sheet."""
+        form = self.sheet.form
+        if act == "pin":
+            form, pin = sketching.pin_at(form, msg)
+            return Step(form, f"pin {pin}")
+        if act == "draw":
+            form, a = sketching.pin_at(form, msg["from"])
+            form, b = sketching.pin_at(form, msg["to"])
+            return self._acted(form, msg["tool"] or "Link", [a, b])
+        if act == "dimension":
+            a, b = msg["ends"]
+            return Step(sketching.dimensioned(form, a, b, msg["value"]), f"{a} to {b}")
+        pins = [name for name in msg["pins"] if name in self.drawn]
+        if act == "angle":
+            return Step(sketching.turned(form, pins, msg["value"]), f"angle {', '.join(pins)}")
+        places = {name: complex(*msg["pins"][name]) for name in pins}
+        return Step(sketching.moved(form, places), f"move {', '.join(pins)}")
 
     def _chosen_in_browser(self, event: Any) -> None:
         self.pins.value = [name for name in event.new if name in self.pins.options]

@@ -59,11 +59,9 @@ export function render({ model, el }) {
   }
 
   model.on("done", () => {
-    [busy, asked] = [false, null];
-    if (!next) return;
-    const [act, more] = next;
-    next = null;
-    send(act, more);
+    const waiting = next;
+    [busy, asked, next] = [false, null, null];
+    if (waiting) send(...waiting);
   });
 
   function stand(k) {
@@ -119,8 +117,7 @@ export function render({ model, el }) {
     const [x0, y0] = [across(model.drawing.middle[0]), down(model.drawing.middle[1])];
     const k = model.drawing.unit * view.scale;
     for (const layer of model.drawing.layers) paint(layer, x0, y0, k);
-    const held = drag?.name !== undefined ? drag.at : null;
-    if (held) ring(held.x, held.y);
+    if (drag?.name !== undefined) ring(drag.at);
     pen.fillStyle = colours.getPropertyValue("--bm-ink");
     pen.textAlign = "left";
     pen.fillText(model.drawing.words, 6, size.height - 20);
@@ -199,7 +196,7 @@ export function render({ model, el }) {
     pen.fillText(words, x, y);
   }
 
-  function ring(x, y) {
+  function ring({ x, y }) {
     pen.beginPath();
     pen.arc(x, y, 9, 0, 2 * Math.PI);
     pen.strokeStyle = colours.getPropertyValue("--bm-blue");
@@ -219,15 +216,12 @@ export function render({ model, el }) {
 
   function nearest(p) {
     const rings = model.drawing.layers.at(-1);
-    let [best, least] = [null, GRIP];
-    rings?.looks.name.forEach((name, i) => {
+    const { middle: [x0, y0], unit, held } = model.drawing;
+    const joints = (held && rings?.looks.name) || [];
+    return closest(joints.map((name, i) => {
       const j = 2 * (pose * rings.count + i);
-      const x = across(model.drawing.middle[0] + rings.places[j] * model.drawing.unit);
-      const y = down(model.drawing.middle[1] + rings.places[j + 1] * model.drawing.unit);
-      const off = Math.hypot(x - p.x, y - p.y);
-      if (off < least) [best, least] = [{ name, at: { x, y } }, off];
-    });
-    return model.drawing.held ? best : null;
+      return { name, at: { x: across(x0 + rings.places[j] * unit), y: down(y0 + rings.places[j + 1] * unit) } };
+    }), (one) => one.at, p, GRIP);
   }
 
   canvas.addEventListener("pointerdown", (event) => {

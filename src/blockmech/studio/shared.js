@@ -30,6 +30,28 @@ function placeIn(part, { clientX, clientY }) {
   return { x: clientX - x, y: clientY - y };
 }
 
+// Least and largest coordinates of some places: two corners.
+const corners = (places) => [Math.min, Math.max].map((of) =>
+  [0, 1].map((k) => places.reduce((so_far, z) => of(so_far, z[k]), places[0][k])));
+
+// The one of some things that is nearest to a place [px]; `at` gives theirs, null: none is near.
+function closest(things, at, p, reach) {
+  let [best, least] = [null, reach];
+  for (const one of things) {
+    const off = Math.hypot(at(one).x - p.x, at(one).y - p.y);
+    if (off < least) [best, least] = [one, off];
+  }
+  return best;
+}
+
+// Say something in a bubble beside a place of a part [px], within its width; "" hides it.
+function sayAt(bubble, part, text, { x, y }) {
+  const { width } = part.getBoundingClientRect();
+  bubble.textContent = text;
+  bubble.hidden = !text;
+  bubble.style.transform = `translate(${Math.max(Math.min(x + 12, width - 320), 0)}px, ${y + 14}px)`;
+}
+
 function zoomed(view, factor, p) {
   [view.x, view.y] = [p.x + (view.x - p.x) * factor, p.y + (view.y - p.y) * factor];
   view.scale *= factor;

@@ -53,9 +53,7 @@ export function render({ model, el }) {
     if (!width) return;
     const places = pins().map((one) => one.at);
     if (trace) places.push(trace.at, farCorner());
-    const span = (k) => (places.length ? places.map((z) => z[k]) : [0, 1]);
-    const [xs, ys] = [span(0), span(1)];
-    const [low, high] = [Math.min, Math.max].map((of) => [of(...xs), of(...ys)]);
+    const [low, high] = corners(places.length ? places : [[0, 0], [1, 1]]);
     const size = [0, 1].map((k) => high[k] - low[k]);
     const most = Math.max(...size) || Math.max(...low.map(Math.abs)) || 1;
     const room = [width - 120, height - 110];
@@ -70,15 +68,8 @@ export function render({ model, el }) {
     return x >= 0 && y >= 0 && x <= width && y <= height;
   };
 
-  const nearest = (p, but = null) => {
-    let best = null;
-    let least = NEAR;
-    for (const one of pins()) {
-      const off = Math.hypot(across(at(one)[0]) - p.x, down(at(one)[1]) - p.y);
-      if (one.name !== but && off < least) [best, least] = [one, off];
-    }
-    return best;
-  };
+  const shown = (one) => ({ x: across(at(one)[0]), y: down(at(one)[1]) });
+  const nearest = (p, but = null) => closest(pins().filter(({ name }) => name !== but), shown, p, NEAR);
 
   // Where a dragged end goes: a pin, what was typed, a direction, the grid.
   function aimed(p, event, start = null, but = null) {
@@ -122,7 +113,7 @@ export function render({ model, el }) {
     const shapes = put(svg, "g");
     for (const link of model.drawing.links) {
       const ends = link.pins.map(pin).filter(Boolean);
-      const points = ends.map((one) => `${across(at(one)[0])},${down(at(one)[1])}`).join(" ");
+      const points = ends.map(shown).map(({ x, y }) => `${x},${y}`).join(" ");
       ends.forEach((one, k) => alongLine(at(one), at(ends[(k + 1) % ends.length])));
       for (const layer of ["edge", "link"])
         put(shapes, "polygon", { points, class: layer, "data-link": link.name, style: `--fill: ${link.fill}` });
@@ -235,7 +226,7 @@ export function render({ model, el }) {
   }
 
   function drawPin(one) {
-    const [x, y] = [across(at(one)[0]), down(at(one)[1])];
+    const { x, y } = shown(one);
     const own = put(svg, "g", { class: "pin", transform: `translate(${x} ${y})`, "data-pin": one.name });
     own.classList.toggle("chosen", model.chosen.includes(one.name));
     own.classList.toggle("driven", one.driven);
@@ -387,9 +378,8 @@ export function render({ model, el }) {
   svg.addEventListener("pointermove", (event) => {
     pointer = place(event);
     if (!drag) return;
-    const far = Math.hypot(pointer.x - drag.begun.x, pointer.y - drag.begun.y) > 4;
-    if (!far && !drag.far) return;
-    drag.far = true;
+    drag.far ||= Math.hypot(pointer.x - drag.begun.x, pointer.y - drag.begun.y) > 4;
+    if (!drag.far) return;
     drag.event = { altKey: event.altKey };
     follow();
   });
@@ -401,16 +391,13 @@ export function render({ model, el }) {
       const [dx, dy] = [0, 1].map((k) => drag.to.at[k] - drag.from.at[k]);
       const angle = Math.atan2(dy, dx) * model.drawing.degree;
       const now = `${rounded(Math.hypot(dx, dy) * model.drawing.unit)} ${model.drawing.length} @ ${rounded(angle)}${model.drawing.angle}`;
-      typed.textContent = drag.text ? `${drag.text}\u2502  ${now}` : `${now}  \u2013 or type a length`;
-      typed.style.transform = `translate(${p.x + 16}px, ${p.y + 14}px)`;
-      typed.hidden = false;
+      sayAt(typed, svg, drag.text ? `${drag.text}\u2502  ${now}` : `${now}  \u2013 or type a length`, p);
     } else if (drag.kind === "move" || drag.kind === "body") {
       const names = drag.kind === "move" ? chosen() : model.drawing.links.find((l) => l.name === drag.link)?.pins ?? [];
       const [a, b] = [metres(drag.begun), metres(p)];
       let by = [b[0] - a[0], b[1] - a[1]];
       if (drag.kind === "move") {
-        const to = aimed({ x: across(drag.pin.at[0] + by[0]), y: down(drag.pin.at[1] + by[1]) },
-          event);
+        const to = aimed({ x: across(drag.pin.at[0] + by[0]), y: down(drag.pin.at[1] + by[1]) }, event);
         const onto = to.pin && !names.includes(to.pin) ? to.at : null;
         const step = grid();
         const end = onto ?? (event.altKey ? drag.pin.at.map((x, k) => x + by[k])
@@ -419,11 +406,8 @@ export function render({ model, el }) {
       }
       drag.moved = Object.fromEntries(names.map((n) => [n, pin(n).at.map((x, k) => Number((x + by[k]).toPrecision(12)))]));
     } else if (drag.kind === "box") drag.now = p;
-    else if (drag.kind === "pan") {
-      view.x += p.x - drag.last.x;
-      view.y += p.y - drag.last.y;
-      drag.last = p;
-    }
+    else if (drag.kind === "pan")
+      [view.x, view.y, drag.last] = [view.x + p.x - drag.last.x, view.y + p.y - drag.last.y, p];
     draw();
   }
 
@@ -531,7 +515,7 @@ export function render({ model, el }) {
     else if ((event.ctrlKey || event.metaKey) && event.key === "z") tell(event.shiftKey ? "redo" : "undo");
     else if (event.key === "ContextMenu" || (event.shiftKey && event.key === "F10")) {
       const one = names.length ? pin(names[0]) : null;
-      if (one) pointer = { x: across(one.at[0]), y: down(one.at[1]) };
+      if (one) pointer = shown(one);
       open(one ? model.menu : ["Show all"]);
     } else if (event.key === "f") fit();
     else return;
@@ -548,16 +532,9 @@ export function render({ model, el }) {
     draw();
   }
 
-  function say({ text }) {
-    bubble.textContent = text;
-    bubble.hidden = !text;
-    const { width } = svg.getBoundingClientRect();
-    bubble.style.transform = `translate(${Math.min(pointer.x + 12, Math.max(width - 300, 0))}px, ${pointer.y + 12}px)`;
-  }
-
   for (const step of model.guide) element(guide, "li", "", step);
   for (const name of ["drawing", "chosen", "tool"]) model.on(name, renew);
-  model.on("msg:custom", say);
+  model.on("msg:custom", ({ text }) => sayAt(bubble, svg, text, pointer));
   onSize(model, svg, () => {
     if (!pins().length || !view.scale || !pins().every(inside)) fit();
     draw();

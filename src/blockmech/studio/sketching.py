@@ -253,8 +253,7 @@ def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
     sizes = _sizes(form, ends, held, kind)
     made = {"type": kind, "driver": of[ends[0]], "driven": of[ends[1]], **sizes}
     word = {"gear": "gears"}.get(kind, kind)
-    form = with_item(form, ("couplings", free(known, [word], word)), made)
-    return form
+    return dict(with_item(form, ("couplings", free(known, [word], word)), made))
 
 
 def _sizes(form: Form, ends: list[str], held: str, kind: str) -> Form:
@@ -294,7 +293,7 @@ def turned(form: Form, names: Iterable[str], angle: float) -> Form:
 
 def loaded(form: Form, names: Iterable[str], kind: str) -> Form:
     """With a force at each of some pins, or a spring between two; both at rest as drawn."""
-    pins, known = pins_of(form), form.get("loads", {})
+    pins = pins_of(form)
     held = both_pins(names) if kind == "spring" else list(names)
     for name in held:
         if not pins[name].links:
@@ -303,14 +302,13 @@ def loaded(form: Form, names: Iterable[str], kind: str) -> Form:
     at = [_on(form, link, pins[name].z) for link, name in zip(on, held, strict=True)]
     if kind == "spring":
         free_length = abs(pins[held[0]].z - pins[held[1]].z)
-        spring = {"type": kind, "links": on, "at": at, "stiffness": 1000.0}
-        made = [spring | {"free_length": free_length}]
+        made = [{"links": on, "at": at, "stiffness": 1000.0, "free_length": free_length}]
     else:
-        force = {"type": kind, "force": [0.0, -10.0]}
-        made = [{**force, "link": x, "at": z} for x, z in zip(on, at, strict=True)]
+        ends = zip(on, at, strict=True)
+        made = [{"force": [0.0, -10.0], "link": link, "at": z} for link, z in ends]
     for load in made:
-        name = free(form.get("loads") or known, [kind], kind)
-        form = with_item(form, ("loads", name), load)
+        name = free(form.get("loads", {}), [kind], kind)
+        form = with_item(form, ("loads", name), {"type": kind, **load})
     return form
 
 
