@@ -124,7 +124,7 @@ def test_what_the_hand_does_is_drawn_within_a_frame(page, studio):  # noqa: F811
 GALLERY = ("ruiz_fourbar", "excavator", "engine", "scissor_lift")
 NUMBERED = """() => {
     const all = [...Bokeh.documents[0]._all_models.values()];
-    const curve = (one) => one.type === "ColumnDataSource" && one.data.get?.("xs")?.[0]?.length > 1;
+    const curve = (one) => one.type === "ColumnDataSource" && one.data.xs?.[0]?.length > 1;
     const numbers = (one) => one.type === "Div" && one.text.includes(" = ");
     return all.some(curve) && all.some(numbers) && Bokeh.documents[0].is_idle;
 }"""

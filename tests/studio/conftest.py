@@ -33,8 +33,10 @@ def served(folder):
     ):
         address = server.stdout.readline().strip()
         assert address.startswith("http://127.0.0.1:"), (folder / ".log").read_text("utf-8")
-        yield address, server
-        server.terminate()
+        try:
+            yield address, server
+        finally:  # else a failed test waits for it for ever
+            server.terminate()
 
 
 @pytest.fixture(scope="session")

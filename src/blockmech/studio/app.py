@@ -7,7 +7,7 @@ import html
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qsl
+from urllib.parse import parse_qsl, quote
 
 import panel as pn
 import param
@@ -20,7 +20,7 @@ from blockmech.studio.component import Component, script
 from blockmech.studio.diagram import Diagram
 from blockmech.studio.exports import exported, kinds
 from blockmech.studio.fields import CHOICES, Shown
-from blockmech.studio.files import Desk, Filed
+from blockmech.studio.files import Desk, Filed, files_of
 from blockmech.studio.form import MECHANISM, Form
 from blockmech.studio.gallery import gallery_parts
 from blockmech.studio.links import LinksSheet
@@ -240,17 +240,21 @@ class Window:
 
     def show(self, named: Callable[[], str]) -> None:
         """Show the sheet whose name is given, or the gallery, with what is wrong."""
-        message = name = ""
+        desk, message, name = self.desk, "", ""
         try:
             name = named()
         except BlockmechError as error:
             message = str(error)
-        sheet = self.desk.sheets.get(name)
+        sheet = desk.sheets.get(name)
         self.browser.address = f"?sheet={name}{'&theme=dark' * self.dark}" if sheet else ""
         if sheet:
             parts = Page(sheet, self.dark, self.browser).parts()
         else:
-            parts = gallery_parts(self.desk, self.take, message, self.dark)
+            known = desk.sheets.items()
+            left = {f"?sheet={key}": s.form["name"] for key, s in known if not s.saved}
+            files = {f"?open={quote(name)}": name for name in files_of(desk.folder)}
+            lists = {"Not saved": left, "In this folder": files}
+            parts = gallery_parts(lists, self.take, message, self.dark)
         self.root[1:] = parts
 
 

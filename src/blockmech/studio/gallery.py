@@ -14,7 +14,6 @@ from blockmech.builders import opened
 from blockmech.draw.paper import rendered
 from blockmech.graph_files import gallery
 from blockmech.studio.component import style
-from blockmech.studio.files import Desk, files_of
 
 
 @cache
@@ -32,12 +31,12 @@ def words_of(name: str) -> str:
 
 
 def gallery_parts(
-    desk: Desk, take: Callable[[str, bytes], None], message: str, dark: bool
+    lists: Mapping[str, Mapping[str, str]], take: Callable[..., None], message: str, dark: bool
 ) -> list[Any]:
     """What stands on the page, with what went wrong as a message.
 
-    ``take`` gets name and content of a file that is uploaded. Sheets of the desk that are not
-    saved are there too: whoever left one finds it again.
+    ``lists`` are links with their words, by heading; an empty one is not shown. ``take`` gets
+    name and content of a file that is uploaded.
     """
     theme = "&amp;theme=dark" if dark else ""
     cards = "".join(
@@ -48,20 +47,15 @@ def gallery_parts(
         if "/" not in name
     )
 
-    def listed(heading: str, key: str, names: Mapping[str, str]) -> str:
-        links = "".join(
-            f'<li><a href="?{key}={quote(name)}{theme}">{html.escape(words)}</a></li>'
-            for name, words in names.items()
-        )
-        return f"<h2>{heading}</h2><ul class=files>{links}</ul>" if links else ""
-
+    here = ""
+    for heading, links in lists.items():
+        words = ((to, html.escape(shown)) for to, shown in links.items())
+        rows = "".join(f'<li><a href="{to}{theme}">{shown}</a></li>' for to, shown in words)
+        here += f"<h2>{heading}</h2><ul class=files>{rows}</ul>" if rows else ""
     upload = pn.widgets.FileInput(accept=".json", name="Upload a file")
     upload.param.watch(lambda event: take(upload.filename, event.new), "value")
     head = f'<h1>blockmech studio</h1><p><a href="?draw{theme}">Draw links and joints</a> '
     head += f'or <a href="?new{theme}">wire blocks</a> on an empty sheet</p>'
-    unsaved = {name: s.form["name"] for name, s in desk.sheets.items() if not s.saved}
-    files = {name: name for name in files_of(desk.folder)}
-    here = listed("Not saved", "sheet", unsaved) + listed("In this folder", "open", files)
     shown = f"<style>{style('cards.css')}</style><h2>Gallery</h2><div class=cards>{cards}</div>"
     alert = f"<p role=alert>{html.escape(message)}</p>" if message else ""
     parts = (head, alert, upload, here, shown)
