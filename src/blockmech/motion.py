@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.report import DEGREES, Facts, Report, as_json
-from blockmech.series import SCANNED
 
 Floats: TypeAlias = NDArray[np.float64]
 Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
@@ -286,6 +285,8 @@ class Motion(Facts, Report):
         The coefficient of fluctuation, by which flywheels are sized; of one driver. Infinite
         where the driver does not advance.
         """
+        from blockmech.series import SCANNED  # series load NumPy's polynomials
+
         t = np.linspace(start, end, SCANNED + 1)
         q, qd = self.track.state(t)
         advance = abs(float(q[-1] - q[0]))

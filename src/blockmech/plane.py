@@ -23,6 +23,7 @@ from blockmech.typing import Complex, Real
 
 NAN = math.nan
 EPS = 2.220446049250313e-16  # of the numbers at hand: an engine binds its own precision's
+DOUBLE_ROOT = 1e-7  # rounding moves a double root by the root of rounding: 1.5e-8, and some
 # Of the largest speed: a relative speed below it counts as rest. A rate of zero that rounding
 # makes another has lost three quarters of its digits.
 REST_SHARE = EPS**0.75

@@ -20,6 +20,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from blockmech.plane import DOUBLE_ROOT
+
 Floats: TypeAlias = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
@@ -35,7 +37,6 @@ LEVEL = 0.55
 STANDS_OUT = 4.0  # times the largest of a quarter: noise hardly ever does
 SCANNED = 720  # samples of a turn among which something is looked for: every half degree
 GOLDEN = 0.381966  # share of a spacing that keeps samples off places of symmetry
-DOUBLE_ROOT = 1e-7  # rounding moves a double root by the root of rounding: 1.5e-8, and some
 PATIENCE = 3  # halvings after which what ended on no panel has no series; a smooth one may need two
 
 

@@ -31,8 +31,8 @@ from blockmech.analysis.scan import NODES, TURN, Span, bisect
 from blockmech.dynamics import loads
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import tangents
-from blockmech.plane import EPS
-from blockmech.series import DOUBLE_ROOT, SCANNED, Floats, Series, fit, panels
+from blockmech.plane import DOUBLE_ROOT, EPS
+from blockmech.series import SCANNED, Floats, Series, fit, panels
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

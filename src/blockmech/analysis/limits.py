@@ -31,8 +31,9 @@ from blockmech.arguments import declared
 from blockmech.errors import Problem, RequestError, among, listed, refused
 from blockmech.model.structure import Structure
 from blockmech.pictured import Pictured
+from blockmech.plane import DOUBLE_ROOT
 from blockmech.report import DEGREES, Facts
-from blockmech.series import DOUBLE_ROOT, SCANNED
+from blockmech.series import SCANNED
 from blockmech.shortfall import shortfall
 
 if TYPE_CHECKING:

@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.series import DOUBLE_ROOT, EPS, Floats, Series, fit, nodes, panels
+from blockmech.plane import DOUBLE_ROOT
+from blockmech.series import EPS, Floats, Series, fit, nodes, panels
 
 TURN = 2 * math.pi
 # Turns are cut just before -90 degrees: arcs of symmetric mechanisms lie about 0 or pi, and what

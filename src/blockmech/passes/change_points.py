@@ -26,7 +26,8 @@ from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Schedule
-from blockmech.series import DOUBLE_ROOT, GOLDEN, NODES, SCANNED, Floats, Series, fit, panels
+from blockmech.plane import DOUBLE_ROOT
+from blockmech.series import GOLDEN, NODES, SCANNED, Floats, Series, fit, panels
 
 SEAM = -math.pi / 2  # where the scan of a turn begins
 # Spacings on either side that a series covers. From further away larger misses look like rounding:

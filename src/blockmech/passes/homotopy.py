@@ -37,7 +37,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes.tracking import GroupPose, Tracker
 from blockmech.plan import Friction, Schedule
-from blockmech.series import DOUBLE_ROOT, EPS
+from blockmech.plane import DOUBLE_ROOT, EPS
 
 Array = NDArray[Any]
 CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of `extent`
