@@ -39,13 +39,12 @@ from blockmech.plane import EPS
 NEXT = EPS ** (2 / 3)  # relative, of a step of Newton's whose square is below rounding
 
 
-def cubic_zero(a: float, b: float, rise: float, fall: float, x: float) -> float:
-    """Near x in [0, 1] the zero of the cubic from a to b with these slopes at its ends."""
-    c3, c2 = 2 * (a - b) + rise + fall, 3 * (b - a) - 2 * rise - fall
-    for _ in range(3):
-        slope = (3 * c3 * x + 2 * c2) * x + rise
-        x -= (((c3 * x + c2) * x + rise) * x + a) / slope if slope else 0.0
-    return min(max(x, 0.0), 1.0)
+def series_value(c: list[float], v: float) -> float:
+    """A Chebyshev series in 2 v - 1 at a place, by Clenshaw's rule: quicker than arrays for one."""
+    y, b, d = 4 * v - 2, 0.0, 0.0
+    for term in reversed(c):
+        b, d = term + y * b - d, b
+    return b - y / 2 * d
 
 
 class Stretch:
@@ -229,7 +228,7 @@ class Stretch:
         if not used_up.any():
             return
         i, j = divmod(int(used_up.argmax()), self.n + 1)
-        stop = self._standstill(i, j, K[i], w[i])
+        stop = self._standstill(i, j, K[i])
         if stop is None:
             return
         self.edges, self.stands = np.append(self.edges[: i + 1], stop), True
@@ -239,37 +238,34 @@ class Stretch:
         else:
             self._fill(np.array([i]))
 
-    def _standstill(self, i: int, j: int, K: Floats, w: Floats) -> float | None:
+    def _standstill(self, i: int, j: int, K: Floats) -> float | None:
         """Where the energy of a panel is used up, before its node j, by Newton's method.
 
         None if it is not found.
         """
-        r, low, length = rule(self.n), self.low[i], self.length[i]
+        low, length = float(self.low[i]), float(self.length[i])
         series, largest = self.row.series[self.which[i], TAU], self.row.largest[self.which[i], TAU]
+        effort, work = series.tolist(), (length * rule(self.n).clock @ series).tolist()
         begin, end, sign = float(self.edges[i]), float(self.edges[i + 1]), self.at.sign
         energy = float(K[0] - self.gains[i, 0])
-        v = np.append(r.v, 1.0)
+        v = np.append(rule(self.n).v, 1.0)
         nodes = begin + (end - begin) * (v * v if i == 0 and self.at.K == 0 else v)
         before, at_before = (float(K[j - 1]), nodes[j - 1]) if j else (energy, begin)
-        share, near = before / (before - float(K[j])), float(nodes[j] - at_before)
-        if 0 < j < self.n:  # by the cubic through both, with their slopes
-            rise, fall = w[j - 1 : j + 1].tolist()
-            share = cubic_zero(before, float(K[j]), rise * near, fall * near, share)
-        stop = float(at_before + near * share)
-        last = math.inf
+        share = before / (before - float(K[j]))
+        stop, last = float(at_before + share * (nodes[j] - at_before)), math.inf
+        done = series_value(work, min(max((begin - low) / length, 0.0), 1.0))
         while True:
-            way = stop - begin
-            x = (begin + way * v - low) / length
-            tau = basis(np.minimum(np.maximum(x, 0.0), 1.0), self.n) @ series
-            if not sign * tau[-1] < 0:
+            x = min(max((stop - low) / length, 0.0), 1.0)
+            tau = series_value(effort, x)
+            if not sign * tau < 0:
                 return None
-            step = (energy + way * float(r.average[-1] @ tau[:-1])) / -float(tau[-1])
+            step = (energy + series_value(work, x) - done) / -tau
             if abs(step) >= last:
                 break
             last, stop = abs(step), stop + step
-            if last <= EPS * abs(stop) or last <= NEXT * abs(way):
+            if last <= EPS * abs(stop) or last <= NEXT * abs(stop - begin):
                 break
         beyond = sign * (stop - self.edges[i + 1]) > math.sqrt(EPS) * abs(stop - begin)
-        rough = abs(tau[-1]) < ROUGH * largest  # a small part of a long series
+        rough = abs(tau) < ROUGH * largest  # a small part of a long series
         least = length / SHORT if rough else CLOSE * abs(stop)
         return None if beyond or sign * (stop - begin) < least else stop
