@@ -499,29 +499,18 @@ def judged_in_place(run: PathRun) -> Motion | None:
     system, start, whole, motion = run.system, run.request.start, run.whole, run.motion()
     share = rounding_share(system, float(start.q), bool(start.rate), start.t)
     look = apart if run.both is None else compiled_path.apart
-    by, last = look(whole, legs, start.t, motion.t_end, share), whole[-1]
-    late = by.late
-    if motion.end == "time":  # at a standstill, where clocks at a place say nothing, of their ends
-        late = 0.0
-    elif isinstance(last, RepeatedSegment) and last.mirrored:
-        late = clock_apart(run.t, last, legs[-1])
+    by = look(whole, legs, start.t, motion.t_end, share)
+    late = 0.0 if motion.end == "time" else by.late
     size = max(abs(by.low), abs(by.high)) + abs(motion.t_end) * by.fastest
     way = min(by.high - by.low, 1.0 if system.rotary[0] else math.inf)
     within = PARTED * way + ROUNDING * size
     if not (by.q <= within and late <= PARTED * (motion.t_end - start.t)):
         return None
-    motion = motion.but(error=by.q, time_error=motion.time_error + late)
-    if run.both is not None:
-        motion = motion.but(engine="llvm")
+    engine, late = motion.engine if run.both is None else "llvm", motion.time_error + late
+    motion = motion.but(error=by.q, time_error=late, engine=engine)
     target = run.request.accuracy or TARGET
     if by.unsure or (start.rate and abs(start.rate) <= EPS * by.fastest):  # as from rest
         return with_rounding(system, motion, target)
     unsure = 0.0 if motion.end == "time" else share * max(abs(by.t), by.t - start.t)
     error, time_error = motion.error + by.rounding, motion.time_error + unsure
     return missed(motion.but(error=error, time_error=time_error), target)
-
-
-def clock_apart(t: float, one: RepeatedSegment, other: Any) -> float:
-    """By how much [s] another run is later at the standstill of a time [s]."""
-    many = round((t - one.t0) / one.duration)
-    return float(abs(other.begins(many) - one.begins(many)))
