@@ -56,8 +56,9 @@ def gallery_parts(
     upload.param.watch(lambda event: take(upload.filename, event.new), "value")
     head = f'<h1>blockmech studio</h1><p><a href="?draw{theme}">Draw links and joints</a> '
     head += f'or <a href="?new{theme}">wire blocks</a> on an empty sheet</p>'
-    shown = f"<style>{style('cards.css')}</style><h2>Gallery</h2><div class=cards>{cards}</div>"
+    shown = f"<style>{style('cards.css')}</style>{here}"
+    shown += f"<h2>Gallery</h2><div class=cards>{cards}</div>"
     alert = f"<p role=alert>{html.escape(message)}</p>" if message else ""
-    parts = (head, alert, upload, here, shown)
+    parts = (head, alert, upload, shown)
     wide = "stretch_width"
     return [pn.pane.HTML(p, sizing_mode=wide) if isinstance(p, str) else p for p in parts]
