@@ -8,7 +8,7 @@ import pytest
 import blockmech as bm
 from blockmech.analysis.verify import TOLERANCE, Verification
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.motion import State
+from blockmech.motion import State
 from blockmech.result import Result
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.gallery import document, mechanism

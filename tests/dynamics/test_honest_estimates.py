@@ -15,7 +15,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics.estimate import refined
-from blockmech.dynamics.motion import Motion, State
+from blockmech.motion import Motion, State
 from tests.campaigns.honesty import scene
 from tests.dynamics.honesty import (
     DEAR,

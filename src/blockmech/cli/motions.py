@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.motion import Event
+    from blockmech.motion import Event
     from blockmech.result import Result
 
 LINES = 8  # events shown

@@ -28,10 +28,10 @@ from blockmech.draw.paper import (
     styled,
     write_figure,
 )
-from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.motion_outputs import result_along
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
+from blockmech.motion import Motion
 from blockmech.report import DEGREES
 from blockmech.result import Result
 

@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import FINER, FLOOR, PARTED, ROUNDING, SHORTER, TARGET, spread
-from blockmech.dynamics.motion import EVALUATIONS, Floats
 from blockmech.dynamics.rates import LEAST_INERTIA
+from blockmech.dynamics.run import EVALUATIONS
 from blockmech.engines.llvm import slots_of
 from blockmech.engines.stages import CompiledRhs, FleetSteps, scheme
+from blockmech.motion import Floats
 from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
 

@@ -23,8 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.contacts import DEPENDENT, SETTLED, STILL, Held, constrained, pushing
-from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.sticking import Instant, SeveralFriction
+from blockmech.motion import Floats
 
 STAGES = 64  # of a blow at most: each ends with a slip
 SUDDEN = 2.0**20  # [1/s]: a blow takes a microsecond for laws that are not linear in the load

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.system import REPORTED
 from blockmech.engines.dense import Dense
 from blockmech.engines.stages import scheme
+from blockmech.motion import Floats
 
 
 class Dop853(DOP853):  # type: ignore[misc]

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.motion import Floats, Motion, State
+from blockmech.motion import Floats, Motion, State
 from blockmech.plane import EPS
 from blockmech.series import GOLDEN
 

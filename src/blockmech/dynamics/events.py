@@ -19,10 +19,10 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.friction import bearing
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.loads import SAME
-from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.engines.dense import Dense
+from blockmech.motion import Event, Floats, Motion
 from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
 

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 import numpy as np
 
 from blockmech.dynamics import loads
-from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.periodic import FLOWS, NONE, FixedPoint, fixed_point
 from blockmech.errors import RequestError, refused
 from blockmech.loads.contract import Following
 from blockmech.loads.laws import Polynomial
 from blockmech.model.structure import Structure
+from blockmech.motion import Floats
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:

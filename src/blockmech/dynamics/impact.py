@@ -28,7 +28,6 @@ from blockmech.dynamics.blow import Blow, blow
 from blockmech.dynamics.contacts import SETTLED, Held, constrained, rate_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.friction import GIVEN
-from blockmech.dynamics.motion import Event, Floats, Impact, Lying, Motion, State, Track
 from blockmech.dynamics.pair_stops import PairStops, held_by, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.rest import first_beyond
@@ -38,6 +37,7 @@ from blockmech.dynamics.stops import Stop
 from blockmech.dynamics.system import System, solved
 from blockmech.errors import refused
 from blockmech.model.structure import JointRef
+from blockmech.motion import Event, Floats, Impact, Lying, Motion, State, Track
 from blockmech.passes.friction import given_joints
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.dynamics.motion import Floats
+from blockmech.motion import Floats
 
 
 @dataclass(frozen=True)

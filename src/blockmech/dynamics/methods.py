@@ -20,14 +20,15 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.contacts import rate_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import watched
-from blockmech.dynamics.motion import INTEGRATORS, Event, Floats, Motion, Status
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import WATCH, SimulationRequest, check_method
 from blockmech.dynamics.rest import balanced, failed_start
+from blockmech.dynamics.run import INTEGRATORS
 from blockmech.dynamics.signals import felt
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
 from blockmech.errors import RequestError, listed, refused
+from blockmech.motion import Event, Floats, Motion, Status
 
 LOOKED_AT = 31  # states of a motion at which iterations of friction are judged
 WITHOUT = 'leave it out with friction="none" (--friction none)'

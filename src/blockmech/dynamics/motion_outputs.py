@@ -13,10 +13,10 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.friction import JointFriction
-from blockmech.dynamics.motion import Floats, Motion
 from blockmech.dynamics.pair_stops import held_by, lain_against
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System, solved
+from blockmech.motion import Floats, Motion
 from blockmech.passes.signals import STATE
 from blockmech.plan import Friction
 from blockmech.result import Result

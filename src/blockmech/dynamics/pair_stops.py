@@ -12,11 +12,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from blockmech.dynamics.contacts import Held
-from blockmech.dynamics.motion import Floats, Lying
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import COORDINATE, JointRef, Structure
+from blockmech.motion import Floats, Lying
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Output, Schedule

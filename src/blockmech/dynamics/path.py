@@ -36,7 +36,6 @@ from blockmech.dynamics.estimate import (
     stopped,
     with_rounding,
 )
-from blockmech.dynamics.motion import Event, Motion, Still
 from blockmech.dynamics.panel_builder import PanelBuilder, PathState
 from blockmech.dynamics.panels import Panels, joined
 from blockmech.dynamics.path_mesh import (
@@ -56,6 +55,7 @@ from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.singular import time_left
 from blockmech.dynamics.stretch import Stretch
 from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, apart
+from blockmech.motion import Event, Motion, Still
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:

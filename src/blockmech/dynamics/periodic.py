@@ -16,15 +16,8 @@ import numpy as np
 from scipy.optimize import root
 
 from blockmech.dynamics.estimate import ROUNDING, missed
-from blockmech.dynamics.motion import (
-    Event,
-    Floats,
-    Motion,
-    State,
-    Still,
-    Track,
-)
 from blockmech.dynamics.request import SimulationRequest
+from blockmech.motion import Event, Floats, Motion, State, Still, Track
 from blockmech.plane import EPS
 from blockmech.series import SCANNED
 

@@ -11,11 +11,11 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from blockmech.dynamics.motion import Floats, Motion, Still
 from blockmech.errors import RequestError, close_match, listed, refused
 from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
+from blockmech.motion import Floats, Motion, Still
 from blockmech.signals.functions import Python
 from blockmech.typing import MotionMethod, Numbers, Progress
 from blockmech.units import number_in, units_of

@@ -11,8 +11,8 @@ import numpy as np
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.estimate import COMPARED
-from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.request import SimulationRequest
+from blockmech.motion import Motion
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:

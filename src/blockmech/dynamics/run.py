@@ -16,11 +16,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.motion import Event, Motion, Status
+from blockmech.motion import Event, Motion, Status
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
+
+INTEGRATORS = ("dop853", "lsoda", "radau")  # SciPy's, in time
+EVALUATIONS = 500_000  # states, or steps, at most in a run of an integrator; some seconds
 
 
 class TooMany(Exception):

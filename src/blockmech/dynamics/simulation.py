@@ -20,7 +20,6 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.impact import bounced
 from blockmech.dynamics.methods import move
-from blockmech.dynamics.motion import Event, Floats, Motion
 from blockmech.dynamics.motion_outputs import (
     SimulationResult,
     frictionless,
@@ -42,6 +41,7 @@ from blockmech.dynamics.request import (
 from blockmech.dynamics.stops import bouncing, bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.errors import listed
+from blockmech.motion import Event, Floats, Motion
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
 from blockmech.typing import EngineName, FrictionMethod, M, MotionMethod, Numbers, Progress

@@ -9,8 +9,8 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.run import RunEnd
+from blockmech.motion import Floats
 from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
 

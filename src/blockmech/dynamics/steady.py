@@ -43,7 +43,6 @@ from blockmech.dynamics.forcing import (
     no_steady,
     unfound,
 )
-from blockmech.dynamics.motion import Floats, Motion
 from blockmech.dynamics.path import PathRun, along_path
 from blockmech.dynamics.path_mesh import COARSE, FINE
 from blockmech.dynamics.periodic import (
@@ -62,6 +61,7 @@ from blockmech.dynamics.rest import failed_start
 from blockmech.dynamics.singular import what_is_ahead
 from blockmech.dynamics.time import SOLVERS, TimeIntegration, in_time
 from blockmech.errors import listed
+from blockmech.motion import Floats, Motion
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

@@ -18,7 +18,6 @@ from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.layout import StateLayout
-from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.request import (
     Pairs,
     SimulationRequest,
@@ -34,6 +33,7 @@ from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
 from blockmech.errors import as_names, close_match, listed, refused
 from blockmech.model.structure import JointRef
+from blockmech.motion import Floats
 from blockmech.passes.signals import STATE
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked

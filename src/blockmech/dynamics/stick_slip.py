@@ -17,11 +17,11 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.events import EventFunction, friction_rules, release_rule
 from blockmech.dynamics.friction import JointFriction
-from blockmech.dynamics.motion import Event, Floats, Slips
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import first_beyond
 from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.sticking import SeveralFriction
+from blockmech.motion import Event, Floats, Slips
 from blockmech.plane import EPS
 
 WITHIN = 4 * EPS  # [-] of a time, to which an event is found in it

@@ -30,7 +30,6 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.contacts import DEPENDENT, SETTLED, Held
-from blockmech.dynamics.motion import Floats
 from blockmech.dynamics.pair_friction import (
     FrictionState,
     PairFriction,
@@ -42,6 +41,7 @@ from blockmech.dynamics.pair_friction import (
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
 from blockmech.engines.numpy import Planar
 from blockmech.friction.continuation import Outcome
+from blockmech.motion import Floats
 from blockmech.plane import EPS
 from blockmech.quality import left_undone
 

@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.friction import JointFriction, margins, pair_program
-from blockmech.dynamics.motion import Cost, Floats
 from blockmech.dynamics.pair_friction import least
 from blockmech.dynamics.pair_stops import Counted, PairStops, held_by, rows_of
 from blockmech.dynamics.place_table import PlaceTable
@@ -43,6 +42,7 @@ from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, Structure
+from blockmech.motion import Cost, Floats
 from blockmech.passes import friction, reduction, signals
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Program

@@ -25,10 +25,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.friction import margins
-from blockmech.dynamics.motion import Floats
 from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
 from blockmech.engines.dual import Dual, value
 from blockmech.errors import refused
+from blockmech.motion import Floats
 from blockmech.passes import forces, reduction
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction, Schedule

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 from blockmech.dynamics import ends
 from blockmech.dynamics.estimate import FINER, TARGET, difference, judged, stopped, with_rounding
 from blockmech.dynamics.fixed_steps import STEP
-from blockmech.dynamics.motion import EVALUATIONS, Motion
 from blockmech.dynamics.request import SimulationRequest
+from blockmech.dynamics.run import EVALUATIONS
 from blockmech.dynamics.time import TimeIntegration, in_time
 from blockmech.errors import refused
+from blockmech.motion import Motion
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

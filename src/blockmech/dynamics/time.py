@@ -33,21 +33,12 @@ from blockmech.dynamics.events import (
 )
 from blockmech.dynamics.fixed_steps import EulerQ, RungeKutta4
 from blockmech.dynamics.layout import StateLayout
-from blockmech.dynamics.motion import (
-    EVALUATIONS,
-    INTEGRATORS,
-    Event,
-    Floats,
-    Motion,
-    Slips,
-    State,
-    Still,
-)
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.run import Run, RunEnd, TooMany
+from blockmech.dynamics.run import EVALUATIONS, INTEGRATORS, Run, RunEnd, TooMany
 from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
 from blockmech.dynamics.stick_slip import Now, Transition, stick_slip
 from blockmech.engines.dense import Dense
+from blockmech.motion import Event, Floats, Motion, Slips, State, Still
 from blockmech.plane import EPS
 from blockmech.signals.contract import at_once
 

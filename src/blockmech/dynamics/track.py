@@ -11,8 +11,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.dynamics.estimate import ROUNDING
-from blockmech.dynamics.motion import State
 from blockmech.dynamics.panels import Floats, Panels
+from blockmech.motion import State
 
 AT_ONCE = 1024  # turns, times or steps that are worked on together: a megabyte or two
 

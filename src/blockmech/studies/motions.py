@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.batch import Motions, moved, rates_for
-from blockmech.dynamics.motion import FACT_UNITS, Motion, fact_unit
 from blockmech.dynamics.request import (
     OUTPUTS,
     SimulationRequest,
@@ -29,6 +28,7 @@ from blockmech.dynamics.system import System
 from blockmech.engines.stages import CompiledRhs
 from blockmech.errors import BlockmechError, close_match, listed, refused
 from blockmech.model.parameters import Parameter
+from blockmech.motion import FACT_UNITS, Motion, fact_unit
 from blockmech.quality import OK
 from blockmech.result import Result
 from blockmech.settings import friction_asked

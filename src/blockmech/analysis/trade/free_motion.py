@@ -17,9 +17,9 @@ import numpy as np
 from blockmech.analysis.reference_errors import DOUBLE, ReferenceErrors, reference_errors
 from blockmech.analysis.trade.measure import USELESS, Clock, Question, Reference, Setting
 from blockmech.dynamics.ends import INTERRUPTED
-from blockmech.dynamics.motion import Motion
 from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.errors import RequestError, refused
+from blockmech.motion import Motion
 from blockmech.result import Result
 
 FINEST = (  # references and checks, best first; coarser ones where those do not end in time
