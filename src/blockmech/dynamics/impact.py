@@ -217,7 +217,7 @@ class Bounces(Run):
         friction: SeveralFriction | None = self.system.friction_of(SeveralFriction, pushed)
         return friction
 
-    def _onto(self, q: Floats, rate: Floats, M: Floats, struck: dict[int, int]) -> Floats:
+    def _onto(self, q: Floats, rate: Floats, t: float, struck: dict[int, int]) -> Floats:
         """Coordinates of the drivers with which stops are touched, the nearest by M."""
         those = [*struck]
         wanted = np.array([self.system.stops[i][way > 0] for i, way in struck.items()])
@@ -225,7 +225,7 @@ class Bounces(Run):
             return wanted
         off = wanted - self.system.places(q)[those]
         rows = self._rows(struck, q, rate).rows
-        back = np.linalg.solve(M, rows.T)
+        back = np.linalg.solve(self._matrix(q, rate, t)[0], rows.T)
         q = q + back @ (np.linalg.pinv(rows @ back) @ off)
         for i, x in zip(those, wanted, strict=True):
             if i < len(q):
@@ -236,8 +236,8 @@ class Bounces(Run):
         """The rates after a blow."""
         q, before = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
         struck = {i: way} | {j: self.held[j] for j in sorted(self.held) if j != i}
+        q = self._onto(q, before, leg.t_end, struck)
         M, _ = self._matrix(q, before, leg.t_end)
-        q = self._onto(q, before, M, struck)
         stop, rows = self._stop(i, way), self._rows(struck, q, before).rows
         e, speed = stop.restitution, rate_along(rows[0], before)
         assert e is not None
@@ -369,8 +369,7 @@ class Bounces(Run):
         if len(q) > 1:
             pushes = self.system.pushes(q, rate, leg.t_end, self._states(leg))
             pulls = [self.held[j] * float(P) for j, P in zip(those, pushes, strict=True)]
-            M, _ = self._matrix(q, rate, leg.t_end)
-            q = self._onto(q, rate, M, {j: self.held[j] for j in those})
+            q = self._onto(q, rate, leg.t_end, {j: self.held[j] for j in those})
         leg = self.legs[-1] = replace(leg, q_end=self._plain(q))
         self._leaves(those[int(np.argmax(pulls))], leg)
         if len(q) > 1:
