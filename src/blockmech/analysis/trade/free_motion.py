@@ -31,7 +31,8 @@ FINEST = (  # references and checks, best first; coarser ones where those do not
     ("lsoda", 1e-8),
 )
 SHARE = 0.3  # of what is left, for each of them: two, and as much again for the settings
-FIRST = 0.02  # of a motion without end, what is compared: methods differ a hundredfold in cost
+FIRST = 0.02  # of a motion without end, what is compared: methods differ a hundredfold in cost,
+TRIES = 2  # and as much again where one is machine code and its check is not
 TIMES = 21  # at which runs are compared, where none are named
 DOUBTFUL = 10.0  # times their own estimates by which reference and check may differ
 MOTION = ("*.q", "*.rate")
@@ -74,30 +75,28 @@ class FreeMotion(Question):
         clock: Clock,
     ) -> None:
         self.mechanism = mechanism
-        self.request = {**request, "want": want or MOTION}
+        self.request, self.times = {**request, "want": want or MOTION}, request.get("times")
         until = request.get("until")
         self.asked = f"simulate until {until or 'its end'}"
         first, in_time = self._run({}, SHARE * clock.left)
         motion: Motion = first.motion
-        if not in_time:
-            reached = motion.t_end - motion.t_start
-            if not reached > 0:
-                return
-            until = f"time={FIRST * reached:.2g}"
-            self.request |= {"until": until}
+        if in_time:
+            finest = self._two_kinds(motion, clock)
+        else:
             computed = f"the motion did not end within {SHARE * clock.budget:.2g} s of computing"
             come = f"by which it had come to t = {motion.t_end:.3g} s"
-            self.notes += (f"{computed}, {come}: compared until {until} s",)
-            if (shorter := self.run({}, SHARE * clock.left)) is None:
-                return
-            motion = shorter.motion
-        if motion.status == "failed":
-            remedy = 'say until when, e.g. until="time=2"'
-            why = "; ".join(motion.notes)
-            raise refused("trade", motion.end, remedy, why, "no-motion")
-        if request.get("times") is None:
-            self.request["times"] = motion.times(TIMES if motion.t_end > motion.t_start else 1)
-        finest = self._finest(motion.method, clock)
+            span, finest, notes = motion.t_end - motion.t_start, [], self.notes
+            for _ in range(TRIES):
+                if not (span := FIRST * span) > 0:
+                    return
+                until = f"time={span:.2g}"
+                self.request |= {"until": until, "times": self.times}
+                self.notes = (*notes, f"{computed}, {come}: compared until {until} s")
+                if (shorter := self.run({}, SHARE * clock.left)) is None:
+                    return
+                motion = shorter.motion
+                if len(finest := self._two_kinds(motion, clock)) == 2:
+                    break
         if len(finest) < 2:
             return
         # The surer one is the reference, the other one its check.
@@ -115,6 +114,16 @@ class FreeMotion(Question):
             )
         if self.reference.floor >= USELESS:
             self.notes += ("reference and check have nothing in common, so no error is claimed",)
+
+    def _two_kinds(self, motion: Motion, clock: Clock) -> list[tuple[str, SimulationResult]]:
+        """Fine runs of a motion at the times at which runs are compared, see `_finest`."""
+        if motion.status == "failed":
+            remedy = 'say until when, e.g. until="time=2"'
+            why = "; ".join(motion.notes)
+            raise refused("trade", motion.end, remedy, why, "no-motion")
+        if self.times is None:
+            self.request["times"] = motion.times(TIMES if motion.t_end > motion.t_start else 1)
+        return self._finest(motion.method, clock)
 
     def _finest(self, automatic: str, clock: Clock) -> list[tuple[str, SimulationResult]]:
         """Two fine runs of different kinds, or fewer where they do not end in their time."""
