@@ -18,6 +18,7 @@ from blockmech.studio.edits import renamed
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.turn import turn
+from blockmech.studio.work import Work
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 
@@ -260,3 +261,15 @@ def test_an_analysis_of_nothing_says_so():
     answers.sheet.begin(type(answers.sheet.document)())
     answers.analyses.run("Limits")
     assert "nothing moves" in answers.analyses.text.object
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+def test_work_that_fails_by_an_error_of_ours_leaves_room_for_more():
+    heard, done = [], []
+    work = Work(heard.append)
+    work.begin(lambda told: 1 / 0, done.append)
+    work.thread.join(30)
+    assert "an error of blockmech" in heard[-1]
+    work.begin(lambda told: 7, done.append)
+    work.thread.join(30)
+    assert (done, heard[-1]) == ([7], "")

@@ -44,7 +44,7 @@ export function render({ model }) {
     const saved = document.createElement("a");
     [saved.href, saved.download] = [URL.createObjectURL(new Blob([file])), name];
     saved.click();
-    URL.revokeObjectURL(saved.href);
+    setTimeout(() => URL.revokeObjectURL(saved.href), 6e4); // ms; at once, a busy browser saves nothing
   });
   return document.createElement("span");
 }

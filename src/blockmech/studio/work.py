@@ -20,7 +20,6 @@ class Work:
     def __init__(self, say: Callable[[str], None]) -> None:
         self.say = say
         self.stop = button("Stop", self.cancel, disabled=True, visible=False, width=60)
-        self._stopped = False
         self.thread: Thread | None = None
 
     def cancel(self) -> None:
@@ -51,14 +50,15 @@ class Work:
                 done(answer)
 
         def run() -> None:
-            answer, message = None, ""
+            answer, message = None, "failed by an error of blockmech: see what the server printed"
             try:
-                answer = task(told)
+                answer, message = task(told), ""
             except BlockmechError as error:
                 message = str(error)
             except KeyboardInterrupt:
                 message = "stopped"
-            later(lambda: end(answer, message))
+            finally:  # other work may begin, whatever became of this
+                later(lambda: end(answer, message))
 
         self.thread = Thread(target=run, daemon=True)
         self.thread.start()
