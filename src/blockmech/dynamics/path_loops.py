@@ -229,14 +229,15 @@ def panel(
             product(now[r, 1], energies, now[2, r], of.n, of.n + 1, along)
 
 
-def timed(of: Sizes, M: Reals, runs: Runs, now: Rows) -> None:
-    """Both runs' times since the anchors at anchor, nodes and end of a panel; they go on there."""
-    for i in range(of.terms, of.n):
-        now[3, 1, i] = 0.0
-    for r in range(2):
-        product(now[3, r], M[of.since :], now[4, r], of.n, of.n + 2, 1.0)
-        now[6, r, 4] = runs[r, 2]
-        runs[r, 2] += now[4, r, of.n + 1]
+def timed(of: Sizes, M: Reals, now: Rows, r: int, begin: float) -> float:
+    """When run r leaves a panel that it enters at a time [s]; the panel keeps that time, and those
+    since its anchor at anchor, nodes and end."""
+    if r == 1:
+        for i in range(of.terms, of.n):
+            now[3, 1, i] = 0.0
+    product(now[3, r], M[of.since :], now[4, r], of.n, of.n + 2, 1.0)
+    now[6, r, 4] = begin
+    return float(begin + now[4, r, of.n + 1])
 
 
 def through(
@@ -282,7 +283,8 @@ def through(
         ):  # fmt: skip
             end, stands = runs[0, 0] + way / 2.0, False
             continue
-        timed(of, M, runs, now)
+        for r in range(2):
+            runs[r, 2] = timed(of, M, now, r, runs[r, 2])
         if not runs[1, 2] <= LARGEST:  # its energy is used up on a panel of no standstill
             return 0
         counts[0] += 1
@@ -400,12 +402,7 @@ def again(of: Sizes, M: Reals, panels: Records, count: int, r: int, energy: floa
         kind = PLAIN if now[6, r, 3] == float(PLAIN) else FROM_REST
         way = now[6, r, 1] - now[6, r, 0]
         clock(of, M, way, kind, now[6, r, 2], now[2, r], now[r], now[5, r], now[3, r])
-        if r == 1:
-            for i in range(of.terms, of.n):
-                now[3, 1, i] = 0.0
-        product(now[3, r], M[of.since :], now[4, r], of.n, of.n + 2, 1.0)
-        now[6, r, 4] = t
-        t += now[4, r, of.n + 1]
+        t = timed(of, M, now, r, t)
 
 
 def lasting(

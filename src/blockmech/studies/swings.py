@@ -200,11 +200,9 @@ class FirstSwings(NamedTuple):
             return None
         mesh, lows, lengths, pieces = PathMesh(system, q, FINE, RESOLVED), [], [], []
         for sign in (1, -1):
-            shift, near = mesh.turn(q, sign)
-            first = mesh.row.index(q - shift, sign, near)
-            if first is None:
+            course, shift = mesh.course(q, sign)
+            if course is None:
                 return None
-            course = mesh.row.ahead(first, sign)
             lows += (course.low + shift).tolist()
             lengths += (course.high - course.low).tolist()
             pieces.append(len(course.low))
