@@ -25,6 +25,7 @@ from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import FINER, FLOOR, PARTED, ROUNDING, SHORTER, TARGET, spread
 from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.dynamics.run import EVALUATIONS
+from blockmech.engines.dense import value
 from blockmech.engines.llvm import slots_of
 from blockmech.engines.stages import CompiledRhs, FleetSteps, scheme
 from blockmech.motion import Floats
@@ -142,7 +143,7 @@ class Track:
         i = place(self.design, self.t0).searchsorted(place(rows[:, None], wanted), side="right") - 1
         i = np.maximum(i, np.searchsorted(self.design, rows)[:, None])  # a time before the start
         x = (wanted - self.t0[i]) / np.maximum(self.t1[i] - self.t0[i], 1e-300)
-        values = powers_of(x.ravel(), self.series[:, i.ravel()])
+        values = _inside(x.ravel(), self.series[:, i.ravel()])
         states[rows] = values.reshape(*wanted.shape, 2)
         return states
 
@@ -404,7 +405,7 @@ class _Run:
         0: nothing, 1: a standstill, 2: the goal's place, -1: more than can be distinguished.
         """
         inner = np.linspace(0.0, 1.0, 9)
-        at = np.array([powers_of(np.full(len(y0), x), series) for x in inner])  # (9, m, 2)
+        at = np.array([_inside(np.full(len(y0), x), series) for x in inner])  # (9, m, 2)
         kind, share = np.zeros(len(y0), np.int64), np.ones(len(y0))
         rate = at[..., 1].copy()
         rate[0] = np.where(y0[:, 1] == 0.0, rate[1], y0[:, 1])
@@ -475,17 +476,9 @@ def _series(steps: FleetSteps) -> Floats:
     return np.moveaxis(steps.series[..., :2], 2, 0)
 
 
-def powers_of(x: Any, series: Floats) -> Floats:
-    """Dense output (p, n) at shares x (p,) of steps, from their series (8, p, n).
-
-    They are those of z z z x, z z z, z z x, z z, z x, z, x, 1, with z = x (1 - x).
-    """
-    factors = 1 - x[:, None], x[:, None]
-    powers: Floats = series[0] * factors[1] + series[1]
-    for k, row in enumerate(series[2:]):
-        powers *= factors[k % 2]
-        powers += row
-    return powers
+def _inside(x: Any, series: Floats) -> Floats:
+    """Dense output (p, n) at shares x (p,) of steps, from their series (8, p, n)."""
+    return np.asarray(value(series, 1, x[:, None]))
 
 
 def _may_dip(x: Floats) -> Bools:
@@ -503,18 +496,18 @@ def _may_dip(x: Floats) -> Bools:
 def _root(series: Floats, level: Floats, last: Floats) -> Floats:
     """Shares (m,) of steps at which a component, of series (8, m, 1), passes a level."""
 
-    def value(x: Floats) -> Floats:
-        return np.sign(last) * (powers_of(x, series)[:, 0] - level)
+    def beyond_by(x: Floats) -> Floats:
+        return np.sign(last) * (_inside(x, series)[:, 0] - level)
 
     low, high = np.zeros(len(level)), np.ones(len(level))
     for _ in range(HALVED):
         x = (low + high) / 2
-        beyond = value(x) > 0
+        beyond = beyond_by(x) > 0
         low, high = np.where(beyond, low, x), np.where(beyond, x, high)
-    a, b, at_a, at_b = low, high, value(low), value(high)
+    a, b, at_a, at_b = low, high, beyond_by(low), beyond_by(high)
     for _ in range(SECANTS):
         with np.errstate(all="ignore"):
             x = b - at_b * (b - a) / (at_b - at_a)
         x = np.clip(np.where(np.isfinite(x), x, b), low, high)
-        a, at_a, b, at_b = b, at_b, x, value(x)
+        a, at_a, b, at_b = b, at_b, x, beyond_by(x)
     return b

@@ -26,10 +26,10 @@ Floats = NDArray[np.float64]
 
 
 def value(series: Reals, n: int, x: float) -> float:
-    """A component at a share of a step; its series stands every n numbers."""
+    """A component at a share of a step; its series stands every n numbers (or n arrays)."""
     c, z = series, 1.0 - x
     high = (((c[0] * x + c[n]) * z + c[2 * n]) * x + c[3 * n]) * z + c[4 * n]
-    return float(((high * x + c[5 * n]) * z + c[6 * n]) * x + c[7 * n])
+    return ((high * x + c[5 * n]) * z + c[6 * n]) * x + c[7 * n]  # type: ignore[no-any-return]
 
 
 def states(
