@@ -22,7 +22,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics.equation import kept_rates
-from blockmech.dynamics.estimate import FINER, FLOOR, PARTED, ROUNDING, SHORTER, TARGET, spread
+from blockmech.dynamics.estimate import (
+    FINER,
+    FLOOR,
+    PARTED,
+    ROUNDING,
+    SHORTER,
+    TARGET,
+    one_motion,
+    rounding_share,
+    spread,
+)
 from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.dynamics.run import EVALUATIONS
 from blockmech.engines.dense import value
@@ -196,7 +206,7 @@ def _judged(
             np.abs(b[..., 1]), axis=1
         )
         reach = np.ptp(b[..., 0], axis=1)
-        near = PARTED * np.minimum(reach, 1.0 if system.rotary[0] else math.inf) + ROUNDING * size
+        near = one_motion(reach, 1.0 if system.rotary[0] else math.inf, size)
         agree = same & (apart <= near) & (late <= PARTED * span)
         unknown = _rounding(system, request, times, b)
         clock = np.where(fine.end == TIME, 0.0, late + unknown[1])
@@ -211,17 +221,14 @@ def _rounding(
 
     The start is that of all, and the effort by which they start from rest is of a size.
     """
-    late = rounding_share(system, request) * np.abs(t)
+    late = share_of_all(system, request) * np.abs(t)
     off = late * np.abs(states[..., 1]) + ROUNDING * np.abs(states[..., 0])
     return np.fmax.reduce(off, axis=1), late[:, -1]
 
 
-def rounding_share(system: System, request: SimulationRequest) -> float:
-    """What rounding leaves unknown of the time of all that starts there, relative."""
-    q, rate = float(request.start.q), request.start.rate
-    if rate:
-        return ROUNDING * system.inertia_rounding(q)
-    return max(ROUNDING, 2 * system.push_rounding(q, 0.0))
+def share_of_all(system: System, request: SimulationRequest) -> float:
+    """What rounding leaves unknown of the time of all designs that start there, relative."""
+    return rounding_share(system, float(request.start.q), bool(request.start.rate), 0.0, 2.0)
 
 
 class _Run:

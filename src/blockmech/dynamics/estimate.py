@@ -84,16 +84,45 @@ def difference(
     span = fine.t_end - fine.t_start
     size = float(np.abs(q).max()) + abs(fine.t_end) * float(np.abs(qd).max())
     longest = np.where(rotary, 1.0, math.inf) if q.ndim > 1 else 1.0 if rotary[0] else math.inf
-    near = PARTED * np.minimum(np.ptp(q, axis=0), longest) + ROUNDING * size
+    near = one_motion(np.ptp(q, axis=0), longest, size)
     close = bool(np.all(apart <= near)) and late <= PARTED * span
     agree = same and (close or span == 0)
     return Difference(float(np.max(apart)), late, agree, near, times, State(q, qd))
 
 
-def rounding_share(system: System, q: float, moves: bool, t: float) -> float:
-    """What rounding leaves unknown of the time of what starts there, relative."""
+def one_motion(way: Any, longest: float | Floats, size: Any) -> Any:
+    """[rad or m] within which two runs that go so far are one motion.
+
+    way : numbers or arrays; of more than is ``longest``, a radian of angles, no more counts
+    size : of the places, and of what the largest rate makes of the whole time
+    """
+    return PARTED * np.minimum(way, longest) + ROUNDING * size
+
+
+def rounding_share(system: System, q: float, moves: bool, t: float, weaker: float = 1.0) -> float:
+    """What rounding leaves unknown of the time of what starts there, relative.
+
+    weaker : by how many times the effort of a design that starts from rest may be the smaller
+    """
     share = ROUNDING + system.noise
-    return share * system.inertia_rounding(q) if moves else max(share, system.push_rounding(q, t))
+    if moves:
+        return share * system.inertia_rounding(q)
+    return max(share, weaker * system.push_rounding(q, t))
+
+
+def rounded(
+    share: float, t_start: float, t: Floats, q: Floats, qd: Floats
+) -> tuple[Floats, Floats, bool]:
+    """How late states are by a share of their time, and how far that takes them.
+
+    t, q, qd : (n,) [s], (n,) or (n, k) states in order of time
+    And whether rates change so fast that this is more than the way to both neighbours.
+    """
+    late = share * np.maximum(np.abs(t), t - t_start)
+    off = (late * np.abs(qd).T).T
+    way = np.abs(np.diff(q, axis=0))
+    near = np.maximum(way, np.append(way[1:], 0 * way[-1:], axis=0))  # on either side
+    return late, off, bool((off[1:] > near).any())
 
 
 def with_rounding(
@@ -117,18 +146,15 @@ def with_rounding(
             q, qd = (float(x[0]) for x in states)
             moves = abs(qd) > EPS * float(np.abs(states.qd).max())  # a series' 0 is rounded too
             share = rounding_share(system, q, moves, motion.t_start)
-        late = share * np.maximum(np.abs(times), times - motion.t_start)
-        off = (late * np.abs(states.qd).T).T
-        way = np.abs(np.diff(states.q, axis=0))
-        near = np.maximum(way, np.append(way[1:], 0 * way[-1:], axis=0))  # on either side
-        if (off[1:] > near).any():
+        late, off, unsure = rounded(share, motion.t_start, times, *states)
+        if unsure:
             inside = times <= motion.t_end  # of speeds without bound
             before = np.clip(times - late, motion.t_start, motion.t_end)
             off = np.abs(states.q - motion.at(before).q)[inside]
             states = State(states.q[inside], states.qd[inside])
         off += ROUNDING * np.abs(states.q)
-        unsure = motion.time_error + (0.0 if motion.end == "time" else float(late[-1]))
-        motion = motion.but(error=motion.error + float(off.max()), time_error=unsure)
+        clock = motion.time_error + (0.0 if motion.end == "time" else float(late[-1]))
+        motion = motion.but(error=motion.error + float(off.max()), time_error=clock)
     return motion if target is None else missed(motion, target)
 
 

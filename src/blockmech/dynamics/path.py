@@ -32,6 +32,7 @@ from blockmech.dynamics.estimate import (
     difference,
     judged,
     missed,
+    one_motion,
     rounding_share,
     stopped,
     with_rounding,
@@ -502,8 +503,7 @@ def judged_in_place(run: PathRun) -> Motion | None:
     by = look(whole, legs, start.t, motion.t_end, share)
     late = 0.0 if motion.end == "time" else by.late
     size = max(abs(by.low), abs(by.high)) + abs(motion.t_end) * by.fastest
-    way = min(by.high - by.low, 1.0 if system.rotary[0] else math.inf)
-    within = PARTED * way + ROUNDING * size
+    within = one_motion(by.high - by.low, 1.0 if system.rotary[0] else math.inf, size)
     if not (by.q <= within and late <= PARTED * (motion.t_end - start.t)):
         return None
     engine, late = motion.engine if run.both is None else "llvm", motion.time_error + late

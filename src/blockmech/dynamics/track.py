@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.dynamics.estimate import ROUNDING
+from blockmech.dynamics.estimate import ROUNDING, rounded
 from blockmech.dynamics.panels import Floats, Panels
 from blockmech.motion import State
 
@@ -167,11 +167,9 @@ def apart(
     columns = np.concatenate(rows, axis=1)
     columns[0] += t_start
     t, q, qd, late, off = columns[:, : int(np.searchsorted(columns[0], t_end)) + 1]
-    speed, way = np.abs(qd), np.abs(np.diff(q))
-    unknown = share * np.maximum(np.abs(t), t - t_start) * speed
-    unsure = (unknown[1:] > np.maximum(way, np.append(way[1:], 0.0))).any()
+    _, unknown, unsure = rounded(share, t_start, t, q, qd)
     most = np.abs(off - late * qd).max(), (unknown + ROUNDING * np.abs(q)).max()
-    ends = q.min(), q.max(), speed.max(), t[-1], np.abs(late[-2:]).max(), unsure
+    ends = q.min(), q.max(), np.abs(qd).max(), t[-1], np.abs(late[-2:]).max(), unsure
     return Apart(*map(float, (*most, *ends)))
 
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.dynamics.batch import GOAL, UNSURE, Motions, Track, rounding_share
+from blockmech.dynamics.batch import GOAL, UNSURE, Motions, Track, share_of_all
 from blockmech.dynamics.estimate import PARTED, ROUNDING, TARGET
 from blockmech.dynamics.panels import SMALLEST, Floats
 from blockmech.dynamics.path_loops import (
@@ -206,7 +206,7 @@ class FirstSwings(NamedTuple):
             lows += (course.low + shift).tolist()
             lengths += (course.high - course.low).tolist()
             pieces.append(len(course.low))
-        share = rounding_share(system, request)
+        share = share_of_all(system, request)
         at = 0.0, 0.0, 0.0, np.inf, 0.0, share  # as `beside` takes it
         start = np.array([q, rate, system.rounding(q) / UNSURE, ROUNDING, *at])
         arrays = np.array(lows), np.array(lengths), np.array(pieces, np.int64), start
