@@ -14,7 +14,8 @@ from blockmech.analysis.scan import ASIDE, SEAM, TURN, Span
 from blockmech.blocks.contract import BuiltIn, Moving
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.model.structure import JointRef, LinkRef
+from blockmech.model.scene import Scene
+from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction
@@ -45,7 +46,7 @@ class Closure:
         self.held = held
         kept = self.mechanism.once(_kept)
         if groups not in kept:
-            kept[groups] = _Program(self.mechanism, groups)
+            kept[groups] = _Program(self.mechanism.structure, self.mechanism.scene, groups)
         self._program = kept[groups]
         self.blocks = self._program.rows
         self._known = cache(self._evaluated)
@@ -61,17 +62,19 @@ class Closure:
 
     def _evaluated(self, places: bytes) -> Floats:
         q = np.frombuffer(places)
-        columns = {n: np.broadcast_to(x, q.shape) for n, x in self._inputs(q).items()}
-        values = self._program.batch.run(columns, len(q))
+        values = self._run(self._program.batch, q)
         with np.errstate(all="ignore"):
             rows = [self._program.read(k, values) for k in range(len(self.blocks))]
             return np.array([np.broadcast_to(row, q.shape) for row in rows], dtype=float)
 
     def _paths(self, places: bytes) -> list[Any]:
         q = np.frombuffer(places)
-        columns = {n: np.broadcast_to(x, q.shape) for n, x in self._inputs(q).items()}
-        values = self._program.paths.run(columns, len(q))
+        values = self._run(self._program.paths[0], q)
         return [np.broadcast_to(z.real + 1j * z.imag, q.shape) for z in values]
+
+    def _run(self, engine: NumpyEngine, q: Floats) -> tuple[Any, ...]:
+        columns = {n: np.broadcast_to(x, q.shape) for n, x in self._inputs(q).items()}
+        return engine.run(columns, len(q))
 
     def _at(self, q: float) -> tuple[Any, ...]:
         """Values of the program at one place."""
@@ -92,7 +95,7 @@ class Closure:
         if not (self.margins(places)[self.blocks.index(block)] >= 0).all():
             return False
         paths = self._paths_at(places.tobytes())
-        for z in (paths[i] for i in self._program.paths_of[block]):
+        for z in paths[self._program.paths[1][block]]:
             step = np.abs(np.diff(z))
             noise = 1e-9 * float(np.abs(z).max())
             if not step[1] <= 1.5 * (step[0] + step[2]) + noise:
@@ -120,12 +123,11 @@ class _Program:
     ----------
     rows : group of each margin
     pivots : group -> where its outer pins B and D are among the values
-    paths_of : group -> which values of ``paths`` are its links' directions and markers' places
     """
 
-    def __init__(self, mechanism: Compiled, groups: tuple[str, ...]) -> None:
-        structure, rows = mechanism.structure, list[str]()
-        s = schedule(structure, mechanism.scene, Friction("none"))
+    def __init__(self, structure: Structure, scene: Scene, groups: tuple[str, ...]) -> None:
+        self._structure, self._scene, rows = structure, scene, list[str]()
+        s = schedule(structure, scene, Friction("none"))
         values: list[str] = []
         self.pivots: dict[str, tuple[int, int]] = {}
         self._of_rows: list[tuple[int, int]] = []  # where a margin's one or two values are
@@ -142,20 +144,18 @@ class _Program:
         self.rows = tuple(rows)
         program = s.program(values)
         self.scalar, self.batch = ScalarEngine(program), NumpyEngine(program)
-        self._mechanism = mechanism
-        self.paths_of: dict[str, range] = {}
 
     @cached_property
-    def paths(self) -> NumpyEngine:
-        """How the links of all groups move."""
-        structure, values = self._mechanism.structure, list[str]()
-        s = schedule(structure, self._mechanism.scene, Friction("none"))
-        for g in self.rows:
+    def paths(self) -> tuple[NumpyEngine, dict[str, slice]]:
+        """Directions of links and places of markers; which of them are of a group."""
+        structure, values, of = self._structure, list[str](), dict[str, slice]()
+        s = schedule(structure, self._scene, Friction("none"))
+        for g in dict.fromkeys(self.rows):
             first, links = len(values), structure.blocks[g].link_names
             values += [s.ask(forward.link_position, LinkRef(g, x)).scalar for x in links]
             values += [s.ask(forward.marker_place, m) for m in structure.markers(g)]
-            self.paths_of[g] = range(first, len(values))
-        return NumpyEngine(s.program(values))
+            of[g] = slice(first, len(values))
+        return NumpyEngine(s.program(values)), of
 
     def read(self, k: int, values: tuple[Any, ...]) -> Any:
         """A margin; of two pins the square of their distance relative to the origin's."""
