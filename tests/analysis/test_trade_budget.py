@@ -108,6 +108,27 @@ def test_a_motion_that_does_not_end_in_time_is_compared_over_what_it_reaches(mon
     assert "the motion did not end within 0.3 s of computing" in found.notes[0]
 
 
+def test_a_part_without_a_check_is_shortened_once_more() -> None:
+    class Unchecked(FreeMotion):
+        def __init__(self):
+            self.request, self.times, self.parts = {}, None, []
+
+        def run(self, options, seconds):
+            self.parts.append(self.request["until"])
+            return reached
+
+        def _two_kinds(self, motion, clock):
+            return [("auto", reached)] * (len(self.parts) if enough else 1)
+
+    reached = mechanism("watt_sixbar").simulate("time=2")
+    for enough in (False, True):
+        question = Unchecked()
+        finest = question._of_its_begin(reached.motion, Clock(PLENTY))
+        assert question.parts == ["time=0.04", "time=0.0008"]
+        assert len(finest) == 2 * enough
+        assert "until time=0.0008" in question.notes[0]
+
+
 def test_evaluations_count_the_states_that_kept_series_answer() -> None:
     mech = mechanism("watt_sixbar")
     question = FreeMotion(mech, None, {"until": "time=1"}, Clock(PLENTY))

@@ -31,8 +31,8 @@ FINEST = (  # references and checks, best first; coarser ones where those do not
     ("lsoda", 1e-8),
 )
 SHARE = 0.3  # of what is left, for each of them: two, and as much again for the settings
-FIRST = 0.02  # of a motion without end, what is compared: methods differ a hundredfold in cost,
-TRIES = 2  # and as much again where one is machine code and its check is not
+FIRST = 0.02  # of a motion without end, what is compared: methods differ a hundredfold in cost
+TRIES = 2  # of that: by machine code they differ as much again
 TIMES = 21  # at which runs are compared, where none are named
 DOUBTFUL = 10.0  # times their own estimates by which reference and check may differ
 MOTION = ("*.q", "*.rate")
@@ -76,27 +76,10 @@ class FreeMotion(Question):
     ) -> None:
         self.mechanism = mechanism
         self.request, self.times = {**request, "want": want or MOTION}, request.get("times")
-        until = request.get("until")
-        self.asked = f"simulate until {until or 'its end'}"
+        self.asked = f"simulate until {request.get('until') or 'its end'}"
         first, in_time = self._run({}, SHARE * clock.left)
         motion: Motion = first.motion
-        if in_time:
-            finest = self._two_kinds(motion, clock)
-        else:
-            computed = f"the motion did not end within {SHARE * clock.budget:.2g} s of computing"
-            come = f"by which it had come to t = {motion.t_end:.3g} s"
-            span, finest, notes = motion.t_end - motion.t_start, [], self.notes
-            for _ in range(TRIES):
-                if not (span := FIRST * span) > 0:
-                    return
-                until = f"time={span:.2g}"
-                self.request |= {"until": until, "times": self.times}
-                self.notes = (*notes, f"{computed}, {come}: compared until {until} s")
-                if (shorter := self.run({}, SHARE * clock.left)) is None:
-                    return
-                motion = shorter.motion
-                if len(finest := self._two_kinds(motion, clock)) == 2:
-                    break
+        finest = (self._two_kinds if in_time else self._of_its_begin)(motion, clock)
         if len(finest) < 2:
             return
         # The surer one is the reference, the other one its check.
@@ -106,6 +89,7 @@ class FreeMotion(Question):
         self.reference = Reference(method, other, max(apart, min(own), DOUBLE))
         names = self.best.plan.want
         shown = ", ".join(names) if len(names) <= 3 else f"{len(names)} outputs"
+        until = self.request.get("until")
         self.asked = f"simulate until {until or motion.end}: {shown} at {self.best.n} times"
         if apart > DOUBTFUL * sum(own):
             self.notes += (
@@ -114,6 +98,23 @@ class FreeMotion(Question):
             )
         if self.reference.floor >= USELESS:
             self.notes += ("reference and check have nothing in common, so no error is claimed",)
+
+    def _of_its_begin(self, motion: Motion, clock: Clock) -> list[tuple[str, SimulationResult]]:
+        """Fine runs of a part of a motion that was not at its end in time."""
+        computed = f"the motion did not end within {SHARE * clock.budget:.2g} s of computing"
+        come = f"by which it had come to t = {motion.t_end:.3g} s"
+        span = motion.t_end - motion.t_start
+        for _ in range(TRIES):
+            if not (span := FIRST * span) > 0:
+                break
+            until = f"time={span:.2g}"
+            self.request |= {"until": until, "times": self.times}
+            self.notes = (f"{computed}, {come}: compared until {until} s",)
+            if (shorter := self.run({}, SHARE * clock.left)) is None:
+                break
+            if len(finest := self._two_kinds(shorter.motion, clock)) == 2:
+                return finest
+        return []
 
     def _two_kinds(self, motion: Motion, clock: Clock) -> list[tuple[str, SimulationResult]]:
         """Fine runs of a motion at the times at which runs are compared, see `_finest`."""
