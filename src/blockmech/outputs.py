@@ -369,18 +369,21 @@ def near(pattern: str, names: Iterable[str]) -> list[str]:
 
 
 class Catalogue(Mapping[str, Output]):
-    """All outputs of a mechanism by name, each made once and on first use."""
+    """All outputs of a mechanism by name, each made once and on first use.
+
+    by_owner : those of the graph, or how those of a document are read of them
+    """
 
     def __init__(self, structure: Structure, names: Names | None = None) -> None:
         """With ``names`` the outputs are those of a joint-based document, and no others."""
         self.structure = structure
-        self._known: ByOwner[Any] = ByOwner(outputs_of(structure))
+        self.by_owner: ByOwner[Any] = ByOwner(outputs_of(structure))
         self._made: dict[str, Output] = {}  # those that were asked for, and parts of vectors
         self._more: dict[str, Output] = {}
         self._of_document = None
         if names is not None:
-            self._of_document = outputs_by_link(structure, names, self._known)
-            self._known = ByOwner(readings(structure, names, self._known))
+            self._of_document = outputs_by_link(structure, names, self.by_owner)
+            self.by_owner = ByOwner(readings(structure, names, self.by_owner))
 
     def __getitem__(self, name: str) -> Output:
         """An output by its name; ``.x`` or ``.y`` behind that of a vector is a part of it."""
@@ -390,8 +393,8 @@ class Catalogue(Mapping[str, Output]):
         return output
 
     def _output(self, name: str) -> Output:
-        if name in self._known:
-            known = self._known[name]
+        if name in self.by_owner:
+            known = self.by_owner[name]
             return known if self._of_document is None else self._of_document(known)
         whole, _, end = name.rpartition(".")
         if end not in PARTS or (of := self[whole]).kind != "vector":
@@ -399,10 +402,10 @@ class Catalogue(Mapping[str, Output]):
         return of._replace(name=name, kind="real", read=partial(_part, of.read, PARTS[end]))
 
     def __iter__(self) -> Iterator[str]:
-        return chain(self._known, self._more)
+        return chain(self.by_owner, self._more)
 
     def __len__(self) -> int:
-        return len(self._known) + len(self._more)
+        return len(self.by_owner) + len(self._more)
 
     def __repr__(self) -> str:
         return f"<outputs {listed(self, 8)}>"
@@ -426,7 +429,7 @@ class Catalogue(Mapping[str, Output]):
                 continue
             fits = re.compile(fnmatch.translate(pattern)).match
             start = WILD.split(pattern, maxsplit=1)[0]
-            names = [n for n in chain(self._known.beginning(start), self._more) if fits(n)]
+            names = [n for n in chain(self.by_owner.beginning(start), self._more) if fits(n)]
             if not names:
                 known = f"outputs there: {listed(near(pattern, self), 16)}"
                 reason, remedy = "no output has that name", close_match(pattern, self)

@@ -14,7 +14,7 @@ from blockmech.errors import GraphError, Problem, close_match, listed
 from blockmech.model.graph import Graph
 from blockmech.model.joints.varied import settled
 from blockmech.model.naming import Names
-from blockmech.outputs import PARTS, Catalogue, near, outputs_of
+from blockmech.outputs import PARTS, Catalogue, near
 from blockmech.outputs_by_link import Reading, readings
 from blockmech.values import free_name, split_address
 
@@ -30,7 +30,7 @@ def with_sensors_of_blocks(data: dict[str, Any], names: Names) -> dict[str, Any]
     blocks, own = dict(data["blocks"]), set(names.signals.values())
     structure = Graph.from_data(_without_signals(settled(data), own)).structure()
     known = Catalogue(structure)
-    table = ByOwner(readings(structure, names, ByOwner(outputs_of(structure))))
+    table = ByOwner(readings(structure, names, known.by_owner))
     wires, found, problems = [], dict[str, str](), list[Problem]()
     for wire in data["wires"]:
         source, target = wire["from"], wire["to"]
