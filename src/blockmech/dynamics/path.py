@@ -441,13 +441,13 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     Of two runs the coarser has fewer nodes and is some roundings off, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
-    code, fine = worth_machine_code(system), PathRun(system, request, FINE)
-    if code is not None:
+    if (code := worth_machine_code(system)) is not None:
         run = PathRun(system, request, FINE)
         run.both = BothRuns(code, run.rounding, run.mesh.tolerance)
         run.mesh.kept_only = True
         if (motion := judged_in_place(run)) is not None:
             return motion
+    fine = PathRun(system, request, FINE)
     if system.friction is None and (motion := judged_in_place(fine)) is not None:
         return motion
     run = PathRun(system, request, COARSE, True)
