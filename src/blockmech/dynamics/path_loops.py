@@ -230,8 +230,9 @@ def panel(
 
 
 def timed(of: Sizes, M: Reals, now: Rows, r: int, begin: float) -> float:
-    """When run r leaves a panel that it enters at a time [s]; the panel keeps that time, and those
-    since its anchor at anchor, nodes and end."""
+    """When run r leaves a panel that it enters at time begin [s].
+
+    The panel keeps that time, and those since its anchor at anchor, nodes and end."""
     if r == 1:
         for i in range(of.terms, of.n):
             now[3, 1, i] = 0.0
