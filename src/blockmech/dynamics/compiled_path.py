@@ -17,8 +17,23 @@ import numpy as np
 from blockmech.dynamics.estimate import ROUNDING
 from blockmech.dynamics.panels import TO_REST, Floats, Panels, Spans, rule
 from blockmech.dynamics.path_loops import (
+    BEGIN,
+    END,
+    ENERGY,
+    FROM,
+    FROM_THERE,
+    GAINS,
     HALVED,
+    KIND,
+    LEFT,
     PANEL,
+    RATE,
+    SINCE,
+    SLOPES,
+    SPAN,
+    STEP,
+    TIME,
+    WORK,
     again,
     beside,
     lasting,
@@ -78,7 +93,7 @@ class BothPanels(Panels):
     @cached_property
     def spans(self) -> Spans:
         """Where they lie."""
-        begin, end, energy, kind = self.records[:, 6, self.of, :4].T
+        begin, end, energy, kind = self.records[:, SPAN, self.of, : KIND + 1].T
         return Spans(begin, end, energy, kind.astype(np.intp))
 
     @cached_property
@@ -95,7 +110,7 @@ class BothPanels(Panels):
     def K(self) -> Floats:
         """(m, n + 1) [J] at the nodes, and at the end that is not known."""
         records = self.records[:, :, self.of]
-        return records[:, 6, 2:3] + records[:, 2, : FINE + 1]
+        return records[:, SPAN, ENERGY, None] + records[:, GAINS, : FINE + 1]
 
     @cached_property
     def lost(self) -> Floats:
@@ -110,13 +125,13 @@ class BothPanels(Panels):
     @property
     def t1(self) -> float:
         """[s] when the last ends."""
-        first, last = self.records[[0, -1], 6, self.of, 4].tolist()
-        return float(self.t0 + (last + float(self.records[-1, 4, self.of, -1]) - first))
+        first, last = self.records[[0, -1], SPAN, self.of, TIME].tolist()
+        return float(self.t0 + (last + float(self.records[-1, SINCE, self.of, -1]) - first))
 
     @property
     def begin(self) -> float:
         """[rad or m] where the first begins."""
-        return float(self.records[0, 6, self.of, 0])
+        return float(self.records[0, SPAN, self.of, BEGIN])
 
     @cached_property
     def place(self) -> int:
@@ -125,37 +140,38 @@ class BothPanels(Panels):
 
     def at_end(self) -> tuple[float, float]:
         """Place [rad or m] and kinetic energy [J] at the end of the last."""
-        q, K = self.records[-1, 6, self.of, 1:6:4].tolist()
-        return q, K
+        span = self.records[-1, SPAN, self.of]
+        return float(span[END]), float(span[LEFT])
 
     @cached_property
     def rate(self) -> Floats:
         """Chebyshev coefficients (m, n) of dt/dv."""
-        return self.records[:, 3, self.of, :FINE]
+        return self.records[:, RATE, self.of, :FINE]
 
     @cached_property
     def durations(self) -> Floats:
         """(m,) [s] that each takes."""
-        return self.records[:, 4, self.of, -1]
+        return self.records[:, SINCE, self.of, -1]
 
     @cached_property
     def _known(self) -> tuple[Floats, Floats, Floats]:
-        return rule(FINE).leads[TO_REST], self.records[:, 4, self.of], self.records[:, 5, self.of]
+        times, slopes = self.records[:, SINCE, self.of], self.records[:, SLOPES, self.of]
+        return rule(FINE).leads[TO_REST], times, slopes
 
     @cached_property
     def other(self) -> BothPanels:
         """Those of the second run."""
-        return BothPanels(self.records, 1, float(self.records[0, 6, 1, 4]))
+        return BothPanels(self.records, 1, float(self.records[0, SPAN, 1, TIME]))
 
     @property
     def left(self) -> float:
         """[J] with which it goes on."""
-        return float(self.records[-1, 6, self.of, 5])
+        return float(self.records[-1, SPAN, self.of, LEFT])
 
     @property
     def size(self) -> float:
         """[J] of all the work to and fro."""
-        return float(self.records[:, 6, self.of, 6].sum())
+        return float(self.records[:, SPAN, self.of, WORK].sum())
 
     def taken_from(self, t0: float, energy: float = 0.0) -> Panels:
         """The same panels at another time and with more kinetic energy [J]."""
@@ -174,7 +190,7 @@ class BothPanels(Panels):
         """Driver coordinate and rate (k,) at times (k,) [s]; after the end those of the end."""
         if (code := PathCode.made()) is None:
             return super().state(t)
-        since = t - (self.t0 - self.records[0, 6, self.of, 4])
+        since = t - (self.t0 - self.records[0, SPAN, self.of, TIME])
         q, rate, room = np.empty(t.size), np.empty(t.size), np.empty(FINE + 1)
         given = self.place, len(self.records), self.of, since.ctypes.data, t.size
         code.placed(code.M, *given, *(x.ctypes.data for x in (q, rate, room)))
@@ -231,9 +247,9 @@ def apart(
     one: Any
     there: Any
     for one, there, sign, begin, begin_there, step in compared(run, other, t_end - t_start):
-        first, second = float(one.records[0, 6, 0, 4]), float(there.records[0, 6, 1, 4])
-        at[0] = t_start + begin + sign * (one.t0 - first)
-        at[1] = t_start + begin_there + sign * (there.t0 - second)
-        at[2] = step
+        first, second = one.records[0, SPAN, 0, TIME], there.records[0, SPAN, 1, TIME]
+        at[FROM] = t_start + begin + sign * (one.t0 - first)
+        at[FROM_THERE] = t_start + begin_there + sign * (there.t0 - second)
+        at[STEP] = step
         code.beside(code.M, one.place, there.place, len(one.records), int(sign < 0), *given)
     return Apart(*found.tolist())

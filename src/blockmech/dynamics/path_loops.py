@@ -30,7 +30,7 @@ from blockmech.dynamics.panels import (
     rule,
 )
 from blockmech.dynamics.path_mesh import COARSE, FINE, KEPT
-from blockmech.dynamics.place_data import SHORT
+from blockmech.dynamics.place_data import SHORT, TAU, J
 from blockmech.engines.loops import Counts, Reals
 from blockmech.plane import EPS
 from blockmech.series import LEVEL, NOISE
@@ -41,12 +41,19 @@ HALVED = 4 * SHORT  # panels that a piece is tried in
 MOST = 60  # steps to a place at a time: a double has no more digits to halve
 ROOT = math.sqrt(EPS)
 LARGEST = sys.float_info.max
-# Blocks of a piece of the path, of both runs each: series and values over all of it in the
-# direction of motion, both of J and tau, and the gains of the values.
+# A piece of the path: the series of J and tau, of both runs each, in the direction of motion; their
+# values at its nodes and its end; and what tau does up to there.
 BLOCKS = 5
-# Blocks of a panel, of both runs each: J and tau (two blocks), gains, rate, times, dt/dv, and where
-# it lies: begin, end, energy, kind, time at the begin, energy at the end, work to and fro.
+VALUES, OVER_ALL = 2, 4
+# A panel: J and tau at its nodes, of both runs each; what tau does up to there; the series of
+# dt/dv; times since its anchor, and dt/dv, at anchor, nodes and end; and where it lies.
 PANEL = 7
+GAINS, RATE, SINCE, SLOPES, SPAN = range(2, PANEL)
+BEGIN, END, ENERGY, KIND, TIME, LEFT, WORK = range(7)  # of a span: LEFT at its end, WORK to and fro
+PLACE, KINETIC, CLOCK, STOP = range(4)  # of a run
+FROM, FROM_THERE, STEP, NOT_AFTER, START, SHARE = range(6)  # of what `beside` is given
+OFF, UNKNOWN, LOWEST, HIGHEST, FASTEST, LAST, LATE, ROUGH = range(8)  # and of what it finds
+FAILED, GOES_ON, STANDS = range(3)  # how runs leave a piece
 
 
 class Sizes(NamedTuple):
@@ -73,7 +80,7 @@ Row: TypeAlias = Annotated[Reals, "of.n + 2"]
 Rows: TypeAlias = Annotated[Reals, "2", "of.n + 2"]  # blocks of a piece or of a panel
 Pieces: TypeAlias = Annotated[Reals, "5", "2", "of.n + 2"]
 Records: TypeAlias = Annotated[Reals, "7", "2", "of.n + 2"]  # panels
-Runs: TypeAlias = Annotated[Reals, "4"]  # place, energy, time, where it stands still
+Runs: TypeAlias = Annotated[Reals, "4"]
 
 
 def product(x: Reals, M: Reals, out: Reals, rows: int, columns: int, by: float) -> None:
@@ -118,7 +125,7 @@ def ending(c: Reals, n: int) -> float:
 
 
 def over(
-    of: Sizes, M: Reals, low: float, length: float, begin: float, end: float, kind: int,
+    of: Sizes, M: Reals, low: float, length: float, begin: float, end: float, kind: float,
     series: Row, rows: Row, b: Reals, first: int,
 ) -> None:  # fmt: skip
     """Rows from the ``first`` on at the nodes of a panel, and at its anchor."""
@@ -138,33 +145,32 @@ def standstill(
 ) -> bool:  # fmt: skip
     """Whether the place is found at which a run has no energy left, near ``stop``."""
     for _ in range(TRIES):
-        over(of, M, low, length, run[0], stop, PLAIN, series, rows, b, 1)
-        mean, way = 0.0, stop - run[0]
+        over(of, M, low, length, run[PLACE], stop, PLAIN, series, rows, b, 1)
+        mean, way = 0.0, stop - run[PLACE]
         for i in range(of.n):
-            mean += M[of.average + i] * rows[1, i]
+            mean += M[of.average + i] * rows[TAU, i]
         b[0] = min(max(2.0 * (stop - low) / length - 1.0, -1.0), 1.0)
-        series_at(series[1], of.n, b, b[1:], b[2:], 1)
+        series_at(series[TAU], of.n, b, b[1:], b[2:], 1)
         effort = b[1]
         if not effort * way < 0.0:
             return False
-        step = (run[1] + way * mean) / -effort
+        step = (run[KINETIC] + way * mean) / -effort
         stop += step
-        run[3] = stop
+        run[STOP] = stop
         if abs(step) <= NEAR * NEAR * abs(way) or abs(step) <= EPS * abs(stop):
             return True
     return False
 
 
-def clock(
-    of: Sizes, M: Reals, way: float, kind: int, energy: float, gains: Reals, rows: Row,
-    slopes: Reals, rate: Reals,
-) -> None:  # fmt: skip
-    """dt/dv of a panel that begins with an energy: at the anchor, the nodes and the end, and its
-    coefficients."""
-    leads = M[of.leads + 1 :] if kind == PLAIN else M[of.leads + of.n + 3 :]
-    by = abs(way) if kind == PLAIN else 2.0 * abs(way)
+def clock(of: Sizes, M: Reals, now: Rows, r: int) -> None:
+    """dt/dv of a panel of run r: at the anchor, the nodes and the end, and its coefficients."""
+    gains, slopes, rate = now[GAINS, r], now[SLOPES, r], now[RATE, r]
+    energy, way = now[SPAN, r, ENERGY], abs(now[SPAN, r, END] - now[SPAN, r, BEGIN])
+    plain = now[SPAN, r, KIND] == PLAIN
+    leads = M[of.leads + 1 :] if plain else M[of.leads + of.n + 3 :]
+    by = way if plain else 2.0 * way
     for i in range(of.n):
-        slopes[i + 1] = by * sqrt(rows[0, i] / (2.0 * (energy + gains[i]))) * leads[i]
+        slopes[i + 1] = by * sqrt(now[r, J, i] / (2.0 * (energy + gains[i]))) * leads[i]
     product(slopes[1:], M[of.series :], rate, of.n, of.n, 1.0)
     first, last, sign = 0.0, 0.0, 1.0
     for i in range(of.n):
@@ -175,135 +181,129 @@ def clock(
     slopes[of.n + 1] = last
 
 
-def is_smooth(
-    of: Sizes, M: Reals, way: float, kind: int, energy: float, effort: float, tolerance: float,
-    gains: Reals, rows: Row, slopes: Reals, rate: Reals,
-) -> bool:  # fmt: skip
+def is_smooth(of: Sizes, M: Reals, now: Rows, effort: float, tolerance: float) -> bool:
     """Whether the time of a panel is smooth enough for its nodes, see `Panels.smooth`."""
+    gains, rate = now[GAINS, 0], now[RATE, 0]
+    energy, way = now[SPAN, 0, ENERGY], abs(now[SPAN, 0, END] - now[SPAN, 0, BEGIN])
+    plain = now[SPAN, 0, KIND] == PLAIN
     v, doubt, size = M[of.v :], 0.0, largest(rate, 0, of.n)
     for i in range(of.n):
         K = energy + gains[i]
         if not K > 0.0:
             return False
-        doubt = max(doubt, (v[i] if kind == PLAIN else v[i] * v[i]) / K)
-    if not ending(rate, of.n) <= max(tolerance, EPS * effort * doubt * abs(way)):
+        doubt = max(doubt, (v[i] if plain else v[i] * v[i]) / K)
+    if not ending(rate, of.n) <= max(tolerance, EPS * effort * doubt * way):
         return False
     left = max(largest(rate, of.n - (of.n >> 2), of.n), tolerance * size)
-    known = abs(way) * sqrt(rows[0, of.n] / (2.0 * energy)) if energy > 0.0 else 0.0
-    return kind != PLAIN or abs(slopes[0] - known) <= of.n * left
+    known = way * sqrt(now[0, J, of.n] / (2.0 * energy)) if energy > 0.0 else 0.0
+    return not plain or abs(now[SLOPES, 0, 0] - known) <= of.n * left
 
 
-def emptied(of: Sizes, M: Reals, run: Reals, way: float, kind: int, gains: Reals, brake: float,
-    stop: float) -> float:  # fmt: skip
-    """About where a run's energy is used up on a panel; ``stop``, that is beyond it, if nowhere.
+def emptied(of: Sizes, M: Reals, now: Rows, brake: float, stop: float) -> float:
+    """About where the first run's energy is used up on a panel; if nowhere ``stop``, beyond it.
 
     At the end it is but for rounding: as much as ``brake`` [N m or N] takes on a part of the way.
     """
-    begin, before = float(run[0]), float(run[1])
+    first, energy = float(now[SPAN, 0, BEGIN]), float(now[SPAN, 0, ENERGY])
+    way, plain = now[SPAN, 0, END] - first, now[SPAN, 0, KIND] == PLAIN
+    begin, before = first, energy
     for i in range(of.n + 1):
         share = 1.0
         if i < of.n:
-            share = M[of.v + i] if kind == PLAIN else M[of.v + i] * M[of.v + i]
-        there, K = float(run[0]) + way * share, float(run[1] + gains[i])
+            share = M[of.v + i] if plain else M[of.v + i] * M[of.v + i]
+        there, K = first + way * share, energy + now[GAINS, 0, i]
         if K <= 0.0 or (i == of.n and ROOT * brake * abs(way) > K):
-            return begin + (there - begin) * (before / (before - min(K, 0.0)))
+            return float(begin + (there - begin) * (before / (before - min(K, 0.0))))
         begin, before = there, K
     return stop
 
 
-def panel(
-    of: Sizes, M: Reals, low: float, length: float, piece: Rows, runs: Runs, kind: int, lies: Row,
-    now: Rows, b: Reals,
-) -> None:  # fmt: skip
-    """J, tau and gains of a panel of both runs, whose begins and ends ``lies`` says."""
-    energies = M[of.plain :] if kind == PLAIN else M[of.rest :]
+def panel(of: Sizes, M: Reals, low: float, length: float, piece: Rows, now: Rows, b: Reals) -> None:
+    """J, tau and gains of a panel of both runs, where its spans say."""
     for r in range(2):
-        begin, end = float(lies[r, 0]), float(lies[r, 1])
+        begin, end, kind = now[SPAN, r, BEGIN], now[SPAN, r, END], now[SPAN, r, KIND]
         if kind == PLAIN and abs(end - begin) >= LONG * length:
             for i in range(of.n + 1):
-                now[r, 0, i], now[r, 1, i] = piece[2 + r, 0, i], piece[2 + r, 1, i]
-                now[2, r, i] = piece[4, r, i]
+                now[r, J, i], now[r, TAU, i] = piece[VALUES + r, J, i], piece[VALUES + r, TAU, i]
+                now[GAINS, r, i] = piece[OVER_ALL, r, i]
         else:
+            energies = M[of.plain :] if kind == PLAIN else M[of.rest :]
             over(of, M, low, length, begin, end, kind, piece[r], now[r], b, 0)
             along = begin - end if kind == TO_REST else end - begin
-            product(now[r, 1], energies, now[2, r], of.n, of.n + 1, along)
+            product(now[r, TAU], energies, now[GAINS, r], of.n, of.n + 1, along)
 
 
 def timed(of: Sizes, M: Reals, now: Rows, r: int, begin: float) -> float:
-    """When run r leaves a panel that it enters at time begin [s].
+    """When run r leaves a panel that it enters at a time [s].
 
-    The panel keeps that time, and those since its anchor at anchor, nodes and end."""
+    The panel keeps that time, and those since its anchor at anchor, nodes and end.
+    """
     if r == 1:
         for i in range(of.terms, of.n):
-            now[3, 1, i] = 0.0
-    product(now[3, r], M[of.since :], now[4, r], of.n, of.n + 2, 1.0)
-    now[6, r, 4] = begin
-    return float(begin + now[4, r, of.n + 1])
+            now[RATE, 1, i] = 0.0
+    product(now[RATE, r], M[of.since :], now[SINCE, r], of.n, of.n + 2, 1.0)
+    now[SPAN, r, TIME] = begin
+    return float(begin + now[SINCE, r, of.n + 1])
 
 
 def through(
     of: Sizes, M: Reals, low: float, length: float, far: float, sign: float, rounding: float,
     tolerance: float, piece: Rows, runs: Runs, panels: Records, counts: Counts, b: Reals,
 ) -> int:  # fmt: skip
-    """Both runs over a piece to ``far``: 1 where they go on, 2 where they stand still, 0 for a
-    failure. ``counts``: of the panels so far."""
-    effort = largest(piece[2, 1], 0, of.n)
+    """Both runs over a piece to ``far``: `GOES_ON`, `STANDS` or `FAILED`. ``counts``: of the
+    panels so far."""
+    effort = largest(piece[VALUES, TAU], 0, of.n)
     end, stands, beyond = far, False, far + 2.0 * sign * length
     for _ in range(HALVED):
         now = panels[counts[0]]
-        kind = TO_REST if stands else FROM_REST if runs[0, 1] == 0.0 else PLAIN
+        kind = TO_REST if stands else FROM_REST if runs[0, KINETIC] == 0.0 else PLAIN
         for r in range(2):
-            now[6, r, 0], now[6, r, 1] = runs[r, 0], runs[r, 3] if stands else end
-            now[6, r, 2], now[6, r, 3] = 0.0 if stands else runs[r, 1], float(kind)
-        panel(of, M, low, length, piece, runs, kind, now[6], now, b)
-        way, stop = end - runs[0, 0], beyond
+            span, run = now[SPAN, r], runs[r]
+            span[BEGIN], span[END] = run[PLACE], run[STOP] if stands else end
+            span[ENERGY], span[KIND] = 0.0 if stands else run[KINETIC], float(kind)
+        panel(of, M, low, length, piece, now, b)
+        way, stop = end - runs[0, PLACE], beyond
         if stands:
-            way = runs[0, 3] - runs[0, 0]
+            way = runs[0, STOP] - runs[0, PLACE]
         else:
-            brake = max(-sign * now[0, 1, of.n - 1], 0.0)
-            stop = emptied(of, M, runs[0], way, kind, now[2, 0], brake, beyond)
+            brake = max(-sign * now[0, TAU, of.n - 1], 0.0)
+            stop = emptied(of, M, now, brake, beyond)
         if stop != beyond and kind == FROM_REST:
-            end = runs[0, 0] + (stop - runs[0, 0]) / 2.0
+            end = runs[0, PLACE] + (stop - runs[0, PLACE]) / 2.0
             continue
         if stop != beyond:
             stands = True
             for r in range(2):
                 if not standstill(of, M, low, length, runs[r], stop, piece[r], now[r], b):
-                    return 0
-            if sign * (runs[0, 3] - far) > ROOT * abs(runs[0, 3] - runs[0, 0]):
-                return 0
+                    return FAILED
+            if sign * (runs[0, STOP] - far) > ROOT * abs(runs[0, STOP] - runs[0, PLACE]):
+                return FAILED
             continue
         for r in range(2):
-            clock(
-                of, M, now[6, r, 1] - now[6, r, 0], kind, now[6, r, 2], now[2, r], now[r],
-                now[5, r], now[3, r],
-            )  # fmt: skip
-        if not is_smooth(
-            of, M, way, kind, now[6, 0, 2], effort, tolerance, now[2, 0], now[0], now[5, 0],
-            now[3, 0],
-        ):  # fmt: skip
-            end, stands = runs[0, 0] + way / 2.0, False
+            clock(of, M, now, r)
+        if not is_smooth(of, M, now, effort, tolerance):
+            end, stands = runs[0, PLACE] + way / 2.0, False
             continue
         for r in range(2):
-            runs[r, 2] = timed(of, M, now, r, runs[r, 2])
-        if not runs[1, 2] <= LARGEST:  # its energy is used up on a panel of no standstill
-            return 0
+            runs[r, CLOCK] = timed(of, M, now, r, runs[r, CLOCK])
+        if not runs[1, CLOCK] <= LARGEST:  # its energy is used up on a panel of no standstill
+            return FAILED
         counts[0] += 1
         for r in range(2):
-            mean = 0.0
+            span, run, mean = now[SPAN, r], runs[r], 0.0
             for i in range(of.n):
-                mean += abs(now[r, 1, i]) / of.n
-            now[6, r, 6] = abs(way) * mean
-            runs[r, 1] += now[2, r, of.n] + r * rounding * now[6, r, 6]
+                mean += abs(now[r, TAU, i]) / of.n
+            span[WORK] = abs(way) * mean
+            run[KINETIC] += now[GAINS, r, of.n] + r * rounding * span[WORK]
             if stands:
-                runs[r, 1] = 0.0
-            runs[r, 0], now[6, r, 5] = now[6, r, 1], runs[r, 1]
+                run[KINETIC] = 0.0
+            run[PLACE], span[LEFT] = span[END], run[KINETIC]
         if stands:
-            return 2
+            return STANDS
         if end == far:
-            return 1
+            return GOES_ON
         end = end + 2.0 * way if abs(2.0 * way) < abs(far - end) else far
-    return 0
+    return FAILED
 
 
 def stretch(
@@ -321,9 +321,9 @@ def stretch(
             of, M, low, high - low, far, sign, rounding, tolerance, pieces[which[p]], runs, panels,
             counts, b,
         )  # fmt: skip
-        if how != 1 or far == goal:
+        if how != GOES_ON or far == goal:
             return how
-    return 1
+    return GOES_ON
 
 
 def beside(
@@ -347,51 +347,52 @@ def beside(
     for j in range(count):
         now = panels[count - 1 - j if backward == 1 else j]
         other = others[count - 1 - j if backward == 1 else j]
-        kind = now[6, 0, 3]
-        ends_there, plain = kind == float(TO_REST), kind == float(PLAIN)
+        span, since, slopes = now[SPAN, 0], now[SINCE, 0], now[SLOPES, 0]
+        span_there, since_there = other[SPAN, 1], other[SINCE, 1]
+        ends_there, plain = span[KIND] == TO_REST, span[KIND] == PLAIN
         onward = backward == (1 if ends_there else 0)  # in the order of the nodes
-        anchor, there = now[6, 0, 1 if ends_there else 0], other[6, 1, 1 if ends_there else 0]
-        way, way_there = now[6, 0, 1] - now[6, 0, 0], other[6, 1, 1] - other[6, 1, 0]
+        anchor, there = span[BEGIN], span_there[BEGIN]
+        way, way_there = span[END] - anchor, span_there[END] - there
         speed = way if plain else 2.0 * way
         if ends_there:
-            way, way_there = -way, -way_there
+            anchor, there, way, way_there = span[END], span_there[END], -way, -way_there
         if backward == 1:
             speed = -speed
         for m in range(last + 1):
             i = m if onward else last - m
-            t, late = now[4, 0, i], other[4, 1, i]
+            t, late = since[i], since_there[i]
             if ends_there:
-                t, late = now[4, 0, last] - t, other[4, 1, last] - late
-            t, late = now[6, 0, 4] + t, other[6, 1, 4] + late
+                t, late = since[last] - t, since_there[last] - late
+            t, late = span[TIME] + t, span_there[TIME] + late
             if backward == 1:
                 t, late = -t, -late
-            t = at[0] + t
-            late = at[1] + late - t
+            t = at[FROM] + t
+            late = at[FROM_THERE] + late - t
             lead = 1.0 if plain else v[i]
             q = anchor + way * (lead * v[i])
             apart = there + way_there * (lead * v[i]) - q
-            rate = speed * lead / now[5, 0, i] if now[5, 0, i] > 0.0 else 0.0
+            rate = speed * lead / slopes[i] if slopes[i] > 0.0 else 0.0
             apart = abs(apart - late * rate)
-            q += at[2]
+            q += at[STEP]
             near = abs(q - before)
             if not apart <= LARGEST:
                 apart = LARGEST
             if off > max(gap, near):
-                found[7] = 1.0
-            off = at[5] * max(abs(t), t - at[4]) * abs(rate)
+                found[ROUGH] = 1.0
+            off = at[SHARE] * max(abs(t), t - at[START]) * abs(rate)
             gap, before = near if m + j > 0 else LARGEST, q
-            found[0] = max(found[0], apart)
-            found[1] = max(found[1], off + ROUNDING * abs(q))
-            found[2], found[3] = min(found[2], q), max(found[3], q)
-            found[4], found[5] = max(found[4], abs(rate)), t
-            found[6], late_before = max(abs(late), late_before), abs(late)
-            if t >= at[3]:
+            found[OFF] = max(found[OFF], apart)
+            found[UNKNOWN] = max(found[UNKNOWN], off + ROUNDING * abs(q))
+            found[LOWEST], found[HIGHEST] = min(found[LOWEST], q), max(found[HIGHEST], q)
+            found[FASTEST], found[LAST] = max(found[FASTEST], abs(rate)), t
+            found[LATE], late_before = max(abs(late), late_before), abs(late)
+            if t >= at[NOT_AFTER]:
                 done = True
                 break
         if done:
             break
     if off > gap:
-        found[7] = 1.0
+        found[ROUGH] = 1.0
 
 
 def again(of: Sizes, M: Reals, panels: Records, count: int, r: int, energy: float) -> None:
@@ -399,10 +400,8 @@ def again(of: Sizes, M: Reals, panels: Records, count: int, r: int, energy: floa
     t = 0.0
     for j in range(count):
         now = panels[j]
-        now[6, r, 2] += energy
-        kind = PLAIN if now[6, r, 3] == float(PLAIN) else FROM_REST
-        way = now[6, r, 1] - now[6, r, 0]
-        clock(of, M, way, kind, now[6, r, 2], now[2, r], now[r], now[5, r], now[3, r])
+        now[SPAN, r, ENERGY] += energy
+        clock(of, M, now, r)
         t = timed(of, M, now, r, t)
 
 
@@ -415,12 +414,12 @@ def lasting(
     for m in range(many):
         times[m] = 0.0
         for j in range(count):
-            now = panels[j]
-            plain, way = now[6, r, 3] == float(PLAIN), abs(now[6, r, 1] - now[6, r, 0])
+            now, span = panels[j], panels[j, SPAN, r]
+            plain, way = span[KIND] == PLAIN, abs(span[END] - span[BEGIN])
             leads, total = M[of.leads + 1 :] if plain else M[of.leads + of.n + 3 :], 0.0
-            energy = now[6, r, 2] + energies[m]
+            energy = span[ENERGY] + energies[m]
             for i in range(of.n):
-                slope = sqrt(now[r, 0, i] / (2.0 * (energy + now[2, r, i])))
+                slope = sqrt(now[r, J, i] / (2.0 * (energy + now[GAINS, r, i])))
                 total += weights[i] * leads[i] * slope
             times[m] += total * way * (1.0 if plain else 2.0)
 
@@ -430,11 +429,23 @@ def panel_at(of: Sizes, panels: Records, count: int, r: int, t: float) -> int:
     low, high = 0, count - 1
     while low < high:
         middle = (low + high + 1) >> 1
-        if panels[middle, 6, r, 4] <= t:
+        if panels[middle, SPAN, r, TIME] <= t:
             low = middle
         else:
             high = middle - 1
     return low
+
+
+def integral(c: Reals, n: int, out: Reals) -> None:
+    """``out`` (n + 1,) = the integral up to x of a Chebyshev series in 2 x - 1, from x = 0."""
+    out[0], sign = 0.0, 1.0
+    for k in range(1, n + 1):
+        out[k] = c[k - 1] if k > 1 else 2.0 * c[0]
+        if k < n - 1:
+            out[k] -= c[k + 1]
+        out[k] /= 4.0 * k
+        out[0] += sign * out[k]
+        sign = -sign
 
 
 def placed(
@@ -445,19 +456,13 @@ def placed(
     v, last, before = M[of.leads + of.n + 2 :], of.n + 1, -1
     for m in range(many):
         p = panel_at(of, panels, count, r, times[m])
-        now = panels[p]
-        rate, since, slopes, kind = now[3, r], now[4, r], now[5, r], now[6, r, 3]
-        if p != before:  # the series of the time
-            c[0], sign, before = 0.0, 1.0, p
-            for k in range(1, of.n + 1):
-                c[k] = rate[k - 1] if k > 1 else 2.0 * rate[0]
-                if k < of.n - 1:
-                    c[k] -= rate[k + 1]
-                c[k] /= 4.0 * k
-                c[0] += sign * c[k]
-                sign = -sign
-        ends_there, plain = kind == float(TO_REST), kind == float(PLAIN)
-        t, way = times[m] - now[6, r, 4], now[6, r, 1] - now[6, r, 0]
+        now, span = panels[p], panels[p, SPAN, r]
+        rate, since, slopes = now[RATE, r], now[SINCE, r], now[SLOPES, r]
+        if p != before:
+            integral(rate, of.n, c)
+            before = p
+        ends_there, plain = span[KIND] == TO_REST, span[KIND] == PLAIN
+        t, way = times[m] - span[TIME], span[END] - span[BEGIN]
         t = min(max(since[last] - t if ends_there else t, 0.0), since[last])
         j = 0
         while j < of.n and since[j + 1] <= t:
@@ -488,7 +493,7 @@ def placed(
             x = new
         lead = 1.0 if plain else x
         rates[m] = way * lead * (1.0 if plain else 2.0) / slope if slope > 0.0 else 0.0
-        q[m] = now[6, r, 1] - way * (x * lead) if ends_there else now[6, r, 0] + way * (x * lead)
+        q[m] = span[END] - way * (x * lead) if ends_there else span[BEGIN] + way * (x * lead)
 
 
 @cache

@@ -24,8 +24,17 @@ from blockmech.dynamics.estimate import PARTED, ROUNDING, TARGET
 from blockmech.dynamics.panels import SMALLEST, Floats
 from blockmech.dynamics.path_loops import (
     BLOCKS,
+    CLOCK,
+    FAILED,
+    GOES_ON,
     HALVED,
+    KINETIC,
+    OVER_ALL,
     PANEL,
+    PLACE,
+    ROUGH,
+    STANDS,
+    VALUES,
     Pieces,
     Records,
     Row,
@@ -41,7 +50,7 @@ from blockmech.dynamics.path_loops import (
     through,
 )
 from blockmech.dynamics.path_mesh import FINE, PathMesh
-from blockmech.dynamics.place_data import NOTHING, RESOLVED
+from blockmech.dynamics.place_data import NOTHING, RESOLVED, TAU, J
 from blockmech.engines import loops
 from blockmech.engines.llvm import addresses_of, machine_code, slots_of
 from blockmech.engines.loops import Counts, Reals
@@ -52,6 +61,7 @@ if TYPE_CHECKING:
     from blockmech.engines.stages import CompiledRhs
 
 CLEAR = 1 / 64  # of its largest, below which an inertia is left to the single motion; of a margin
+T_END, Q_END, LATER, KNOWN = range(8, 12)  # of what is found, after what `beside` finds
 Fill: TypeAlias = Callable[[Reals, Reals, Reals, int, int, int, int], float]
 
 
@@ -65,13 +75,13 @@ def sampled(
         state[0] = low + length * v[i]
         fill(x, P, row, 1, 1, 0, 1)
         margin = min(margin, row[of.state])
-        values[0, i] = row[of.state + 1]
-        values[1, i] = row[1] * row[of.state + 1]
-        if not (margin > CLEAR and values[0, i] > 0.0):
+        values[J, i] = row[of.state + 1]
+        values[TAU, i] = row[1] * row[of.state + 1]
+        if not (margin > CLEAR and values[J, i] > 0.0):
             return False
-    tolerance, size = max(RESOLVED, NOTHING / margin), largest(values[0], 0, n)
+    tolerance, size = max(RESOLVED, NOTHING / margin), largest(values[J], 0, n)
     for i in range(n):
-        if values[0, i] < CLEAR * size:
+        if values[J, i] < CLEAR * size:
             return False
     for j in range(2):
         product(values[j], to_series, series[j], n, n, 1.0)
@@ -85,7 +95,7 @@ def both_sampled(
     length: float, sign: float, rounding: float, piece: Rows,
 ) -> bool:  # fmt: skip
     """A piece of both samplings, the second one's values at the nodes of the first."""
-    whole = piece[2:]
+    whole = piece[VALUES:]
     if not sampled(
         of, fill, x, P, row, state, low, length, M[of.v :], M[of.series :], whole[0], piece[0],
         of.n,
@@ -96,7 +106,7 @@ def both_sampled(
         piece[1], of.k,
     ):  # fmt: skip
         return False
-    piece[1, 0, 0] += rounding * largest(whole[0, 0], 0, of.n)
+    piece[1, J, 0] += rounding * largest(whole[0, J], 0, of.n)
     for j in range(2):
         for i in range(of.k, of.n):
             piece[1, j, i] = 0.0
@@ -113,7 +123,7 @@ def both_sampled(
                     there = whole[r, j, of.n - 1 - i]
                     whole[r, j, of.n - 1 - i] = whole[r, j, i]
                     whole[r, j, i] = there
-        product(whole[r, 1], M[of.plain :], piece[4, r], of.n, of.n + 1, sign * length)
+        product(whole[r, TAU], M[of.plain :], piece[OVER_ALL, r], of.n, of.n + 1, sign * length)
     return True
 
 
@@ -134,21 +144,19 @@ def swings(
         P, q, rate = numbers[d * slots :], start[0], start[1]
         state[0] = q
         fill(x, P, row, 1, 1, 0, 1)
-        push, J = row[1] * row[of.state + 1], row[of.state + 1]
+        push, inertia = row[1] * row[of.state + 1], row[of.state + 1]
         if rate == 0.0 and not abs(push) > start[2]:
             continue
         sign = 1.0 if rate > 0.0 or (rate == 0.0 and push > 0.0) else -1.0
         first, many = 0 if sign > 0.0 else pieces[0], pieces[0 if sign > 0.0 else 1]
         for r in range(2):
             fast = rate * (1.0 + r * ROUNDING)
-            runs[r, 0], runs[r, 1], runs[r, 2] = (
-                q * (1.0 + r * ROUNDING),
-                J * fast * fast / 2.0,
-                0.0,
-            )
-        counts[0], how = 0, 0
+            run = runs[r]
+            run[PLACE], run[CLOCK] = q * (1.0 + r * ROUNDING), 0.0
+            run[KINETIC] = inertia * fast * fast / 2.0
+        counts[0], how = 0, FAILED
         for p in range(first, first + many):
-            how = 0
+            how = FAILED
             if both_sampled(
                 of, fill, M, x, P, row, state, lows[p], lengths[p], sign, start[3], room[0]
             ):
@@ -157,13 +165,13 @@ def swings(
                     of, M, lows[p], lengths[p], far, sign, start[3], RESOLVED, room[0], runs,
                     panels, counts, b,
                 )  # fmt: skip
-            if how != 1:
+            if how != GOES_ON:
                 break
-        if how == 2:
+        if how == STANDS:
             beside(of, M, panels, panels, counts[0], 0, start[4:], found[d])
-            found[d, 11] = 1.0 - found[d, 7]
-        found[d, 8], found[d, 9] = runs[0, 2], runs[0, 0]
-        found[d, 10] = abs(runs[1, 2] - runs[0, 2])
+            found[d, KNOWN] = 1.0 - found[d, ROUGH]
+        found[d, T_END], found[d, Q_END] = runs[0, CLOCK], runs[0, PLACE]
+        found[d, LATER] = abs(runs[1, CLOCK] - runs[0, CLOCK])
 
 
 @cache
