@@ -25,3 +25,7 @@ REVERSAL, GUIDE_SIDE = "joint reverses", "guide changes side"
 DEFLECTION_KINK = "bristles turn"  # a pair reverses whose friction law has a state
 STICKS, SLIPS, REVERSES = "sticking", "slipping", "reversal"  # of a pair, with several drivers
 SIGNAL_KINK, RELEASED = "signal kink", "released"  # from joint friction, by a signal
+
+
+class TooMany(Exception):
+    """More evaluations than allowed: what ends a run by `TOO_MANY`."""

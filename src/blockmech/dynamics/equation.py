@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from blockmech.dynamics.ends import TooMany
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.rates import LEAST_INERTIA, rates_of
-from blockmech.dynamics.run import TooMany
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import REPORTED, System
 from blockmech.engines.stages import CompiledRhs, CompiledStepper

@@ -26,10 +26,6 @@ INTEGRATORS = ("dop853", "lsoda", "radau")  # SciPy's, in time
 EVALUATIONS = 500_000  # states, or steps, at most in a run of an integrator; some seconds
 
 
-class TooMany(Exception):
-    """More evaluations than allowed."""
-
-
 class RunEnd(NamedTuple):
     """Why a run is over.
 
@@ -80,7 +76,7 @@ class Run(ABC):
                 self.over = self.segment()
         except KeyboardInterrupt:
             self.over = RunEnd(ends.INTERRUPTED)
-        except TooMany:
+        except ends.TooMany:
             self.over = RunEnd(ends.TOO_MANY, "failed")
         self.facts |= self.over.facts
         self.notes += [self.over.note] if self.over.note else []

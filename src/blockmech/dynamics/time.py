@@ -34,7 +34,7 @@ from blockmech.dynamics.events import (
 from blockmech.dynamics.fixed_steps import EulerQ, RungeKutta4
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.run import EVALUATIONS, INTEGRATORS, Run, RunEnd, TooMany
+from blockmech.dynamics.run import EVALUATIONS, INTEGRATORS, Run, RunEnd
 from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
 from blockmech.dynamics.stick_slip import Now, Transition, stick_slip
 from blockmech.engines.dense import Dense
@@ -414,7 +414,7 @@ class TimeIntegration(Run):
         if self.request.until.goal == "time" and spent > LOOKED_AT:
             whole = spent * (self.t_max - start) / (self.t - start)
             if whole > self.equation.most:
-                raise TooMany
+                raise ends.TooMany
 
     def _far(self) -> tuple[float, float | None]:
         """How far the run is on the way to its goal, and the whole way."""
