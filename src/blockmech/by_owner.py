@@ -32,44 +32,47 @@ class ByOwner(Mapping[str, N], Generic[N]):
     ['crank.q', 'crank.rate']
     """
 
-    def __init__(self, parts: Iterable[Part[N]]) -> None:
-        """An owner may have several parts, in any order; the order of all is that of items."""
+    def __init__(self, parts: Iterable[Part[N]], narrow: bool = False) -> None:
+        """An owner may have several parts, in any order; the order of all is that of items.
+
+        With ``narrow`` what makes items takes a last word of names as well: it makes those alone.
+        """
         self._parts = list(parts)
-        self._made: dict[int, dict[str, N]] = {}
+        self._narrow = narrow
+        self._made: dict[tuple[int, str], dict[str, N]] = {}  # by part and last word, "" for all
         self._of: dict[str, list[int]] = {}
         for i, (owner, _, _) in enumerate(self._parts):
             self._of.setdefault(owner, []).append(i)
 
-    def _part(self, i: int) -> dict[str, N]:
-        made = self._made.get(i)
+    def _part(self, i: int, last: str = "") -> dict[str, N]:
+        key = i, last if self._narrow else ""
+        made = self._made.get(key)
         if made is None:
             _, make, arguments = self._parts[i]
-            made = self._made[i] = {item.name: item for item in make(*arguments)}
+            items = make(*arguments, last) if self._narrow else make(*arguments)
+            made = self._made[key] = {item.name: item for item in items}
         return made
 
     def of(self, owner: str) -> Iterator[str]:
         """Names of the items of an owner."""
         return chain.from_iterable(self._part(i) for i in self._of.get(owner, ()))
 
-    def beginning(self, start: str) -> Iterator[str]:
-        """Names, among them all that begin so."""
+    def beginning(self, start: str, last: str = "") -> Iterator[str]:
+        """Names, among them all that begin so and, if one is given, have this last word."""
         parts = (
-            self._part(i)
+            self._part(i, last)
             for i, (owner, _, _) in enumerate(self._parts)
             if owner.startswith(start) or start.startswith(owner)
         )
         return chain.from_iterable(parts)
 
     def _found(self, name: object) -> N | None:
-        owner = str(name)
-        while owner:
+        name = str(name)
+        owner, _, last = name.rpartition(".")
+        while owner and owner not in self._of:
             owner = owner.rpartition(".")[0]
-            if owner in self._of:
-                for i in self._of[owner]:
-                    if name in (part := self._part(i)):
-                        return part[name]
-                return None
-        return None
+        parts = (self._part(i, last) for i in self._of.get(owner, ()))
+        return next((part[name] for part in parts if name in part), None)
 
     def __getitem__(self, name: str) -> N:
         """An item by its name."""

@@ -383,7 +383,7 @@ class Catalogue(Mapping[str, Output]):
         self._of_document = None
         if names is not None:
             self._of_document = outputs_by_link(structure, names, self.by_owner)
-            self.by_owner = ByOwner(readings(structure, names, self.by_owner))
+            self.by_owner = ByOwner(readings(structure, names, self.by_owner), narrow=True)
 
     def __getitem__(self, name: str) -> Output:
         """An output by its name; ``.x`` or ``.y`` behind that of a vector is a part of it."""
@@ -428,8 +428,9 @@ class Catalogue(Mapping[str, Output]):
                 matched[pattern] = None
                 continue
             fits = re.compile(fnmatch.translate(pattern)).match
-            start = WILD.split(pattern, maxsplit=1)[0]
-            names = [n for n in chain(self.by_owner.beginning(start), self._more) if fits(n)]
+            start, last = WILD.split(pattern, maxsplit=1)[0], pattern.rpartition(".")[2]
+            last = "" if WILD.search(last) else last
+            names = [n for n in chain(self.by_owner.beginning(start, last), self._more) if fits(n)]
             if not names:
                 known = f"outputs there: {listed(near(pattern, self), 16)}"
                 reason, remedy = "no output has that name", close_match(pattern, self)

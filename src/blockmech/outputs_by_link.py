@@ -20,7 +20,7 @@ named after the dyad's two, ``joint.A.rocker.rod.transmission_angle``: whatever 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -112,19 +112,27 @@ def readings(structure: Structure, names: Names, known: ByOwner[Output]) -> Iter
 
 
 def _present(
-    known: Mapping[str, Output], make: Callable[..., Iterator[Reading]], more: tuple[Any, ...]
+    known: Mapping[str, Output],
+    make: Callable[..., Iterator[Reading]],
+    more: tuple[Any, ...],
+    last: str,
 ) -> Iterator[Reading]:
-    for reading in make(*more):
+    """The readings there are, among them all with this last word; "" for any."""
+    for reading in make(last, *more):
         if parts := tuple(part for part in reading.parts if part[0] in known):
             yield reading if parts == reading.parts else reading._replace(parts=parts)
 
 
-def _of_driver(driver: str, between: tuple[str, str] | None) -> Iterator[Reading]:
-    for what in OF_DRIVERS:
+def _among(words: Iterable[str], last: str) -> list[str]:
+    return [word for word in words if last in ("", word)]
+
+
+def _of_driver(last: str, driver: str, between: tuple[str, str] | None) -> Iterator[Reading]:
+    for what in _among(OF_DRIVERS, last):
         yield Reading(f"driver.{driver}.{what}", ((f"{driver}.{what}", 1),), between=between)
 
 
-def _of_link(link: str, at: LinkName, fixed: bool) -> Iterator[Reading]:
+def _of_link(last: str, link: str, at: LinkName, fixed: bool) -> Iterator[Reading]:
     if not fixed:
         for what in OF_PLAY:
             yield Reading(f"link.{link}.{what}", ((f"{at.marker}.{what}", 1),))
@@ -133,16 +141,17 @@ def _of_link(link: str, at: LinkName, fixed: bool) -> Iterator[Reading]:
             more = at.turn if turn == "angle" else 0.0
             yield Reading(f"link.{link}.{turn}", ((f"{at.link}.{turn}", 1),), more)
     for marker, ref in at.markers.items():
-        for what in (*OF_POINTS, *OF_PLAY):
+        for what in _among((*OF_POINTS, *OF_PLAY), last):
             yield Reading(f"link.{link}.{marker}.{what}", ((f"{ref}.{what}", 1),))
 
 
-def _of_block(name: str, block: str, known: ByOwner[Output]) -> Iterator[Reading]:
-    for whole in known.of(block):
+def _of_block(last: str, name: str, block: str, known: ByOwner[Output]) -> Iterator[Reading]:
+    for whole in (x for x in known.of(block) if x.endswith(last)):
         yield Reading(f"{name}{whole.removeprefix(block)}", ((whole, 1),))
 
 
 def _of_pin(
+    last: str,
     pin: str,
     pairs: Mapping[str, JointName],
     structure: Structure,
@@ -152,17 +161,18 @@ def _of_pin(
 ) -> Iterator[Reading]:
     """The place of a pin, what each of its pairs does, and the angles of dyads with it inside."""
     place = next(iter(pairs.values())).joint
-    for what in OF_POINTS if structure.joint(place).rotary else ():  # a guide is at no one place
+    points = OF_POINTS if structure.joint(place).rotary else ()  # a guide is at no one place
+    for what in _among(points, last):
         yield Reading(f"joint.{pin}.{what}", ((f"{place}.{what}", 1),))
     for name, pair in pairs.items():
-        for what in OF_JOINTS:
+        for what in _among(OF_JOINTS, last):
             if what == "coordinate" and structure.joint(pair.joint).rotary:
                 yield _coordinate(name, pair, driven.get(pair.joint), names)
             elif f"{pair.joint}.{what}" in known:
                 own = _of_joint(what, pair, structure, names)
                 yield Reading(f"joint.{name}.{what}", own, between=pair.links)
     each = {ref for pair in pairs.values() for ref, _ in ((pair.joint, False), *pair.others)}
-    for ref in sorted(each):
+    for ref in sorted(each) if last in ("", "transmission_angle") else ():
         angle, joint = f"{ref.block}.transmission_angle", structure.joint(ref)
         if angle in known and not (joint.outer or joint.driven):
             two = sorted(names.of_links[LinkRef(ref.block, link)] for link in joint.links)
@@ -203,9 +213,11 @@ def _of_joint(
     return ((one[0], -one[1] if along and pair.turned else one[1]),)
 
 
-def _of_load(load: str, elements: Sequence[str], known: ByOwner[Output]) -> Iterator[Reading]:
+def _of_load(
+    last: str, load: str, elements: Sequence[str], known: ByOwner[Output]
+) -> Iterator[Reading]:
     """What a load gives at its terminals, and its power, under the document's names."""
-    for name in known.of(elements[0]):
+    for name in (x for x in known.of(elements[0]) if x.endswith(last)):
         what = name.removeprefix(elements[0])
         parts = tuple((f"{element}{what}", 1) for element in elements)
         yield Reading(f"{load}{what}", parts, between=(load, ""))

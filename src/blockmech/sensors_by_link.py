@@ -30,7 +30,7 @@ def with_sensors_of_blocks(data: dict[str, Any], names: Names) -> dict[str, Any]
     blocks, own = dict(data["blocks"]), set(names.signals.values())
     structure = Graph.from_data(_without_signals(settled(data), own)).structure()
     known = Catalogue(structure)
-    table = ByOwner(readings(structure, names, known.by_owner))
+    table = ByOwner(readings(structure, names, known.by_owner), narrow=True)
     wires, found, problems = [], dict[str, str](), list[Problem]()
     for wire in data["wires"]:
         source, target = wire["from"], wire["to"]

@@ -15,13 +15,14 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import accumulate, chain
 from typing import NamedTuple, TypeAlias
 
 import networkx as nx
 import numpy as np
 
 from blockmech.assur.groups import DYADS, Unit, classify
-from blockmech.assur.pairs import Pair, sorted_parts
+from blockmech.assur.pairs import Pair, joined, sorted_parts
 from blockmech.assur.rank import TooTangledError
 from blockmech.assur.rigidity import rigidity
 
@@ -125,33 +126,33 @@ def _give(need: Sequence[int], edges: Sequence[Edge]) -> _Given:
     A maximum flow from a source by the edges and the nodes to a sink. (SciPy's bipartite
     matching takes minutes for a chain of 300 dyads.)
     """
-    from scipy.sparse import coo_array
+    from scipy.sparse import csr_array
     from scipy.sparse.csgraph import maximum_flow
 
     n, source = len(need), len(need) + len(edges)
-    number = np.array([number for *_, number in edges], dtype=np.int32)
-    ways = [(e, v) for e, edge in enumerate(edges) for v in {*edge[:2]} - {None}]
-    along, into = np.array(ways, dtype=np.int32).reshape(-1, 2).T
-    tails = np.concatenate([np.full(len(edges), source), n + along, np.arange(n)])
-    heads = np.concatenate([np.arange(n, source), into, np.full(n, source + 1)])
-    most = np.concatenate([number, number[along], np.array(need, dtype=np.int32)])
+    number = [number for *_, number in edges]
+    ends = [sorted({v for v in edge[:2] if v is not None}) for edge in edges]
+    # rows of the network: nodes into the sink, edges into their nodes, the source into edges
+    heads = [*[source + 1] * n, *chain(*ends), *range(n, source)]
+    most = [*need, *chain(*([k] * len(v) for k, v in zip(number, ends, strict=True))), *number]
+    first = [0, *accumulate([*[1] * n, *map(len, ends), len(edges), 0])]
     # SciPy's flow takes 32-bit indices alone, and before 1.14 does not convert others.
-    places = (tails.astype(np.int32), heads.astype(np.int32))
-    network = coo_array((most, places), shape=(source + 2, source + 2)).tocsr()
-    flow = maximum_flow(network, source, source + 1).flow.tocoo()
+    parts = tuple(np.array(x, np.int32) for x in (most, heads, first))
+    network = csr_array(parts, shape=(source + 2, source + 2))
+    flow = maximum_flow(network, source, source + 1).flow
     waits: nx.DiGraph[int] = nx.DiGraph()
     waits.add_nodes_from(range(n))
     takers: list[set[int]] = [set() for _ in edges]
-    left, lacking = number.tolist(), list(need)
-    for tail, v, taken in zip(
-        flow.row.tolist(), flow.col.tolist(), flow.data.tolist(), strict=True
-    ):
-        if taken > 0 and v < n:
-            e = tail - n
-            takers[e].add(v)
-            left[e] -= taken
-            lacking[v] -= taken
-            waits.add_edges_from((v, w) for w in edges[e][:2] if w not in (None, v))
+    left, lacking = number.copy(), list(need)
+    first, heads, most = (x.tolist() for x in (flow.indptr, flow.indices, flow.data))
+    for e in range(len(edges)):
+        for k in range(first[n + e], first[n + e + 1]):
+            v, taken = heads[k], most[k]
+            if taken > 0:
+                takers[e].add(v)
+                left[e] -= taken
+                lacking[v] -= taken
+                waits.add_edges_from((v, w) for w in edges[e][:2] if w not in (None, v))
     spare, short = ([k for k, number in enumerate(rest) if number] for rest in (left, lacking))
     return _Given(waits, takers, spare, short)
 
@@ -221,11 +222,10 @@ def reseat(
 
 def _pins(pairs: Iterable[Pair]) -> list[list[Pair]]:
     """R pairs of one axis that join each other, two and more."""
-    graph: nx.Graph[tuple[str, str]] = nx.Graph()
     shared = [p for p in pairs if p.kind == "R" and p.axis]
-    graph.add_edges_from(((p.axis, p.first), (p.axis, p.second)) for p in shared)
+    parts = joined(((p.axis, p.first), (p.axis, p.second)) for p in shared)
     pins: dict[int, list[Pair]] = defaultdict(list)
-    at = {node: n for n, part in enumerate(nx.connected_components(graph)) for node in part}
+    at = {node: n for n, part in enumerate(parts) for node in part}
     for p in shared:
         pins[at[p.axis, p.first]].append(p)
     return [pin for pin in pins.values() if len(pin) > 1]
@@ -243,12 +243,9 @@ def _seat(
     """The pairs of one pin, each link on the first but for driven pairs."""
     seated = [p for p in pin if p.name in drivers]
     left = [p for p in pin if p.name not in drivers]
-    lumps: nx.Graph[str] = nx.Graph()
-    lumps.add_nodes_from(a for p in pin for a in p.links)
-    lumps.add_edges_from(p.links for p in seated)
+    lumps = joined([*((a,) for p in pin for a in p.links), *(p.links for p in seated)])
     seat, *others = sorted(
-        (min(part, key=lambda a: rank[a]) for part in nx.connected_components(lumps)),
-        key=lambda a: rank[a],
+        (min(part, key=rank.__getitem__) for part in lumps), key=rank.__getitem__
     )
     for a in sorted(others, key=lambda a: not any({seat, a} == set(p.links) for p in left)):
         ends = {seat, a}

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Hashable, Iterable
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
-import networkx as nx
-
+T = TypeVar("T", bound=Hashable)
 SAME = 1e-9
 """[-] of the size, or rad: nearer places and directions on one link are one, those three times
 as far apart are not. A thousand times the rounding of a place that was computed."""
@@ -71,6 +70,25 @@ def sorted_parts(
     return moving, ordered
 
 
+def joined(parts: Iterable[Iterable[T]]) -> list[set[T]]:
+    """The items of parts, those in one set that parts with common items join.
+
+    >>> [sorted(each) for each in joined([["a", "b"], ["c"], ["d", "b"]])]
+    [['a', 'b', 'd'], ['c']]
+    """
+    of: dict[T, set[T]] = {}
+    for part in parts:
+        whole = set[T]()
+        for x in part:
+            if (other := of.setdefault(x, whole)) is whole:
+                whole.add(x)
+            else:
+                few, whole = sorted((whole, other), key=len)
+                whole |= few
+                of.update(dict.fromkeys(few, whole))
+    return list({id(s): s for s in of.values()}.values())
+
+
 class Side(NamedTuple):
     """What one link of a pair has of it.
 
@@ -92,7 +110,7 @@ def axes(sides: Iterable[Side], size: float) -> dict[str, str]:
     not known, coincides with nothing. Places are one where they fall into one cell of a grid
     or of one that is shifted by half a cell, so that near ones are never kept apart.
     """
-    one: nx.Graph[str] = nx.Graph()  # pairs that share a cell on a link
+    one: set[tuple[str, str]] = set()  # pairs that share a cell on a link
     first: dict[object, str] = {}  # cell -> a pair in it
     axis_of = {}
     for side in sides:
@@ -103,7 +121,7 @@ def axes(sides: Iterable[Side], size: float) -> dict[str, str]:
             w = z / (2 * SAME) + shift
             cell = (side.link, side.kind, shift, math.floor(w.real), math.floor(w.imag))
             if (other := first.setdefault(cell, side.pair)) != side.pair:
-                one.add_edge(other, side.pair)
-    for names in nx.connected_components(one):
+                one.add((other, side.pair))
+    for names in joined(one):
         axis_of.update(dict.fromkeys(names, min(names)))
     return axis_of

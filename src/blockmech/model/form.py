@@ -229,17 +229,17 @@ class Draft:
         model: Any = section.plain
         plain_field = section.plain_said
         if key and (model is None or key in raw):
-            where, word = path_text((*path, key)), raw.get(key)
+            where, word = (*path, key), raw.get(key)
             if key not in raw:
-                found = f'a {what} needs "{key}"'
-                return None, [Problem("missing-key", where, found, section.words, "add it")]
+                found, valid = f'a {what} needs "{key}"', section.words
+                return None, [Problem("missing-key", path_text(where), found, valid, "add it")]
             if not isinstance(word, str) or not word:
                 found = f"{key} must be the name of a {what} {key}, got {shown(word)}"
-                return None, [Problem("wrong-type", where, found, section.words)]
+                return None, [Problem("wrong-type", path_text(where), found, section.words)]
             model, plain_field = section.kinds.get(word), section.said.format(word)
             if model is None:
                 if section.other is None:
-                    return None, [section.unknown_kind(word, where)]
+                    return None, [section.unknown_kind(word, path_text(where))]
                 return section.other(word, {k: raw[k] for k in raw if k != key}), []
             if key not in model.model_fields:  # the kind is not among the model's own keys
                 raw = {k: item for k, item in raw.items() if k != key}

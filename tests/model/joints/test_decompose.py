@@ -10,11 +10,14 @@ import math
 import numpy as np
 import pytest
 
+from blockmech.model.joints.closing import Closing
+from blockmech.model.joints.decompose import sequence
 from blockmech.plane import EPS
 from tests.doors import linkage_of as loads
 from tests.model.joints import machines
 from tests.model.joints.chance import shuffled
 from tests.model.joints.machines import guide, joints_file, pin, turned_round
+from tests.proof.chain import document
 
 ROUNDING = 1e-12  # [-] of the largest of a kind: some roundings, twice
 
@@ -347,3 +350,19 @@ def test_nearly_parallel_guides_are_placed_as_well_as_their_angle_is_known(turn)
 def test_parallel_guides_are_refused():
     data, _ = nearly_parallel(0.0)
     assert [p.code for p in read(data).check()] == ["coincident-joints"]
+
+
+@pytest.mark.parametrize("turn", [0.0, 1e-9, 1e-5, 1e-3])
+def test_dyads_are_closed_in_the_mode_that_a_rounded_pose_tells(turn):
+    """The same poses as by Newton's method on all joints at once."""
+    data = document(6)
+    for k, link in enumerate(data["links"].values()):
+        link["pose"][2] += turn * (-1) ** k
+    order = sequence(read(data))
+    layout = order.layout
+    held = {"O": layout.given["crank"].theta}
+    closing = Closing(layout.links, tuple(order.pairs.values()), layout.size, held)
+    assert np.abs(closing.conditions(order.poses)[0]).max() < 4e-15
+    assert len(order.drafts) == 6
+    whole = closing.refine(layout.given)
+    assert all(abs(whole[a].theta - order.poses[a].theta) < 1e-13 for a in layout.links)

@@ -19,7 +19,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from blockmech.assur.formation import Formation, formation
-from blockmech.assur.groups import Unit, classify
+from blockmech.assur.groups import DYADS, Unit, classify
 from blockmech.errors import GraphError, Problem, in_file
 from blockmech.model.joints.closing import Closing, coordinate
 from blockmech.model.joints.contents import FRAME
@@ -30,7 +30,7 @@ from blockmech.model.joints.diagnosis import (
     why_not,
     why_stuck,
 )
-from blockmech.model.joints.diagram import Diagram, Sequence
+from blockmech.model.joints.diagram import Diagram, Drafts, Sequence
 from blockmech.model.joints.drafts import closed_form, driving_link, general_group
 from blockmech.model.joints.elements import links_read_as_they_are, links_sensed
 from blockmech.model.joints.layout import Connections, Layout, Poses, seated
@@ -80,23 +80,29 @@ def sequence(linkage: Linkage) -> Sequence:
     groups = formation(layout.links, pairs.values(), (FRAME,), layout.drivers)
     if not groups.complete or not layout.links:
         raise GraphError(why_not(layout, groups.rest))
-    return Sequence(layout, pairs, sums, groups, _closed(settled(layout), groups, settled(pairs)))
+    plain = settled(layout)
+    poses, drafts = _closed(plain, groups, pairs if plain is layout else settled(pairs))
+    return Sequence(layout, pairs, sums, groups, poses, drafts if plain is layout else {})
 
 
-def _closed(layout: Layout, groups: Formation, pairs: Connections) -> Poses:
+def _closed(layout: Layout, groups: Formation, pairs: Connections) -> tuple[Poses, Drafts]:
     """The pose in which all joints close, group after group, drivers held where they are.
 
+    A dyad whose pose tells its mode is closed by its closed form, whose block is given as well.
     Raises `GraphError` where it is not found, too far off, or holds a group at a dead centre.
     """
     held = {c: coordinate(layout.given, layout.pairs[c], layout.size) for c in layout.drivers}
-    poses, stuck = dict(layout.given), []
+    poses, stuck, drafts = dict(layout.given), [], {}
     for unit in groups.units:
         own = tuple(pairs[p.name] for p in unit.pairs)
         closing = Closing(unit.links, own, layout.size, {c: held[c] for c in unit.driven})
         home = unit.kind in ("group", "triad", "cylinder")  # others need to be seen, not placed
         here = {link: poses[link] for c in own for link in c.links}
-        near = closing.refine(here, 0.0 if home else EPS)
-        if not closing.closed(near):
+        made = closed_form(unit, pairs, here, plain=True) if unit.kind in DYADS else None
+        near: Poses = {**here, **made.poses} if made else here
+        if made and made.poses and closing.closed(near):
+            drafts[unit.links] = made
+        elif not closing.closed(near := closing.refine(here, 0.0 if home else EPS)):
             raise GraphError(does_not_close(layout))
         if home and closing.freedom(near)[0]:
             stuck.append(unit)
@@ -104,7 +110,7 @@ def _closed(layout: Layout, groups: Formation, pairs: Connections) -> Poses:
     away = list(far_off(layout, poses))
     if away or stuck:
         raise GraphError(away or why_stuck(layout, stuck))
-    return poses
+    return poses, drafts
 
 
 def _as_blocks(linkage: Linkage, order: Sequence, general: General) -> Parts:
@@ -118,7 +124,7 @@ def _as_blocks(linkage: Linkage, order: Sequence, general: General) -> Parts:
         if unit.kind == "driver":
             made = driving_link(order.pairs[unit.outer[0].name], unit.links[0], order.pairs)
         elif not general:
-            made = closed_form(unit, order.pairs, order.poses)
+            made = order.drafts.get(unit.links) or closed_form(unit, order.pairs, order.poses)
         if made and made.doubt:
             problems.append(dead_centre(unit.links, made.doubt))
         if made is None or any(made.seats[link].e != 1 for link in plain & set(made.seats)):

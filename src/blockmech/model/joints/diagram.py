@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from blockmech.values import Place, free_name, xy
 MOST_IN_NAME = 3  # links that a group is named after
 
 
+Drafts: TypeAlias = Mapping[tuple[str, ...], BlockDraft]
+
+
 @dataclass(frozen=True)
 class Sequence:
     """A document taken apart, its joints closed, nothing of it made into blocks yet."""
@@ -41,6 +44,7 @@ class Sequence:
     sums: Sums
     formation: Formation
     poses: Poses
+    drafts: Drafts  # blocks of dyads that closing has made already, by their links
 
 
 class _Marked(NamedTuple):
@@ -296,12 +300,12 @@ class Diagram:
         sections = {
             "name": self.linkage.name,
             "title": self.linkage.title,
-            "blocks": self._blocks,
-            "wires": [{"from": str(source), "to": str(end)} for source, end in self._wires],
             "scene": self._scene(),
             **{key: self.linkage.extras.get(key) for key in ("source", "notes")},
         }
-        return GRAPH_FILE.written(sections)
+        wires = [{"from": str(source), "to": str(end)} for source, end in self._wires]
+        there = {"blocks": self._blocks, "wires": wires}  # as they stand in a file already
+        return GRAPH_FILE.written(sections | {key: {} for key in there}) | there
 
     def names(self) -> Names:
         """Where everything went; markers that are still needed for that are made."""

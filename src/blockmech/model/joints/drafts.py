@@ -10,8 +10,9 @@ groups keep their frames.
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, get_origin
 
 from blockmech.assur.groups import DYADS, Unit
@@ -19,7 +20,7 @@ from blockmech.blocks.contract import AssurGroup, Joint
 from blockmech.blocks.modes import branches, dyad_modes
 from blockmech.blocks.registry import REGISTRY
 from blockmech.model.joints.closing import CLOSED
-from blockmech.model.joints.layout import Connection, Connections, Poses
+from blockmech.model.joints.layout import Connection, Connections, Pose, Poses
 from blockmech.model.joints.varied import phase, settled
 from blockmech.plane import EPS, dot
 from blockmech.typing import Guide
@@ -29,6 +30,10 @@ GENERAL = "group.general"
 DEAD = 64 * EPS
 """[-] Margin (a squared sine) below which a pose does not tell the assembly mode: rounding of the
 supports and lengths is of this size, and Newton finds a pose there to half the digits only."""
+
+CLEAR = 0.01
+"""[-] Distance of a pose to the nearest mode, over that to the other one, from which Newton's
+method is sure to go to the nearest: then the mode itself is the closed pose."""
 
 DOUBTS: Mapping[str, str] = {
     "RRR": "{0}, {1}, {2} are in line",
@@ -78,6 +83,7 @@ class BlockDraft:
     points : (link, place in the document's frame) of the markers that it brings -> marker
     drivers : driven pairs
     doubt : why the pose does not tell the assembly mode, if it does not
+    poses : the links in the mode of a dyad that was chosen; none where another may be meant
     """
 
     type: str
@@ -87,6 +93,7 @@ class BlockDraft:
     points: Mapping[tuple[str, complex], str]
     drivers: tuple[str, ...] = ()
     doubt: str = ""
+    poses: Poses = field(default_factory=dict)
 
 
 def driving_link(c: Connection, own: str, pairs: Connections) -> BlockDraft:
@@ -120,10 +127,13 @@ def driving_link(c: Connection, own: str, pairs: Connections) -> BlockDraft:
     )
 
 
-def closed_form(unit: Unit, pairs: Connections, poses: Poses) -> BlockDraft | None:
+def closed_form(
+    unit: Unit, pairs: Connections, poses: Poses, plain: bool = False
+) -> BlockDraft | None:
     """The closed-form block of a group; None where there is none for it.
 
-    There is none for a cylinder whose driven line passes its pins.
+    There is none for a cylinder whose driven line passes its pins. With
+    ``plain`` no number varies.
     """
     if unit.kind not in (*DYADS, "cylinder"):
         return None
@@ -158,9 +168,10 @@ def closed_form(unit: Unit, pairs: Connections, poses: Poses) -> BlockDraft | No
         c.name: End(joint, link_of[cls.joints[joint].later], c.kind == "P" and way < 0)
         for joint, c in at.items()
     }
-    branch, doubt = _mode(cls.model_construct(**settled(keys)), settled(seats), settled(at), poses)
+    numbers, stand, there = (keys, seats, at) if plain else settled((keys, seats, at))
+    branch, doubt, closed = _mode(cls.model_construct(**numbers), stand, there, poses)
     drivers = tuple(c.name for c in sliding)
-    return BlockDraft(cls.type_name, keys | branch, seats, ends, points, drivers, doubt)
+    return BlockDraft(cls.type_name, keys | branch, seats, ends, points, drivers, doubt, closed)
 
 
 def _links(joint: Joint) -> list[str]:
@@ -224,8 +235,8 @@ def _lines(
 
 def _mode(
     made: AssurGroup, seats: Mapping[str, LinkPlacement], at: Mapping[str, Connection], poses: Poses
-) -> tuple[dict[str, Any], str]:
-    """The branch of the mode that stands nearest; why the pose does not tell it, if so."""
+) -> tuple[dict[str, Any], str, Poses]:
+    """The branch of the mode that stands nearest, or why the pose does not tell it; its poses."""
     supports: list[Any] = []
     for name, c in at.items():
         joint = made.joints[name]
@@ -240,9 +251,16 @@ def _mode(
     modes = dyad_modes(made, supports)
     least = 0.0 if branches(made) == (None,) else DEAD  # one mode needs no pose that tells it
     if max((mode.margin for mode in modes), default=0.0) <= least:
-        return {}, DOUBTS[made.kind].format(*(c.name for c in at.values()))
-    nearest = min(modes, key=lambda m: sum(abs(m.links[link].e - e) for link, e in stands.items()))
-    return ({} if nearest.branch is None else {"branch": nearest.branch}), ""
+        return {}, DOUBTS[made.kind].format(*(c.name for c in at.values())), {}
+    away = [sum(abs(mode.links[link].e - e) for link, e in stands.items()) for mode in modes]
+    nearest = modes[away.index(min(away))]
+    closed: dict[str, Pose] = {}
+    if not made.driven and min(away) < CLEAR * (max(away) if len(away) > 1 else 1.0):
+        for link, seat in seats.items():
+            o, e = nearest.links[seat.link]
+            theta = poses[link].theta + cmath.phase(e * stands[seat.link].conjugate())
+            closed[link] = Pose(o - seat.o * cmath.rect(1.0, theta), theta)
+    return ({} if nearest.branch is None else {"branch": nearest.branch}), "", closed
 
 
 def general_group(unit: Unit, pairs: Connections) -> BlockDraft:

@@ -13,11 +13,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
-import networkx as nx
 import numpy as np
 
 from blockmech.assur.formation import reseat
-from blockmech.assur.pairs import Pair, Side, axes
+from blockmech.assur.pairs import Pair, Side, axes, joined
 from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.model.joints.contents import FRAME, GuideGiven
 from blockmech.model.joints.linkage import Linkage
@@ -107,9 +106,12 @@ class Layout:
         for c in at_hand.values():
             for link, at in zip(c.links, c.at, strict=True):
                 places[link].append(at)
+        spans = [
+            [max(x) - min(x) for x in ([z.real for z in at], [z.imag for z in at])]
+            for at in places.values()
+        ]
         with np.errstate(over="ignore"):
-            spans = [np.hypot(np.ptp(np.real(x)), np.ptp(np.imag(x))) for x in places.values()]
-        size = float(max(spans, default=0.0)) or 1.0
+            size = float(np.hypot(*np.reshape(spans, (-1, 2)).T).max(initial=0.0)) or 1.0
         axis = axes(
             (
                 Side(c.name, link, c.kind, c.on(link) if c.kind == "R" else c.guide(link))
@@ -195,10 +197,8 @@ def _cut(
     c: Connection, old: list[Connection], new: list[Connection]
 ) -> tuple[tuple[str, bool], ...]:
     """New pairs between the two sides of an old one that is cut; the direct one first."""
-    graph: nx.Graph[str] = nx.Graph()
-    graph.add_nodes_from(link for d in old for link in d.links)
-    graph.add_edges_from(d.links for d in old if d.name != c.name)
-    side = nx.node_connected_component(graph, c.first)
+    parts = joined([(c.first,), *(d.links for d in old if d.name != c.name)])
+    (side,) = (part for part in parts if c.first in part)
     crossing = [d for d in new if (d.first in side) != (d.second in side)]
     crossing.sort(key=lambda d: (set(d.links) != set(c.links), d.name))
     return tuple((d.name, d.first not in side) for d in crossing)
