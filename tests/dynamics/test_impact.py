@@ -75,6 +75,19 @@ def test_without_loss_it_bounces_for_ever_and_with_all_loss_it_stays():
     assert dead.facts["rest_time"] == pytest.approx(flight)
 
 
+def test_at_the_instant_of_a_blow_it_is_at_its_stop():
+    g = bm.Graph("rod", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    g.add("crank", bm.Crank(links={"crank": bm.Link(mass=1.0, inertia=1 / 12, cm=(0.5, 0.0))}))
+    g.connect("frame.A", "crank.A")
+    low = -1.2 + 6.3 / 11  # where the last step to the instant was a halved one: off by 2e-7
+    g.stop("crank", low, restitution=0.7)
+    motion = g.compile().simulate("time=1.5", start={"crank": (low + 0.6, 0.0)}).motion
+    blows = [i.t for i in motion.impacts]
+    assert len(blows) > 2
+    np.testing.assert_allclose(motion.at(blows).q, low, rtol=1e-14)
+
+
 @pytest.mark.parametrize("method", ["dop853", "radau"])
 def test_a_stop_lets_go_where_it_would_have_to_pull(method):
     law = {"kind": "fourier", "of": "time", "period": 2.0, "mean": 0.5, "cosines": [1.0]}

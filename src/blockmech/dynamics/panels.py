@@ -401,11 +401,13 @@ class Panels:
             low, high = np.where(miss <= 0, v, low), np.where(miss >= 0, v, high)
             step = miss / slope
             step /= 1 - step * rise / (2 * slope)  # Halley's step: of third order
-            new = v - step
-            new = np.where((new >= low) & (new <= high), new, (low + high) / 2)
+            last = np.abs(step) <= NEAR * v + EPS  # the next one is below rounding
+            new = np.where(last, np.clip(v - step, 0.0, 1.0), v - step)
+            inside = last | ((new >= low) & (new <= high))
+            new = np.where(inside, new, (low + high) / 2)
             new[since == 0] = 0.0  # the anchor is known exactly
             step, v = new - v, new
-            if (np.abs(step) <= NEAR * v + EPS).all():  # the next one is below rounding
+            if last.all():
                 break
         return v, slope + step * (rise + step / 2 * bend)
 
