@@ -391,6 +391,12 @@ def test_friction_that_takes_all_the_work_of_a_turn_leaves_exactly_nothing(engin
     assert 1e-9 < abs(coarse["mechanism.friction_efficiency"]) < 1e-5
 
 
+def test_where_the_drive_gives_rounding_alone_there_is_no_efficiency():
+    g = bm.Graph.load(GRAPHS / "watt_sixbar.json")  # nothing rubs, and a turn ends as it began
+    turn = g.run(at=np.linspace(0.0, math.tau, 720), rates=5.0)
+    assert turn["mechanism.friction_efficiency"].why == "the drive does no work"
+
+
 def test_no_efficiency_where_the_drive_does_no_positive_work():
     r = winch(3.0).run(at=[0.0, 1.0], rates=-3.0)  # the load now drives the crank
     assert math.isnan(r["mechanism.efficiency"])
@@ -402,7 +408,9 @@ def test_no_efficiency_where_the_drive_does_no_positive_work():
 def test_no_efficiency_of_a_free_motion_whose_drive_is_idle():
     engine = bm.Graph.load(GRAPHS / "engine.json").compile().simulate("turns=2", want="mechanism.*")
     assert np.abs(engine["mechanism.drive_power"]).max() > 0  # rounding of large torques
-    assert engine["mechanism.efficiency"].why == "the drive does no work"
+    for name in ("efficiency", "friction_efficiency"):
+        assert engine[f"mechanism.{name}"].why == "in a free motion the drives give nothing"
+    assert np.isnan(engine["mechanism.mechanical_advantage"]).all()
 
 
 def test_no_efficiency_where_other_loads_drive_as_well():

@@ -16,12 +16,16 @@ from blockmech.engines.numpy import Planar, Whole
 from blockmech.errors import held, listed, refused
 from blockmech.export import Exported
 from blockmech.motion import Motion
-from blockmech.plan import Output, Plan
+from blockmech.plan import Output, Plan, Undefined
 from blockmech.quality import OK, Flag, Quality, assess
 from blockmech.report import DEGREES, places
 from blockmech.samples import Samples
 from blockmech.typing import M
 from blockmech.wires import on_wires
+
+ADVANTAGE = "mechanism.mechanical_advantage"
+BY_DRIVES = ADVANTAGE, "mechanism.efficiency", "mechanism.friction_efficiency"
+FREE = Undefined("in a free motion the drives give nothing")  # their effort there is rounding
 
 
 class Result(Exported, Generic[M]):
@@ -150,6 +154,8 @@ class Result(Exported, Generic[M]):
             held(known, name, "the run did not compute it", "computed", "name it in want=")
         output = self.output(name)
         columns = [self._column(i) for i in self.plan.layout[name]]
+        if self.motion is not None and name in BY_DRIVES:
+            return FREE if output.kind == "number" else np.full(self.n, np.nan)
         if output.kind == "number":
             return output.read(*columns, self.samples.weights(len(self.mechanism.drivers)))
         if output.kind == "matrix":
@@ -211,11 +217,11 @@ class Result(Exported, Generic[M]):
 
     def _without_effort(self, quality: Quality) -> tuple[Flag, ...]:
         """Answered samples at which the drive rests, so that no mechanical advantage exists."""
-        name = "mechanism.mechanical_advantage"
-        if name not in self.plan.want:
+        if ADVANTAGE not in self.plan.want:
             return ()
-        gaps = np.flatnonzero(~np.isfinite(np.atleast_1d(self[name])))
-        return tuple(Flag(int(i), "infinite", name) for i in gaps if int(i) not in quality.blame)
+        gaps = np.flatnonzero(~np.isfinite(np.atleast_1d(self[ADVANTAGE])))
+        there = (i for i in gaps.tolist() if i not in quality.blame)
+        return tuple(Flag(i, "infinite", ADVANTAGE) for i in there)
 
     def _not_finite(self) -> NDArray[np.bool_]:
         """(n,) whether a wanted value is not finite."""
@@ -225,7 +231,7 @@ class Result(Exported, Generic[M]):
         judged = [
             name
             for name in self.plan.want
-            if self.output(name).kind != "number" and not name.endswith("mechanical_advantage")
+            if self.output(name).kind != "number" and name != ADVANTAGE
         ]
         for i in {i for name in judged for i in self.plan.layout[name]}:
             column = self._column(i)

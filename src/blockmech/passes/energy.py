@@ -189,7 +189,7 @@ def read_friction_efficiency(friction: Any, drive: Any, weights: Any) -> float:
     """
     taken, given = np.sum(friction * weights), np.sum(drive * weights)
     rounding = _rounding(friction, drive, weights)
-    if not given > 0:
+    if not given > rounding:
         return _without_work(given, -rounding, weights)
     left = abs(given - taken) > rounding
     return float(1.0 - taken / given) if left else 0.0
