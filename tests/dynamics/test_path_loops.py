@@ -16,6 +16,7 @@ from blockmech.dynamics.panels import FROM_REST, PLAIN, TO_REST, rule
 from blockmech.dynamics.path_mesh import FINE, PathMesh
 from blockmech.dynamics.place_data import RESOLVED
 from blockmech.dynamics.system import System
+from blockmech.engines.loops import places_of
 from blockmech.series import tail
 from tests.dynamics.honesty import GRAPHS, mechanism
 
@@ -108,7 +109,7 @@ def test_machine_code_has_the_bits_of_its_python(llvm, K):
     mesh = PathMesh(System(mechanism("watt_sixbar")), 1.0, FINE, RESOLVED)
     sign, goal = (-1, -math.inf) if not K else (1, 1.0 + math.tau)
     course, shift = mesh.course(1.0, sign)
-    many, M, of = len(course.which), path_loops.matrices()[0], path_loops.sizes()
+    many, nodes, of = len(course.which), path_loops.nodes(), path_loops.sizes()
     pieces = course.row.blocks(sign), course.which, course.low, course.high
     times, energies = np.linspace(0.0, 2.0, 7), np.linspace(0.0, 9.0, 3)
     answers = []
@@ -120,9 +121,9 @@ def test_machine_code_has_the_bits_of_its_python(llvm, K):
 
         def call(function, *given, compiled=compiled):
             if not compiled:
-                return function(of, M, *given)
-            code = getattr(PathCode.made(), function.__name__)
-            return code(*(x.ctypes.data if isinstance(x, np.ndarray) else x for x in (M, *given)))
+                return function(of, nodes, *given)
+            by_place = (x.ctypes.data if isinstance(x, np.ndarray) else x for x in given)
+            return getattr(PathCode.made(), function.__name__)(places_of(nodes), *by_place)
 
         numbers = shift, goal, many, float(sign), 1e-14, RESOLVED
         ended = call(path_loops.stretch, *pieces, *numbers, runs, records, count, room)
@@ -141,11 +142,11 @@ def test_machine_code_has_the_bits_of_its_python(llvm, K):
 
 @pytest.mark.parametrize("kind", [PLAIN, FROM_REST, TO_REST])
 def test_series_of_a_piece_are_read_as_numpy_reads_them(kind):
-    of, M = path_loops.sizes(), path_loops.matrices()[0]
+    of, nodes = path_loops.sizes(), path_loops.nodes()
     rng = np.random.default_rng(2)
     series = rng.normal(size=(2, FINE + 2)) * 0.5 ** np.arange(FINE + 2)
     rows, room = np.zeros((2, FINE + 2)), np.zeros(4 * FINE)
-    path_loops.over(of, M, 0.25, 2.0, 0.5, 1.75, kind, series, rows, room, 0)
+    path_loops.over(of, nodes, 0.25, 2.0, 0.5, 1.75, kind, series, rows, room, 0)
     v = rule(FINE).v if kind == PLAIN else rule(FINE).v ** 2
     places = 1.75 - 1.25 * v if kind == TO_REST else 0.5 + 1.25 * v
     exact = chebyshev.chebval(places - 0.25 - 1.0, series[0, :FINE])

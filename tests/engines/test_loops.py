@@ -108,6 +108,40 @@ def weighted(of: Sizes, a: Annotated[Reals, "of.columns"], by: float) -> None:
                 return
 
 
+class Table(NamedTuple):
+    """Rows and what each is to be multiplied by."""
+
+    rows: Annotated[Reals, "of.columns"]
+    by: Reals
+    done: Counts
+
+
+def scaled(of: Sizes, table: Table) -> int:
+    """Rows of a record, by a function that takes it on."""
+    for i in range(of.rows):
+        scaled_row(of, table, i)
+    return table.done[0]
+
+
+def scaled_row(of: Sizes, table: Table, i: int) -> None:
+    """One of them."""
+    row = table.rows[i]
+    for j in range(of.columns):
+        row[j] *= table.by[i]
+    table.done[0] += i
+
+
+def missing(table: Table) -> float:
+    """A record has its own fields only."""
+    return table.columns[0]
+
+
+def rebound(table: Table, other: Table) -> float:
+    """A record is what it was given as."""
+    table = other
+    return table.by[0]
+
+
 @pytest.mark.parametrize("n", [1, 4, 37])
 def test_numbers(n):
     (fast,) = compiled(simpson_of_wave=simpson_of_wave)
@@ -130,6 +164,15 @@ def test_rows(turns):
     fast(a, turns)
     reflected(of, other, turns)
     np.testing.assert_array_equal(a, other)
+
+
+def test_records_of_arrays():
+    of, rng = Sizes(4, 3), np.random.default_rng(1)
+    (fast,) = compiled(scaled=partial(scaled, of=of))
+    a, by = rng.normal(size=of), rng.normal(size=4)
+    one, other = (Table(a.copy(), by, np.zeros(1, np.int64)) for _ in range(2))
+    assert fast(loops.places_of(one)) == scaled(of, other) == 6
+    np.testing.assert_array_equal(one.rows, other.rows)
 
 
 @pytest.mark.parametrize("n", [2, 5, 64])
@@ -223,6 +266,8 @@ def texts(x: str) -> float:
         (mixed, 2, "a float where an int is to be"),
         (listing, 2, r"no expression of this language: \[n\]"),
         (unknown, 2, "no function of this language: math.gamma"),
+        (missing, 2, "table has no columns"),
+        (rebound, 2, "table is no number and no array"),
         (endless, 4, "a function with an answer ends with a return"),
     ],
 )

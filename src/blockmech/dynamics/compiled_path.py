@@ -37,7 +37,7 @@ from blockmech.dynamics.path_loops import (
     again,
     beside,
     lasting,
-    matrices,
+    nodes,
     placed,
     sizes,
     stretch,
@@ -58,14 +58,14 @@ SHAPE = PANEL, 2, FINE + 2  # of a panel's record
 
 
 class PathCode(NamedTuple):
-    """The loops as machine code, and the place of their matrices."""
+    """The loops as machine code, and where the nodes of the path method stand."""
 
     stretch: Any
     beside: Any
     again: Any
     placed: Any
     lasting: Any
-    M: int
+    nodes: Any
 
     @staticmethod
     @cache
@@ -77,7 +77,7 @@ class PathCode(NamedTuple):
             code = machine_code(loops.text(**functions), *kinds)
         except MissingEngineError:
             return None
-        return PathCode._make([*code, matrices()[0].ctypes.data])
+        return PathCode._make([*code, loops.places_of(nodes())])
 
 
 class BothPanels(Panels):
@@ -178,7 +178,7 @@ class BothPanels(Panels):
         if not energy or (code := PathCode.made()) is None:
             return super().taken_from(t0, energy)
         panels = BothPanels(self.records.copy(), self.of, t0)
-        code.again(code.M, panels.place, len(panels.records), self.of, energy)
+        code.again(code.nodes, panels.place, len(panels.records), self.of, energy)
         return panels
 
     def followed_by(self, row: Sequence[Any]) -> Panels:
@@ -193,7 +193,7 @@ class BothPanels(Panels):
         since = t - (self.t0 - self.records[0, SPAN, self.of, TIME])
         q, rate, room = np.empty(t.size), np.empty(t.size), np.empty(FINE + 1)
         given = self.place, len(self.records), self.of, since.ctypes.data, t.size
-        code.placed(code.M, *given, *(x.ctypes.data for x in (q, rate, room)))
+        code.placed(code.nodes, *given, *(x.ctypes.data for x in (q, rate, room)))
         return q, rate
 
     def lasting(self, energies: Floats) -> Floats:
@@ -202,7 +202,7 @@ class BothPanels(Panels):
             return super().lasting(energies)
         times, given = np.empty(energies.size), (self.place, len(self.records))
         places = energies.ctypes.data, energies.size, times.ctypes.data
-        code.lasting(code.M, *given, self.of, *places)
+        code.lasting(code.nodes, *given, self.of, *places)
         return times
 
 
@@ -230,7 +230,9 @@ class BothRuns:
         records, done = np.empty((count * HALVED, *SHAPE)), np.zeros(1, np.int64)
         own = (x.ctypes.data for x in (self.runs, records, done, self.room))
         numbers = shift, goal, count, float(at.sign), self.rounding, self.tolerance
-        if not self.code.stretch(self.code.M, pieces.ctypes.data, *course.places, *numbers, *own):
+        if not self.code.stretch(
+            self.code.nodes, pieces.ctypes.data, *course.places, *numbers, *own
+        ):
             raise LeftToArraysError
         return BothPanels(records[: int(done[0])].copy(), 0, at.t)
 
@@ -251,5 +253,5 @@ def apart(
         at[FROM] = t_start + begin + sign * (one.t0 - first)
         at[FROM_THERE] = t_start + begin_there + sign * (there.t0 - second)
         at[STEP] = step
-        code.beside(code.M, one.place, there.place, len(one.records), int(sign < 0), *given)
+        code.beside(code.nodes, one.place, there.place, len(one.records), int(sign < 0), *given)
     return Apart(*found.tolist())

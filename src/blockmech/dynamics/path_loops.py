@@ -25,7 +25,6 @@ from blockmech.dynamics.panels import (
     PLAIN,
     SMALLEST,
     TO_REST,
-    Floats,
     basis,
     rule,
 )
@@ -57,23 +56,37 @@ FAILED, GOES_ON, STANDS = range(3)  # how runs leave a piece
 
 
 class Sizes(NamedTuple):
-    """Nodes of both samplings, terms of the second clock, components of a state; then where the
-    nodes and matrices of the path method begin in an array of all of them, see `matrices`."""
+    """Nodes of both samplings, terms of the second clock, components of a state."""
 
     n: int
     k: int
     terms: int
     state: int
-    v: int
-    v_there: int
-    series: int
-    series_there: int
-    spread: int
-    plain: int
-    rest: int
-    average: int
-    leads: int
-    since: int
+
+
+class Nodes(NamedTuple):
+    """What both samplings of a panel are read and integrated by, see `panels.Rule`.
+
+    v, v_there : nodes of the first and of the second
+    series, series_there : from values at the nodes to coefficients; spread : and to all nodes
+    work, work_from_rest : from values to integrals up to the nodes and the end
+    average : over a panel
+    leads, leads_from_rest, v_all : of dt/dv and of the place, at anchor, nodes and end
+    since : from the series of dt/dv to the times since the anchor
+    """
+
+    v: Reals
+    v_there: Reals
+    series: Reals
+    series_there: Reals
+    spread: Reals
+    work: Reals
+    work_from_rest: Reals
+    average: Reals
+    leads: Reals
+    leads_from_rest: Reals
+    v_all: Reals
+    since: Reals
 
 
 Row: TypeAlias = Annotated[Reals, "of.n + 2"]
@@ -125,11 +138,11 @@ def ending(c: Reals, n: int) -> float:
 
 
 def over(
-    of: Sizes, M: Reals, low: float, length: float, begin: float, end: float, kind: float,
+    of: Sizes, nodes: Nodes, low: float, length: float, begin: float, end: float, kind: float,
     series: Row, rows: Row, b: Reals, first: int,
 ) -> None:  # fmt: skip
     """Rows from the ``first`` on at the nodes of a panel, and at its anchor."""
-    v, anchor = M[of.v :], end if kind == TO_REST else begin
+    v, anchor = nodes.v, end if kind == TO_REST else begin
     way, places = begin - end if kind == TO_REST else end - begin, 2.0 / length
     for i in range(of.n):
         share = v[i] if kind == PLAIN else v[i] * v[i]
@@ -140,15 +153,15 @@ def over(
 
 
 def standstill(
-    of: Sizes, M: Reals, low: float, length: float, run: Reals, stop: float, series: Row,
+    of: Sizes, nodes: Nodes, low: float, length: float, run: Reals, stop: float, series: Row,
     rows: Row, b: Reals,
 ) -> bool:  # fmt: skip
     """Whether the place is found at which a run has no energy left, near ``stop``."""
     for _ in range(TRIES):
-        over(of, M, low, length, run[PLACE], stop, PLAIN, series, rows, b, 1)
+        over(of, nodes, low, length, run[PLACE], stop, PLAIN, series, rows, b, 1)
         mean, way = 0.0, stop - run[PLACE]
         for i in range(of.n):
-            mean += M[of.average + i] * rows[TAU, i]
+            mean += nodes.average[i] * rows[TAU, i]
         b[0] = min(max(2.0 * (stop - low) / length - 1.0, -1.0), 1.0)
         series_at(series[TAU], of.n, b, b[1:], b[2:], 1)
         effort = b[1]
@@ -162,16 +175,16 @@ def standstill(
     return False
 
 
-def clock(of: Sizes, M: Reals, now: Rows, r: int) -> None:
+def clock(of: Sizes, nodes: Nodes, now: Rows, r: int) -> None:
     """dt/dv of a panel of run r: at the anchor, the nodes and the end, and its coefficients."""
     gains, slopes, rate = now[GAINS, r], now[SLOPES, r], now[RATE, r]
     energy, way = now[SPAN, r, ENERGY], abs(now[SPAN, r, END] - now[SPAN, r, BEGIN])
     plain = now[SPAN, r, KIND] == PLAIN
-    leads = M[of.leads + 1 :] if plain else M[of.leads + of.n + 3 :]
+    leads = nodes.leads if plain else nodes.leads_from_rest
     by = way if plain else 2.0 * way
     for i in range(of.n):
         slopes[i + 1] = by * sqrt(now[r, J, i] / (2.0 * (energy + gains[i]))) * leads[i]
-    product(slopes[1:], M[of.series :], rate, of.n, of.n, 1.0)
+    product(slopes[1:], nodes.series, rate, of.n, of.n, 1.0)
     first, last, sign = 0.0, 0.0, 1.0
     for i in range(of.n):
         first += sign * rate[i]
@@ -181,12 +194,12 @@ def clock(of: Sizes, M: Reals, now: Rows, r: int) -> None:
     slopes[of.n + 1] = last
 
 
-def is_smooth(of: Sizes, M: Reals, now: Rows, effort: float, tolerance: float) -> bool:
+def is_smooth(of: Sizes, nodes: Nodes, now: Rows, effort: float, tolerance: float) -> bool:
     """Whether the time of a panel is smooth enough for its nodes, see `Panels.smooth`."""
     gains, rate = now[GAINS, 0], now[RATE, 0]
     energy, way = now[SPAN, 0, ENERGY], abs(now[SPAN, 0, END] - now[SPAN, 0, BEGIN])
     plain = now[SPAN, 0, KIND] == PLAIN
-    v, doubt, size = M[of.v :], 0.0, largest(rate, 0, of.n)
+    v, doubt, size = nodes.v, 0.0, largest(rate, 0, of.n)
     for i in range(of.n):
         K = energy + gains[i]
         if not K > 0.0:
@@ -199,7 +212,7 @@ def is_smooth(of: Sizes, M: Reals, now: Rows, effort: float, tolerance: float) -
     return not plain or abs(now[SLOPES, 0, 0] - known) <= of.n * left
 
 
-def emptied(of: Sizes, M: Reals, now: Rows, brake: float, stop: float) -> float:
+def emptied(of: Sizes, nodes: Nodes, now: Rows, brake: float, stop: float) -> float:
     """About where the first run's energy is used up on a panel; if nowhere ``stop``, beyond it.
 
     At the end it is but for rounding: as much as ``brake`` [N m or N] takes on a part of the way.
@@ -210,7 +223,7 @@ def emptied(of: Sizes, M: Reals, now: Rows, brake: float, stop: float) -> float:
     for i in range(of.n + 1):
         share = 1.0
         if i < of.n:
-            share = M[of.v + i] if plain else M[of.v + i] * M[of.v + i]
+            share = nodes.v[i] if plain else nodes.v[i] * nodes.v[i]
         there, K = first + way * share, energy + now[GAINS, 0, i]
         if K <= 0.0 or (i == of.n and ROOT * brake * abs(way) > K):
             return float(begin + (there - begin) * (before / (before - min(K, 0.0))))
@@ -218,7 +231,9 @@ def emptied(of: Sizes, M: Reals, now: Rows, brake: float, stop: float) -> float:
     return stop
 
 
-def panel(of: Sizes, M: Reals, low: float, length: float, piece: Rows, now: Rows, b: Reals) -> None:
+def panel(
+    of: Sizes, nodes: Nodes, low: float, length: float, piece: Rows, now: Rows, b: Reals
+) -> None:
     """J, tau and gains of a panel of both runs, where its spans say."""
     for r in range(2):
         begin, end, kind = now[SPAN, r, BEGIN], now[SPAN, r, END], now[SPAN, r, KIND]
@@ -227,13 +242,13 @@ def panel(of: Sizes, M: Reals, low: float, length: float, piece: Rows, now: Rows
                 now[r, J, i], now[r, TAU, i] = piece[VALUES + r, J, i], piece[VALUES + r, TAU, i]
                 now[GAINS, r, i] = piece[OVER_ALL, r, i]
         else:
-            energies = M[of.plain :] if kind == PLAIN else M[of.rest :]
-            over(of, M, low, length, begin, end, kind, piece[r], now[r], b, 0)
+            energies = nodes.work if kind == PLAIN else nodes.work_from_rest
+            over(of, nodes, low, length, begin, end, kind, piece[r], now[r], b, 0)
             along = begin - end if kind == TO_REST else end - begin
             product(now[r, TAU], energies, now[GAINS, r], of.n, of.n + 1, along)
 
 
-def timed(of: Sizes, M: Reals, now: Rows, r: int, begin: float) -> float:
+def timed(of: Sizes, nodes: Nodes, now: Rows, r: int, begin: float) -> float:
     """When run r leaves a panel that it enters at a time [s].
 
     The panel keeps that time, and those since its anchor at anchor, nodes and end.
@@ -241,13 +256,13 @@ def timed(of: Sizes, M: Reals, now: Rows, r: int, begin: float) -> float:
     if r == 1:
         for i in range(of.terms, of.n):
             now[RATE, 1, i] = 0.0
-    product(now[RATE, r], M[of.since :], now[SINCE, r], of.n, of.n + 2, 1.0)
+    product(now[RATE, r], nodes.since, now[SINCE, r], of.n, of.n + 2, 1.0)
     now[SPAN, r, TIME] = begin
     return float(begin + now[SINCE, r, of.n + 1])
 
 
 def through(
-    of: Sizes, M: Reals, low: float, length: float, far: float, sign: float, rounding: float,
+    of: Sizes, nodes: Nodes, low: float, length: float, far: float, sign: float, rounding: float,
     tolerance: float, piece: Rows, runs: Runs, panels: Records, counts: Counts, b: Reals,
 ) -> int:  # fmt: skip
     """Both runs over a piece to ``far``: `GOES_ON`, `STANDS` or `FAILED`. ``counts``: of the
@@ -261,31 +276,31 @@ def through(
             span, run = now[SPAN, r], runs[r]
             span[BEGIN], span[END] = run[PLACE], run[STOP] if stands else end
             span[ENERGY], span[KIND] = 0.0 if stands else run[KINETIC], float(kind)
-        panel(of, M, low, length, piece, now, b)
+        panel(of, nodes, low, length, piece, now, b)
         way, stop = end - runs[0, PLACE], beyond
         if stands:
             way = runs[0, STOP] - runs[0, PLACE]
         else:
             brake = max(-sign * now[0, TAU, of.n - 1], 0.0)
-            stop = emptied(of, M, now, brake, beyond)
+            stop = emptied(of, nodes, now, brake, beyond)
         if stop != beyond and kind == FROM_REST:
             end = runs[0, PLACE] + (stop - runs[0, PLACE]) / 2.0
             continue
         if stop != beyond:
             stands = True
             for r in range(2):
-                if not standstill(of, M, low, length, runs[r], stop, piece[r], now[r], b):
+                if not standstill(of, nodes, low, length, runs[r], stop, piece[r], now[r], b):
                     return FAILED
             if sign * (runs[0, STOP] - far) > ROOT * abs(runs[0, STOP] - runs[0, PLACE]):
                 return FAILED
             continue
         for r in range(2):
-            clock(of, M, now, r)
-        if not is_smooth(of, M, now, effort, tolerance):
+            clock(of, nodes, now, r)
+        if not is_smooth(of, nodes, now, effort, tolerance):
             end, stands = runs[0, PLACE] + way / 2.0, False
             continue
         for r in range(2):
-            runs[r, CLOCK] = timed(of, M, now, r, runs[r, CLOCK])
+            runs[r, CLOCK] = timed(of, nodes, now, r, runs[r, CLOCK])
         if not runs[1, CLOCK] <= LARGEST:  # its energy is used up on a panel of no standstill
             return FAILED
         counts[0] += 1
@@ -307,7 +322,7 @@ def through(
 
 
 def stretch(
-    of: Sizes, M: Reals, pieces: Pieces, which: Counts, lows: Reals, highs: Reals, shift: float,
+    of: Sizes, nodes: Nodes, pieces: Pieces, which: Counts, lows: Reals, highs: Reals, shift: float,
     goal: float, many: int, sign: float, rounding: float, tolerance: float, runs: Runs,
     panels: Records, counts: Counts, b: Reals,
 ) -> int:  # fmt: skip
@@ -318,8 +333,8 @@ def stretch(
         if sign * (far - goal) >= 0.0:
             far = goal
         how = through(
-            of, M, low, high - low, far, sign, rounding, tolerance, pieces[which[p]], runs, panels,
-            counts, b,
+            of, nodes, low, high - low, far, sign, rounding, tolerance, pieces[which[p]], runs,
+            panels, counts, b,
         )  # fmt: skip
         if how != GOES_ON or far == goal:
             return how
@@ -327,7 +342,7 @@ def stretch(
 
 
 def beside(
-    of: Sizes, M: Reals, panels: Records, others: Records, count: int, backward: int, at: Reals,
+    of: Sizes, nodes: Nodes, panels: Records, others: Records, count: int, backward: int, at: Reals,
     found: Reals,
 ) -> None:  # fmt: skip
     """How far the second run, in ``others``, is from the first at the nodes of panels.
@@ -342,7 +357,7 @@ def beside(
         the last time that counts, and by how much the second run is later there; 1 where rates
         change so fast that rounding is to be judged otherwise
     """
-    v, last, done = M[of.leads + of.n + 2 :], of.n + 1, False
+    v, last, done = nodes.v_all, of.n + 1, False
     off, before, gap, late_before = 0.0, 0.0, LARGEST, 0.0
     for j in range(count):
         now = panels[count - 1 - j if backward == 1 else j]
@@ -395,28 +410,28 @@ def beside(
         found[ROUGH] = 1.0
 
 
-def again(of: Sizes, M: Reals, panels: Records, count: int, r: int, energy: float) -> None:
+def again(of: Sizes, nodes: Nodes, panels: Records, count: int, r: int, energy: float) -> None:
     """Panels of run r with more energy [J], their times from 0 s on."""
     t = 0.0
     for j in range(count):
         now = panels[j]
         now[SPAN, r, ENERGY] += energy
-        clock(of, M, now, r)
-        t = timed(of, M, now, r, t)
+        clock(of, nodes, now, r)
+        t = timed(of, nodes, now, r, t)
 
 
 def lasting(
-    of: Sizes, M: Reals, panels: Records, count: int, r: int, energies: Reals, many: int,
+    of: Sizes, nodes: Nodes, panels: Records, count: int, r: int, energies: Reals, many: int,
     times: Reals,
 ) -> None:  # fmt: skip
     """Times that panels of run r take together with more energies [J], many of them."""
-    weights = M[of.average :]
+    weights = nodes.average
     for m in range(many):
         times[m] = 0.0
         for j in range(count):
             now, span = panels[j], panels[j, SPAN, r]
             plain, way = span[KIND] == PLAIN, abs(span[END] - span[BEGIN])
-            leads, total = M[of.leads + 1 :] if plain else M[of.leads + of.n + 3 :], 0.0
+            leads, total = nodes.leads if plain else nodes.leads_from_rest, 0.0
             energy = span[ENERGY] + energies[m]
             for i in range(of.n):
                 slope = sqrt(now[r, J, i] / (2.0 * (energy + now[GAINS, r, i])))
@@ -449,11 +464,11 @@ def integral(c: Reals, n: int, out: Reals) -> None:
 
 
 def placed(
-    of: Sizes, M: Reals, panels: Records, count: int, r: int, times: Reals, many: int, q: Reals,
+    of: Sizes, nodes: Nodes, panels: Records, count: int, r: int, times: Reals, many: int, q: Reals,
     rates: Reals, c: Reals,
 ) -> None:  # fmt: skip
     """Places and rates of run r at many times, by Newton's method for v; ``c``: room for n + 1."""
-    v, last, before = M[of.leads + of.n + 2 :], of.n + 1, -1
+    v, last, before = nodes.v_all, of.n + 1, -1
     for m in range(many):
         p = panel_at(of, panels, count, r, times[m])
         now, span = panels[p], panels[p, SPAN, r]
@@ -497,19 +512,18 @@ def placed(
 
 
 @cache
-def matrices() -> tuple[Floats, tuple[int, ...]]:
-    """Nodes and matrices of both samplings in one array, and where each begins."""
+def nodes() -> Nodes:
+    """Those of the path method."""
     fine, coarse = rule(FINE), rule(COARSE)
-    rows = (
-        *(fine.v, coarse.v, fine.to_series.T, coarse.to_series.T, basis(fine.v, COARSE).T),
-        *(fine.energy[PLAIN].T, fine.energy[FROM_REST].T, fine.average[-1]),
-        *(fine.leads[[PLAIN, FROM_REST]], fine.clock.T @ fine.known),
-    )
-    begins = np.cumsum([0, *(x.size for x in rows[:-1])]).tolist()
-    return np.concatenate([x.ravel() for x in rows]), tuple(begins)
+    plain, from_rest = fine.leads[[PLAIN, FROM_REST]]
+    series = fine.to_series.T, coarse.to_series.T, basis(fine.v, COARSE).T
+    work = fine.energy[PLAIN].T, fine.energy[FROM_REST].T, fine.average[-1]
+    leads = plain[1:], from_rest[1:], from_rest
+    every = fine.v, coarse.v, *series, *work, *leads, fine.clock.T @ fine.known
+    return Nodes(*(np.ascontiguousarray(x).ravel() for x in every))
 
 
 @cache
 def sizes(state: int = 0) -> Sizes:
     """Those of the path method, with so many components of a state."""
-    return Sizes(FINE, COARSE, int(KEPT * FINE), state, *matrices()[1])
+    return Sizes(FINE, COARSE, int(KEPT * FINE), state)

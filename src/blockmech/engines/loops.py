@@ -6,13 +6,15 @@ the same bits, for nothing is fused and nothing re-associated. The subset:
     arguments    float, int, bool, `Reals`, `Counts`, functions ``Callable[[Reals, int], float]``.
                  What is given beforehand, with `partial`, is part of the text: sizes (an int, or
                  a tuple ``of`` of them with names), the name of a function in the text. They
-                 may say blocks of an array: ``K: Annotated[Reals, "of.stages", "of.width"]``
+                 may say blocks of an array: ``K: Annotated[Reals, "of.stages", "of.width"]``.
+                 A NamedTuple of arrays is a record, called with `places_of` it
     statements   assignments (also of tuples, and ``+=``), ``if``, ``while``, ``for`` over a range,
                  ``break``, ``continue``, ``return``, calls
     expressions  + - * / of numbers, >> of ints, comparisons of two, and, or, not,
                  ``a if c else b``, abs, min and max (of two) and `MATH` of floats, ``float(n)``,
                  ``K[m, s, j]`` a number, ``K[m, s]`` a row in the same memory, ``K[m:]`` the array
-                 from a block on; other functions of this kind, numbers of their module
+                 from a block on, ``record.K`` one; other functions of this kind, numbers of their
+                 module
     lanes        rows of floats in + - * / and comparisons, with numbers as well: vectors;
                  ``np.sqrt``, abs, ``np.where(test, a, b)``, ``&``, ``np.any(test)`` of them;
                  ``a[i] = vector`` writes a row
@@ -91,6 +93,7 @@ class Value(NamedTuple):
     of : kind of an array's numbers, shape : sizes of a block of it, row : how many a row has
     takes : kinds of a function's arguments, gives : that of its answer
     lanes : numbers of a vector, 0 of one alone
+    parts : arrays of a record
     """
 
     text: str
@@ -101,6 +104,7 @@ class Value(NamedTuple):
     takes: tuple[str, ...] = ()
     gives: str = ""
     lanes: int = 0
+    parts: tuple[tuple[str, Value], ...] = ()
 
     @property
     def type(self) -> str:
@@ -129,6 +133,12 @@ def signature(function: Callable[..., Any]) -> Any:
     return ctypes.CFUNCTYPE(answer, *kinds)
 
 
+def places_of(record: Iterable[Reals | Counts]) -> Any:
+    """Where each array of a record stands: what machine code takes for the record."""
+    places = [array.ctypes.data for array in record]
+    return (ctypes.c_void_p * len(places))(*places)
+
+
 def _parts(function: Any) -> tuple[Any, dict[str, Any]]:
     return (function.func, function.keywords) if isinstance(function, partial) else (function, {})
 
@@ -142,6 +152,9 @@ def _meant(hint: Any, sizes: Mapping[str, Any] = MappingProxyType({})) -> Value:
         return _meant(hint.__origin__)._replace(shape=shape)
     if hint in (Reals, Counts):
         return Value("", PLACE, REAL if hint == Reals else COUNT)
+    if hasattr(hint, "_fields"):
+        parts = get_type_hints(hint, include_extras=True).items()
+        return Value("", PLACE, parts=tuple((k, _meant(x, sizes)) for k, x in parts))
     if get_origin(hint) is not Callable:
         raise TypeError(f"{hint!r} is no kind of argument")
     takes, gives = get_args(hint)
@@ -215,7 +228,10 @@ class _Translation:
             value = _meant(hint, self.given)._replace(
                 text=f"@{given[k]}" if k in given else f"%{k}"
             )
-            self.known[k] = value if value.gives else self._slot(k, value)
+            for i, (part, array) in enumerate(value.parts):
+                place = self._new(f"getelementptr ptr, ptr {value.text}, i64 {i}", PLACE)
+                self.known[f"{k}.{part}"] = self._loaded(array._replace(text=place.text))
+            self.known[k] = value if value.gives or value.parts else self._slot(k, value)
             takes += [] if k in given else [value]
         kinds = tuple(x.kind for x in takes)
         self.value = Value(f"@{name}", PLACE, takes=kinds, gives=self.gives)
@@ -331,7 +347,7 @@ class _Translation:
 
     def _store(self, target: ast.expr, value: Value) -> None:
         if isinstance(target, ast.Name):
-            if value.kind == NOTHING or value.gives:
+            if value.kind == NOTHING or value.gives or value.parts:
                 self._refuse(f"{target.id} is no number and no array")
             if target.id not in self.known:
                 self.known[target.id] = self._slot(target.id, value)
@@ -379,7 +395,11 @@ class _Translation:
                 return _number(x)
             case ast.Name(id=name) if name in self.known:
                 known = self.known[name]
-                return known if known.gives else self._loaded(known)
+                return known if known.gives or known.parts else self._loaded(known)
+            case ast.Attribute(value=ast.Name(id=name), attr=part) if name in self.known:
+                if f"{name}.{part}" not in self.known:
+                    self._refuse(f"{name} has no {part}")
+                return self.known[f"{name}.{part}"]
             case ast.Name() | ast.Attribute():
                 meaning = self._meaning(node)
                 if isinstance(meaning, FunctionType):

@@ -35,6 +35,7 @@ from blockmech.dynamics.path_loops import (
     ROUGH,
     STANDS,
     VALUES,
+    Nodes,
     Pieces,
     Records,
     Row,
@@ -44,7 +45,7 @@ from blockmech.dynamics.path_loops import (
     beside,
     ending,
     largest,
-    matrices,
+    nodes,
     product,
     sizes,
     through,
@@ -91,18 +92,18 @@ def sampled(
 
 
 def both_sampled(
-    of: Sizes, fill: Fill, M: Reals, x: Reals, P: Reals, row: Reals, state: Reals, low: float,
+    of: Sizes, fill: Fill, nodes: Nodes, x: Reals, P: Reals, row: Reals, state: Reals, low: float,
     length: float, sign: float, rounding: float, piece: Rows,
 ) -> bool:  # fmt: skip
     """A piece of both samplings, the second one's values at the nodes of the first."""
     whole = piece[VALUES:]
     if not sampled(
-        of, fill, x, P, row, state, low, length, M[of.v :], M[of.series :], whole[0], piece[0],
+        of, fill, x, P, row, state, low, length, nodes.v, nodes.series, whole[0], piece[0],
         of.n,
     ):  # fmt: skip
         return False
     if not sampled(
-        of, fill, x, P, row, state, low, length, M[of.v_there :], M[of.series_there :], whole[1],
+        of, fill, x, P, row, state, low, length, nodes.v_there, nodes.series_there, whole[1],
         piece[1], of.k,
     ):  # fmt: skip
         return False
@@ -110,7 +111,7 @@ def both_sampled(
     for j in range(2):
         for i in range(of.k, of.n):
             piece[1, j, i] = 0.0
-        product(piece[1, j], M[of.spread :], whole[1, j], of.k, of.n, 1.0)
+        product(piece[1, j], nodes.spread, whole[1, j], of.k, of.n, 1.0)
     for r in range(2):
         for j in range(2):
             begin, way = 0.0, -sign
@@ -123,14 +124,15 @@ def both_sampled(
                     there = whole[r, j, of.n - 1 - i]
                     whole[r, j, of.n - 1 - i] = whole[r, j, i]
                     whole[r, j, i] = there
-        product(whole[r, TAU], M[of.plain :], piece[OVER_ALL, r], of.n, of.n + 1, sign * length)
+        product(whole[r, TAU], nodes.work, piece[OVER_ALL, r], of.n, of.n + 1, sign * length)
     return True
 
 
 def swings(
     of: Sizes, fill: Fill, slots: int, x: Reals, numbers: Reals, row: Reals, state: Reals,
-    lows: Reals, lengths: Reals, pieces: Counts, start: Reals, M: Reals, runs: Runs, room: Pieces,
-    panels: Records, counts: Counts, b: Reals, found: Annotated[Reals, "12"], designs: int,
+    lows: Reals, lengths: Reals, pieces: Counts, start: Reals, nodes: Nodes, runs: Runs,
+    room: Pieces, panels: Records, counts: Counts, b: Reals, found: Annotated[Reals, "12"],
+    designs: int,
 ) -> None:  # fmt: skip
     """Each design's way to its first standstill.
 
@@ -158,17 +160,17 @@ def swings(
         for p in range(first, first + many):
             how = FAILED
             if both_sampled(
-                of, fill, M, x, P, row, state, lows[p], lengths[p], sign, start[3], room[0]
+                of, fill, nodes, x, P, row, state, lows[p], lengths[p], sign, start[3], room[0]
             ):
                 far = lows[p] + lengths[p] if sign > 0.0 else lows[p]
                 how = through(
-                    of, M, lows[p], lengths[p], far, sign, start[3], RESOLVED, room[0], runs,
+                    of, nodes, lows[p], lengths[p], far, sign, start[3], RESOLVED, room[0], runs,
                     panels, counts, b,
                 )  # fmt: skip
             if how != GOES_ON:
                 break
         if how == STANDS:
-            beside(of, M, panels, panels, counts[0], 0, start[4:], found[d])
+            beside(of, nodes, panels, panels, counts[0], 0, start[4:], found[d])
             found[d, KNOWN] = 1.0 - found[d, ROUGH]
         found[d, T_END], found[d, Q_END] = runs[0, CLOCK], runs[0, PLACE]
         found[d, LATER] = abs(runs[1, CLOCK] - runs[0, CLOCK])
@@ -232,9 +234,9 @@ class FirstSwings(NamedTuple):
         panels, counts = np.empty((most, PANEL, 2, FINE + 2)), np.zeros(1, np.int64)
         given = slots, row, state, self.lows, self.lengths, self.pieces, self.start
         own = np.zeros((2, 4)), room, panels, counts, np.zeros(4 * FINE), found
-        places = [a.ctypes.data for a in (*given, matrices()[0], *own)]
+        places = [a.ctypes.data for a in given], [a.ctypes.data for a in own]
         fill = ctypes.cast(self.rates.of_designs[0], ctypes.c_void_p)
-        self.code(fill, slots.shape[1], x, *places, m)
+        self.code(fill, slots.shape[1], x, *places[0], loops.places_of(nodes()), *places[1], m)
         apart, rounding, *_, t, q, late, good = found.T
         error, nothing = apart + rounding, np.zeros(m)
         way, share = np.minimum(np.abs(q - self.start[0]), 1.0), self.start[-1]
