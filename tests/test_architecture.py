@@ -17,7 +17,7 @@ import pytest
 from blockmech.blocks.contract import Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.plane import SCALAR_PRIMITIVES
-from tests.source import MODULES, TREES
+from tests.source import MODULES, trees
 
 ROOMS = (
     "sigint",
@@ -111,7 +111,7 @@ NEEDED_IN = {
 
 def imports(name, late):
     """Names of the modules that a module imports when it is loaded, or, ``late``, ever."""
-    tree = TREES[name]
+    tree = trees()[name]
     for node in ast.walk(tree) if late else statements(tree.body):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -177,7 +177,7 @@ def test_floors_of_files():
 def test_functions_fit_a_screen():
     long = {
         f"{name}.{node.name}"
-        for name, tree in TREES.items()
+        for name, tree in trees().items()
         for node in ast.walk(tree)
         if isinstance(node, ast.FunctionDef) and length(node) > LONGEST
     }
@@ -219,7 +219,7 @@ def test_a_motion_along_the_path_loads_no_scipy():
 def test_private_names_stay_in_their_room():
     taken = [
         f"{name} takes {alias.name} from {node.module}"
-        for name, tree in TREES.items()
+        for name, tree in trees().items()
         for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom) and str(node.module).startswith("blockmech")
         for alias in node.names

@@ -17,7 +17,7 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.cli import COMMANDS
 from blockmech.values import StrictModel
 from docs.snippets import BrokenPage, run, workplace
-from tests.source import MODULES, TREES
+from tests.source import MODULES, trees
 
 ROOT = Path(__file__).resolve().parents[1]
 LONGEST_FIRST_LINE = 90  # with its indentation it must fit a line of 100
@@ -39,15 +39,15 @@ def public(tree, prefix=""):
 
 
 def test_every_module_and_every_public_name_has_a_docstring():
-    silent = [name for name, tree in TREES.items() if not ast.get_docstring(tree)]
-    for module, tree in TREES.items():
+    silent = [name for name, tree in trees().items() if not ast.get_docstring(tree)]
+    for module, tree in trees().items():
         silent += [f"{module}.{name}" for name, node in public(tree) if not ast.get_docstring(node)]
     assert silent == []
 
 
 def test_first_lines_are_short_and_to_the_point():
     wrong = []
-    for module, tree in TREES.items():
+    for module, tree in trees().items():
         for name, node in public(tree):
             first = (ast.get_docstring(node) or "").partition("\n")[0]
             if len(first) > LONGEST_FIRST_LINE or first.startswith(("This ", "Returns ")):
@@ -64,7 +64,7 @@ def records():
         if module.split(".")[1:2] not in (["blocks"], ["typing"]):
             continue
         lines = MODULES[module].read_text(encoding="utf-8").splitlines()
-        for node in TREES[module].body:
+        for node in trees()[module].body:
             if isinstance(node, ast.ClassDef) and "NamedTuple" in map(ast.unparse, node.bases):
                 fields = [n for n in node.body if isinstance(n, ast.AnnAssign)]
                 said = [(ast.unparse(f.annotation), lines[f.lineno - 1]) for f in fields]
@@ -135,7 +135,7 @@ def test_every_block_and_load_names_its_source():
 
 @pytest.mark.parametrize("room", ["passes", "friction"])
 def test_mechanics_name_their_sources(room):
-    for module, tree in TREES.items():
+    for module, tree in trees().items():
         parts = module.split(".")
         if parts[1:2] == [room] and len(parts) > 2:
             text = ast.get_docstring(tree)

@@ -184,8 +184,8 @@ def test_several_drivers_are_solved_by_all_of_them():
         run = mech.run(at=at, want=["*.tau_red"], static=True)
         for d in mech.drivers:
             assert abs(run[f"{d}.tau_red"][0]) < 1e-10
-        again = mech.equilibria(starts=64)
-        assert all(any(np.allclose(x.q, y.q, atol=1e-9) for y in found) for x in again)
+    again = mech.equilibria(starts=64)
+    assert all(any(np.allclose(x.q, y.q, atol=1e-9) for y in found) for x in again)
 
 
 def test_curves_lead_from_one_equilibrium_to_the_others():
