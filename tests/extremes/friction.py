@@ -12,6 +12,7 @@ import math
 import random
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -236,6 +237,7 @@ class Found:
     flags: tuple[str, ...]
 
 
+@cache
 def found(case: Press | Rocker, precision: str, engine: str = "numpy") -> Found:
     """The driving moment with friction by Newton, against the truth."""
     dtype = PRECISIONS[precision]
