@@ -103,7 +103,6 @@ def test_watt_from_the_top_follows_extended_precision(method, angle, rate):
 EULER = {  # step [rad] -> error of the standstill's time [s], and of its place [rad]
     1e-2: (-2.18e-2, 9.580e-2),
     1e-3: (-2.561e-3, 1.038e-2),
-    1e-4: (-2.601e-4, 1.047e-3),
 }
 
 
