@@ -235,7 +235,7 @@ def test_a_linkage_with_several_laws_leaves_no_drive_over_and_engines_agree():
     mech, ends = changed(data), []
     for engine in ("scalar", "llvm"):
         moved = mech.simulate(
-            "time=0.03", start={"crank": (1.0, 20.0)}, method="dop853", engine=engine,
+            "time=0.01", start={"crank": (1.0, 20.0)}, method="dop853", engine=engine,
             want=["crank.drive", "crank.drive_by_reduction", "dyad.B.deflection"],
         )  # fmt: skip
         size = np.abs(moved["crank.drive_by_reduction"]).max()
