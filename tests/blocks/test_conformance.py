@@ -345,3 +345,21 @@ def test_a_load_of_ones_own_may_store_energy():
     finally:
         REGISTRY._types.pop("test.magnet")
     assert 0 < report.measured["power from the stored energy"] < 1e-9
+
+
+def test_a_kernel_that_machine_code_and_c_cannot_have_is_refused():
+    class Drag(Element, type="test.drag"):
+        """A drag by a power that no primitive says."""
+
+        terminals = {"at": Terminal("point")}
+
+        def kernel(self):
+            return lambda v_at, p: (mul(v_at, -((1.0 + hyp(v_at)) ** 0.5)),)
+
+    try:
+        with pytest.raises(
+            ConformanceError, match=r"machine code and C cannot have it.* \*\* or pow"
+        ):
+            conformance("test.drag")
+    finally:
+        REGISTRY._types.pop("test.drag")

@@ -22,6 +22,10 @@ class Untraceable(Exception):
     """A program that flat arithmetic cannot say, and why."""
 
 
+class AsksPython(Untraceable):
+    """A program that asks a function of Python of what it computes."""
+
+
 Operation = Callable[..., "Node"]
 
 

@@ -17,7 +17,7 @@ from functools import cache, partial
 from typing import Any, NamedTuple
 
 from blockmech.engines.binding import bind
-from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, Untraceable
+from blockmech.engines.nodes import PARAMETER, SAMPLE, AsksPython, Loop, Node, Untraceable
 from blockmech.engines.numpy import Planar, imul, leaves, mul
 from blockmech.engines.numpy import each as each_of
 from blockmech.plan import Program
@@ -111,7 +111,7 @@ class Trace:
         """
         arguments = leaves(given)
         if not all(isinstance(x, Node) and x.op == "input" for x in arguments):
-            raise Untraceable("it asks a function of Python of what it computes")
+            raise AsksPython("it asks a function of Python of what it computes")
         places = iter([x.args[0] for x in arguments]).__next__
 
         def leaf() -> Node:

@@ -195,6 +195,7 @@ class BlockRules(Checks):
             return mechanism.run(**motion, **settings, engine=engine)
 
         scalar, batch, alone = run(every, "scalar"), run(every, "numpy"), run(self.motions, "numpy")
+        yield from self.arithmetic(batch.plan.program)
         for name in batch:
             one, other = np.asarray(scalar[name]), np.asarray(batch[name])
             if one.shape and not np.array_equal(np.isnan(one), np.isnan(other)):

@@ -71,6 +71,7 @@ class CouplingRules(Checks):
         for rig in self.rigs:
             batch, scalar = (rig.run(times=TIMES, engine=e) for e in ("numpy", "scalar"))
             alone = rig.run(times=TIMES[4:5], engine="numpy")
+            yield from self.arithmetic(batch.plan.program)
             for name in ("first.drive", *COORDINATE):
                 scale = float(np.max(abs(batch[name]))) or 1.0
                 yield from self.same(f"scalar {name}", scalar[name], batch[name], scale)

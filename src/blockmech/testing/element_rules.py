@@ -60,6 +60,7 @@ class ElementRules(Checks):
             yield from self.same(f"scalar {name} against a batch", scalar[name], batch[name], scale)
             if not same_bits(alone[name], batch[name][4:5]):
                 yield f"{name} of a sample alone is not the same as in a batch"
+        yield from self.arithmetic(self.mechanism.plan(self.loads).program)
         yield from self.verified(self.mechanism.verify(times=TIMES))
 
     def energy(self) -> Iterator[str]:

@@ -46,6 +46,7 @@ class LawRules(Checks):
         for kind, rig in self.rigs.items():
             scalar, batch = (rig.run(times=TIMES, engine=e) for e in ("scalar", "numpy"))
             alone = rig.run(times=TIMES[4:5], engine="numpy")
+            yield from self.arithmetic(batch.plan.program, f" in {kind}")
             for name in (f"rod.{joint}.friction" for joint in PAIRS[kind]):
                 scale = float(np.max(abs(batch[name]))) or 1.0
                 yield from self.same(f"scalar {name}", scalar[name], batch[name], scale)

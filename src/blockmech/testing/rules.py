@@ -9,7 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.engines.nodes import AsksPython, Untraceable
 from blockmech.engines.numpy import Planar
+from blockmech.engines.trace import Trace
+from blockmech.plan import Program
 from blockmech.report import DEGREES, Report
 
 Array = NDArray[Any]
@@ -68,6 +71,15 @@ class Checks:
         self.measured[what] = max(self.measured.get(what, 0.0), worst)
         if not worst <= allowed:
             yield f"{what} is off by {worst:.1e} of its size (allowed {allowed:.0e})"
+
+    def arithmetic(self, program: Program, how: str = "") -> Iterator[str]:
+        """Kernels are of the primitives alone: else machine code and C cannot have them."""
+        try:
+            Trace(program)
+        except AsksPython:
+            return  # which is no kernel
+        except Untraceable as why:
+            yield f"machine code and C cannot have it{how}: {why}"
 
     def verified(self, found: Any, how: str = "") -> Iterator[str]:
         """The balances of a mechanism, as `Mechanism.verify` found them."""

@@ -55,6 +55,7 @@ class SignalRules(Checks):
         values |= {f"next {ref.name}": value for ref, value in signals.updated(s).items()}
         values |= {f"kink {k}": value for k, value in enumerate(signals.kinks(s))}
         program = s.program(values.values())
+        yield from self.arithmetic(program)
         chance = np.random.default_rng(1)
         given = {name: chance.uniform(0.1, 0.9, SAMPLES) for name in program.inputs}
         batch, scalar = (e(program).run(given, SAMPLES) for e in (NumpyEngine, ScalarEngine))
