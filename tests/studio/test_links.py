@@ -10,8 +10,10 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.studio import sketching
+from blockmech.studio.diagram import Diagram
 from blockmech.studio.fields import Shown
 from blockmech.studio.links import LinksSheet, drawing_of
+from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.sketching import outlines_of
 from tests.studio.page import drawing, save
@@ -68,6 +70,22 @@ def test_every_step_of_a_drawing_is_undone():
         pane.sheet.redo()
     assert pane.sheet.form == form
     assert steps == 9  # four pins, three links, the frame, the driver
+
+
+@pytest.mark.parametrize("name", ["joints/excavator", "excavator"])
+def test_what_the_hand_did_is_drawn_before_anything_is_computed(name):
+    sheet, shown = Sheet(opened(GRAPHS / f"{name}.json")), []
+    view = MechanismView(sheet)
+    links, diagram = LinksSheet(sheet, view=view), Diagram(sheet, print, print, str)
+    drawn = links.canvas if links.ours else diagram.flow
+    for part, of in ((view, "motion"), (drawn, "drawing")):
+        part.param.watch(lambda event: shown.append(event.name), of)
+    if links.ours:
+        links.meant({"act": "move", "pins": {"boom_foot": [0.01, 0.0]}})
+    else:
+        diagram.add("load.spring", None)
+    sheet.undo()
+    assert shown == ["drawing", "motion"] * 2
 
 
 def test_a_drawing_that_cannot_move_has_its_diagnosis():

@@ -13,7 +13,7 @@ from blockmech.draw import palette
 from blockmech.draw.shapes import Stage
 from blockmech.studio.component import script
 from blockmech.studio.dragging import dragged, handles_of
-from blockmech.studio.film import SHOWN, names_of, scene_of
+from blockmech.studio.film import SHOWN, _under, names_of, scene_of
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.plots import coloured
 from blockmech.studio.sheet import Sheet
@@ -107,6 +107,20 @@ def test_no_name_stands_on_a_link():
         bad.append(on.mean())
     assert max(bad) <= 0.1
     assert np.median(bad) <= 0.01
+
+
+def test_what_lies_under_a_name_is_counted_as_point_by_point():
+    """Points of a crowd, some of them nowhere, of which few are within reach of any name."""
+    make = np.random.default_rng(0)
+    taken = make.normal(size=(60, 7)) * 30 + 1j * make.normal(size=(60, 7)) * 30
+    taken[::9, 3] = np.nan
+    weights, room = make.integers(1, 5, 60).astype(float), 11 + 5j
+    offsets = 20 * np.exp(1j * np.arange(0, 6, 0.4))
+    apart = taken[:, None] - offsets[:, None]
+    inside = (np.abs(apart.real) < room.real) & (np.abs(apart.imag) < room.imag)
+    assert inside.any()
+    wanted = np.einsum("p,pof->fo", weights, inside)
+    np.testing.assert_array_equal(_under(taken, weights, offsets, room), wanted)
 
 
 def test_friction_circles_say_how_much_larger_they_are_drawn():

@@ -71,9 +71,8 @@ def _solutions(request: Asked) -> Any:
 def _limits(request: Asked) -> Any:
     """The arcs of the driver that moves, the others held where they are shown."""
     moved, *held = sorted(request.at, key=lambda driver: -np.ptp(request.at[driver]))
-    return request.mechanism.limits(
-        moved, {driver: float(request.at[driver][0]) for driver in held}
-    )
+    at = {driver: float(request.at[driver][0]) for driver in held}
+    return request.mechanism.limits(moved, at)
 
 
 ANALYSES: dict[str, tuple[str, Callable[[Asked], Any]]] = {
@@ -130,14 +129,11 @@ class Analyses:
         self.ask, self.along, self.work = ask, along, work
         self.text = Plain("", sizing_mode="stretch_width", stylesheets=[TABLE])
         self.image = pn.pane.HTML("", visible=False, stylesheets=[BESIDE])
-        self.buttons = [
-            button(name, partial(self.run, name), description=words)
-            for name, (words, _) in ANALYSES.items()
-        ]
+        asked = {name: words for name, (words, _) in ANALYSES.items()}
+        self.buttons = [button(n, partial(self.run, n), description=w) for n, w in asked.items()]
         self.number = pn.widgets.Select(label="Number", options=[""], width=170)
-        self.share = pn.widgets.FloatInput(
-            label="± [%]", value=10.0, start=0.01, end=90.0, width=80
-        )
+        bounds = {"start": 0.01, "end": 90.0}
+        self.share = pn.widgets.FloatInput(label="± [%]", value=10.0, width=80, **bounds)
         for widget in (self.number, self.share):
             widget.param.watch(lambda _: self.vary(), "value")
 

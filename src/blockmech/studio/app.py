@@ -11,6 +11,7 @@ from urllib.parse import parse_qsl, quote
 
 import panel as pn
 import param
+from bokeh.models import Tooltip
 
 from blockmech.builders import Graph, Linkage, Opened, opened, read_text
 from blockmech.errors import BlockmechError
@@ -68,8 +69,9 @@ class Page:
         self.file = pn.widgets.TextInput(label="File", width=170, css_classes=["line"])
         self.save = button("Save", lambda: self._save(False), button_type="primary")
         self.replace = button("Replace the file", lambda: self._save(True), visible=False)
-        self.undo = button("Undo", lambda: self.say(f"Undo: {sheet.undo()}"))
-        self.redo = button("Redo", lambda: self.say(f"Redo: {sheet.redo()}"))
+        tips = [Tooltip(content="", position="right") for _ in range(2)]
+        self.undo = button("Undo", lambda: self.say(f"Undo: {sheet.undo()}"), description=tips[0])
+        self.redo = button("Redo", lambda: self.say(f"Redo: {sheet.redo()}"), description=tips[1])
         self.kind = pn.widgets.Select(label="Export as", groups=kinds(), width=130, **BARE)
         kept = Shown.of(pn.state.cookies.get(UNITS, ""))
         self.units = [
@@ -135,8 +137,8 @@ class Page:
         sheet = self.sheet
         at = sheet.path.relative_to(sheet.folder).as_posix() if sheet.path else ""
         self.file.value = at or self.file.value or f"{sheet.form['name']}.json"
-        self.undo.param.update(disabled=not sheet.undoable, description=sheet.undoable or None)
-        self.redo.param.update(disabled=not sheet.redoable, description=sheet.redoable or None)
+        for step, what in ((self.undo, sheet.undoable), (self.redo, sheet.redoable)):
+            step.disabled, step.description.content = not what, what or "nothing"
         self.save.label = "Saved" if sheet.saved and sheet.path else "Save"
         self.browser.saved = sheet.saved
         if isinstance(sheet.graph, Graph):

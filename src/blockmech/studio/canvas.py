@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from blockmech.draw.boxes import Content, DrawnBlock
@@ -15,7 +16,7 @@ from blockmech.draw.diagram import view_of
 from blockmech.draw.layout import Box, arrange
 from blockmech.draw.palette import ROW, SIZES, SMALL, TEXT
 from blockmech.draw.paper import text_width, wrapped
-from blockmech.draw.routing import Point, Rectangle, place, way_between
+from blockmech.draw.routing import Placed, Point, Rectangle, place, way_between
 from blockmech.model.diagram import Ends
 from blockmech.model.graph import Graph
 from blockmech.studio.edits import markers_of
@@ -49,7 +50,7 @@ class Canvas:
         sizes = {box.name: (box.width, len(box.ports) * ROW) for box in boxes}
         ways: dict[int, list[Point]] = {}
         if len(at) < len(boxes):
-            made = place(arrange(boxes, wires))
+            made = _laid_out(tuple(boxes), tuple(wires))
             below = max((y + sizes[name][1] for name, (_, y) in at.items()), default=0.0)
             at = {n: at.get(n, (r.x, r.y + below)) for n, r in made.boxes.items()}
             ways = {} if view_of(shown) else made.ways
@@ -84,6 +85,12 @@ class Canvas:
             "to": [ends.target, ends.port],
             "way": [[x * PIXELS, y * PIXELS] for x, y in way],
         }
+
+
+@lru_cache(8)  # an undo, or another length, leaves the diagram as one that was there before
+def _laid_out(boxes: tuple[Box, ...], wires: tuple[Ends, ...]) -> Placed:
+    """Where blocks and wires are put that nobody has put anywhere; not to be changed."""
+    return place(arrange(boxes, wires))
 
 
 def _words(block: DrawnBlock, wrong: str | None) -> tuple[list[str], float]:

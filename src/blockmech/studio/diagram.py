@@ -18,12 +18,11 @@ from blockmech.draw.palette import ROW
 from blockmech.errors import BlockmechError, Problem
 from blockmech.model import graph
 from blockmech.model.diagram import Wire
-from blockmech.model.schema import graph_schema
 from blockmech.studio import edits
 from blockmech.studio.canvas import PIXELS, Canvas
 from blockmech.studio.component import Component, script, style
 from blockmech.studio.edits import Form
-from blockmech.studio.fields import starter
+from blockmech.studio.fields import schema_of, starter
 from blockmech.studio.session import follow
 from blockmech.studio.sheet import Sheet
 
@@ -50,7 +49,7 @@ def kinds() -> list[tuple[str, str, str, str]]:
 
 @cache
 def _kinds(known: tuple[str, ...]) -> list[tuple[str, str, str, str]]:
-    schema, kinds = graph_schema(), []
+    schema, kinds = schema_of(blocks=True), []
     for kind in known:
         word, alone = kind.split(".")[-1], graph.Graph()
         try:
@@ -85,7 +84,7 @@ class Diagram:
         self.sheet, self.say, self.select, self.values = sheet, say, select, values
         self.places: dict[str, tuple[float, float]] = {}
         self.flow = Flow(self.meant, kinds=kinds(), sizing_mode="stretch_both", min_height=240)
-        follow(sheet, self.show, "form", "problems")
+        follow(sheet, self.show, "form", "problems", first=True)
         self.show()
 
     # -- what is shown ----------------------------------------------------

@@ -15,8 +15,7 @@ from blockmech.draw.palette import ROW
 from blockmech.errors import GraphError
 from blockmech.loads.contract import Element
 from blockmech.model import checks
-from blockmech.model.schema import graph_schema
-from blockmech.studio.fields import starter, with_item
+from blockmech.studio.fields import schema_of, starter, with_item
 
 Form = dict[str, Any]
 Places = Mapping[str, tuple[float, float]]  # [pt] of blocks on the canvas
@@ -46,7 +45,7 @@ def free_name(form: Form, word: str) -> str:
 
 def added(form: Form, kind: str, name: str, at: tuple[float, float]) -> Form:
     """With a new block at a place, whose required values are the simplest that are valid."""
-    schema = graph_schema()
+    schema = schema_of(blocks=True)
     block = {"type": kind, **starter(schema, schema["$defs"][kind])}
     return placed(with_item(form, ("blocks", name), block), {name: at})
 
@@ -108,8 +107,7 @@ def wired(form: Form, source: str | None, target: str) -> Form:
 
 def placed(form: Form, places: Places) -> Form:
     """With places of blocks on the canvas, as far as they are there."""
-    there = {name: at for name, at in places.items() if name in form["blocks"]}
-    at = {name: [round(x, 1), round(y, 1)] for name, (x, y) in there.items()}
+    at = {n: [round(x, 1), round(y, 1)] for n, (x, y) in places.items() if n in form["blocks"]}
     return {**form, "view": {**form.get("view", {}), **at}} if at else form
 
 

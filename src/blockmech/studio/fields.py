@@ -13,7 +13,11 @@ import re
 from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from fractions import Fraction
+from functools import cache
 from typing import Any, NamedTuple
+
+from blockmech.blocks.registry import REGISTRY
+from blockmech.model.schema import graph_schema, joints_schema
 
 Path = tuple[str, ...]
 Schema = Mapping[str, Any]
@@ -48,6 +52,16 @@ class Field(NamedTuple):
     beside: tuple[tuple[str, Any], ...] = ()
 
 
+def schema_of(blocks: bool) -> Schema:
+    """The schema of documents of blocks, or of links and joints; made once for known kinds."""
+    return _schema(blocks, tuple(REGISTRY))
+
+
+@cache
+def _schema(blocks: bool, known: tuple[str, ...]) -> Schema:
+    return graph_schema() if blocks else joints_schema()
+
+
 def resolved(root: Schema, node: Schema) -> dict[str, Any]:
     """A schema with its reference followed, and what an optional value is if it is given."""
     while True:
@@ -80,9 +94,8 @@ def kinds_of(node: Schema) -> tuple[str, dict[str, Schema]]:
         return tags["propertyName"], {w: {"$ref": ref} for w, ref in tags["mapping"].items()}
     rules = [rule for rule in node.get("allOf", ()) if "properties" in rule["if"]]
     keys = {key for rule in rules for key in rule["if"]["properties"]}
-    return "".join(keys), {
-        r["if"]["properties"][k]["const"]: r["then"] for r in rules for k in keys
-    }
+    words = {r["if"]["properties"][k]["const"]: r["then"] for r in rules for k in keys}
+    return "".join(keys), words
 
 
 def starter(root: Schema, node: Schema) -> Any:
@@ -104,9 +117,8 @@ def starter(root: Schema, node: Schema) -> Any:
     if node.get("type") == "array":
         items = node.get("prefixItems") or [node.get("items", {})] * node.get("minItems", 0)
         return [starter(root, item) for item in items]
-    return {"string": "", "boolean": False, "integer": node.get("minimum", 1)}.get(
-        str(node.get("type")), 1.0
-    )
+    simplest = {"string": "", "boolean": False, "integer": node.get("minimum", 1)}
+    return simplest.get(str(node.get("type")), 1.0)
 
 
 def fields_of(root: Schema, node: Schema, raw: Any, path: Path = ()) -> Iterator[Field]:

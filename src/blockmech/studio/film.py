@@ -236,12 +236,9 @@ def names_of(stage: Stage, dark: bool = False) -> Layer:
         x, y = c * (reach + half.real * np.sqrt(np.abs(c))), up * (reach + half.imag)
         offsets = (x + 1j * y).ravel()
         anchor = motion.at(*spot)
-        centres = (anchor[frames] / unit + offsets[:, None])[:, None]
         room = half + (SIZES.link / 2) * (1 + 1j)
-        with np.errstate(invalid="ignore"):
-            under = np.abs(taken.real - centres.real) < room.real
-            under &= np.abs(taken.imag - centres.imag) < room.imag
-        _, way = cheapest(LEADER * (weights @ under).T + NEAR * np.abs(offsets), offsets)
+        under = _under(taken - anchor[frames] / unit, weights, offsets, room)
+        _, way = cheapest(LEADER * under + NEAR * np.abs(offsets), offsets)
         every = np.interp(np.arange(len(anchor)), frames, offsets[way])
         grid = np.linspace(-1, 1, 5)[:, None] * half.real + 1j * half.imag * np.array([-1, 0, 1])
         own = grid.ravel()[:, None] + anchor[frames] / unit + offsets[way]
@@ -249,6 +246,19 @@ def names_of(stage: Stage, dark: bool = False) -> Layer:
         places[:, i] = anchor + every * unit
     texts, colours = [text for text, *_ in wanted], [coloured(c, dark) for _, c, _ in wanted]
     return Layer("text", places, {"text": texts, "text_color": colours, "name": texts})
+
+
+def _under(taken: Complex, weights: Any, offsets: Complex, room: complex) -> Any:
+    """What lies under a name at each of some offsets from its anchor: weights (frames, offsets).
+
+    Of what is taken (p, frames), from the anchor, most is farther than any name reaches.
+    """
+    point, frame = np.nonzero(np.abs(taken) < np.abs(offsets).max() + abs(room))
+    apart = taken[point, frame] - offsets[:, None]
+    at, hit = np.nonzero((np.abs(apart.real) < room.real) & (np.abs(apart.imag) < room.imag))
+    under = np.zeros((taken.shape[1], len(offsets)))
+    np.add.at(under, (frame[hit], at), weights[point[hit]])
+    return under
 
 
 def _drawn(motion: Motion, link: LinkRef, outline: Outline) -> Complex:

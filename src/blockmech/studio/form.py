@@ -7,7 +7,6 @@ then what is wrong stands under the fields, and the sheet stays as it was.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import cache
 from typing import Any
 
 import param
@@ -16,10 +15,18 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import Graph
 from blockmech.errors import BlockmechError, Problem
 from blockmech.model.parameters import parameters_of
-from blockmech.model.schema import graph_schema, joints_schema
 from blockmech.studio.component import Component, script, style
 from blockmech.studio.edits import markers_of, ports_of, renamed, wired
-from blockmech.studio.fields import Field, Path, Shown, fields_of, item_at, schema_at, with_item
+from blockmech.studio.fields import (
+    Field,
+    Path,
+    Shown,
+    fields_of,
+    item_at,
+    schema_at,
+    schema_of,
+    with_item,
+)
 from blockmech.studio.session import follow, together
 from blockmech.studio.sheet import Sheet
 
@@ -96,7 +103,7 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
     def _fields(self) -> Iterator[Field]:
         """The fields of what is selected, and of the wires to a block."""
         graph, form, at = self.sheet.document, self.draft, self.selected
-        root = _schema(isinstance(graph, Graph), tuple(REGISTRY))
+        root = schema_of(isinstance(graph, Graph))
         units = {x.path: x.unit for x in parameters_of(graph.sections()).values()}
         node = schema_at(root, at)
         if not at:
@@ -197,12 +204,6 @@ class Form(param.Parameterized):  # type: ignore[misc]  # as the sheet
             self.selected = (section, new)
         except BlockmechError as error:
             self.say(_words(error.problems[0]))
-
-
-@cache
-def _schema(of_blocks: bool, known: tuple[str, ...]) -> Any:
-    """The schema of documents of blocks, or of links and joints, with the known kinds."""
-    return graph_schema() if of_blocks else joints_schema()
 
 
 def _within(selected: Path, path: Path) -> Path:

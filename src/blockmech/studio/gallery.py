@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from typing import Any
 from urllib.parse import quote
 
@@ -59,6 +59,5 @@ def gallery_parts(
     shown = f"<style>{style('cards.css')}</style>{here}"
     shown += f"<h2>Gallery</h2><div class=cards>{cards}</div>"
     alert = f"<p role=alert>{html.escape(message)}</p>" if message else ""
-    parts = (head, alert, upload, shown)
-    wide = "stretch_width"
-    return [pn.pane.HTML(p, sizing_mode=wide) if isinstance(p, str) else p for p in parts]
+    marked = partial(pn.pane.HTML, sizing_mode="stretch_width")
+    return [marked(head), marked(alert), upload, marked(shown)]

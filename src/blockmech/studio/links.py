@@ -170,7 +170,7 @@ class LinksSheet:
         self.canvas.param.watch(self._chosen_in_browser, "chosen")
         if view is not None:
             view.param.watch(heard(self.renew), "shown")
-        follow(sheet, self.renew, "form")
+        follow(sheet, self.renew, "form", first=True)
         self.renew()
 
     def panel(self) -> Any:
@@ -202,9 +202,8 @@ class LinksSheet:
         chosen = [name for name in self.pins.value if name in pins]
         self.pins.param.update(options=sorted(pins), value=chosen)  # whatever joins them
         links = [FRAME, *outlines_of(pins)]
-        self.slot.param.update(
-            options=links, value=self.slot.value if self.slot.value in links else FRAME
-        )
+        slot = self.slot.value if self.slot.value in links else FRAME
+        self.slot.param.update(options=links, value=slot)
         self.begin.visible = not self.ours
         self.redraw.visible = not self.ours and self.sheet.mechanism is not None
         self.pins.visible = self.place.visible = self.slot.visible = self.angle.visible = self.ours

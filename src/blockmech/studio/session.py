@@ -44,8 +44,11 @@ def heard(do: Callable[[], Any]) -> Callable[..., None]:
     return act
 
 
-def follow(sheet: Any, do: Callable[[], Any], *names: str) -> None:
-    """Do something in this window when some of a sheet's attributes change, until it closes."""
-    watcher = sheet.param.watch(heard(do), list(names))
+def follow(sheet: Any, do: Callable[[], Any], *names: str, first: bool = False) -> None:
+    """Do something in this window when some of a sheet's attributes change, until it closes.
+
+    What the hand has drawn comes ``first``: it is sent, and seen, before anything is computed.
+    """
+    watcher = sheet.param.watch(heard(do), list(names), precedence=int(not first))
     if pn.state.curdoc is not None and pn.state.curdoc.session_context is not None:
         pn.state.on_session_destroyed(lambda _: sheet.param.unwatch(watcher))

@@ -304,8 +304,7 @@ def loaded(form: Form, names: Iterable[str], kind: str) -> Form:
         free_length = abs(pins[held[0]].z - pins[held[1]].z)
         made = [{"links": on, "at": at, "stiffness": 1000.0, "free_length": free_length}]
     else:
-        ends = zip(on, at, strict=True)
-        made = [{"force": [0.0, -10.0], "link": link, "at": z} for link, z in ends]
+        made = [{"force": [0.0, -10.0], "link": x, "at": z} for x, z in zip(on, at, strict=True)]
     for load in made:
         name = free(form.get("loads", {}), [kind], kind)
         form = with_item(form, ("loads", name), {"type": kind, **load})
