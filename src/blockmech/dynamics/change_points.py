@@ -132,7 +132,7 @@ class FollowingSystem(System):
             mask = np.abs(d) < USED
             away[mask] += (USED - d[mask]) * piece.length / 2
             near.append((piece, mask, d[mask]))
-        sampled = np.array(super().sample(away, rates, t))
+        sampled = np.array(super().sample(away, rates, t)[: MARGIN + 1])
         for piece, mask, d in near:
             if d.size:
                 sampled[:, mask] = self._rows(piece, d, rates[mask], t)[: MARGIN + 1]

@@ -21,7 +21,7 @@ from blockmech.passes.forward import argument, coordinate_of, link_velocity, mar
 from blockmech.passes.homotopy import followed, path_of, schedule
 from blockmech.passes.loads import cm_velocity, kernel_on, terminal_term, weight_on
 from blockmech.passes.resultants import NOTHING
-from blockmech.plan import NOUGHT, ZERO, Friction
+from blockmech.plan import NOUGHT, ZERO, Friction, Schedule
 from blockmech.plane import EPS
 from blockmech.series import SCANNED
 
@@ -198,11 +198,9 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
 # -- size ----------------------------------------------------------------------------------
 
 
-def load_size(compiled: Any) -> Callable[..., Any]:
-    """q (n,), rate -> sums (n,) of the magnitudes of the contributions to tau, at time 0."""
-    structure, driver = compiled.structure, compiled.structure.drivers[0]
-    s = schedule(structure, compiled.scene, FREE)
-    terms = []
+def load_size(s: Schedule) -> str:
+    """The sum of the magnitudes of the contributions to tau of the first driver."""
+    structure, driver, terms = s.structure, s.structure.drivers[0], []
     for link in structure.links:
         force = s.ask(weight_on, link) if link != structure.frame_link else NOTHING
         v = s.ask(cm_velocity, link, driver) if force else ZERO
@@ -221,11 +219,4 @@ def load_size(compiled: Any) -> Callable[..., Any]:
                 size_of = f"abs({given} * {v})"
             if v not in (ZERO, NOUGHT):
                 terms.append(s.line(size_of, f"{ref}_size"))
-    program = s.program([s.sum(terms, "size")])
-    engine = AdaptiveEvaluator(program)
-
-    def size(q: Any, rate: float = 0.0) -> Any:
-        known = {"q_0": q, "qd_0": rate + 0.0 * q}
-        return engine.run({name: known.get(name, 0.0 * q) for name in program.inputs}, q.size)[0]
-
-    return size
+    return s.sum(terms, "size")

@@ -418,8 +418,9 @@ class PathMesh:
             rows = self.system.friction.rows(q)
             rows[MARGIN] -= self.least
             return rows
-        rows = np.array(self.system.sample(q))
-        rows[TAU, np.abs(rows[TAU]) <= self.system.rounding(q)] = 0.0
+        *terms, size = self.system.sample(q)
+        rows, size = np.array(terms), self.system.load_size(q) if size is None else size
+        rows[TAU, np.abs(rows[TAU]) <= 8 * EPS * size] = 0.0
         return np.vstack([rows, self.system.damping(q)]) if self.system.damped else rows
 
     def _last_possible(self, q: float, far: float) -> tuple[float, str]:

@@ -31,7 +31,7 @@ def failed_start(system: System, request: SimulationRequest) -> Motion | None:
     if len(system.drivers) > 1:
         J, tau, margin = 1.0, 0.0, system.terms(q, rate, t).margin
     else:
-        J, tau, margin = (float(x[0]) for x in system.at(q, rate, t))
+        J, tau, margin = (float(x[0]) for x in system.at(q, rate, t)[:3])
     if not (margin > 0 and math.isfinite(J)):
         end = ends.IMPOSSIBLE
     elif J > 0 and math.isfinite(tau):

@@ -82,6 +82,7 @@ class Sample(NamedTuple):
     J: Floats  # [kg m2 or kg]
     tau: Floats  # [N m or N] all loads at (q, q', t)
     margin: Floats  # [-]
+    size: Floats | None = None  # [N m or N] `System.load_size` there, where tau is made of loads
 
     @property
     def possible(self) -> NDArray[np.bool_]:
@@ -108,11 +109,11 @@ class Terms(NamedTuple):
 
 
 def reduced(compiled: Source) -> AdaptiveEvaluator:
-    """J, tau, then the margins, of one driver; no acceleration is computed."""
+    """J, tau, the load's size, then the margins, of one driver; no acceleration is computed."""
     s = schedule(compiled.structure, compiled.scene, FREE)
     (driver,) = compiled.structure.drivers
     values = [s.ask(reduction.inertia, driver, driver), s.ask(reduction.reduced_load, driver)]
-    return AdaptiveEvaluator(s.program([*values, *margins(s)]))
+    return AdaptiveEvaluator(s.program([*values, loads.load_size(s), *margins(s)]))
 
 
 def equation(compiled: Source) -> SingleEvaluator:
@@ -291,7 +292,10 @@ class System:
 
     def load_size(self, q: Floats, rate: float = 0.0) -> Any:
         """Sums (n,) of the magnitudes of the contributions to tau [N m or N] at a rate."""
-        return self.compiled.once(loads.load_size)(q, rate)
+        evaluator = self.compiled.once(reduced)
+        known = {"q_0": q, "qd_0": rate + 0.0 * q}
+        given = {name: known.get(name, 0.0 * q) for name in evaluator.program.inputs}
+        return evaluator.run(given, q.size)[2]
 
     def rounding(self, q: Any) -> Any:
         """What rounding leaves unknown of tau at rest [N m or N]: a sum of some ten efforts.
@@ -392,9 +396,9 @@ class System:
 
     def sample(self, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Sample:
         """J, tau and margin of one driver at states of any shape."""
-        J, tau, *margins = self._batch(self.compiled.once(reduced), q, qd, t)
+        J, tau, size, *margins = self._batch(self.compiled.once(reduced), q, qd, t)
         margin = np.minimum.reduce([np.ones(q.size), *margins])
-        return Sample(*(np.asarray(x).reshape(q.shape) for x in (J, tau, margin)))
+        return Sample(*(np.asarray(x).reshape(q.shape) for x in (J, tau, margin, size)))
 
     def at(self, q: float, qd: float = 0.0, t: float = 0.0) -> Sample:
         """The same (1,) of a single state; the start of a run is asked for by whoever sees it."""
