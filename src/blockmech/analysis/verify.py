@@ -208,23 +208,24 @@ def _judged(mechanism: Compiled, n: int, evidence: Evidence, *more: CheckOf) -> 
     """The worst of every check over all evidence, the first ``n`` samples of which were asked."""
     worst: dict[str, float] = {}
     good = evidence.good
-    for check in (*CHECKS, *more):
-        for what, of, left, scale in check(evidence):
-            name = f"{what} {_said(mechanism, of)}"
-            worst[name] = np.maximum(worst.get(name, 0.0), _relative(left[good], scale[good]))
+    found = [row for check in (*CHECKS, *more) for row in check(evidence)]
+    left, scale = (np.array([row[k] for row in found])[..., good] for k in (2, 3))
+    for (what, of, *_), value in zip(found, _relative(left, scale).tolist(), strict=True):
+        name = f"{what} {_said(mechanism, of)}"
+        worst[name] = np.maximum(worst.get(name, 0.0), value)
     asked = good & (np.arange(len(good)) < n)
     conditions = [evidence.condition(block)[asked] for block in evidence.structure.blocks]
     rows = tuple(Check(name, float(value)) for name, value in worst.items())
     return Verification(rows, int(asked.sum()), float(np.max(conditions, initial=1.0)))
 
 
-def _relative(left: Any, scale: Any) -> float:
-    """The largest residual by its scale; NaN where there is one.
+def _relative(left: Any, scale: Any) -> Any:
+    """The largest residuals (m,) by their scales (m, n) each; NaN where there is one.
 
     Below the smallest normal number rounding is a share of that, not of the number.
     """
     known = np.maximum(scale, np.finfo(np.float64).tiny)
-    return float(np.max(np.where(left == 0, 0.0, np.abs(left) / known), initial=0.0))
+    return np.max(np.where(left == 0, 0.0, np.abs(left) / known), axis=-1, initial=0.0)
 
 
 def _states(mechanism: Compiled, n: int) -> dict[str, Any]:
