@@ -416,7 +416,7 @@ def _as_complex(z: Any) -> NDArray[Any]:
     x, y = np.asarray(z.real), np.asarray(z.imag)
     made = np.empty(np.broadcast_shapes(x.shape, y.shape), np.result_type(x.dtype, np.complex64))
     made.real, made.imag = x, y
-    good = np.isfinite(x) & np.isfinite(y)
+    good = np.isfinite(made)
     if not good.all():
         made[~good] = complex("nan+nanj")
     return made
