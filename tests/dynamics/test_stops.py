@@ -235,13 +235,14 @@ def test_stops_in_python_are_checked_when_they_are_made():
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("bounds", [(-math.inf, 3.0), (-9.0, math.inf)])
-def test_a_stop_at_infinity_is_none(method, bounds):
-    start = {"crank": (0.3, 2.0)}
-    free = rod().simulate("time=1", method=method, start=start).motion
-    found = rod().simulate("time=1", method=method, start=start, stops={"crank": bounds}).motion
-    assert found.end == "time"
-    assert abs(found.q_end - free.q_end) <= found.error + free.error
+def test_a_stop_at_infinity_is_none(method):
+    mech, start = rod(), {"crank": (0.3, 2.0)}
+    free = mech.simulate("time=1", method=method, start=start, want=()).motion
+    for bounds in ((-math.inf, 3.0), (-9.0, math.inf)):
+        stops = {"crank": bounds}
+        found = mech.simulate("time=1", method=method, start=start, stops=stops, want=()).motion
+        assert found.end == "time"
+        assert abs(found.q_end - free.q_end) <= found.error + free.error
 
 
 @pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
