@@ -280,6 +280,22 @@ def test_a_simulated_motion_is_verified(name, method):
     assert f"idle drive of {driver}" in names
 
 
+def test_a_motion_is_verified_up_to_its_dead_centre():
+    g = bm.Graph("push", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=0.0), "D": (3.0, 0.0)}))
+    rod = bm.Link(mass=2.0, inertia=0.2, cm=(0.5, 0.0))
+    g.add("slide", bm.SlideDrive())  # without mass: what flows through its drive is of the rods
+    g.add("dyad", bm.RRR(l_i=1.0, l_j=1.0, links={"i": rod, "j": rod}))
+    for ends in ("frame.G slide.S", "slide.S dyad.B", "frame.D dyad.D"):
+        g.connect(*ends.split())
+    g.start("slide", q=1.3, rate=-1.0)
+    mech = g.compile()
+    end = mech.simulate("standstill").motion
+    assert end.end == "dead centre"
+    near = mech.simulate("standstill", times=end.t_end * np.array([0.9, 0.999, 0.99999]), want="*")
+    assert mech.verify(near).ok, str(mech.verify(near))
+
+
 def falsified(result, change):
     """The result with another motion: its states as a function of state and time."""
     track = result.motion.track

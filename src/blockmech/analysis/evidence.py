@@ -150,6 +150,12 @@ class Evidence:
         om = np.max(np.abs([body.om for body in bodies]), axis=0, initial=least)
         return Sizes(force, moment, total(self.powers(block)).size + force * v + moment * om)
 
+    @cached_property
+    def flow(self) -> Array:
+        """Powers (n,) [W] that flow through all blocks, times what each may lose of them."""
+        flows = [self.sizes(name).power * self.condition(name) for name in self.structure.blocks]
+        return np.asarray(np.sum(flows, axis=0))
+
     def outer(self, block: str) -> list[JointRef]:
         """Joints by which a block hangs on earlier ones."""
         joints = self.structure.blocks[block].joints.values()

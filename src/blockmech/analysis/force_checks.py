@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from blockmech.analysis.evidence import Evidence, Residual, plain, total
-from blockmech.analysis.free_bodies import Array
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import primitives
 from blockmech.model.structure import JointRef
@@ -71,13 +70,7 @@ def whole(e: Evidence) -> Iterator[Residual]:
     terms += [plain(push * r[f"{ref}.slip"]) for ref, push in e.bodies.pushes.items()]
     for link in e.structure.links:
         terms += e.power_of_loads(link)
-    yield Residual("power of", "the whole", total(terms).value, _flow(e))
-
-
-def _flow(e: Evidence) -> Array:
-    """Powers (n,) [W] that flow through all blocks, times what each may lose of them."""
-    flows = [e.sizes(name).power * e.condition(name) for name in e.structure.blocks]
-    return np.asarray(np.sum(flows, axis=0))
+    yield Residual("power of", "the whole", total(terms).value, e.flow)
 
 
 def friction(e: Evidence) -> Iterator[Residual]:
@@ -134,4 +127,4 @@ def reduction(e: Evidence) -> Iterator[Residual]:
     for driver in e.structure.drivers if e.smooth.any() else ():
         left = r[f"{driver}.drive"] - r[f"{driver}.drive_by_reduction"]
         left = np.where(e.smooth, left * r[f"{driver}.rate"], 0.0)
-        yield Residual("two routes to", f"{driver}.drive", left, _flow(e))
+        yield Residual("two routes to", f"{driver}.drive", left, e.flow)

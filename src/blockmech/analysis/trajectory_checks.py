@@ -48,9 +48,8 @@ class Stretches(NamedTuple):
 def idle(e: Evidence) -> Iterator[Residual]:
     """The drives give nothing in a free motion, but for what holds it at a standstill."""
     for driver in e.structure.drivers:
-        block = e.structure.driven[driver].block
         effort, rate = e.run[f"{driver}.drive"], e.run[f"{driver}.rate"]
-        yield Residual("idle drive of", driver, effort * rate, e.sizes(block).power)
+        yield Residual("idle drive of", driver, effort * rate, e.flow)
 
 
 def trajectory(result: Result, motion: Motion) -> Iterator[tuple[str, float, float]]:
