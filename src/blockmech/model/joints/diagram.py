@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
+from collections import ChainMap, defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
@@ -76,6 +76,7 @@ class Diagram:
         # place on a link -> the markers there: direction, and whether it stands for a line
         self._marked = defaultdict[tuple[str, complex], list[_Marked]](list)
         self._taken: dict[str, set[str]] = {}  # block -> names of markers
+        self._names = ChainMap[str, Any](self._blocks, linkage.drivers)  # those that are taken
         frame = free_name(FRAME, linkage.drivers)
         self._blocks[frame] = {"type": "frame", "markers": {}}
         self._taken[frame] = {FRAME}
@@ -137,7 +138,7 @@ class Diagram:
         wish = "_".join(unit.links[:MOST_IN_NAME])
         if len(unit.links) > MOST_IN_NAME:
             wish += f"_and_{len(unit.links) - MOST_IN_NAME}"
-        return free_name(wish, {*self._blocks, *self.linkage.drivers})
+        return free_name(wish, self._names)
 
     def marker(
         self, link: str, at: complex, along: complex | None, wish: str, guide: bool = False
@@ -211,7 +212,7 @@ class Diagram:
         """Add the loads as elements, in the order of the document."""
         for name, load in self.linkage.loads.items():
             for wish, data, holds in elements(name, load, self.found.layout.pairs, self._seats):
-                block = free_name(wish, {*self._blocks, *self.linkage.drivers})
+                block = free_name(wish, self._names)
                 self._blocks[block] = data
                 self._loads.setdefault(name, []).append(block)
                 for terminal, link, at in holds:
@@ -233,14 +234,14 @@ class Diagram:
                 seat, value = self._seats[self._moved(getattr(coupling, side))], data.get(key)
                 if seat.o != 0 or seat.e != 1:
                     data[key] = _seated(getattr(coupling, key) if value is None else value, seat)
-            block = free_name(name, {*self._blocks, *self.linkage.drivers})
+            block = free_name(name, self._names)
             self._blocks[block] = data
             self._couplings[name] = block
 
     def add_signals(self) -> None:
         """Add the signal blocks and their wires; sensors have the document's names still."""
         for name, signal in self.linkage.signals.items():
-            block = free_name(name, {*self._blocks, *self.linkage.drivers})
+            block = free_name(name, self._names)
             self._blocks[block] = {"type": signal.type_name, **plain(signal)}
             self._signals[name] = block
         for wire in self.linkage.wires:
