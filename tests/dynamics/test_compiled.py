@@ -11,7 +11,7 @@ from blockmech.dynamics import dop853
 from blockmech.dynamics import system as systems
 from blockmech.dynamics.change_points import FollowingSystem
 from blockmech.dynamics.dop853 import Dop853
-from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.equation import Equation, kept_rates
 from blockmech.dynamics.system import System
 from blockmech.settings import friction_asked
 from tests.dynamics.test_friction import pendulum, rubbing
@@ -126,7 +126,7 @@ def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
             np.testing.assert_allclose(fast.slips([q]), plain.slips([q]), rtol=1e-12)
             pairs = fast.pair_loads(0.1, y), plain.pair_loads(0.1, y)
             np.testing.assert_allclose(*pairs, rtol=1e-11)
-    assert system.kept["rates", system.method] is not None
+    assert kept_rates(system) is not None
 
 
 @pytest.mark.parametrize("engine", ["scalar", "llvm"])

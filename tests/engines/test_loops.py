@@ -12,7 +12,7 @@ import pytest
 
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.system import System
-from blockmech.engines import dense, loops, stages
+from blockmech.engines import dense, loops, radau, stages
 from blockmech.engines.assembly import Text, piece
 from blockmech.engines.loops import Counts, Reals
 from blockmech.engines.nodes import SAMPLE
@@ -220,6 +220,38 @@ def test_steps_are_those_of_python(name, lanes):
 
     fast, slow = made(machine), made(partial(stages.steps, stages.Sizes(*sizes), same))
     assert all(np.abs(fast[-1][:lanes]) > 3)
+    for one, other in zip(fast, slow, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("name", ["watt_sixbar", "control/speed_controlled_fourbar"])
+def test_stiff_steps_are_those_of_python(name):
+    """The same of Radau's method: with matrices, iterations and steps that are tried again."""
+    rates = kept_rates(System(mechanism(name), engine="llvm"), radau.radau)
+    n, by, width, most = rates.dimension, rates.method, len(rates.rows), 12
+    of = stages.Sizes(n, width, width - rates.watched, by.stages, by.ends, 1)
+
+    def same(x, numbers, out, *_):
+        rates.fill(addresses_of(x), numbers.ctypes.data, out.ctypes.data, 1, 1, 0, 1)
+
+    def made(call):
+        K, t, y = np.zeros((by.stages, width, 1)), np.zeros(most + 1), np.zeros((most + 1, n))
+        y[0, :2], state = (0.7, 2.0), np.zeros(rates.inputs)
+        state[:2], state[n + 2 :] = y[0, :2], (1.0, 1e-9)
+        same(state, rates.numbers, K[0])
+        tolerances, control = np.full((2, n, 1), 1e-6), np.array([[0.1, 9.0, 0.5, 0.0, -9.0, 9.0]])
+        series, turns = np.zeros(most * 8 * n), np.zeros(most, np.int64)
+        room, counts = (np.zeros(k, kind) for k, kind in zip(by.room(n), (float, int), strict=True))
+        arrays = K, y, state, *by.scheme, tolerances, control, t, series, turns, room, counts
+        call(state, rates.numbers, *arrays, most, rates.watched)
+        return t, y, series, turns, control, counts
+
+    def machine(x, *given):
+        places = (z.ctypes.data if isinstance(z, np.ndarray) else z for z in given)
+        rates.steps(addresses_of(x), *places)
+
+    fast, slow = made(machine), made(partial(radau.steps, of, same))
+    assert abs(fast[-1][0]) > 5
     for one, other in zip(fast, slow, strict=True):
         np.testing.assert_array_equal(one, other)
 

@@ -1,32 +1,37 @@
-"""SciPy's DOP853, many steps at a time by machine code where that is asked.
+"""SciPy's DOP853 and Radau, many steps at a time by machine code where that is asked.
 
-Coefficients (attributes of SciPy's class), estimate and control are SciPy's own.
+Coefficients, estimates and control of both are SciPy's own.
 
-Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.5, II.10.
+Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.5, II.10;
+Hairer & Wanner, Solving Ordinary Differential Equations II, 1996, IV.8.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853
+from scipy.integrate import DOP853, Radau
 
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.system import REPORTED
 from blockmech.engines.dense import Dense
-from blockmech.engines.stages import scheme
+from blockmech.engines.radau import radau
+from blockmech.engines.stages import Method, dop853
 from blockmech.motion import Floats
+from blockmech.plane import EPS
 
 
-class Dop853(DOP853):  # type: ignore[misc]
-    """The method on an `Equation`, whose rates at the start are known.
+class MachineSteps:
+    """A method of SciPy's on an `Equation`, whose rates at the start are known.
 
-    By machine code nothing of SciPy's is needed but its coefficients: the rest is made for the
-    first step that it cannot do.
+    By machine code nothing of SciPy's is needed: it is made for the first step that cannot be
+    done by that.
     """
 
+    method: ClassVar[Callable[[], Method]]
     t: float
     y: Floats
     h_abs: float  # [s] the step to try next; 0 before the first one, which is to fit
@@ -48,44 +53,66 @@ class Dop853(DOP853):  # type: ignore[misc]
         self.t, self.y, self.t_old = t0, y0, None
         self.t_bound, self.max_step, self.status = bound, max_step, "running"
         self.tolerances, self.finer = np.array([rtol, atol]), finer
+        equation.method = type(self).method
 
     def step(self) -> str | None:
         """One step, by SciPy."""
         if not self.begun:
-            rtol, atol = self.tolerances
-            how = {"rtol": rtol, "atol": atol, "max_step": self.max_step}
-            how["first_step"] = min(self.h_abs, self.t_bound - self.t) or None
-            super().__init__(self.equation, self.t, self.y, self.t_bound, **how)
+            self._begin(*self.tolerances)
             self.begun = True
-        failed: str | None = super().step()
+        failed: str | None = super().step()  # type: ignore[misc]
         return failed
+
+    def _begin(self, rtol: Any, atol: Floats) -> None:
+        first = min(self.h_abs, self.t_bound - self.t) or None
+        about = self.equation, self.t, self.y, self.t_bound, self.max_step, rtol, atol
+        super().__init__(*about, first_step=first)  # type: ignore[call-arg]
 
     def steps(self, free_range: tuple[float, float], every: bool) -> AcceptedSteps | None:
         """The next steps by machine code, up to one that may leave a free_range; None without any.
 
         every : whether a standstill ends a step
         """
-        code, by = self.equation.code, scheme()
+        code, by = self.equation.code, self.equation.method()
         if code is None:
             return None
         begin, ends = (self.t, self.y), (self.t_bound, self.max_step)
-        left = (self.equation.most - self.equation.spent) / len(by.C)
+        left = (self.equation.most - self.equation.spent) / by.stages
         most = int(min(REPORTED, left + 1))
-        begins = 1 + (self.h_abs == 0)
+        begins = 1 + int(self.h_abs == 0)
         how, self.finer = (self.tolerances, most, every, self.finer), None
         made = code.steps(begin, self.h_abs, ends, free_range, *how)
         many = len(made.series)
-        more = len(by.C) - self.n_stages - 1
-        self.equation.took(begins + made.tried * self.n_stages + many * more)
+        self.equation.took(begins + made.tried * by.states[0] + many * by.states[1])
         if not many:
             return None
         self.t_old, self.t = made.t[-2:].tolist()
-        self.y, self.h_abs = made.y[-1], made.h
+        self.y, self.h_abs, self.begun = made.y[-1], made.h, False
         self.status = "finished" if self.t >= self.t_bound else "running"
         calm = many - made.doubtful
         turns = [] if every else made.turns[:calm].nonzero()[0].tolist()
         dense = Dense(made.t[:-1], made.t[1:] - made.t[:-1], made.series)
         return AcceptedSteps(made.t, made.y, dense, calm, turns)
+
+
+class Dop853(MachineSteps, DOP853):  # type: ignore[misc]
+    """The explicit method."""
+
+    method = staticmethod(dop853)
+
+
+class Radau5(MachineSteps, Radau):  # type: ignore[misc]
+    """The method for stiff equations."""
+
+    method = staticmethod(radau)
+    newton_tol: float
+
+    def _begin(self, rtol: Any, atol: Floats) -> None:
+        """SciPy's, which takes one relative tolerance."""
+        super()._begin(rtol.max(), atol)
+        # SciPy's iterates to 10 EPS, every step to the same side: no finer run would show it.
+        # This falls with the tolerance, to 10 EPS at the finest.
+        self.newton_tol = max(self.newton_tol, math.sqrt(EPS / self.rtol))
 
 
 class AcceptedSteps(NamedTuple):

@@ -23,7 +23,7 @@ from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.rates import LEAST_INERTIA, rates_of
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import REPORTED, System
-from blockmech.engines.stages import CompiledRhs, CompiledStepper
+from blockmech.engines.stages import CompiledRhs, CompiledStepper, Method, dop853
 from blockmech.motion import Floats
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ class Equation:
     sides: tuple[int, ...] = ()
     error: Exception | None = None  # what the mechanism's own kernels raised
     held: bool = False  # whether the only driver rests while signals go on
+    method: Callable[[], Method] = dop853  # whose steps are made of its machine code
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
     _slips: tuple[float, Any] = (math.nan, None)
     _rates: dict[bytes, Floats] = field(default_factory=dict)  # of states looked at last
@@ -115,13 +116,13 @@ class Equation:
         """
         if self.held or self.drivers > 1:
             return None
-        made, key = self.system.steppers, (self.q0, self.sides)
+        made, key = self.system.steppers, (self.q0, self.sides, self.method)
         if key in made:
             return made[key]
         unsettled = self.system.friction is not None and not self.sides
         if not self.system.compiled_states or unsettled:
             return None
-        if (rates := kept_rates(self.system)) is None:
+        if (rates := kept_rates(self.system, self.method)) is None:
             return None
         least = LEAST_INERTIA * self.typical
         made[key] = CompiledStepper(rates, (0.0, 1.0, least, *map(float, self.sides)), REPORTED)
@@ -289,16 +290,17 @@ class Equation:
         return 0.5 * self._last[2] * float(qd[0]) ** 2
 
 
-def kept_rates(system: System) -> CompiledRhs | None:
+def kept_rates(system: System, method: Callable[[], Method] = dop853) -> CompiledRhs | None:
     """The rates as machine code, made once a mechanism; None where there can be none.
 
     There is none of several drivers, and of what is no program: series near change points.
     """
     if len(system.drivers) > 1 or type(system).one is not System.one:
         return None
-    kept, key = system.kept, ("rates", system.method)
+    kept, key = system.kept, ("rates", system.method, method)
     if key not in kept:
-        kept[key] = rates_of(system.equation_program, system.friction, system.signals)
+        about = system.equation_program, system.friction, system.signals
+        kept[key] = rates_of(*about, method())
     found: CompiledRhs | None = kept[key]
     return found
 

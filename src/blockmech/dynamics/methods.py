@@ -52,11 +52,13 @@ class Method(NamedTuple):
     finds_steady: bool = True
 
 
-def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
+def in_time(
+    system: System, request: SimulationRequest, method: str, patient: bool = True
+) -> Motion:
     """By an integrator in time; it alone needs SciPy, which takes half a second to load."""
     from blockmech.dynamics import time
 
-    return time.in_time(system, request, method)
+    return time.in_time(system, request, method, patient)
 
 
 def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> Motion:
@@ -300,8 +302,13 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
 
 
 def _stiff_or_not(system: System, request: SimulationRequest, why: str) -> Motion:
-    """In time by ``dop853``, or by ``radau`` where that needs too many steps to a given time."""
-    motion = in_time(system, replace(request, why=why), "dop853")
+    """In time by ``dop853``, or by ``radau`` where that needs too many steps to a given time.
+
+    That it would is a guess: where ``radau`` needs too many as well, all of them are made.
+    """
+    motion = in_time(system, replace(request, why=why), "dop853", patient=False)
     if motion.end == ends.TOO_MANY and request.until.goal == "time":
-        return in_time(system, replace(request, why=f"{why}; it is stiff"), "radau")
+        motion = in_time(system, replace(request, why=f"{why}; it is stiff"), "radau")
+        if motion.end == ends.TOO_MANY:
+            return in_time(system, replace(request, why=why), "dop853")
     return motion

@@ -20,7 +20,7 @@ from blockmech.dynamics.friction import bearing, power_taken, resistance
 from blockmech.dynamics.pair_friction import signed_terms
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.nodes import Untraceable
-from blockmech.engines.stages import CompiledRhs
+from blockmech.engines.stages import CompiledRhs, Method
 from blockmech.engines.trace import PRIMITIVES
 from blockmech.errors import MissingEngineError
 from blockmech.friction.solvers import balanced
@@ -93,16 +93,18 @@ def rubbing(
 
 
 def rates_of(
-    program: Program, friction: JointFriction | None, signals: SignalProgram
+    program: Program, friction: JointFriction | None, signals: SignalProgram, method: Method
 ) -> CompiledRhs | None:
-    """The right-hand side compiled; None where that cannot be."""
+    """The right-hand side compiled, and steps of a method; None where that cannot be."""
     try:
-        return _free(program, signals) if friction is None else _rubbing(friction, signals)
+        if friction is None:
+            return _free(program, signals, method)
+        return _rubbing(friction, signals, method)
     except (Untraceable, MissingEngineError):
         return None
 
 
-def _free(program: Program, signals: SignalProgram) -> CompiledRhs:
+def _free(program: Program, signals: SignalProgram, method: Method) -> CompiledRhs:
     functions: dict[str, Any] = {"free": free, "acceleration": acceleration}
     bound = bind_functions(functions, PRIMITIVES)
     row, n = bound["free"], len(signals.initial)
@@ -117,7 +119,7 @@ def _free(program: Program, signals: SignalProgram) -> CompiledRhs:
             values = run(*(given[name] for name in program.inputs))
         return row(values, qd, zero, least, n, signals.kinks)
 
-    return CompiledRhs(program, body, 3 + n, 3, 3 + signals.kinks)
+    return CompiledRhs(program, body, 3 + n, 3, 3 + signals.kinks, method)
 
 
 def acceleration(values: Any, qd: Real) -> Real:
@@ -126,7 +128,7 @@ def acceleration(values: Any, qd: Real) -> Real:
     return (tau - 0.5 * dJ * qd * qd) / J
 
 
-def _rubbing(friction: JointFriction, signals: SignalProgram) -> CompiledRhs:
+def _rubbing(friction: JointFriction, signals: SignalProgram, method: Method) -> CompiledRhs:
     own = friction.program
     m, n, inputs = len(own.names), len(signals.initial), own.whole.inputs
     first, kinks = 2 * m + signals.values, signals.kinks
@@ -180,4 +182,5 @@ def _rubbing(friction: JointFriction, signals: SignalProgram) -> CompiledRhs:
         about = own.guides, own.remembers, own.separates
         return bound["rubbing"](rows, inert, solved, *about, qd, zero, least, more[:n], more[n:])
 
-    return CompiledRhs(own.whole, body, 4 + n, 3 + m, 3 + m + 2 * sum(own.guides) + kinks)
+    watched = 3 + m + 2 * sum(own.guides) + kinks
+    return CompiledRhs(own.whole, body, 4 + n, 3 + m, watched, method)

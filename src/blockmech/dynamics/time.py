@@ -11,13 +11,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import InitVar, dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.integrate import LSODA, OdeSolution, Radau
+from scipy.integrate import LSODA, OdeSolution
 
 from blockmech.dynamics import ends, loads
-from blockmech.dynamics.dop853 import AcceptedSteps, Dop853
+from blockmech.dynamics.dop853 import AcceptedSteps, Dop853, MachineSteps, Radau5
 from blockmech.dynamics.equation import Equation, scales
 from blockmech.dynamics.estimate import FINER, FLOOR, SHORTER, TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
@@ -45,7 +45,7 @@ from blockmech.signals.contract import at_once
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-SOLVERS = dict(zip(INTEGRATORS, (Dop853, LSODA, Radau), strict=True))
+SOLVERS = dict(zip(INTEGRATORS, (Dop853, LSODA, Radau5), strict=True))
 STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}
 QUICKER = 8  # times as many states may a friction law with a state ask of machine code
 LOOKED_AT = EVALUATIONS / 16  # states by which it shows whether that is enough
@@ -94,6 +94,7 @@ class TimeIntegration(Run):
     before: InitVar[TimeIntegration | None] = None  # a coarser run of the same
     finer: float | None = None  # tolerance of a run that comes after this
     max_step: float = math.inf  # [s]
+    patient: bool = True  # whether too many steps are made before they are known to be
     scales: tuple[float, float] | None = None  # typical speed and work, for the tolerances
     longest: float = 0.0  # [s] step so far
     y: Floats = field(default_factory=lambda: np.empty(0))
@@ -279,15 +280,12 @@ class TimeIntegration(Run):
                 return kind
         return None
 
-    def _tolerances(self, tol: float) -> tuple[Any, Floats]:
+    def _tolerances(self, tol: float) -> tuple[Floats, Floats]:
         """Relative and absolute ones of the components of the state."""
         assert self.scales is not None
         at, (speed, work) = self.layout, self.scales
-        rtol: Any = max(tol, FLOOR)
-        if self.method != "radau":  # SciPy's takes one number only
-            rtol = np.full(at.size, rtol)
-            rtol[at.q] = FLOOR
-        atol = np.full(at.size, tol)
+        rtol, atol = np.full(at.size, max(tol, FLOOR)), np.full(at.size, tol)
+        rtol[at.q] = FLOOR
         atol[at.rate], atol[at.works] = tol * speed, tol * work
         atol[at.signals] = tol * np.array(self.system.signals.sizes)
         return rtol, atol
@@ -299,19 +297,14 @@ class TimeIntegration(Run):
         how: dict[str, Any] = {"rtol": rtol, "atol": atol, "max_step": longest}
         if self.finer is not None and self.method == "dop853" and t == self.request.start.t:
             how["finer"] = np.array(self._tolerances(self.finer))
-        solver = SOLVERS[self.method](self.equation, t, y, bound, **how)
-        if self.method == "radau":
-            # SciPy's iterates to 10 EPS, every step to the same side: no finer run would show it.
-            # This falls with the tolerance, to 10 EPS at the finest.
-            solver.newton_tol = max(solver.newton_tol, math.sqrt(EPS / rtol))
-        return solver
+        return SOLVERS[self.method](self.equation, t, y, bound, **how)
 
     def _stepped(
         self, solver: Any, free_range: tuple[float, float] = ANYWHERE, every: bool = True
     ) -> AcceptedSteps | None:
         """One more step, or some of them at once by machine code; None where there is none."""
-        if self.method == "dop853" and (steps := solver.steps(free_range, every)):
-            return cast(AcceptedSteps, steps)
+        if isinstance(solver, MachineSteps) and (steps := solver.steps(free_range, every)):
+            return steps
         with np.errstate(all="ignore"):
             y = solver.y
             try:
@@ -404,11 +397,12 @@ class TimeIntegration(Run):
             self.system.progress(self.name, *self._far())
 
     def _refuse_stiff(self) -> None:
-        """Give up early where friction with a state is too stiff for an explicit method.
+        """Give up early where the motion is too stiff for an explicit method.
 
-        Bristles in a fast slip forget in so short a time all along, so what is done so far tells.
+        Bristles in a fast slip forget in so short a time all along, so what is done so far tells;
+        of others it is a guess, where another method may go on.
         """
-        if not (self.system.remembers and self.method == "dop853"):
+        if self.method != "dop853" or (self.patient and not self.system.remembers):
             return
         spent, start = self.equation.spent, self.request.start.t
         if self.request.until.goal == "time" and spent > LOOKED_AT:
@@ -510,8 +504,10 @@ class TimeIntegration(Run):
         return self.short_of(end, left, "failed" if locked else status)
 
 
-def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
-    """The motion by an integrator, with its estimated error."""
+def in_time(
+    system: System, request: SimulationRequest, method: str, patient: bool = True
+) -> Motion:
+    """The motion by an integrator, with its estimated error; see `TimeIntegration.patient`."""
     target = request.accuracy or TARGET
     runs, last = 0, None
 
@@ -521,6 +517,7 @@ def in_time(system: System, request: SimulationRequest, method: str) -> Motion:
         name = method if runs == 1 else f"{method}, run {runs}"
         more = finer(tolerance, math.inf) if last is None else None
         how = partial(TimeIntegration, system, request, method, tolerance, name, target)
+        how = partial(how, patient=patient)
         limit = SHORTER * (last.longest or math.inf) if last is not None else math.inf
         # Steps that an error limits are shorter by themselves; equal ones would show no error.
         freely = last is None or method == "dop853"

@@ -84,12 +84,6 @@ class Scheme(NamedTuple):
 
 
 @cache
-def places_of_scheme() -> tuple[int, ...]:
-    """Where its coefficients stand."""
-    return tuple(x.ctypes.data for x in scheme())
-
-
-@cache
 def scheme() -> Scheme:
     """Twelve stages of the step, the rates at its end, three of its dense output, as SciPy's."""
     from scipy.integrate import DOP853
@@ -99,6 +93,35 @@ def scheme() -> Scheme:
     A[:n, :n], A[n, :n], A[n + 1 :] = DOP853.A, DOP853.B, DOP853.A_EXTRA
     C[:n], C[n + 1 :] = DOP853.C, DOP853.C_EXTRA
     return Scheme(A, C, np.array([DOP853.E5, DOP853.E3]), np.ascontiguousarray(DOP853.D[::-1]))
+
+
+class Method(NamedTuple):
+    """Steps of some kind, see `steps`.
+
+    lanes : runs side by side
+    stages, ends : see `Sizes`
+    scheme : arrays of coefficients
+    states : for how many states a step asks that is tried, and one more that is taken
+    room : of a state with n components, how many numbers and counts its loop needs beside it
+    """
+
+    steps: Callable[..., None]
+    lanes: int
+    stages: int
+    ends: int
+    scheme: tuple[Floats, ...]
+    states: tuple[int, int]
+    room: Callable[[int], tuple[int, int]]
+
+
+@cache
+def dop853() -> Method:
+    """The explicit method of order 8."""
+    by, stages, ends = scheme(), scheme().C.size, scheme().E.shape[1]
+    return Method(
+        steps, LANES, stages, ends, by, (ends - 1, stages - ends),
+        lambda n: (LANES * (ROWS + n), 2 * LANES),
+    )  # fmt: skip
 
 
 TRY, BOUND, LONGEST, TRIED, LOW, HIGH = range(6)  # columns of a control
@@ -397,10 +420,17 @@ class CompiledRhs:
     """
 
     def __init__(
-        self, program: Program, body: Body, dimension: int, more: int, watched: int
+        self,
+        program: Program,
+        body: Body,
+        dimension: int,
+        more: int,
+        watched: int,
+        method: Method | None = None,
     ) -> None:
         """Raises `Untraceable` for what is more than flat arithmetic, and
         `MissingEngineError` without llvmlite."""
+        self.method = method or dop853()
         self.dimension, self.inputs, self.watched = dimension, dimension + 1 + more, watched
         trace = Trace(program, body, self.inputs)
         if trace.asked:
@@ -408,12 +438,12 @@ class CompiledRhs:
         self.rows: list[Any] = [*trace.values]
         self.program, self.numbers = program, row_of(program)
         self.place = self.numbers.ctypes.data
-        self.fill, self.steps = self._code(LANES, steps)
+        self.fill, self.steps = self._code(self.method.lanes, self.method.steps)
 
     def _code(self, lanes: int, function: Callable[..., None]) -> Any:
         """The rows of so many states side by side as machine code, and a function that asks it."""
-        (ends, stages), width = (scheme().E.shape[1], scheme().C.size), len(self.rows)
-        of = Sizes(self.dimension, width, width - self.watched, stages, ends, lanes)
+        by, width = self.method, len(self.rows)
+        of = Sizes(self.dimension, width, width - self.watched, by.stages, by.ends, lanes)
         fill: Any = "fill"  # by its name in the text
         made = partial(function, of=of, fill=fill)
         text = Text(lanes).fill(self.inputs, self.rows, loops={"over": made})
@@ -502,24 +532,24 @@ class CompiledStepper:
     """Rates with numbers that are given, and room for so many steps at a time."""
 
     def __init__(self, rates: CompiledRhs, given: Sequence[float], most: int) -> None:
-        n, by, lanes = rates.dimension, scheme(), LANES
-        self._rates = rates
-        shapes = (
-            *((len(by.C), len(rates.rows), lanes), (lanes * (most + 1), n), (rates.inputs, lanes)),
+        n, by, lanes = rates.dimension, rates.method, rates.method.lanes
+        self._rates, (room, counts) = rates, by.room(rates.dimension)
+        shapes: Any = (
+            *((by.stages, len(rates.rows), lanes), (lanes * (most + 1), n), (rates.inputs, lanes)),
             *((2, n, lanes), (lanes, 6), (lanes * (most + 1),), (lanes * most, 8, n)),
-            *((lanes * most,), (ROWS + n, lanes), (2 * lanes,)),
+            *((lanes * most,), (room,), (counts,)),
         )
         ends = [0, *accumulate(map(math.prod, shapes))]
-        room = np.empty(ends[-1])
-        first, cuts = room.ctypes.data, zip(ends[:-1], ends[1:], shapes, strict=True)
-        parts = [room[a:b].reshape(shape) for a, b, shape in cuts]
+        whole = np.empty(ends[-1])
+        first, cuts = whole.ctypes.data, zip(ends[:-1], ends[1:], shapes, strict=True)
+        parts = [whole[a:b].reshape(shape) for a, b, shape in cuts]
         self._rows, self._y, self._state, self._tolerances, self._control = parts[:5]
         self._t, self._series = parts[5:7]
         self._turns, self._counts = (parts[i].view(np.int64) for i in (7, 9))
         self._state[:] = np.array([0.0] * (n + 1) + [*given])[:, None]
         K, y, state, *more = (first + 8 * k for k in ends[:-1])
         x = addresses_of(self._state[:, 0])
-        self._places = x, rates.place, K, y, state, *places_of_scheme(), *more
+        self._places = x, rates.place, K, y, state, *(c.ctypes.data for c in by.scheme), *more
         self._ahead: tuple[Any, Steps] | None = None
 
     def steps(
@@ -551,11 +581,12 @@ class CompiledStepper:
                 return ahead
         self.at(*begin)
         self._t[: 2 + most : most + 1], self._y[: 2 + most : most + 1] = begin
-        self._counts[:LANES] = BEGINS
+        lanes = self._rates.method.lanes
+        self._counts[:lanes] = BEGINS
         self._tolerances[:] = tolerances[..., None]
         self._control[:] = h, *ends, 0.0, *free_range
         if finer is None:
-            self._counts[1] = OVER
+            self._counts[1:lanes] = OVER
         else:
             self._tolerances[..., 1] = finer
         self._rates.steps(*self._places, most, self._rates.watched - (not every))
@@ -576,6 +607,7 @@ class CompiledStepper:
         n = self._rates.dimension
         self._state[:n], self._state[n] = np.reshape(y, (n, 1)), t
         x, numbers, rows, *_ = self._places
-        self._rates.fill(x, numbers, rows, LANES, LANES, 0, 1)
+        lanes = self._rates.method.lanes
+        self._rates.fill(x, numbers, rows, lanes, lanes, 0, 1)
         row: list[float] = self._rows[0, :, 0].tolist()
         return row
