@@ -91,15 +91,15 @@ NAMES = (
 
 @pytest.mark.parametrize("theme", ["light", "dark"])
 @pytest.mark.parametrize("views", VIEWS, ids=lambda views: views.__name__)
-def test_axe_finds_nothing_in_any_view(page, studio, tmp_path, views, theme):
+def test_axe_finds_nothing_in_any_view(page, studio, views, theme):
     page.set_viewport_size(SIZE)
-    folder = Path(os.environ.get("BLOCKMECH_PICTURES", tmp_path))
+    folder = os.environ.get("BLOCKMECH_PICTURES")
     for name in views(page, studio, theme):
         assert name in NAMES
         accessible(page, *(["color-contrast"] if theme == "dark" else []))
-        page.mouse.move(1, 1)
-        if theme == "light" or folder == tmp_path:
-            page.screenshot(path=folder / f"{name}.png")
+        if folder and theme == "light":
+            page.mouse.move(1, 1)
+            page.screenshot(path=Path(folder) / f"{name}.png")
 
 
 @pytest.mark.parametrize("name", NAMES)
