@@ -177,10 +177,13 @@ def sampled(n: int, others: int) -> Floats:
 
 def near_zero(series: Floats) -> NDArray[np.bool_]:
     """Whether series (..., n) that are not negative may touch zero."""
-    values = series @ _finer(series.shape[-1]).T
-    return np.asarray(
-        values.min(axis=-1) <= (math.pi / 2 / FINER) ** 2 / 2 * np.abs(values).max(axis=-1)
-    )
+    least, first = (math.pi / 2 / FINER) ** 2 / 2, series[..., 0]
+    size = np.abs(series).sum(axis=-1)  # no value is larger, and none below the next
+    near = np.asarray(first + np.abs(first) - size <= least * size)
+    if near.any():
+        values = series[near] @ _finer(series.shape[-1]).T
+        near[near] = values.min(axis=-1) <= least * np.abs(values).max(axis=-1)
+    return near
 
 
 @cache

@@ -13,6 +13,7 @@ from __future__ import annotations
 import cmath
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, NamedTuple, get_origin
 
 from blockmech.assur.groups import DYADS, Unit
@@ -178,6 +179,13 @@ def _links(joint: Joint) -> list[str]:
     return [link for link in (joint.link, *joint.links) if link]
 
 
+@cache
+def _joints_on(cls: type[AssurGroup], link: str) -> list[Joint]:
+    """Joints of a link of a block, outer ones first."""
+    here = [joint for joint in cls.joints.values() if link in _links(joint)]
+    return sorted(here, key=lambda joint: not joint.outer)
+
+
 def _seated(
     cls: type[AssurGroup], link_of: Mapping[str, str], at: Mapping[str, Connection]
 ) -> tuple[dict[str, Any], dict[str, LinkPlacement], dict[tuple[str, complex], str]]:
@@ -192,8 +200,7 @@ def _seated(
         dict[tuple[str, complex], str](),
     )
     for name, link in link_of.items():
-        here = [joint for joint in cls.joints.values() if name in _links(joint)]
-        here.sort(key=lambda joint: not joint.outer)
+        here = _joints_on(cls, name)
         pins = [at[joint.name].on(link) for joint in here if joint.kind == "R"]
         guides = [at[joint.name] for joint in here if joint.kind == "P"]
         o, *others = pins or [guides[0].on(link)]
