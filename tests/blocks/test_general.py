@@ -177,7 +177,7 @@ def test_file_comes_back_byte_for_byte(graph):
     text = graph.to_json()
     again = loads(text)
     assert again.to_json() == text
-    jsonschema.validate(json.loads(text), graph_schema())
+    jsonschema.Draft202012Validator(graph_schema()).validate(json.loads(text))
     home = dict(zip(graph.compile().drivers, (HOME, REACH), strict=False))
     a, b = (g.run(at=home, want="*.p") for g in (graph, again))
     assert all(np.array_equal(a[n], b[n]) for n in a)

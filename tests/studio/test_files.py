@@ -134,10 +134,15 @@ def test_every_kind_of_block_begins_with_valid_values(kind):
     assert bm.Graph.from_data(form).blocks["new"].type_name == kind
 
 
+@pytest.fixture(scope="module")
+def schema():
+    return graph_schema()
+
+
 @pytest.mark.parametrize("shown", [Shown(), Shown("mm", "deg"), Shown("inch", "deg", "rpm", "lbf")])
 @pytest.mark.parametrize("path", sorted(GRAPHS.glob("*.json")), ids=lambda path: path.stem)
-def test_a_value_that_is_shown_and_read_again_is_the_same(path, shown):
-    schema, read = graph_schema(), 0
+def test_a_value_that_is_shown_and_read_again_is_the_same(path, shown, schema):
+    read = 0
     for raw in bm.Graph.load(path).to_data()["blocks"].values():
         for field in fields_of(schema, schema["$defs"][raw["type"]], raw):
             value = item_at(raw, field.path)

@@ -179,11 +179,16 @@ def test_one_mistake_is_named(name):
     assert {p.code for p in problems} <= set(FILE_CODES) | set(CODES)
 
 
-@pytest.mark.parametrize("data", GOOD.values(), ids=list(GOOD))
-def test_good_files_are_valid_by_the_schema(data):
+@pytest.fixture(scope="module")
+def validator():
     schema = joints_schema()
     jsonschema.Draft202012Validator.check_schema(schema)
-    assert list(jsonschema.Draft202012Validator(schema).iter_errors(data)) == []
+    return jsonschema.Draft202012Validator(schema)
+
+
+@pytest.mark.parametrize("data", GOOD.values(), ids=list(GOOD))
+def test_good_files_are_valid_by_the_schema(data, validator):
+    assert list(validator.iter_errors(data)) == []
 
 
 BEYOND_A_SCHEMA = {
@@ -195,9 +200,9 @@ BEYOND_A_SCHEMA = {
 
 
 @pytest.mark.parametrize("name", sorted(set(ONE_MISTAKE) - BEYOND_A_SCHEMA))
-def test_the_schema_finds_what_reading_finds(name):
+def test_the_schema_finds_what_reading_finds(name, validator):
     path, to, _ = ONE_MISTAKE[name]
-    assert list(jsonschema.Draft202012Validator(joints_schema()).iter_errors(changed(path, to)))
+    assert list(validator.iter_errors(changed(path, to)))
 
 
 def test_every_code_in_the_source_is_declared():
