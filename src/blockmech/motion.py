@@ -253,9 +253,10 @@ class Motion(Facts, Report):
         They are in the order of `Structure.states`; at an instant of a discrete block they
         are those before it.
         """
+        if not self.x_end:
+            return np.empty((*t.shape, 0))
         end = np.tile(np.array(self.x_end, dtype=np.float64), (*t.shape, 1))
-        states = getattr(self.track, "signal_states", None)
-        if states is None or not self.x_end:
+        if (states := getattr(self.track, "signal_states", None)) is None:
             return end
         return np.where((t == self.t_end)[:, None], end, states(t))
 

@@ -66,23 +66,26 @@ def tail(c: Floats) -> Floats:
     The last quarter counts, because of even and odd zeros. Where it no longer falls below
     the quarter before, and is small, it is rounding.
     """
-    last, before = _last_quarters(c)
-    largest = np.abs(c).max(axis=-1)
+    return ended(*largest(c))
+
+
+def ended(last: Floats, before: Floats, whole: Floats) -> Floats:
+    """The same of what is `largest` in series."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        relative = np.where(largest == 0, 0.0, last / largest)
+        relative = np.where(whole == 0, 0.0, last / whole)
         return np.where((last > LEVEL * before) & (relative < NOISE), 0.0, relative)
 
 
-def _last_quarters(c: Floats) -> tuple[Floats, Floats]:
-    """The largest coefficients of the last quarter and of the one before."""
-    quarter = c.shape[-1] // 4
-    size = np.abs(c)
-    return size[..., -quarter:].max(axis=-1), size[..., -2 * quarter : -quarter].max(axis=-1)
+def largest(c: Floats) -> tuple[Floats, Floats, Floats]:
+    """The largest coefficients of the last quarter, of the one before, and of all."""
+    quarter, size = c.shape[-1] // 4, np.abs(c)
+    last, before = size[..., -quarter:], size[..., -2 * quarter : -quarter]
+    return last.max(axis=-1), before.max(axis=-1), size.max(axis=-1)
 
 
 def without_rounding(c: Floats) -> Floats:
     """The series (..., n) without what follows the last coefficient that stands out of its end."""
-    last, _ = _last_quarters(c)
+    last, *_ = largest(c)
     above = np.abs(c) > STANDS_OUT * last[..., None]
     kept = np.flip(np.logical_or.accumulate(np.flip(above, -1), axis=-1), -1)
     return np.where(kept | ~above.any(axis=-1, keepdims=True), c, 0.0)

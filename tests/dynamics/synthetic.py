@@ -45,7 +45,10 @@ class Synthetic(System):
             elements={}, driver_joint=lambda driver: no_turns, turns=lambda driver: 1
         )
         self.compiled = SimpleNamespace(
-            structure=structure, drivers=names, frictional_joints=(), once=lambda make: make(self)
+            structure=structure,
+            drivers=names,
+            frictional_joints=(),
+            once=lambda make: make(self.compiled),
         )
         self.stops = ((-math.inf, math.inf),) * k
         for name, value in more.items():

@@ -12,7 +12,7 @@ from numpy.polynomial import chebyshev
 import blockmech as bm
 from blockmech.dynamics import compiled_path, path, path_loops
 from blockmech.dynamics.compiled_path import PathCode
-from blockmech.dynamics.panels import FROM_REST, PLAIN, TO_REST, rule
+from blockmech.dynamics.panels import FROM_REST, PLAIN, TO_REST, moment, rule
 from blockmech.dynamics.path_mesh import FINE, PathMesh
 from blockmech.dynamics.place_data import RESOLVED
 from blockmech.dynamics.system import System
@@ -101,6 +101,32 @@ def test_a_motion_is_read_where_there_is_no_code(llvm, monkeypatch):
     np.testing.assert_allclose(elsewhere.at(t).q, by_code.q, rtol=0, atol=1e-13)
     np.testing.assert_allclose(elsewhere.at(t).qd, by_code.qd, rtol=1e-10, atol=1e-10)
     assert mech.simulate("time=0.03", want=[], method="energy").motion.engine == "numpy"
+
+
+@pytest.mark.parametrize("engine", ["scalar", "llvm"])
+@pytest.mark.parametrize(("name", "start", "until"), [MOTIONS[0], MOTIONS[4], MOTIONS[8]])
+def test_one_time_is_read_as_many_are(llvm, engine, name, start, until):
+    """Swings and the swings back, turns that gain, begins and ends of panels."""
+    mech = mechanism(name)
+    request = {"start": {mech.drivers[0]: start}, "method": "energy", "want": []}
+    motion = mech.simulate(until, engine=engine, **request).motion
+    leg = motion.track.legs[-1]
+    panels = getattr(leg, "panels", leg)
+    times = np.append(np.linspace(0.0, motion.t_end, 23), leg.t0 + panels.times)
+    times = times[times <= motion.t_end]
+    many, each = motion.at(times), [motion.at(t) for t in times]
+    scale = np.abs(many.qd).max()
+    for t, q, qd, one in zip(times, *many, each, strict=True):
+        assert abs(one.q - q) <= 4e-15 * (1.0 + abs(q) + t * scale)
+        assert abs(one.qd - qd) <= 1e-12 * scale
+
+
+def test_a_clock_that_stands_still_is_halved_to_its_end():
+    n, at = 4, [0.0, 0.0]
+    v = [0.0, *rule(n).v.tolist(), 1.0]
+    moment(n, v, [0.0] * n, v, [0.0] * (n + 2), [0.0] * (n + 1), 0.5, at)
+    assert v[2] <= at[0] <= v[3]
+    assert at[1] == 0.0
 
 
 @pytest.mark.parametrize("K", [0.0, 900.0])

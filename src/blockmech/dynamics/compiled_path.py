@@ -20,19 +20,19 @@ from blockmech.dynamics.path_loops import (
     BEGIN,
     END,
     ENERGY,
-    FROM,
-    FROM_THERE,
     GAINS,
     HALVED,
     KIND,
     LEFT,
     PANEL,
     RATE,
+    SHARE,
     SINCE,
     SLOPES,
     SPAN,
     STEP,
     TIME,
+    TIME_AT_END,
     WORK,
     again,
     beside,
@@ -122,16 +122,21 @@ class BothPanels(Panels):
         """(m, 0, 0) nothing that `other` does not hold."""
         return np.empty((len(self.records), 0, 0))
 
+    @cached_property
+    def lie(self) -> list[list[float]]:
+        """Where they lie, as the records have it: (m, 8)."""
+        lie: list[list[float]] = self.records[:, SPAN, self.of, : TIME_AT_END + 1].tolist()
+        return lie
+
     @property
     def t1(self) -> float:
         """[s] when the last ends."""
-        first, last = self.records[[0, -1], SPAN, self.of, TIME].tolist()
-        return float(self.t0 + (last + float(self.records[-1, SINCE, self.of, -1]) - first))
+        return self.t0 + (self.lie[-1][TIME_AT_END] - self.lie[0][TIME])
 
     @property
     def begin(self) -> float:
         """[rad or m] where the first begins."""
-        return float(self.records[0, SPAN, self.of, BEGIN])
+        return self.lie[0][BEGIN]
 
     @cached_property
     def place(self) -> int:
@@ -140,8 +145,7 @@ class BothPanels(Panels):
 
     def at_end(self) -> tuple[float, float]:
         """Place [rad or m] and kinetic energy [J] at the end of the last."""
-        span = self.records[-1, SPAN, self.of]
-        return float(span[END]), float(span[LEFT])
+        return self.lie[-1][END], self.lie[-1][LEFT]
 
     @cached_property
     def rate(self) -> Floats:
@@ -166,12 +170,12 @@ class BothPanels(Panels):
     @property
     def left(self) -> float:
         """[J] with which it goes on."""
-        return float(self.records[-1, SPAN, self.of, LEFT])
+        return self.lie[-1][LEFT]
 
     @property
     def size(self) -> float:
         """[J] of all the work to and fro."""
-        return float(self.records[:, SPAN, self.of, WORK].sum())
+        return math.fsum(lie[WORK] for lie in self.lie)
 
     def taken_from(self, t0: float, energy: float = 0.0) -> Panels:
         """The same panels at another time and with more kinetic energy [J]."""
@@ -190,11 +194,20 @@ class BothPanels(Panels):
         """Driver coordinate and rate (k,) at times (k,) [s]; after the end those of the end."""
         if (code := PathCode.made()) is None:
             return super().state(t)
-        since = t - (self.t0 - self.records[0, SPAN, self.of, TIME])
-        q, rate, room = np.empty(t.size), np.empty(t.size), np.empty(FINE + 1)
+        since = t - (self.t0 - self.lie[0][TIME])
+        q, rate, room = np.empty(t.size), np.empty(t.size), np.empty(FINE + 3)
         given = self.place, len(self.records), self.of, since.ctypes.data, t.size
         code.placed(code.nodes, *given, *(x.ctypes.data for x in (q, rate, room)))
         return q, rate
+
+    def at(self, t: float) -> tuple[float, float]:
+        """`state` at one time."""
+        if (code := PathCode.made()) is None:
+            return super().at(t)
+        found = np.array([t - (self.t0 - self.lie[0][TIME]), *[0.0] * (FINE + 5)])
+        since, *own = range(first := found.ctypes.data, first + 32, 8)
+        code.placed(code.nodes, self.place, len(self.records), self.of, since, 1, *own)
+        return float(found[1]), float(found[2])
 
     def lasting(self, energies: Floats) -> Floats:
         """(k,) [s] that all of them take with so much more kinetic energy (k,) [J]."""
@@ -211,7 +224,8 @@ class BothRuns:
 
     def __init__(self, code: PathCode, rounding: float, tolerance: float) -> None:
         self.code, self.rounding, self.tolerance = code, rounding, tolerance
-        self.runs, self.room = np.zeros((2, 4)), np.empty(4 * FINE)
+        self.room = np.zeros(9 + 4 * FINE)  # for `stretch`; before that its runs, and a count
+        self.runs, self.done = self.room[:8].reshape(2, 4), self.room[8:9].view(np.int64)
 
     def begin(self, q: float, K: float, there: float) -> None:
         """At a place, with kinetic energies [J] of the first and of the second run."""
@@ -227,14 +241,14 @@ class BothRuns:
         if not known or course is None or not len(course.which):
             raise LeftToArraysError
         count, pieces = len(course.which), course.row.blocks(at.sign)
-        records, done = np.empty((count * HALVED, *SHAPE)), np.zeros(1, np.int64)
-        own = (x.ctypes.data for x in (self.runs, records, done, self.room))
+        records, first = np.empty((count * HALVED, *SHAPE)), self.room.ctypes.data
+        own, self.done[0] = (first, records.ctypes.data, first + 64, first + 72), 0
         numbers = shift, goal, count, float(at.sign), self.rounding, self.tolerance
         if not self.code.stretch(
             self.code.nodes, pieces.ctypes.data, *course.places, *numbers, *own
         ):
             raise LeftToArraysError
-        return BothPanels(records[: int(done[0])].copy(), 0, at.t)
+        return BothPanels(records[: int(self.done[0])].copy(), 0, at.t)
 
 
 def apart(
@@ -243,15 +257,16 @@ def apart(
     """What `track.apart` says, of runs whose panels are `BothPanels`."""
     code = PathCode.made()
     assert code is not None
-    found = np.array([0.0, 0.0, math.inf, -math.inf, 0.0, 0.0, 0.0, 0.0])
-    at = np.array([0.0, 0.0, 0.0, t_end, t_start, share])
-    given = at.ctypes.data, found.ctypes.data
+    numbers = np.array(
+        [0.0, 0.0, 0.0, t_end, t_start, share, 0.0, 0.0, math.inf, -math.inf, *[0.0] * 4]
+    )
+    at, found = (first := numbers.ctypes.data), first + 48
     one: Any
     there: Any
     for one, there, sign, begin, begin_there, step in compared(run, other, t_end - t_start):
-        first, second = one.records[0, SPAN, 0, TIME], there.records[0, SPAN, 1, TIME]
-        at[FROM] = t_start + begin + sign * (one.t0 - first)
-        at[FROM_THERE] = t_start + begin_there + sign * (there.t0 - second)
-        at[STEP] = step
-        code.beside(code.nodes, one.place, there.place, len(one.records), int(sign < 0), *given)
-    return Apart(*found.tolist())
+        late = begin_there + sign * (there.t0 - there.lie[0][TIME])
+        time = begin + sign * (one.t0 - one.lie[0][TIME])
+        numbers[: STEP + 1] = t_start + time, t_start + late, step
+        given = one.place, there.place, len(one.records), int(sign < 0), at, found
+        code.beside(code.nodes, *given)
+    return Apart(*numbers[SHARE + 1 :].tolist())

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,6 +50,20 @@ def straight_in_rate(structure: Structure) -> bool:
 def lossless(structure: Structure) -> bool:
     """Whether every load has a potential that is the same in the same pose, as weights have."""
     return all(element.conservative for element in structure.elements.values())
+
+
+class Nature(NamedTuple):
+    """What the loads of a mechanism are: see the functions of these names."""
+
+    depends_on: frozenset[str]
+    straight_in_rate: bool
+    lossless: bool
+
+
+def nature(mechanism: Any) -> Nature:
+    """That of a mechanism, which keeps it."""
+    rules = depends_on, straight_in_rate, lossless
+    return Nature(*(rule(mechanism.structure) for rule in rules))  # type: ignore[arg-type]
 
 
 def largest_length(structure: Structure) -> float:

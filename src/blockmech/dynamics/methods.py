@@ -220,7 +220,7 @@ def unmoved(system: System, request: SimulationRequest) -> Motion | None:
 def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
     """A start that is pressed against an end stop."""
     start = request.start
-    for i, place in enumerate(system.places(start.q)):
+    for i, place in enumerate(system.places(start.q).tolist()):
         way = 0 if i in system.held else system.at_stop(i, place)
         if not way:
             continue

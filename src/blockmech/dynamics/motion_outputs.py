@@ -52,7 +52,7 @@ class MotionInputs(Mapping[str, Any]):
         if k > 1 and how.method != "none":
             self._with_several(motion)
         self.known = _by_driver("q", self.q, k) | _by_driver("qd", self.qd, k)
-        self.known |= states_along(motion, t) | self.several
+        self.known |= _by_state(self.states) | self.several
 
     def _with_several(self, motion: Motion) -> None:
         """Rates and accelerations of several drivers, and friction of pairs that stick."""
@@ -134,7 +134,10 @@ class MotionInputs(Mapping[str, Any]):
 
 def states_along(motion: Motion, t: Floats) -> dict[str, Floats]:
     """Inputs of the states of signal blocks at times (n,) of a motion."""
-    states = motion.signal_states(t)
+    return _by_state(motion.signal_states(t))
+
+
+def _by_state(states: Floats) -> dict[str, Floats]:
     return {f"{STATE}{i}": np.ascontiguousarray(states[:, i]) for i in range(states.shape[1])}
 
 

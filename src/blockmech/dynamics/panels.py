@@ -13,6 +13,7 @@ are arrays (m, n) that are worked on together.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -22,8 +23,9 @@ import numpy as np
 from numpy.polynomial import chebyshev, legendre
 from numpy.typing import NDArray
 
+from blockmech.engines.loops import Reals
 from blockmech.plane import EPS
-from blockmech.series import tail
+from blockmech.series import ended, largest, tail
 
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.intp]
@@ -31,7 +33,9 @@ SMALLEST = math.ulp(0.0)  # the smallest number above zero
 # Kinds of panels: a plain one, one that begins or ends with a standstill, or ends at a dead centre.
 PLAIN, FROM_REST, TO_REST, TO_LIMIT = range(4)
 P = np.array([1, 2, 2, 2])  # exponents of their maps
-HALVINGS = range(60)  # of an interval: a double has no more digits
+MOST = 60  # halvings of an interval: a double has no more digits
+HALVINGS = range(MOST)
+ROOT = math.sqrt(EPS)
 NEAR = EPS ** (1 / 3) / 8  # relative, of a step of third order behind which there is rounding only
 
 
@@ -70,10 +74,12 @@ class Rule(NamedTuple):
         for each kind of panel. Towards a dead centre 2 v w is smooth, not w
     clock : (n + 1, n) coefficients of a series -> those of its integral from v = 0
     known : (n + 1, n + 2) polynomials at 0, the nodes, and 1
+    since : (n, n + 2) coefficients of a series -> its integrals from v = 0 to there
     leads : (4, n + 2) v^(p-1) there, for each kind of panel
     whole : (n,) coefficients of a series -> its integral over [0, 1]
     slopes : (n, n) values -> those of the derivative by v
     known_first : (n + 1,) the nodes, and 0
+    shares : (4, n + 1) v^p there, for each kind of panel
     at_zero : (n,) polynomials at 0
     slope : (n, n) coefficients of a series -> those of its derivative by v
     """
@@ -85,10 +91,12 @@ class Rule(NamedTuple):
     energy: Floats
     clock: Floats
     known: Floats
+    since: Floats
     leads: Floats
     whole: Floats
     slopes: Floats
     known_first: Floats
+    shares: Floats
     at_zero: Floats
     slope: Floats
 
@@ -121,6 +129,7 @@ def rule(n: int) -> Rule:
     def narrow(x: Any) -> Floats:
         return np.asarray(x, dtype=np.float64)
 
+    known = np.ascontiguousarray(narrow(basis(places, n + 1)).T)
     return Rule(
         narrow(v),
         narrow(v ** (P[:, None] - 1)),
@@ -128,11 +137,13 @@ def rule(n: int) -> Rule:
         narrow(average(1)),
         narrow([plain, rest, rest, limit]),
         clock,
-        np.ascontiguousarray(narrow(basis(places, n + 1)).T),
+        known,
+        clock.T @ known,
         narrow(places ** (P[:, None] - 1)),
         clock.sum(axis=0),
         narrow(basis(v, n) @ slope @ to_series),
         narrow(np.append(v, 0)),
+        narrow(np.append(v, 0) ** P[:, None]),
         narrow((-1.0) ** np.arange(n)),
         slope,
     )
@@ -179,8 +190,10 @@ class Spans:
     def __init__(self, begin: Floats, end: Floats, energy: Floats, kind: Ints) -> None:
         self.begin, self.end, self.energy, self.kind = begin, end, energy, kind
         self.backward: NDArray[np.bool_] = kind >= TO_REST
-        self.anchor: Floats = np.where(self.backward, end, begin)
-        self.way: Floats = np.where(self.backward, begin - end, end - begin)
+        self.anchor: Floats = begin.copy()
+        self.way: Floats = end - begin
+        for i in self.backward.nonzero()[0].tolist():  # few, if any
+            self.anchor[i], self.way[i] = end[i], -self.way[i]
 
     def some(self, which: Any, more: Any = 0.0) -> Spans:
         """Those of a slice or of indices (k,), each with more kinetic energy (k,) [J]."""
@@ -207,12 +220,55 @@ class Spans:
         return gains
 
 
+def moment(
+    n: int, v: Reals, rate: Reals, times: Reals, slopes: Reals, clock: Reals, t: float, at: Reals
+) -> None:
+    """Where a panel is at a time t [s] since its anchor, by Newton's method within a bracket.
+
+    Of the language of `blockmech.engines.loops`; run by Python it takes lists, which are quicker.
+
+    v, times, slopes : (n + 2,) the anchor, the nodes and the end; times and dt/dv there
+    rate, clock : (n,) and (n + 1,) coefficients of dt/dv and of the time since the anchor
+    at : v and dt/dv there, as found
+    """
+    j = 0
+    while j < n and times[j + 1] <= t:
+        j += 1
+    h, dv = max(times[j + 1] - times[j], SMALLEST), v[j + 1] - v[j]
+    s = (t - times[j]) / h
+    left, right = h / max(slopes[j], SMALLEST) - dv, h / max(slopes[j + 1], SMALLEST) - dv
+    x = v[j] + s * (dv + (1.0 - s) * ((1.0 - s) * left - s * right))
+    low, high, slope = v[j], v[j + 1], 0.0
+    x, settled = min(max(low, x), high) if t > 0.0 else low, t == 0.0
+    for _ in range(MOST):
+        y, a, b, d, e = 2.0 * x - 1.0, clock[n], 0.0, 0.0, 0.0
+        for k in range(n - 1, 0, -1):
+            a, b = clock[k] + 2.0 * y * a - b, a
+            d, e = rate[k] + 2.0 * y * d - e, d
+        slope = rate[0] + y * d - e
+        if settled:
+            break
+        miss = clock[0] + y * a - b - t
+        if miss > 0.0:
+            high = x
+        else:
+            low = x
+        new, near = x - miss / slope if slope > 0.0 else -1.0, ROOT / 8.0 * x + EPS
+        inside = new >= low - near and new <= high + near  # but for rounding
+        new = min(max(new, low), high) if inside else (low + high) / 2.0
+        settled = inside and abs(new - x) <= near
+        x = new
+    at[0], at[1] = x, slope
+
+
 def span(begin: float, end: float, energy: float, kind: int = PLAIN) -> Spans:
     """A single one."""
     return Spans(*map(np.atleast_1d, (begin, end, energy, kind)))
 
 
-DATED = "times", "known_times"  # what panels that are taken to another time leave behind
+def to_and_fro(way: Any, w: Floats) -> Any:
+    """Work [J] (m,) that dK/dq (m, n) does over ways (m,), all of one sign."""
+    return np.abs(way) / w.shape[1] * np.abs(w).sum(axis=1)
 
 
 @dataclass(frozen=True)
@@ -272,11 +328,16 @@ class Panels:
         return np.asarray(self.durations_with(energies).sum(axis=1))
 
     @cached_property
+    def since(self) -> Floats:
+        """(m + 1,) [s] after the first begins: when they begin, and when the last ends."""
+        since = np.empty(len(self.w) + 1)
+        since[0], since[1:] = 0.0, self.durations.cumsum()
+        return since
+
+    @property
     def times(self) -> Floats:
-        """(m + 1,) [s] when they begin, and when the last ends."""
-        times = np.empty(len(self.w) + 1)
-        times[0], times[1:] = 0.0, self.durations.cumsum()
-        return self.t0 + times
+        """(m + 1,) [s] when that is."""
+        return self.t0 + self.since
 
     @property
     def begin(self) -> float:
@@ -286,12 +347,12 @@ class Panels:
     @property
     def t1(self) -> float:
         """[s] when the last ends."""
-        return float(self.times[-1])
+        return self.t0 + float(self.since[-1])
 
     @property
     def size(self) -> float:
         """[J] of all the work to and fro."""
-        return float((np.abs(self.w).mean(axis=1) * np.abs(self.spans.way)).sum())
+        return float(to_and_fro(self.spans.way, self.w).sum())
 
     def at_end(self) -> tuple[float, float]:
         """Place [rad or m] and kinetic energy [J] at the end of the last."""
@@ -303,8 +364,7 @@ class Panels:
         if energy:
             return replace(self.some(slice(None), energy), t0=t0)
         panels = object.__new__(type(self))
-        known = ((x, y) for x, y in self.__dict__.items() if x not in DATED)
-        panels.__dict__.update(known, t0=t0)
+        panels.__dict__.update(self.__dict__, t0=t0)
         return panels
 
     def first(self, count: int) -> Panels:
@@ -332,25 +392,23 @@ class Panels:
         """The second run's, where it went beside them; else None."""
         return None
 
-    def smooth(self, J0: Floats, tolerance: float, work: bool, largest: Any) -> NDArray[np.bool_]:
+    def smooth(self, J0: Floats, tolerance: float, work: bool, efforts: Any) -> NDArray[np.bool_]:
         """Whether the time of each (m,), and its work, are smooth enough for its nodes.
 
         J0 : (m,) at the anchors. Of a plain panel dt/dv begins with the rate that is known
         there, else a layer hides between the nodes.
-        largest : (m,) efforts [N m or N], whose rounding the energy cannot be smoother than
+        efforts : (m,) the largest [N m or N], whose rounding the energy cannot be smoother than
         """
         r, kind, way = rule(self.w.shape[1]), self.spans.kind, np.abs(self.spans.way)
-        K, size = self.K[:, :-1], np.abs(self.rate)
+        K, sizes = self.K[:, :-1], largest(self.rate)
         with np.errstate(all="ignore"):
-            doubt = (r.v * r.powers[kind] / K).max(axis=1) * way
+            doubt = (r.shares[kind, :-1] / K).max(axis=1) * way
             known = way * np.sqrt(J0 / (2 * self.spans.energy))
-        good = (K.min(axis=1) > 0) & (
-            tail(self.rate) <= np.maximum(tolerance, EPS * largest * doubt)
-        )
+        good = (K.min(axis=1) > 0) & (ended(*sizes) <= np.maximum(tolerance, EPS * efforts * doubt))
         if work:
             good &= tail(self.work) <= tolerance
-        left = np.maximum(size[:, -(size.shape[1] // 4) :].max(axis=1), tolerance * size.max(1))
-        fits = np.abs(self.rate @ r.at_zero - known) <= size.shape[1] * left
+        left = len(r.v) * np.maximum(sizes[0], tolerance * sizes[2])
+        fits = np.abs(self.rate @ r.at_zero - known) <= left
         return np.asarray(good & (fits | (kind != PLAIN)))
 
     # -- the state at a time -------------------------------------------------------
@@ -369,7 +427,7 @@ class Panels:
     def _known(self) -> tuple[Floats, Floats, Floats]:
         """v (n + 2,) of the anchor, the nodes and the end, times (m, n + 2) since v = 0, dt/dv."""
         r = rule(self.w.shape[1])
-        return r.leads[TO_REST], self.clock @ r.known, self.rate @ r.known[:-1]
+        return r.leads[TO_REST], self.rate @ r.since, self.rate @ r.known[:-1]
 
     def _near(self, i: Ints, since: Floats) -> Floats:
         """v (k,) of panels i some time (k,) from their anchors, by cubics between known places."""
@@ -381,7 +439,7 @@ class Panels:
         s = (since - begin) / h
         bend = (1 - s) * (h / rate[0] - dv) - s * (h / rate[1] - dv)
         near = v[j] + s * (dv + (1 - s) * bend)
-        return np.asarray(np.where((near >= 0) & (near <= 1), near, v[j]))
+        return np.asarray(np.fmin(np.fmax(near, v[j]), v[j + 1]))
 
     @np.errstate(all="ignore")
     def _found(self, i: Ints, since: Floats) -> tuple[Floats, Floats]:
@@ -401,14 +459,13 @@ class Panels:
             low, high = np.where(miss <= 0, v, low), np.where(miss >= 0, v, high)
             step = miss / slope
             step /= 1 - step * rise / (2 * slope)  # Halley's step: of third order
-            last = np.abs(step) <= NEAR * v + EPS  # the next one is below rounding
-            new = np.where(last, np.clip(v - step, 0.0, 1.0), v - step)
-            inside = last | ((new >= low) & (new <= high))
-            new = np.where(inside, new, (low + high) / 2)
+            new, near = v - step, NEAR * v + EPS
+            inside = (new >= low - near) & (new <= high + near)  # but for rounding
+            new = np.where(inside, np.minimum(np.maximum(new, low), high), (low + high) / 2)
             new[since == 0] = 0.0  # the anchor is known exactly
             step, v = new - v, new
-            if last.all():
-                break
+            if ((np.abs(step) <= near) & (inside | (since == 0))).all():
+                break  # the next one is below rounding
         return v, slope + step * (rise + step / 2 * bend)
 
     def _at(self, t: Any) -> tuple[Ints, Floats]:
@@ -420,6 +477,26 @@ class Panels:
         """Driver coordinate and rate (k,) at times (k,) [s]; after the end those of the end."""
         i, since = self._at(t)
         return self.state_in(i, since)
+
+    def at(self, t: float) -> tuple[float, float]:
+        """`state` at one time: quicker than by arrays."""
+        i, x, slope = self._moment(t)
+        kind, way = int(self.spans.kind[i]), float(self.spans.way[i])
+        lead, by_v = (1.0, way) if kind == PLAIN else (x, 2.0 * way)
+        speed = by_v * lead / slope if slope > 0.0 else 0.0
+        q = float(self.spans.anchor[i]) + way * x * lead
+        return q, -speed if kind >= TO_REST else speed
+
+    def _moment(self, t: float) -> tuple[int, float, float]:
+        """The panel in which a time [s] is, its v and its dt/dv there."""
+        starts, (v, *known) = self.times.tolist(), self._known
+        i = bisect_right(starts, t, 1, len(starts) - 1) - 1
+        times, slopes = (x[i].tolist() for x in known)
+        since = starts[i + 1] - t if self.spans.backward[i] else t - starts[i]
+        rate, clock, at = self.rate[i].tolist(), self.clock[i].tolist(), [0.0, 0.0]
+        since = min(max(since, 0.0), times[-1])
+        moment(len(rate), v.tolist(), rate, times, slopes, clock, since, at)  # type: ignore[arg-type]
+        return i, at[0], at[1]
 
     def state_in(self, i: Ints, since: Floats, energy: Any = 0.0) -> tuple[Floats, Floats]:
         """The same in panels i (k,), so long since or until their anchors, with more energy."""
@@ -442,21 +519,20 @@ class Panels:
         density = self.lost * r.powers[kind] * (P[kind] * way)[:, None]
         series = density @ r.to_series.T @ r.clock.T
         whole = series.sum(axis=1)
-        (i,), since_anchor = self._at(np.array([t]))
-        v, _ = self._found(np.array([i]), since_anchor)
-        since = float((basis(v, series.shape[1]) @ series[i])[0])
+        i, v, _ = self._moment(t)
+        since = float(basis(v, series.shape[1]) @ series[i])
         return float(whole[:i].sum()) + (
             float(whole[i]) - since if self.spans.backward[i] else since
         )
 
-    @cached_property
+    @property
     def known_times(self) -> Floats:
         """(m, n + 2) [s] at the anchors, nodes and ends."""
-        since = self._known[1]
-        times = self.times[:-1, None] + since
+        since, times = self._known[1], self.times
+        known = times[:-1, None] + since
         for i in self.spans.backward.nonzero()[0].tolist():  # few, if any
-            times[i] = self.times[i + 1] - since[i]
-        return np.asarray(times)
+            known[i] = times[i + 1] - since[i]
+        return np.asarray(known)
 
     @property
     def known_rates(self) -> Floats:
@@ -466,12 +542,6 @@ class Panels:
         way = self.spans.way[:, None]
         passes = np.where(self.spans.backward, -1, 1) * P[self.spans.kind]
         return np.asarray(passes[:, None] * way * lead / np.where(slope > 0, slope, math.inf))
-
-    @property
-    def known_places(self) -> Floats:
-        """Driver coordinates (m, n + 2) there."""
-        shares = self._known[0] * rule(self.w.shape[1]).leads[self.spans.kind]
-        return np.asarray(self.spans.anchor[:, None] + self.spans.way[:, None] * shares)
 
     def one_way(self) -> list[slice]:
         """Those between two standstills each."""

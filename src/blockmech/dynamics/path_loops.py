@@ -10,7 +10,6 @@ the same.
 
 from __future__ import annotations
 
-import math
 import sys
 from functools import cache
 from math import sqrt
@@ -23,9 +22,10 @@ from blockmech.dynamics.panels import (
     FROM_REST,
     NEAR,
     PLAIN,
-    SMALLEST,
+    ROOT,
     TO_REST,
     basis,
+    moment,
     rule,
 )
 from blockmech.dynamics.path_mesh import COARSE, FINE, KEPT
@@ -37,8 +37,6 @@ from blockmech.series import LEVEL, NOISE
 LONG = 1 - 4 * EPS  # of a piece: a panel over all of it
 TRIES = 8  # of Newton's method for the place of a standstill
 HALVED = 4 * SHORT  # panels that a piece is tried in
-MOST = 60  # steps to a place at a time: a double has no more digits to halve
-ROOT = math.sqrt(EPS)
 LARGEST = sys.float_info.max
 # A piece of the path: the series of J and tau, of both runs each, in the direction of motion; their
 # values at its nodes and its end; and what tau does up to there.
@@ -48,7 +46,8 @@ VALUES, OVER_ALL = 2, 4
 # dt/dv; times since its anchor, and dt/dv, at anchor, nodes and end; and where it lies.
 PANEL = 7
 GAINS, RATE, SINCE, SLOPES, SPAN = range(2, PANEL)
-BEGIN, END, ENERGY, KIND, TIME, LEFT, WORK = range(7)  # of a span: LEFT at its end, WORK to and fro
+# Of a span: LEFT at its end, WORK to and fro.
+BEGIN, END, ENERGY, KIND, TIME, LEFT, WORK, TIME_AT_END = range(8)
 PLACE, KINETIC, CLOCK, STOP = range(4)  # of a run
 FROM, FROM_THERE, STEP, NOT_AFTER, START, SHARE = range(6)  # of what `beside` is given
 OFF, UNKNOWN, LOWEST, HIGHEST, FASTEST, LAST, LATE, ROUGH = range(8)  # and of what it finds
@@ -257,8 +256,8 @@ def timed(of: Sizes, nodes: Nodes, now: Rows, r: int, begin: float) -> float:
         for i in range(of.terms, of.n):
             now[RATE, 1, i] = 0.0
     product(now[RATE, r], nodes.since, now[SINCE, r], of.n, of.n + 2, 1.0)
-    now[SPAN, r, TIME] = begin
-    return float(begin + now[SINCE, r, of.n + 1])
+    now[SPAN, r, TIME], now[SPAN, r, TIME_AT_END] = begin, begin + now[SINCE, r, of.n + 1]
+    return float(now[SPAN, r, TIME_AT_END])
 
 
 def through(
@@ -467,8 +466,8 @@ def placed(
     of: Sizes, nodes: Nodes, panels: Records, count: int, r: int, times: Reals, many: int, q: Reals,
     rates: Reals, c: Reals,
 ) -> None:  # fmt: skip
-    """Places and rates of run r at many times, by Newton's method for v; ``c``: room for n + 1."""
-    v, last, before = nodes.v_all, of.n + 1, -1
+    """Places and rates of run r at many times; ``c``: room for n + 3."""
+    v, last, before, at = nodes.v_all, of.n + 1, -1, c[of.n + 1 :]
     for m in range(many):
         p = panel_at(of, panels, count, r, times[m])
         now, span = panels[p], panels[p, SPAN, r]
@@ -479,33 +478,8 @@ def placed(
         ends_there, plain = span[KIND] == TO_REST, span[KIND] == PLAIN
         t, way = times[m] - span[TIME], span[END] - span[BEGIN]
         t = min(max(since[last] - t if ends_there else t, 0.0), since[last])
-        j = 0
-        while j < of.n and since[j + 1] <= t:
-            j += 1
-        h, dv = max(since[j + 1] - since[j], SMALLEST), v[j + 1] - v[j]
-        s = (t - since[j]) / h
-        left, right = h / max(slopes[j], SMALLEST) - dv, h / max(slopes[j + 1], SMALLEST) - dv
-        x = v[j] + s * (dv + (1.0 - s) * ((1.0 - s) * left - s * right))
-        low, high, slope = v[j], v[j + 1], 0.0
-        x, settled = x if x >= low and x <= high and t > 0.0 else low, t == 0.0
-        for _ in range(MOST):
-            y, a, b, d, e = 2.0 * x - 1.0, c[of.n], 0.0, 0.0, 0.0
-            for k in range(of.n - 1, 0, -1):
-                a, b = c[k] + 2.0 * y * a - b, a
-                d, e = rate[k] + 2.0 * y * d - e, d
-            slope = rate[0] + y * d - e
-            if settled:
-                break
-            miss = c[0] + y * a - b - t
-            if miss > 0.0:
-                high = x
-            else:
-                low = x
-            new = x - miss / slope
-            if not (new >= low and new <= high):
-                new = (low + high) / 2.0
-            settled = abs(new - x) <= ROOT / 8.0 * new + EPS
-            x = new
+        moment(of.n, v, rate, since, slopes, c, t, at)
+        x, slope = at[0], at[1]
         lead = 1.0 if plain else x
         rates[m] = way * lead * (1.0 if plain else 2.0) / slope if slope > 0.0 else 0.0
         q[m] = span[END] - way * (x * lead) if ends_there else span[BEGIN] + way * (x * lead)
@@ -519,7 +493,7 @@ def nodes() -> Nodes:
     series = fine.to_series.T, coarse.to_series.T, basis(fine.v, COARSE).T
     work = fine.energy[PLAIN].T, fine.energy[FROM_REST].T, fine.average[-1]
     leads = plain[1:], from_rest[1:], from_rest
-    every = fine.v, coarse.v, *series, *work, *leads, fine.clock.T @ fine.known
+    every = fine.v, coarse.v, *series, *work, *leads, fine.since
     return Nodes(*(np.ascontiguousarray(x).ravel() for x in every))
 
 

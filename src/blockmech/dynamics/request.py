@@ -14,7 +14,6 @@ import numpy as np
 from blockmech.errors import RequestError, close_match, listed, refused
 from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
-from blockmech.model.structure import Structure
 from blockmech.motion import Floats, Motion, Still
 from blockmech.signals.functions import Python
 from blockmech.typing import MotionMethod, Numbers, Progress
@@ -251,8 +250,9 @@ def request_of(
 
 
 def _start(starts: Pairs) -> Start:
-    q, rate = (np.array([pair[i] for pair in starts.values()], dtype=float) for i in (0, 1))
-    return Start(float(q[0]), float(rate[0])) if q.size == 1 else Start(q, rate)
+    if len(starts) == 1:
+        return Start(*map(float, *starts.values()))
+    return Start(*np.array([*starts.values()], dtype=float).T.copy())
 
 
 def check_method(name: str) -> None:
@@ -309,26 +309,30 @@ def refuse_no_inertia(mechanism: Any) -> None:
         raise refused(name, f"{found}, so loads set no motion", remedy, code="no-inertia")
 
 
-def refuse_memory(structure: Structure, starts: Pairs) -> None:
+def user_functions(mechanism: Any) -> tuple[tuple[str, Any, str | None], ...]:
+    """Names, laws or blocks, and drivers of what functions of a user say."""
+    structure = mechanism.structure
+    laws = ((n, getattr(x, "law", None), x) for n, x in structure.elements.items())
+    blocks = ((n, x, None) for n, x in structure.signals.items() if isinstance(x, Python))
+    return *((n, law, x.driver) for n, law, x in laws if isinstance(law, Function)), *blocks
+
+
+def refuse_memory(mechanism: Any, starts: Pairs) -> None:
     """Refuse functions of a user that answer the same question in two ways.
 
     A motion asks a law forth and back in time, and in several runs: what a function keeps from
     one call to the next would be of another run. Each is asked at the start, elsewhere, and at
     the start again.
     """
-    q, rate = next(iter(starts.values()), (0.0, 0.0))
-    functions: dict[str, tuple[Callable[..., Any], list[float]]] = {}
-    for name, element in structure.elements.items():
-        law = getattr(element, "law", None)
+    first = next(iter(starts.values()), (0.0, 0.0))
+    for name, law, driver in mechanism.once(user_functions):
         if isinstance(law, Function):
-            at = starts.get(element.driver or "", (q, rate))  # type: ignore[attr-defined]
+            at = starts.get(driver or "", first)
             known = {"coordinate": at[0], "rate": at[1], "time": 0.0}
-            functions[name] = law.call, [known[x] for x in law.of]
-    for name, block in structure.signals.items():
-        if isinstance(block, Python):
-            functions[name] = block.call, [block.memory.get(x, 0.0) for x in block.names]
-    for name, (call, given) in functions.items():
-        if not _same_again(call, given):
+            given = [known[x] for x in law.of]
+        else:
+            given = [law.memory.get(x, 0.0) for x in law.names]
+        if not _same_again(law.call, given):
             found = "its function gives another value when it is asked the same again"
             valid = "a law is a function of its arguments alone"
             remedy = "let a block signals.Python hold in its memory what it remembers"

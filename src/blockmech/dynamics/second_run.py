@@ -11,13 +11,23 @@ run with panels of its own can say how far.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from blockmech.dynamics.ends import END_STOP
 from blockmech.dynamics.estimate import ROUNDING
-from blockmech.dynamics.panels import TO_LIMIT, TO_REST, Floats, P, Panels, Spans, rule
+from blockmech.dynamics.panels import (
+    TO_LIMIT,
+    TO_REST,
+    Floats,
+    P,
+    Panels,
+    Spans,
+    joined,
+    rule,
+    to_and_fro,
+)
 from blockmech.dynamics.path_equation import begin_energies, of_rate, solved
 from blockmech.dynamics.path_mesh import KEPT
 from blockmech.dynamics.place_data import TAU, J
@@ -118,28 +128,23 @@ class _SecondRun:
             self.K = panels.other.left
             beside: Panels = panels.other.taken_from(t0)
             return beside
-        parts = [self._one_way(panels, some) for some in panels.one_way()]
-        begin, end, energy, kind, w, K, inertia = (
-            np.concatenate(column) for column in zip(*parts, strict=True)
-        )
-        lost = np.zeros(w.shape)
-        lies = Spans(begin, end, energy, kind)
-        second = Panels(t0, lies, w, K, inertia, lost, panels.second)
-        second.rate[:, int(KEPT * w.shape[1]) :] = 0.0
+        second = joined([self._one_way(panels, some, t0) for some in panels.one_way()])
+        second.rate[:, int(KEPT * second.w.shape[1]) :] = 0.0
         return second
 
-    def _one_way(self, panels: Panels, some: slice) -> tuple[Any, ...]:
-        """Spans, dK/dq, K and inertia of panels between two standstills."""
-        guess, lies = panels.w[some], panels.spans.some(some)
-        begin, end, kind, energy = lies.begin.copy(), lies.end.copy(), lies.kind, lies.energy.copy()
+    def _one_way(self, panels: Panels, some: slice, t0: float) -> Panels:
+        """The same between two standstills."""
+        guess, lies, kind = panels.w[some], panels.spans, panels.spans.kind[some]
+        begin, end, energy = lies.begin[some].copy(), lies.end[some].copy(), np.zeros(len(kind))
+        way, backward = lies.way[some][0], kind[0] >= TO_REST
         begin[0] += self.off
         r, rows, many = rule(guess.shape[1]), panels.second[some, :, :-1].copy(), len(kind)
         shares = r.v * r.powers[kind[0]]
-        by = self.off * (shares if lies.backward[0] else 1.0 - shares)
-        rows[0] += self._further(rows[0], lies.way[0], kind[0], by)
+        by = self.off * (shares if backward else 1.0 - shares)
+        rows[0] += self._further(rows[0], way, kind[0], by)
         spans, stands = Spans(begin, end, energy, kind), bool(kind[-1] == TO_REST)
         w, gains = self._solved(spans, rows, guess)
-        more = self.rounding * np.abs(spans.way) * np.abs(w).mean(axis=1)
+        more = self.rounding * to_and_fro(spans.way, w)
         energy[:] = begin_energies(self.K, gains, more)
         self.K, self.off = float(energy[-1]), 0.0
         if stands:  # its end is moved until the energies fit
@@ -158,7 +163,7 @@ class _SecondRun:
         K = energy[:, None] + gains
         if not K[:, :-1].min() > 0:
             raise AnotherPathError
-        return begin, end, energy, kind, w, K, rows[:, J]
+        return Panels(t0, spans, w, K, rows[:, J], np.zeros(w.shape), panels.second[some])
 
     def _further(self, rows: Floats, way: float, kind: int, by: Floats) -> Floats:
         """What place data (s, n) of a panel change by, some way (n,) [rad or m] further on."""
@@ -176,7 +181,7 @@ class _SecondRun:
             lies, row = spans.some(some), rows[some].swapaxes(0, 1)
             sign = 1 if lies.end[0] > lies.begin[0] else -1
             acts = of_rate(self.run.system, lies.places(rule(w.shape[1]).v), row, row[J], sign)
-            more = self.rounding * np.abs(lies.way) * np.abs(guess[some]).mean(axis=1)
+            more = self.rounding * to_and_fro(lies.way, guess[some])
             begin = self.K if some.start is None else 0.0
             w[some], gains[some], _, known = solved(acts, lies, guess[some], begin, more)
             if known < len(lies.kind):

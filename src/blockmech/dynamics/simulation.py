@@ -36,7 +36,6 @@ from blockmech.dynamics.request import (
     refuse_memory,
     refuse_no_inertia,
     request_of,
-    times_of,
 )
 from blockmech.dynamics.stops import bouncing, bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
@@ -114,7 +113,7 @@ def simulate(
     if bouncing(between):
         request = replace(request, stops=between)
     mechanism.once(refuse_no_inertia)
-    refuse_memory(mechanism.structure, starts)
+    refuse_memory(mechanism, starts)
     at_stops = {"stops": bounds_of(between), "counted": counted_pairs(mechanism, starts, between)}
     system = system_of(mechanism, method=how, progress=report, engine=engine, **at_stops)
     if engine == "llvm" and system.engine_of_states.name != engine:
@@ -122,7 +121,8 @@ def simulate(
     motion = with_undefined_loads(mechanism, _moved(system, request))
     if remarks := _remarks(system, motion, request.until):
         motion = replace(motion, notes=(*motion.notes, *remarks))
-    return _at_times(mechanism, motion, times_of(times), want, settings)
+    wanted = None if times is None else np.array(request.times)
+    return _at_times(mechanism, motion, wanted, want, settings)
 
 
 def _moved(system: System, request: SimulationRequest) -> Motion:

@@ -261,7 +261,7 @@ def stepper(
     between = stops_of(mechanism, starts, stops)
     at_stops = {"stops": bounds_of(between), "counted": counted_pairs(mechanism, starts, between)}
     mechanism.once(refuse_no_inertia)
-    refuse_memory(mechanism.structure, starts)
+    refuse_memory(mechanism, starts)
     how = friction_asked(friction, None, None)
     system = system_of(mechanism, method=how, engine=engine, **at_stops)
     tolerance = size_of("accuracy", accuracy) or TARGET

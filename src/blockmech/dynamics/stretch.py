@@ -13,6 +13,7 @@ that is not known before, are left to `PanelBuilder`.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from blockmech.dynamics.panel_builder import ROUGH, PanelBuilder, PathState
 from blockmech.dynamics.panels import (
     FROM_REST,
     PLAIN,
+    ROOT,
     TO_REST,
     Floats,
     Ints,
@@ -30,6 +32,7 @@ from blockmech.dynamics.panels import (
     basis,
     leading,
     rule,
+    to_and_fro,
 )
 from blockmech.dynamics.path_equation import begin_energies, of_rate, solved
 from blockmech.dynamics.path_mesh import CLOSE, Course
@@ -83,7 +86,6 @@ class Stretch:
         self.kept[0] = at.K > 0 and abs(at.q - begin) <= near
         self.kept[-1] &= abs(end - ends[-1]) <= near
         self.values, self.gains = self.row.values[self.which], self.row.gains[self.which]
-        self._fill((~self.kept).nonzero()[0])
 
     @classmethod
     def ahead(cls, builder: PanelBuilder, at: PathState, goal: float) -> Stretch | None:
@@ -110,6 +112,7 @@ class Stretch:
         """The panels, or the first ones of them: those that need no shorter piece of the path."""
         if self.place_only:
             self._to_standstill()
+        self._fill((~self.kept).nonzero()[0])
         panels, J0, low = self._over_edges()
         count = 0
         for level in reversed(range(SHORT.bit_length())):  # whole, and halved to parts in `SHORT`
@@ -119,12 +122,12 @@ class Stretch:
             if good.all() or not level:
                 count = leading(good)
                 break
-            self._halved((~good).nonzero()[0])
+            self._fill(self._halved((~good).nonzero()[0]))
             panels, J0, low = self._over_edges()
         return panels.first(count) if count else None
 
-    def _halved(self, some: Ints) -> None:
-        """Two panels each in place of some."""
+    def _halved(self, some: Ints) -> Ints:
+        """Two panels each in place of some; which these are."""
         m = len(self.which)
         twice = np.ones(m, int)
         twice[some] = 2
@@ -132,7 +135,9 @@ class Stretch:
         self.edges = np.insert(self.edges, some + 1, (self.edges[some] + self.edges[some + 1]) / 2)
         self._take(of)
         first = some + np.arange(len(some))
-        self._fill(np.sort(np.concatenate([first, first + 1])))
+        halves = np.sort(np.concatenate([first, first + 1]))
+        self.kept[halves] = False
+        return halves
 
     def _take(self, of: Any) -> None:
         """Go on with the panels of indices or of a slice."""
@@ -153,12 +158,10 @@ class Stretch:
         """Place data, and gains at rest, of panels that are no whole pieces."""
         if not some.size:
             return
-        self.kept[some] = False
         begin, end, kind = self.edges[some], self.edges[some + 1], self.kind[some]
         spans = Spans(begin, end, np.zeros(len(some)), kind)
-        v = rule(self.n).known_first
-        ways = np.where(kind[:, None] == PLAIN, v, v * v)
-        share = spans.anchor[:, None] - self.low[some, None] + spans.way[:, None] * ways
+        ways = spans.way[:, None] * rule(self.n).shares[kind]
+        share = (spans.anchor - self.low[some])[:, None] + ways
         share = np.minimum(np.maximum(share / self.length[some, None], 0.0), 1.0)
         series = self.row.series[self.which[some]]
         values = series @ basis(share, self.n).transpose(0, 2, 1)
@@ -190,7 +193,7 @@ class Stretch:
 
     def _more(self, way: Floats, w: Floats) -> Any:
         """[J] (m,) what a second run has more at the end of each: some roundings."""
-        return self.rounding * np.abs(way) * np.abs(w).mean(axis=1) if self.rounding else 0.0
+        return self.rounding * to_and_fro(way, w) if self.rounding else 0.0
 
     def _settled(self, spans: Spans, inertia: Floats) -> tuple[Floats, Floats, Floats, int]:
         """dK/dq (m, n), gains (m, n + 1), energies (m,), and of how many panels they are found."""
@@ -216,56 +219,80 @@ class Stretch:
         braked = np.maximum(-self.at.sign * w[:, -1], 0.0) * np.abs(
             self.edges[1:] - self.edges[:-1]
         )
-        used_up[:, -1] |= K[:, -1] < math.sqrt(EPS) * braked
+        used_up[:, -1] |= K[:, -1] < ROOT * braked
         return used_up
 
     def _to_standstill(self) -> None:
-        """Cut the panel that holds a standstill there; not where that needs a shorter piece."""
-        w = self.values[:, TAU, :-1]
-        K = begin_energies(self.at.K, self.gains, self._more(self.edges[1:] - self.edges[:-1], w))
-        K = K[:, None] + self.gains
+        """Cut the panel that holds a standstill there; not where that needs a shorter piece.
+
+        It is looked for at the nodes of whole pieces, of which the first may begin further back.
+        """
+        w, way = self.values[:, TAU, :-1], self.edges[1:] - self.edges[:-1]
+        sign, behind = self.at.sign, 0.0 if self.kept[0] else self._work(0)[1](self.at.q)
+        energies = begin_energies(self.at.K - behind, self.gains, self._more(way, w))
+        K = energies[:, None] + self.gains
         used_up = self._used_up(w, K)
+        if not self.kept[0]:
+            used_up[0] &= sign * (self._nodes(0) - self.at.q) > 0
         if not used_up.any():
             return
         i, j = divmod(int(used_up.argmax()), self.n + 1)
-        stop = self._standstill(i, j, K[i])
+        stop = self._standstill(i, j, float(energies[i]), K[i])
         if stop is None:
             return
         self.edges, self.stands = np.append(self.edges[: i + 1], stop), True
         self._take(slice(i + 1))
+        self.kept[i] = False
         if i == 0 and self.at.K == 0:
             self._halved(np.array([0]))
-        else:
-            self._fill(np.array([i]))
 
-    def _standstill(self, i: int, j: int, K: Floats) -> float | None:
-        """Where the energy of a panel is used up, before its node j, by Newton's method.
+    def _nodes(self, i: int) -> Floats:
+        """Places (n + 1,) of a whole piece at its nodes and at its end."""
+        v = rule(self.n).leads[TO_REST, 1:]
+        low, length = self.low[i], self.length[i]
+        return np.asarray(low + length * v if self.at.sign > 0 else low + length * (1.0 - v))
 
-        None if it is not found.
+    def _work(self, i: int) -> tuple[Callable[[float], float], Callable[[float], float]]:
+        """The effort at a place of a piece, and the work of loads from its begin to there.
+
+        Both as of a way along the motion, so that mirrored motions have the same bits.
         """
-        low, length = float(self.low[i]), float(self.length[i])
-        series, largest = self.row.series[self.which[i], TAU], self.row.largest[self.which[i], TAU]
-        effort, work = series.tolist(), (length * rule(self.n).clock @ series).tolist()
-        begin, end, sign = float(self.edges[i]), float(self.edges[i + 1]), self.at.sign
-        energy = float(K[0] - self.gains[i, 0])
-        v = np.append(rule(self.n).v, 1.0)
-        nodes = begin + (end - begin) * (v * v if i == 0 and self.at.K == 0 else v)
-        before, at_before = (float(K[j - 1]), nodes[j - 1]) if j else (energy, begin)
+        sign, length = self.at.sign, float(self.length[i])
+        begin = float(self.low[i]) if sign > 0 else float(self.low[i]) + length
+        series, r = self.row.series[self.which[i], TAU], rule(self.n)
+        series = series if sign > 0 else -series * r.at_zero
+        effort, work = series.tolist(), (length * r.clock @ series).tolist()
+
+        def share(q: float) -> float:
+            return min(max(sign * (q - begin) / length, 0.0), 1.0)
+
+        return lambda q: series_value(effort, share(q)), lambda q: series_value(work, share(q))
+
+    def _standstill(self, i: int, j: int, energy: float, K: Floats) -> float | None:
+        """Where the energy of a panel is used up, before node j of its piece, by Newton's method.
+
+        ``energy`` [J] at the begin of the piece, ``K`` (n + 1,) at its nodes and its end. None if
+        it is not found.
+        """
+        effort, work = self._work(i)
+        begin, sign, nodes = float(self.edges[i]), self.at.sign, self._nodes(i)
+        energy, done = energy if i else self.at.K, work(begin)
+        before, at_before = (float(K[j - 1]), float(nodes[j - 1])) if j else (energy, begin)
+        if sign * (begin - at_before) >= 0:
+            before, at_before = energy, begin
         share = before / (before - float(K[j]))
-        stop, last = float(at_before + share * (nodes[j] - at_before)), math.inf
-        done = series_value(work, min(max((begin - low) / length, 0.0), 1.0))
+        stop, last = at_before + share * (float(nodes[j]) - at_before), math.inf
         while True:
-            x = min(max((stop - low) / length, 0.0), 1.0)
-            tau = series_value(effort, x)
-            if not sign * tau < 0:
+            tau = effort(stop)
+            if not tau < 0:
                 return None
-            step = (energy + series_value(work, x) - done) / -tau
+            step = sign * (energy + work(stop) - done) / -tau
             if abs(step) >= last:
                 break
             last, stop = abs(step), stop + step
             if last <= EPS * abs(stop) or last <= NEXT * abs(stop - begin):
                 break
-        beyond = sign * (stop - self.edges[i + 1]) > math.sqrt(EPS) * abs(stop - begin)
-        rough = abs(tau) < ROUGH * largest  # a small part of a long series
-        least = length / SHORT if rough else CLOSE * abs(stop)
+        beyond = sign * (stop - self.edges[i + 1]) > ROOT * abs(stop - begin)
+        rough = abs(tau) < ROUGH * self.row.largest[self.which[i], TAU]  # of a long series
+        least = float(self.length[i]) / SHORT if rough else CLOSE * abs(stop)
         return None if beyond or sign * (stop - begin) < least else stop

@@ -211,7 +211,7 @@ class System:
     @cached_property
     def depends_on(self) -> frozenset[str]:
         """What loads and friction depend on, of {"q", "rate", "time", "state"}."""
-        variables = loads.depends_on(self.compiled.structure)
+        variables = self.compiled.once(loads.nature).depends_on
         if self.signals.initial:  # also of signals that no load follows: only time moves them
             variables |= {"state"}
         if not self.compiled.structure.signal_wires:
@@ -248,8 +248,8 @@ class System:
     @cached_property
     def damped(self) -> bool:
         """Whether loads follow the rate, each as a straight line."""
-        structure = self.compiled.structure
-        return "rate" in loads.depends_on(structure) and loads.straight_in_rate(structure)
+        nature = self.compiled.once(loads.nature)
+        return "rate" in nature.depends_on and nature.straight_in_rate
 
     def damping(self, q: Floats) -> Floats:
         """Slopes (n,) of efforts that are straight lines in the rate; what is rounding is none."""
@@ -260,8 +260,7 @@ class System:
     @cached_property
     def table(self) -> PlaceTable | None:
         """Polynomials of the place, where all repeats and loads are straight lines in the rate."""
-        structure = self.compiled.structure
-        if self.period is None or not loads.straight_in_rate(structure):
+        if self.period is None or not self.compiled.once(loads.nature).straight_in_rate:
             return None
         return PlaceTable(self, self.period)
 
@@ -269,7 +268,7 @@ class System:
     def lossless(self) -> bool:
         """Whether the loads have a potential with the period, and no joint has friction."""
         free = self.friction is None and self.period is not None
-        return free and loads.lossless(self.compiled.structure)
+        return free and self.compiled.once(loads.nature).lossless
 
     @property
     def noise(self) -> float:

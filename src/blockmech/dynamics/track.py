@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,9 +12,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.dynamics.estimate import ROUNDING, rounded
-from blockmech.dynamics.panels import Floats, Panels
+from blockmech.dynamics.panels import TO_REST, Floats, Panels, rule
 from blockmech.motion import State
 
+FEW = 3  # times that are read one by one as quickly as together
 AT_ONCE = 1024  # turns, times or steps that are worked on together: a megabyte or two
 
 
@@ -64,8 +66,20 @@ class RepeatedSegment:
             self.known[k] = self.panels.taken_from(0.0, k * self.gain)
         return self.known[k]
 
+    def at(self, t: float) -> tuple[float, float]:
+        """Driver coordinate and rate at a time [s]."""
+        since, starts = t - self.t0, self.starts
+        if starts is None:
+            k = math.floor(since / self.duration)
+        else:
+            k = min(max(int(starts.searchsorted(since, "right")) - 1, 0), starts.size - 1)
+        rest = since - (k * self.duration if starts is None else float(starts[k]))
+        back = self.mirrored and k % 2 == 1
+        q, rate = self.repetition(k).at(self.duration - rest if back else rest)
+        return q + k * self.step, -rate if back else rate
+
     def state(self, t: Floats) -> tuple[Floats, Floats]:
-        """Driver coordinate and rate (m,) at times (m,) [s]."""
+        """The same (m,) at times (m,) [s]."""
         since = t - self.t0
         if self.starts is None:
             k = np.floor(since / self.duration)
@@ -175,10 +189,12 @@ def apart(
 
 def _beside(one: Panels, other: Panels) -> Floats:
     """Times [s], places, rates (5, k) in order of time; how much later, and where, another is."""
-    t, q = one.known_times, one.known_places
-    late, off = other.known_times - t, other.known_places - q
-    rows = np.array([t, q, one.known_rates, late, off])
-    for i in one.spans.backward.nonzero()[0].tolist():  # few, if any
+    r, spans, there = rule(one.w.shape[1]), one.spans, other.spans
+    shares, t = r.leads[TO_REST] * r.leads[spans.kind], one.known_times
+    q = spans.anchor[:, None] + spans.way[:, None] * shares
+    off = (there.anchor - spans.anchor)[:, None] + (there.way - spans.way)[:, None] * shares
+    rows = np.array([t, q, one.known_rates, other.known_times - t, off])
+    for i in spans.backward.nonzero()[0].tolist():  # few, if any
         rows[:, i] = rows[:, i, ::-1].copy()
     return rows.reshape(5, -1)
 
@@ -192,17 +208,20 @@ class PathTrack:
     _kept: list[Floats] = field(default_factory=list, repr=False, compare=False)
 
     def state(self, t: Floats) -> State:
-        """State at times (m,) [s]; the last answer is kept, as runs are compared where they end."""
+        """State at times (m,) [s]; that at many is kept, as runs are compared where they end."""
+        if t.size <= FEW:
+            return self._state(t)
         if not (self._kept and np.array_equal(t, self._kept[0])):
             self._kept[:] = t.copy(), *self._state(t)
         _, q, qd = self._kept
         return State(q.copy(), qd.copy())
 
     def _state(self, t: Floats) -> State:
-        since = t - self.t_start
-        which = np.searchsorted([leg.t0 for leg in self.legs[1:]], since, "right")
-        if since.size == 1:
-            return State(*self.legs[int(which[0])].state(since))
+        since, begins = t - self.t_start, [leg.t0 for leg in self.legs[1:]]
+        if since.size <= FEW:
+            each = [self.legs[bisect_right(begins, x)].at(x) for x in since.tolist()]
+            return State(*np.array(each).reshape(-1, 2).T)
+        which = np.searchsorted(begins, since, "right")
         q, qd = np.empty_like(since), np.empty_like(since)
         for i in set(which.tolist()):
             here = np.flatnonzero(which == i)
