@@ -9,7 +9,10 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
+from blockmech.exchange.formats import Order
+from blockmech.exchange.outlines import outlines
 from blockmech.studio import sketching
+from blockmech.studio.answers import Answers
 from blockmech.studio.diagram import Diagram
 from blockmech.studio.fields import Shown
 from blockmech.studio.links import LinksSheet, drawing_of
@@ -366,6 +369,34 @@ def test_a_cam_lifts_a_valve_as_its_law_says():
     assert height == pytest.approx([0.0, 0.1, 0.2, 0.0], abs=1e-12)
     act(pane, "Cam", "C", "A")
     assert "in this order" in pane.said.object
+    made = outlines(Order(pane.sheet.mechanism, (), {"at": {motor: 0.0}}))
+    assert any(made.values())  # of links that have one pin each, and so no length
+
+
+def test_a_press_that_is_drawn_closed_is_released_from_a_pose_that_can_move():
+    """Its cylinder begins at a dead centre, from which nothing is released."""
+    pane = sketch()
+    view = MechanismView(pane.sheet)
+    answers = Answers(pane.sheet, view)
+    for z in (1j, 0.15 + 0.5j, 0j, 1.0 + 0.6j):
+        pane.add(z)
+    act(pane, "Link", "A", "B")
+    act(pane, "Link", "B", "C")
+    act(pane, "To the frame", "A", "D")
+    pane.angle.value = 90.0
+    act(pane, "Slider", "C")
+    act(pane, "Cylinder", "B", "D")
+    assert pane.sheet.problems == ()
+    (q,) = view.coordinates.values()
+    assert q > 1.2 * min(view.motion.q["motor"])
+    act(pane, "Force", "C")
+    answers.until.value = "time=0.1"
+    for words in ("[no-inertia]", "reached: time"):
+        answers.simulate()
+        answers.work.thread.join(30)
+        assert answers.said.object.startswith(words)
+        assert ("Masses" in answers.said.object) == (words == "[no-inertia]")
+        act(pane, "Masses", *pane.drawn)
 
 
 def test_an_angle_is_typed_about_a_pin():

@@ -71,7 +71,7 @@ def outlines(order: Order) -> dict[str, list[Shape]]:
             if all(abs(z - other) > 1e-9 for other in pins):
                 pins.append(z)
     spans = [abs(a - b) for pins in places.values() for a in pins for b in pins]
-    span = max(spans, default=8.0) / MM
+    span = (max(spans, default=0.0) or 8.0) / MM  # of links of one pin each
     width = order.positive("width", span / 8, "m", "20mm") * MM
     hole = order.positive("hole", width / MM / 3, "m", "20mm") * MM
     if not 0 < hole < width:

@@ -18,7 +18,7 @@ from blockmech.samples import Samples
 from blockmech.studies.family import remade
 from blockmech.studies.sampling import normal
 from blockmech.studies.variation import moves_drivers
-from blockmech.studio.looks import TABLE, Plain, beside, button
+from blockmech.studio.looks import TABLE, Plain, button, row
 from blockmech.studio.session import together
 from blockmech.studio.work import OnProgress, Work
 from blockmech.typing import FrictionMethod
@@ -139,7 +139,7 @@ class Analyses:
 
     def panel(self) -> Any:
         """What is asked, below it what is answered, and beside both its picture."""
-        choices = beside(*self.buttons, self.number, self.share)
+        choices = row(*self.buttons, self.number, self.share)
         wide = {"sizing_mode": "stretch_width", "scroll": "x-auto"}
         return pn.Row(pn.Column(choices, self.text, **wide), self.image, **wide)
 
@@ -148,9 +148,8 @@ class Analyses:
         request = self.ask()
         numbers = {} if request is None else request.mechanism.parameters()
         options = ["", *(address for address, number in numbers.items() if number.value)]
-        if self.number.options != options:
-            value = self.number.value if self.number.value in options else ""
-            self.number.param.update(options=options, value=value)
+        value = self.number.value if self.number.value in options else ""
+        self.number.param.update(options=options, value=value)
         self.show()
         self.vary()
 

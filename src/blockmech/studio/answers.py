@@ -21,7 +21,7 @@ from blockmech.samples import DEFAULT_SAMPLES
 from blockmech.studio.analyses import Analyses, Asked, answered
 from blockmech.studio.candidates import Candidates
 from blockmech.studio.curves import WIDE, Plots, panels_of
-from blockmech.studio.looks import LINES, Plain, beside, button
+from blockmech.studio.looks import LINES, Plain, button, row
 from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.work import OnProgress, Work
@@ -103,11 +103,10 @@ class Answers:
         self.names = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
         self.find = Find(label="Add an output", placeholder="part of its name", width=190, **FINDS)
         self.find.param.watch(lambda event: self._add(event.new), "value")
-        methods = list(get_args(FrictionMethod))
+        known = list(get_args(FrictionMethod))
         wanted = {"default": 0.0, **{x: float(x) for x in ACCURACIES}}
-        self.friction = pn.widgets.Select(label="Friction", options=methods, width=92)
+        self.friction = pn.widgets.Select(label="Friction", options=known, value="newton", width=92)
         self.accuracy = pn.widgets.Select(label="Accuracy", options=wanted, width=100)
-        self.friction.value = "newton"
         self.until = pn.widgets.TextInput(label="Simulate until", value="time=2", width=100)
         self.said = Plain("", sizing_mode="stretch_width", min_width=160, stylesheets=[LINES])
         self.values = Div(text="", sizing_mode="stretch_width")
@@ -125,14 +124,14 @@ class Answers:
         """What is asked and what is answered, by tab; each is made when it is first shown."""
 
         def curves() -> Any:
-            choices = (self.find, self.names, beside(self.friction, self.accuracy), self.values)
+            choices = (self.find, self.names, row(self.friction, self.accuracy), self.values)
             return pn.Row(pn.Column(*choices, width=206), self.plots.pane, **WIDE)
 
         acts = button("Simulate", self.simulate), button("Turn", self.view.turn)
 
         return {
             "Curves": curves,
-            "Motion": lambda: beside(self.until, *acts),
+            "Motion": lambda: row(self.until, *acts),
             "Margins": self.view.margins,
             "Analyses": self.analyses.panel,
             "Synthesis": Candidates(self.sheet, self.work).panel,

@@ -25,7 +25,7 @@ from blockmech.studio.files import Desk, Filed, files_of
 from blockmech.studio.form import MECHANISM, Form
 from blockmech.studio.gallery import gallery_parts
 from blockmech.studio.links import LinksSheet
-from blockmech.studio.looks import begin, beside, button, either, page
+from blockmech.studio.looks import button, page, row, set_style, tabs
 from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.server import DRAWING, serve
 from blockmech.studio.session import follow, together
@@ -86,7 +86,7 @@ class Page:
 
     def parts(self) -> list[Any]:
         """What the page shows, from above to below."""
-        bar = beside(
+        bar = row(
             pn.pane.HTML("<h1>blockmech</h1>"),
             *(self.file, self.save, self.replace, self.undo, self.redo),
             *(button("Copy link", self._share), self.kind, button("Export", self._export)),
@@ -100,7 +100,7 @@ class Page:
             "Links and joints": lambda: LinksSheet(self.sheet, self.dark, self.view).panel(),
             "Blocks": lambda: pn.Column(*flow, sizing_mode="stretch_both"),
         }
-        drawn = either(ways, list(ways)[not isinstance(self.sheet.document, Linkage)])
+        drawn = tabs(ways, list(ways)[not isinstance(self.sheet.document, Linkage)])
         below = {
             "sizing_mode": "stretch_width",
             "height": BELOW,
@@ -108,8 +108,8 @@ class Page:
             "css_classes": ["drawer"],
         }
         left = drawn, self.status, pn.Column(self.form.page, **below)
-        head = beside(self.answers.work.stop, self.answers.said, sizing_mode="stretch_width")
-        right = self.view.panel(), either(self.answers.tabs(), "Curves", head)
+        head = row(self.answers.work.stop, self.answers.said, sizing_mode="stretch_width")
+        right = self.view.panel(), tabs(self.answers.tabs(), "Curves", head)
         right[-1].param.update(**below)
         sides = [pn.Column(*s, sizing_mode="stretch_both", scroll="y-auto") for s in (left, right)]
         for side, least in zip(sides, ABOVE, strict=True):
@@ -211,7 +211,7 @@ class Window:
         self.desk = desk
         args = {key: values[0].decode() for key, values in pn.state.session_args.items()}
         self.dark = args.get("theme") == "dark"
-        begin(self.dark)
+        set_style(self.dark)
         self.browser = Browser(self.meant, margin=0)
         self.root = page([self.browser], self.dark)
         self.open(args)
@@ -263,6 +263,6 @@ class Window:
 def in_notebook(document: Opened | None, dark: bool) -> Any:
     """The page of a copy of a document, as a panel object."""
     pn.extension()
-    begin(dark)
+    set_style(dark)
     shown = Page(Filed(None if document is None else document.snapshot()), dark)
     return page([shown.browser, *shown.parts()], dark)

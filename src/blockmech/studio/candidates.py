@@ -16,7 +16,7 @@ import panel as pn
 import blockmech
 from blockmech.draw.mechanism import draw_tile
 from blockmech.draw.paper import image
-from blockmech.studio.looks import LINES, Plain, beside, button
+from blockmech.studio.looks import LINES, Plain, button, row
 from blockmech.studio.sketching import outlines_of, pins_of
 from blockmech.studio.work import OnProgress, Work
 
@@ -50,7 +50,7 @@ class Candidates:
 
     def panel(self) -> Any:
         """What is asked, and below what is proposed."""
-        return pn.Column(beside(self.button, self.said), self.found, sizing_mode="stretch_width")
+        return pn.Column(row(self.button, self.said), self.found, sizing_mode="stretch_width")
 
     def search(self) -> None:
         """Search beside the page; fewer than three of a kind are refused with the reason."""
@@ -76,7 +76,7 @@ class Candidates:
         """The picture of a design, how good it is, and the button that takes it."""
         words = f"miss {design.miss:.2g} m, margin {design.margin:.2g}"
         take = button(f"Take {k}", partial(self.take, design))
-        below = beside(take, Plain(words, stylesheets=[LINES]))
+        below = row(take, Plain(words, stylesheets=[LINES]))
         return pn.Column(pn.pane.HTML(picture, stylesheets=[THUMB], margin=2), below)
 
     def take(self, design: Any) -> None:

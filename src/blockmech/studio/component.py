@@ -31,14 +31,13 @@ class Component(pn.custom.JSComponent):  # type: ignore[misc]  # panel's own typ
 
     done = param.Integer(default=0)
 
-    def __init__(self, meant: Callable[[dict[str, Any]], None] | None = None, **given: Any) -> None:
+    def __init__(self, meant: Callable[[Any], None] = lambda _: None, **given: Any) -> None:
         super().__init__(**given)
         self._meant = meant
 
     def _handle_msg(self, msg: Any) -> None:
         try:
-            if self._meant is not None:
-                self._meant(msg)
+            self._meant(msg)
         finally:
             self.done += 1
 

@@ -21,7 +21,7 @@ from blockmech.model.joints.contents import FRAME
 from blockmech.studio import sketching
 from blockmech.studio.component import Component, script, style
 from blockmech.studio.fields import PAIR, Shown
-from blockmech.studio.looks import beside, button
+from blockmech.studio.looks import button, row
 from blockmech.studio.plots import coloured
 from blockmech.studio.redraw import as_links
 from blockmech.studio.session import follow, heard
@@ -175,8 +175,8 @@ class LinksSheet:
 
     def panel(self) -> Any:
         """The drawing, what is done with chosen pins, and the groups that were found."""
-        fields = beside(self.redraw, self.begin, self.pins, self.place, self.slot, self.angle)
-        tools = beside(*self.buttons)
+        fields = row(self.redraw, self.begin, self.pins, self.place, self.slot, self.angle)
+        tools = row(*self.buttons)
         return pn.Column(tools, self.canvas, fields, self.said, sizing_mode="stretch_both")
 
     # -- what is shown ---------------------------------------------------------------------

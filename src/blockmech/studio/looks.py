@@ -24,7 +24,7 @@ LINES = "pre { font: 12px system-ui, sans-serif; white-space: pre-wrap; margin: 
 
 
 class Look(Native):  # type: ignore[misc]  # panel's own types say nothing of it
-    """The studio's style on all parts of a page that is made after `begin`."""
+    """The studio's style on all parts of a page that is made after `set_style`."""
 
     modifiers = {pn.viewable.Viewable: {"stylesheets": [Inherit, style("widget.css")]}}
 
@@ -36,7 +36,7 @@ class Plain(pn.pane.Str):  # type: ignore[misc]  # as the sheet
         return dict(super()._transform_object(html.escape(str(obj or ""))))
 
 
-def begin(dark: bool) -> None:
+def set_style(dark: bool) -> None:
     """Let the parts that are made from here on have the studio's style."""
     pn.config.design, pn.config.theme = Look, "dark" if dark else "default"
     if pn.state.curdoc is not None:
@@ -48,14 +48,14 @@ def button(label: str, act: Callable[[], Any], **look: Any) -> Any:
     return pn.widgets.Button(label=label, on_click=lambda _: act(), **look)
 
 
-def beside(*parts: Any, **look: Any) -> Any:
+def row(*parts: Any, **look: Any) -> Any:
     """Parts beside one another, in as many lines as they need, on one foot."""
     for part in parts:
         part.align, part.margin = "end", (2, 3)
     return pn.Row(*parts, styles={"flex-wrap": "wrap"}, **look)
 
 
-def either(parts: dict[str, Callable[[], Any]], shown: str, *head: Any) -> Any:
+def tabs(parts: dict[str, Callable[[], Any]], shown: str, *head: Any) -> Any:
     """One of some parts, which a row of buttons above them chooses; made when it is first shown.
 
     ``head`` stands beside the buttons, whatever is shown.

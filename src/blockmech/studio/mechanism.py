@@ -24,10 +24,10 @@ from blockmech.studio.dragging import dragged
 from blockmech.studio.fields import Shown
 from blockmech.studio.figure import MechanismFigure
 from blockmech.studio.film import SHOWN
-from blockmech.studio.looks import beside
+from blockmech.studio.looks import row
 from blockmech.studio.session import follow, heard, together
 from blockmech.studio.sheet import Sheet
-from blockmech.studio.turn import dead_centres, gaps_of, shown_motion, travel
+from blockmech.studio.turn import clearest, dead_centres, gaps_of, shown_motion, travel
 
 
 class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
@@ -96,7 +96,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     @together
     def play(self, motion: Motion | None, said: str = "") -> None:
         """Show a motion, e.g. that of a simulation, until the sheet changes."""
-        last, gaps = 0, []
+        last, gaps, pose = 0, [], self.pose
         if motion is not None:
             last, gaps = len(motion.samples) - 1, gaps_of(motion)
             along = abscissa(motion.result, degrees=self.degrees)
@@ -104,7 +104,9 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             dead = dead_centres(motion)
             events = [(float(np.interp(k, samples, along.values)), name) for k, name in dead]
             self.along = replace(along, events=tuple(events))
-        self.param.update(gaps=gaps, said=said, pose=min(self.pose, last))
+            if self.motion is None and pose in dict(dead):
+                pose = clearest(motion)  # nothing can be released at a dead centre
+        self.param.update(gaps=gaps, said=said, pose=min(pose, last))
         self.motion = motion
         self._show_margins()
         self._draw()
@@ -179,7 +181,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
     def panel(self) -> Any:
         """The figure with its sliders, play button and choice of what is shown."""
         choice = pn.widgets.CheckButtonGroup.from_param(self.param.show, label="Show")
-        return pn.Column(beside(choice), self.figure.picture, sizing_mode="stretch_both")
+        return pn.Column(row(choice), self.figure.picture, sizing_mode="stretch_both")
 
     @together
     def _show_pose(self) -> None:

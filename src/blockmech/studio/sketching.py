@@ -252,8 +252,7 @@ def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
     form = with_item(form, ("drivers", of[ends[1]]), {"joint": ends[1]})  # it has no own law
     sizes = _sizes(form, ends, held, kind)
     made = {"type": kind, "driver": of[ends[0]], "driven": of[ends[1]], **sizes}
-    word = {"gear": "gears"}.get(kind, kind)
-    return dict(with_item(form, ("couplings", free(known, [word], word)), made))
+    return dict(with_item(form, ("couplings", free(known, [kind], kind)), made))
 
 
 def _sizes(form: Form, ends: list[str], held: str, kind: str) -> Form:

@@ -12,6 +12,7 @@ from blockmech.errors import BlockmechError
 from blockmech.studio.looks import button
 
 OnProgress = Callable[..., None]
+HINTS = {"no-inertia": "Masses, above a drawing of links and joints, gives links those of bars."}
 
 
 class Work:
@@ -54,7 +55,7 @@ class Work:
             try:
                 answer, message = task(told), ""
             except BlockmechError as error:
-                message = str(error)
+                message = " ".join((str(error), HINTS.get(error.problems[0].code, ""))).strip()
             except KeyboardInterrupt:
                 message = "stopped"
             finally:  # other work may begin, whatever became of this
