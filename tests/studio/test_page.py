@@ -17,6 +17,7 @@ from tests.studio.page import (
     blocks,
     choose,
     drag_block,
+    drawing,
     drop,
     edit,
     fill,
@@ -332,6 +333,10 @@ def test_units_are_kept_by_the_browser_and_files_stay_si(page, studio):
     assert page.get_by_label("Lengths").input_value() == "inch"
     choose(page, "Edit", "gas")
     page.get_by_label("force [lbf]", exact=True).wait_for()
+    drawing(page, studio)  # whose grid goes by whole steps of the unit shown
+    *steps, unit = page.locator("svg[role=application] .grid text").all_text_contents()
+    assert unit == "[inch]"
+    assert max(map(len, steps)) <= 4, steps
 
 
 def test_texts_of_a_hostile_document_run_nothing(page, studio):

@@ -72,6 +72,12 @@ class Motion:
         known = np.isfinite([*self.origin.values(), *self.axis.values()])
         return np.asarray(known.all(axis=0))
 
+    @property
+    def clearest(self) -> int:
+        """The sample that is farthest from all dead centres."""
+        margins = [*self.quality.margin.values(), self.feasible]
+        return int(np.argmax(np.where(self.feasible, np.min(margins, axis=0), -1.0)))
+
     def only(self, samples: Sequence[int] | NDArray[Any]) -> Motion:
         """Some of the samples, in their order; indices or a mask (n,)."""
         rows: dict[str, Any] = {

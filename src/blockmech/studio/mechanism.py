@@ -27,7 +27,7 @@ from blockmech.studio.film import SHOWN
 from blockmech.studio.looks import row
 from blockmech.studio.session import follow, heard, together
 from blockmech.studio.sheet import Sheet
-from blockmech.studio.turn import clearest, dead_centres, gaps_of, shown_motion, travel
+from blockmech.studio.turn import dead_centres, gaps_of, shown_motion, travel
 
 
 class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
@@ -105,7 +105,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             events = [(float(np.interp(k, samples, along.values)), name) for k, name in dead]
             self.along = replace(along, events=tuple(events))
             if self.motion is None and pose in dict(dead):
-                pose = clearest(motion)  # nothing can be released at a dead centre
+                pose = motion.clearest  # nothing can be released at a dead centre
         self.param.update(gaps=gaps, said=said, pose=min(pose, last))
         self.motion = motion
         self._show_margins()

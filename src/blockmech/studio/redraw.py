@@ -20,7 +20,6 @@ from blockmech.errors import BlockmechError, RequestError, refused
 from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef
 from blockmech.studio.edits import OF_DRIVERS
-from blockmech.studio.turn import clearest
 from blockmech.values import xy
 
 Form = dict[str, Any]
@@ -35,7 +34,7 @@ class _Redrawn:
 
     def __init__(self, form: Mapping[str, Any], motion: Motion) -> None:
         self.form, self.motion, self.s = form, motion, motion.structure
-        self.k = clearest(motion)
+        self.k = motion.clearest
         several = {ref.block for ref in self.s.links if ref.link != ref.block}
         self.links = {
             ref: f"{ref.block}_{ref.link}" if ref.block in several else ref.block

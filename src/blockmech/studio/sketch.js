@@ -45,7 +45,8 @@ export function render({ model, el }) {
   const at = (one) => drag?.moved?.[one.name] ?? one.at;
   const chosen = () => model.chosen.filter(pin);
   const tell = (act, more = {}) => model.send_msg({ act, ...more });
-  const grid = () => nice(12 / view.scale);
+  const stepOf = (least) => nice((least / view.scale) * model.drawing.unit) / model.drawing.unit; // in the unit shown
+  const grid = () => stepOf(12);
   const place = (event) => placeIn(svg, event);
 
   function fit() {
@@ -191,7 +192,7 @@ export function render({ model, el }) {
   pressed(tools, "\u00d7", "Remove the picture", () => { trace = null; hold = ""; draw(); });
 
   function drawGrid(width, height) {
-    const step = nice(60 / view.scale);
+    const step = stepOf(60);
     const lines = put(svg, "g", { class: "grid", "aria-hidden": "true" });
     const [left, top] = metres({ x: 0, y: 0 });
     const [right, bottom] = metres({ x: width, y: height });

@@ -152,12 +152,6 @@ def dead_centres(motion: Motion) -> tuple[tuple[float, str], ...]:
     return tuple(sorted(events))
 
 
-def clearest(motion: Motion) -> int:
-    """The sample that is farthest from all dead centres."""
-    margins = [*motion.quality.margin.values(), motion.feasible]
-    return int(np.argmax(np.where(motion.feasible, np.min(margins, axis=0), -1.0)))
-
-
 @dataclass(frozen=True)
 class Gap:
     """A run of samples without an answer, from the first to the last."""
