@@ -102,3 +102,14 @@ def test_what_is_stiff_is_seen_early_and_left_to_radau():
     assert "it is stiff" in motion.why
     assert motion.cost.states < 120_000  # of half a million that are allowed
     assert abs(motion.q_end - exact(2.0)[0]) <= motion.error
+
+
+def test_what_is_stiff_is_left_to_radau_whatever_the_goal():
+    mech = pendulum(lugre(1e5))
+    start = {"crank": (2.0 + HANGING, 0.0)}
+    motion = mech.simulate("swings=1", want=[], start=start, engine="llvm", accuracy=1e-6).motion
+    assert (motion.method, motion.end, motion.status) == ("radau", "swings", "reached")
+    assert [e.kind for e in motion.events] == ["standstill"]
+    how = {"method": "radau", "accuracy": 1e-8, "engine": "llvm"}
+    timed = mech.simulate("time=1.5", want=[], start=start, **how).motion
+    assert abs(timed.events[0].t - motion.t_end) <= motion.time_error + 1e-8

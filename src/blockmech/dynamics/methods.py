@@ -302,13 +302,16 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
 
 
 def _stiff_or_not(system: System, request: SimulationRequest, why: str) -> Motion:
-    """In time by ``dop853``, or by ``radau`` where that needs too many steps to a given time.
+    """In time by ``dop853``, or by ``radau`` where that needs too many steps.
 
-    That it would is a guess: where ``radau`` needs too many as well, all of them are made.
+    That it needs too many to a given time is a guess: where ``radau`` does as well, all are made.
+    Other goals may never be reached, which is found out by machine code alone in little time.
     """
     motion = in_time(system, replace(request, why=why), "dop853", patient=False)
-    if motion.end == ends.TOO_MANY and request.until.goal == "time":
-        motion = in_time(system, replace(request, why=f"{why}; it is stiff"), "radau")
-        if motion.end == ends.TOO_MANY:
-            return in_time(system, replace(request, why=why), "dop853")
+    timed = request.until.goal == "time"
+    if motion.end == ends.TOO_MANY and (timed or system.quick_states):
+        other = in_time(system, replace(request, why=f"{why}; it is stiff"), "radau")
+        if other.end != ends.TOO_MANY:
+            return other
+        motion = in_time(system, replace(request, why=why), "dop853") if timed else motion
     return motion
