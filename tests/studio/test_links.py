@@ -397,6 +397,10 @@ def test_a_press_that_is_drawn_closed_is_released_from_a_pose_that_can_move():
         assert answers.said.object.startswith(words)
         assert ("Masses" in answers.said.object) == (words == "[no-inertia]")
         act(pane, "Masses", *pane.drawn)
+    for name, words in (("Tolerance", "driver.motor.drive"), ("Verify", "closure of")):
+        answers.analyses.run(name)  # of poses that no law says, with lengths and not with poses
+        answers.work.thread.join(30)
+        assert words in answers.analyses.text.object
 
 
 def test_an_angle_is_typed_about_a_pin():

@@ -96,7 +96,7 @@ def sensitivity(
     names = _differentiable(mechanism, asked_for)
     result = mechanism.run(at, want=names, on_gap=on_gap, **given)
     parameters, alone = _asked(mechanism, result, to)
-    left_out = {a: why for a, p in parameters.items() if (why := _without(p))}
+    left_out = {a: why for a, p in parameters.items() if (why := without_derivative(p))}
     chosen = {a: p for a, p in parameters.items() if a not in left_out}
     near = Variation.of(mechanism, chosen.values())
     if gone := _gone(names, near, asked_for):
@@ -206,7 +206,7 @@ def _stroke_slopes(
 def chosen_numbers(mechanism: Compiled, addresses: Sequence[str]) -> dict[str, Parameter]:
     """Numbers by address that have a derivative. Raises `RequestError` for those that have none."""
     chosen = {p.address: p for p in named(parameters(mechanism), dict.fromkeys(addresses))}
-    if wrong := {a: why for a, p in chosen.items() if (why := _without(p))}:
+    if wrong := {a: why for a, p in chosen.items() if (why := without_derivative(p))}:
         raise RequestError([Problem("no-derivative", a, why) for a, why in wrong.items()])
     return chosen
 
@@ -337,7 +337,7 @@ def _asked(
     return chosen, alone
 
 
-def _without(p: Parameter) -> str:
+def without_derivative(p: Parameter) -> str:
     """Why a number has no derivative; "" where it may have one."""
     if isinstance(p.value, int):
         return "a whole number chooses, it does not grow"

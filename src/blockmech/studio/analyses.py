@@ -15,9 +15,9 @@ from blockmech.draw.panels import Abscissa, Panel, draw_panels
 from blockmech.draw.paper import image
 from blockmech.errors import BlockmechError
 from blockmech.samples import Samples
+from blockmech.studies.differentiate import without_derivative
 from blockmech.studies.family import remade
 from blockmech.studies.sampling import normal
-from blockmech.studies.variation import moves_drivers
 from blockmech.studio.looks import TABLE, Plain, button, row
 from blockmech.studio.session import together
 from blockmech.studio.work import OnProgress, Work
@@ -52,14 +52,20 @@ def answered(
     return mechanism.answer(samples, tuple(names), how)
 
 
+def _at(request: Asked) -> Mapping[str, Any] | None:
+    """The poses that are shown, where the drivers' laws do not say which."""
+    return None if {*request.at} <= {*request.mechanism.scene.drive} else request.at
+
+
 def _tolerance(request: Asked) -> Any:
     """Every length that is not 0 scatters by the share, as a standard deviation."""
     lengths = {
         p.address: normal(p.value, request.share * abs(p.value))
         for p in request.mechanism.parameters().values()
-        if p.unit == "m" and p.value and not moves_drivers(p.path)
+        if p.unit == "m" and p.value and not without_derivative(p)
     }
-    return request.mechanism.tolerance(lengths, request.names[0], friction=request.friction)
+    name, friction = request.names[0], request.friction
+    return request.mechanism.tolerance(lengths, name, _at(request), friction=friction)
 
 
 def _solutions(request: Asked) -> Any:
@@ -92,7 +98,7 @@ ANALYSES: dict[str, tuple[str, Callable[[Asked], Any]]] = {
         lambda ask: ask.mechanism.sensitivity(ask.names[0], at=ask.at, friction=ask.friction),
     ),
     "Tolerance": ("How does the first output scatter with the lengths?", _tolerance),
-    "Verify": ("Do the equations of mechanics hold?", lambda ask: ask.mechanism.verify()),
+    "Verify": ("Do the equations of mechanics hold?", lambda ask: ask.mechanism.verify(_at(ask))),
     "Cost": (
         "What does each chosen output cost?",
         lambda ask: ask.mechanism.explain(ask.names, friction=ask.friction),
