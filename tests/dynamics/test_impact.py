@@ -396,6 +396,34 @@ def test_of_several_stops_those_push_that_must():
         assert set(chosen) == set(np.flatnonzero(P > 1e-12).tolist())
 
 
+@pytest.mark.parametrize("pins", [{}, {"A": bm.Coulomb(coefficient=0.1, radius=0.01)}])
+def test_a_push_rubs_in_pairs_that_nothing_else_loads(pins):
+    oiled = bm.Stribeck(static=0.6, kinetic=0.5, stribeck_speed=0.5, viscous=0.01, radius=0.02)
+
+    def blow(mass):
+        g = bm.Graph("press", gravity=(0.0, -9.81))
+        guide = bm.Marker(at=(0.0, 0.02), angle=0.0)
+        g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "G": guide}))
+        wheel = bm.Link(mass=1.0, inertia=0.02)
+        g.add("crank", bm.Crank(length=0.1, links={"crank": wheel}, friction=pins))
+        g.add("rod", bm.RRP(l=0.3, links={"j": bm.Link(mass=mass)}, friction={"B": oiled}))
+        g.add("moment", bm.Couple(moment=-3.0))
+        for ends in ("frame.A crank.A", "crank.B rod.B", "frame.G rod.S", "crank.crank moment.on"):
+            g.connect(*ends.split())
+        g.start("crank", q=1.2)
+        g.stop("rod.S.coordinate", high=0.38, restitution=0.5)
+        mech = g.compile()
+        (hit, *_) = mech.simulate("time=0.1").motion.impacts
+        close = mech.simulate(times=[0.0, hit.t - 1e-13, 0.1], want="*")
+        assert mech.verify(close).ok  # a time that is the blow's but for rounding
+        return hit
+
+    without, nearly = blow(0.0), blow(1e-9)
+    assert abs(without.friction["rod.B"]) > 0.005
+    assert without.friction["rod.B"] == pytest.approx(nearly.friction["rod.B"], rel=1e-7)
+    assert without.impulse == pytest.approx(nearly.impulse, rel=1e-7)
+
+
 def test_interrupted_between_two_flights_it_keeps_those_before(monkeypatch):
     flights, move = [], simulation.move
 

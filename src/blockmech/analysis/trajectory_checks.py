@@ -91,7 +91,9 @@ def _stretches(result: Result, motion: Motion) -> Stretches:
     structure = result.mechanism.structure
     times = [motion.t_start, *(event.t for event in motion.events), motion.t_end]
     ends = np.unique([*(() if result.time is None else result.time), *times])
-    ends = ends[np.diff(ends, prepend=-np.inf) > 1e-9 * (ends[-1] - ends[0])]  # rounded alike
+    alike = np.diff(ends) <= 1e-9 * (ends[-1] - ends[0])  # of two but for rounding, an event counts
+    first = alike & (np.diff(np.isin(ends, times).astype(int)) > 0)
+    ends = ends[~(np.append(first, False) | np.append(False, alike & ~first))]
     if len(ends) < 2:
         return Stretches(np.empty((0, 2)), *(np.empty((0, 3, NODES)),) * 2)
     q, rate = (x.reshape(len(ends), -1) for x in motion.at(ends))

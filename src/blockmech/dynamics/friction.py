@@ -72,7 +72,8 @@ def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgra
     ``pushed`` : pairs along whose coordinates stops may push
     """
     structure = compiled.structure
-    s = schedule(structure, compiled.scene, replace(GIVEN, pushed=pushed))
+    how = replace(GIVEN, pushed=pushed)  # a push loads pairs that nothing else does
+    s = schedule(structure, compiled.scene, how)
     joints = s.ask(friction.given_joints)
     if not joints:
         return None
@@ -86,7 +87,7 @@ def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgra
         values += [s.ask(forward.slip_acceleration, ref) for ref in joints]
     values += margins(s)
     program = s.program(values)
-    apart = schedule(structure, compiled.scene, GIVEN)
+    apart = schedule(structure, compiled.scene, how)
     rules = friction.terms, friction.terms_at_rest, friction.terms_standing
     law_terms = [x for rule in rules for x in terms(apart, joints, rule)]
     laws = [structure.friction_law(ref) for ref in joints]

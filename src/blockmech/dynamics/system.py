@@ -321,8 +321,9 @@ class System:
         """Joint friction as one driver has it or several, with stops of pairs that may push."""
         if self.method is None or self.method.method == "none":
             return None
-        program = self.compiled.once(pair_program)
-        if pushed and program is not None:
+        if not pushed:
+            program = self.compiled.once(pair_program)
+        else:  # of pairs as well that nothing but a push loads
             if ("pushed", pushed) not in self.kept:
                 self.kept["pushed", pushed] = pair_program(self.compiled, pushed)
             program = self.kept["pushed", pushed]
