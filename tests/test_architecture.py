@@ -207,10 +207,13 @@ def test_importing_blockmech_loads_no_heavy_package(module, needed):
     assert (LATE | {"networkx"}) & set(done.stdout.split()) == needed
 
 
-def test_a_motion_along_the_path_loads_no_scipy():
+@pytest.mark.parametrize("how", ["", ", method='dop853', engine='llvm'"])
+def test_a_motion_along_the_path_or_by_machine_code_loads_no_scipy(how):
+    if how:
+        pytest.importorskip("llvmlite", reason="machine code needs the extra fast")
     code = (
         "import sys, blockmech as bm; bm.Graph.load('graphs/watt_sixbar.json').compile()"
-        ".simulate('standstill'); print('scipy' in sys.modules)"
+        f".simulate('standstill'{how}); print('scipy' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False"]

@@ -122,7 +122,7 @@ class Track(Protocol):
     """Dense output: the state at any time of the run."""
 
     def state(self, t: Floats) -> State:
-        """State at times (m,) [s]."""
+        """State at times (m,) [s], in arrays of its own."""
         ...
 
 
@@ -233,19 +233,17 @@ class Motion(Facts, Report):
         """State at times t [s], of any shape; NaN outside the run."""
         times = np.asarray(t, dtype=np.float64)
         flat = times.ravel()
-        last = flat == self.t_end
-        if last.all() and flat.size:  # nothing to look up: the end is known exactly
+        last = flat == self.t_end  # where it is known exactly
+        if np.count_nonzero(last) == flat.size > 0:
             return Still(self.q_end, self.qd_end).state(times)
         inside = (flat >= self.t_start) & (flat <= self.t_end)
-        whole = inside.all()
-        state = self.track.state(flat if whole else np.where(inside, flat, self.t_start))
-        mask, end = (inside, last) if state.q.ndim == 1 else (inside[:, None], last[:, None])
-        columns: Any = state if whole else (np.where(mask, x, np.nan) for x in state)
-        if last.any():
-            pairs = zip(columns, (self.q_end, self.qd_end), strict=True)
-            columns = (np.where(end, there, x) for x, there in pairs)
-        shape = times.shape + state.q.shape[1:]
-        return State(*(x.reshape(shape) for x in columns))
+        whole = np.count_nonzero(inside) == flat.size
+        q, qd = self.track.state(flat if whole else np.where(inside, flat, self.t_start))
+        q[last], qd[last] = self.q_end, self.qd_end
+        if not whole:
+            q[~inside] = qd[~inside] = np.nan
+        shape = times.shape + q.shape[1:]
+        return State(q.reshape(shape), qd.reshape(shape))
 
     def signal_states(self, t: Floats) -> Floats:
         """States (n, m) of signal blocks and friction laws at times (n,) [s] of the run.

@@ -9,6 +9,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 import pytest
+from scipy.integrate import DOP853
 
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.system import System
@@ -183,6 +184,31 @@ def test_pieces_of_tables(n):
         assert fast(knots, n, x) == piece(knots, n, x)
 
 
+def test_the_scheme_is_that_of_scipy():
+    by, n = stages.scheme(), DOP853.n_stages
+    ours = by.A[:n, :n], by.A[n, :n], by.A[n + 1 :], by.C[:n], by.C[n + 1 :], *by.E, by.D[::-1]
+    theirs = DOP853.A, DOP853.B, DOP853.A_EXTRA, DOP853.C, DOP853.C_EXTRA, DOP853.E5, DOP853.E3
+    for one, other in zip(ours, (*theirs, DOP853.D), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert by.C[n] == 1.0
+
+
+def test_a_finer_run_takes_shorter_steps_where_a_coarser_one_had_to():
+    times, fits = np.array([0.0, 1.0, 1.5, 3.0]), np.array([[2.0], [0.4], [4.0]])
+    step = partial(stages.as_coarser, of=stages.Sizes(3, 8, 5, 16, 13, 1))
+    (fast,) = compiled(as_coarser=step)
+    for t, h, fits_here in (
+        (0.2, 9.0, 0.8),  # up to where shorter ones begin
+        (1.2, 9.0, 0.2),
+        (1.2, 0.1, 0.1),  # its own are shorter
+        (2.0, 9.0, 2.0),
+        (5.0, 9.0, 2.0),  # ahead of it
+    ):
+        assert fast(times, fits, 3, t, h, 0.5) == fits_here
+        assert stages.as_coarser(step.keywords["of"], times, fits, 3, t, h, 0.5) == fits_here
+    assert fast(times, fits, 0, 0.2, 9.0, 0.5) == 9.0
+
+
 @pytest.mark.parametrize("name", ["watt_sixbar", "andrews_squeezer", "pump"])
 @pytest.mark.parametrize("lanes", [1, 2])
 def test_steps_are_those_of_python(name, lanes):
@@ -205,15 +231,15 @@ def test_steps_are_those_of_python(name, lanes):
             np.zeros((lanes, 13, n)),
         )
         y[:, 0, :2], state[:2], state[2:n] = (0.7, 2.0), [[0.7] * lanes, [2.0] * lanes], 0.0
-        same(x, rates.numbers, K[0])
         tolerances = np.full((2, n, lanes), 1e-8)
         tolerances[..., -1] = 1e-10
         series, turns = np.zeros((lanes * most, 8, n)), np.zeros(lanes * most, np.int64)
-        room, counts = np.zeros((stages.ROWS + n, lanes)), np.ones(2 * lanes, np.int64)
+        room = np.zeros((stages.rows_of_room(n, most), lanes))
+        counts = np.ones(2 * lanes, np.int64)
         control = np.tile([0.0, 0.05, 0.01, 0.0, -9.0, 9.0], (lanes, 1))
         first = rates.numbers, K, y.reshape(-1, n), state, *by, tolerances, control
         call(x, *first, t, series, turns, room, counts, most, rates.watched)
-        return t, y, series, turns, control, counts
+        return t, y, series, turns, room, control, counts
 
     def machine(x, *given):
         over(x, *(z.ctypes.data if isinstance(z, np.ndarray) else z for z in given))
@@ -238,10 +264,11 @@ def test_stiff_steps_are_those_of_python(name):
         K, t, y = np.zeros((by.stages, width, 1)), np.zeros(most + 1), np.zeros((most + 1, n))
         y[0, :2], state = (0.7, 2.0), np.zeros(rates.inputs)
         state[:2], state[n + 2 :] = y[0, :2], (1.0, 1e-9)
-        same(state, rates.numbers, K[0])
         tolerances, control = np.full((2, n, 1), 1e-6), np.array([[0.1, 9.0, 0.5, 0.0, -9.0, 9.0]])
         series, turns = np.zeros(most * 8 * n), np.zeros(most, np.int64)
-        room, counts = (np.zeros(k, kind) for k, kind in zip(by.room(n), (float, int), strict=True))
+        room, counts = (
+            np.zeros(k, kind) for k, kind in zip(by.room(n, most), (float, int), strict=True)
+        )
         arrays = K, y, state, *by.scheme, tolerances, control, t, series, turns, room, counts
         call(state, rates.numbers, *arrays, most, rates.watched)
         return t, y, series, turns, control, counts

@@ -9,11 +9,11 @@ Hairer & Wanner, Solving Ordinary Differential Equations II, 1996, IV.8.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from scipy.integrate import DOP853, Radau
 
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.system import REPORTED
@@ -24,17 +24,23 @@ from blockmech.motion import Floats
 from blockmech.plane import EPS
 
 
-class MachineSteps:
-    """A method of SciPy's on an `Equation`, whose rates at the start are known.
+class MachineSteps(ABC):
+    """A method on an `Equation`.
 
-    By machine code nothing of SciPy's is needed: it is made for the first step that cannot be
-    done by that.
+    By machine code nothing of SciPy's is needed: its own solver is made, and the package loaded,
+    for a step that cannot be done by that.
+
+    Attributes
+    ----------
+    t, y : [s] and state reached, t_old : [s] where the last step begins
+    h_abs : [s] the step to try next; 0 before the first one, which is to fit
+    status : "running", "finished" or "failed"
     """
 
     method: ClassVar[Callable[[], Method]]
-    t: float
-    y: Floats
-    h_abs: float  # [s] the step to try next; 0 before the first one, which is to fit
+    t_old: float | None = None
+    status = "running"
+    h_abs = 0.0
 
     def __init__(
         self,
@@ -49,24 +55,30 @@ class MachineSteps:
         finer: Floats | None = None,
     ) -> None:
         """See SciPy's; ``finer`` are tolerances of a run to come, see `CompiledStepper`."""
-        self.equation, self.begun, self.h_abs = equation, False, 0.0
-        self.t, self.y, self.t_old = t0, y0, None
-        self.t_bound, self.max_step, self.status = bound, max_step, "running"
+        self.equation, self.t, self.y = equation, t0, y0
+        self.t_bound, self.max_step = bound, max_step
         self.tolerances, self.finer = np.array([rtol, atol]), finer
+        self._own: Any = None
         equation.method = type(self).method
 
-    def step(self) -> str | None:
+    def step(self) -> None:
         """One step, by SciPy."""
-        if not self.begun:
-            self._begin(*self.tolerances)
-            self.begun = True
-        failed: str | None = super().step()  # type: ignore[misc]
-        return failed
+        if self._own is None or self._own.t != self.t:
+            first = min(self.h_abs, self.t_bound - self.t) or None
+            about = self.equation, self.t, self.y, self.t_bound, self.max_step
+            self._own = self._made(*about, *self.tolerances, first_step=first)
+        own = self._own
+        own.step()
+        self.t_old, self.t, self.y, self.h_abs = own.t_old, own.t, own.y, own.h_abs
+        self.status = own.status
 
-    def _begin(self, rtol: Any, atol: Floats) -> None:
-        first = min(self.h_abs, self.t_bound - self.t) or None
-        about = self.equation, self.t, self.y, self.t_bound, self.max_step, rtol, atol
-        super().__init__(*about, first_step=first)  # type: ignore[call-arg]
+    def dense_output(self) -> Any:
+        """States in the last step."""
+        return self._own.dense_output()
+
+    @abstractmethod
+    def _made(self, *about: Any, first_step: float | None) -> Any:
+        """SciPy's solver, from arguments in its order."""
 
     def steps(self, free_range: tuple[float, float], every: bool) -> AcceptedSteps | None:
         """The next steps by machine code, up to one that may leave a free_range; None without any.
@@ -83,11 +95,12 @@ class MachineSteps:
         how, self.finer = (self.tolerances, most, every, self.finer), None
         made = code.steps(begin, self.h_abs, ends, free_range, *how)
         many = len(made.series)
+        self.equation.know(float(made.y[-1, 0]), *made.row[made.y.shape[1] :][:2])
         self.equation.took(begins + made.tried * by.states[0] + many * by.states[1])
         if not many:
             return None
         self.t_old, self.t = made.t[-2:].tolist()
-        self.y, self.h_abs, self.begun = made.y[-1], made.h, False
+        self.y, self.h_abs = made.y[-1], made.h
         self.status = "finished" if self.t >= self.t_bound else "running"
         calm = many - made.doubtful
         turns = [] if every else made.turns[:calm].nonzero()[0].tolist()
@@ -95,24 +108,32 @@ class MachineSteps:
         return AcceptedSteps(made.t, made.y, dense, calm, turns)
 
 
-class Dop853(MachineSteps, DOP853):  # type: ignore[misc]
+class Dop853(MachineSteps):
     """The explicit method."""
 
     method = staticmethod(dop853)
 
+    def _made(self, *about: Any, first_step: float | None) -> Any:
+        from scipy.integrate import DOP853
 
-class Radau5(MachineSteps, Radau):  # type: ignore[misc]
+        return DOP853(*about, first_step=first_step)
+
+
+class Radau5(MachineSteps):
     """The method for stiff equations."""
 
     method = staticmethod(radau)
-    newton_tol: float
 
-    def _begin(self, rtol: Any, atol: Floats) -> None:
+    def _made(self, *about: Any, first_step: float | None) -> Any:
         """SciPy's, which takes one relative tolerance."""
-        super()._begin(rtol.max(), atol)
+        from scipy.integrate import Radau
+
+        *begin, rtol, atol = about
+        solver = Radau(*begin, rtol.max(), atol, first_step=first_step)
         # SciPy's iterates to 10 EPS, every step to the same side: no finer run would show it.
         # This falls with the tolerance, to 10 EPS at the finest.
-        self.newton_tol = max(self.newton_tol, math.sqrt(EPS / self.rtol))
+        solver.newton_tol = max(solver.newton_tol, math.sqrt(EPS / solver.rtol))
+        return solver
 
 
 class AcceptedSteps(NamedTuple):

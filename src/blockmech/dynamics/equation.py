@@ -124,8 +124,11 @@ class Equation:
             return None
         if (rates := kept_rates(self.system, self.method)) is None:
             return None
-        least = LEAST_INERTIA * self.typical
-        made[key] = CompiledStepper(rates, (0.0, 1.0, least, *map(float, self.sides)), REPORTED)
+        try:
+            stepper = self.system.idle_steppers(self.method).pop()
+        except IndexError:
+            stepper = CompiledStepper(rates, REPORTED)
+        made[key] = stepper.given((0.0, 1.0, LEAST_INERTIA * self.typical, *self.sides))
         return made[key]
 
     def took(self, states: int) -> None:
@@ -305,8 +308,16 @@ def kept_rates(system: System, method: Callable[[], Method] = dop853) -> Compile
     return found
 
 
-def scales(equation: Equation, t: float, y: Floats) -> tuple[float, float]:
-    """A typical speed [rad/s or m/s] and a typical work [J], for the tolerances."""
+def scales(equation: Equation, t: float, y: Floats) -> Floats:
+    """Typical sizes (n,) of the components of a state, for the tolerances."""
+    at, signals = equation.layout, equation.system.signals.sizes
+    speed, work = typical_motion(equation, t, y)
+    moving = [1.0] * at.drivers + [speed] * at.drivers
+    return np.array([*moving, *[work] * (1 + at.rubs), *signals])
+
+
+def typical_motion(equation: Equation, t: float, y: Floats) -> tuple[float, float]:
+    """A typical speed [rad/s or m/s] and a typical work [J]."""
     rate = equation.layout.rate
     push = max((abs(x) for x in equation(t, y)[rate] if not math.isnan(x)), default=0.0)
     fallen = math.sqrt(2 * push * min(equation.system.span, 1.0))

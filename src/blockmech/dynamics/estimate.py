@@ -75,16 +75,17 @@ def difference(
 ) -> Difference:
     """How far two runs of one motion are apart; ``rotary`` (k,): whose coordinate is an angle."""
     times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
-    q, qd = fine.at(times)
-    apart = np.abs(coarse.at(times).q - q).max(axis=0)
+    q, qd = fine.track.state(times)  # they lie in both runs
+    apart = np.abs(coarse.track.state(times).q - q).max(axis=0)
     same = coarse.end == fine.end and coarse.status == fine.status
     if same:
-        apart = np.maximum(apart, np.abs(np.asarray(coarse.q_end) - np.asarray(fine.q_end)))
+        apart = np.maximum(apart, np.abs(np.subtract(coarse.q_end, fine.q_end)))
     late = abs(coarse.t_end - fine.t_end)
     span = fine.t_end - fine.t_start
-    size = float(np.abs(q).max()) + abs(fine.t_end) * float(np.abs(qd).max())
+    low, high = q.min(axis=0), q.max(axis=0)
+    size = float(np.max(np.maximum(high, -low))) + abs(fine.t_end) * float(np.abs(qd).max())
     longest = np.where(rotary, 1.0, math.inf) if q.ndim > 1 else 1.0 if rotary[0] else math.inf
-    near = one_motion(np.ptp(q, axis=0), longest, size)
+    near = one_motion(high - low, longest, size)
     close = bool(np.all(apart <= near)) and late <= PARTED * span
     agree = same and (close or span == 0)
     return Difference(float(np.max(apart)), late, agree, near, times, State(q, qd))
@@ -120,9 +121,10 @@ def rounded(
     """
     late = share * np.maximum(np.abs(t), t - t_start)
     off = (late * np.abs(qd).T).T
-    way = np.abs(np.diff(q, axis=0))
-    near = np.maximum(way, np.append(way[1:], 0 * way[-1:], axis=0))  # on either side
-    return late, off, bool((off[1:] > near).any())
+    far = off[1:] > np.abs(q[1:] - q[:-1])
+    if np.count_nonzero(far):  # also than the way to what follows
+        far[:-1] &= off[1:-1] > np.abs(q[2:] - q[1:-1])
+    return late, off, bool(far.any())
 
 
 def with_rounding(

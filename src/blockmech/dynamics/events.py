@@ -36,7 +36,7 @@ NEAR = 0.1  # margin, a transmission angle of 18 degrees, below which a dip with
 PER_SWING = 64  # samples of a swing or period among which a user's event is looked for
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class EventFunction:
     """An event that may happen: where ``value(t, y)`` changes sign.
 

@@ -126,3 +126,6 @@ class EulerQ(OdeSolver):  # type: ignore[misc]
 
     def _dense_output_impl(self) -> Any:
         return Cubic.of(self)
+
+
+STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}

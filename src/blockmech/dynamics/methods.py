@@ -55,7 +55,7 @@ class Method(NamedTuple):
 def in_time(
     system: System, request: SimulationRequest, method: str, patient: bool = True
 ) -> Motion:
-    """By an integrator in time; it alone needs SciPy, which takes half a second to load."""
+    """By an integrator in time."""
     from blockmech.dynamics import time
 
     return time.in_time(system, request, method, patient)

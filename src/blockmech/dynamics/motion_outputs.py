@@ -186,9 +186,9 @@ def result_along(
     if (pairs := lain_against(mechanism, motion.lying)) is not None:
         how = replace(how, pushed=pairs.refs)
     plan = mechanism.planned(want, how)
-    unknown = t == motion.t_end
-    if motion.end != ends.DEAD_CENTRE or _margin_at_end(mechanism, motion) > SINGULAR:
-        unknown = np.zeros(len(t), bool)
+    unknown = np.zeros(len(t), bool)
+    if motion.end == ends.DEAD_CENTRE and _margin_at_end(mechanism, motion) <= SINGULAR:
+        unknown = t == motion.t_end
     given = MotionInputs(mechanism, how, motion, t, unknown)
     values, engine = mechanism.evaluate(plan, Samples(len(t), given, t), engine, chunk=chunk)
     if unknown.any():

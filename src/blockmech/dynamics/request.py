@@ -47,6 +47,7 @@ GOALS = {
     ),
     "event": GoalNumber("event"),
 }
+METHODS = get_args(MotionMethod)
 ENGINES = ("auto", "scalar", "llvm")
 OUTPUTS = 201  # output times where none are named
 ELSEWHERE = 0.125  # [rad or m, per s, s] or a signal: where a user's function is asked besides
@@ -257,10 +258,9 @@ def _start(starts: Pairs) -> Start:
 
 def check_method(name: str) -> None:
     """Raise `RequestError` for a method that there is not."""
-    names = get_args(MotionMethod)
-    if name not in names:
-        hint, found = close_match(str(name), names), f'there is no method "{name}"'
-        raise refused("method", found, hint, f"valid: {listed(names)}", "method")
+    if name not in METHODS:
+        hint, found = close_match(str(name), METHODS), f'there is no method "{name}"'
+        raise refused("method", found, hint, f"valid: {listed(METHODS)}", "method")
 
 
 def goal_of(until: Any, times: Floats | None) -> Until:

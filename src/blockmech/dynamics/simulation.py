@@ -181,8 +181,8 @@ def _at_times(
     if wanted is None:
         wanted = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
     inside = (wanted >= motion.t_start) & (wanted <= motion.t_end)
-    if not inside.all():
-        late = int(np.count_nonzero(~inside))
+    late = len(wanted) - np.count_nonzero(inside)
+    if late:
         note = f"{late} of {len(wanted)} times after the end are left out"
         motion = replace(motion, notes=(*motion.notes, note))
         wanted = wanted[inside] if inside.any() else np.array([motion.t_end])

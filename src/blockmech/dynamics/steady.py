@@ -27,7 +27,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from blockmech.dynamics import ends, loads
-from blockmech.dynamics.equation import Equation, scales
+from blockmech.dynamics.equation import Equation, typical_motion
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import watched
 from blockmech.dynamics.forcing import (
@@ -58,8 +58,9 @@ from blockmech.dynamics.periodic import (
 )
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.rest import failed_start
+from blockmech.dynamics.run import INTEGRATORS
 from blockmech.dynamics.singular import what_is_ahead
-from blockmech.dynamics.time import SOLVERS, TimeIntegration, in_time
+from blockmech.dynamics.time import TimeIntegration, in_time
 from blockmech.errors import listed
 from blockmech.motion import Floats, Motion
 
@@ -176,7 +177,7 @@ class Flow:
         self.x = self._parts(self.layout.start(start.q, start.rate))
         if self.system.friction is not None:
             self.equation.sides = self.system.friction.sides(float(self.x[0]), 1)
-        self.speed = scales(self.equation, start.t, self._whole(self.x))[0]
+        self.speed = typical_motion(self.equation, start.t, self._whole(self.x))[0]
         # of the parts of a state
         self.size = np.append(np.repeat([min(span, 1.0), self.speed], self.k), self._sizes(self.x))
         if not np.isfinite(self.acceleration(self.x)).all():
@@ -219,7 +220,7 @@ class Flow:
 
     def run(self, request: SimulationRequest, x: Floats, tolerance: float) -> Motion:
         """One integration from a state."""
-        own = request.method in SOLVERS and tolerance > FLOWS
+        own = request.method in INTEGRATORS and tolerance > FLOWS
         method, rest = request.method if own else "dop853", SMALL * self.system.span
         run = TimeIntegration(self.system, request, method, tolerance, self.name, rest)
         run.y = self._whole(x)
@@ -282,14 +283,14 @@ class Flow:
         At a speed that stays the path has nothing but rounding to resolve: then it goes in time.
         """
         request = self.request_from(x, until)
-        by_path = until.goal == "turns" and request.method not in SOLVERS
+        by_path = until.goal == "turns" and request.method not in INTEGRATORS
         if by_path and self.system.smooth_friction and not self.layout.initial:
             found = along_path(self.system, request)
             if found.end == ends.INTERRUPTED:
                 raise KeyboardInterrupt
             if found.end == until.goal:
                 return found
-        own = request.method if request.method in SOLVERS else "dop853"
+        own = request.method if request.method in INTEGRATORS else "dop853"
         finer = (request.accuracy or TARGET) / 10  # the gain of the map enlarges it
         system = self.system
         if self.layout.initial:

@@ -547,8 +547,16 @@ class System:
         """Whether machine code says single states, once many of them are asked for."""
         return len(self.drivers) == 1 and self.engine != "scalar"
 
+    def idle_steppers(self, method: Any) -> list[CompiledStepper]:
+        """Those of a method that runs of the mechanism have left behind."""
+        idle: list[CompiledStepper] = self.kept.setdefault(("steppers", self.method, method), [])
+        return idle
+
     def remember(self) -> None:
-        """Count the states of this run among the mechanism's."""
+        """Count the states of this run among the mechanism's, and leave to others what it made."""
+        for (*_, method), stepper in self.steppers.items():
+            self.idle_steppers(method).append(stepper)
+        self.steppers.clear()
         self.kept["states"] = self.kept.get("states", 0) + self.singles + self.states
 
     def _count(self, samples: int, batch: bool) -> None:

@@ -14,7 +14,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.integrate import LSODA, OdeSolution
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.dop853 import AcceptedSteps, Dop853, MachineSteps, Radau5
@@ -31,10 +30,9 @@ from blockmech.dynamics.events import (
     signal_rules,
     until_terminal,
 )
-from blockmech.dynamics.fixed_steps import EulerQ, RungeKutta4
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.run import EVALUATIONS, INTEGRATORS, Run, RunEnd
+from blockmech.dynamics.run import EVALUATIONS, Run, RunEnd
 from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
 from blockmech.dynamics.stick_slip import Now, Transition, stick_slip
 from blockmech.engines.dense import Dense
@@ -45,8 +43,8 @@ from blockmech.signals.contract import at_once
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-SOLVERS = dict(zip(INTEGRATORS, (Dop853, LSODA, Radau5), strict=True))
-STEPPERS = {"rk4": RungeKutta4, "euler_q": EulerQ}
+SOLVERS = {"dop853": Dop853, "radau": Radau5}
+FIXED = ("rk4", "euler_q")  # steps of the textbooks
 QUICKER = 8  # times as many states may a friction law with a state ask of machine code
 LOOKED_AT = EVALUATIONS / 16  # states by which it shows whether that is enough
 LESS = 0.9  # of the longest step of a coarser run: at order 8 that leaves less than half an error
@@ -70,6 +68,8 @@ class Steps:
         """From pieces, each from one of the times [s] to the next."""
         if all(isinstance(piece, Dense) for piece in pieces):
             return cls(layout, Dense.joined(times, pieces))
+        from scipy.integrate import OdeSolution
+
         return cls(layout, OdeSolution(times, pieces))
 
     def state(self, t: Floats) -> State:
@@ -95,7 +95,8 @@ class TimeIntegration(Run):
     finer: float | None = None  # tolerance of a run that comes after this
     max_step: float = math.inf  # [s]
     patient: bool = True  # whether too many steps are made before they are known to be
-    scales: tuple[float, float] | None = None  # typical speed and work, for the tolerances
+    scales: Floats | None = None  # typical sizes of the state's components, for the tolerances
+    energy: float | None = None  # [J] where it starts
     longest: float = 0.0  # [s] step so far
     y: Floats = field(default_factory=lambda: np.empty(0))
     times: list[float] = field(default_factory=list)
@@ -113,7 +114,7 @@ class TimeIntegration(Run):
             self.general = general_rules(self.system, self.request, *how)
         else:
             self.equation, self.general = before.equation.again(), before.general
-            self.scales = before.scales
+            self.scales, self.energy = before.scales, before.energy
         self.repeats = before is not None
         quick = self.system.remembers and self.system.quick_states
         self.equation.most = EVALUATIONS * (QUICKER if quick else 1)
@@ -146,7 +147,7 @@ class TimeIntegration(Run):
             self.notes.append(f"{end}: {at}")
         if self.method != self.method_wanted and status == "reached":
             self.notes.append(f"{self.method_wanted} gave up on the way, {self.method} went on")
-        fixed = self.method_wanted in STEPPERS
+        fixed = self.method_wanted in FIXED
         if not fixed:
             self.facts["tolerance"] = self.tolerance
         return self.result(
@@ -169,7 +170,10 @@ class TimeIntegration(Run):
         if rubbed:
             self.facts["friction_work"] = rubbed[0]
         if self.pieces:
-            before, after = self.equation.kinetic(start), self.equation.kinetic(self.y)
+            after = self.equation.kinetic(self.y)
+            if self.energy is None:
+                self.energy = self.equation.kinetic(start)
+            before = self.energy
             whole = max(before, after, self.turned)
             balance = abs(after - before - worked + sum(rubbed)) / whole if whole > 0 else 0.0
             if math.isfinite(balance):
@@ -184,7 +188,8 @@ class TimeIntegration(Run):
     def begin(self) -> RunEnd | None:
         """Give pairs with friction the senses in which they slip first."""
         over = self._becomes(self.pairs.begin(self._now))
-        self.scales = self.scales or scales(self.equation, self.t, self.y)
+        if self.scales is None:
+            self.scales = scales(self.equation, self.t, self.y)
         return over
 
     def _becomes(self, change: Transition) -> RunEnd | None:
@@ -230,7 +235,7 @@ class TimeIntegration(Run):
         if at_once(bound, self.t):  # on less than that no solver starts
             self.t = bound
             return None
-        parts = 1 if self.method in STEPPERS else PARTS
+        parts = 1 if self.method in FIXED else PARTS
         known = self.pairs.known(self._now)
         if self.fired is not None and self.fired.kind != ends.RELEASED:
             known.add((self.fired.kind, self.fired.index))
@@ -283,20 +288,23 @@ class TimeIntegration(Run):
     def _tolerances(self, tol: float) -> tuple[Floats, Floats]:
         """Relative and absolute ones of the components of the state."""
         assert self.scales is not None
-        at, (speed, work) = self.layout, self.scales
-        rtol, atol = np.full(at.size, max(tol, FLOOR)), np.full(at.size, tol)
-        rtol[at.q] = FLOOR
-        atol[at.rate], atol[at.works] = tol * speed, tol * work
-        atol[at.signals] = tol * np.array(self.system.signals.sizes)
-        return rtol, atol
+        rtol = np.full(self.layout.size, max(tol, FLOOR))
+        rtol[self.layout.q] = FLOOR
+        return rtol, tol * self.scales
 
     def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
-        if self.method in STEPPERS:
+        if self.method in FIXED:
+            from blockmech.dynamics.fixed_steps import STEPPERS
+
             return STEPPERS[self.method](self.equation, t, y, bound, self.step)
         rtol, atol = self._tolerances(self.tolerance)
         how: dict[str, Any] = {"rtol": rtol, "atol": atol, "max_step": longest}
         if self.finer is not None and self.method == "dop853" and t == self.request.start.t:
             how["finer"] = np.array(self._tolerances(self.finer))
+        if self.method == "lsoda":
+            from scipy.integrate import LSODA
+
+            return LSODA(self.equation, t, y, bound, **how)
         return SOLVERS[self.method](self.equation, t, y, bound, **how)
 
     def _stepped(
@@ -421,9 +429,8 @@ class TimeIntegration(Run):
         return self.t - self.request.start.t, value if goal == "time" else None
 
     def _note(self, hits: list[EventHit], dense: Any) -> None:
-        silent = SILENT | self.pairs.silent
         for hit in hits:
-            if hit.rule.kind in silent:
+            if hit.rule.kind in SILENT or hit.rule.kind in self.pairs.silent:
                 continue
             y = np.array(dense(hit.t))
             if hit.rule.kind == ends.STANDSTILL:

@@ -26,7 +26,7 @@ from types import MappingProxyType
 from typing import Any
 
 from blockmech.engines.loops import Reals, text
-from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, is_truth, needed
+from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, by_depth, is_truth, needed
 from blockmech.engines.singular_values import Lanes, spread
 
 LANES = 8  # one vector register of the widest processors; LLVM splits it on others
@@ -78,6 +78,7 @@ class Text:
         worked out once for all designs. Of several, x holds a place for it behind the inputs.
         """
         nodes = needed([*rows, *given])
+        nodes = by_depth(nodes) if loops else nodes
         lines = [
             "define double @fill(ptr %x, ptr noalias %numbers, ptr noalias %out, i64 %stride, "
             "i64 %n, i64 %slots, i64 %designs) {",

@@ -10,6 +10,7 @@ Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 199
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -23,6 +24,8 @@ from blockmech.engines.llvm import machine_code
 from blockmech.engines.loops import Reals
 
 Floats = NDArray[np.float64]
+# Of an array of one's own, in a third of the time that its attribute ``ctypes`` takes.
+PLACE: Any = (ctypes.c_char * 1).from_buffer
 
 
 def value(series: Reals, n: int, x: float) -> float:
@@ -131,10 +134,10 @@ class Dense:
 
     def __call__(self, t: Any) -> Floats:
         """States (n, ...) at times (...): at one, or (p,)."""
-        times, (m, _, n) = np.asarray(t, np.float64, order="C"), self.series.shape
+        times, (m, _, n) = np.array(t, np.float64, order="C"), self.series.shape
         out = np.empty((n, *times.shape))
-        places = (x.ctypes.data for x in (self.t, self.h, self.series, times, out))
-        compiled()[0](*places, m, n, times.size)
+        if times.size:
+            compiled()[0](*map(PLACE, (self.t, self.h, self.series, times, out)), m, n, times.size)
         return out
 
     def crossings(
@@ -143,7 +146,7 @@ class Dense:
         """Times [s] in the first step at which a component passes a level, see `crossings`."""
         found, row = np.empty(parts), self.series[0, 0, i:]
         many = compiled()[1](
-            row.ctypes.data, found.ctypes.data, self.series.shape[2], level, *ends, way, parts
+            PLACE(row), PLACE(found), self.series.shape[2], level, *ends, way, parts
         )
         begin, h = float(self.t[0]), float(self.h[0])
         return [begin + x * h for x in found[:many].tolist()]

@@ -112,10 +112,28 @@ def needed(wanted: Iterable[Any]) -> list[Node]:
         if node in reached:
             continue
         reached.add(node)
-        if node.op in ("after", "state"):
-            loop = node.args[0]
-            more = [*loop.first, *loop.ahead]
-        else:
-            more = list(node.args)
-        waiting += [x for x in more if isinstance(x, Node)]
+        waiting += _made_of(node, loops=True)
     return sorted(reached, key=lambda n: n.number)
+
+
+def by_depth(nodes: Iterable[Node]) -> list[Node]:
+    """Nodes in their order by how many others come before them, one after the other.
+
+    Where states come one by one, most of the time is that of the longest such chain: what belongs
+    to it is not to wait in line behind what does not.
+    """
+    depth = dict[Node, int]()
+    for node in nodes:
+        before = _made_of(node, loops=node.op == "after")
+        depth[node] = 1 + max((depth[x] for x in before), default=0)
+    return sorted(depth, key=lambda node: (depth[node], node.number))
+
+
+def _made_of(node: Node, loops: bool) -> list[Node]:
+    """The nodes that one is made of; of a state in a loop also what it is after a step."""
+    if node.op in ("after", "state"):
+        loop = node.args[0]
+        more = [*loop.first, *(loop.ahead if loops else ())]
+    else:
+        more = list(node.args)
+    return [x for x in more if isinstance(x, Node)]

@@ -79,7 +79,7 @@ def radau() -> Method:
     D = np.array([-high, -(square + high)])
     return Method(
         steps, 1, C.size, 4, (C, T, back, E, D), (1, 0),
-        lambda n: (VECTORS + n * (16 + 6 * n), 2 + 3 * n),
+        lambda n, _: (VECTORS + n * (16 + 6 * n), 2 + 3 * n),
     )  # fmt: skip
 
 
@@ -437,6 +437,10 @@ def steps(
     n, Z, pivots, control = of.state, room[VECTORS:], counts[2:], controls[0]
     y, scale, allowed = states[0], Z[9 * n :], left_allowed(of, tolerances, Z[12 * n :])
     made, t, h, again = 0, times[0], control[TRY], False
+    for i in range(n):
+        state[i] = y[i]
+    state[n] = t
+    fill(x, numbers, K[0], 1, 1, 0, 1)
     scaled(of, tolerances, y, y, scale)
     if h == 0.0 or room[TIME] != t or room[WANTED] != h:
         room[TIME], room[LAST] = t, 0.0
