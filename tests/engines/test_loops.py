@@ -132,9 +132,27 @@ def scaled_row(of: Sizes, table: Table, i: int) -> None:
     table.done[0] += i
 
 
+def stacked(of: Sizes, rows: Reals, by: Reals, done: Counts, many: int) -> int:
+    """Records made of arrays, one after the other."""
+    count = 0
+    for k in range(many):
+        count += scaled(of, Table(rows[k * of.rows * of.columns :], by[k:], done))
+    return count
+
+
 def missing(table: Table) -> float:
     """A record has its own fields only."""
     return table.columns[0]
+
+
+def so_far(table: Table) -> int:
+    """A count of a record."""
+    return table.done[0]
+
+
+def half(a: Reals) -> int:
+    """A record has all its arrays."""
+    return so_far(Table(a, a, a))
 
 
 def rebound(table: Table, other: Table) -> float:
@@ -174,6 +192,13 @@ def test_records_of_arrays():
     one, other = (Table(a.copy(), by, np.zeros(1, np.int64)) for _ in range(2))
     assert fast(loops.places_of(one)) == scaled(of, other) == 6
     np.testing.assert_array_equal(one.rows, other.rows)
+    (fast,) = compiled(stacked=partial(stacked, of=of))
+    rows, factors, done = rng.normal(size=(3, *of)), rng.normal(size=6), np.zeros(1, np.int64)
+    same = rows.copy()
+    assert fast(rows, factors, done, 3) == 6 + 12 + 18
+    for k in range(3):
+        same[k] *= factors[k : k + 4, None]
+    np.testing.assert_array_equal(rows, same)
 
 
 @pytest.mark.parametrize("n", [2, 5, 64])
@@ -327,6 +352,7 @@ def texts(x: str) -> float:
         (unknown, 2, "no function of this language: math.gamma"),
         (missing, 2, "table has no columns"),
         (rebound, 2, "table is no number and no array"),
+        (half, 2, "Table is made of its arrays"),
         (endless, 4, "a function with an answer ends with a return"),
     ],
 )

@@ -7,7 +7,8 @@ the same bits, for nothing is fused and nothing re-associated. The subset:
                  What is given beforehand, with `partial`, is part of the text: sizes (an int, or
                  a tuple ``of`` of them with names), the name of a function in the text. They
                  may say blocks of an array: ``K: Annotated[Reals, "of.stages", "of.width"]``.
-                 A NamedTuple of arrays is a record, called with `places_of` it
+                 A NamedTuple of arrays is a record, called with `places_of` it; made of arrays
+                 in a call, ``f(Table(rows, by))``
     statements   assignments (also of tuples, and ``+=``), ``if``, ``while``, ``for`` over a range,
                  ``break``, ``continue``, ``return``, calls
     expressions  + - * / of numbers, >> of ints, comparisons of two, and, or, not,
@@ -499,6 +500,8 @@ class _Translation:
             return self._lanewise(function, [self._row(self._value(x)) for x in arguments])
         if known is None:
             function = OWN.get(function, function)
+            if hasattr(function, "_fields"):
+                return self._record(function, [self._value(x) for x in arguments])
             if not isinstance(function, FunctionType):
                 self._refuse(f"no function of this language: {ast.unparse(node)}")
             names = inspect.signature(function).parameters
@@ -519,6 +522,17 @@ class _Translation:
             self.lines.append(call)
             return Value("", NOTHING)
         return self._new(call, known.gives)
+
+    def _record(self, kind: Any, arrays: list[Value]) -> Value:
+        """A record on the stack."""
+        record = Value(f"%record.{next(self.count)}", PLACE, parts=_meant(kind).parts)
+        self.slots.append(f"{record.text} = alloca ptr, i64 {len(arrays)}")
+        if [x.of for x in arrays] != [x.of for _, x in record.parts]:
+            self._refuse(f"{kind.__name__} is made of its arrays")
+        for i, array in enumerate(arrays):
+            place = self._new(f"getelementptr ptr, ptr {record.text}, i64 {i}", PLACE)
+            self.lines.append(f"store ptr {array.text}, ptr {place.text}, align 8")
+        return record
 
     def _lanewise(self, function: Any, values: list[Value]) -> Value:
         """A function of each lane, or of numbers; a choice in each; whether any is true."""
