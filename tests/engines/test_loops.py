@@ -240,7 +240,7 @@ def test_steps_are_those_of_python(name, lanes):
     """The loop of the integrator, with the rates by machine code in both."""
     rates = kept_rates(System(mechanism(name), engine="llvm"))
     n, by, width, most = rates.dimension, stages.scheme(), len(rates.rows), 12
-    sizes = n, width, width - rates.watched, by.C.size, by.E.shape[1], lanes
+    sizes = stages.Sizes(n, width, width - rates.watched, by.C.size, by.E.shape[1], lanes)
     fill, over = rates._code(lanes, stages.steps)
     state = np.zeros((rates.inputs, lanes))
     state[n + 2], state[n + 3] = 1.0, 1e-9
@@ -250,60 +250,66 @@ def test_steps_are_those_of_python(name, lanes):
         fill(x, numbers.ctypes.data, out.ctypes.data, lanes, lanes, 0, 1)
 
     def made(call):
-        K, t, y = (
-            np.zeros((*by.C.shape, width, lanes)),
-            np.zeros(lanes * 13),
-            np.zeros((lanes, 13, n)),
-        )
-        y[:, 0, :2], state[:2], state[2:n] = (0.7, 2.0), [[0.7] * lanes, [2.0] * lanes], 0.0
+        y, t = np.zeros((lanes, 13, n)), np.zeros(lanes * 13)
+        y[:, 0, :2] = 0.7, 2.0
         tolerances = np.full((2, n, lanes), 1e-8)
         tolerances[..., -1] = 1e-10
-        series, turns = np.zeros((lanes * most, 8, n)), np.zeros(lanes * most, np.int64)
-        room = np.zeros((stages.rows_of_room(n, most), lanes))
-        counts = np.ones(2 * lanes, np.int64)
         control = np.tile([0.0, 0.05, 0.01, 0.0, -9.0, 9.0], (lanes, 1))
-        first = rates.numbers, K, y.reshape(-1, n), state, *by, tolerances, control
-        call(x, *first, t, series, turns, room, counts, most, rates.watched)
-        return t, y, series, turns, room, control, counts
+        rhs = np.frombuffer(x), rates.numbers, np.zeros((*by.C.shape, width, lanes)), state
+        run = stages.Run(
+            *(y.reshape(-1, n), t, tolerances, control, np.zeros((lanes * most, 8, n))),
+            *(np.zeros(lanes * most, np.int64), np.ones(lanes, np.int64)),
+        )
+        work = stages.Workspace(*arrays(stages.workspace, sizes, most))
+        call(stages.Rhs(*rhs), by, run, work, most)
+        return run
 
-    def machine(x, *given):
-        over(x, *(z.ctypes.data if isinstance(z, np.ndarray) else z for z in given))
-
-    fast, slow = made(machine), made(partial(stages.steps, stages.Sizes(*sizes), same))
-    assert all(np.abs(fast[-1][:lanes]) > 3)
+    fast, slow = made(by_places(over, rates)), made(in_python(stages.steps, sizes, same, rates))
+    assert all(np.abs(fast.counts) > 3)
     for one, other in zip(fast, slow, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def arrays(room, of, most):
+    """Those beside the steps of a method."""
+    return [np.zeros(shape, kind) for _, kind, shape in room(of, most)]
+
+
+def by_places(over, rates):
+    """Machine code of steps that takes records."""
+    return lambda *given: over(*map(loops.places_of, given[:4]), given[4], rates.watched)
+
+
+def in_python(steps, of, fill, rates):
+    """The same in Python, with rates by machine code."""
+    return lambda *given: steps(of, fill, *given, rates.watched)
 
 
 @pytest.mark.parametrize("name", ["watt_sixbar", "control/speed_controlled_fourbar"])
 def test_stiff_steps_are_those_of_python(name):
     """The same of Radau's method: with matrices, iterations and steps that are tried again."""
     rates = kept_rates(System(mechanism(name), engine="llvm"), radau.radau)
-    n, by, width, most = rates.dimension, rates.method, len(rates.rows), 12
-    of = stages.Sizes(n, width, width - rates.watched, by.stages, by.ends, 1)
+    n, by, most = rates.dimension, rates.method, 12
+    of, state = rates.sizes(1), np.zeros((rates.inputs, 1))
+    x = addresses_of(state[:, 0])
 
-    def same(x, numbers, out, *_):
-        rates.fill(addresses_of(x), numbers.ctypes.data, out.ctypes.data, 1, 1, 0, 1)
+    def same(_x, numbers, out, *_):
+        rates.fill(x, numbers.ctypes.data, out.ctypes.data, 1, 1, 0, 1)
 
     def made(call):
-        K, t, y = np.zeros((by.stages, width, 1)), np.zeros(most + 1), np.zeros((most + 1, n))
-        y[0, :2], state = (0.7, 2.0), np.zeros(rates.inputs)
-        state[:2], state[n + 2 :] = y[0, :2], (1.0, 1e-9)
-        tolerances, control = np.full((2, n, 1), 1e-6), np.array([[0.1, 9.0, 0.5, 0.0, -9.0, 9.0]])
-        series, turns = np.zeros(most * 8 * n), np.zeros(most, np.int64)
-        room, counts = (
-            np.zeros(k, kind) for k, kind in zip(by.room(n, most), (float, int), strict=True)
+        y, t = np.zeros((most + 1, n)), np.zeros(most + 1)
+        y[0, :2], state[n + 2 :, 0] = (0.7, 2.0), (1.0, 1e-9)
+        rhs = np.frombuffer(x), rates.numbers, np.zeros((by.stages, of.width, 1)), state
+        run = stages.Run(
+            *(y, t, np.full((2, n, 1), 1e-6), np.array([[0.1, 9.0, 0.5, 0.0, -9.0, 9.0]])),
+            *(np.zeros((most, 8, n)), np.zeros(most, np.int64), np.zeros(1, np.int64)),
         )
-        arrays = K, y, state, *by.scheme, tolerances, control, t, series, turns, room, counts
-        call(state, rates.numbers, *arrays, most, rates.watched)
-        return t, y, series, turns, control, counts
+        work = radau.Workspace(*arrays(radau.workspace, of, most))
+        call(stages.Rhs(*rhs), by.scheme, run, work, most)
+        return run
 
-    def machine(x, *given):
-        places = (z.ctypes.data if isinstance(z, np.ndarray) else z for z in given)
-        rates.steps(addresses_of(x), *places)
-
-    fast, slow = made(machine), made(partial(radau.steps, of, same))
-    assert abs(fast[-1][0]) > 5
+    fast, slow = made(by_places(rates.steps, rates)), made(in_python(radau.steps, of, same, rates))
+    assert abs(fast.counts[0]) > 5
     for one, other in zip(fast, slow, strict=True):
         np.testing.assert_array_equal(one, other)
 

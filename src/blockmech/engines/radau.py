@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from functools import cache
 from math import sqrt
-from typing import Annotated
+from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -31,11 +31,12 @@ from blockmech.engines.stages import (
     LOW,
     TRIED,
     TRY,
-    Controls,
+    Arrays,
     Fill,
     Limits,
     Method,
-    Rows,
+    Rhs,
+    Run,
     Sizes,
     States,
     is_calm,
@@ -52,11 +53,60 @@ ROOT = sqrt(6.0)
 CUBES = 3.0 ** (2.0 / 3.0) - 3.0 ** (1.0 / 3.0)
 REAL, PART = 3.0 + CUBES, 3.0 - 0.5 * CUBES  # eigenvalues of A^-1, and of two the real part
 TURN = 0.5 * (3.0 ** (5.0 / 6.0) + 3.0 ** (7.0 / 6.0))  # and the imaginary one
-Threes = Annotated[Reals, "3"]
-# Numbers of a step under way, and behind them its vectors: how fast the iteration converges, h, t,
-# whether the slopes are those of this state, for which h there are matrices, the h to try first; of
-# the step before its h, the one tried first, and its error. The next call goes on from them.
-RATE, H, TIME, FRESH, KNOWN, WANTED, LAST, TRIED_FIRST, BEFORE, VECTORS = range(10)
+# Of a step under way: how fast the iteration converges, h, t, whether the slopes are those of this
+# state, for which h there are matrices, the h to try first; of the step before its h, the one tried
+# first, and its error. The next call goes on from them.
+RATE, H, TIME, FRESH, KNOWN, WANTED, LAST, TRIED_FIRST, BEFORE, NUMBERS = range(10)
+Threes: TypeAlias = Annotated[Reals, "3"]
+Vectors: TypeAlias = Annotated[Reals, "of.state"]
+
+
+class Scheme(NamedTuple):
+    """Coefficients: places of the stages; T and its inverse; of the error, and of the cubic."""
+
+    C: Reals
+    T: Threes
+    back: Threes
+    E: Reals
+    D: Threes
+
+
+class Workspace(NamedTuple):
+    """Of a step under way.
+
+    now : its numbers
+    Z, W : (3, n) see above, off : (3 n,) what is left of the equations, and what corrects W
+    scale : (n,) tolerances, sizes : usual sizes of the components
+    error : (n,) of the step, estimate : what Z says of it
+    J : (n, n) slopes of the rates, real, pair : both systems, factored; pivots : and exchanged
+    past : (3, n) of the cubic of the last step
+    """
+
+    now: Reals
+    Z: Vectors
+    W: Vectors
+    off: Reals
+    scale: Reals
+    estimate: Reals
+    error: Reals
+    sizes: Reals
+    J: Vectors
+    real: Reals
+    pair: Reals
+    past: Vectors
+    pivots: Counts
+
+
+def workspace(of: Sizes, most: int) -> Arrays:
+    """Arrays of a `Workspace`."""
+    n = of.state
+    threes, one, square = (3, n), (n,), (n, n)
+    shapes = (
+        *((NUMBERS,), threes, threes, (3 * n,), one, one, one, one),
+        *(square, (n * n,), (4 * n * n,), threes, (3 * n,)),
+    )
+    kinds = *[np.float64] * 12, np.int64
+    return [*zip(Workspace._fields, kinds, shapes, strict=True)]
 
 
 @cache
@@ -77,10 +127,7 @@ def radau() -> Method:
     high = np.array([10.0 / 3.0 + 5.0 * ROOT, 10.0 / 3.0 - 5.0 * ROOT, 10.0 / 3.0])
     square = np.array([-23.0 - 22.0 * ROOT, -23.0 + 22.0 * ROOT, -8.0]) / 3.0
     D = np.array([-high, -(square + high)])
-    return Method(
-        steps, 1, C.size, 4, (C, T, back, E, D), (1, 0),
-        lambda n, _: (VECTORS + n * (16 + 6 * n), 2 + 3 * n),
-    )  # fmt: skip
+    return Method(steps, 1, C.size, 4, Scheme(C, T, back, E, D), (1, 0), workspace)
 
 
 def factor(A: Reals, pivots: Counts, n: int) -> None:
@@ -114,46 +161,40 @@ def solve(A: Reals, pivots: Counts, b: Reals, n: int) -> None:
         b[k] = b[k] / A[k * n + k]
 
 
-def factored(of: Sizes, J: Reals, real: Reals, pair: Reals, pivots: Counts, h: float) -> None:
+def factored(of: Sizes, work: Workspace, h: float) -> None:
     """Both systems of a step."""
-    n = of.state
+    n, real, pair = of.state, work.real, work.pair
     for i in range(n):
         for j in range(n):
-            one, slope = 1.0 if i == j else 0.0, J[i * n + j]
+            one, slope = 1.0 if i == j else 0.0, work.J[i, j]
             real[i * n + j] = REAL / h * one - slope
             pair[2 * i * n + j] = PART / h * one - slope
             pair[2 * i * n + n + j] = TURN / h * one
             pair[2 * (i + n) * n + j] = -TURN / h * one
             pair[2 * (i + n) * n + n + j] = PART / h * one - slope
-    factor(real, pivots, n)
-    factor(pair, pivots[n:], 2 * n)
+    factor(real, work.pivots, n)
+    factor(pair, work.pivots[n:], 2 * n)
 
 
-def slopes(
-    of: Sizes,
-    fill: Fill,
-    x: Reals,
-    numbers: Reals,
-    K: Rows,
-    y: Reals,
-    state: Reals,
-    control: Reals,
-    room: Reals,
-) -> None:
+def evaluate(of: Sizes, fill: Fill, rhs: Rhs, t: float, s: int) -> None:
+    """The rows of the program at a time [s] and a state that stands ready, as a stage's."""
+    rhs.state[of.state, 0] = t
+    fill(rhs.x, rhs.numbers, rhs.K[s], 1, 1, 0, 1)
+
+
+def slopes(of: Sizes, fill: Fill, rhs: Rhs, y: Reals, control: Reals, work: Workspace) -> None:
     """Slopes (n, n) of the rates at a state, each component moved the way it goes."""
-    n, sizes = of.state, room[VECTORS + 12 * of.state :]
-    J = sizes[n:]
-    state[n] = room[TIME]
+    n, K, state, now = of.state, rhs.K, rhs.state, work.now
     for j in range(n):
         for i in range(n):
-            state[i] = y[i]
-        far = STEP * max(abs(y[j]), SMALL * sizes[j])
-        state[j] = y[j] + (-far if K[0, j, 0] < 0.0 else far)
-        fill(x, numbers, K[1], 1, 1, 0, 1)
+            state[i, 0] = y[i]
+        far = STEP * max(abs(y[j]), SMALL * work.sizes[j])
+        state[j, 0] = y[j] + (-far if K[0, j, 0] < 0.0 else far)
+        evaluate(of, fill, rhs, now[TIME], 1)
         for i in range(n):
-            J[i * n + j] = (K[1, i, 0] - K[0, i, 0]) / (state[j] - y[j])
+            work.J[i, j] = (K[1, i, 0] - K[0, i, 0]) / (state[j, 0] - y[j])
     control[TRIED] += float(n)
-    room[FRESH], room[KNOWN] = 1.0, 0.0
+    now[FRESH], now[KNOWN] = 1.0, 0.0
 
 
 def norm(of: Sizes, a: Reals, scale: Reals, many: int) -> float:
@@ -166,49 +207,31 @@ def norm(of: Sizes, a: Reals, scale: Reals, many: int) -> float:
     return sqrt(total / (many * of.state))
 
 
-def scaled(of: Sizes, tolerances: Limits, y: Reals, new: Reals, scale: Reals) -> None:
-    """Tolerances of a step between two states."""
-    for i in range(of.state):
-        larger = max(abs(y[i]), abs(new[i]))
-        scale[i] = tolerances[1, i, 0] + larger * tolerances[0, i, 0]
+def tolerated(of: Sizes, tolerances: Limits, i: int, size: float) -> float:
+    """What a component of such a size may be off."""
+    return float(tolerances[1, i, 0] + size * tolerances[0, i, 0])
 
 
-def moved(of: Sizes, T: Threes, a: Reals, b: Reals) -> None:
+def moved(of: Sizes, T: Threes, a: Vectors, b: Vectors) -> None:
     """Three vectors b made of three others."""
-    n = of.state
     for r in range(3):
-        for i in range(n):
-            b[r * n + i] = T[r, 0] * a[i] + T[r, 1] * a[n + i] + T[r, 2] * a[2 * n + i]
+        for i in range(of.state):
+            b[r, i] = T[r, 0] * a[0, i] + T[r, 1] * a[1, i] + T[r, 2] * a[2, i]
 
 
 def converged(
-    of: Sizes,
-    fill: Fill,
-    x: Reals,
-    numbers: Reals,
-    K: Rows,
-    y: Reals,
-    state: Reals,
-    C: Reals,
-    T: Threes,
-    back: Threes,
-    room: Reals,
-    pivots: Counts,
-    allowed: float,
+    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, y: Reals, work: Workspace, allowed: float
 ) -> int:
     """Iterations that a step's Z took to converge, negative where it did not."""
-    n, h = of.state, room[H]
-    Z = room[VECTORS:]
-    W, off, scale = Z[3 * n :], Z[6 * n :], Z[9 * n :]
-    real, pair = Z[13 * n + n * n :], Z[13 * n + 2 * n * n :]
+    n, K, state, back, h = of.state, rhs.K, rhs.state, by.back, work.now[H]
+    Z, W, off, now, before = work.Z, work.W, work.off, work.now, 0.0
     moved(of, back, Z, W)
-    room[RATE], before = 0.0, 0.0
+    now[RATE] = 0.0
     for k in range(ITERATIONS):
         for s in range(3):
             for i in range(n):
-                state[i] = y[i] + Z[s * n + i]
-            state[n] = room[TIME] + C[s + 1] * h
-            fill(x, numbers, K[s + 1], 1, 1, 0, 1)
+                state[i, 0] = y[i] + Z[s, i]
+            evaluate(of, fill, rhs, now[TIME] + by.C[s + 1] * h, s + 1)
         for i in range(n):
             fast = 0.0 * K[1, i, 0] + 0.0 * K[2, i, 0] + 0.0 * K[3, i, 0]
             if fast != 0.0:
@@ -216,179 +239,128 @@ def converged(
             for r in range(3):
                 rates = back[r, 0] * K[1, i, 0] + back[r, 1] * K[2, i, 0] + back[r, 2] * K[3, i, 0]
                 off[r * n + i] = rates
-            off[i] -= REAL / h * W[i]
-            off[n + i] -= PART / h * W[n + i] + TURN / h * W[2 * n + i]
-            off[2 * n + i] -= PART / h * W[2 * n + i] - TURN / h * W[n + i]
-        solve(real, pivots, off, n)
-        solve(pair, pivots[n:], off[n:], 2 * n)
-        now, left = norm(of, off, scale, 3), 1.0
+            off[i] -= REAL / h * W[0, i]
+            off[n + i] -= PART / h * W[1, i] + TURN / h * W[2, i]
+            off[2 * n + i] -= PART / h * W[2, i] - TURN / h * W[1, i]
+        solve(work.real, work.pivots, off, n)
+        solve(work.pair, work.pivots[n:], off[n:], 2 * n)
+        size, left = norm(of, off, work.scale, 3), 1.0
         if k > 0:
-            rate = now / before
+            rate = size / before
             for _ in range(k, ITERATIONS):
                 left *= rate
-            if not rate < 1.0 or left / (1.0 - rate) * now > allowed:
+            if not rate < 1.0 or left / (1.0 - rate) * size > allowed:
                 return -1 - k
-            room[RATE] = rate
-        for i in range(3 * n):
-            W[i] += off[i]
-        moved(of, T, W, Z)
-        if now == 0.0 or (k > 0 and room[RATE] / (1.0 - room[RATE]) * now < allowed):
+            now[RATE] = rate
+        for r in range(3):
+            for i in range(n):
+                W[r, i] += off[r * n + i]
+        moved(of, by.T, W, Z)
+        if size == 0.0 or (k > 0 and now[RATE] / (1.0 - now[RATE]) * size < allowed):
             return k + 1
-        before = now
+        before = size
     return -ITERATIONS
 
 
-def predicted(of: Sizes, C: Reals, room: Reals) -> None:
+def predicted(of: Sizes, by: Scheme, work: Workspace) -> None:
     """Where the iteration begins: on the cubic of the step before, if there was one."""
-    n, Z = of.state, room[VECTORS:]
-    past = Z[13 * n + 6 * n * n :]
-    for k in range(3 * n):
-        Z[k] = 0.0
-    if not room[LAST] > 0.0:
-        return
+    n, Z, past, now = of.state, work.Z, work.past, work.now
     for s in range(3):
-        x = 1.0 + C[s + 1] * room[H] / room[LAST]
+        x = 1.0 + by.C[s + 1] * now[H] / now[LAST] if now[LAST] > 0.0 else 0.0
         for i in range(n):
-            high = (past[i] * x + past[n + i]) * (1.0 - x) + past[2 * n + i]
-            Z[s * n + i] = high * x - past[2 * n + i]
+            high = (past[0, i] * x + past[1, i]) * (1.0 - x) + past[2, i]
+            Z[s, i] = high * x - past[2, i] if now[LAST] > 0.0 else 0.0
 
 
 def iterated(
-    of: Sizes,
-    fill: Fill,
-    x: Reals,
-    numbers: Reals,
-    K: Rows,
-    y: Reals,
-    state: Reals,
-    C: Reals,
-    T: Threes,
-    back: Threes,
-    control: Reals,
-    room: Reals,
-    pivots: Counts,
+    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, y: Reals, control: Reals, work: Workspace,
     allowed: float,
-) -> int:
+) -> int:  # fmt: skip
     """As `converged`, once more with slopes of this state where those of one before do not do."""
-    n, h = of.state, room[H]
-    J = room[VECTORS + 13 * n :]
+    now = work.now
     while True:
-        if room[KNOWN] != h:
-            factored(of, J, J[n * n :], J[2 * n * n :], pivots, h)
-            room[KNOWN] = h
-        predicted(of, C, room)
-        took = converged(of, fill, x, numbers, K, y, state, C, T, back, room, pivots, allowed)
+        if now[KNOWN] != now[H]:
+            factored(of, work, now[H])
+            now[KNOWN] = now[H]
+        predicted(of, by, work)
+        took = converged(of, fill, rhs, by, y, work, allowed)
         control[TRIED] += 3.0 * abs(float(took))
-        if took > 0 or room[FRESH] == 1.0:
+        if took > 0 or now[FRESH] == 1.0:
             break
-        slopes(of, fill, x, numbers, K, y, state, control, room)
+        slopes(of, fill, rhs, y, control, work)
     return took
 
 
 def ended(
-    of: Sizes,
-    fill: Fill,
-    x: Reals,
-    numbers: Reals,
-    K: Rows,
-    y: Reals,
-    state: Reals,
-    C: Reals,
-    D: Threes,
-    room: Reals,
-    series: Reals,
+    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, y: Reals, work: Workspace, series: States
 ) -> None:
     """The series of a step, see `blockmech.engines.dense`, the rates at its end and inside it."""
-    n, Z = of.state, room[VECTORS:]
-    past = Z[13 * n + 6 * n * n :]
+    n, Z, past, D, state = of.state, work.Z, work.past, by.D, rhs.state
     for i in range(n):
         for r in range(4):
-            series[r * n + i] = 0.0
+            series[r, i] = 0.0
         for r in range(2):
-            past[r * n + i] = D[r, 0] * Z[i] + D[r, 1] * Z[n + i] + D[r, 2] * Z[2 * n + i]
-        past[2 * n + i], series[7 * n + i] = Z[2 * n + i], y[i]
+            past[r, i] = D[r, 0] * Z[0, i] + D[r, 1] * Z[1, i] + D[r, 2] * Z[2, i]
+        past[2, i], series[7, i] = Z[2, i], y[i]
         for r in range(3):
-            series[(4 + r) * n + i] = past[r * n + i]
+            series[4 + r, i] = past[r, i]
     for s in range(of.ends - 1, of.stages):
-        share = C[s]
+        share = by.C[s]
         for i in range(n):
-            high = (series[4 * n + i] * share + series[5 * n + i]) * (1.0 - share)
-            state[i] = (high + series[6 * n + i]) * share + y[i]
-        state[n] = room[TIME] + share * room[H]
-        fill(x, numbers, K[s], 1, 1, 0, 1)
+            high = (series[4, i] * share + series[5, i]) * (1.0 - share)
+            state[i, 0] = (high + series[6, i]) * share + y[i]
+        evaluate(of, fill, rhs, work.now[TIME] + share * work.now[H], s)
 
 
 def error_of(
-    of: Sizes,
-    fill: Fill,
-    x: Reals,
-    numbers: Reals,
-    K: Rows,
-    y: Reals,
-    state: Reals,
-    E: Reals,
-    tolerances: Limits,
-    room: Reals,
-    pivots: Counts,
+    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, tolerances: Limits, y: Reals, work: Workspace,
     again: bool,
-) -> float:
+) -> float:  # fmt: skip
     """The error of a step in tolerances; of one that is tried again it is looked at twice.
 
     Then for rates at a state that is off by the error itself: that takes out what is stiff of it.
     """
-    n, h, Z = of.state, room[H], room[VECTORS:]
-    scale, off, error, real = Z[9 * n :], Z[10 * n :], Z[11 * n :], Z[13 * n + n * n :]
+    n, K, E, Z = of.state, rhs.K, by.E, work.Z
+    estimate, error = work.estimate, work.error
     for i in range(n):
-        off[i] = (E[0] * Z[i] + E[1] * Z[n + i] + E[2] * Z[2 * n + i]) / h
-        error[i] = K[0, i, 0] + off[i]
-        state[i] = y[i] + Z[2 * n + i]
-    scaled(of, tolerances, y, state, scale)
-    solve(real, pivots, error, n)
-    size = norm(of, error, scale, 1)
+        estimate[i] = (E[0] * Z[0, i] + E[1] * Z[1, i] + E[2] * Z[2, i]) / work.now[H]
+        error[i] = K[0, i, 0] + estimate[i]
+        new = y[i] + Z[2, i]
+        work.scale[i] = tolerated(of, tolerances, i, max(abs(y[i]), abs(new)))
+    solve(work.real, work.pivots, error, n)
+    size = norm(of, error, work.scale, 1)
     if again and size > 1.0:
         for i in range(n):
-            state[i] = y[i] + error[i]
-        state[n] = room[TIME]
-        fill(x, numbers, K[1], 1, 1, 0, 1)
+            rhs.state[i, 0] = y[i] + error[i]
+        evaluate(of, fill, rhs, work.now[TIME], 1)
         for i in range(n):
-            error[i] = K[1, i, 0] + off[i]
-        solve(real, pivots, error, n)
-        size = norm(of, error, scale, 1)
+            error[i] = K[1, i, 0] + estimate[i]
+        solve(work.real, work.pivots, error, n)
+        size = norm(of, error, work.scale, 1)
     return size
 
 
-def growth(room: Reals, off: float, took: int) -> float:
+def growth(now: Reals, off: float, took: int) -> float:
     """By how many times the next step may be longer, by the error and the one before."""
     factor = 0.9 * (2 * ITERATIONS + 1) / (2 * ITERATIONS + took) / sqrt(sqrt(off))
-    if room[LAST] > 0.0:
-        factor *= min(1.0, room[H] / room[TRIED_FIRST] * sqrt(sqrt(room[BEFORE] / off)))
+    if now[LAST] > 0.0:
+        factor *= min(1.0, now[H] / now[TRIED_FIRST] * sqrt(sqrt(now[BEFORE] / off)))
     return factor
 
 
-def first_step(
-    of: Sizes,
-    fill: Fill,
-    x: Reals,
-    numbers: Reals,
-    K: Rows,
-    y: Reals,
-    state: Reals,
-    room: Reals,
-    longest: float,
-) -> float:
+def first_step(of: Sizes, fill: Fill, rhs: Rhs, y: Reals, work: Workspace, longest: float) -> float:
     """[s] A step that fits, by how fast the state and its rates change.
 
     Source: Hairer, Norsett & Wanner, II.4, starting step size.
     """
-    n, rates, scale = of.state, room[VECTORS:], room[VECTORS + 9 * of.state :]
+    n, K, rates, scale = of.state, rhs.K, work.Z[0], work.scale
     for i in range(n):
         rates[i] = K[0, i, 0]
     far, fast = norm(of, y, scale, 1), norm(of, rates, scale, 1)
     h = min(1e-6 if far < 1e-5 or fast < 1e-5 else 0.01 * far / fast, longest)
     for i in range(n):
-        state[i] = y[i] + h * rates[i]
-    state[n] = room[TIME] + h
-    fill(x, numbers, K[1], 1, 1, 0, 1)
+        rhs.state[i, 0] = y[i] + h * rates[i]
+    evaluate(of, fill, rhs, work.now[TIME] + h, 1)
     for i in range(n):
         rates[i] = K[1, i, 0] - K[0, i, 0]
     quick = max(fast, norm(of, rates, scale, 1) / h)
@@ -408,84 +380,62 @@ def left_allowed(of: Sizes, tolerances: Limits, sizes: Reals) -> float:
 
 
 def steps(
-    of: Sizes,
-    fill: Fill,
-    x: Reals,
-    numbers: Reals,
-    K: Rows,
-    states: States,
-    state: Reals,
-    C: Reals,
-    T: Threes,
-    back: Threes,
-    E: Reals,
-    D: Threes,
-    tolerances: Limits,
-    controls: Controls,
-    times: Reals,
-    series: Reals,
-    turns: Counts,
-    room: Reals,
-    counts: Counts,
-    most: int,
-    watched: int,
+    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, run: Run, work: Workspace, most: int, watched: int
 ) -> None:
     """Steps up to the bound, so many, or one in which something may happen: as `stages.steps`.
 
-    controls : the fourth is how many states were asked for
+    The fourth of the controls is how many states were asked for.
     """
-    n, Z, pivots, control = of.state, room[VECTORS:], counts[2:], controls[0]
-    y, scale, allowed = states[0], Z[9 * n :], left_allowed(of, tolerances, Z[12 * n :])
-    made, t, h, again = 0, times[0], control[TRY], False
+    n, K, states, control, now = of.state, rhs.K, run.states, run.controls[0], work.now
+    y, allowed = states[0], left_allowed(of, run.tolerances, work.sizes)
+    made, t, h, again = 0, run.times[0], control[TRY], False
     for i in range(n):
-        state[i] = y[i]
-    state[n] = t
-    fill(x, numbers, K[0], 1, 1, 0, 1)
-    scaled(of, tolerances, y, y, scale)
-    if h == 0.0 or room[TIME] != t or room[WANTED] != h:
-        room[TIME], room[LAST] = t, 0.0
+        rhs.state[i, 0] = y[i]
+        work.scale[i] = tolerated(of, run.tolerances, i, abs(y[i]))
+    evaluate(of, fill, rhs, t, 0)
+    if h == 0.0 or now[TIME] != t or now[WANTED] != h:
+        now[TIME], now[LAST] = t, 0.0
         if h == 0.0:
-            h = first_step(of, fill, x, numbers, K, y, state, room, control[BOUND] - t)
-        slopes(of, fill, x, numbers, K, y, state, control, room)
-        room[WANTED] = max(min(h, control[LONGEST]), 10.0 * EPS * abs(t))
-    h = room[WANTED]
+            h = first_step(of, fill, rhs, y, work, control[BOUND] - t)
+        slopes(of, fill, rhs, y, control, work)
+        now[WANTED] = max(min(h, control[LONGEST]), 10.0 * EPS * abs(t))
+    h = now[WANTED]
     while made < most and t < control[BOUND]:
         later = min(t + h, control[BOUND])
         if not (h >= 10.0 * EPS * abs(t) and later > t):
             break
         h = later - t
-        room[H] = h
-        scaled(of, tolerances, y, y, scale)
-        took = iterated(
-            of, fill, x, numbers, K, y, state, C, T, back, control, room, pivots, allowed
-        )
+        now[H] = h
+        for i in range(n):
+            work.scale[i] = tolerated(of, run.tolerances, i, abs(y[i]))
+        took = iterated(of, fill, rhs, by, y, control, work, allowed)
         if took < 0:
             h *= 0.5
             continue
-        off = error_of(of, fill, x, numbers, K, y, state, E, tolerances, room, pivots, again)
-        factor = growth(room, max(off, TINY), took)
+        off = error_of(of, fill, rhs, by, run.tolerances, y, work, again)
+        factor = growth(now, max(off, TINY), took)
         if not off <= 1.0:
             h, again = h * max(0.2, factor), True
             continue
-        ended(of, fill, x, numbers, K, y, state, C, D, room, series[made * 8 * n :])
+        ended(of, fill, rhs, by, y, work, run.series[made])
         control[TRIED] += float(of.stages - of.ends + 1)
-        turns[made], calm = may_turn(of, K, 0), is_calm(of, K, watched, 0)
+        run.turns[made], calm = may_turn(of, K, 0), is_calm(of, K, watched, 0)
         made += 1
         for i in range(n):
-            states[made, i] = y[i] + Z[2 * n + i]
+            states[made, i] = y[i] + work.Z[2, i]
         for k in range(of.width):
             K[0, k, 0] = K[of.ends - 1, k, 0]
-        y, t, times[made], again = states[made], later, later, False
-        room[TIME], room[FRESH] = t, 0.0
-        room[LAST], room[TRIED_FIRST], room[BEFORE] = h, room[WANTED], max(off, TINY)
-        slow = took > 2 and room[RATE] > SLOW
+        y, t, run.times[made], again = states[made], later, later, False
+        now[TIME], now[FRESH] = t, 0.0
+        now[LAST], now[TRIED_FIRST], now[BEFORE] = h, now[WANTED], max(off, TINY)
+        slow = took > 2 and now[RATE] > SLOW
         if slow:
-            slopes(of, fill, x, numbers, K, y, state, control, room)
+            slopes(of, fill, rhs, y, control, work)
         if slow or factor >= 1.2:
             h = min(h * min(10.0, factor), control[LONGEST])
-        room[WANTED] = h
+        now[WANTED] = h
         inside = control[LOW] < y[0] and y[0] < control[HIGH]
         if not (inside and calm):
             made = -made
             break
-    counts[0], control[TRY] = made, h
+    run.counts[0], control[TRY] = made, h

@@ -20,6 +20,7 @@ Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 199
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Callable, Sequence
 from functools import cache, cached_property, partial
@@ -70,7 +71,44 @@ States: TypeAlias = Annotated[Reals, "of.state"]
 Series: TypeAlias = Annotated[Reals, "8", "of.state"]
 Limits: TypeAlias = Annotated[Reals, "of.state", "of.lanes"]
 Controls: TypeAlias = Annotated[Reals, "6"]
+Arrays: TypeAlias = list[tuple[str, Any, tuple[int, ...]]]
 Fill: TypeAlias = Callable[[Reals, Reals, Reals, int, int, int, int], float]
+
+
+class Rhs(NamedTuple):
+    """What a program is asked by, and what it says.
+
+    x : places of its inputs, which are those of ``state``: components, time, what is given
+    numbers : those of the program
+    K : its rows at the stages of a step
+    """
+
+    x: Reals
+    numbers: Reals
+    K: Rows
+    state: Lanes
+
+
+class Run(NamedTuple):
+    """Steps of each lane, see `steps`; those of a lane stand one behind the other.
+
+    states, times : where they begin, and where the last ends
+    tolerances : relative and absolute ones
+    controls : the step to try, 0 for one that fits; bound, longest step, how many were tried, the
+        free_range
+    series : of each, see `blockmech.engines.dense`
+    turns : 1 of a step in which the last number that is watched may change its sign, else 0
+    counts : steps made, negative where something may happen in the last one; first what a lane is
+        at, `BEGINS` or, where there is nothing to do, `OVER`
+    """
+
+    states: States
+    times: Reals
+    tolerances: Limits
+    controls: Controls
+    series: Series
+    turns: Counts
+    counts: Counts
 
 
 class Scheme(NamedTuple):
@@ -81,10 +119,10 @@ class Scheme(NamedTuple):
     D : (4, stages) of the highest terms of a step's series
     """
 
-    A: Floats
-    C: Floats
-    E: Floats
-    D: Floats
+    A: Annotated[Reals, "of.stages"]
+    C: Reals
+    E: Annotated[Reals, "of.ends"]
+    D: Annotated[Reals, "of.stages"]
 
 
 @cache
@@ -115,7 +153,8 @@ class Method(NamedTuple):
     stages, ends : see `Sizes`
     scheme : arrays of coefficients
     states : for how many states a step asks that is tried, and one more that is taken
-    room : of n components and so many steps, how many numbers and counts its loop needs beside
+    workspace : what its loop needs beside, for so many steps: names, kinds and shapes; the first is
+        what it knows of a step when the next steps are asked for
     """
 
     steps: Callable[..., None]
@@ -124,22 +163,33 @@ class Method(NamedTuple):
     ends: int
     scheme: tuple[Floats, ...]
     states: tuple[int, int]
-    room: Callable[[int, int], tuple[int, int]]
+    workspace: Callable[[Sizes, int], Arrays]
 
 
-def rows_of_room(n: int, most: int) -> int:
-    """Rows of numbers beside a step: its own, states, highest terms of series, lengths of steps."""
-    return ROWS + 5 * n + most
+class Workspace(NamedTuple):
+    """Of steps under way: their numbers, states, and highest terms of the series; what lanes are
+    at; and how long a step the error of each one made would have allowed."""
+
+    now: Lanes
+    y: Lanes
+    highest: Lanes
+    fits: Lanes
+    is_at: Counts
+
+
+def workspace(of: Sizes, most: int) -> Arrays:
+    """Arrays of a `Workspace`."""
+    n, lanes = of.state, of.lanes
+    rows = {"now": ROWS, "y": n, "highest": 4 * n, "fits": most}
+    reals: Arrays = [(name, np.float64, (k, lanes)) for name, k in rows.items()]
+    return [*reals, ("is_at", np.int64, (lanes,))]
 
 
 @cache
 def dop853() -> Method:
     """The explicit method of order 8."""
     by, stages, ends = scheme(), scheme().C.size, scheme().E.shape[1]
-    return Method(
-        steps, LANES, stages, ends, by, (ends - 1, stages - ends),
-        lambda n, most: (LANES * rows_of_room(n, most), 2 * LANES),
-    )  # fmt: skip
+    return Method(steps, LANES, stages, ends, by, (ends - 1, stages - ends), workspace)
 
 
 TRY, BOUND, LONGEST, TRIED, LOW, HIGH = range(6)  # columns of a control
@@ -148,20 +198,10 @@ OVER, BEGINS, AGAIN, TAKEN = range(4)  # what a lane is at
 
 
 def rates_at(
-    of: Sizes,
-    fill: Fill,
-    x: Reals,
-    numbers: Reals,
-    K: Rows,
-    y: Lanes,
-    state: Lanes,
-    A: Annotated[Reals, "of.stages"],
-    C: Reals,
-    now: Lanes,
-    begin: int,
-    end: int,
+    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, y: Lanes, now: Lanes, begin: int, end: int
 ) -> None:
-    """Rows of the program at some stages of a step; ``x`` leads to ``state``."""
+    """Rows of the program at some stages of a step."""
+    A, C, K, state = by.A, by.C, rhs.K, rhs.state
     for s in range(begin, end):
         for i in range(of.state):
             total = A[s, 0] * K[0, i]
@@ -169,20 +209,12 @@ def rates_at(
                 total = total + A[s, j] * K[j, i]
             state[i] = y[i] + now[H] * total
         state[of.state] = now[TIME] + C[s] * now[H]
-        fill(x, numbers, K[s], of.lanes, of.lanes, 0, 1)
+        fill(rhs.x, rhs.numbers, K[s], of.lanes, of.lanes, 0, 1)
 
 
-def error_of(
-    of: Sizes,
-    K: Rows,
-    y: Lanes,
-    new: Lanes,
-    now: Lanes,
-    E: Annotated[Reals, "of.ends"],
-    tolerances: Limits,
-) -> None:
+def error_of(of: Sizes, rhs: Rhs, by: Scheme, tolerances: Limits, y: Lanes, now: Lanes) -> None:
     """Errors of steps in tolerances, of the estimates of orders 5 and 3."""
-    none = 0.0 * now[H]
+    K, new, E, none = rhs.K, rhs.state, by.E, 0.0 * now[H]
     fifths, thirds = none, none
     for i in range(of.state):
         larger = np.where(abs(new[i]) > abs(y[i]), abs(new[i]), abs(y[i]))
@@ -246,21 +278,14 @@ def may_turn(of: Sizes, K: Rows, lane: int) -> int:
 
 
 def first_steps(
-    of: Sizes,
-    fill: Fill,
-    x: Reals,
-    numbers: Reals,
-    K: Rows,
-    y: Lanes,
-    state: Lanes,
-    tolerances: Limits,
-    controls: Controls,
+    of: Sizes, fill: Fill, rhs: Rhs, tolerances: Limits, controls: Controls, y: Lanes,
     now: Lanes,
-) -> None:
+) -> None:  # fmt: skip
     """The steps to try first, where none is given.
 
     Source: Hairer, Norsett & Wanner, II.4, starting step size.
     """
+    K, state = rhs.K, rhs.state
     for lane in range(of.lanes):
         far, fast, longest = 0.0, 0.0, controls[lane, BOUND] - now[TIME, lane]
         for i in range(of.state):
@@ -273,7 +298,7 @@ def first_steps(
         for i in range(of.state):
             state[i, lane] = y[i, lane] + h * K[0, i, lane]
         state[of.state, lane] = now[TIME, lane] + h
-    fill(x, numbers, K[1], of.lanes, of.lanes, 0, 1)
+    fill(rhs.x, rhs.numbers, K[1], of.lanes, of.lanes, 0, 1)
     for lane in range(of.lanes):
         bends, h = 0.0, now[H, lane]
         for i in range(of.state):
@@ -303,23 +328,15 @@ def as_coarser(
     return h
 
 
-def tries(
-    of: Sizes,
-    controls: Controls,
-    times: Reals,
-    fits: Lanes,
-    now: Lanes,
-    is_at: Counts,
-    made: int,
-    lane: int,
-) -> int:
+def tries(of: Sizes, run: Run, work: Workspace, made: int, lane: int) -> int:
     """1 where a lane tries a step, and how long a one; else 0."""
-    t, control = now[TIME, lane], controls[lane:]
-    shortest, bound = abs(t) * EPS * 10.0, control[0, BOUND]
+    now, is_at, control = work.now, work.is_at, run.controls[lane]
+    t, bound = now[TIME, lane], control[BOUND]
+    shortest = abs(t) * EPS * 10.0
     if is_at[lane] == BEGINS:
-        h = min(control[0, TRY], control[0, LONGEST])
+        h = min(control[TRY], control[LONGEST])
         if lane > 0:
-            h = as_coarser(of, times, fits, made, t, h, now[SHARE, lane])
+            h = as_coarser(of, run.times, work.fits, made, t, h, now[SHARE, lane])
         now[FREE, lane] = max(h, shortest)
         now[GROWS, lane] = 10.0
     if is_at[lane] != OVER and now[FREE, lane] < shortest:
@@ -330,41 +347,16 @@ def tries(
 
 
 def steps(
-    of: Sizes,
-    fill: Fill,
-    x: Reals,
-    numbers: Reals,
-    K: Rows,
-    states: States,
-    state: Lanes,
-    A: Annotated[Reals, "of.stages"],
-    C: Reals,
-    E: Annotated[Reals, "of.ends"],
-    D: Annotated[Reals, "of.stages"],
-    tolerances: Limits,
-    controls: Controls,
-    times: Reals,
-    series: Series,
-    turns: Counts,
-    room: Lanes,
-    counts: Counts,
-    most: int,
-    watched: int,
+    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, run: Run, work: Workspace, most: int, watched: int
 ) -> None:
     """Steps of each lane, up to its bound, so many, or one in which something may happen.
 
-    K : rows of the program at the stages of the last step, where something may happen in it; else
-        the first is that of the end
-    controls : of each lane the step to try, 0 for one that fits; bound, longest step, how many were
-        tried, the free_range
-    turns : 1 of a step in which the last number that is watched may change its sign, else 0
-    room : of a step under way, and how long a step the error of each one made would have allowed:
-        lanes are finer than the first
-    counts : steps made, negative where something may happen in the last one; first what a lane is
-        at, `BEGINS` or, where there is nothing to do, `OVER`
+    The rows that are left are those at the stages of the last step, where something may happen in
+    it; else the first is that of the end. Lanes are finer than the first.
     """
-    is_at, now, y, n = counts[of.lanes :], room, room[ROWS:], of.state
-    highest, fits = room[ROWS + n :], room[ROWS + 5 * n :]
+    K, state, states, times = rhs.K, rhs.state, run.states, run.times
+    tolerances, controls, counts = run.tolerances, run.controls, run.counts
+    now, y, is_at = work.now, work.y, work.is_at
     for lane in range(of.lanes):
         is_at[lane], counts[lane], now[TIME, lane] = counts[lane], 0, times[lane * (most + 1)]
         for i in range(of.state):
@@ -372,9 +364,9 @@ def steps(
             state[i, lane] = y[i, lane]
         state[of.state, lane] = now[TIME, lane]
         now[SHARE, lane] = sqrt(sqrt(sqrt(tolerances[1, 0, lane] / tolerances[1, 0, 0])))
-    fill(x, numbers, K[0], of.lanes, of.lanes, 0, 1)
+    fill(rhs.x, rhs.numbers, K[0], of.lanes, of.lanes, 0, 1)
     if controls[0, TRY] == 0.0 and most > 0:
-        first_steps(of, fill, x, numbers, K, y, state, tolerances, controls, now)
+        first_steps(of, fill, rhs, tolerances, controls, y, now)
     while True:
         going, taken = 0, False
         for lane in range(of.lanes):
@@ -382,11 +374,11 @@ def steps(
             if is_at[lane] == BEGINS and ended:
                 is_at[lane] = OVER
             made = counts[0] if counts[0] > 0 else -counts[0]
-            going += tries(of, controls, times, fits, now, is_at, made, lane)
+            going += tries(of, run, work, made, lane)
         if going == 0:
             return
-        rates_at(of, fill, x, numbers, K, y, state, A, C, now, 1, of.ends)
-        error_of(of, K, y, state, now, E, tolerances)
+        rates_at(of, fill, rhs, by, y, now, 1, of.ends)
+        error_of(of, rhs, by, tolerances, y, now)
         for lane in range(of.lanes):
             if is_at[lane] == OVER:
                 continue
@@ -401,18 +393,18 @@ def steps(
                 controls[lane, TRY] = h * min(factor, now[GROWS, lane])
                 counts[lane] += 1
                 at = lane * (most + 1) + counts[lane]
-                times[at], fits[counts[lane] - 1, lane] = now[LATER, lane], h * factor
+                times[at], work.fits[counts[lane] - 1, lane] = now[LATER, lane], h * factor
                 for i in range(of.state):
                     states[at, i] = state[i, lane]
         if taken:
-            rates_at(of, fill, x, numbers, K, y, state, A, C, now, of.ends, of.stages)
-            highest_terms(of, K, now, D, highest)
+            rates_at(of, fill, rhs, by, y, now, of.ends, of.stages)
+            highest_terms(of, K, now, by.D, work.highest)
         for lane in range(of.lanes):
             if is_at[lane] == TAKEN:
                 at, m = lane * (most + 1) + counts[lane], lane * most + counts[lane] - 1
                 new = states[at]
-                series_of(of, K, y, new, now[H, lane], highest, series[m], lane)
-                turns[m] = may_turn(of, K, lane)
+                series_of(of, K, y, new, now[H, lane], work.highest, run.series[m], lane)
+                run.turns[m] = may_turn(of, K, lane)
                 for i in range(of.state):
                     y[i, lane] = new[i]
                 now[TIME, lane], is_at[lane] = now[LATER, lane], BEGINS
@@ -425,41 +417,23 @@ def steps(
 
 
 def fleet(
-    of: Sizes,
-    fill: Fill,
-    slots: int,
-    more: int,
-    x: Reals,
-    numbers: Reals,
-    blocks: Annotated[Reals, "of.stages", "of.width", "of.lanes"],
-    states: States,
-    state: Lanes,
-    A: Annotated[Reals, "of.stages"],
-    C: Reals,
-    E: Annotated[Reals, "of.ends"],
-    D: Annotated[Reals, "of.stages"],
-    tolerances: Annotated[Reals, "2", "of.state", "of.lanes"],
-    controls: Controls,
-    times: Reals,
-    series: Series,
-    turns: Counts,
-    room: Lanes,
-    given: Reals,
-    counts: Counts,
-    most: int,
-    watched: int,
-    designs: int,
-) -> None:
+    of: Sizes, fill: Fill, slots: int, more: int, rhs: Rhs, by: Scheme, run: Run, work: Workspace,
+    given: Reals, most: int, watched: int, designs: int,
+) -> None:  # fmt: skip
     """Steps of each design, from its first state and time: one lane after the other."""
     for d in range(designs):
-        first, K, control, limits = d * (most + 1), blocks[d], controls[d:], tolerances[d]
-        P, y, t, count = numbers[d * slots :], states[first:], times[first:], counts[d:]
+        first = d * (most + 1)
         for k in range(more):
-            state[of.state + 1 + k, 0] = given[d * more + k]
-        count[0] = BEGINS
+            rhs.state[of.state + 1 + k, 0] = given[d * more + k]
+        run.counts[d] = BEGINS
         steps(
-            of, fill, x, P, K, y, state, A, C, E, D, limits, control, t, series[d * most :], turns,
-            room, count, most, watched,
+            of, fill,
+            Rhs(rhs.x, rhs.numbers[d * slots :], rhs.K[d * of.stages :], rhs.state), by,
+            Run(
+                run.states[first:], run.times[first:], run.tolerances[2 * d :], run.controls[d:],
+                run.series[d * most :], run.turns, run.counts[d:],
+            ),
+            work, most, watched,
         )  # fmt: skip
 
 
@@ -528,19 +502,19 @@ class CompiledRhs:
         t, y = np.zeros((m, most + 1)), np.zeros((m, most + 1, n))
         t[:, 0], y[:, 0] = begin
         K, series = np.empty((m, len(by.C), width)), np.empty((m, most, 8, n))
-        counts, turns = np.zeros(m + 1, np.int64), np.zeros(most, np.int64)
-        state, room = np.zeros(self.inputs), np.zeros(rows_of_room(n, most))
-        x = addresses_of(state)
+        counts, turns = np.zeros(m, np.int64), np.zeros(most, np.int64)
+        state = np.zeros(self.inputs)
         slots, given, control, tolerances = map(
             np.ascontiguousarray, (slots, given, control, tolerances)
         )
-        arrays = [slots, K, y, state, *by, tolerances, control, t, series, turns, room]
-        arrays += [given, counts]
-        places = (a.ctypes.data for a in arrays)
-        _, over = self.of_designs
-        over(slots.shape[1], given.shape[1], x, *places, most, self.watched, m)
-        made, h, tried = np.abs(counts[:m]), control[:, TRY], control[:, TRIED]
-        return FleetSteps(t, y, K, series, made, counts[:m] < 0, h, tried)
+        work = [np.zeros(shape, kind) for _, kind, shape in workspace(self.sizes(1), most)]
+        x, (_, over) = addresses_of(state), self.of_designs
+        rhs = loops.places_of(Rhs(np.frombuffer(x), slots, K, state))
+        run = loops.places_of(Run(y, t, tolerances, control, series, turns, counts))
+        by_place = rhs, loops.places_of(by), run, loops.places_of(work), given.ctypes.data
+        over(slots.shape[1], given.shape[1], *by_place, most, self.watched, m)
+        made, h, tried = np.abs(counts), control[:, TRY], control[:, TRIED]
+        return FleetSteps(t, y, K, series, made, counts < 0, h, tried)
 
 
 class FleetSteps(NamedTuple):
@@ -587,23 +561,26 @@ class Steps(NamedTuple):
 
 
 @cache
-def room_of(
-    of: Sizes, inputs: int, most: int, room: int, counts: int
+def buffers(
+    workspace: Callable[[Sizes, int], Arrays], of: Sizes, inputs: int, most: int
 ) -> tuple[np.dtype[Any], tuple[int, ...]]:
-    """The arrays of `steps` one behind the other: places of inputs first; where each begins."""
+    """Arrays of `Rhs`, of `Run` and of the workspace one behind the other; where each begins.
+
+    But for the numbers of the program, which it has itself.
+    """
     n, lanes, real, count = of.state, of.lanes, np.float64, np.int64
-    arrays: list[tuple[str, Any, tuple[int, ...]]] = [
+    arrays: Arrays = [
         ("x", count, (inputs,)),
         ("K", real, (of.stages, of.width, lanes)),
-        ("states", real, (lanes * (most + 1), n)),
         ("state", real, (inputs, lanes)),
+        ("states", real, (lanes * (most + 1), n)),
+        ("times", real, (lanes * (most + 1),)),
         ("tolerances", real, (2, n, lanes)),
         ("controls", real, (lanes, 6)),
-        ("times", real, (lanes * (most + 1),)),
         ("series", real, (lanes * most, 8, n)),
         ("turns", count, (lanes * most,)),
-        ("room", real, (room,)),
-        ("counts", count, (counts,)),
+        ("counts", count, (lanes,)),
+        *workspace(of, most),
     ]
     sizes = (8 * math.prod(shape) for *_, shape in arrays)
     return np.dtype(arrays), tuple(accumulate(sizes, initial=0))[:-1]
@@ -617,24 +594,26 @@ class CompiledStepper:
 
     def __init__(self, rates: CompiledRhs, most: int) -> None:
         by = rates.method
-        room = by.room(rates.dimension, most)
-        kind, begins = room_of(rates.sizes(by.lanes), rates.inputs, most, *room)
+        kind, begins = buffers(by.workspace, rates.sizes(by.lanes), rates.inputs, most)
         whole = np.empty((), kind)
         parts = [whole[name] for name in kind.names or ()]
-        inputs, self._rows, self._y, self._state, self._tolerances, self._control = parts[:6]
-        self._t, self._series, self._turns, self._room, self._counts = parts[6:]
+        inputs, self._rows, self._state, self._y, self._t, self._tolerances = parts[:6]
+        self._control, self._series, self._turns, self._counts, self._now = parts[6:11]
         first, row = int(whole.ctypes.data), 8 * by.lanes
-        x, K, y, state, *more = (first + begin for begin in begins)
+        x, K, state, *more = (first + begin for begin in begins)
         inputs[:] = range(state, state + row * rates.inputs, row)
-        scheme = (c.ctypes.data for c in by.scheme)
-        self._rates, self._places = rates, (x, rates.place, K, y, state, *scheme, *more)
+        records = x, rates.place, K, state, *more
+        self._kept = (ctypes.c_void_p * len(records))(*records), loops.places_of(by.scheme)
+        rhs, scheme = map(ctypes.addressof, self._kept)
+        run = rhs + 8 * len(Rhs._fields)
+        self._rates, self._places = rates, (rhs, scheme, run, run + 8 * len(Run._fields))
         self._end = by.ends - 1
         self._one = x, rates.place, K, by.lanes, by.lanes, 0, 1
         self._known: dict[tuple[float, ...], list[float]] = {}
 
     def given(self, numbers: Sequence[float]) -> CompiledStepper:
         """Itself, from now on with these numbers, and without what it knew."""
-        self._state[-len(numbers) :].T[:], self._room[:] = numbers, math.nan
+        self._state[-len(numbers) :].T[:], self._now[:] = numbers, math.nan
         self._known.clear()
         self._ahead: tuple[Any, Steps] | None = None
         return self
