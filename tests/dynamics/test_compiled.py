@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.dynamics import dop853
+from blockmech.dynamics import solvers
 from blockmech.dynamics import system as systems
 from blockmech.dynamics.change_points import FollowingSystem
-from blockmech.dynamics.dop853 import Dop853
 from blockmech.dynamics.equation import Equation, kept_rates
+from blockmech.dynamics.solvers import Dop853
 from blockmech.dynamics.system import System
 from blockmech.settings import friction_asked
 from tests.dynamics.test_friction import pendulum, rubbing
@@ -192,7 +192,7 @@ def test_in_steps_that_machine_code_calls_calm_nothing_happens(monkeypatch, make
 
     monkeypatch.setattr(Dop853, "steps", alone)
     passed = make().simulate(watch=[PASSES], **request).motion
-    monkeypatch.setattr(dop853, "REPORTED", 1)
+    monkeypatch.setattr(solvers, "REPORTED", 1)
     monkeypatch.setattr(Dop853, "steps", in_doubt)
     looked_at = make().simulate(watch=[PASSES], **request).motion
     assert [e.kind for e in passed.events] == [e.kind for e in looked_at.events]

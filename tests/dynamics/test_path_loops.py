@@ -152,7 +152,7 @@ def test_machine_code_has_the_bits_of_its_python(llvm, K):
             return getattr(PathCode.made(), function.__name__)(places_of(nodes), *by_place)
 
         numbers = shift, goal, many, float(sign), 1e-14, RESOLVED
-        ended = call(path_loops.stretch, *pieces, *numbers, runs, records, count, room)
+        ended = call(path_loops.over_pieces, *pieces, *numbers, runs, records, count, room)
         assert ended == (1 if K else 2)
         n = int(count[0])
         call(path_loops.beside, records, records, n, 1, at, found)

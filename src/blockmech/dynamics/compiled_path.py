@@ -1,6 +1,6 @@
 """Motions along the path by machine code: both runs side by side, see `path_loops`.
 
-The program is the same for all mechanisms. What it leaves to others, who go by arrays (`Stretch`,
+The program is the same for all mechanisms. What it leaves to others, who go by arrays (`PanelRow`,
 `second_run`): joint friction, loads of the rate, dead centres, whatever is not resolved on the
 pieces of the path that are kept.
 """
@@ -38,9 +38,9 @@ from blockmech.dynamics.path_loops import (
     beside,
     lasting,
     nodes,
+    over_pieces,
     placed,
     sizes,
-    stretch,
 )
 from blockmech.dynamics.path_mesh import FINE, LeftToArraysError
 from blockmech.dynamics.place_data import TAU, J
@@ -53,14 +53,14 @@ if TYPE_CHECKING:
     from blockmech.dynamics.panel_builder import PathState
     from blockmech.dynamics.path_mesh import PathMesh
 
-LOOPS = stretch, beside, again, placed, lasting
+LOOPS = over_pieces, beside, again, placed, lasting
 SHAPE = PANEL, 2, FINE + 2  # of a panel's record
 
 
 class PathCode(NamedTuple):
     """The loops as machine code, and where the nodes of the path method stand."""
 
-    stretch: Any
+    over_pieces: Any
     beside: Any
     again: Any
     placed: Any
@@ -224,7 +224,7 @@ class BothRuns:
 
     def __init__(self, code: PathCode, rounding: float, tolerance: float) -> None:
         self.code, self.rounding, self.tolerance = code, rounding, tolerance
-        self.room = np.zeros(9 + 4 * FINE)  # for `stretch`; before that its runs, and a count
+        self.room = np.zeros(9 + 4 * FINE)  # for `over_pieces`; before that its runs, and a count
         self.runs, self.done = self.room[:8].reshape(2, 4), self.room[8:9].view(np.int64)
 
     def begin(self, q: float, K: float, there: float) -> None:
@@ -244,7 +244,7 @@ class BothRuns:
         records, first = np.empty((count * HALVED, *SHAPE)), self.room.ctypes.data
         own, self.done[0] = (first, records.ctypes.data, first + 64, first + 72), 0
         numbers = shift, goal, count, float(at.sign), self.rounding, self.tolerance
-        if not self.code.stretch(
+        if not self.code.over_pieces(
             self.code.nodes, pieces.ctypes.data, *course.places, *numbers, *own
         ):
             raise LeftToArraysError

@@ -61,7 +61,7 @@ class PanelBuilder:
         self.mesh, self.n, self.rounding = mesh, mesh.n, rounding
         self.system, self.tolerance = mesh.system, mesh.tolerance
         self.place_only = self.system.depends_on <= {"q"} and self.system.friction is None
-        # Whole pieces, and the dK/dq (m, n) that a stretch found there last; NaN where none did.
+        # Whole pieces, and the dK/dq (m, n) found there last; NaN where none did.
         self.solved: tuple[WholePieces, Floats] | None = None
         self.longest = math.inf  # [rad or m] that may be smooth: twice what was, if not all
 

@@ -6,7 +6,7 @@ With v from 0 to 1 and the way from an anchor,
 
 where p = 2 at a standstill or a dead centre, so that all three are smooth in v, else 1. The
 kinetic energy K is never a difference of potentials: from the anchor it is an *average* of w,
-which keeps its relative accuracy where K goes to zero. All panels of a stretch of the motion
+which keeps its relative accuracy where K goes to zero. All panels up to the next standstill
 are arrays (m, n) that are worked on together.
 """
 

@@ -38,6 +38,7 @@ from blockmech.dynamics.estimate import (
     with_rounding,
 )
 from blockmech.dynamics.panel_builder import PanelBuilder, PathState
+from blockmech.dynamics.panel_row import PanelRow
 from blockmech.dynamics.panels import Panels, joined
 from blockmech.dynamics.path_mesh import (
     CLOSE,
@@ -54,7 +55,6 @@ from blockmech.dynamics.rest import balanced, equilibrium
 from blockmech.dynamics.run import Run, RunEnd
 from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.singular import time_left
-from blockmech.dynamics.stretch import Stretch
 from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, apart
 from blockmech.motion import Event, Motion, Still
 from blockmech.plane import EPS
@@ -232,9 +232,9 @@ class PathRun(Run):
             return None
         if self.both is not None:
             return self.both.over(self.mesh, self.at, goal)
-        stretch = Stretch.ahead(self.next, self.at, goal)
-        panels = stretch.panels() if stretch else None
-        self.pause = 0 if panels is not None or not stretch else 2 * self.pause + 1
+        row = PanelRow.ahead(self.next, self.at, goal)
+        panels = row.panels() if row else None
+        self.pause = 0 if panels is not None or not row else 2 * self.pause + 1
         self.alone = self.pause
         return panels
 

@@ -2,7 +2,7 @@ r"""The path method as loops: both runs over kept pieces of the path, panel by p
 
     J, tau as series -> K by integration -> standstill? -> clock -> next panel ...
 
-as `Stretch` does it with arrays for a motion, and the second run beside the first as `second_run`
+as `PanelRow` does it with arrays for a motion, and the second run beside the first as `second_run`
 does: once J and tau are series the path method knows nothing of the mechanism, so that one program
 serves all. Functions here are of the language of `blockmech.engines.loops`; run by Python they say
 the same.
@@ -320,7 +320,7 @@ def through(
     return FAILED
 
 
-def stretch(
+def over_pieces(
     of: Sizes, nodes: Nodes, pieces: Pieces, which: Counts, lows: Reals, highs: Reals, shift: float,
     goal: float, many: int, sign: float, rounding: float, tolerance: float, runs: Runs,
     panels: Records, counts: Counts, b: Reals,

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blockmech.dynamics import ends, loads
-from blockmech.dynamics.dop853 import AcceptedSteps, Dop853, MachineSteps, Radau5
 from blockmech.dynamics.equation import Equation, scales
 from blockmech.dynamics.estimate import FINER, FLOOR, SHORTER, TARGET, refined, with_rounding
 from blockmech.dynamics.events import (
@@ -34,6 +33,7 @@ from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.run import EVALUATIONS, Run, RunEnd
 from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
+from blockmech.dynamics.solvers import AcceptedSteps, Dop853, MachineSteps, Radau5
 from blockmech.dynamics.stick_slip import Now, Transition, stick_slip
 from blockmech.engines.dense import Dense
 from blockmech.motion import Event, Floats, Motion, Slips, State, Still

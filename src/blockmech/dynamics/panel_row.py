@@ -1,4 +1,4 @@
-r"""All panels of a stretch at once: up to the next standstill, goal or turn.
+r"""A row of panels, all at once: up to the next standstill, goal or turn.
 
     dK/dq = w(q, K)
 
@@ -50,7 +50,7 @@ def series_value(c: list[float], v: float) -> float:
     return b - y / 2 * d
 
 
-class Stretch:
+class PanelRow:
     """A motion over pieces of the path, from a state to an end or a standstill before it.
 
     Arrays (m, ...) of its panels; those of whole pieces are the ones kept with the path.
@@ -88,7 +88,7 @@ class Stretch:
         self.values, self.gains = self.row.values[self.which], self.row.gains[self.which]
 
     @classmethod
-    def ahead(cls, builder: PanelBuilder, at: PathState, goal: float) -> Stretch | None:
+    def ahead(cls, builder: PanelBuilder, at: PathState, goal: float) -> PanelRow | None:
         """As far as whole pieces are known, at most a turn, and to a goal; None where none are."""
         course, shift = builder.mesh.course(at.q, at.sign)
         if course is None:
