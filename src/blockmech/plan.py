@@ -95,8 +95,9 @@ class Friction:
     tolerance [N] : largest change of a reaction at which ``successive`` stops; by default
         1e-7 of the largest one
     iterations : fixed number of iterations of ``successive``, or None
-    sticking : whether the friction of pairs that stick is an input, as along a motion of several
-        drivers: ``sticks_j`` 1 or 0, ``held_j`` its friction or 0
+    along : whether the samples are those of a motion, of which the friction of each pair is known:
+        an input ``friction_j`` [N m or N]. Of several solutions it is the one to give. With several
+        drivers ``sticks_j`` is 1 where the pair sticks and has it whatever its load, else 0
     pushed : pairs (`JointRef`) along whose coordinates something else pushes, such as an end stop:
         ``push_j`` is an input [N m or N], on the later link
     """
@@ -104,7 +105,7 @@ class Friction:
     method: str = "newton"
     tolerance: float | None = None
     iterations: int | None = None
-    sticking: bool = False
+    along: bool = False
     pushed: tuple[Any, ...] = ()
 
 

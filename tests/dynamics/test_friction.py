@@ -259,3 +259,48 @@ def test_a_rate_whose_energy_is_below_all_numbers_is_a_start_from_rest():
         for rate in (5e-324, 0.0)
     )
     assert swings == still
+
+
+def test_of_several_solutions_a_motion_gives_the_one_that_moves_it():
+    """At accelerations that are given, the slider group's friction has two: one idles the drive."""
+    pin = {"law": "coulomb", "coefficient": 0.2, "radius": 0.02}
+    graph = bm.Graph("two solutions", gravity=(0.0, -9.8))
+    ground = {"A": ((0.2, 0.1), -1.6), "B": ((0.6, 0.8), 0.0), "S": ((-0.6, 1.1), -2.2)}
+    places = {name: bm.Marker(at=at, angle=angle) for name, (at, angle) in ground.items()}
+    graph.add("frame", bm.Frame(markers=places))
+    guide = bm.Marker(at=(-0.6, -0.9), angle=-0.6)
+    other = bm.Marker(at=(-0.9, 0.7), angle=-1.2)
+    arm = bm.Link(markers={"one": guide, "two": other})
+    graph.add("crank", bm.Crank(length=1.3, links={"crank": arm}))
+    bar = bm.Link(mass=1.1, inertia=0.4, cm=(0.5, -0.1))
+    rrp = {"l": 2.1, "h": -0.2, "branch": -1, "x_S": 0.1, "slider": "later"}
+    graph.add("rocker", bm.RRP(**rrp, links={"j": bar}, friction={"C": pin}))
+    links = {
+        "i": bm.Link(mass=2.3, inertia=0.6, cm=(0.7, 0.1)),
+        "j": bm.Link(mass=0.9, inertia=0.2, cm=(-0.4, 0.2)),
+    }
+    sides = {"S1": "later", "S2": "earlier"}
+    rubbing = {"S1": {"law": "coulomb", "coefficient": 0.1}, "C": pin}
+    prp = {"h1": 0.3, "h2": -0.3, "x_S1": 0.0, "x_S2": -0.2, "slider": sides}
+    graph.add("slides", bm.PRP(**prp, links=links, friction=rubbing))
+    graph.add("couple", bm.Couple(moment=-127.5))
+    graph.add("spring", bm.TorsionSpring(stiffness=21.1, rest_angle=-0.4))
+    wires = {
+        "frame.A": "crank.A",
+        "frame.B": "rocker.B",
+        "crank.one": "rocker.S",
+        "crank.two": "slides.S1",
+        "frame.S": "slides.S2",
+        "rocker.Cj": "couple.on",
+        "crank.crank": "spring.a",
+        "slides.j": "spring.b",
+    }
+    for start, end in wires.items():
+        graph.connect(start, end)
+    mech = graph.compile()
+    start = {"crank": (0.66, -0.53)}
+    moved = mech.simulate("time=0.02", start=start, times=[0.0, 0.02], want="*.drive")
+    assert moved.quality.status == ("ok", "ok")
+    assert {flag.code for flag in moved.quality.flags} == {"by-continuation", "other-solutions"}
+    assert np.abs(moved["crank.drive"]).max() <= 1e-9  # 277 N m of the other solution
+    assert mech.verify(moved).ok

@@ -330,14 +330,13 @@ class JointFriction(PairFriction):
         except (ArithmeticError, ValueError):
             nothing = np.full(m, math.nan)
             return FrictionState(
-                math.nan, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0
+                math.nan, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0, 0.0, nothing
             )
         solved, power = resisted.solution, power_taken(resisted, self.program.remembers, qd)
         misfit = float(left_undone(solved.residual, solved.contraction))
         outcome, limit = outcome_of(solved.outcome), float(solved.limit)
-        return FrictionState(
-            resisted.qdd, power, np.array(resisted.loads), margin, outcome, limit, misfit
-        )
+        F, rubs = np.array(resisted.loads), np.array(solved.t)
+        return FrictionState(resisted.qdd, power, F, margin, outcome, limit, misfit, rubs)
 
     def moving(self, q: float, qd: float, t: float, x: Any = None) -> FrictionState:
         """One state of a motion, each pair slipping in the sense of the rate."""

@@ -72,9 +72,9 @@ class MotionInputs(Mapping[str, Any]):
         )
         self.qd, self.several = along.rates, _by_driver("qdd", along.qdd, along.qdd.shape[1])
         self.several |= self._pushed(along.pushes)
-        for j, t in enumerate(along.friction.T):
+        for j, t in enumerate(np.ascontiguousarray(along.friction.T)):
             stuck = along.stand[:, j]
-            self.several |= {f"sticks_{j}": 1.0 * stuck, f"held_{j}": np.where(stuck, t, 0.0)}
+            self.several |= {f"sticks_{j}": 1.0 * stuck, f"friction_{j}": t}
 
     def _against(self, q: Floats, qd: Floats, which: Any) -> Held:
         """Rows of stops that it lies against at n states."""
@@ -92,22 +92,34 @@ class MotionInputs(Mapping[str, Any]):
 
     def __iter__(self) -> Iterator[str]:
         yield from self.known
-        yield from (f"qdd_{i}" for i in range(len(self.mechanism.drivers)))
+        if "qdd_0" not in self.known:
+            yield from (f"qdd_{i}" for i in range(len(self.mechanism.drivers)))
+            pairs = self._friction_of_one()
+            yield from () if pairs is None else (f"friction_{j}" for j in range(len(pairs.names)))
 
     def __len__(self) -> int:
-        return len(self.known) + len(self.mechanism.drivers)
+        return sum(1 for _ in self)
+
+    def _friction_of_one(self) -> JointFriction | None:
+        """Joint friction of a mechanism with one driver; not kept, as programs do not pickle."""
+        if len(self.mechanism.drivers) > 1:
+            return None
+        system = system_of(self.mechanism, method=self.how)
+        friction: JointFriction | None = system.friction_of(JointFriction, self.how.pushed)
+        return friction
 
     @cached_property
     def accelerations(self) -> dict[str, Floats]:
-        """q'' (n,) of each driver, the drives idle."""
-        k = len(self.mechanism.drivers)
-        system = system_of(self.mechanism, method=self.how)  # not kept: programs do not pickle
-        if k > 1 or system.friction is None:
+        """q'' (n,) of each driver, the drives idle, and of one driver the friction of pairs."""
+        friction = self._friction_of_one()
+        if friction is None:
             return self._without_friction()
         rows = zip(self.q.tolist(), self.qd.tolist(), self.t.tolist(), self.states, strict=True)
-        accelerations = [_with_friction(system.friction, *row) for row in rows]
+        states = np.array([_with_friction(friction, *row) for row in rows])
+        qdd, *rubs = np.ascontiguousarray(states.reshape(-1, 1 + len(friction.names)).T)
         more = {} if self.pairs is None else self._without_friction()
-        return {**more, "qdd_0": np.where(self.lies.any(axis=1), 0.0, np.array(accelerations))}
+        more |= {f"friction_{j}": x for j, x in enumerate(rubs)}
+        return {**more, "qdd_0": np.where(self.lies.any(axis=1), 0.0, qdd)}
 
     def _without_friction(self) -> dict[str, Floats]:
         """Accelerations from M q'' = Q - c, and what stops push with."""
@@ -147,12 +159,15 @@ def _by_driver(name: str, values: Floats, k: int) -> dict[str, Floats]:
     return {f"{name}_{i}": column for i, column in enumerate(columns)}
 
 
-def _with_friction(friction: JointFriction, q: float, qd: float, t: float, x: Floats) -> float:
-    """q'' of the only driver; none at a standstill that friction holds."""
-    if qd:
-        return float(friction.moving(q, qd, t, x).qdd)
-    way = friction.rest(q, t, x).moves
-    return float(friction.at(q, qd, t, friction.sides(q, way), x).qdd) if way else 0.0
+def _with_friction(
+    friction: JointFriction, q: float, qd: float, t: float, x: Floats
+) -> list[float]:
+    """q'' of the only driver, and the friction of pairs, NaN where that holds it."""
+    way = (1 if qd > 0 else -1) if qd else friction.rest(q, t, x).moves
+    if not way:
+        return [0.0, *(np.nan for _ in friction.names)]
+    state = friction.at(q, qd, t, friction.sides(q, way), x)
+    return [float(state.qdd), *state.friction.tolist()]
 
 
 class SimulationResult(Result[M]):
@@ -181,8 +196,8 @@ def result_along(
     friction = friction or ("newton" if "friction_work" in motion.facts else "none")
     settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
     how = friction_asked(friction, tolerance, iterations)
-    if len(mechanism.drivers) > 1 and how.method != "none":
-        how = replace(how, sticking=True)
+    if how.method != "none":
+        how = replace(how, along=True)
     if (pairs := lain_against(mechanism, motion.lying)) is not None:
         how = replace(how, pushed=pairs.refs)
     plan = mechanism.planned(want, how)

@@ -74,6 +74,7 @@ class FrictionState(NamedTuple):
     outcome: Outcome
     limit: float
     misfit: float = 0.0  # [-] bound of what an iteration left undone, of the largest friction
+    friction: Any = ()  # (m,) [N m or N] on the later links
     pushes: Any = ()  # (a,) [N m or N] of the stops that several drivers lie against
 
     @property

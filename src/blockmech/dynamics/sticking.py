@@ -376,6 +376,7 @@ class SeveralFriction(PairFriction):
             outcome_of(float(response.outcome)),
             float(response.limit),
             float(response.misfit),
+            response.t,
             at.pushes(response),
         )
 

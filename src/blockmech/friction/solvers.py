@@ -7,7 +7,7 @@ Each sample stops by itself and is then left alone, so an answer never depends o
 the batch it came in. **Certificate**: if the spectral radius P of the matrix
 |k_j| |R_jm| is below 1 the map is a contraction and exactly one solution exists.
 Where that is not proved, continuation from zero friction decides
-(`blockmech.friction.continuation`).
+(`blockmech.friction.continuation`); along a motion, whose friction is known, that does (``near``).
 
 Sources: [R10] section "Kinetostatics ...", steps 1-5; Newton and the certificate
 are blockmech's own.
@@ -18,9 +18,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from blockmech.friction.continuation import ContinuationState, Outcome, course_from_zero, end_of
+from blockmech.friction.continuation import (
+    ContinuationState,
+    Outcome,
+    Path,
+    course_from_zero,
+    end_of,
+)
 from blockmech.friction.equations import (
     SETTLED,
+    chosen,
     contraction_bound,
     coulomb,
     eliminate,
@@ -56,6 +63,11 @@ def with_drag(solved: Solution, drag: Any) -> Solution:
     return solved._replace(t=tuple(t + d for t, d in zip(solved.t, drag, strict=True)))
 
 
+def without_drag(t: Any, drag: Any) -> tuple[Real, ...]:
+    """Friction without its drag."""
+    return tuple(x - d for x, d in zip(t, drag, strict=True))
+
+
 def tangent_step(
     t: Any, k: Any, drag: Any, edges: Any, base: Any, rows: Any
 ) -> tuple[tuple[Real, ...], tuple[Real, ...]]:
@@ -63,7 +75,7 @@ def tangent_step(
 
     ``k`` and ``drag`` are the laws' tangents at the loads with t.
     """
-    own = tuple(x - d for x, d in zip(t, drag, strict=True))
+    own = without_drag(t, drag)
     last, _, _ = newton_step((own, 0.0, True), k, edges, loads(drag, base, rows), rows)
     t = tuple(x + d for x, d in zip(last, drag, strict=True))
     return t, norms(loads(t, base, rows), edges)
@@ -142,7 +154,9 @@ def direct(k: Any, edges: Any, base: Any) -> Solution:
     return Solution(t, g, zero, zero, zero, zero, zero + 1.0)
 
 
-def single(k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False) -> Solution:
+def single(
+    k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False, near: Any = ()
+) -> Solution:
     """One correction: friction from the frictionless loads ([R10], rough calculation)."""
     return successive(k, edges, base, rows, None, 1)
 
@@ -155,6 +169,7 @@ def successive(
     tolerance: float | None,
     iterations: int | None,
     solvable: Real = False,
+    near: Any = (),
 ) -> Solution:
     """Successive approximations ([R10] steps 1-5), stopped by change or by count.
 
@@ -179,8 +194,8 @@ def successive(
     if iterations is not None:
         return solution
     unproved = (P >= 1.0) & _known(g)
-    course = course_from_zero(unproved, k, edges, base, rows, solvable)
-    data = course, k, edges, base, rows, enough(last.g, stop)
+    course = _course(unproved, near, k, edges, base, rows, solvable)
+    data = course, near, k, edges, base, rows, enough(last.g, stop)
     confirmed_, _ = repeat(confirmed, (solution, unproved), 1, *data)
     return differentiable(confirmed_, k, edges, base, rows)
 
@@ -217,7 +232,14 @@ def iterate(
 
 
 def confirmed(
-    state: Any, course: ContinuationState, k: Any, edges: Any, base: Any, rows: Any, change: Real
+    state: Any,
+    course: ContinuationState,
+    near: Any,
+    k: Any,
+    edges: Any,
+    base: Any,
+    rows: Any,
+    change: Real,
 ) -> Any:
     """Uncertified successive approximations: they stand if continuation agrees.
 
@@ -227,7 +249,7 @@ def confirmed(
     change, and beyond it the iteration may settle on another solution.
     """
     given, _ = state
-    end = end_of(course, k, edges, base, rows)
+    end = _end(course, near, k, edges, base, rows)
     rho = minimum(maximum(given.contraction, 0.0), 1.0 - 1e-12)
     reach = maximum(change, 1e-12 * largest_of(end.g)) * maximum(1.0, rho / (1.0 - rho))
     off = largest_of([a - b for a, b in zip(end.g, given.g, strict=True)])
@@ -239,10 +261,13 @@ def confirmed(
     return given._replace(t=t, outcome=outcome, limit=end.limit), False
 
 
-def newton(k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False) -> Solution:
+def newton(
+    k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False, near: Any = ()
+) -> Solution:
     """Newton from the second successive iterate, certified sample by sample.
 
-    ``solvable`` is where a solution is known to exist for every load.
+    ``solvable`` is where a solution is known to exist for every load. ``near``, if any, is
+    friction (m) that is known but for rounding: of several solutions that one counts.
     """
     at_first = norms(base, edges)
     t = coulomb(k, norms(loads(coulomb(k, at_first), base, rows), edges))
@@ -253,8 +278,8 @@ def newton(k: Any, edges: Any, base: Any, rows: Any, solvable: Real = False) -> 
     residual = misfit(t, k, g)
     solution = Solution(t, g, count, residual, P, count * 0.0, count * 0.0 + 1.0)
     unproved = ((P >= 1.0) & _known(at_first)) | (residual > SETTLED * EPS)
-    course = course_from_zero(unproved, k, edges, base, rows, solvable)
-    settled, _ = repeat(replaced, (solution, unproved), 1, course, k, edges, base, rows)
+    course = _course(unproved, near, k, edges, base, rows, solvable)
+    settled, _ = repeat(replaced, (solution, unproved), 1, course, near, k, edges, base, rows)
     return differentiable(settled, k, edges, base, rows)
 
 
@@ -265,7 +290,9 @@ def differentiable(found: Solution, k: Any, edges: Any, base: Any, rows: Any) ->
     return found._replace(t=t)
 
 
-def newton_step(state: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
+def newton_step(
+    state: Any, k: Any, edges: Any, base: Any, rows: Any, pivoting: bool = False
+) -> Any:
     """One step of Newton's method: (friction, steps done, whether it moved)."""
     t, count, _ = state
     n = range(len(k))
@@ -276,20 +303,48 @@ def newton_step(state: Any, k: Any, edges: Any, base: Any, rows: Any) -> Any:
         [(1.0 if j == m else 0.0) - k[j] * slope(F[j], g[j], rows[j][m], edges[j]) for m in n]
         for j in n
     ]
-    (step,), _ = eliminate([[*row, x] for row, x in zip(A, r, strict=True)])
+    (step,), _ = eliminate([[*row, x] for row, x in zip(A, r, strict=True)], pivoting)
     t = tuple(tj - dj for tj, dj in zip(t, step, strict=True))
     return t, count + 1.0, _moved(step, k, g)
 
 
 def replaced(
-    state: Any, course: ContinuationState, k: Any, edges: Any, base: Any, rows: Any
+    state: Any, course: ContinuationState, near: Any, k: Any, edges: Any, base: Any, rows: Any
 ) -> Any:
     """Uncertified samples of Newton's method: continuation's answer in their place."""
     given, _ = state
-    end = end_of(course, k, edges, base, rows)
+    end = _end(course, near, k, edges, base, rows)
     t, g, residual, outcome, limit, count = end
     more = {"residual": residual, "outcome": outcome, "limit": limit}
     return given._replace(t=t, g=g, iterations=count, **more), False
+
+
+def _course(
+    asked: Real, near: Any, k: Any, edges: Any, base: Any, rows: Any, solvable: Real
+) -> Any:
+    """The path from zero friction, of the samples of which no solution is known nearby."""
+    if near:
+        asked = asked & where(_known(near), False, True)
+    return course_from_zero(asked, k, edges, base, rows, solvable)
+
+
+def _end(course: Any, near: Any, k: Any, edges: Any, base: Any, rows: Any) -> Path:
+    """The solution that counts: the one nearby where one is known, else the end of the path."""
+    end = end_of(course, k, edges, base, rows)
+    if not near:
+        return end
+    known = _known(near)
+    t, count, _ = repeat(
+        newton_step, (near, 0.0 * near[0], known), NEWTON_CAP, k, edges, base, rows, True
+    )
+    g = norms(loads(t, base, rows), edges)
+    residual = misfit(t, k, g)
+    solved = residual <= SETTLED * EPS
+    t, g = (tuple(where(solved, x, NAN) for x in row) for row in (t, g))
+    code = where(solved, float(Outcome.BY_CONTINUATION), float(Outcome.NOT_CONVERGED))
+    rest = zip((residual, code, 1.0, count), end[2:], strict=True)
+    own = (where(known, a, b) for a, b in rest)
+    return Path(chosen(known, t, end.t), chosen(known, g, end.g), *own)
 
 
 def _moved(step: Any, k: Any, g: Any) -> Real:

@@ -152,6 +152,10 @@ def _solve(
     more = [repr(given[o]) for o in options]
     c = s.ask(existence, block)
     more += [] if c is None else [f"{c} < 1.0"]
+    if s.friction.along:
+        own = tuple_of(s.ask(friction.given, j) for j in joints)
+        more += ["False"] if c is None else []
+        more += [s.emit(solvers.without_drag, own, drag, name=f"{block}_own") if drag else own]
     if not drag:
         return s.emit(solver, k, edges, base, rows, *more, name=f"{block}_friction")
     base = s.emit(equations.loads, drag, base, rows, name=f"{block}_dragged")

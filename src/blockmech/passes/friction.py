@@ -62,7 +62,7 @@ def given_joints(s: Schedule) -> tuple[JointRef, ...]:
 
 
 def given(s: Schedule, ref: JointRef) -> str:
-    """Input with the friction of a pair on its later link: couple [N m] or force [N]."""
+    """Input: the friction of a pair on its later link, couple [N m] or force [N]."""
     return s.unknown(f"friction_{s.ask(given_joints).index(ref)}")
 
 
@@ -248,9 +248,14 @@ def against_slip(s: Schedule, ref: JointRef, part: str, name: str, load: str = "
     said = s.ask(terms, ref, *at(s, ref, load))
     args = (speed, top, f"{said}.{part}", s.ask(slip, ref), REST)
     value = s.emit(resisting, *args, name=name)
-    if not s.friction.sticking:
+    if not may_stick(s):
         return value
     return s.line(f"{value} * (1.0 - {s.ask(sticks, ref)})", f"{name}_slipping")
+
+
+def may_stick(s: Schedule) -> bool:
+    """Whether some pairs may stick while others move: along motions of several drivers."""
+    return s.friction.along and len(s.structure.drivers) > 1
 
 
 def sticks(s: Schedule, ref: JointRef) -> str:
@@ -286,9 +291,9 @@ def drag(s: Schedule, ref: JointRef, load: str = "") -> str:
     drags = s.structure.friction_law(ref).drags
     more = at(s, ref, load)
     value = s.ask(against_slip, ref, "drag", f"{ref}_drag", *more) if drags else NOUGHT
-    if not s.friction.sticking:
+    if not may_stick(s):
         return value
-    held = s.unknown(f"held_{s.ask(given_joints).index(ref)}")
+    held = s.line(f"where({s.ask(sticks, ref)} > 0.0, {s.ask(given, ref)}, 0.0)", f"{ref}_sticks")
     return held if value == NOUGHT else s.line(f"{value} + {held}", f"{ref}_drag_or_held")
 
 
@@ -306,6 +311,6 @@ def rest(s: Schedule, ref: JointRef) -> str:
         return s.emit(at_rest, top, NOUGHT, REST, name=f"{ref}_rest")
     speed = s.ask(slip_speed, ref)
     value = s.emit(at_rest, speed, top, REST, name=f"{ref}_rest")
-    if not s.friction.sticking:
+    if not may_stick(s):
         return value
     return s.line(f"maximum({value}, {s.ask(sticks, ref)})", f"{ref}_rests")
