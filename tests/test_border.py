@@ -65,6 +65,8 @@ def test_what_is_no_name_is_refused_where_names_are_asked(odd: Any) -> None:
         (lambda m, r: bm.draw.plot(m, "a.svg"), "result: got <Mechanism .* run it first: "),
         (lambda m, r: bm.draw.plot(r, 3), "path: got 3. a text or a path is meant"),
         (lambda m, r: bm.Graph.load(None), "path: got None. a text or a path is meant"),
+        (lambda m, r: bm.Graph.from_data([]), "data: got .* a mapping is meant"),
+        (lambda m, r: m.impulses(None), "impact: got None. give one of the impacts of a motion"),
         (lambda m, r: r.to_csv(["a.csv"]), "path: got .* a text or a path is meant"),
         (lambda m, r: bm.draw.animate(m, frames="9", degrees=1), r"(?s)frames: .*\n.*degrees: "),
         (lambda m, r: bm.Graph().start(3), "driver: got 3. a text is meant"),

@@ -27,6 +27,7 @@ WORDS: Mapping[Any, str] = {
     float: "a number",
     os.PathLike: "a path",
     Mapping: "a mapping",
+    dict: "a mapping",
 }
 """What an argument of a type is called. A class of our own says it itself, as ``called``."""
 

@@ -456,6 +456,8 @@ def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
     included as the motion has it; that of a driver whose stop was struck is the stop's, the others
     are nothing. The stop of another pair strikes both of its links
     """
+    if not isinstance(impact, Impact):
+        raise refused("impact", f"got {impact!r:.60}", "give one of the impacts of a motion")
     pairs = stopped_pairs(mechanism, tuple(impact.pushes))
     how = GIVEN if impact.friction else Friction("none")
     how = replace(how, pushed=() if pairs is None else pairs.refs)

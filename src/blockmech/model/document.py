@@ -65,6 +65,7 @@ class Document:
 
     @classmethod
     @uncollected()
+    @declared
     def from_data(cls, data: dict[str, Any], odd: Iterable[Problem] = (), file: str = "") -> Self:
         """Read what a file holds, with the problems that its text has. Raises like `load`."""
         draft = Draft(cls.form, data, list(odd))
