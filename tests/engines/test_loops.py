@@ -256,7 +256,7 @@ def test_steps_are_those_of_python(name, lanes):
         tolerances[..., -1] = 1e-10
         control = np.tile([0.0, 0.05, 0.01, 0.0, -9.0, 9.0], (lanes, 1))
         rhs = np.frombuffer(x), rates.numbers, np.zeros((*by.C.shape, width, lanes)), state
-        run = stages.Run(
+        run = stages.Integration(
             *(y.reshape(-1, n), t, tolerances, control, np.zeros((lanes * most, 8, n))),
             *(np.zeros(lanes * most, np.int64), np.ones(lanes, np.int64)),
         )
@@ -300,7 +300,7 @@ def test_stiff_steps_are_those_of_python(name):
         y, t = np.zeros((most + 1, n)), np.zeros(most + 1)
         y[0, :2], state[n + 2 :, 0] = (0.7, 2.0), (1.0, 1e-9)
         rhs = np.frombuffer(x), rates.numbers, np.zeros((by.stages, of.width, 1)), state
-        run = stages.Run(
+        run = stages.Integration(
             *(y, t, np.full((2, n, 1), 1e-6), np.array([[0.1, 9.0, 0.5, 0.0, -9.0, 9.0]])),
             *(np.zeros((most, 8, n)), np.zeros(most, np.int64), np.zeros(1, np.int64)),
         )

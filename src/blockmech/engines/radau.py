@@ -33,10 +33,10 @@ from blockmech.engines.stages import (
     TRY,
     Arrays,
     Fill,
+    Integration,
     Limits,
     Method,
     Rhs,
-    Run,
     Sizes,
     States,
     is_calm,
@@ -380,7 +380,14 @@ def left_allowed(of: Sizes, tolerances: Limits, sizes: Reals) -> float:
 
 
 def steps(
-    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, run: Run, work: Workspace, most: int, watched: int
+    of: Sizes,
+    fill: Fill,
+    rhs: Rhs,
+    by: Scheme,
+    run: Integration,
+    work: Workspace,
+    most: int,
+    watched: int,
 ) -> None:
     """Steps up to the bound, so many, or one in which something may happen: as `stages.steps`.
 

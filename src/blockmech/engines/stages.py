@@ -89,7 +89,7 @@ class Rhs(NamedTuple):
     state: Lanes
 
 
-class Run(NamedTuple):
+class Integration(NamedTuple):
     """Steps of each lane, see `steps`; those of a lane stand one behind the other.
 
     states, times : where they begin, and where the last ends
@@ -328,7 +328,7 @@ def as_coarser(
     return h
 
 
-def tries(of: Sizes, run: Run, work: Workspace, made: int, lane: int) -> int:
+def tries(of: Sizes, run: Integration, work: Workspace, made: int, lane: int) -> int:
     """1 where a lane tries a step, and how long a one; else 0."""
     now, is_at, control = work.now, work.is_at, run.controls[lane]
     t, bound = now[TIME, lane], control[BOUND]
@@ -347,7 +347,14 @@ def tries(of: Sizes, run: Run, work: Workspace, made: int, lane: int) -> int:
 
 
 def steps(
-    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, run: Run, work: Workspace, most: int, watched: int
+    of: Sizes,
+    fill: Fill,
+    rhs: Rhs,
+    by: Scheme,
+    run: Integration,
+    work: Workspace,
+    most: int,
+    watched: int,
 ) -> None:
     """Steps of each lane, up to its bound, so many, or one in which something may happen.
 
@@ -417,8 +424,8 @@ def steps(
 
 
 def fleet(
-    of: Sizes, fill: Fill, slots: int, more: int, rhs: Rhs, by: Scheme, run: Run, work: Workspace,
-    given: Reals, most: int, watched: int, designs: int,
+    of: Sizes, fill: Fill, slots: int, more: int, rhs: Rhs, by: Scheme, run: Integration,
+    work: Workspace, given: Reals, most: int, watched: int, designs: int,
 ) -> None:  # fmt: skip
     """Steps of each design, from its first state and time: one lane after the other."""
     for d in range(designs):
@@ -429,7 +436,7 @@ def fleet(
         steps(
             of, fill,
             Rhs(rhs.x, rhs.numbers[d * slots :], rhs.K[d * of.stages :], rhs.state), by,
-            Run(
+            Integration(
                 run.states[first:], run.times[first:], run.tolerances[2 * d :], run.controls[d:],
                 run.series[d * most :], run.turns, run.counts[d:],
             ),
@@ -510,7 +517,7 @@ class CompiledRhs:
         work = [np.zeros(shape, kind) for _, kind, shape in workspace(self.sizes(1), most)]
         x, (_, over) = addresses_of(state), self.of_designs
         rhs = loops.places_of(Rhs(np.frombuffer(x), slots, K, state))
-        run = loops.places_of(Run(y, t, tolerances, control, series, turns, counts))
+        run = loops.places_of(Integration(y, t, tolerances, control, series, turns, counts))
         by_place = rhs, loops.places_of(by), run, loops.places_of(work), given.ctypes.data
         over(slots.shape[1], given.shape[1], *by_place, most, self.watched, m)
         made, h, tried = np.abs(counts), control[:, TRY], control[:, TRIED]
@@ -564,7 +571,7 @@ class Steps(NamedTuple):
 def buffers(
     workspace: Callable[[Sizes, int], Arrays], of: Sizes, inputs: int, most: int
 ) -> tuple[np.dtype[Any], tuple[int, ...]]:
-    """Arrays of `Rhs`, of `Run` and of the workspace one behind the other; where each begins.
+    """Arrays of `Rhs`, `Integration` and workspace one behind the other; where each begins.
 
     But for the numbers of the program, which it has itself.
     """
@@ -606,7 +613,7 @@ class CompiledStepper:
         self._kept = (ctypes.c_void_p * len(records))(*records), loops.places_of(by.scheme)
         rhs, scheme = map(ctypes.addressof, self._kept)
         run = rhs + 8 * len(Rhs._fields)
-        self._rates, self._places = rates, (rhs, scheme, run, run + 8 * len(Run._fields))
+        self._rates, self._places = rates, (rhs, scheme, run, run + 8 * len(Integration._fields))
         self._end = by.ends - 1
         self._one = x, rates.place, K, by.lanes, by.lanes, 0, 1
         self._known: dict[tuple[float, ...], list[float]] = {}
