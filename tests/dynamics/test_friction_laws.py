@@ -9,7 +9,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import blockmech as bm
+from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.friction import pair_program
+from blockmech.dynamics.system import System
+from blockmech.settings import friction_asked
 from tests.gallery import changed, document
 
 G = 9.81  # [m/s2]
@@ -234,18 +237,25 @@ def test_a_motion_of_a_linkage_leaves_no_drive_over_with_any_law():
     assert "not smooth" in moved.motion.why
 
 
-def test_interpreted_and_compiled_states_are_the_same_to_rounding():
+def test_interpreted_and_compiled_states_are_the_same_to_rounding(monkeypatch):
     data = document("ruiz_fourbar")
     pin = {"law": "stribeck", **STRIBECK, "radius": 0.05}
     data["blocks"]["dyad"]["friction"] = dict.fromkeys("BCD", pin)
     mech = changed(data)
-    ends = [
-        mech.simulate("time=0.1", start={"crank": (1.0, 20.0)}, method="dop853", engine=e).motion
-        for e in ("scalar", "llvm")
-    ]
-    assert ends[0].q_end == pytest.approx(ends[1].q_end, rel=1e-13)
-    path = mech.simulate("time=0.1", start={"crank": (1.0, 20.0)}, method="spectral").motion
-    assert abs(path.q_end - ends[1].q_end) <= path.error + ends[1].error
+    system = System(mech, method=friction_asked(None, None, None), engine="llvm")
+    fast, plain = Equation(system, 1.0), Equation(system, 1.0)
+    monkeypatch.setattr(plain, "row", lambda t, y: None, raising=False)
+    for q, rate in ((1.0, 20.0), (1.7, 3.0), (2.9, -0.02)):
+        for one in (fast, plain):
+            one.sides = system.friction.sides(q, 1 if rate > 0 else -1)
+        y = np.array([q, rate, 0.0, 0.0])
+        np.testing.assert_allclose(fast(0.1, y), plain(0.1, y), rtol=1e-12)
+    by_time, interpreted, by_path = (
+        mech.simulate("time=0.1", start={"crank": (1.0, 20.0)}, method=method, engine=engine).motion
+        for method, engine in (("dop853", "llvm"), ("dop853", "scalar"), ("spectral", "auto"))
+    )
+    for other in (interpreted, by_path):
+        assert abs(by_time.q_end - other.q_end) <= by_time.error + other.error
 
 
 def test_the_laws_of_a_motion_are_the_passes():

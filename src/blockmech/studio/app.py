@@ -69,7 +69,7 @@ class Page:
         self.file = pn.widgets.TextInput(label="File", width=170, css_classes=["line"])
         self.save = button("Save", lambda: self._save(False), button_type="primary")
         self.replace = button("Replace the file", lambda: self._save(True), visible=False)
-        tips = [Tooltip(content="", position="right") for _ in range(2)]
+        tips = [Tooltip(content="", position="bottom") for _ in range(2)]
         self.undo = button("Undo", lambda: self.say(f"Undo: {sheet.undo()}"), description=tips[0])
         self.redo = button("Redo", lambda: self.say(f"Redo: {sheet.redo()}"), description=tips[1])
         self.kind = pn.widgets.Select(label="Export as", groups=kinds(), width=130, **BARE)
