@@ -98,14 +98,16 @@ def test_settings_that_give_the_same_at_the_same_cost_are_one_row() -> None:
 
 
 def test_a_motion_that_does_not_end_in_time_is_compared_over_what_it_reaches(monkeypatch) -> None:
-    monkeypatch.setattr("blockmech.analysis.trade.free_motion.SHARE", 0.005)  # 0.3 s
+    """By processor time, which other work on the machine does not spend."""
+    monkeypatch.setattr(time, "perf_counter", time.process_time)
+    monkeypatch.setattr("blockmech.analysis.trade.free_motion.SHARE", 0.01)  # 0.6 s
     monkeypatch.setattr("blockmech.analysis.trade.measure.FEWEST", 1)
     monkeypatch.setattr("blockmech.analysis.trade.measure.LONG_ENOUGH", 0.0)
     shaken = bm.Graph.load(GRAPHS / "motions" / "shaken_slider.json").compile()
     found = trade(shaken, "simulate", budget=60.0, until="time=1e6")
     assert found.points
     assert "until time=1e6" not in found.question
-    assert "the motion did not end within 0.3 s of computing" in found.notes[0]
+    assert "the motion did not end within 0.6 s of computing" in found.notes[0]
 
 
 def test_a_part_without_a_check_is_shortened_once_more() -> None:
