@@ -16,7 +16,7 @@ import numpy as np
 
 from blockmech.analysis.reference_errors import DOUBLE, ReferenceErrors, reference_errors
 from blockmech.analysis.trade.measure import USELESS, Clock, Question, Reference, Setting
-from blockmech.dynamics.ends import INTERRUPTED
+from blockmech.dynamics.ends import INTERRUPTED, TOO_MANY
 from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.errors import RequestError, refused
 from blockmech.motion import Motion
@@ -79,7 +79,8 @@ class FreeMotion(Question):
         self.asked = f"simulate until {request.get('until') or 'its end'}"
         first, in_time = self._run({}, SHARE * clock.left)
         motion: Motion = first.motion
-        finest = (self._two_kinds if in_time else self._of_its_begin)(motion, clock)
+        ended = in_time and motion.end != TOO_MANY
+        finest = (self._two_kinds if ended else self._of_its_begin)(motion, clock)
         if len(finest) < 2:
             return
         # The surer one is the reference, the other one its check.
@@ -101,7 +102,9 @@ class FreeMotion(Question):
 
     def _of_its_begin(self, motion: Motion, clock: Clock) -> list[tuple[str, SimulationResult]]:
         """Fine runs of a part of a motion that was not at its end in time."""
-        computed = f"the motion did not end within {SHARE * clock.budget:.2g} s of computing"
+        seconds = f"{SHARE * clock.budget:.2g} s of computing"
+        within = "the evaluations allowed" if motion.end == TOO_MANY else seconds
+        computed = f"the motion did not end within {within}"
         come = f"by which it had come to t = {motion.t_end:.3g} s"
         span = motion.t_end - motion.t_start
         for _ in range(TRIES):
