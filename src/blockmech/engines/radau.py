@@ -39,8 +39,12 @@ from blockmech.engines.stages import (
     Rhs,
     Sizes,
     States,
+    evaluate,
+    fitting_step,
     is_calm,
     may_turn,
+    tolerated,
+    trial_step,
 )
 from blockmech.plane import EPS
 
@@ -176,10 +180,10 @@ def factored(of: Sizes, work: Workspace, h: float) -> None:
     factor(pair, work.pivots[n:], 2 * n)
 
 
-def evaluate(of: Sizes, fill: Fill, rhs: Rhs, t: float, s: int) -> None:
-    """The rows of the program at a time [s] and a state that stands ready, as a stage's."""
+def at_time(of: Sizes, fill: Fill, rhs: Rhs, t: float, s: int) -> None:
+    """As `evaluate`, at a time [s]."""
     rhs.state[of.state, 0] = t
-    fill(rhs.x, rhs.numbers, rhs.K[s], 1, 1, 0, 1)
+    evaluate(of, fill, rhs, s)
 
 
 def slopes(of: Sizes, fill: Fill, rhs: Rhs, y: Reals, control: Reals, work: Workspace) -> None:
@@ -190,7 +194,7 @@ def slopes(of: Sizes, fill: Fill, rhs: Rhs, y: Reals, control: Reals, work: Work
             state[i, 0] = y[i]
         far = STEP * max(abs(y[j]), SMALL * work.sizes[j])
         state[j, 0] = y[j] + (-far if K[0, j, 0] < 0.0 else far)
-        evaluate(of, fill, rhs, now[TIME], 1)
+        at_time(of, fill, rhs, now[TIME], 1)
         for i in range(n):
             work.J[i, j] = (K[1, i, 0] - K[0, i, 0]) / (state[j, 0] - y[j])
     control[TRIED] += float(n)
@@ -205,11 +209,6 @@ def norm(of: Sizes, a: Reals, scale: Reals, many: int) -> float:
             part = a[k * of.state + i] / scale[i]
             total += part * part
     return sqrt(total / (many * of.state))
-
-
-def tolerated(of: Sizes, tolerances: Limits, i: int, size: float) -> float:
-    """What a component of such a size may be off."""
-    return float(tolerances[1, i, 0] + size * tolerances[0, i, 0])
 
 
 def moved(of: Sizes, T: Threes, a: Vectors, b: Vectors) -> None:
@@ -231,7 +230,7 @@ def converged(
         for s in range(3):
             for i in range(n):
                 state[i, 0] = y[i] + Z[s, i]
-            evaluate(of, fill, rhs, now[TIME] + by.C[s + 1] * h, s + 1)
+            at_time(of, fill, rhs, now[TIME] + by.C[s + 1] * h, s + 1)
         for i in range(n):
             fast = 0.0 * K[1, i, 0] + 0.0 * K[2, i, 0] + 0.0 * K[3, i, 0]
             if fast != 0.0:
@@ -309,7 +308,7 @@ def ended(
         for i in range(n):
             high = (series[4, i] * share + series[5, i]) * (1.0 - share)
             state[i, 0] = (high + series[6, i]) * share + y[i]
-        evaluate(of, fill, rhs, work.now[TIME] + share * work.now[H], s)
+        at_time(of, fill, rhs, work.now[TIME] + share * work.now[H], s)
 
 
 def error_of(
@@ -326,13 +325,13 @@ def error_of(
         estimate[i] = (E[0] * Z[0, i] + E[1] * Z[1, i] + E[2] * Z[2, i]) / work.now[H]
         error[i] = K[0, i, 0] + estimate[i]
         new = y[i] + Z[2, i]
-        work.scale[i] = tolerated(of, tolerances, i, max(abs(y[i]), abs(new)))
+        work.scale[i] = tolerated(of, tolerances, i, 0, max(abs(y[i]), abs(new)))
     solve(work.real, work.pivots, error, n)
     size = norm(of, error, work.scale, 1)
     if again and size > 1.0:
         for i in range(n):
             rhs.state[i, 0] = y[i] + error[i]
-        evaluate(of, fill, rhs, work.now[TIME], 1)
+        at_time(of, fill, rhs, work.now[TIME], 1)
         for i in range(n):
             error[i] = K[1, i, 0] + estimate[i]
         solve(work.real, work.pivots, error, n)
@@ -349,23 +348,19 @@ def growth(now: Reals, off: float, took: int) -> float:
 
 
 def first_step(of: Sizes, fill: Fill, rhs: Rhs, y: Reals, work: Workspace, longest: float) -> float:
-    """[s] A step that fits, by how fast the state and its rates change.
-
-    Source: Hairer, Norsett & Wanner, II.4, starting step size.
-    """
+    """[s] A step that fits, by how fast the state and its rates change."""
     n, K, rates, scale = of.state, rhs.K, work.Z[0], work.scale
     for i in range(n):
         rates[i] = K[0, i, 0]
     far, fast = norm(of, y, scale, 1), norm(of, rates, scale, 1)
-    h = min(1e-6 if far < 1e-5 or fast < 1e-5 else 0.01 * far / fast, longest)
+    h = trial_step(far, fast, longest)
     for i in range(n):
         rhs.state[i, 0] = y[i] + h * rates[i]
-    evaluate(of, fill, rhs, work.now[TIME] + h, 1)
+    at_time(of, fill, rhs, work.now[TIME] + h, 1)
     for i in range(n):
         rates[i] = K[1, i, 0] - K[0, i, 0]
     quick = max(fast, norm(of, rates, scale, 1) / h)
-    fits = sqrt(sqrt(0.01 / quick)) if quick > 1e-15 else max(1e-6, 1e-3 * h)
-    return min(min(100.0 * h, fits), longest)
+    return fitting_step(h, quick, 4, longest)
 
 
 def left_allowed(of: Sizes, tolerances: Limits, sizes: Reals) -> float:
@@ -398,8 +393,8 @@ def steps(
     made, t, h, again = 0, run.times[0], control[TRY], False
     for i in range(n):
         rhs.state[i, 0] = y[i]
-        work.scale[i] = tolerated(of, run.tolerances, i, abs(y[i]))
-    evaluate(of, fill, rhs, t, 0)
+        work.scale[i] = tolerated(of, run.tolerances, i, 0, abs(y[i]))
+    at_time(of, fill, rhs, t, 0)
     if h == 0.0 or now[TIME] != t or now[WANTED] != h:
         now[TIME], now[LAST] = t, 0.0
         if h == 0.0:
@@ -414,7 +409,7 @@ def steps(
         h = later - t
         now[H] = h
         for i in range(n):
-            work.scale[i] = tolerated(of, run.tolerances, i, abs(y[i]))
+            work.scale[i] = tolerated(of, run.tolerances, i, 0, abs(y[i]))
         took = iterated(of, fill, rhs, by, y, control, work, allowed)
         if took < 0:
             h *= 0.5

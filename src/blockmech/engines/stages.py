@@ -197,6 +197,11 @@ TIME, LATER, H, FREE, GROWS, OFF, SHARE, ROWS = range(8)  # of a step under way
 OVER, BEGINS, AGAIN, TAKEN = range(4)  # what a lane is at
 
 
+def evaluate(of: Sizes, fill: Fill, rhs: Rhs, s: int) -> None:
+    """The row of the program at stage s, whose state stands ready."""
+    fill(rhs.x, rhs.numbers, rhs.K[s], of.lanes, of.lanes, 0, 1)
+
+
 def rates_at(
     of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, y: Lanes, now: Lanes, begin: int, end: int
 ) -> None:
@@ -209,7 +214,7 @@ def rates_at(
                 total = total + A[s, j] * K[j, i]
             state[i] = y[i] + now[H] * total
         state[of.state] = now[TIME] + C[s] * now[H]
-        fill(rhs.x, rhs.numbers, K[s], of.lanes, of.lanes, 0, 1)
+        evaluate(of, fill, rhs, s)
 
 
 def error_of(of: Sizes, rhs: Rhs, by: Scheme, tolerances: Limits, y: Lanes, now: Lanes) -> None:
@@ -277,39 +282,56 @@ def may_turn(of: Sizes, K: Rows, lane: int) -> int:
     return 0
 
 
+def tolerated(of: Sizes, tolerances: Limits, i: int, lane: int, size: float) -> float:
+    """What a component of such a size may be off."""
+    return float(tolerances[1, i, lane] + size * tolerances[0, i, lane])
+
+
+def trial_step(far: float, fast: float, longest: float) -> float:
+    """[s] A short step to see how rates change, from sizes of a state and of its rates.
+
+    Source: Hairer, Norsett & Wanner, II.4, starting step size.
+    """
+    return min(1e-6 if far < 1e-5 or fast < 1e-5 else 0.01 * far / fast, longest)
+
+
+def fitting_step(h: float, quick: float, order: int, longest: float) -> float:
+    """[s] A first step for a method of order 4 or 8, by what a trial step h has shown."""
+    fits = sqrt(sqrt(0.01 / quick)) if quick > 1e-15 else max(1e-6, 1e-3 * h)
+    if quick > 1e-15 and order == 8:
+        fits = sqrt(fits)
+    return min(min(100.0 * h, fits), longest)
+
+
 def first_steps(
     of: Sizes, fill: Fill, rhs: Rhs, tolerances: Limits, controls: Controls, y: Lanes,
     now: Lanes,
 ) -> None:  # fmt: skip
-    """The steps to try first, where none is given.
-
-    Source: Hairer, Norsett & Wanner, II.4, starting step size.
-    """
+    """The steps to try first, where none is given."""
     K, state = rhs.K, rhs.state
     for lane in range(of.lanes):
         far, fast, longest = 0.0, 0.0, controls[lane, BOUND] - now[TIME, lane]
         for i in range(of.state):
-            scale = tolerances[1, i, lane] + abs(y[i, lane]) * tolerances[0, i, lane]
+            scale = tolerated(of, tolerances, i, lane, abs(y[i, lane]))
             far += y[i, lane] / scale * (y[i, lane] / scale)
             fast += K[0, i, lane] / scale * (K[0, i, lane] / scale)
         far, fast = sqrt(far / of.state), sqrt(fast / of.state)
-        h = min(1e-6 if far < 1e-5 or fast < 1e-5 else 0.01 * far / fast, longest)
+        h = trial_step(far, fast, longest)
         now[H, lane], now[OFF, lane] = h, fast
         for i in range(of.state):
             state[i, lane] = y[i, lane] + h * K[0, i, lane]
         state[of.state, lane] = now[TIME, lane] + h
-    fill(rhs.x, rhs.numbers, K[1], of.lanes, of.lanes, 0, 1)
+    evaluate(of, fill, rhs, 1)
     for lane in range(of.lanes):
         bends, h = 0.0, now[H, lane]
         for i in range(of.state):
-            scale = tolerances[1, i, lane] + abs(y[i, lane]) * tolerances[0, i, lane]
+            scale = tolerated(of, tolerances, i, lane, abs(y[i, lane]))
             bend = (K[1, i, lane] - K[0, i, lane]) / scale
             bends += bend * bend
         quick = max(now[OFF, lane], sqrt(bends / of.state) / h)
-        fits = sqrt(sqrt(sqrt(0.01 / quick))) if quick > 1e-15 else max(1e-6, 1e-3 * h)
         if controls[lane, TRY] == 0.0:
             longest = controls[lane, BOUND] - now[TIME, lane]
-            controls[lane, TRY] = min(min(100.0 * h, fits), longest)
+            controls[lane, TRY] = fitting_step(h, quick, 8, longest)
 
 
 def as_coarser(
@@ -371,7 +393,7 @@ def steps(
             state[i, lane] = y[i, lane]
         state[of.state, lane] = now[TIME, lane]
         now[SHARE, lane] = sqrt(sqrt(sqrt(tolerances[1, 0, lane] / tolerances[1, 0, 0])))
-    fill(rhs.x, rhs.numbers, K[0], of.lanes, of.lanes, 0, 1)
+    evaluate(of, fill, rhs, 0)
     if controls[0, TRY] == 0.0 and most > 0:
         first_steps(of, fill, rhs, tolerances, controls, y, now)
     while True:

@@ -13,9 +13,8 @@ out: who asked moves it otherwise.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
 from functools import cache, partial
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -55,15 +54,14 @@ from blockmech.dynamics.place_data import NOTHING, RESOLVED, TAU, J
 from blockmech.engines import loops
 from blockmech.engines.llvm import addresses_of, machine_code, slots_of
 from blockmech.engines.loops import Counts, Reals
+from blockmech.engines.stages import CompiledRhs, Fill
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
-    from blockmech.engines.stages import CompiledRhs
 
 CLEAR = 1 / 64  # of its largest, below which an inertia is left to the single motion; of a margin
 T_END, Q_END, LATER, KNOWN = range(8, 12)  # of what is found, after what `beside` finds
-Fill: TypeAlias = Callable[[Reals, Reals, Reals, int, int, int, int], float]
 
 
 def sampled(
