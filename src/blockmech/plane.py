@@ -139,6 +139,13 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
     return state
 
 
+def times(step: Any, state: Any, count: int, *data: Any) -> Any:
+    """``state = step(state, *data)``, so many times for every sample."""
+    for _ in range(count):
+        state = step(state, *data)
+    return state
+
+
 def implicit(step: Any, state: Any, *data: Any) -> Any:
     """``state``, at which a step of Newton's method stands still, as it is.
 

@@ -104,3 +104,25 @@ def test_kernel_text_is_the_program_of_both_engines():
     plan = ruiz().compile().plan("crank.drive")
     assert plan.program.source.startswith("def program(q_0, qd_0, qdd_0, P):")
     assert "numpy" not in plan.program.source
+
+
+@pytest.mark.parametrize("how", [{"friction": "single"}, *({"iterations": n} for n in (1, 2, 7))])
+def test_a_fixed_number_of_iterations_is_the_same_on_every_engine(how):
+    request = {"samples": 25, "want": "*.reaction", "friction": "successive", **how}
+    for engine in ("numpy", "llvm"):
+        many = assert_agreement(ruiz().compile(), engine, **request)
+        counts = many.quality.iterations["dyad"]
+        assert set(counts) == {how.get("iterations", 1)}
+
+
+def test_a_fixed_number_of_iterations_is_differentiated_as_it_is_taken():
+    mech, step = ruiz().compile(), 1e-4
+    request = {"want": "crank.drive", "at": [0.4, 2.0], "friction": "successive", "iterations": 2}
+    slope = mech.sensitivity(**request, to="dyad.l_i")["crank.drive", "dyad.l_i"]
+    ends = [
+        mech.document.replace({"dyad.l_i": mech.parameters()["dyad.l_i"].value + side * step})
+        .compile()
+        .run(**request)["crank.drive"]
+        for side in (1, -1)
+    ]
+    assert slope == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-7)

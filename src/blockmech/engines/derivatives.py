@@ -11,7 +11,6 @@ functions).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from blockmech.engines.dual import TANGENTS, Dual, slope, value, values
 from blockmech.engines.numpy import CHUNK, Planar, each_part
 from blockmech.errors import RequestError, refused
 from blockmech.plan import Program
-from blockmech.plane import EPS, REST_SHARE, cross, dot, primitives_of
+from blockmech.plane import EPS, REST_SHARE, cross, dot, primitives_of, times
 
 Array = NDArray[Any]
 
@@ -113,13 +112,8 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
 
 
 def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
-    """The last state by value; a fixed number of steps is differentiated as it is taken."""
-    last = plain.repeat(step, values(state), cap, *values(data))
-    if not np.any(last[-1]):
-        return last
-    for _ in range(cap):
-        state = each_part(partial(where, value(state[-1])), step(state, *data), state)
-    return state
+    """The last state by value: what it solves is differentiated by `implicit`."""
+    return plain.repeat(step, values(state), cap, *values(data))
 
 
 def implicit(step: Any, state: Any, *data: Any) -> Any:
@@ -209,7 +203,7 @@ def spread(a: Any) -> Any:
 
 
 _OWN = (hyp, expi, exp, power, where, sign, modulo, piecewise, repeat, implicit, each, planar)
-_PLAIN = (cross, dot, plain.mul, plain.imul, plain.angle, np.sqrt, np.minimum, np.maximum)
+_PLAIN = (cross, dot, times, plain.mul, plain.imul, plain.angle, np.sqrt, np.minimum, np.maximum)
 _SYSTEMS = (matrix, solve, solve_transposed, spread)
 PRIMITIVES = {f.__name__: f for f in (*_OWN, *_PLAIN, *_SYSTEMS)} | {"EPS": EPS}
 """The primitives of the plane on dual numbers."""

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from blockmech.engines import linear
 from blockmech.engines.binding import bind
 from blockmech.plan import Program
-from blockmech.plane import REST_SHARE, cross, dot, implicit, primitives_of
+from blockmech.plane import REST_SHARE, cross, dot, implicit, primitives_of, times
 
 PRECISIONS: dict[str, Any] = {
     "complex64": np.float32,
@@ -206,7 +206,7 @@ def primitives(dtype: Any) -> dict[str, Any]:
     own = (mul, imul, hyp, power, angle, modulo, piecewise, repeat, each, expi, planar, matrix)
     ufuncs = (np.sqrt, np.exp, np.sign, np.where, np.minimum, np.maximum)
     systems = (linear.solve, linear.solve_transposed, linear.spread)
-    functions = {f.__name__: f for f in (cross, dot, implicit, *own, *ufuncs, *systems)}
+    functions = {f.__name__: f for f in (cross, dot, implicit, times, *own, *ufuncs, *systems)}
     return functions | {"EPS": float(np.finfo(dtype).eps)}
 
 

@@ -237,6 +237,14 @@ def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
     return trace.loop(step, state, cap, data)
 
 
+def times(step: Any, state: Any, count: int, *data: Any) -> Any:
+    """A loop that no sample leaves before its end."""
+    if _trace_of(state, data) is None:
+        return SCALAR_PRIMITIVES["times"](step, state, count, *data)
+    after, _ = repeat(lambda s, *given: (step(s[0], *given), True), (state, True), count, *data)
+    return after
+
+
 def each(function: Any, *x: Any) -> Any:
     """A function of Python: of inputs alone it is asked beforehand."""
     trace = _trace_of(x)
@@ -328,7 +336,7 @@ def spread(a: Any) -> Any:
 
 PRIMITIVES: dict[str, Any] = {
     **{f.__name__: f for f in (cross, dot, mul, imul, hyp, expi, angle, where, sign, matrix)},
-    **{f.__name__: f for f in (minimum, maximum, power, modulo, piecewise, repeat, each)},
+    **{f.__name__: f for f in (minimum, maximum, power, modulo, piecewise, repeat, times, each)},
     **{f.__name__: f for f in (solve, solve_transposed, spread)},
     "sqrt": sqrt,
     "exp": exp,

@@ -37,7 +37,7 @@ from blockmech.friction.equations import (
     norms,
     slope,
 )
-from blockmech.plane import EPS, NAN, implicit, maximum, minimum, repeat, where
+from blockmech.plane import EPS, NAN, implicit, maximum, minimum, repeat, times, where
 from blockmech.typing import Real
 
 CAP = 100  # iterations of `successive`: enough for P up to 0.85, whose 100th power is 1e-7
@@ -182,8 +182,12 @@ def successive(
     count = 0.0 * g[0]
     going = count <= 1.0  # false for NaN: an impossible sample is left alone
     start = Iterate(t, g, count, count, count, count, going)
-    stop = tolerance if iterations is None else -1.0  # no change is so small
-    last: Iterate = repeat(iterate, start, iterations or CAP, k, edges, base, rows, stop)
+    data = k, edges, base, rows, tolerance
+    last: Iterate
+    if iterations is None:
+        last = repeat(iterate, start, CAP, *data)
+    else:
+        last = times(iterate, start, iterations, *data)
     P = contraction_bound(k, edges, rows)
     late = last.going if iterations is None else last.residual >= 1.0 - P
     outcome = where(late, float(Outcome.NOT_CONVERGED), count * 0.0)
@@ -195,8 +199,9 @@ def successive(
         return solution
     unproved = (P >= 1.0) & _known(g)
     course = _course(unproved, near, k, edges, base, rows, solvable)
-    data = course, near, k, edges, base, rows, enough(last.g, stop)
-    confirmed_, _ = repeat(confirmed, (solution, unproved), 1, *data)
+    change = enough(last.g, tolerance)
+    checks = course, near, k, edges, base, rows, change
+    confirmed_, _ = repeat(confirmed, (solution, unproved), 1, *checks)
     return differentiable(confirmed_, k, edges, base, rows)
 
 
