@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     import blockmech.studies.balance
     import blockmech.studies.differentiate
     import blockmech.studies.drives
+    import blockmech.studies.enclose
     import blockmech.studies.family
     import blockmech.studies.floquet
     import blockmech.studies.flywheel
@@ -56,6 +57,7 @@ class Mechanism(Compiled["Mechanism"]):
     if TYPE_CHECKING:
         available = blockmech.studies.drives.available
         balance = blockmech.studies.balance.balance
+        enclose = blockmech.studies.enclose.enclose
         equilibria = blockmech.analysis.equilibria.equilibria
         explain = blockmech.analysis.explain.explain
         extremes = blockmech.analysis.extremes.extremes
@@ -87,6 +89,7 @@ class Mechanism(Compiled["Mechanism"]):
     else:
         available = LazyMethod("blockmech.studies.drives")
         balance = LazyMethod("blockmech.studies.balance")
+        enclose = LazyMethod("blockmech.studies.enclose")
         equilibria = LazyMethod("blockmech.analysis.equilibria")
         explain = LazyMethod("blockmech.analysis.explain")
         extremes = LazyMethod("blockmech.analysis.extremes")

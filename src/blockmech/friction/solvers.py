@@ -292,7 +292,7 @@ def differentiable(found: Solution, k: Any, edges: Any, base: Any, rows: Any) ->
     """A solution of the friction equations, which say its derivatives."""
     start = (found.t, found.iterations, True)
     t, _, _ = implicit(newton_step, start, k, edges, base, rows)
-    return found._replace(t=t)
+    return found._replace(t=t, g=norms(loads(t, base, rows), edges))
 
 
 def newton_step(

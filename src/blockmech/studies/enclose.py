@@ -1,0 +1,271 @@
+"""Enclosures: bounds of outputs that hold for every part within its tolerance, proved.
+
+Monte Carlo says what most parts do, an enclosure what none exceeds: rounding is in it, so with no
+tolerance at all it is a certificate of a run. Where no proof is found the answer says why.
+
+Source: `blockmech.engines.enclosed`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.arguments import declared
+from blockmech.compiled import CONTRACTION, Compiled
+from blockmech.engines.enclosed import SYMBOLS, EnclosedEngine, Form, form, within
+from blockmech.errors import Problem, RequestError, listed
+from blockmech.export import aligned
+from blockmech.model.parameters import Parameter, Path
+from blockmech.passes.homotopy import path_of
+from blockmech.plan import Plan
+from blockmech.report import DEGREES, Facts, Report, sections
+from blockmech.result import Result
+from blockmech.runnable import EVERYTHING
+from blockmech.studies.differentiate import chosen_numbers
+from blockmech.studies.variation import (
+    designed,
+    is_written_out,
+    of_links,
+    planned_aside,
+)
+from blockmech.typing import Coordinates, FrictionMethod, Numbers
+
+Array = NDArray[Any]
+PROVED = "proved"
+
+
+@dataclass(frozen=True, repr=False)
+class Enclosure(Facts, Report, Mapping[str, Array]):
+    """Outputs with proved bounds: ``e["crank.drive"]`` is (n,), half the width of each.
+
+    Attributes
+    ----------
+    result : run of the planned design
+    tolerances : address -> largest deviation of the number
+    low, high : output -> bounds (n,), of a vector those of x + i those of y; infinite where
+        nothing is proved
+    status : (n,) "proved", or why not
+    margin : (n,) lower bound of the smallest margin: where it is positive every part closes
+    """
+
+    FACTS = ("status", "margin", "low", "high")
+
+    result: Result
+    tolerances: Mapping[str, float]
+    low: Mapping[str, Array]
+    high: Mapping[str, Array]
+    status: tuple[str, ...]
+    margin: Array
+
+    def __getitem__(self, output: str) -> Array:
+        return np.asarray(0.5 * (self.high[output] - self.low[output]))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.low)
+
+    def __len__(self) -> int:
+        return len(self.low)
+
+    @property
+    def proved(self) -> bool:
+        """Whether the bounds of all samples are proved."""
+        return set(self.status) == {PROVED}
+
+    @property
+    def closes(self) -> bool:
+        """Whether the mechanism closes at all samples, for every part within its tolerance."""
+        return bool((self.margin > 0.0).all())
+
+    def contains(self, output: str, values: Any) -> Any:
+        """Whether values (..., n) of an output are within its bounds."""
+        low, high, x = self.low[output], self.high[output], np.asarray(values)
+        inside = (low.real <= x.real) & (x.real <= high.real)
+        return inside & (low.imag <= x.imag) & (x.imag <= high.imag)
+
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+        """For each output its middle and half width at every sample, then what is proved."""
+        whole = "every part within its tolerance" if self.tolerances else "exact numbers"
+        yield from sections(self._table(name, degrees) for name in self)
+        yield ""
+        count = sum(word == PROVED for word in self.status)
+        yield f"{count} of {len(self.status)} samples proved for {whole}"
+        if self.closes:
+            yield f"the mechanism closes for {whole}: margin at least {self.margin.min():.4g}"
+        for word in dict.fromkeys(self.status):
+            if word != PROVED:
+                yield f"not proved: {word}"
+
+    def _table(self, name: str, degrees: bool) -> Iterator[str]:
+        yield f"{name} [{self.result.unit(name) or '-'}]"
+        low, high = self.low[name], self.high[name]
+        rows = []
+        for k, word in enumerate(self.status):
+            text = "not proved" if word != PROVED else _bounded(low[k], high[k])
+            rows.append((self.result.place(k, degrees), text))
+        yield from aligned(("at", "value ± bound"), rows)
+
+
+def _bounded(low: complex, high: complex) -> str:
+    """The middle and half the width, of which the last digits are rounded up."""
+    parts = []
+    for a, b in ((low.real, high.real), (low.imag, high.imag)):
+        half = 0.5 * (b - a)
+        digits = max(0, 1 - int(np.floor(np.log10(half)))) if half > 0.0 else 6
+        middle = round(0.5 * (a + b), min(digits, 16))
+        parts.append(f"{middle:.{min(digits, 16)}f} ± {max(b - middle, middle - a) * 1.05:.2g}")
+    return parts[0] if isinstance(low, float) else f"({parts[0]}, {parts[1]})"
+
+
+@declared
+def enclose(
+    mechanism: Compiled,
+    at: Coordinates | None = None,
+    *,
+    samples: int | None = None,
+    times: Numbers | None = None,
+    rates: Coordinates | None = None,
+    accelerations: Coordinates | None = None,
+    tolerance: Mapping[str, float] | None = None,
+    want: Iterable[str] | str = EVERYTHING,
+    friction: FrictionMethod | None = None,
+    static: bool = False,
+) -> Enclosure:
+    """Bounds of outputs for every part within its tolerance, rounding included, proved.
+
+    Coordinates, rates and accelerations of the drivers are exact. Friction is that of Coulomb's
+    equations, not of a number of iterations. The largest length of a group, by which its numbers
+    are scaled, is that of the planned design. Some milliseconds a sample.
+
+    Parameters
+    ----------
+    at, samples, times, rates, accelerations : the samples, as those of a run
+    tolerance : address -> largest deviation of the number to both sides, e.g.
+        ``{"dyad.l_i": 1e-4}``; without any the bounds are those of rounding
+    want : names or patterns of outputs that are numbers or vectors
+    friction : "none" or "newton" (default)
+    static : without inertia
+
+    Returns
+    -------
+    Enclosure
+
+    Raises
+    ------
+    RequestError for unknown names, and for numbers of a document of links and joints
+    """
+    given = dict(tolerance or {})
+    wrong = [
+        Problem("bad-request", a, f"{x!r:.40} is no tolerance", "", "give a number above zero")
+        for a, x in given.items()
+        if isinstance(x, bool) or not isinstance(x, int | float) or not 0.0 < x < np.inf
+    ]
+    if friction not in (None, "none", "newton"):
+        remedy = "others are no solution of its equations"
+        wrong.append(Problem("bad-request", "friction", friction, "none, newton", remedy))
+    if given and (of_links(mechanism) or is_written_out(mechanism)):
+        found = "tolerances are of the numbers of one graph of blocks"
+        remedy = "name those of mech.of_blocks or of the flat graph"
+        wrong.append(Problem("bad-request", "tolerance", found, "", remedy))
+    if wrong:
+        raise RequestError(wrong)
+    chosen = chosen_numbers(mechanism, list(given)) if given else {}
+    tolerances = {p.address: float(x) for p, x in zip(chosen.values(), given.values(), strict=True)}
+    known = mechanism.outputs
+    asked = (want,) if isinstance(want, str) else tuple(want)
+    names = [n for n in known.match(asked) if known[n].kind in ("real", "vector")]
+    if not names:
+        found = "bounds are of outputs that are a number or a vector a sample"
+        raise RequestError([Problem("bad-request", n, found) for n in asked])
+    how = {"friction": friction or "newton", "static": static}
+    poses = {"samples": samples, "times": times, "rates": rates, "accelerations": accelerations}
+    result = mechanism.run(at, want=names, on_gap="mark", **poses, **how)  # type: ignore[arg-type]
+    return _enclosed(mechanism, result, chosen, tolerances, how)
+
+
+def _enclosed(
+    mechanism: Compiled,
+    result: Result,
+    chosen: Mapping[str, Parameter],
+    tolerances: Mapping[str, float],
+    how: Mapping[str, Any],
+) -> Enclosure:
+    """Bounds at each sample of a result."""
+    numbers: dict[Path, float] = {p.path: p.value for p in chosen.values()}
+    general = planned_aside(mechanism, numbers) if numbers else mechanism
+    for block in (b for b, x in mechanism.structure.blocks.items() if x.own_form and numbers):
+        general.structure.paths[block] = path_of(mechanism.structure, block)
+    plan = general.plan_at(result.samples, tuple(result), **how)
+    if missing := set(plan.program.inputs) - result.samples.given(plan.program.inputs).keys():
+        found = f"the outputs depend on states: {', '.join(sorted(missing))}"
+        raise RequestError([Problem("bad-request", "want", found, "", "name others")])
+    laws = [law for b in mechanism.structure.blocks.values() for law in b.friction.values()]
+    curved = how["friction"] == "newton" and any(x.acts and x.reads_load for x in laws)
+    engine = EnclosedEngine(plan.program)
+    inputs = result.samples.given(plan.program.inputs)
+    columns = [np.broadcast_to(inputs[name], result.n) for name in plan.program.inputs]
+    shape = result.n
+    ends = {
+        name: np.empty((2, shape), complex if known.kind == "vector" else float)
+        for name, known in ((n, mechanism.outputs[n]) for n in result)
+    }
+    margins, status = np.empty(shape), []
+    for k in range(shape):
+        SYMBOLS.count = 0
+        forms = {p.path: within(p.value, tolerances[p.address]) for p in chosen.values()}
+        parameters = (
+            plan.program.values(*designed(mechanism, forms))
+            if forms
+            else tuple(plan.program.parameters.values())
+        )
+        values = engine.one([float(c[k]) for c in columns], parameters)
+        for name, room in ends.items():
+            y = mechanism.outputs[name].read(*(values[i] for i in plan.layout[name]))
+            room[:, k] = _ends(y)
+        margins[k], word = _judged(plan, values)
+        wide = [name for name, room in ends.items() if not np.isfinite(room[:, k]).all()]
+        found = f"nothing bounds {listed(wide, 3)}"
+        word = word or ("friction is not linear in its load" if curved else "")
+        status.append(word or (found if wide else PROVED))
+    return Enclosure(
+        result,
+        tolerances,
+        {name: room[0] for name, room in ends.items()},
+        {name: room[1] for name, room in ends.items()},
+        tuple(status),
+        margins,
+    )
+
+
+def _ends(y: Any) -> tuple[complex, complex]:
+    """Bounds of a number, or of both components of a vector."""
+    if isinstance(y, Form | float | int):
+        y = form(y)
+        return y.low, y.high
+    x, y = form(y.real), form(y.imag)
+    return complex(x.low, y.low), complex(x.high, y.high)
+
+
+def _judged(plan: Plan, values: tuple[Any, ...]) -> tuple[float, str]:
+    """The lower bound of the margins, and why nothing is proved of a sample; "" where it is."""
+    lowest, word = 1.0, ""
+    for name, at in plan.layout.items():
+        kind, _, block = name.partition("/")
+        if kind == "margin":
+            low = form(values[at[0]]).low
+            lowest = min(lowest, low)
+            if not low > 0.0:
+                word = f"{block} may not close: margin at least {low:.3g}"
+        elif kind == "friction":
+            bound = form(values[at[CONTRACTION]]).high
+            if not bound < 1.0:
+                word = (
+                    word or f"friction of {block} may have several solutions: P up to {bound:.3g}"
+                )
+            elif not form(values[at[3]]).high < 2.0:
+                word = word or f"friction of {block} is not solved"
+    return lowest, word

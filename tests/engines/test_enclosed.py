@@ -1,0 +1,183 @@
+"""Enclosures against 60 digits, random designs and the exact range; a wrong proof must fail."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+
+import mpmath
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.engines import enclosed
+from blockmech.engines.enclosed import Form, form, within
+from blockmech.studies.family import remade
+from tests.extremes.precise import DIGITS, Precise
+from tests.gallery import changed, document, mechanism
+
+GROUPS = ["stephenson_3_triad", "stephenson_2_class_4"]
+CLOSED = ["slider_crank", "engine", "watt_sixbar", "toggle_press", "geared_fivebar", "scotch_yoke"]
+OUTPUTS = [
+    "*.p",
+    "*.omega",
+    "*.alpha",
+    "*.reaction",
+    "*.drive",
+    "*.tau_red",
+    "*.J_red",
+    "*.v",
+    "*.a",
+    "mechanism.*",
+]
+LENGTHS = {"dyad.l_i": 1e-4, "dyad.l_j": 1e-4, "crank.length": 1e-4}
+
+
+def inside(found, mech, friction):
+    """Whether all bounds hold the values in 60 digits."""
+    precise = Precise(mech, tuple(found), friction)
+    given = found.result.samples.given(precise.plan.program.inputs)
+    for k in range(found.result.n):
+        inputs = {n: float(np.broadcast_to(x, found.result.n)[k]) for n, x in given.items()}
+        with mpmath.workdps(DIGITS):
+            for name, columns in precise.values(inputs).items():
+                output = mech.outputs[name]
+                if output.kind == "real" and len(columns) == 1:
+                    x = columns[0]
+                    assert found.low[name][k] <= x <= found.high[name][k], (name, k)
+                elif output.kind == "vector" and len(columns) == 1:
+                    low, high, z = found.low[name][k], found.high[name][k], columns[0]
+                    assert low.real <= z.real <= high.real, (name, k)
+                    assert low.imag <= z.imag <= high.imag, (name, k)
+
+
+@pytest.mark.parametrize("name", [*CLOSED, *GROUPS])
+def test_bounds_of_rounding_hold_60_digits(name):
+    mech, dice = mechanism(name), random.Random(name)
+    q = [dice.uniform(-0.3, 0.3) + mech.samples(None, 5, None, None, None).inputs["q_0"][2]]
+    found = mech.enclose(q, rates=1.3, accelerations=-0.7, friction="none", want=OUTPUTS)
+    assert found.proved
+    assert found.closes
+    inside(found, mech, "none")
+
+
+def test_friction_is_proved_and_holds_60_digits():
+    mech = mechanism("ruiz_fourbar")
+    found = mech.enclose([0.3, 1.0, 2.5], want=["crank.drive", "*.reaction"])
+    assert found.proved
+    inside(found, mech, "newton")
+    assert found["crank.drive"].max() < 1e-8
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_dead_centres_are_bounded(gap):
+    data = document("ruiz_fourbar")
+    data["blocks"]["dyad"] |= {"l_i": 4.0, "l_j": 2.0}
+    mech = changed(data)
+    end = math.acos((5.5**2 + 2.0**2 - 6.0**2) / (2 * 5.5 * 2.0))  # B and D are l_i + l_j apart
+    found = mech.enclose(end - gap, rates=1.0, friction="none", want=["dyad.C.p", "dyad.margin"])
+    assert found.proved
+    assert found.closes
+    inside(found, mech, "none")
+
+
+@pytest.mark.parametrize(("name", "count"), [("ruiz_fourbar", 1000), *((n, 10) for n in GROUPS)])
+def test_random_designs_are_inside(name, count):
+    mech = mechanism(name)
+    every = mech.parameters()
+    tolerance = (
+        LENGTHS
+        if name == "ruiz_fourbar"
+        else {a: 1e-5 for a, p in every.items() if p.unit == "m" and p.value}
+    )
+    tolerance = dict(list(tolerance.items())[:4])
+    q = mech.samples(None, 5, None, None, None).inputs["q_0"][2]
+    want = ["crank.drive", "crank.tau_red"]
+    found = mech.enclose(q, tolerance=tolerance, want=want)
+    assert found.proved, found
+    dice = np.random.default_rng(1)
+    vary = {a: every[a].value + r * dice.uniform(-1, 1, count) for a, r in tolerance.items()}
+    study = mech.study(vary, want=[f"max({n})" for n in found], at=[q], sampling="paired")
+    for n in found:
+        assert found.contains(n, study[f"max({n})"][:, None]).all(), n
+
+
+def test_width_is_that_of_the_exact_range():
+    mech = mechanism("ruiz_fourbar")
+    every, widths = mech.parameters(), []
+    for size in (1e-4, 1e-6):
+        tolerance = dict.fromkeys(LENGTHS, size)
+        found = mech.enclose(1.0, tolerance=tolerance, want="crank.drive")
+        drives = [
+            remade(
+                mech, {a: every[a].value + s * size for a, s in zip(LENGTHS, side, strict=True)}
+            ).run(1.0, want="crank.drive")["crank.drive"][0]
+            for side in itertools.product((-1, 1), repeat=3)
+        ]
+        exact = 0.5 * (max(drives) - min(drives))
+        assert exact <= found["crank.drive"][0] <= 1.01 * exact
+        widths.append(found["crank.drive"][0] / size)
+    slope = mech.sensitivity("crank.drive", list(LENGTHS), at=1.0)["crank.drive"]
+    assert widths[1] == pytest.approx(np.abs(slope).sum(), rel=1e-4)
+
+
+def test_what_may_not_close_is_said():
+    found = mechanism("ruiz_fourbar").enclose(1.0, tolerance={"dyad.l_i": 3.0}, want="crank.drive")
+    assert not found.proved
+    assert not found.closes
+    assert "may not close" in str(found)
+
+
+def test_a_chain_of_forty_loops_is_bounded():
+    mech = mechanism("n_four_bar")
+    last = [n for n in mech.outputs if n.endswith(".C.p")][-1]
+    found = mech.enclose(0.3, rates=1.0, friction="none", want=last)
+    assert found.proved
+    assert abs(found[last][0]) < 1e-12
+
+
+def test_a_shrunk_proof_fails(monkeypatch):
+    holds = enclosed.shrunk  # a box is twice what is needed: of 0.4 of it nothing is proved
+    monkeypatch.setattr(enclosed, "shrunk", lambda need, box: holds(need, 0.4 * box))
+    found = mechanism("ruiz_fourbar").enclose(1.0, want="crank.drive")
+    assert not found.proved
+    assert not np.isfinite(found["crank.drive"]).any()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_sine_and_angle_hold_60_digits(seed):
+    dice = random.Random(seed)
+    x = dice.uniform(-10.0, 10.0) * 10.0 ** dice.randint(-12, 8)
+    enclosed.SYMBOLS.count = 0
+    cos, sin = form(x).turned()
+    with mpmath.workdps(60):
+        assert cos.low <= mpmath.cos(x) <= cos.high
+        assert sin.low <= mpmath.sin(x) <= sin.high
+    assert sin.high - sin.low <= 4 * enclosed.EPS * abs(sin.c) + 1e-29
+
+
+@pytest.mark.parametrize("function", ["sqrt", "exp", "inverse", "turned"])
+def test_functions_hold_what_is_within_a_tolerance(function):
+    dice = random.Random(function)
+    for _ in range(50):
+        enclosed.SYMBOLS.count = 0
+        c, r = dice.uniform(0.5, 3.0), dice.uniform(0.0, 0.4)
+        x = within(c, r) * 1.0
+        y = getattr(x, function)()
+        y = y[1] if function == "turned" else y
+        exact = {"turned": mpmath.sin, "inverse": lambda v: 1 / v}.get(function)
+        for t in (c - r, c + r, c + dice.uniform(-r, r)):
+            value = (exact or getattr(mpmath, function))(mpmath.mpf(t))
+            assert y.low <= value <= y.high
+        assert isinstance(y, Form)
+        assert y.high - y.low < 40 * r + 1e-14
+
+
+def test_wrong_requests_are_refused():
+    mech = mechanism("ruiz_fourbar")
+    for tolerance in ({"dyad.l_i": 0.0}, {"dyad.no": 1e-3}):
+        with pytest.raises(bm.RequestError):
+            mech.enclose(1.0, tolerance=tolerance)
+    with pytest.raises(bm.RequestError):
+        mech.enclose(1.0, friction="single")
