@@ -75,15 +75,15 @@ class Doubt:
     def __init__(self, at: Any) -> None:
         self.at = bool(at)
 
-    def __and__(self, other: Any) -> Any:
+    def __and__(self, term: Any) -> Any:
         return (
-            other and Doubt(self.at and planned(other))
-            if isinstance(other, bool)
-            else Doubt(self.at and planned(other))
+            term and Doubt(self.at and planned(term))
+            if isinstance(term, bool)
+            else Doubt(self.at and planned(term))
         )
 
-    def __or__(self, other: Any) -> Any:
-        return True if other is True else Doubt(self.at or planned(other))
+    def __or__(self, term: Any) -> Any:
+        return True if term is True else Doubt(self.at or planned(term))
 
     __rand__, __ror__ = __and__, __or__
 
@@ -93,9 +93,9 @@ class Form:
 
     __slots__ = ("at", "c", "d", "high", "low", "r")
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *given: Any) -> Any:
+    def __array_ufunc__(self, ufunc: Any, method: str, *args: Any) -> Any:
         known = method == "__call__" and ufunc in FUNCTIONS
-        return FUNCTIONS[ufunc](*map(form, given)) if known else NotImplemented
+        return FUNCTIONS[ufunc](*map(form, args)) if known else NotImplemented
 
     def __init__(
         self, at: float, low: float, high: float, c: float = NAN, d: Array | None = None
@@ -122,7 +122,7 @@ class Form:
         return self
 
     @property
-    def imag(self) -> Form:
+    def imag(self) -> Any:
         """Nothing."""
         return form(0.0)
 
@@ -136,26 +136,26 @@ class Form:
         """Its largest magnitude."""
         return max(abs(self.low), abs(self.high))
 
-    def __add__(self, other: Any) -> Any:
-        return _sum(self, other, 1.0)
+    def __add__(self, term: Any) -> Any:
+        return _sum(self, term, 1.0)
 
-    def __radd__(self, other: Any) -> Any:
-        return _sum(form(other), self, 1.0)
+    def __radd__(self, term: Any) -> Any:
+        return _sum(form(term), self, 1.0)
 
-    def __sub__(self, other: Any) -> Any:
-        return _sum(self, other, -1.0)
+    def __sub__(self, term: Any) -> Any:
+        return _sum(self, term, -1.0)
 
-    def __rsub__(self, other: Any) -> Any:
-        return _sum(form(other), self, -1.0)
+    def __rsub__(self, term: Any) -> Any:
+        return _sum(form(term), self, -1.0)
 
     def __neg__(self) -> Form:
         d = None if self.d is None else -self.d
         return Form(-self.at, -self.high, -self.low, -self.c, d)
 
-    def __mul__(self, other: Any) -> Any:
-        if isinstance(other, Dual):
+    def __mul__(self, term: Any) -> Any:
+        if isinstance(term, Dual):
             return NotImplemented
-        a, b = self, form(other)
+        a, b = self, form(term)
         for x, y in ((a, b), (b, a)):
             if x.exact and abs(x.c) <= 1.0 and x.c == int(x.c) and (x.c or y.size < math.inf):
                 return (y if x.c > 0.0 else -y) if x.c else form(0.0)
@@ -182,38 +182,38 @@ class Form:
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Any) -> Any:
-        if isinstance(other, Dual):
+    def __truediv__(self, term: Any) -> Any:
+        if isinstance(term, Dual):
             return NotImplemented
-        b = form(other)
+        b = form(term)
         y: Form = self * b.inverse()
         y.at = self.at / b.at if b.at else NAN
         return y
 
-    def __rtruediv__(self, other: Any) -> Any:
-        return form(other) / self
+    def __rtruediv__(self, term: Any) -> Any:
+        return form(term) / self
 
     def __abs__(self) -> Form:
         if self.low >= 0.0:
             return self
-        return -self if self.high <= 0.0 else Form(abs(self.at), 0.0, self.size)
+        return -self if self.high <= 0.0 else between(abs(self.at), 0.0, self.size)
 
-    def __lt__(self, other: Any) -> Any:
-        b = form(other)
+    def __lt__(self, term: Any) -> Any:
+        b = form(term)
         return True if self.high < b.low else self.low < b.high and Doubt(self.at < b.at)
 
-    def __le__(self, other: Any) -> Any:
-        b = form(other)
+    def __le__(self, term: Any) -> Any:
+        b = form(term)
         return True if self.high <= b.low else self.low <= b.high and Doubt(self.at <= b.at)
 
-    def __gt__(self, other: Any) -> Any:
-        return form(other) < self
+    def __gt__(self, term: Any) -> Any:
+        return form(term) < self
 
-    def __ge__(self, other: Any) -> Any:
-        return form(other) <= self
+    def __ge__(self, term: Any) -> Any:
+        return form(term) <= self
 
-    def __eq__(self, other: Any) -> Any:
-        b = form(other)
+    def __eq__(self, term: Any) -> Any:
+        b = form(term)
         if self.high < b.low or b.high < self.low:
             return False
         return (self.exact and b.exact) or Doubt(self.at == b.at)
@@ -225,11 +225,11 @@ class Form:
         if not (self.low > 0.0 or self.high < 0.0):
             return unknown(NAN)
         low, high = below(1.0 / self.high), above(1.0 / self.low)
-        near = min(abs(self.low), abs(self.high), abs(self.c))
-        curve = 1.0 / near**3 if near > 1e-100 else math.inf
+        nearest = min(abs(self.low), abs(self.high), abs(self.c))
+        curve = 1.0 / nearest**3 if nearest > 1e-100 else math.inf
         curves = (0.0, curve) if self.low > 0.0 else (-curve, 0.0)
         at = 1.0 / self.at if self.at else NAN
-        inside = self.d is not None and self.c * self.low > 0.0 and near > 1e-100
+        inside = self.d is not None and self.c * self.low > 0.0 and nearest > 1e-100
         slope = -1.0 / (self.c * self.c) if inside else NAN
         value = 1.0 / self.c if inside else NAN
         return self.bent(at, value, ULP * abs(value), slope, curves, low, high)
@@ -242,10 +242,10 @@ class Form:
         low, high = max(below(math.sqrt(self.low)), 0.0), above(math.sqrt(self.high))
         if self.exact and self.c == 0.0:
             return self
-        near = min(self.low, self.c)
-        if self.d is None or not near > 1e-150:
+        nearest = min(self.low, self.c)
+        if self.d is None or not nearest > 1e-150:
             return Form(at, low, high)
-        y, curve = math.sqrt(self.c), -1.0 / (8.0 * near * math.sqrt(near))
+        y, curve = math.sqrt(self.c), -1.0 / (8.0 * nearest * math.sqrt(nearest))
         return self.bent(at, y, ULP * y, 0.5 / y, (curve, 0.0), low, high)
 
     def turned(self) -> tuple[Form, Form]:
@@ -255,14 +255,14 @@ class Form:
         reach = self.r if self.d is not None else above(0.5 * above(self.high - self.low) + TINY)
         if not abs(middle) < 2.0**32 or not reach < 1.0:
             return Form(at[0], -1.0, 1.0), Form(at[1], -1.0, 1.0)
-        (cos, sin), made = turn(middle), []
+        (cos, sin), pair = turn(middle), []
         for y, slope, x in ((cos, -sin, at[0]), (sin, cos, at[1])):
             off, curve = ULP * abs(y) + 2.0**-100, 0.5 * (abs(y) + reach) * ROOM
             wide = (abs(slope) * reach + curve * reach * reach + 2 * off) * ROOM + EPS * reach
             low, high = max(below(y - wide), -1.0), min(above(y + wide), 1.0)
             side = (-0.5 * y - 0.5 * reach - EPS, -0.5 * y + 0.5 * reach + EPS)
-            made.append(self.bent(x, y, off, slope, side, low, high))
-        return made[0], made[1]
+            pair.append(self.bent(x, y, off, slope, side, low, high))
+        return pair[0], pair[1]
 
     def exp(self) -> Form:
         """The exponential."""
@@ -289,8 +289,8 @@ class Form:
         if self.d is None or not math.isfinite(y) or not math.isfinite(curves[1] - curves[0]):
             return Form(at, low, high)
         square = self.r * self.r
-        least, most = min(curves[0] * square, 0.0), max(curves[1] * square, 0.0)
-        shift, half = 0.5 * (least + most), 0.5 * (most - least)
+        lowest, highest = min(curves[0] * square, 0.0), max(curves[1] * square, 0.0)
+        shift, half = 0.5 * (lowest + highest), 0.5 * (highest - lowest)
         off += half + TINY + ULP * ((abs(y) + half) * (half > 0.0) + 16 * abs(slope) * self.r)
         return affine(at, y + shift, [(slope, self.d)], off, low, high)
 
@@ -299,29 +299,29 @@ def affine(
     at: float, c: float, terms: Any, off: float, low: float = -math.inf, high: float = math.inf
 ) -> Form:
     """c and factors times coefficients, with a symbol of its own for what they are off."""
-    own = off * ROOM
+    error = off * ROOM
     length = max((len(d) for _, d in terms), default=0)
-    if own > 0.0:
+    if error > 0.0:
         length = SYMBOLS.count + 1
     d = np.zeros(length)
     for factor, of in terms:
         d[: len(of)] += of if factor == 1.0 else factor * of
-    if own > 0.0:
-        d[-1] = own
+    if error > 0.0:
+        d[-1] = error
         SYMBOLS.count += 1
     return Form(at, low, high, c, d)
 
 
-def _sum(a: Form, other: Any, side: float) -> Any:
-    if isinstance(other, Dual):
+def _sum(a: Form, term: Any, side: float) -> Any:
+    if isinstance(term, Dual):
         return NotImplemented
-    b = form(other)
+    b = form(term)
     if b.exact and b.c == 0.0:
         return a
     if a.exact and a.c == 0.0:
         return b if side > 0.0 else -b
-    least, most = (b.low, b.high) if side > 0.0 else (-b.high, -b.low)
-    low, high, at = below(a.low + least), above(a.high + most), a.at + side * b.at
+    lowest, highest = (b.low, b.high) if side > 0.0 else (-b.high, -b.low)
+    low, high, at = below(a.low + lowest), above(a.high + highest), a.at + side * b.at
     if a.d is None or b.d is None:
         return Form(at, low, high)
     x = side * b.c
@@ -349,6 +349,14 @@ def unknown(at: float = NAN) -> Form:
 def within(value: float, tolerance: float) -> Form:
     """A number somewhere within its tolerance, with a symbol of its own."""
     return affine(value, value, [], tolerance, below(value - tolerance), above(value + tolerance))
+
+
+def between(at: float, low: float, high: float) -> Form:
+    """A number of which bounds are known, with a symbol of its own."""
+    if not high - low < math.inf:
+        return Form(at, low, high)
+    c = 0.5 * (low + high)
+    return affine(at, c, [], above(max(high - c, c - low)) + TINY, low, high)
 
 
 def planned(x: Any) -> Any:
@@ -390,9 +398,9 @@ def turn(x: float) -> tuple[float, float]:
     For angles below 2^32: a unit too much in pi / 2 is 2^-118 there.
     """
     above_, under = x.as_integer_ratio()
-    whole = (above_ << BITS) // under
-    quarter = (2 * whole + HALF_PI) // (2 * HALF_PI)
-    rest = whole - quarter * HALF_PI
+    fixed = (above_ << BITS) // under
+    quarter = (2 * fixed + HALF_PI) // (2 * HALF_PI)
+    rest = fixed - quarter * HALF_PI
     square, sums = rest * rest >> BITS, []
     for first, term in ((0, 1 << BITS), (1, rest)):
         total, n = term, first
@@ -424,8 +432,8 @@ def either(open_: Doubt, a: Any, b: Any) -> Any:
         return Dual(either(open_, a.x, b.x), 0.0 * a.d, np.full(a.d.shape, math.inf))
     at = planned(a) if open_.at else planned(b)
     if any(isinstance(x, float) and x != x for x in (a, b)):
-        kept = form(b if isinstance(a, float) and a != a else a)
-        return Form(at, kept.low, kept.high, kept.c, kept.d)
+        answer = form(b if isinstance(a, float) and a != a else a)
+        return Form(at, answer.low, answer.high, answer.c, answer.d)
     a, b = form(a), form(b)
     half, apart = (a + b) * 0.5, (a - b) * 0.5
     low, high = min(a.low, b.low), max(a.high, b.high)
@@ -476,7 +484,7 @@ def sign(x: Any) -> Any:
     x = form(x)
     if x.exact or x.low > 0.0 or x.high < 0.0:
         return form(float(x.low > 0.0) - float(x.high < 0.0))
-    return Form(math.copysign(1.0, x.at), -1.0, 1.0)
+    return between(math.copysign(1.0, x.at), -1.0, 1.0)
 
 
 def power(x: Any, y: Any) -> Any:
@@ -486,7 +494,7 @@ def power(x: Any, y: Any) -> Any:
     if not (y.exact and x.low >= 0.0 and x.high < math.inf):
         return unknown(at)
     ends = sorted(_power(end, y.c) for end in (x.low, x.high))
-    return Form(at, max(ends[0] * (1.0 - 8 * EPS), 0.0), ends[1] * (1.0 + 8 * EPS))
+    return between(at, max(ends[0] * (1.0 - 8 * EPS), 0.0), ends[1] * (1.0 + 8 * EPS))
 
 
 def _power(x: float, y: float) -> float:
@@ -580,7 +588,9 @@ def modulo(x: Any, period: Any) -> Any:
     if math.isfinite(x.at / period.at):
         rest = x - period * float(math.floor(x.at / period.at))
     inside = rest.low >= 0.0 and rest.high <= period.low
-    return Form(at, rest.low, rest.high, rest.c, rest.d) if inside else Form(at, 0.0, period.high)
+    return (
+        Form(at, rest.low, rest.high, rest.c, rest.d) if inside else between(at, 0.0, period.high)
+    )
 
 
 def piecewise(x: Any, knots: Any, rows: Any) -> Any:
@@ -602,7 +612,7 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
         return unknown(value)
     if len(pieces) == 1:
         return Form(value, pieces[0].low, pieces[0].high, pieces[0].c, pieces[0].d)
-    return Form(value, min(p.low for p in pieces), max(p.high for p in pieces))
+    return between(value, min(p.low for p in pieces), max(p.high for p in pieces))
 
 
 def each(function: Any, *x: Any) -> Any:
@@ -650,8 +660,8 @@ class Dual:
         """A function of it: value and slope."""
         return Dual(y, *_scaled(slope, self.d, self.r))
 
-    def __add__(self, other: Any) -> Dual:
-        b = dual(other)
+    def __add__(self, term: Any) -> Dual:
+        b = dual(term)
         d = self.d + b.d
         return Dual(self.x + b.x, d, (self.r + b.r + EPS * abs(d)) * ROOM)
 
@@ -660,46 +670,46 @@ class Dual:
     def __neg__(self) -> Dual:
         return Dual(-self.x, -self.d, self.r)
 
-    def __sub__(self, other: Any) -> Dual:
-        return self + -dual(other)
+    def __sub__(self, term: Any) -> Dual:
+        return self + -dual(term)
 
-    def __rsub__(self, other: Any) -> Dual:
-        return dual(other) + -self
+    def __rsub__(self, term: Any) -> Dual:
+        return dual(term) + -self
 
-    def __mul__(self, other: Any) -> Dual:
-        b = dual(other)
+    def __mul__(self, term: Any) -> Dual:
+        b = dual(term)
         y = self.of(self.x * b.x, b.x) + b.of(self.x, self.x)
         return Dual(self.x * b.x, y.d, y.r)
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Any) -> Dual:
-        b = dual(other)
+    def __truediv__(self, term: Any) -> Dual:
+        b = dual(term)
         y, part = self.x / b.x, form(1.0) / b.x
         change = self.of(y, part) + b.of(y, -y * part)
         return Dual(y, change.d, change.r)
 
-    def __rtruediv__(self, other: Any) -> Dual:
-        return dual(other) / self
+    def __rtruediv__(self, term: Any) -> Dual:
+        return dual(term) / self
 
     def __abs__(self) -> Dual:
         y = abs(self.x)
         return self if y is self.x else -self if self.x.high <= 0.0 else self.of(y, sign(self.x))
 
-    def __lt__(self, other: Any) -> Any:
-        return self.x < dual(other).x
+    def __lt__(self, term: Any) -> Any:
+        return self.x < dual(term).x
 
-    def __le__(self, other: Any) -> Any:
-        return self.x <= dual(other).x
+    def __le__(self, term: Any) -> Any:
+        return self.x <= dual(term).x
 
-    def __gt__(self, other: Any) -> Any:
-        return self.x > dual(other).x
+    def __gt__(self, term: Any) -> Any:
+        return self.x > dual(term).x
 
-    def __ge__(self, other: Any) -> Any:
-        return self.x >= dual(other).x
+    def __ge__(self, term: Any) -> Any:
+        return self.x >= dual(term).x
 
-    def __eq__(self, other: Any) -> Any:
-        return self.x == dual(other).x
+    def __eq__(self, term: Any) -> Any:
+        return self.x == dual(term).x
 
     __hash__ = None  # type: ignore[assignment]
 
@@ -792,8 +802,8 @@ class Matrix:
 
     def doubt(self, size: Array) -> Array:
         """How far solutions may be off those of the middle, whose corrections are below a size."""
-        most = size.max(axis=0) / (1.0 - self.rest.sum(axis=1).max() * ROOM) * ROOM
-        off: Array = self.rest.sum(axis=1).reshape(-1, *[1] * (size.ndim - 1)) * most * ROOM
+        highest = size.max(axis=0) / (1.0 - self.rest.sum(axis=1).max() * ROOM) * ROOM
+        off: Array = self.rest.sum(axis=1).reshape(-1, *[1] * (size.ndim - 1)) * highest * ROOM
         return off
 
 
@@ -816,8 +826,8 @@ def solve(a: Matrix, right: Any) -> tuple[Any, ...]:
     if not all(x.size < math.inf for x in forms):
         return tuple(unknown() for _ in right)
     start = a.inverse @ np.array([0.5 * (x.low + x.high) for x in forms])
-    left = [x - combined(start, row) for x, row in zip(forms, a.forms, strict=True)]
-    moved = [combined(row, left) for row in a.inverse]
+    misfits = [x - combined(start, row) for x, row in zip(forms, a.forms, strict=True)]
+    moved = [combined(row, misfits) for row in a.inverse]
     off = a.doubt(np.array([x.size for x in moved]))
     x = [
         form(s) + (affine(m.at, m.c, [(1.0, m.d)], e) if m.d is not None else _wider(m, e))
@@ -866,9 +876,9 @@ def spread(a: Matrix) -> Form:
     tilt = sum(float(np.linalg.norm(x.T @ x - one)) for x in (u, v)) + 8 * n * n * EPS
     apart = np.linalg.norm(a.middle - (u * s) @ v) + np.linalg.norm(a.off)
     off = (float(apart) + (4 * n * n * EPS + 2 * tilt) * float(s[0])) * ROOM
-    at, (most, least) = float(s[-1] / s[0]), (float(s[0]), float(s[-1]))
-    low = max(least - off, 0.0) / (most + off)
-    high = (least + off) / (most - off) if most > off else 1.0
+    at, (highest, lowest) = float(s[-1] / s[0]), (float(s[0]), float(s[-1]))
+    low = max(lowest - off, 0.0) / (highest + off)
+    high = (lowest + off) / (highest - off) if highest > off else 1.0
     return Form(at, max(below(below(low)), 0.0), min(above(above(high)), 1.0))
 
 
@@ -892,21 +902,21 @@ class _Links:
 
     def at(self, x: Any) -> tuple[Any, ...]:
         """The state of some numbers."""
-        given, made = iter(x), []
+        args, pair = iter(x), []
         for part in self.state:
             if not isinstance(part, LinkPosition):
-                made.append(next(given))
+                pair.append(next(args))
                 continue
-            place = Planar(next(given), next(given))
-            made.append(LinkPosition(place, self._unit(part.e) * expi(next(given))))
-        return tuple(made)
+            place = Planar(next(args), next(args))
+            pair.append(LinkPosition(place, self._unit(part.e) * expi(next(args))))
+        return tuple(pair)
 
     def of(self, state: Any) -> list[Any]:
         """The numbers of a state near by."""
         rows: list[Any] = []
-        for own, part in zip(self.state, state, strict=True):
-            if isinstance(own, LinkPosition):
-                rows += [part.o.real, part.o.imag, angle(self._unit(own.e), part.e)]
+        for error, part in zip(self.state, state, strict=True):
+            if isinstance(error, LinkPosition):
+                rows += [part.o.real, part.o.imag, angle(self._unit(error.e), part.e)]
             else:
                 rows.append(part)
         return rows
@@ -1015,4 +1025,4 @@ class EnclosedEngine:
 
 def _at_planned(function: Any) -> Any:
     """A function that is no kernel, such as a group's path from home, of the planned design."""
-    return lambda *given: function(*planned(given))
+    return lambda *args: function(*planned(args))

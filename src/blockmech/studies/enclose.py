@@ -89,13 +89,13 @@ class Enclosure(Facts, Report, Mapping[str, Array]):
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """For each output its middle and half width at every sample, then what is proved."""
-        whole = "every part within its tolerance" if self.tolerances else "exact numbers"
+        subject = "every part within its tolerance" if self.tolerances else "exact numbers"
         yield from sections(self._table(name, degrees) for name in self)
         yield ""
         count = sum(word == PROVED for word in self.status)
-        yield f"{count} of {len(self.status)} samples proved for {whole}"
+        yield f"{count} of {len(self.status)} samples proved for {subject}"
         if self.closes:
-            yield f"the mechanism closes for {whole}: margin at least {self.margin.min():.4g}"
+            yield f"the mechanism closes for {subject}: margin at least {self.margin.min():.4g}"
         for word in dict.fromkeys(self.status):
             if word != PROVED:
                 yield f"not proved: {word}"
@@ -158,65 +158,67 @@ def enclose(
     ------
     RequestError for unknown names, and for numbers of a document of links and joints
     """
-    given = dict(tolerance or {})
-    wrong = [
+    widths = dict(tolerance or {})
+    problems = [
         Problem("bad-request", a, f"{x!r:.40} is no tolerance", "", "give a number above zero")
-        for a, x in given.items()
+        for a, x in widths.items()
         if isinstance(x, bool) or not isinstance(x, int | float) or not 0.0 < x < np.inf
     ]
     if friction not in (None, "none", "newton"):
         remedy = "others are no solution of its equations"
-        wrong.append(Problem("bad-request", "friction", friction, "none, newton", remedy))
-    if given and (of_links(mechanism) or is_written_out(mechanism)):
-        found = "tolerances are of the numbers of one graph of blocks"
+        problems.append(Problem("bad-request", "friction", friction, "none, newton", remedy))
+    if widths and (of_links(mechanism) or is_written_out(mechanism)):
+        message = "tolerances are of the numbers of one graph of blocks"
         remedy = "name those of mech.of_blocks or of the flat graph"
-        wrong.append(Problem("bad-request", "tolerance", found, "", remedy))
-    if wrong:
-        raise RequestError(wrong)
-    chosen = chosen_numbers(mechanism, list(given)) if given else {}
-    tolerances = {p.address: float(x) for p, x in zip(chosen.values(), given.values(), strict=True)}
-    known = mechanism.outputs
-    asked = (want,) if isinstance(want, str) else tuple(want)
-    names = [n for n in known.match(asked) if known[n].kind in ("real", "vector")]
+        problems.append(Problem("bad-request", "tolerance", message, "", remedy))
+    if problems:
+        raise RequestError(problems)
+    numbers_of = chosen_numbers(mechanism, list(widths)) if widths else {}
+    tolerances = {
+        p.address: float(x) for p, x in zip(numbers_of.values(), widths.values(), strict=True)
+    }
+    catalogue = mechanism.outputs
+    patterns = (want,) if isinstance(want, str) else tuple(want)
+    names = [n for n in catalogue.match(patterns) if catalogue[n].kind in ("real", "vector")]
     if not names:
-        found = "bounds are of outputs that are a number or a vector a sample"
-        raise RequestError([Problem("bad-request", n, found) for n in asked])
-    how = {"friction": friction or "newton", "static": static}
+        message = "bounds are of outputs that are a number or a vector a sample"
+        raise RequestError([Problem("bad-request", n, message) for n in patterns])
+    settings = {"friction": friction or "newton", "static": static}
     poses = {"samples": samples, "times": times, "rates": rates, "accelerations": accelerations}
-    result = mechanism.run(at, want=names, on_gap="mark", **poses, **how)  # type: ignore[arg-type]
-    return _enclosed(mechanism, result, chosen, tolerances, how)
+    result = mechanism.run(at, want=names, on_gap="mark", **poses, **settings)  # type: ignore[arg-type]
+    return _enclosed(mechanism, result, numbers_of, tolerances, settings)
 
 
 def _enclosed(
     mechanism: Compiled,
     result: Result,
-    chosen: Mapping[str, Parameter],
+    numbers_of: Mapping[str, Parameter],
     tolerances: Mapping[str, float],
-    how: Mapping[str, Any],
+    settings: Mapping[str, Any],
 ) -> Enclosure:
     """Bounds at each sample of a result."""
-    numbers: dict[Path, float] = {p.path: p.value for p in chosen.values()}
+    numbers: dict[Path, float] = {p.path: p.value for p in numbers_of.values()}
     general = planned_aside(mechanism, numbers) if numbers else mechanism
     for block in (b for b, x in mechanism.structure.blocks.items() if x.own_form and numbers):
         general.structure.paths[block] = path_of(mechanism.structure, block)
-    plan = general.plan_at(result.samples, tuple(result), **how)
+    plan = general.plan_at(result.samples, tuple(result), **settings)
     if missing := set(plan.program.inputs) - result.samples.given(plan.program.inputs).keys():
-        found = f"the outputs depend on states: {', '.join(sorted(missing))}"
-        raise RequestError([Problem("bad-request", "want", found, "", "name others")])
+        message = f"the outputs depend on states: {', '.join(sorted(missing))}"
+        raise RequestError([Problem("bad-request", "want", message, "", "name others")])
     laws = [law for b in mechanism.structure.blocks.values() for law in b.friction.values()]
-    curved = how["friction"] == "newton" and any(x.acts and x.reads_load for x in laws)
+    curved = settings["friction"] == "newton" and any(x.acts and x.reads_load for x in laws)
     engine = EnclosedEngine(plan.program)
     inputs = result.samples.given(plan.program.inputs)
     columns = [np.broadcast_to(inputs[name], result.n) for name in plan.program.inputs]
     shape = result.n
     ends = {
-        name: np.empty((2, shape), complex if known.kind == "vector" else float)
-        for name, known in ((n, mechanism.outputs[n]) for n in result)
+        name: np.empty((2, shape), complex if output.kind == "vector" else float)
+        for name, output in ((n, mechanism.outputs[n]) for n in result)
     }
     margins, status = np.empty(shape), []
     for k in range(shape):
         SYMBOLS.count = 0
-        forms = {p.path: within(p.value, tolerances[p.address]) for p in chosen.values()}
+        forms = {p.path: within(p.value, tolerances[p.address]) for p in numbers_of.values()}
         parameters = (
             plan.program.values(*designed(mechanism, forms))
             if forms
@@ -228,9 +230,9 @@ def _enclosed(
             room[:, k] = _ends(y)
         margins[k], word = _judged(plan, values)
         wide = [name for name, room in ends.items() if not np.isfinite(room[:, k]).all()]
-        found = f"nothing bounds {listed(wide, 3)}"
+        message = f"nothing bounds {listed(wide, 3)}"
         word = word or ("friction is not linear in its load" if curved else "")
-        status.append(word or (found if wide else PROVED))
+        status.append(word or (message if wide else PROVED))
     return Enclosure(
         result,
         tolerances,
