@@ -122,6 +122,25 @@ def test_width_is_that_of_the_exact_range():
     assert widths[1] == pytest.approx(np.abs(slope).sum(), rel=1e-4)
 
 
+def test_equal_lengths_cost_no_width():
+    mech, size = mechanism("watt_sixbar"), 1e-4
+    every = mech.parameters()
+    names = ["crank.length", "first.l_i", "first.l_j", "second.l_i", "second.l_j"]
+    how = {"friction": "none", "want": "crank.drive"}
+    found = mech.enclose([0.5, 2.0], tolerance=dict.fromkeys(names, size), **how)
+    drives = np.array(
+        [
+            remade(
+                mech, {a: every[a].value + s * size for a, s in zip(names, side, strict=True)}
+            ).run([0.5, 2.0], **how)["crank.drive"]
+            for side in itertools.product((-1, 1), repeat=5)
+        ]
+    )
+    exact = 0.5 * np.ptp(drives, axis=0)
+    assert found.contains("crank.drive", drives).all()
+    assert (found["crank.drive"] <= 1.2 * exact).all()
+
+
 def test_what_may_not_close_is_said():
     found = mechanism("ruiz_fourbar").enclose(1.0, tolerance={"dyad.l_i": 3.0}, want="crank.drive")
     assert not found.proved

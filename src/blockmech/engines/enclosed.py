@@ -91,7 +91,7 @@ class Doubt:
 class Form:
     """A number: at the planned design ``at``, within low and high, affine c + d e if d is there."""
 
-    __slots__ = ("at", "c", "d", "high", "low", "r")
+    __slots__ = ("absolute", "at", "c", "d", "high", "low", "r")
 
     def __array_ufunc__(self, ufunc: Any, method: str, *args: Any) -> Any:
         known = method == "__call__" and ufunc in FUNCTIONS
@@ -100,6 +100,7 @@ class Form:
     def __init__(
         self, at: float, low: float, high: float, c: float = NAN, d: Array | None = None
     ) -> None:
+        self.absolute: Form
         self.at, self.c, self.d, self.r = float(at), float(c), d, math.inf
         if d is not None:
             self.r = float(np.abs(d).sum()) * ROOM if d.size else 0.0
@@ -196,7 +197,9 @@ class Form:
     def __abs__(self) -> Form:
         if self.low >= 0.0:
             return self
-        return -self if self.high <= 0.0 else between(abs(self.at), 0.0, self.size)
+        if not hasattr(self, "absolute"):  # the same symbol each time, so that it cancels
+            self.absolute = -self if self.high <= 0.0 else between(abs(self.at), 0.0, self.size)
+        return self.absolute
 
     def __lt__(self, term: Any) -> Any:
         b = form(term)
