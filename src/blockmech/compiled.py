@@ -17,6 +17,7 @@ import numpy as np
 
 from blockmech.blocks.contract import Joint
 from blockmech.blocks.modes import TwoModes
+from blockmech.engines.cost import account
 from blockmech.engines.numpy import PRECISIONS, NumpyEngine, each_part
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import BlockmechError, GraphError, Problem, as_names, listed, refused
@@ -52,10 +53,6 @@ T = TypeVar("T")
 CONTRACTION = 2  # place among the reports on a group's friction, see `blockmech.quality.assess`
 CERTAIN = 1 - 1e-3  # of single precision: there it still tells on which side of 1 it is
 PLANS = 64  # kept with their engines, those asked for last; each is some 100 kB
-SCALAR_UP_TO = 24  # samples; above, a NumPy batch is faster
-# Samples for which compiling pays: it takes 0.2 ms for each line of assembly, and NumPy takes
-# 0.3 ns longer for each line and sample; loading the compiler doubles that for short programs.
-COMPILED_FROM = 2**20
 
 
 class Compiled(Runnable[M]):
@@ -251,8 +248,8 @@ class Compiled(Runnable[M]):
             method, iterations and precision, and ``result.accuracy`` says which.
         static : without inertia
         engine : "scalar" for few samples, "numpy" for batches, "llvm" for machine code that is
-            compiled at the first run (extra ``fast``), "auto" by size; "auto" takes "llvm" from
-            a million samples on, and for a request that has been compiled before
+            compiled at the first run, "auto" the one that is expected to take the least time:
+            machine code once the request was asked for so many samples that compiling pays
         precision : "complex64" | "complex128" (default) | "clongdouble" (NumPy engine)
         chunk : samples per batch of the NumPy engine
         on_gap : what to do at samples without an answer: raise, mark them as NaN,
@@ -342,7 +339,7 @@ class Compiled(Runnable[M]):
         """Values of a plan's program at samples, and the engine that was taken."""
         check_chunk(chunk)
         if engine == "auto":
-            engine = self._chosen(plan, taken.n) if precision == "complex128" else "numpy"
+            engine = self.chosen(plan, taken.n) if precision == "complex128" else "numpy"
         if self.structure.states:
             inputs = self._with_states(plan, taken)
         else:
@@ -413,22 +410,24 @@ class Compiled(Runnable[M]):
             remedy = "ask simulate for them, or name others with want=[...]"
             raise refused("want", found, remedy, "states are known along a motion", "signal-states")
 
-    def _chosen(self, plan: Plan, n: int) -> str:
-        """The fastest engine for n samples: compiled ones where compiling is done or pays."""
-        if ("llvm", "") in plan.engines:
-            return "llvm"
-        if n < COMPILED_FROM:
-            return "scalar" if n <= SCALAR_UP_TO else "numpy"
-        try:
-            self._engine(plan, "llvm", "")
-        except BlockmechError:
-            return "numpy"
-        return "llvm"
+    def chosen(self, plan: Plan, n: int) -> str:
+        """The engine that takes the least time for n samples, and for those to be expected."""
+        costs, made = account(plan.program), ("llvm", "") in plan.engines
+        engine = costs.choice(plan.program, n, made)
+        if engine == "llvm" and not made:
+            try:
+                self._engine(plan, "llvm", "")
+            except BlockmechError:
+                costs.declined = True
+                engine = costs.choice(plan.program, n, made)
+        if engine != "llvm":
+            costs.count(plan.program, n)
+        return engine
 
     def engine_of_designs(self, plan: Plan, n: int, engine: str) -> NumpyEngine | LlvmEngine:
-        """The engine for n samples of designs: of itself compiled where that is done or pays."""
+        """The engine for n samples of designs: of itself the quicker one."""
         if engine == "auto":
-            engine = "llvm" if self._chosen(plan, n) == "llvm" else "numpy"
+            engine = "llvm" if self.chosen(plan, n) == "llvm" else "numpy"
         if engine not in ("numpy", "llvm"):
             wrong, valid = f'no engine "{engine}" for designs', "engines: auto, numpy, llvm"
             raise refused("engine", wrong, valid=valid, code="unknown-engine")

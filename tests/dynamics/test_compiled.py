@@ -8,11 +8,11 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics import solvers
-from blockmech.dynamics import system as systems
 from blockmech.dynamics.change_points import FollowingSystem
 from blockmech.dynamics.equation import Equation, kept_rates
 from blockmech.dynamics.solvers import Dop853
 from blockmech.dynamics.system import System
+from blockmech.engines.cost import Account
 from blockmech.settings import friction_asked
 from tests.dynamics.test_friction import pendulum, rubbing
 from tests.gallery import changed, document, mechanism
@@ -51,7 +51,7 @@ def test_a_motion_is_the_same(name, method):
 
 @pytest.mark.parametrize("engine", ["llvm", "auto"])  # which begins in the middle of a segment
 def test_a_motion_with_friction_is_the_same(monkeypatch, engine):
-    monkeypatch.setattr(systems, "WORTH", 700)
+    monkeypatch.setattr(Account, "states_pay", lambda self, program, states: states > 700)
     request = {"until": "time=0.8", "start": {"crank": (1.0, 0.0)}, "method": "dop853"}
     request["accuracy"] = 1e-7
     one, other = both(rubbing, engine, **request)
@@ -141,7 +141,8 @@ def test_a_motion_hangs_on_its_request_alone(engine):
 
 def test_motions_that_are_asked_for_again_are_compiled(monkeypatch):
     request = {"until": "time=0.5", "method": "dop853", "want": []}
-    monkeypatch.setattr(systems, "WORTH", 2000)  # states: some motions of both runs
+    # states: some motions of both runs
+    monkeypatch.setattr(Account, "states_pay", lambda self, program, states: states > 2000)
     mech = changed(document("watt_sixbar"))
     engines = [mech.simulate(**request).motion.engine for _ in range(9)]
     assert engines == sorted(engines, reverse=True)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech import compiled
-from blockmech.engines import llvm
+from blockmech.engines import cost, llvm
 from blockmech.engines.llvm import LlvmEngine, SingleEvaluator
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.numpy import Whole
@@ -183,37 +182,63 @@ def test_a_function_of_python_is_declined_with_its_reason():
     assert 'use engine="numpy"' in str(told.value)
 
 
-def test_a_program_of_great_length_is_declined(monkeypatch):
+def test_a_program_of_great_length_is_declined(fresh, monkeypatch):
     monkeypatch.setattr(llvm, "LONGEST", 10)
     with pytest.raises(bm.RequestError, match="more than 10 operations"):
         watt(friction=True).run(samples=3, engine="llvm", want="crank.drive")
 
 
-def test_without_the_package_the_extra_is_named(monkeypatch):
+def test_without_the_package_the_extra_is_named(fresh, monkeypatch):
     monkeypatch.setitem(sys.modules, "llvmlite.binding", None)
-    llvm._package.cache_clear()
+    llvm.processor.cache_clear()
     with pytest.raises(bm.MissingEngineError, match=r"blockmech\[fast\]"):
         mechanism("pump").run(samples=3, engine="llvm", want="*.omega")
-    monkeypatch.setattr(compiled, "COMPILED_FROM", 30)
-    assert ruiz().run(samples=30, want="crank.drive").engine == "numpy"
+    assert ruiz().run(samples=500_000, want="crank.drive").engine == "numpy"
 
 
-def test_auto_compiles_where_it_pays_and_goes_on_with_what_is_compiled(monkeypatch):
-    monkeypatch.setattr(compiled, "COMPILED_FROM", 100)
+def test_auto_compiles_where_it_pays_and_goes_on_with_what_is_compiled(fresh):
+    llvm.processor()  # the compiler is loaded
     mech = ruiz().compile()
     want = ("crank.drive",)
-    assert mech.run(samples=99, want=want).engine == "numpy"
-    assert mech.run(samples=100, want=want).engine == "llvm"
+    assert mech.run(at=1.0, want=want).engine == "scalar"
+    assert mech.run(samples=1000, want=want).engine == "numpy"
+    assert mech.run(samples=1_000_000, want=want).engine == "llvm"
     assert mech.run(at=1.0, want=want).engine == "llvm"
     assert mech.run(at=1.0, want=want, engine="scalar").engine == "scalar"
     assert mech.run(samples=50, want=want, precision="complex64").engine == "numpy"
     declined = arm(lambda rate: -0.3 * rate).compile()
-    assert declined.run(samples=100, want="*.omega").engine == "llvm"
     assert declined.run(samples=100, want="motor.*").engine == "numpy"
 
 
-def test_a_study_of_many_designs_is_compiled(monkeypatch):
-    monkeypatch.setattr(compiled, "COMPILED_FROM", 36)
+def test_many_calls_of_few_samples_are_compiled_too(fresh):
+    llvm.processor()
+    mech, engines = ruiz().compile(), []
+    for _ in range(300):
+        engines.append(mech.run(samples=2000, want="crank.drive").engine)
+        if engines[-1] == "llvm":
+            break
+    program = mech.plan("crank.drive").program
+    costs = cost.account(program)
+    spent = len(engines) * costs.by_interpreter(program, 2000)[0]
+    assert engines[-1] == "llvm"
+    assert 1.0 < spent / costs.making(program) < 1.5  # half of the time was machine code's due
+    other = ruiz().compile()  # of the same structure: its code is there
+    assert other.run(samples=2000, want="crank.drive").engine == "llvm"
+
+
+@pytest.mark.parametrize("n", [1, 20, 400, 8_000, 160_000, 3_000_000])
+@pytest.mark.parametrize("made", [False, True])
+def test_the_engine_is_the_one_that_costs_least(fresh, n, made):
+    llvm.processor()
+    program = watt(friction=True).compile().plan("*").program
+    costs = cost.account(program)
+    interpreted, name = costs.by_interpreter(program, n)
+    code = costs.by_machine_code(program, n) + (0.0 if made else costs.making(program))
+    assert costs.choice(program, n, made) == ("llvm" if code < interpreted else name)
+
+
+def test_a_study_of_many_designs_is_compiled(fresh, monkeypatch):
+    monkeypatch.setattr(cost, "COMPILING", (0.0, 0.0))
     asked = []
     run = LlvmEngine.run_designs
     monkeypatch.setattr(LlvmEngine, "run_designs", lambda *x: (asked.append(1), run(*x))[1])
@@ -239,7 +264,7 @@ def test_one_state_after_the_other_is_the_same_by_machine_code():
 
 def test_machine_code_lives_as_long_as_the_engine_that_calls_it():
     first = LlvmEngine(program_of(lambda x: x * 3.0, 1))
-    llvm.machine_code.cache_clear()  # as 128 other structures would
+    llvm._CODES.clear()  # as 128 other structures would
     others = [LlvmEngine(program_of(lambda x, k=k: x + k, 1)) for k in (1.0, 2.0)]
     assert [engine.one([2.0]) for engine in (first, *others)] == [(6.0,), (3.0,), (4.0,)]
 

@@ -42,7 +42,7 @@ from blockmech.analysis.reference_errors import (
 )
 from blockmech.analysis.trade.derived import run_off_by_a_digit
 from blockmech.analysis.trade.rotated import rotated_run
-from blockmech.compiled import COMPILED_FROM, Compiled
+from blockmech.compiled import Compiled
 from blockmech.errors import as_names, listed, refused
 from blockmech.quality import Accuracy
 from blockmech.result import Result
@@ -165,6 +165,11 @@ class _Request(NamedTuple):
     want: Iterable[str] | str
     static: bool
 
+    def compiled(self, few: Samples, n: int) -> bool:
+        """Whether machine code is the engine for n samples like these."""
+        plan = self.mechanism.plan_at(few, self.want, static=self.static)
+        return self.mechanism.chosen(plan, n) == "llvm"
+
     def run(
         self,
         samples: Samples,
@@ -270,8 +275,9 @@ def _settings(
     request: _Request, probe: Probe, n: int, accuracy: float, engine: str
 ) -> Iterator[Setting]:
     """Settings to try, from the cheapest that does at the probe to the most exact."""
-    # Machine code, which is taken for many samples, is faster than NumPy's single precision.
-    narrow = n >= ENOUGH and (n < COMPILED_FROM or engine == "numpy") and not probe.rubs
+    narrow = n >= ENOUGH and not probe.rubs
+    if narrow and engine == "auto":  # machine code is faster than NumPy's single precision
+        narrow = not request.compiled(probe.few, n)
     allowed = {"complex128"}
     if engine in ("auto", "numpy"):
         allowed |= {"clongdouble", "complex64"} if narrow else {"clongdouble"}

@@ -37,7 +37,8 @@ from blockmech.dynamics.signals import (
     signal_program,
 )
 from blockmech.dynamics.sticking import SeveralFriction
-from blockmech.engines.llvm import WORTH, LlvmEngine, SingleEvaluator
+from blockmech.engines.cost import account
+from blockmech.engines.llvm import LlvmEngine, SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine
 from blockmech.model.scene import Scene
@@ -540,7 +541,9 @@ class System:
     def compiled_states(self) -> bool:
         """Whether machine code is asked for single states, where there can be some."""
         states = self.kept.get("states", 0) + self.singles + self.states
-        return self.engine == "llvm" or (self.engine == "auto" and states > WORTH)
+        program = self.equation_program
+        pays = self.engine == "auto" and account(program).states_pay(program, states)
+        return pays or self.engine == "llvm"
 
     @property
     def quick_states(self) -> bool:

@@ -50,6 +50,12 @@ def load(text: str) -> bytes | None:
     return signed[SIZE:]
 
 
+def has(text: str) -> bool:
+    """Whether there is a file for a text."""
+    folder = _folder()
+    return folder is not None and (folder / f"{sha256(text.encode()).hexdigest()}.o").exists()
+
+
 def keep(text: str, code: bytes) -> None:
     """Keep the code of a text, where there is a place for it."""
     folder, key = _folder(), _key(make=True)

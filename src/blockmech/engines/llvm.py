@@ -12,6 +12,7 @@ arithmetic are declined: `Untraceable`.
 
 from __future__ import annotations
 
+import ast
 import ctypes
 import functools
 import math
@@ -20,7 +21,7 @@ import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +29,9 @@ from numpy.typing import NDArray
 from blockmech.engines import assembly, code_cache
 from blockmech.engines.assembly import LANES
 from blockmech.engines.nodes import Node, Untraceable, needed, of_inputs
-from blockmech.engines.numpy import CHUNK, Planar, Whole, each_part, leaves
+from blockmech.engines.numpy import CHUNK, Planar, Whole, leaves
 from blockmech.engines.scalar import ScalarEngine
+from blockmech.engines.structure import key_of
 from blockmech.engines.trace import Trace, filled
 from blockmech.errors import MissingEngineError
 from blockmech.errors import needed as package
@@ -37,13 +39,110 @@ from blockmech.plan import Program
 
 Array = NDArray[np.float64]
 LONGEST = 50_000  # lines of assembly, some ten seconds of compiling: others run longer programs
-# States for which an integrator in Python takes about as long as compiling: 110 to 150 us each,
-# solver and friction included, by 0.2 to 0.35 s, or 0.05 s where machine code is on disk already.
-# Who stops there has waited twice as long as needed, nobody longer.
-WORTH = 2_000
 LINE = LANES * ctypes.sizeof(ctypes.c_double)  # bytes of a block of samples
 FILL = ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_void_p] * 3, *[ctypes.c_int64] * 4)
+STRUCTURES = 128  # whose machine code is kept in memory
 PARALLEL = 2**17  # samples: some five milliseconds of work, beside which starting threads is little
+
+
+class Traced(NamedTuple):
+    """What a trace says of all programs of one structure.
+
+    inputs : of the program, and answers behind them
+    rows : numbers that are worked out, kept : sines and cosines of inputs alone
+    asked : names of functions that answer, each with places of its arguments among the inputs
+    finite : whether every number of the text among the values is
+    values : an expression for the values, by the inputs ``x`` and the ``row`` of numbers
+    """
+
+    inputs: int
+    rows: int
+    kept: int
+    asked: tuple[tuple[Any, Any], ...]
+    finite: bool
+    values: str
+
+
+class Code(NamedTuple):
+    """Machine code of a structure: ``fill``, and how values of one sample and of many are read."""
+
+    traced: Traced
+    fill: Any
+    one: Callable[..., tuple[Any, ...]]
+    many: Callable[..., tuple[Any, ...]]
+
+
+_CODES: dict[str | None, Code] = {}  # those of the last structures, by their keys
+
+
+def code_of(program: Program) -> Code:
+    """The machine code of a program's structure: in memory, on disk, or made.
+
+    Raises `Untraceable` for a program that is more than flat arithmetic, and
+    `MissingEngineError` without llvmlite.
+    """
+    key = key_of(program)
+    code = _CODES.pop(key, None)
+    if code is None:
+        found = None if key is None else code_cache.load(_on_this_machine(key))
+        if found is None:
+            traced, text = _traced(program)
+            data = _compiled(text)
+            if key is not None:
+                head = repr(tuple(traced)).encode()
+                code_cache.keep(_on_this_machine(key), head + b"\n" + data)
+        else:
+            head, _, data = found.partition(b"\n")
+            traced = Traced(*ast.literal_eval(head.decode()))
+        (fill,) = _linked(data, ("fill", FILL))
+        code = Code(traced, fill, *_readers(traced.values))
+    if key is not None:
+        _CODES[key] = code
+        if len(_CODES) > STRUCTURES:
+            del _CODES[next(iter(_CODES))]
+    return code
+
+
+def is_kept(program: Program) -> bool:
+    """Whether machine code of a program's structure needs no compiling."""
+    key = key_of(program)
+    return key in _CODES or (key is not None and code_cache.has(_on_this_machine(key)))
+
+
+def _traced(program: Program) -> tuple[Traced, str]:
+    """What the trace of a program says of its structure, and its text."""
+    trace = Trace(program)
+    wanted = list(dict.fromkeys(leaves(trace.values)))
+    rows = [x for x in wanted if isinstance(x, Node) and x.op != "input"]
+    given = [x for x in wanted if isinstance(x, Node) and x.op == "input"]
+    kept = of_inputs(needed([*rows, *given]))
+    inputs = len(program.inputs) + trace.answers
+    names = {id(f): name for name, f in program.functions.items()}
+    asked = tuple((names.get(id(f), f), places) for f, places in trace.asked)
+    finite = math.isfinite(sum(x for x in wanted if not isinstance(x, Node)))
+    values = _expression(trace.values, {node: k for k, node in enumerate(rows)})
+    traced = Traced(inputs, len(rows), len(kept), asked, finite, values)
+    return traced, assembly.Text().fill(inputs, rows, given, kept)
+
+
+def _expression(value: Any, row: Mapping[Node, int]) -> str:
+    """Values as an expression of the inputs ``x`` and the ``row`` of numbers."""
+    if isinstance(value, tuple):
+        return f"({''.join(f'{_expression(x, row)}, ' for x in value)})"
+    if isinstance(value, Planar):
+        return f"vector({_expression(value.real, row)}, {_expression(value.imag, row)})"
+    if not isinstance(value, Node):
+        return f"number('{float(value)}', shape)"
+    return f"x[{value.args[0]}]" if value.op == "input" else f"row[{row[value]}]"
+
+
+def _readers(values: str) -> tuple[Any, Any]:
+    """Values of one sample by its inputs ``x`` and ``row`` of numbers, and batches of many."""
+    code = compile(f"lambda x, row, shape: {values}", "<values>", "eval")
+
+    scalar = {"vector": complex, "number": lambda text, shape: float(text)}
+    arrays = {"vector": Planar, "number": lambda text, shape: np.broadcast_to(float(text), shape)}
+    return eval(code, scalar), eval(code, arrays)
 
 
 class LlvmEngine:
@@ -53,40 +152,19 @@ class LlvmEngine:
     designs_together = PARALLEL  # samples of designs that are best run at once
 
     def __init__(self, program: Program) -> None:
-        """Raises `Untraceable` for a program that is more than flat arithmetic, and
-        `MissingEngineError` without llvmlite."""
+        """Raises as `code_of` does."""
         self.program = program
-        trace = Trace(program)
-        self.values = trace.values
-        wanted = list(dict.fromkeys(leaves(trace.values)))
-        rows = [x for x in wanted if isinstance(x, Node) and x.op != "input"]
-        given = [x for x in wanted if isinstance(x, Node) and x.op == "input"]
-        self._fixed = sum(x for x in wanted if not isinstance(x, Node))
-        self._row = {node: row for row, node in enumerate(rows)}
-        self._asked, self._inputs = trace.asked, len(program.inputs) + trace.answers
-        kept = of_inputs(needed([*rows, *given]))
-        self._kept = len(kept)
-        text = assembly.Text().fill(self._inputs, rows, given, kept)
-        (self._fill,) = machine_code(text, ("fill", FILL))
+        self.code = code_of(program)
+        traced = self.code.traced
+        self._asked = [(program.functions.get(f, f), places) for f, places in traced.asked]
         self._numbers = row_of(program)
         self._parameters = self._numbers.ctypes.data
-        self._places = ctypes.c_void_p * (self._inputs + 1)  # never empty
-        self._room = (ctypes.c_double * (LANES * (self._inputs + len(rows))))()
+        self._places = ctypes.c_void_p * (traced.inputs + 1)  # never empty
+        self._room = (ctypes.c_double * (LANES * (traced.inputs + traced.rows)))()
         first = ctypes.addressof(self._room)
-        self._in_room = self._places(*range(first, first + LINE * self._inputs, LINE))
-        self._out = first + LINE * self._inputs
+        self._out = first + LINE * traced.inputs
+        self._in_room = self._places(*range(first, self._out, LINE))
         self._alone = threading.Lock()
-        self._read_one = eval(f"lambda x, row: {self._text(trace.values)}")
-
-    def _text(self, value: Any) -> str:
-        """Values of one sample as an expression of its inputs ``x`` and its ``row`` of numbers."""
-        if isinstance(value, tuple):
-            return f"({''.join(f'{self._text(x)}, ' for x in value)})"
-        if isinstance(value, Planar):
-            return f"complex({self._text(value.real)}, {self._text(value.imag)})"
-        if not isinstance(value, Node):
-            return f"float('{value}')"
-        return f"x[{value.args[0]}]" if value.op == "input" else f"row[{self._row[value]}]"
 
     def one(self, inputs: Sequence[float]) -> tuple[Any, ...]:
         """Values of one sample: float or complex each, NaN or infinite where impossible."""
@@ -94,10 +172,9 @@ class LlvmEngine:
         k = LANES * len(inputs)
         with self._alone:  # inputs, then rows; the other lanes compute with zeros, for nobody
             self._room[0:k:LANES] = list(inputs)
-            self._fill(self._in_room, self._parameters, self._out, LANES, LANES, 0, 1)
+            self.code.fill(self._in_room, self._parameters, self._out, LANES, LANES, 0, 1)
             row = self._room[k::LANES]
-        values: tuple[Any, ...] = self._read_one(inputs, row)
-        return values
+        return self.code.one(inputs, row, ())
 
     def _columns(self, inputs: Sequence[Any], n: int) -> list[Array]:
         """Columns (n,) of the inputs and of what is asked of them, which comes chunk by chunk."""
@@ -123,8 +200,7 @@ class LlvmEngine:
         them for more."""
         if n == 1:
             return self.one([float(inputs[x][0]) for x in self.program.inputs])
-        values = self._together(inputs, n, self._numbers[None])
-        return type(values)(each_part(lambda x: x[0], x) for x in values)
+        return self._together(inputs, n, self._numbers[None], (n,))
 
     def run_designs(
         self, inputs: Mapping[str, NDArray[Any]], values: tuple[Any, ...]
@@ -136,16 +212,18 @@ class LlvmEngine:
         """
         slots = slots_of(values)
         n = max((np.size(inputs[x]) for x in self.program.inputs), default=1)
-        return self._together(inputs, n, slots)
+        return self._together(inputs, n, slots, (len(slots), n))
 
-    def _together(self, inputs: Mapping[str, Any], n: int, slots: Array) -> tuple[Any, ...]:
-        """Values (m, n) at n samples, each with the slots (m, k) of numbers."""
+    def _together(
+        self, inputs: Mapping[str, Any], n: int, slots: Array, shape: tuple[int, ...]
+    ) -> tuple[Any, ...]:
+        """Values of a shape (n,) or (m, n) at n samples, each with the slots (m, k) of numbers."""
         columns = self._columns([inputs[x] for x in self.program.inputs], n)
         columns = [_whole_blocks(c) for c in columns]
         m, blocks = len(slots), -(-n // LANES)
         width = blocks * LANES
         # An odd number of cache lines: rows do not fall on the same sets of the cache.
-        out = np.empty((max(1, len(self._row)), LANES * (m * blocks | 1)))
+        out = np.empty((max(1, self.code.traced.rows), LANES * (m * blocks | 1)))
 
         def part(first: int, last: int) -> float:
             if m > 1:  # of the designs
@@ -155,17 +233,11 @@ class LlvmEngine:
             return self._call(given, out[:, here], (last - first) * LANES, slots)
 
         sums = self._threads(part, m if m > 1 else blocks, m * n >= PARALLEL)
-        lanes = out[:, : m * width].reshape(-1, m, width)[..., :n]
-
-        def read(x: Any) -> Array:
-            if not isinstance(x, Node):
-                return np.broadcast_to(np.float64(x), (m, n))
-            if x.op == "input":
-                return np.broadcast_to(columns[x.args[0]][:n], (m, n))
-            return np.asarray(lanes[self._row[x]])
-
-        made = Whole if math.isfinite(sum(sums, self._fixed)) else tuple
-        return made(each_part(read, x) for x in self.values)
+        given = [np.broadcast_to(c[:n], shape) for c in columns]
+        lanes = out[:, :n] if len(shape) == 1 else out[:, : m * width].reshape(-1, m, width)
+        finite = self.code.traced.finite and math.isfinite(sum(sums))
+        values = self.code.many(given, [*lanes[..., :n]], shape)
+        return Whole(values) if finite else values
 
     def _threads(
         self, part: Callable[[int, int], float], count: int, many: bool
@@ -183,9 +255,9 @@ class LlvmEngine:
     def _call(self, columns: list[Array], out: Array, n: int, slots: Array) -> float:
         stride = out.strides[0] // out.itemsize
         designs, count = slots.shape
-        kept = np.empty(self._kept * n + LANES if designs > 1 else 0)
+        kept = np.empty(self.code.traced.kept * n + LANES if designs > 1 else 0)
         places = self._places(*(c.ctypes.data for c in columns), _aligned(kept))
-        total: float = self._fill(
+        total: float = self.code.fill(
             places, slots.ctypes.data, out.ctypes.data, stride, n, count, designs
         )
         return total
@@ -251,40 +323,56 @@ def machine_code(text: str, *kinds: tuple[str, Any]) -> tuple[Any, ...]:
 
     Once on a machine, as long as `code_cache` keeps what was compiled.
     """
+    name = _on_this_machine(text)
+    code = code_cache.load(name)
+    if code is None:
+        code = _compiled(text)
+        code_cache.keep(name, code)
+    return _linked(code, *kinds)
+
+
+def _compiled(text: str) -> bytes:
+    """The machine code of a module."""
     if text.count("\n") > LONGEST:
         raise Untraceable(f"it has more than {LONGEST} operations")
-    llvm = _package()
-    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    made = llvm.Target.from_default_triple()
-    target = made.create_target_machine(
-        cpu=cpu, features=features, opt=3, codemodel="jitdefault", jit=True
-    )
-    version = (sys.modules["llvmlite"].__version__, *llvm.llvm_version_info)
-    whole = f"{version} {made.triple} {cpu} {features}\n{text}"
-    code = code_cache.load(whole)
-    if code is None:
-        module = llvm.parse_assembly(text)
-        how = llvm.create_pipeline_tuning_options(speed_level=2)
-        passes = llvm.create_pass_builder(target, how)
-        passes.getModulePassManager().run(module, passes)
-        code = target.emit_object(module)
-        code_cache.keep(whole, code)
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+    llvm, target, _ = processor()
+    module = llvm.parse_assembly(text)
+    how = llvm.create_pipeline_tuning_options(speed_level=2)
+    passes = llvm.create_pass_builder(target(), how)
+    passes.getModulePassManager().run(module, passes)
+    code: bytes = target().emit_object(module)
+    return code
+
+
+def _linked(code: bytes, *kinds: tuple[str, Any]) -> tuple[Any, ...]:
+    """Functions of machine code, by name."""
+    llvm, target, _ = processor()
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     functions = tuple(kind(engine.get_function_address(name)) for name, kind in kinds)
     for f in functions:
-        f.held = engine, target  # the code lives as long as who may call it, not as the cache
+        f.held = engine  # the code lives as long as who may call it, not as the cache
     return functions
 
 
+def _on_this_machine(text: str) -> str:
+    """A text, or key, with what else decides on its machine code: processor and compiler."""
+    return f"{processor()[2]}\n{text}"
+
+
 @functools.cache
-def _package() -> Any:
-    """llvmlite's binding, ready for this processor."""
+def processor() -> tuple[Any, Callable[[], Any], str]:
+    """llvmlite's binding, what makes code for this processor, and their names in a word."""
     llvm = package("llvmlite.binding", 'engine="llvm"', "fast")
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     library = ctypes.CDLL("ucrtbase" if os.name == "nt" else None)  # the one of Python's math
     for name in assembly.LIBRARY:
         llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
-    return llvm
+    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    triple = llvm.Target.from_default_triple()
+    how = {"cpu": cpu, "features": features, "opt": 3, "codemodel": "jitdefault", "jit": True}
+    version = (sys.modules["llvmlite"].__version__, *llvm.llvm_version_info)
+    name = f"{version} {triple.triple} {cpu} {features}"
+    return llvm, functools.partial(triple.create_target_machine, **how), name

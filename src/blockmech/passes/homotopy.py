@@ -171,6 +171,11 @@ class Path:
         links, _ = other(q)
         return [(float(x), float(y), float(c), float(s)) for x, y, c, s in links]
 
+    @property
+    def answer(self) -> Any:
+        """Numbers of the shape of an answer."""
+        return ((0.0,) * 4,) * self.own, 0.0
+
     def __call__(self, q: tuple[Any, ...]) -> Any:
         """Places and directions of the group's links, and the share of the path (1: all)."""
         shape = np.broadcast_shapes(*(np.shape(x) for x in q)) if q else ()

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.compiled import COMPILED_FROM, Compiled
+from blockmech.compiled import Compiled
 from blockmech.engines.numpy import CHUNK, Planar, Whole
 from blockmech.errors import (
     AssemblyError,
@@ -42,6 +42,7 @@ from blockmech.studies.rows import Rows, Span
 from blockmech.studies.sampling import Designs
 
 Array = NDArray[Any]
+PART = 2**20  # samples of designs that are handed out at a time
 
 
 @dataclass(frozen=True)
@@ -129,7 +130,7 @@ class Runner:
 
     def part(self, n: int) -> int:
         """Designs handed out at a time: so many samples are work enough to start something."""
-        return self.size(n) * max(1, COMPILED_FROM // CHUNK)
+        return self.size(n) * (PART // CHUNK)
 
     def spans(self, count: int, n: int) -> tuple[Span, ...]:
         """The parts of so many designs at n poses."""

@@ -1,0 +1,160 @@
+"""What samples cost by each engine, and when making machine code pays.
+
+The *size* of a program is the length of its kernels' byte code in operations: NumPy's arrays,
+Python's numbers, the compiler and machine code take times in proportion to it. A group without
+closed form adds linear systems of its links. All say the seconds of one processor; only their
+ratios decide. Nothing is measured while the program runs: the same requests in the same
+order get the same engines, and with them the same bits.
+
+Nobody knows how often a mechanism will be asked again. Machine code is made once the interpreter
+has taken as much longer as making takes: whoever stops then has waited twice as long as needed at
+most, and no rule without knowledge of what comes does better.
+
+Source: Karlin, Manasse, Rudolph & Sleator, Competitive snoopy caching, Algorithmica 3, 1988.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections import Counter
+from functools import cache, lru_cache
+from types import CodeType, FunctionType
+
+from blockmech.engines.numpy import leaves
+from blockmech.errors import BlockmechError
+from blockmech.plan import Program
+from blockmech.plane import SCALAR_PRIMITIVES
+
+CALLED = re.compile(r"\b([A-Za-z_]\w*)\(", re.ASCII)
+SYSTEMS = ("solve", "solve_transposed", "spread")
+OPERATION = 50  # bytes of byte code
+FEW = 8  # samples for which Python's numbers are quickest, whatever the program
+GUESSES = 5  # linear systems that a pose without closed form needs beside those of the text
+# Seconds of a sample by Python's numbers, of a call and a sample by arrays, and by machine code:
+# of an operation, and of a linear system for each link. Measured over the gallery.
+SCALAR = 0.22e-6, 16e-6
+CALL, ARRAY = (2.5e-6, 80e-6), (1.15e-9, 0.7e-6)
+CODE_CALL, CODE = (10e-9, 3e-6), (0.7e-9, 35e-9)
+BEGIN = 8e-6  # of a call of machine code
+LINES = 1.75, 60  # of assembly
+COMPILER, COMPILING, LOADING = 0.1, (20e-3, 0.15e-3), (1e-3, 2e-6)  # all, and with each line
+STATE = 60e-6  # of a solver in Python beside each state that it asks for
+
+
+class Account:
+    """What the samples of all programs of one text cost.
+
+    saved : seconds that machine code would have saved so far
+    """
+
+    def __init__(self) -> None:
+        self.samples, self.saved = 0, 0.0
+        self.declined = False
+        self.kept: bool | None = None  # whether machine code is there; None where nobody looked
+        self._size: tuple[int, int] | None = None
+
+    def by_interpreter(self, program: Program, n: int) -> tuple[float, str]:
+        """Seconds of n samples, and whether Python's numbers or arrays take them."""
+        return min(
+            (self._time(program, SCALAR) * n, "scalar"),
+            (self._time(program, CALL) + self._time(program, ARRAY) * n, "numpy"),
+        )
+
+    def by_machine_code(self, program: Program, n: int) -> float:
+        """Seconds of n samples."""
+        return BEGIN + self._time(program, CODE_CALL) + self._time(program, CODE) * n
+
+    def making(self, program: Program) -> float:
+        """Seconds until there is machine code: to load the compiler first, then what is kept."""
+        lines = self._time(program, LINES)
+        if "llvmlite.binding" not in sys.modules and self.saved < COMPILER:
+            return COMPILER
+        if self.kept is None:
+            self.kept = _is_kept(program)
+        first, line = LOADING if self.kept else COMPILING
+        return first + line * lines
+
+    def choice(self, program: Program, n: int, made: bool) -> str:
+        """The engine for n samples more; ``made`` where the program's machine code is there."""
+        few = n <= FEW and self.samples < FEW
+        if few and not made:
+            return "scalar"
+        time, name = self.by_interpreter(program, n)
+        saved = time - self.by_machine_code(program, n)
+        if made:
+            return "llvm" if saved > 0 else name
+        if self.declined or saved <= 0:
+            return name
+        return "llvm" if self.saved + saved > self.making(program) else name
+
+    def count(self, program: Program, n: int) -> None:
+        """Note n samples that were interpreted."""
+        self.samples += n
+        if self.samples >= FEW:
+            saved = self.by_interpreter(program, n)[0] - self.by_machine_code(program, n)
+            self.saved += max(saved, 0.0)
+
+    def states_pay(self, program: Program, states: float) -> bool:
+        """Whether machine code pays for a solver that asks for so many single states, one by one.
+
+        states : those that the mechanism was asked for so far, and are to be expected
+        """
+        first, line = COMPILING
+        made = first + line * self._time(program, LINES)
+        return states * (STATE + self._time(program, SCALAR)) > made
+
+    def _time(self, program: Program, cost: tuple[float, float]) -> float:
+        if self._size is None:
+            self._size = size_of(program)
+        return cost[0] * self._size[0] + cost[1] * self._size[1]
+
+
+@lru_cache(512)
+def _account(source: str) -> Account:
+    return Account()
+
+
+def account(program: Program) -> Account:
+    """The account of all programs of a text, whatever their numbers."""
+    return _account(program.source)
+
+
+def _is_kept(program: Program) -> bool:
+    try:
+        from blockmech.engines.llvm import is_kept
+
+        return is_kept(program)
+    except BlockmechError:  # without llvmlite
+        return False
+
+
+def size_of(program: Program) -> tuple[int, int]:
+    """Operations of a program, those of its loops once, and linear systems by their links."""
+    calls, total, systems = Counter(CALLED.findall(program.source)), 0, GUESSES
+    for name, f in program.functions.items():
+        if isinstance(f, FunctionType):
+            length, solving = _length(f.__code__, f.__module__)
+            total += calls[name] * length
+            systems += calls[name] * solving
+    links = sum(len(leaves(getattr(f, "answer", ()))) // 4 for f in program.functions.values())
+    return total // OPERATION + 2 * program.source.count("\n"), links * systems
+
+
+@cache
+def _length(code: CodeType, module: str) -> tuple[int, int]:
+    """Bytes of a kernel's byte code with that of the kernels that it calls, each once; systems."""
+    waiting, reached, systems = [(code, module)], dict[CodeType, int](), 0
+    while waiting:
+        code, module = waiting.pop()
+        if code in reached:
+            continue
+        reached[code] = len(code.co_code)
+        waiting += [(part, module) for part in code.co_consts if isinstance(part, CodeType)]
+        space = vars(sys.modules[module])
+        for name in code.co_names:
+            other = space.get(name)
+            if isinstance(other, FunctionType) and other is not SCALAR_PRIMITIVES.get(name):
+                waiting.append((other.__code__, other.__module__))
+            systems += name in SYSTEMS
+    return sum(reached.values()), systems

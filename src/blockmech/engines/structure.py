@@ -1,0 +1,76 @@
+"""What a program is but for its numbers: programs of one structure share their machine code.
+
+The key is known before anything is traced: the program's text, its kernels by module and name with
+what they hold, the kinds of its parameters, and the files of this package, which give all of these
+their meaning.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+from blockmech.engines.binding import OWN
+from blockmech.engines.numpy import Planar
+from blockmech.plan import Program
+
+
+class _Foreign(Exception):
+    """Something that the package's files do not say: a user's function."""
+
+
+def key_of(program: Program) -> str | None:
+    """The key of a program's structure; None where users' functions are a part of it."""
+    try:
+        functions = [(name, *_parts(f)) for name, f in program.functions.items()]
+        kinds = [_kind(value) for value in program.parameters.values()]
+    except _Foreign:
+        return None
+    whole = f"{_package()}\n{program.source}\n{functions}\n{kinds}"
+    return sha256(whole.encode()).hexdigest()
+
+
+def _parts(value: Any) -> Iterator[Any]:
+    """What a kernel, or a value that it holds, is by its module, name and contents."""
+    kind = value if isinstance(value, type | FunctionType) else type(value)
+    if kind.__module__ not in ("builtins", "blockmech") and not kind.__module__.startswith(OWN):
+        raise _Foreign
+    yield f"{kind.__module__}.{kind.__qualname__}"
+    if isinstance(value, FunctionType):
+        code = value.__code__
+        yield from (code.co_firstlineno, code.co_code)  # two lambdas of a line have one name
+        cells = [cell.cell_contents for cell in value.__closure__ or ()]
+        held = (*cells, value.__defaults__, value.__kwdefaults__)
+        yield [tuple(_parts(x)) for x in held]
+    elif isinstance(value, tuple):
+        yield [tuple(_parts(x)) for x in value]
+    elif hasattr(value, "answer"):  # no kernel: it answers in numbers of this shape
+        yield value.answer
+    elif isinstance(value, bool | int | float | complex | str | None):
+        yield value
+    elif not isinstance(value, type):
+        raise _Foreign
+
+
+def _kind(value: Any) -> Any:
+    """A parameter without its numbers."""
+    if isinstance(value, tuple):
+        return type(value).__qualname__, [_kind(x) for x in value]
+    return "vector" if isinstance(value, complex | Planar) else "number"
+
+
+@cache
+def _package() -> str:
+    """The version of the package, as a hash of its files."""
+    whole = sha256()
+    for folder, folders, names in os.walk(Path(__file__).parents[1]):
+        folders.sort()
+        for name in sorted(names):
+            if name.endswith(".py"):
+                whole.update(name.encode() + Path(folder, name).read_bytes())
+    return whole.hexdigest()
