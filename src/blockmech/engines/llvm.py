@@ -1,7 +1,8 @@
 """The compiled engine: a traced program as machine code, many samples side by side.
 
-The program's trace becomes LLVM assembly (`blockmech.engines.assembly`), and the optional
-package llvmlite compiles that while the process runs, in a tenth of a second. Arithmetic is
+The program's trace becomes LLVM assembly (`blockmech.engines.assembly`), and llvmlite compiles
+that while the process runs, in a tenth of a second. Mechanisms of one structure share what was
+compiled, in memory and on disk (`blockmech.engines.structure`). Arithmetic is
 that of the scalar engine operation by operation, and sine, cosine and atan2 are the same
 library's, so the two say the same to the last bit.
 

@@ -66,7 +66,7 @@ def study(
         "sobol" or "random"
     count, seed : of distributions, how many designs, and which
     friction, tolerance, iterations, static : as those of a run
-    engine : "numpy", "llvm" for machine code (extra ``fast``), or "auto" by size
+    engine : "numpy", "llvm" for machine code, or "auto", the quicker one
     progress : called as ``progress(what, done, whole)``
     out : folder
         Where what is done is kept as Parquet files: asked again, a study that was interrupted
