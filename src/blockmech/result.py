@@ -243,14 +243,16 @@ class Result(Exported, Generic[M]):
         return bad
 
     def surely_whole(self) -> bool:
-        """A cheap sufficient test for one pose, so that it needs no report."""
+        """A cheap sufficient test that every sample has an answer, so that it needs no report."""
+        values, (margins, outcomes) = self._values, self.plan.verdicts
+        if isinstance(values, Whole):
+            closed = all(values[i].min(initial=np.inf) > 0 for i in margins)
+            return closed and not any(values[i].any() for i in outcomes)
         if self.n > 1 or self.engine == "numpy":
             return False
-        values = self._values
         try:
             if not isfinite(sum(values)):
                 return False
-            margins, outcomes = self.plan.verdicts
             return all(values[i] > 0 for i in margins) and not any(values[i] for i in outcomes)
         except TypeError:  # the guarded program's answer to a division by zero
             return False

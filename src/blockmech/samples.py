@@ -118,7 +118,6 @@ def _forward(weights: Array) -> Array:
     return -weights if weights.sum() < 0 else weights
 
 
-@np.errstate(all="ignore")  # inputs that are not finite have no answer
 def make_samples(
     drivers: Sequence[str],
     scene: Scene,
@@ -140,6 +139,19 @@ def make_samples(
         one = _one_pose(drivers, scene, at)
         if one is not None:
             return one
+    with np.errstate(all="ignore"):  # inputs that are not finite have no answer
+        return _of_many(drivers, scene, at, samples, times, rates, accelerations)
+
+
+def _of_many(
+    drivers: Sequence[str],
+    scene: Scene,
+    at: Any,
+    samples: int | None,
+    times: Any,
+    rates: Any,
+    accelerations: Any,
+) -> Samples:
     if at is not None:
         return _by_coordinate(drivers, scene, at, rates, accelerations)
     if rates is not None or accelerations is not None:

@@ -77,13 +77,12 @@ class Account:
 
     def choice(self, program: Program, n: int, made: bool) -> str:
         """The engine for n samples more; ``made`` where the program's machine code is there."""
-        few = n <= FEW and self.samples < FEW
-        if few and not made:
+        if made:  # few samples of a short program would save a microsecond at most
+            return "llvm"
+        if n <= FEW and self.samples < FEW:
             return "scalar"
         time, name = self.by_interpreter(program, n)
         saved = time - self.by_machine_code(program, n)
-        if made:
-            return "llvm" if saved > 0 else name
         if self.declined or saved <= 0:
             return name
         return "llvm" if self.saved + saved > self.making(program) else name

@@ -234,8 +234,8 @@ class LlvmEngine:
             return self._call(given, out[:, here], (last - first) * LANES, slots)
 
         sums = self._threads(part, m if m > 1 else blocks, m * n >= PARALLEL)
-        given = [np.broadcast_to(c[:n], shape) for c in columns]
-        lanes = out[:, :n] if len(shape) == 1 else out[:, : m * width].reshape(-1, m, width)
+        given = [c[:n] if len(shape) == 1 else np.broadcast_to(c[:n], shape) for c in columns]
+        lanes = out if len(shape) == 1 else out[:, : m * width].reshape(-1, m, width)
         finite = self.code.traced.finite and math.isfinite(sum(sums))
         values = self.code.many(given, [*lanes[..., :n]], shape)
         return Whole(values) if finite else values
