@@ -135,7 +135,7 @@ def make_samples(
     given = [n for n, x in (("at", at), ("samples", samples), ("times", times)) if x is not None]
     if len(given) > 1:
         raise refused(listed(given), "name the samples in one way only", "at, samples or times")
-    if is_number(at) and rates is None and accelerations is None:
+    if isinstance(at, int | float) and is_number(at) and rates is None and accelerations is None:
         one = _one_pose(drivers, scene, at)
         if one is not None:
             return one
