@@ -9,7 +9,7 @@ on two cores wait for one another, and a singular value decomposition takes ten 
 
 import gc
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import pytest
@@ -94,3 +94,15 @@ def call(capsys: pytest.CaptureFixture[str]) -> Call:
         return Said(code, *capsys.readouterr())
 
     return calling
+
+
+@pytest.fixture
+def fresh(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """As in a new process without files: no machine code is there, and nothing was asked before."""
+    from blockmech.engines import code_cache, cost, llvm
+
+    monkeypatch.setenv(code_cache.FOLDER, "")
+    monkeypatch.setattr(llvm, "_CODES", {})
+    cost._account.cache_clear()
+    yield
+    cost._account.cache_clear()

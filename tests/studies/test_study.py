@@ -71,7 +71,7 @@ def test_a_design_that_does_not_assemble_is_a_row_with_its_reason(fourbar):
     assert found["min(dyad.margin)"][0] < 0
 
 
-def test_the_engine_is_named_and_may_be_chosen(fourbar):
+def test_the_engine_is_named_and_may_be_chosen(fourbar, fresh):
     pytest.importorskip("llvmlite", reason="the extra fast is not installed")
     request = {"over": TURN, "want": "poses(dyad.C.p)"}
     lengths = [5.9, 6.1]

@@ -29,16 +29,16 @@ from blockmech.plane import SCALAR_PRIMITIVES
 CALLED = re.compile(r"\b([A-Za-z_]\w*)\(", re.ASCII)
 SYSTEMS = ("solve", "solve_transposed", "spread")
 OPERATION = 50  # bytes of byte code
-FEW = 8  # samples for which Python's numbers are quickest, whatever the program
+FEW = 8  # samples of a first call, for which a program is not worth looking at
 GUESSES = 5  # linear systems that a pose without closed form needs beside those of the text
 # Seconds of a sample by Python's numbers, of a call and a sample by arrays, and by machine code:
 # of an operation, and of a linear system for each link. Measured over the gallery.
-SCALAR = 0.22e-6, 16e-6
-CALL, ARRAY = (2.5e-6, 80e-6), (1.15e-9, 0.7e-6)
-CODE_CALL, CODE = (10e-9, 3e-6), (0.7e-9, 35e-9)
-BEGIN = 8e-6  # of a call of machine code
+SCALAR = 0.2e-6, 13e-6
+CALL, ARRAY = (1.5e-6, 50e-6), (1.3e-9, 0.7e-6)
+CODE_CALL, CODE = (5e-9, 2e-6), (0.2e-9, 27e-9)
+BEGIN, ALONE = 25e-6, 5e-6  # of a call of machine code: with several samples, with one
 LINES = 1.75, 60  # of assembly
-COMPILER, COMPILING, LOADING = 0.1, (20e-3, 0.15e-3), (1e-3, 2e-6)  # all, and with each line
+COMPILER, COMPILING, LOADING = 0.1, (20e-3, 0.12e-3), (1.7e-3, 0.2e-6)  # all, and with each line
 STATE = 60e-6  # of a solver in Python beside each state that it asks for
 
 
@@ -63,7 +63,8 @@ class Account:
 
     def by_machine_code(self, program: Program, n: int) -> float:
         """Seconds of n samples."""
-        return BEGIN + self._time(program, CODE_CALL) + self._time(program, CODE) * n
+        begin = BEGIN if n > 1 else ALONE
+        return begin + self._time(program, CODE_CALL) + self._time(program, CODE) * n
 
     def making(self, program: Program) -> float:
         """Seconds until there is machine code: to load the compiler first, then what is kept."""
@@ -79,7 +80,7 @@ class Account:
         """The engine for n samples more; ``made`` where the program's machine code is there."""
         if made:  # few samples of a short program would save a microsecond at most
             return "llvm"
-        if n <= FEW and self.samples < FEW:
+        if n <= FEW and not self.samples:
             return "scalar"
         time, name = self.by_interpreter(program, n)
         saved = time - self.by_machine_code(program, n)
@@ -90,7 +91,7 @@ class Account:
     def count(self, program: Program, n: int) -> None:
         """Note n samples that were interpreted."""
         self.samples += n
-        if self.samples >= FEW:
+        if self._size is not None:
             saved = self.by_interpreter(program, n)[0] - self.by_machine_code(program, n)
             self.saved += max(saved, 0.0)
 
