@@ -72,6 +72,10 @@ class Synthetic(System):
     def kept(self):
         return {}
 
+    @property
+    def compiled_states(self):
+        return False  # it has no program
+
     def load_size(self, q):
         return np.ones(q.size)
 

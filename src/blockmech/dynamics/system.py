@@ -540,10 +540,10 @@ class System:
     @property
     def compiled_states(self) -> bool:
         """Whether machine code is asked for single states, where there can be some."""
-        states = self.kept.get("states", 0) + self.singles + self.states
-        program = self.equation_program
-        pays = self.engine == "auto" and account(program).states_pay(program, states)
-        return pays or self.engine == "llvm"
+        if self.engine != "auto":
+            return self.engine == "llvm"
+        program, before = self.equation_program, self.kept.get("states", 0)
+        return account(program).states_pay(program, before + self.singles + self.states)
 
     @property
     def quick_states(self) -> bool:
