@@ -38,9 +38,7 @@ FrictionMethod: TypeAlias = Literal["none", "single", "successive", "newton"]
 EngineName: TypeAlias = Literal["auto", "scalar", "numpy", "llvm"]
 Precision: TypeAlias = Literal["complex64", "complex128", "clongdouble"]
 OnGap: TypeAlias = Literal["raise", "mark", "stop"]
-MotionMethod: TypeAlias = Literal[
-    "auto", "energy", "spectral", "dop853", "lsoda", "radau", "rk4", "euler_q"
-]
+MotionMethod: TypeAlias = Literal["auto", "energy", "dop853", "radau", "rk4", "euler_q"]
 
 
 class Named(Protocol):

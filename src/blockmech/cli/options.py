@@ -12,13 +12,14 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 import typer
 
 from blockmech.cli.numbers import MOST, coordinates, times
 from blockmech.errors import close_match, listed, refused
 from blockmech.graph_files import gallery
+from blockmech.typing import MotionMethod
 from blockmech.units import number_in, units_of
 
 if TYPE_CHECKING:
@@ -195,7 +196,7 @@ Start = Annotated[
 ]
 Method = Annotated[
     str,
-    option("auto, energy, spectral, dop853, lsoda, radau, rk4 or euler_q.", "METHOD"),
+    option(f"{', '.join(get_args(MotionMethod))}.", "METHOD"),
 ]
 Accuracy = Annotated[
     float | None,

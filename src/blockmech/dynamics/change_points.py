@@ -98,8 +98,6 @@ def _piece(plain: System, point: float, reach: float, n: int) -> PlaceData | Non
 class FollowingSystem(System):
     """A system that reads inertia and effort from series near its change points."""
 
-    table = None
-
     @property
     def noise(self) -> float:
         """What the series leave out."""

@@ -1,7 +1,7 @@
 """Motions along the path by machine code: both runs side by side, see `path_loops`.
 
 The program is the same for all mechanisms. What it leaves to others, who go by arrays (`PanelRow`,
-`second_run`): joint friction, loads of the rate, dead centres, whatever is not resolved on the
+`second_run`): dead centres, and whatever is not resolved on the
 pieces of the path that are kept.
 """
 
@@ -111,11 +111,6 @@ class BothPanels(Panels):
         """(m, n + 1) [J] at the nodes, and at the end that is not known."""
         records = self.records[:, :, self.of]
         return records[:, SPAN, ENERGY, None] + records[:, GAINS, : FINE + 1]
-
-    @cached_property
-    def lost(self) -> Floats:
-        """(m, n) nothing."""
-        return np.zeros(self.w.shape)
 
     @cached_property
     def second(self) -> Floats:

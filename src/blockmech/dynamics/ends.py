@@ -12,7 +12,6 @@ NO_INERTIA: Final = "no inertia"
 UNDEFINED_LOAD: Final = "undefined load"
 INTERRUPTED: Final = "interrupted"  # by the user; what was done is kept
 TOO_MANY: Final = "more evaluations than allowed"
-SWINGS_ON: Final = "quicker in time"  # of many swings with friction, where machine code is at hand
 SELF_LOCKED: Final = "self-locking in motion"  # no acceleration satisfies Coulomb's law
 AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
 LEAVES_STOP: Final = "leaves its stop"

@@ -87,7 +87,7 @@ class Equation:
         if self.system.signals.values:
             (J, tau, dJ, margin), more = self.system.one_of(q, qd, t, y[self.layout.signals])
         else:
-            (J, tau, dJ, margin), more = self.one(q, qd, t), ()
+            (J, tau, dJ, margin), more = self.system.one(q, qd, t), ()
         self._last = q, margin, J
         if not margin > 0:
             return (math.nan,) * self.layout.size
@@ -143,12 +143,6 @@ class Equation:
         return None if code is None else code.at(t, y)
 
     # -- one state ------------------------------------------------------------
-
-    @cached_property
-    def one(self) -> Callable[..., Any]:
-        """J, tau, dJ/dq and the margin at a state of the only driver."""
-        table = self.system.table
-        return self.system.one if table is None else table.one
 
     def _several(self, t: float, y: Floats) -> Floats:
         self.spend(1)
@@ -272,7 +266,7 @@ class Equation:
                 n = self.layout.size
                 self._last = here, row[n], row[n + 1]
             elif k == 1:
-                J, _, _, margin = self.one(q, 0.0, 0.0)
+                J, _, _, margin = self.system.one(q)
                 self._last = here, margin, J
             else:
                 self._last = here, self.system.terms(q, 0 * q).margin, math.nan

@@ -24,7 +24,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -40,7 +39,6 @@ from blockmech.dynamics.pair_friction import (
     least,
     outcome_of,
 )
-from blockmech.dynamics.place_data import NOTHING
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.engines.numpy import NumpyEngine, Planar
 from blockmech.friction import solvers
@@ -177,12 +175,6 @@ def resistance(rows: Any, laws: Any, steepest: Any, guides: Any, balance: Any) -
     return FrictionSolution(effort, effort / J, solution, s, taken, F)
 
 
-def at_square(rest: Row, square: Row, qd2: Any) -> Row:
-    """A row at a square of the rate, from the one at rest and what a unit of it adds."""
-    loads = (a + mul(b, qd2) for a, b in zip(rest[1:], square[1:], strict=True))
-    return [rest[0] + square[0] * qd2, *loads]
-
-
 class Rest(NamedTuple):
     """What a standstill leads to.
 
@@ -207,59 +199,9 @@ class Rest(NamedTuple):
 class JointFriction(PairFriction):
     """Friction of all pairs of a mechanism with one driver; `sticking` has that of several."""
 
-    kernels: ClassVar[Mapping[str, Any]] = {"resistance": resistance, "at_square": at_square}
-
-    @property
-    def at_square(self) -> Any:
-        """See the function of that name, on arrays."""
-        return self._bound["at_square"]
+    kernels: ClassVar[Mapping[str, Any]] = {"resistance": resistance}
 
     # -- data of the force pass ------------------------------------------------------
-
-    def acting(self, q: Floats, qd: Any, t: float = 0.0) -> Row:
-        """What loads and rates do at states (n,)."""
-        return self._columns(q, [State(qd=qd, share=1.0, t=t)])[0]
-
-    def rows(self, q: Floats) -> Floats:
-        """All that depends on the place, as real rows (r, n): J, tau, margin, slips, the rest.
-
-        `responses` reads them. The loads are those at rest, and what a unit of q'^2 adds. What
-        is rounding is none, as it is not smooth: of a load beside the others or the effort that
-        its friction meets, of the effort beside its parts, of J' over these places beside J.
-        """
-        m = len(self.names)
-        acting = [State(share=1.0), State(qd=1.0), State(qdd=1.0)]
-        columns = self._columns(q, [*acting, *(State(pair=k) for k in range(m))])
-        margin = np.minimum.reduce([np.ones(q.size), *(x for r in columns for x in r[1 + 2 * m :])])
-        slips, drives = (
-            np.array(columns[1][1 + m : 1 + 2 * m]),
-            np.array([row[0] for row in columns]),
-        )
-        F = [[[x.real, x.imag] for x in row[1 : 1 + m]] for row in columns]
-        parts = np.array(F).transpose(2, 0, 1, 3)  # (2, states, m, n)
-        with np.errstate(all="ignore"):
-            least = NOTHING / margin
-            drives[0, np.abs(drives[0]) <= self._rounding(q)] = 0.0
-            drives[1, np.abs(drives[1]) * np.ptp(q) <= least * drives[2]] = 0.0
-            rubbed = np.nanmax(np.abs(self.usual[:, None] * slips), initial=0.0)
-            size = np.fmax(np.abs(parts).max(axis=(0, 2)), np.abs(drives) / rubbed)
-            parts[np.abs(parts) <= (least * size)[:, None]] = 0.0
-        rest = np.concatenate([drives, parts.reshape(-1, q.size)])
-        return np.concatenate([[drives[2], -drives[0], margin], slips, rest])
-
-    @cached_property
-    def usual(self) -> Floats:
-        """(m,) the size of factors [m] or [-]: the larger one of those at rest and at unit rate."""
-        m = len(self.names)
-        moving = [float(x[0]) for x in self.law(np.ones((m, 1)))[:m]]
-        return np.where(self.program.separates, 0.0, np.maximum(moving, self.static[:m]))
-
-    def responses(self, rows: Floats) -> list[Row]:
-        """Rows of the force pass, from `rows`: loads at rest, units of q'^2, q'', frictions."""
-        m = len(self.names)
-        drives, vectors = rows[3 + m : 6 + 2 * m], rows[6 + 2 * m :]
-        F = vectors.reshape(2, 3 + m, m, -1)
-        return [[x, *map(Planar, *F[:, i])] for i, x in enumerate(drives)]
 
     def slips(self, q: Floats) -> Floats:
         """Relative rates (n, m) of the pairs per unit driver rate."""

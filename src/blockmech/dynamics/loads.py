@@ -42,11 +42,6 @@ def depends_on(structure: Structure) -> frozenset[str]:
     return frozenset(variables)
 
 
-def straight_in_rate(structure: Structure) -> bool:
-    """Whether every load is a straight line in the rates, free of the time, and no user's code."""
-    return all(element.rate_degree() <= 1 for element in structure.elements.values())
-
-
 def lossless(structure: Structure) -> bool:
     """Whether every load has a potential that is the same in the same pose, as weights have."""
     return all(element.conservative for element in structure.elements.values())
@@ -56,13 +51,12 @@ class Nature(NamedTuple):
     """What the loads of a mechanism are: see the functions of these names."""
 
     depends_on: frozenset[str]
-    straight_in_rate: bool
     lossless: bool
 
 
 def nature(mechanism: Any) -> Nature:
     """That of a mechanism, which keeps it."""
-    rules = depends_on, straight_in_rate, lossless
+    rules = depends_on, lossless
     return Nature(*(rule(mechanism.structure) for rule in rules))  # type: ignore[arg-type]
 
 

@@ -1,18 +1,15 @@
 """Which method computes a motion, and why; what is refused.
 
-``auto`` goes along the path where it can (``energy``, ``spectral``), else in time by ``dop853``,
-by ``radau`` where that is stiff. Many swings with joint friction go in time as well, where machine
-code takes a tenth of the time of panels and reaches the accuracy. The steady state is a search of
-its own.
+``auto`` goes along the path where it can (``energy``), else in time by ``dop853``, by ``radau``
+where that is stiff. The steady state is a search of its own.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from functools import partial
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import numpy as np
 
@@ -23,33 +20,49 @@ from blockmech.dynamics.events import watched
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import WATCH, SimulationRequest, check_method
 from blockmech.dynamics.rest import balanced, failed_start
-from blockmech.dynamics.run import INTEGRATORS
 from blockmech.dynamics.signals import felt
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
 from blockmech.errors import RequestError, listed, refused
 from blockmech.motion import Event, Floats, Motion, Status
+from blockmech.typing import MotionMethod
 
 LOOKED_AT = 31  # states of a motion at which iterations of friction are judged
 WITHOUT = 'leave it out with friction="none" (--friction none)'
 
 
+Q = frozenset({"q"})
+ALL = frozenset({"q", "rate", "time", "state"})
+
+
 class Method(NamedTuple):
     """A way to compute a motion, and what it is good for.
 
+    run : called with the system, the request and the name of the method
+    line : what it does
     loads : what they may depend on
+    friction : whether it takes joint friction
     ends_at_events : whether it follows the motion in time, so that an event can end it
     several : whether it takes several drivers
     finds_steady : whether the search for a steady state takes it; schemes of the textbooks are
         for comparison alone
+    compared : accuracies from coarse to fine, of fixed steps how many over a run, at which
+        `blockmech.analysis.trade` compares it
     """
 
-    run: Callable[[System, SimulationRequest], Motion]
-    loads: frozenset[str]
-    friction: bool = False
-    ends_at_events: bool = False
+    run: Callable[[System, SimulationRequest, str], Motion]
+    line: str
+    loads: frozenset[str] = ALL
+    friction: bool = True
+    ends_at_events: bool = True
     several: bool = False
     finds_steady: bool = True
+    compared: tuple[float, ...] = ()
+
+    @property
+    def fixed_steps(self) -> bool:
+        """Whether its accuracy is set by a step."""
+        return not self.finds_steady
 
 
 def in_time(
@@ -68,17 +81,34 @@ def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> M
     return textbook.in_fixed_steps(system, request, method)
 
 
-Q, Q_RATE = frozenset({"q"}), frozenset({"q", "rate"})
-ALL = frozenset({"q", "rate", "time", "state"})
-METHODS = {
-    "energy": Method(along_path, Q),
-    "spectral": Method(along_path, Q_RATE, True),
-    **{name: Method(partial(in_time, method=name), ALL, True, True, True) for name in INTEGRATORS},
-    "rk4": Method(partial(in_fixed_steps, method="rk4"), ALL, True, True, True, False),
-    "euler_q": Method(
-        partial(in_fixed_steps, method="euler_q"), ALL - {"state"}, False, True, False, False
+def by_quadrature(system: System, request: SimulationRequest, _: str) -> Motion:
+    """Along the path."""
+    return along_path(system, request)
+
+
+METHODS: Mapping[str, Method] = {
+    "energy": Method(
+        by_quadrature, "quadrature along the path: loads of the place alone, to rounding",
+        Q, False, False, compared=(1e-3, 1e-6, 1e-9, 1e-12),
     ),
-}
+    "dop853": Method(
+        in_time, "Runge-Kutta of order 8 in time: any loads, joint friction, any drivers",
+        several=True, compared=(1e-3, 1e-6, 1e-9, 1e-11),
+    ),
+    "radau": Method(
+        in_time, "implicit Runge-Kutta of order 5 in time: the same, for stiff motions",
+        several=True, compared=(1e-3, 1e-6),
+    ),
+    "rk4": Method(
+        in_fixed_steps, "the textbooks' Runge-Kutta of order 4, steps in time, for comparison",
+        several=True, finds_steady=False, compared=(100, 200, 400, 800),
+    ),
+    "euler_q": Method(
+        in_fixed_steps, "the second paper's steps of the coordinate, for comparison",
+        ALL - {"state"}, False, finds_steady=False, compared=(100, 1000, 10_000),
+    ),
+}  # fmt: skip
+assert ("auto", *METHODS) == get_args(MotionMethod)  # what checkers of types read
 
 
 def move(system: System, request: SimulationRequest) -> Motion:
@@ -209,7 +239,7 @@ def unmoved(system: System, request: SimulationRequest) -> Motion | None:
     if request.span == 0:
         why = request.why or "no time is asked for"
         return replace(request.standing, method=method, why=why)
-    if method in ("none", "energy", "spectral") or not alone or system.friction is not None:
+    if method in ("none", "energy") or not alone or system.friction is not None:
         return None  # but the path method sees to equilibria itself
     q, rate, _ = request.start
     lasting = not system.depends_on & {"time", "state"}
@@ -260,34 +290,24 @@ def _moved(system: System, request: SimulationRequest) -> Motion:
     if not named:
         return _automatic(system, request)
     method = METHODS[request.method]
-    motion = method.run(system, request)
+    motion = method.run(system, request, request.method)
     return motion if method.ends_at_events else watched(motion, request.watch)
 
 
 def _automatic(system: System, request: SimulationRequest) -> Motion:
-    depends = system.depends_on
     in_steps = {
         "several drivers": len(system.drivers) > 1,
         "a user's event ends the run": request.until.goal == "event",
         "a friction law has a state": system.remembers,
-        "the loads depend on the states of signals": "state" in depends,
-        "the loads depend on the time": "time" in depends,
-        "a friction law is not smooth": not system.smooth_friction,
+        "the loads depend on the states of signals": "state" in system.depends_on,
+        "the loads depend on the time": "time" in system.depends_on,
+        "the joints have friction": system.friction is not None,
+        "the loads depend on the rate": "rate" in system.depends_on,
     }
     for why in (why for why, so in in_steps.items() if so):
         return _stiff_or_not(system, request, why)
     why = "all loads depend on the driver's coordinate alone"
-    if system.friction is not None:
-        why = "the joints have friction"
-    elif "rate" in depends:
-        why = "the loads depend on the rate"
     motion = along_path(system, replace(request, why=why))
-    if motion.end == ends.SWINGS_ON:
-        system.engine = "llvm"
-        other = in_time(system, replace(request, why=f"{why}, many swings"), "dop853")
-        if other.error <= (request.accuracy or TARGET) or other.end == ends.INTERRUPTED:
-            return other
-        motion = along_path(system, replace(request, why=why, method="spectral"))
     unsure = motion.end in (ends.TOO_MANY, ends.UNDECIDED) or not motion.error < math.inf
     unsure |= not motion.reached and motion.error > TARGET
     # A motion that failed because it swings on and on: no other method is quicker.

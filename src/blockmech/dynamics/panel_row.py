@@ -1,13 +1,7 @@
 r"""A row of panels, all at once: up to the next standstill, goal or turn.
 
-    dK/dq = w(q, K)
-
-is solved for all panels together. Loads of the place alone need no K: there the kinetic energy
-along the path is known before the motion, and its first zero is the standstill. Else Newton's
-method solves for w (`solved`).
-
-Panels whose time is not smooth are halved, all at the same time; joint friction, and a standstill
-that is not known before, are left to `PanelBuilder`.
+The kinetic energy along the path is known before the motion, and its first zero is the standstill.
+Panels whose time is not smooth are halved, all at the same time.
 """
 
 from __future__ import annotations
@@ -30,11 +24,11 @@ from blockmech.dynamics.panels import (
     Panels,
     Spans,
     basis,
+    begin_energies,
     leading,
     rule,
     to_and_fro,
 )
-from blockmech.dynamics.path_equation import begin_energies, of_rate, solved
 from blockmech.dynamics.path_mesh import CLOSE, Course
 from blockmech.dynamics.place_data import SHORT, TAU, J
 from blockmech.plane import EPS
@@ -74,7 +68,6 @@ class PanelRow:
     ) -> None:
         self.builder, self.at, self.stands = builder, at, False
         self.n, self.rounding, self.tolerance = builder.n, builder.rounding, builder.tolerance
-        self.place_only = builder.place_only
         self.row, self.which = course.row.whole(at.sign), course.which[:count]
         self.low, high = course.low[:count] + shift, course.high[:count] + shift
         self.length = high - self.low
@@ -99,26 +92,19 @@ class PanelRow:
         end = float(ends[-1]) if count else goal
         if reached.any():
             count, end = int(reached.argmax()) + 1, goal
-        if not builder.place_only:  # none that it hardly gets through
-            way = np.diff(ends[:count], prepend=at.q)
-            effort = course.row.whole(sign).mean_effort[course.which[:count]]
-            through = leading(at.K + np.cumsum(way * effort) >= 0)
-            if through < count:
-                count, end = through, float(ends[through - 1])
         return cls(builder, at, course, count, shift, end) if count else None
 
     @np.errstate(all="ignore")  # what is not finite is no panel
     def panels(self) -> Panels | None:
         """The panels, or the first ones of them: those that need no shorter piece of the path."""
-        if self.place_only:
-            self._to_standstill()
+        self._to_standstill()
         self._fill((~self.kept).nonzero()[0])
         panels, J0, low = self._over_edges()
         count = 0
         for level in reversed(range(SHORT.bit_length())):  # whole, and halved to parts in `SHORT`
             largest = self.row.largest[self.which[:low], TAU]
             some = panels if low == len(self.which) else panels.first(low)
-            good = some.smooth(J0[:low], self.tolerance, not self.place_only, largest)
+            good = some.smooth(J0[:low], self.tolerance, largest)
             if good.all() or not level:
                 count = leading(good)
                 break
@@ -166,8 +152,7 @@ class PanelRow:
         series = self.row.series[self.which[some]]
         values = series @ basis(share, self.n).transpose(0, 2, 1)
         self.values[some] = values
-        if self.place_only:
-            self.gains[some] = spans.gains(values[:, TAU, :-1])
+        self.gains[some] = spans.gains(values[:, TAU, :-1])
 
     def _over_edges(self) -> tuple[Panels, Floats, int]:
         """The panels, the inertia (m,) at their anchors, and how many of them are possible."""
@@ -175,18 +160,13 @@ class PanelRow:
         inertia, w, known = self.values[:, J], self.values[:, TAU, :-1], len(self.which)
         if self.rounding:
             inertia = inertia + self.rounding * self.row.largest[self.which, J, None]
-        if self.place_only:
-            gains = self.gains
-            energy = begin_energies(self.at.K, gains, self._more(spans.way, w))
-        else:
-            w, gains, energy, known = self._settled(spans, inertia[:, :-1])
+        energy = begin_energies(self.at.K, self.gains, self._more(spans.way, w))
         if self.stands:
             energy[-1] = 0.0
         spans.energy[:] = energy
-        K = energy[:, None] + gains
-        lost = np.zeros(w.shape)
+        K = energy[:, None] + self.gains
         second = self.values[:, self.row.largest.shape[1] :]
-        panels = Panels(self.at.t, spans, w, K, inertia[:, :-1], lost, second)
+        panels = Panels(self.at.t, spans, w, K, inertia[:, :-1], second)
         if not self.stands:
             known = min(known, leading(np.invert(self._used_up(w, K).any(axis=1))))
         return panels, inertia[:, -1], known
@@ -194,22 +174,6 @@ class PanelRow:
     def _more(self, way: Floats, w: Floats) -> Any:
         """[J] (m,) what a second run has more at the end of each: some roundings."""
         return self.rounding * to_and_fro(way, w) if self.rounding else 0.0
-
-    def _settled(self, spans: Spans, inertia: Floats) -> tuple[Floats, Floats, Floats, int]:
-        """dK/dq (m, n), gains (m, n + 1), energies (m,), and of how many panels they are found."""
-        rows = np.moveaxis(self.values[:, : self.row.largest.shape[1], :-1], 1, 0)
-        q = spans.places(rule(self.n).v)
-        acts = of_rate(self.builder.system, q, rows, inertia, self.at.sign)
-        before = self.builder.solved
-        if before is None or before[0] is not self.row:
-            none = np.full_like(self.row.values[:, TAU, :-1], math.nan)
-            before = self.builder.solved = self.row, none
-        w = before[1][self.which]  # a turn is like the one before
-        new = np.isnan(w[:, 0]) | ~self.kept
-        w[new] = acts(np.full(w.shape, self.at.K)).w[new]
-        w, gains, energy, known = solved(acts, spans, w, self.at.K, self._more(spans.way, w))
-        before[1][self.which[self.kept]] = w[self.kept]
-        return w, gains, energy, known
 
     # -- a standstill, where it is known before the motion ------------------------------
 

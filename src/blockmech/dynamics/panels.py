@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from blockmech.engines.loops import Reals
 from blockmech.plane import EPS
-from blockmech.series import ended, largest, tail
+from blockmech.series import ended, largest
 
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.intp]
@@ -266,6 +266,13 @@ def span(begin: float, end: float, energy: float, kind: int = PLAIN) -> Spans:
     return Spans(*map(np.atleast_1d, (begin, end, energy, kind)))
 
 
+def begin_energies(K: float, gains: Floats, more: Any) -> Floats:
+    """[J] (m,) at the begin of panels in a row, of the first K; each leaves some more."""
+    energies = np.empty(len(gains))
+    energies[0], energies[1:] = K, K + (gains[:, -1] + more)[:-1].cumsum()
+    return energies
+
+
 def to_and_fro(way: Any, w: Floats) -> Any:
     """Work [J] (m,) that dK/dq (m, n) does over ways (m,), all of one sign."""
     return np.abs(way) / w.shape[1] * np.abs(w).sum(axis=1)
@@ -278,7 +285,6 @@ class Panels:
     t0 : [s] when the first begins
     w, J : (m, n) dK/dq and inertia at the nodes
     K : (m, n + 1) [J] kinetic energy there, and at the end that is not known
-    lost : (m, n) magnitude of dW/dq that friction takes
     second : (m, s, n + 1) place data of a second sampling at the nodes and the anchor
     """
 
@@ -287,7 +293,6 @@ class Panels:
     w: Floats
     K: Floats
     J: Floats
-    lost: Floats
     second: Floats
 
     @cached_property
@@ -303,13 +308,6 @@ class Panels:
         """Coefficients (m, n + 1) of the time since v = 0."""
         times: Floats = self.rate @ rule(self.w.shape[1]).clock.T
         return times
-
-    @property
-    def work(self) -> Floats:
-        """Chebyshev coefficients (m, n) of dK/dq, of v dK/dq towards a dead centre."""
-        r = rule(self.w.shape[1])
-        bounded = np.where(self.spans.kind[:, None] == TO_LIMIT, r.v, 1.0)
-        return np.asarray((self.w * bounded) @ r.to_series.T)
 
     @cached_property
     def durations(self) -> Floats:
@@ -374,7 +372,7 @@ class Panels:
     def some(self, which: Any, energy: Any = 0.0) -> Panels:
         """Those of a slice or of indices (k,), each with more kinetic energy (k,) [J]."""
         K = self.K[which] + np.asarray(energy)[..., None]
-        rows = self.w[which], K, self.J[which], self.lost[which], self.second[which]
+        rows = self.w[which], K, self.J[which], self.second[which]
         return Panels(self.t0, self.spans.some(which, energy), *rows)
 
     def followed_by(self, row: Sequence[Panels]) -> Panels:
@@ -383,7 +381,7 @@ class Panels:
         places = (p.spans for p in whole)
         columns = zip(*((x.begin, x.end, x.energy, x.kind) for x in places), strict=True)
         spans = Spans(*map(np.concatenate, columns))
-        names = ("w", "K", "J", "lost", "second")
+        names = ("w", "K", "J", "second")
         parts = (np.concatenate([getattr(p, name) for p in whole]) for name in names)
         return Panels(self.t0, spans, *parts)
 
@@ -392,8 +390,8 @@ class Panels:
         """The second run's, where it went beside them; else None."""
         return None
 
-    def smooth(self, J0: Floats, tolerance: float, work: bool, efforts: Any) -> NDArray[np.bool_]:
-        """Whether the time of each (m,), and its work, are smooth enough for its nodes.
+    def smooth(self, J0: Floats, tolerance: float, efforts: Any) -> NDArray[np.bool_]:
+        """Whether the time of each (m,) is smooth enough for its nodes.
 
         J0 : (m,) at the anchors. Of a plain panel dt/dv begins with the rate that is known
         there, else a layer hides between the nodes.
@@ -405,8 +403,6 @@ class Panels:
             doubt = (r.shares[kind, :-1] / K).max(axis=1) * way
             known = way * np.sqrt(J0 / (2 * self.spans.energy))
         good = (K.min(axis=1) > 0) & (ended(*sizes) <= np.maximum(tolerance, EPS * efforts * doubt))
-        if work:
-            good &= tail(self.work) <= tolerance
         left = len(r.v) * np.maximum(sizes[0], tolerance * sizes[2])
         fits = np.abs(self.rate @ r.at_zero - known) <= left
         return np.asarray(good & (fits | (kind != PLAIN)))
@@ -509,20 +505,6 @@ class Panels:
             speed = np.where(slope > 0, P[kind] * way * lead / slope, 0.0)
         return self.spans.anchor[i] + way * v * lead, np.where(
             self.spans.backward[i], -speed, speed
-        )
-
-    def taken(self, t: float) -> float:
-        """Work [J] that friction has taken until a time [s]."""
-        if not self.lost.any():
-            return 0.0
-        r, kind, way = rule(self.w.shape[1]), self.spans.kind, np.abs(self.spans.way)
-        density = self.lost * r.powers[kind] * (P[kind] * way)[:, None]
-        series = density @ r.to_series.T @ r.clock.T
-        whole = series.sum(axis=1)
-        i, v, _ = self._moment(t)
-        since = float(basis(v, series.shape[1]) @ series[i])
-        return float(whole[:i].sum()) + (
-            float(whole[i]) - since if self.spans.backward[i] else since
         )
 
     @property

@@ -1,13 +1,12 @@
-r"""The path method: one driver, loads without time.
+r"""The path method: one driver, loads of the place alone, no joint friction.
 
 With K = J q'^2 / 2, exactly
 
     dK/dq = tau            the work of all loads and of friction along the path
     dt/dq = sqrt(J / 2K)
 
-so a motion is an integral along its path, with no steps in time. Where tau depends on the
-place alone (method ``energy``) K is a plain integral; where rates or joint friction enter
-(method ``spectral``) the two are solved together on each panel.
+so where tau depends on the place alone a motion is an integral along its path, with no steps in
+time, and K is known before the motion.
 
     path ahead -> panel -> standstill? goal? end? -> next panel ... -> a pattern that repeats
 
@@ -24,7 +23,6 @@ import numpy as np
 
 from blockmech.dynamics import compiled_path, ends
 from blockmech.dynamics.compiled_path import BothRuns, PathCode
-from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
     PARTED,
     ROUNDING,
@@ -68,7 +66,6 @@ MOST = 8_000  # panels of a run; ten seconds of work and more
 # crowd to where something is not smooth as powers of two, a score on either side.
 CROWD, CRAWL = 48, 1 / 64
 WORTH = 200  # motions of a mechanism that take as long as making, or loading, machine code
-SWINGS = 8  # with friction, to be expected: panels of fewer cost no more than machine code at first
 
 
 @dataclass
@@ -81,7 +78,6 @@ class PathRun(Run):
 
     n: int
     perturbed: bool = False
-    one_turn: bool = False  # whether a whole turn ends it, or that there is none
     q: float = 0.0
     K: float = 0.0
     sign: int = 0
@@ -92,7 +88,6 @@ class PathRun(Run):
     alone: int = 0  # panels to be made one by one, where many at once were not resolved
     pause: int = 0  # how many the last time
     lately: list[float] = field(default_factory=list)  # ends of panels since a standstill
-    gained: float = math.inf  # [J] in the last turn, without its sign
     mark: tuple[int, PathState] | None = None  # panel and state where a pattern may begin
     both: BothRuns | None = None  # this and the second run by machine code
 
@@ -104,7 +99,6 @@ class PathRun(Run):
         # At a dead centre the cosine of a pose, from squares of lengths, squared again, is 1.
         self.mesh = PathMesh(self.system, self.q, self.n, tolerance, 4 * self.off, self.rounding)
         self.next = PanelBuilder(self.mesh, self.rounding if self.perturbed else 0.0)
-        self.place_only = self.next.place_only
 
     # -- the run ------------------------------------------------------------
 
@@ -153,24 +147,13 @@ class PathRun(Run):
         """From a standstill: the direction in which the motion starts, or rest."""
         q, system = self.q, self.system
         self.K = 0.0
-        if system.friction is not None:
-            rest = system.friction.rest(q)
-            if rest.ambiguous:
-                return RunEnd(ends.AMBIGUOUS)
-            if rest.rests:
-                self.facts.update(holding_low=rest.holding[0], holding_high=rest.holding[1])
-                return self.rest(ends.REST)
-            if self.swings_on:
-                return RunEnd(ends.SWINGS_ON)
-            self.sign = rest.moves
-        else:
-            q = q if self.count else float(self.request.start.q)
-            if balanced(system, q):
-                kind, facts, notes = equilibrium(system, q)
-                self.facts.update(facts)
-                self.notes += [kind, *notes]
-                return self.rest(kind)
-            self.sign = 1 if system.at(q).tau[0] > 0 else -1
+        q = q if self.count else float(self.request.start.q)
+        if balanced(system, q):
+            kind, facts, notes = equilibrium(system, q)
+            self.facts.update(facts)
+            self.notes += [kind, *notes]
+            return self.rest(kind)
+        self.sign = 1 if system.at(q).tau[0] > 0 else -1
         self.mark = (len(self.panels), self.at)
         return None
 
@@ -205,13 +188,9 @@ class PathRun(Run):
         goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
         goal = min(goals, key=lambda x: self.sign * x, default=self.sign * math.inf)
         panel: Panels | RunEnd | None = self.at_once(goal)
-        if panel is None and self.one_turn and self.mark is not None and self.mark[1].K == 0:
-            return RunEnd(ends.SWINGS_ON)  # no turn from rest
         if panel is None:
-            cuts = (x for x in piece.cuts if self.sign * (x - self.q) > 0 and not self.here(x))
-            panel = self.next.panel(
-                self.at, piece, min([end, goal, *cuts], key=lambda x: self.sign * x)
-            )
+            nearest = min(end, goal, key=lambda x: self.sign * x)
+            panel = self.next.panel(self.at, piece, nearest)
         if isinstance(panel, RunEnd):
             return self.obstructed(panel) if panel.end else None
         ahead = piece.what_ends(self.sign) == ends.DEAD_CENTRE
@@ -228,8 +207,6 @@ class PathRun(Run):
         if self.alone > 0:
             self.alone -= 1
             return None
-        if self.system.friction is not None:
-            return None
         if self.both is not None:
             return self.both.over(self.mesh, self.at, goal)
         row = PanelRow.ahead(self.next, self.at, goal)
@@ -244,8 +221,7 @@ class PathRun(Run):
             self.K = 0.0
             return self.stand()
         over = self.arrive(by.end)
-        locked = by.end == ends.SELF_LOCKED and not (self.panels or self.legs)
-        return by._replace(status="failed" if locked else over.status, left=over.left)
+        return by._replace(status=over.status, left=over.left)
 
     def here(self, x: float) -> bool:
         """Whether a place is where the motion is, but for rounding."""
@@ -276,17 +252,13 @@ class PathRun(Run):
             return RunEnd(self.request.until.goal, "reached")
         if self.here(piece.end(self.sign)) and piece.what_ends(self.sign):
             return self.arrive(piece.what_ends(self.sign))
-        if self.K > 0 and self.system.friction is not None and any(map(self.here, piece.cuts)):
-            self.happened("joint reverses", self.q, self.rate())
         period = self.system.period
         if self.mark is None or period is None or not self.here(self.turned(period)):
             return None
         return self.repeat_turn(period)
 
     def inertia(self) -> float:
-        """[kg m2 or kg] where the motion is; for the many turns of a search by place data."""
-        if self.one_turn and not isinstance(piece := self.mesh.ahead(self.q, self.sign or 1), str):
-            return float(piece.rows(np.array([self.q]))[J, 0])
+        """[kg m2 or kg] where the motion is."""
         return float(self.system.at(self.q).J[0])
 
     def beside(self) -> float:
@@ -309,7 +281,7 @@ class PathRun(Run):
         if (over := self.stood()) is not None:
             self.regime = "to a standstill" if self.regime == "one way" else self.regime
             return over
-        if self.place_only and self.mark is not None and self.mark[1].K == 0:
+        if self.mark is not None and self.mark[1].K == 0:
             return self.repeat(
                 swings(self.since_mark(mirrored=True), self.request, self.standstills)
             )
@@ -321,28 +293,14 @@ class PathRun(Run):
             return RunEnd(ends.TOO_MANY, "failed", note=note)
         return self.leave()
 
-    @property
-    def swings_on(self) -> bool:
-        """Whether ``auto`` had better follow the swings with friction in time, by machine code.
-
-        As many are expected as are asked for, or go into the time by those there were.
-        """
-        request, system = self.request, self.system
-        swings = request.standstills
-        if self.t > 0 and request.span < math.inf:
-            swings = request.span / self.t * self.standstills
-        wanted = request.method == "auto" and system.engine != "scalar"
-        return wanted and SWINGS <= swings < math.inf and kept_rates(system) is not None
-
     def is_too_slow(self) -> bool:
         """Whether the time asked for is out of reach of swings that take work each, as these."""
-        some, swings_on = self.count > MOST / 8, self.system.friction is None
-        return some and swings_on and math.inf > self.request.span > self.t * MOST / self.count
+        some = self.count > MOST / 8
+        return some and math.inf > self.request.span > self.t * MOST / self.count
 
     def arrive(self, what: str) -> RunEnd:
         """The end of the path."""
-        rubs = self.system.friction is not None
-        rate = self.rate() if rubs or what != ends.DEAD_CENTRE else 0.0
+        rate = self.rate() if what != ends.DEAD_CENTRE else 0.0
         self.regime = what
         self.happened(what, self.q, rate)
         if what != ends.DEAD_CENTRE:
@@ -374,29 +332,17 @@ class PathRun(Run):
         return by.over
 
     def repeat_turn(self, period: float) -> RunEnd | None:
-        """A turn without a standstill: it repeats, with more energy or less each time.
-
-        Loads of the rate and friction repeat once the energy is what it was a turn before: its
-        gains are rounding, and fall no more where turns to come are counted.
-        """
+        """A turn without a standstill: it repeats, with more energy or less each time."""
         assert self.mark is not None
-        if self.one_turn:
-            return RunEnd(ends.TURN, "reached")
         start = self.mark[1]
-        if self.place_only and not start.K:  # the next turn tells
+        if not start.K:  # the next turn tells
             self.mark = (len(self.panels), self.at)
             return None
         turn = self.since_mark(step=self.sign * period, gain=self.K - start.K)
-        last, self.gained = self.gained, abs(turn.gain)
-        counted = self.request.span < math.inf or self.request.places  # the turns to come are
-        falling = counted and not self.place_only and 0 < self.gained < last
-        lossless = self.system.lossless
-        if not (lossless or falling):  # but for rounding of some panels
-            lossless = abs(turn.gain) <= 16 * self.rounding * turn.panels.size
+        lossless = self.system.lossless  # but for rounding of some panels
+        lossless = lossless or abs(turn.gain) <= 16 * self.rounding * turn.panels.size
         turn = replace(turn, gain=0.0) if lossless and turn.gain else turn
-        pattern = None
-        if start.K > 0 and (self.place_only or not turn.gain):
-            pattern = turns(turn, self.request, self.mesh.tolerance, self.told)
+        pattern = turns(turn, self.request, self.mesh.tolerance, self.told)
         if pattern is not None:
             return self.repeat(pattern)
         self.mark = (len(self.panels), self.at)  # the next turn tells
@@ -411,7 +357,7 @@ class PathRun(Run):
 
     def motion(self) -> Motion:
         """The motion of a run that has ended; of one that moved the error is not known yet."""
-        request, system, t0 = self.request, self.system, self.request.start.t
+        request, t0 = self.request, self.request.start.t
         legs = self.whole
         track = PathTrack(tuple(legs), t0) if legs else Still(self.q)
         if self.events and self.events[-1].t == self.now:
@@ -421,11 +367,9 @@ class PathRun(Run):
             q, qd = (float(x[-1]) for x in track.state(times))
         if self.end == request.until.goal and any(map(self.here, self.request.places)):
             q = self.q
-        if system.friction is not None:
-            self.facts["friction_work"] = math.fsum(leg.taken(self.t) for leg in legs)
         failed = self.over is not None and self.over.status == "failed"
         motion = self.result(
-            method="energy" if self.place_only else "spectral",
+            method="energy",
             regime="none" if failed else self.regime,
             t_end=self.now,
             q_end=q,
@@ -448,12 +392,12 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
         if (motion := judged_in_place(run)) is not None:
             return motion
     fine = PathRun(system, request, FINE)
-    if system.friction is None and (motion := judged_in_place(fine)) is not None:
+    if (motion := judged_in_place(fine)) is not None:
         return motion
     run = PathRun(system, request, COARSE, True)
     run.run()
     coarse = run.motion()
-    given_up = (ends.TOO_MANY, ends.SWINGS_ON) if request.method == "auto" else ()
+    given_up = (ends.TOO_MANY,) if request.method == "auto" else ()
     if coarse.end in (ends.INTERRUPTED, *given_up):
         return stopped(coarse, None)
     if not fine.end:
@@ -475,8 +419,7 @@ def worth_machine_code(system: System) -> PathCode | None:
 
     `auto` makes some once the mechanism was moved so many times that it pays.
     """
-    place_only = system.depends_on <= {"q"} and system.friction is None
-    if not place_only or system.period is None or system.engine == "scalar":
+    if system.period is None or system.engine == "scalar":
         return None
     motions = system.kept["motions"] = system.kept.get("motions", 0) + 1
     return PathCode.made() if motions > WORTH or system.engine == "llvm" else None

@@ -21,10 +21,8 @@ from numpy.typing import NDArray
 from blockmech.dynamics import ends
 from blockmech.dynamics.panels import HALVINGS, PLAIN, Floats, leading, rule
 from blockmech.dynamics.place_data import (
-    DAMPING,
     MARGIN,
     NOTHING,
-    SLIPS,
     TAU,
     J,
     PlaceData,
@@ -35,7 +33,6 @@ from blockmech.dynamics.place_data import (
     sampled,
 )
 from blockmech.plane import EPS
-from blockmech.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -56,13 +53,11 @@ class Piece:
     """Place data in the coordinate of the motion.
 
     ends : what ends the path at the low and the high end, "" where it goes on
-    cuts : places inside at which a pair with friction reverses
     shift : [rad] whole periods between the two coordinates
     """
 
     data: PlaceData
     ends: tuple[str, str] = ("", "")
-    cuts: tuple[float, ...] = ()
     shift: float = 0.0
 
     def end(self, sign: int) -> float:
@@ -91,8 +86,7 @@ class Piece:
 
     def shifted(self, by: float) -> Piece:
         """The same some periods further on."""
-        cuts = tuple(x + by for x in self.cuts)
-        return replace(self, shift=self.shift + by, cuts=cuts) if by else self
+        return replace(self, shift=self.shift + by) if by else self
 
 
 class WholePieces(NamedTuple):
@@ -105,7 +99,6 @@ class WholePieces(NamedTuple):
     series : (m, r + s, n) of place data
     largest : (m, r) magnitudes of place data
     gains : (m, n + 1) [J] by which loads at rest raise K from its begin to there, and to its end
-    mean_effort : (m,) [N m or N] about the mean over each, of loads at rest
     follows : (m,) whether the next one in this direction begins where it ends
     goes_on : (m,) whether nothing ends the path in it
     """
@@ -114,7 +107,6 @@ class WholePieces(NamedTuple):
     series: Floats
     largest: Floats
     gains: Floats
-    mean_effort: Floats
     follows: NDArray[np.bool_]
     goes_on: NDArray[np.bool_]
 
@@ -209,7 +201,6 @@ class PieceRow:
                 np.array([x.both for x in data]),
                 np.array([x.largest for x in data]),
                 gains,
-                values[:, TAU, :-1].mean(axis=1),
                 np.abs(following - end) <= 2 * CLOSE * size,
                 np.array([not (x.data.limit or x.what_ends(sign)) for x in self.pieces]),
             )
@@ -235,7 +226,7 @@ class PathMesh:
     """The pieces of a system's path about a start: n nodes each, resolved to a tolerance.
 
     Those of `FINE` nodes are sampled a second time at `COARSE` others, for the estimate of what
-    the samples leave unknown; not with joint friction.
+    the samples leave unknown.
 
     ``off``: share by which the ends that the mechanism has are off
     ``rounding``: what the second sampling's inertia has more, relative to the largest of its piece
@@ -256,7 +247,7 @@ class PathMesh:
         period, kept = self.system.period, self.system.kept
         if period is None:
             return PieceRow([], self.n, None)
-        key = "mesh", self.n, self.system.friction is None
+        key = "mesh", self.n
         base, first, _ = kept.get(key, (None, math.nan, None))
         if base is None:
             base = self.over(self._edges_from(self._half_a_period_before(0.0)))
@@ -275,7 +266,7 @@ class PathMesh:
     @property
     def others(self) -> int:
         """Nodes of the second sampling."""
-        return COARSE if self.n == FINE and self.system.friction is None else 0
+        return COARSE if self.n == FINE else 0
 
     @cached_property
     def first(self) -> float:
@@ -365,12 +356,8 @@ class PathMesh:
         return ends.UNDECIDED if good else ends.IMPOSSIBLE
 
     def _limit(self, sign: int, what: str) -> int:
-        """Direction in which a piece runs into a dead centre in its own variable.
-
-        With friction it does not: what is left of digits there is not enough to solve it. Such a
-        path ends at the margin at which integrators end.
-        """
-        return sign if what == ends.DEAD_CENTRE and self.system.friction is None else 0
+        """Direction in which a piece runs into a dead centre in its own variable."""
+        return sign if what == ends.DEAD_CENTRE else 0
 
     @cached_property
     def _edges(self) -> list[float]:
@@ -409,19 +396,15 @@ class PathMesh:
         """Values of a piece at its nodes."""
         rows = self._values(place(low, high, limit, v))
         if limit:  # J and tau grow without bound there
-            rows[[J, *range(DAMPING, len(rows))]] *= v * v
+            rows[J] *= v * v
             rows[TAU] *= v
         return rows
 
     def _values(self, q: Floats) -> Floats:
-        if self.system.friction is not None:
-            rows = self.system.friction.rows(q)
-            rows[MARGIN] -= self.least
-            return rows
         *terms, size = self.system.sample(q)
         rows, size = np.array(terms), self.system.load_size(q) if size is None else size
         rows[TAU, np.abs(rows[TAU]) <= 8 * EPS * size] = 0.0
-        return np.vstack([rows, self.system.damping(q)]) if self.system.damped else rows
+        return rows
 
     def _last_possible(self, q: float, far: float) -> tuple[float, str]:
         """The last place from q on at which there is a pose and a load, and what ends there."""
@@ -442,19 +425,13 @@ class PathMesh:
                 good = float(x[-1])
         return good, self._why(good, bad)
 
-    @property
-    def least(self) -> float:
-        """Margin at which the path ends."""
-        return 0.0 if self.system.friction is None else LEAST_MARGIN
-
     def _possible_at(self, q: Floats) -> Any:
-        sample = self.system.sample(q)
-        return sample.possible & (sample.margin > self.least)
+        return self.system.sample(q).possible
 
     def _why(self, good: float, bad: float) -> str:
         """What ends the path between a possible place and the next that is not."""
         sample = self.system.sample(np.array([good, bad]))
-        margins = sample.margin - self.least
+        margins = sample.margin
         if margins[1] > 0 and np.isfinite(sample.J[1]):
             return ends.NO_INERTIA if np.isfinite(sample.tau[1]) else ends.UNDEFINED_LOAD
         return ends.DEAD_CENTRE if margins[0] <= math.sqrt(EPS) else ends.IMPOSSIBLE
@@ -473,6 +450,4 @@ class PathMesh:
     def _piece(self, data: PlaceData, what: tuple[str, str] = ("", "")) -> Piece:
         if len(data.second):
             data.second[J] += self.rounding * data.largest[J]
-        slips = () if self.system.friction is None else self.system.friction.names
-        cuts = [x for k in range(len(slips)) for x in data.zeros(SLIPS + k)]
-        return Piece(data, what, tuple(x for x in cuts if data.low < x < data.high))
+        return Piece(data, what)

@@ -1,8 +1,7 @@
 r"""Place data: what depends on the place alone, as Chebyshev series over a piece of the path.
 
-Inertia, effort and margin, with joint friction the responses of the force pass. They are
-sampled once; whatever runs there, how often and in which direction, needs no further kernel
-call.
+Inertia, effort and margin. They are sampled once; whatever runs there, how often and in which
+direction, needs no further kernel call.
 """
 
 from __future__ import annotations
@@ -27,10 +26,7 @@ SHORT = 8  # a piece is made anew if what happens in it needs no more than this 
 # A series of n terms that touches zero is, by Bernstein's inequality, below (pi / 2 f)^2 / 2 of
 # its largest value at one of f n nodes.
 FINER = 16
-# Rows of place data. With friction slips and what follows; else, where loads are straight lines in
-# the rate, what the effort grows by with it.
-J, TAU, MARGIN, SLIPS = range(4)
-DAMPING = SLIPS
+J, TAU, MARGIN = range(3)  # rows of place data
 
 
 def place(low: Any, high: Any, limit: int, v: Floats) -> Floats:
@@ -63,7 +59,7 @@ class PlaceData:
     """Series over a piece of the path from low to high [rad or m].
 
     limit : -1 or +1 where the low or the high end is a dead centre, else 0. The series are
-        then in v, (way to the limit) = (high - low) v^2, and J v^2, tau v and damping v^2 stand
+        then in v, (way to the limit) = (high - low) v^2, and J v^2 and tau v stand
         for what grows without bound
     rows : (r, n) values at the nodes: J, tau, margin, and what else depends on the place
     second : (s, k) the same but for the margin, sampled at other nodes; none where s = 0
@@ -126,7 +122,7 @@ class PlaceData:
         rows: Floats = self.both @ basis(v, self.both.shape[1]).T
         if self.limit:
             first, v = len(self.rows), np.maximum(v, EPS)
-            rows[[J, *range(DAMPING, first)]] /= v * v
+            rows[J] /= v * v
             rows[TAU] /= v
             rows[first:] = math.nan
         return rows
@@ -143,14 +139,6 @@ class PlaceData:
         """The same of a panel that runs from high to low: the nodes lie alike on both sides."""
         rows = self.forward[:, :-1]
         return np.column_stack([rows[:, ::-1], self.both.sum(axis=1)])
-
-    def zeros(self, row: int) -> list[float]:
-        """Places at which a row is zero, ascending."""
-        values = self.rows[row]
-        if np.ptp(values) < np.abs(values).min():  # all of one sign, and far from zero
-            return []
-        zeros = place(self.low, self.high, self.limit, roots(self.series[row]))
-        return sorted(zeros.tolist())
 
     def touches(self, row: int, level: float) -> list[float]:
         """Places at which a row that is not negative comes down to a level, or nearly."""

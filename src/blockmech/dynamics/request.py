@@ -47,7 +47,7 @@ GOALS = {
     ),
     "event": GoalNumber("event"),
 }
-METHODS = get_args(MotionMethod)
+NAMES = get_args(MotionMethod)
 ENGINES = ("auto", "scalar", "llvm")
 OUTPUTS = 201  # output times where none are named
 ELSEWHERE = 0.125  # [rad or m, per s, s] or a signal: where a user's function is asked besides
@@ -258,9 +258,9 @@ def _start(starts: Pairs) -> Start:
 
 def check_method(name: str) -> None:
     """Raise `RequestError` for a method that there is not."""
-    if name not in METHODS:
-        hint, found = close_match(str(name), METHODS), f'there is no method "{name}"'
-        raise refused("method", found, hint, f"valid: {listed(METHODS)}", "method")
+    if name not in NAMES:
+        hint, found = close_match(str(name), NAMES), f'there is no method "{name}"'
+        raise refused("method", found, hint, f"valid: {listed(NAMES)}", "method")
 
 
 def goal_of(until: Any, times: Floats | None) -> Until:

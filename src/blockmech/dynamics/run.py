@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
 
-INTEGRATORS = ("dop853", "lsoda", "radau")  # SciPy's, in time
+INTEGRATORS = ("dop853", "radau")  # in time
 EVALUATIONS = 500_000  # states, or steps, at most in a run of an integrator; some seconds
 
 

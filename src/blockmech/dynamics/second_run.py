@@ -24,11 +24,11 @@ from blockmech.dynamics.panels import (
     P,
     Panels,
     Spans,
+    begin_energies,
     joined,
     rule,
     to_and_fro,
 )
-from blockmech.dynamics.path_equation import begin_energies, of_rate, solved
 from blockmech.dynamics.path_mesh import KEPT
 from blockmech.dynamics.place_data import TAU, J
 from blockmech.dynamics.track import Leg, RepeatedSegment
@@ -44,7 +44,6 @@ class Run(Protocol):
     system: System
     request: SimulationRequest
     rounding: float
-    place_only: bool
     regime: str
 
     @property
@@ -63,7 +62,7 @@ class AnotherPathError(Exception):
 def second_run(run: Run) -> list[Leg] | None:
     """The second run; None where it needs panels of its own.
 
-    So it is with joint friction, and where the path ends by itself: at a dead centre, in
+    So it is where the path ends by itself: at a dead centre, in
     equilibrium, where nothing is smooth.
     """
     named = run.end in ("time", END_STOP, run.request.until.goal)
@@ -71,7 +70,7 @@ def second_run(run: Run) -> list[Leg] | None:
         return None
     whole = [x.panels if isinstance(x, RepeatedSegment) else x for x in run.whole]
     dead_centre = any(x.other is None and (x.spans.kind == TO_LIMIT).any() for x in whole)
-    if run.system.friction is not None or run.regime == "rest" or dead_centre or not whole:
+    if run.regime == "rest" or dead_centre or not whole:
         return None
     try:
         return _SecondRun(run).legs()
@@ -134,16 +133,17 @@ class _SecondRun:
 
     def _one_way(self, panels: Panels, some: slice, t0: float) -> Panels:
         """The same between two standstills."""
-        guess, lies, kind = panels.w[some], panels.spans, panels.spans.kind[some]
+        n, lies, kind = panels.w.shape[1], panels.spans, panels.spans.kind[some]
         begin, end, energy = lies.begin[some].copy(), lies.end[some].copy(), np.zeros(len(kind))
         way, backward = lies.way[some][0], kind[0] >= TO_REST
         begin[0] += self.off
-        r, rows, many = rule(guess.shape[1]), panels.second[some, :, :-1].copy(), len(kind)
+        r, rows, many = rule(n), panels.second[some, :, :-1].copy(), len(kind)
         shares = r.v * r.powers[kind[0]]
         by = self.off * (shares if backward else 1.0 - shares)
         rows[0] += self._further(rows[0], way, kind[0], by)
         spans, stands = Spans(begin, end, energy, kind), bool(kind[-1] == TO_REST)
-        w, gains = self._solved(spans, rows, guess)
+        w = rows[:, TAU].copy()
+        gains = spans.gains(w)
         more = self.rounding * to_and_fro(spans.way, w)
         energy[:] = begin_energies(self.K, gains, more)
         self.K, self.off = float(energy[-1]), 0.0
@@ -156,34 +156,17 @@ class _SecondRun:
             end[-1] += step
             energy[-1], spans = 0.0, Spans(begin, end, energy, kind)
             last = slice(many - 1, None)
-            w[last], gains[last] = self._solved(spans.some(last), rows[last], guess[last])
+            w[last] = rows[last, TAU]
+            gains[last] = spans.some(last).gains(w[last])
             self.K, self.off = 0.0, step
         else:
             self.K += float(gains[-1, -1] + more[-1])
         K = energy[:, None] + gains
         if not K[:, :-1].min() > 0:
             raise AnotherPathError
-        return Panels(t0, spans, w, K, rows[:, J], np.zeros(w.shape), panels.second[some])
+        return Panels(t0, spans, w, K, rows[:, J], panels.second[some])
 
     def _further(self, rows: Floats, way: float, kind: int, by: Floats) -> Floats:
         """What place data (s, n) of a panel change by, some way (n,) [rad or m] further on."""
         r = rule(rows.shape[1])
         return np.asarray(rows @ r.slopes.T * (by / (P[kind] * way * r.powers[kind])))
-
-    def _solved(self, spans: Spans, rows: Floats, guess: Floats) -> tuple[Floats, Floats]:
-        """dK/dq and gains of panels with place data (m, s, n), the first from the energy here."""
-        w = rows[:, TAU].copy()
-        if self.run.place_only:
-            return w, spans.gains(w)
-        gains, stands = np.empty((len(w), w.shape[1] + 1)), int(spans.kind[-1] == TO_REST)
-        going = len(w) - stands
-        for some in [slice(going), slice(going, None)][not going : 1 + stands]:
-            lies, row = spans.some(some), rows[some].swapaxes(0, 1)
-            sign = 1 if lies.end[0] > lies.begin[0] else -1
-            acts = of_rate(self.run.system, lies.places(rule(w.shape[1]).v), row, row[J], sign)
-            more = self.rounding * to_and_fro(lies.way, guess[some])
-            begin = self.K if some.start is None else 0.0
-            w[some], gains[some], _, known = solved(acts, lies, guess[some], begin, more)
-            if known < len(lies.kind):
-                raise AnotherPathError
-        return w, gains

@@ -78,7 +78,7 @@ def simulate(
     until : "standstill" (default), "swings=3", "turns=3", "time=2", "angle=360deg",
         "steady" or "event"; with ``times`` and without ``until`` the last of them.
         ``"steady=<s>"`` names the period of loads that follow the time by a function
-    method : "auto", "energy", "spectral", "dop853", "lsoda", "radau", "rk4", "euler_q"
+    method : "auto", "energy", "dop853", "radau", "rk4" or "euler_q", see `METHODS`
     accuracy : target [rad or m] of the driver coordinate at all times
     step : of the fixed-step methods: time [s] for rk4, driver coordinate for euler_q
     times : (n,) output times [s]; by default 201 over the whole run

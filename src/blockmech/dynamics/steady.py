@@ -43,8 +43,7 @@ from blockmech.dynamics.forcing import (
     no_steady,
     unfound,
 )
-from blockmech.dynamics.path import PathRun, along_path
-from blockmech.dynamics.path_mesh import COARSE, FINE
+from blockmech.dynamics.path import along_path
 from blockmech.dynamics.periodic import (
     FLOWS,
     NONE,
@@ -165,8 +164,6 @@ class Flow:
     request: SimulationRequest
     name: str = "return map"
     equation: Equation = field(init=False)
-    solved: dict[int, Any] = field(init=False, default_factory=dict)
-    turns: bool = True  # whether it may turn from rest
 
     def __post_init__(self) -> None:
         start, span = self.request.start, self.system.span
@@ -242,13 +239,6 @@ class Flow:
         """The way of one driver to the next standstill or whole turn."""
         begin, period = float(x[0]), self.period
         stopped = any(map(math.isfinite, self.system.stops[0]))
-        by_place = self.system.damped and self.system.friction is None and period is not None
-        by_place &= not self.layout.initial
-        if by_place and not stopped and (x[1] or self.turns):  # swings are many short panels
-            passage = self._along_path(x, FINE if tolerance <= FLOWS else COARSE)
-            if passage is not None:
-                return passage
-            self.turns = False
         far = FAR * self.system.span if stopped or period is None else period
 
         def gone(t: Any, q: Any, qd: Any) -> Any:
@@ -264,32 +254,9 @@ class Flow:
         there = np.array([motion.q_end, motion.qd_end, *motion.x_end])
         return SectionReturn(motion.end, there, time)
 
-    def _along_path(self, x: Floats, nodes: int) -> SectionReturn | None:
-        """The same by place data, to rounding; None where the path ends otherwise."""
-        run = PathRun(self.system, self.request_from(x, Until("standstill")), nodes, one_turn=True)
-        run.next.solved = self.solved.get(nodes)
-        run.run()
-        self.solved[nodes] = run.next.solved  # the next turn is much like it
-        if run.end == ends.INTERRUPTED:
-            raise KeyboardInterrupt
-        if run.end not in (ends.STANDSTILL, ends.TURN):
-            return None
-        rate = 0.0 if run.end == ends.STANDSTILL else run.rate()
-        return SectionReturn(run.end, np.array([run.q, rate]), run.t)
-
     def once(self, x: Floats, until: Until) -> Motion:
-        """A period of a periodic motion, with its error.
-
-        At a speed that stays the path has nothing but rounding to resolve: then it goes in time.
-        """
+        """A period of a periodic motion, with its error."""
         request = self.request_from(x, until)
-        by_path = until.goal == "turns" and request.method not in INTEGRATORS
-        if by_path and self.system.smooth_friction and not self.layout.initial:
-            found = along_path(self.system, request)
-            if found.end == ends.INTERRUPTED:
-                raise KeyboardInterrupt
-            if found.end == until.goal:
-                return found
         own = request.method if request.method in INTEGRATORS else "dop853"
         finer = (request.accuracy or TARGET) / 10  # the gain of the map enlarges it
         system = self.system
@@ -491,10 +458,7 @@ def _friction_rest(flow: Flow, way: SectionReturn) -> Motion | None:
     if way.kind != ends.REST and not (swings_out and way.kind == ends.STANDSTILL):
         return None
     request = replace(flow.request, until=Until("swings", float(COMMON)), watch=())
-    if flow.system.smooth_friction:
-        motion = along_path(flow.system, replace(request, method="spectral"))
-    else:
-        motion = in_time(flow.system, request, "dop853")
+    motion = in_time(flow.system, request, "dop853")
     if motion.end != ends.REST:
         return None
     facts = {name: x for name, x in motion.facts.items() if name.startswith("holding")}

@@ -29,7 +29,6 @@ from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.friction import JointFriction, margins, pair_program
 from blockmech.dynamics.pair_friction import least
 from blockmech.dynamics.pair_stops import Counted, PairStops, held_by, rows_of
-from blockmech.dynamics.place_table import PlaceTable
 from blockmech.dynamics.signals import (
     NO_SIGNALS,
     SignalProgram,
@@ -39,7 +38,6 @@ from blockmech.dynamics.signals import (
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.engines.cost import account
 from blockmech.engines.llvm import LlvmEngine, SingleEvaluator
-from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, Structure
@@ -55,7 +53,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 FREE = Friction("none")
-FAST = 1 / math.sqrt(EPS)  # [rad/s or m/s] at which what follows the rate hides the rest
 REPORTED = 256  # evaluations between two words of progress: some milliseconds of work
 
 
@@ -247,25 +244,6 @@ class System:
         return [self.span, *others]
 
     @cached_property
-    def damped(self) -> bool:
-        """Whether loads follow the rate, each as a straight line."""
-        nature = self.compiled.once(loads.nature)
-        return "rate" in nature.depends_on and nature.straight_in_rate
-
-    def damping(self, q: Floats) -> Floats:
-        """Slopes (n,) of efforts that are straight lines in the rate; what is rounding is none."""
-        slope = (self.sample(q, FAST).tau - self.sample(q).tau) / FAST
-        known = 8 * EPS / FAST * self.load_size(q, FAST)
-        return np.where(np.abs(slope) <= known, 0.0, slope)
-
-    @cached_property
-    def table(self) -> PlaceTable | None:
-        """Polynomials of the place, where all repeats and loads are straight lines in the rate."""
-        if self.period is None or not self.compiled.once(loads.nature).straight_in_rate:
-            return None
-        return PlaceTable(self, self.period)
-
-    @cached_property
     def lossless(self) -> bool:
         """Whether the loads have a potential with the period, and no joint has friction."""
         free = self.friction is None and self.period is not None
@@ -384,11 +362,6 @@ class System:
         return self.compiled.joint_names.get(name, name)
 
     @property
-    def smooth_friction(self) -> bool:
-        """Whether the friction laws of the joints are analytic in the speed."""
-        return len(self.drivers) > 1 or self.friction is None or self.friction.program.smooth
-
-    @property
     def cost(self) -> Cost:
         """Evaluations so far."""
         return Cost(self.samples, self.calls, self.singles, self.states)
@@ -406,15 +379,7 @@ class System:
         state = float(q), float(qd), float(t), self.signals.initial
         return self._once("state", state, lambda: self.sample(np.array(state[:1]), qd, t))
 
-    def with_slopes(self, q: Floats) -> Floats:
-        """J, tau at rest, dJ/dq and the margin (4, n) at places (n,)."""
-        values = self._batch(NumpyEngine(self.equation_program), q)
-        margin = np.minimum.reduce([np.ones(q.size), *values[3 + self.signals.values :]])
-        return np.array([*(np.broadcast_to(x, q.size) for x in values[:3]), margin])
-
-    def _batch(
-        self, engine: AdaptiveEvaluator | NumpyEngine, q: Floats, qd: Any = 0.0, t: float = 0.0
-    ) -> Any:
+    def _batch(self, engine: AdaptiveEvaluator, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Any:
         """Values (n,) of a program at states of one driver, flat."""
         self._count(q.size, True)
         rates = np.broadcast_to(np.asarray(qd, dtype=np.float64), q.shape).ravel()

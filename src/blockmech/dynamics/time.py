@@ -217,7 +217,7 @@ class TimeIntegration(Run):
 
     def segment(self) -> RunEnd | None:
         """Go on with one smooth right-hand side to whatever ends it."""
-        if self.t_max - self.t <= 2 * EPS * abs(self.t_max):  # on less LSODA does not start
+        if self.t_max - self.t <= 2 * EPS * abs(self.t_max):
             self.t = self.t_max
             return RunEnd("time", "reached")
         structure, held = self.system.compiled.structure, self.system.held
@@ -301,10 +301,6 @@ class TimeIntegration(Run):
         how: dict[str, Any] = {"rtol": rtol, "atol": atol, "max_step": longest}
         if self.finer is not None and self.method == "dop853" and t == self.request.start.t:
             how["finer"] = np.array(self._tolerances(self.finer))
-        if self.method == "lsoda":
-            from scipy.integrate import LSODA
-
-            return LSODA(self.equation, t, y, bound, **how)
         return SOLVERS[self.method](self.equation, t, y, bound, **how)
 
     def _stepped(

@@ -104,11 +104,6 @@ class RepeatedSegment:
             q, qd = panels.state_in(i, since, k * self.gain)
         return q + k * self.step, np.where(back, -qd, qd)
 
-    def taken(self, t: float) -> float:
-        """Work [J] that friction has taken in it until a time [s]; none in one that gains."""
-        k, rest = divmod(t - self.t0, self.duration)
-        return k * self.panels.taken(self.duration) + self.panels.taken(rest)
-
     def at_way(self, way: float) -> float:
         """Time [s] at which the driver has advanced by so much since t0."""
         k = math.floor(way / self.step)

@@ -17,6 +17,7 @@ import numpy as np
 from blockmech.analysis.reference_errors import DOUBLE, ReferenceErrors, reference_errors
 from blockmech.analysis.trade.measure import USELESS, Clock, Question, Reference, Setting
 from blockmech.dynamics.ends import INTERRUPTED, TOO_MANY
+from blockmech.dynamics.methods import METHODS
 from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.errors import RequestError, refused
 from blockmech.motion import Motion
@@ -26,9 +27,8 @@ FINEST = (  # references and checks, best first; coarser ones where those do not
     ("auto", 1e-14),
     ("dop853", 1e-13),
     ("radau", 1e-11),
-    ("lsoda", 1e-11),
     ("dop853", 1e-9),
-    ("lsoda", 1e-8),
+    ("radau", 1e-8),
 )
 SHARE = 0.3  # of what is left, for each of them: two, and as much again for the settings
 FIRST = 0.02  # of a motion without end, what is compared: methods differ a hundredfold in cost
@@ -36,14 +36,6 @@ TRIES = 2  # of that: by machine code they differ as much again
 TIMES = 21  # at which runs are compared, where none are named
 DOUBTFUL = 10.0  # times their own estimates by which reference and check may differ
 MOTION = ("*.q", "*.rate")
-ACCURACIES: Mapping[str, tuple[float, ...]] = {
-    "energy": (1e-3, 1e-6, 1e-9, 1e-12),
-    "spectral": (1e-3, 1e-6, 1e-9, 1e-12),
-    "lsoda": (1e-3, 1e-5, 1e-7, 1e-9),
-    "dop853": (1e-3, 1e-6, 1e-9, 1e-11),
-    "radau": (1e-3, 1e-6),
-}
-STEPS = {"rk4": (100, 200, 400, 800), "euler_q": (100, 1000, 10_000)}  # of a run
 FRICTIONS = (
     Setting("friction none", "", {"friction": "none"}),
     Setting("friction single", "", {"friction": "single"}),
@@ -150,7 +142,7 @@ class FreeMotion(Question):
 
     def settings(self) -> Iterator[Setting]:
         """The coarsest setting of every method first, so that a short budget sees them all."""
-        rows = [list(self._row(method)) for method in (*ACCURACIES, *STEPS)]
+        rows = [list(self._row(method)) for method in METHODS]
         if self.mechanism.frictional_joints and self.request.get("friction") is None:
             rows += [[setting] for setting in FRICTIONS]
         for i in range(max(map(len, rows))):
@@ -158,10 +150,12 @@ class FreeMotion(Question):
 
     def _row(self, method: str) -> Iterator[Setting]:
         """The settings of a method, from coarse to fine."""
-        for accuracy in ACCURACIES.get(method, ()):
-            if method != "spectral" or self.best.motion.method != "energy":  # the same there
+        compared = METHODS[method].compared
+        if not METHODS[method].fixed_steps:
+            for accuracy in compared:
                 options = {"method": method, "accuracy": accuracy}
                 yield Setting(method, f"accuracy {accuracy:g}", options)
+            return
         if len(self.mechanism.drivers) > 1:
             return
         motion: Motion = self.best.motion
@@ -169,7 +163,7 @@ class FreeMotion(Question):
         if method == "euler_q":
             length = float(np.abs(np.diff(motion.at(motion.times(201)).q)).sum())
             unit = self.mechanism.driver_joint(self.mechanism.drivers[0]).coordinate_unit
-        for count in STEPS.get(method, ()):
+        for count in compared:
             step = float(f"{length / count:.1e}")
             yield Setting(method, f"step {step:g} {unit}", {"method": method, "step": step})
 
