@@ -25,7 +25,7 @@ from blockmech.friction.laws import Coulomb
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.campaigns.honesty import TooLong, impatient
 
-METHODS = ("auto", "spectral", "dop853")
+METHODS = ("auto", "dop853")
 SPAN, PATIENCE, REACHED, OFTEN = 12.0, 20.0, 1e-9, 100.0  # [s], [s] of computing, [rad or m]
 KINDS = Options(drivers=(1, 1), groups=(1, 2), loads=False, springs=False)
 

@@ -28,7 +28,7 @@ ROUNDING = 1e-12  # of an output's largest magnitude: motions pass through condi
 SAMPLES = 37
 SPAN = "time=0.5"
 FRICTION = ("none", "single", "successive", "newton")
-METHODS = ("energy", "spectral", "dop853", "lsoda", "radau")
+METHODS = ("energy", "dop853", "radau")
 REFUSED = np.array(["refused"])  # itself an answer, which a change may move
 
 

@@ -133,7 +133,7 @@ def test_what_friction_all_but_holds_is_known_to_the_rounding_of_what_cancels(me
     assert abs(motion.q_end - exact) <= motion.error < abs(exact) / 1000
 
 
-@pytest.mark.parametrize("method", ["auto", "lsoda"])
+@pytest.mark.parametrize("method", ["auto"])
 def test_a_load_of_the_time_starts_a_driver_at_rest_when_it_outgrows_friction(method):
     """The pin holds xi m g = 0.1962 N m at the lowest place; the moment grows by 0.5 N m/s."""
     law = {"kind": "polynomial", "of": "time", "coefficients": [0.0, 0.5]}

@@ -23,7 +23,7 @@ def test_auto_says_what_it_took_and_why():
         "all loads depend on the driver's coordinate alone",
     )
     rated = move(motored(), Start(1.0), "time=1")
-    assert rated.method == "spectral"
+    assert rated.method == "dop853"
     assert "rate" in rated.why
 
 

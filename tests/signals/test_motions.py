@@ -93,7 +93,7 @@ def test_the_files_expect_what_the_judge_says(name):
 # -- one wheel ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
+@pytest.mark.parametrize("method", ["dop853", "radau"])
 def test_a_wheel_under_pid_is_a_matrix_exponential(method):
     J, kp, ki, kd, n, setpoint = 2.0, 3.0, 5.0, 0.4, 30.0, 10.0
     mech = speed_control(signals.Pid(kp=kp, ki=ki, kd=kd, n=n), setpoint, inertia=J).compile()
@@ -161,7 +161,7 @@ def test_a_mirrored_machine_under_control_mirrors_its_motion():
     assert ways[0] == -ways[1] != 0.0
 
 
-@pytest.mark.parametrize("method", ["dop853", "lsoda", "radau"])
+@pytest.mark.parametrize("method", ["dop853", "radau"])
 def test_instants_that_rounding_parts_are_one(method):
     # 3 times 0.1 s is not 0.3 s in binary numbers, and a step comes before the samples
     blocks = {
@@ -373,7 +373,7 @@ def test_an_accelerometer_that_no_load_follows_leaves_the_motion_as_it_is(name):
 # -- what is refused ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["energy", "spectral", "euler_q"])
+@pytest.mark.parametrize("method", ["energy", "euler_q"])
 def test_methods_along_the_path_refuse_states(fourbar, method):
     with pytest.raises(RequestError, match="the loads depend on state as well"):
         fourbar.simulate("time=0.1", method=method)

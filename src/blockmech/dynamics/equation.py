@@ -281,6 +281,8 @@ class Equation:
     def kinetic(self, y: Floats, rates: Any = None) -> float:
         """Kinetic energy [J] of a state, or at other rates (k,) there."""
         qd = y[self.layout.rate] if rates is None else rates
+        if not qd.any():
+            return 0.0
         if self.code is None:
             return 0.5 * float(qd @ self.system.terms(*self.layout.motion(y)).M @ qd)
         self.closeness(y)

@@ -188,7 +188,7 @@ class TimeIntegration(Run):
     def begin(self) -> RunEnd | None:
         """Give pairs with friction the senses in which they slip first."""
         over = self._becomes(self.pairs.begin(self._now))
-        if self.scales is None:
+        if self.scales is None and self.t < self.t_max:  # of one that rests none are asked for
             self.scales = scales(self.equation, self.t, self.y)
         return over
 
