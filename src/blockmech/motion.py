@@ -151,7 +151,7 @@ class Motion(Facts, Report):
     events : standstills and the user's events, in order
     impacts : blows on end stops, in order
     lying : while it lies against which stops
-    slips : with joint friction and several drivers, which pairs stick and slip from when on
+    slips : with joint friction, which pairs stick and slip from when on
     error : estimated bound of the error of q over the run [rad or m]
     time_error : the same of ``t_end`` [s], where an event and not a time ends the run
     accuracy : the target of ``error``, None if none was given
@@ -259,7 +259,12 @@ class Motion(Facts, Report):
         return np.where((t == self.t_end)[:, None], end, states(t))
 
     def sides(self, t: Floats) -> Any:
-        """How each pair with friction slips (n, m) at times (n,) [s]; see `slips`."""
+        """How each pair with friction slips (n, m) at times (n,) [s]; see `slips`.
+
+        NaN (n, 1) where the motion does not say it.
+        """
+        if not self.slips:
+            return np.full((len(t), 1), np.nan)
         begins = [s.begin for s in self.slips]
         which = np.maximum(np.searchsorted(begins, t, "right") - 1, 0)
         return np.array([s.sides for s in self.slips])[which]

@@ -81,10 +81,8 @@ def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgra
         assert pair is not None  # such a block is active
         values.append(pairs.statics(s, ref).measure(s, ref, pair))
     values += [s.ask(forward.slip, ref) for ref in joints]
-    if len(structure.drivers) > 1:
-        values += [s.ask(forward.slip_acceleration, ref) for ref in joints]
-    values += margins(s)
-    program = s.program(values)
+    rise = [s.ask(forward.slip_acceleration, ref) for ref in joints]
+    program = s.program([*values, *rise, *margins(s)])
     apart = schedule(structure, compiled.scene, how)
     rules = friction.terms, friction.terms_at_rest, friction.terms_standing
     law_terms = [x for rule in rules for x in terms(apart, joints, rule)]
@@ -95,7 +93,7 @@ def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgra
         tuple(pairs.statics(s, ref).edges for ref in joints),
         program,
         apart.program(law_terms),
-        s.program([*values, *more, *terms(s, joints, friction.terms)]),
+        s.program([*values, *margins(s), *more, *terms(s, joints, friction.terms)]),
         tuple(law.remembers for law in laws),
         tuple(map(structure.separates, joints)),
         steepest(laws),
@@ -260,7 +258,7 @@ class JointFriction(PairFriction):
         states = [State(qd=qd, share=1.0, t=t, x=x), State(qdd=1.0)]
         states += [State(pair=k) for k in range(m)]
         rows = self._one_by_one(q, states)
-        margin = least(rows[0][1 + 2 * m :])
+        margin = least(rows[0][1 + 3 * m :])
         rates = np.array([rows[0][1 + m : 1 + 2 * m]]).T
 
         def laws(loads: Any = None) -> tuple[Any, Any]:

@@ -37,7 +37,7 @@ from blockmech.dynamics.stops import Stop
 from blockmech.dynamics.system import System, solved
 from blockmech.errors import refused
 from blockmech.model.structure import JointRef
-from blockmech.motion import Event, Floats, Impact, Lying, Motion, State, Track
+from blockmech.motion import Event, Floats, Impact, Lying, Motion, Slips, State, Track
 from blockmech.passes.friction import given_joints
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction
@@ -352,6 +352,9 @@ class Bounces(Run):
         t_last = t + request.span
         until, _ = first_beyond(system, away, t, t_last)
         still = replace(request.standing, method=self.legs[0].method, regime=ends.REST)
+        if self.friction is not None:
+            sides = self.friction.senses(np.zeros(len(self.friction.names)))
+            still = replace(still, slips=(Slips(t, tuple(map(int, sides))),))
         if until is not None:
             late = math.ulp(until)
             while not away(until) > 0 and late < t_last - until:  # the root is either side of it

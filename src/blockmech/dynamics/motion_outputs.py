@@ -12,7 +12,6 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.contacts import Held, constrained
-from blockmech.dynamics.friction import JointFriction
 from blockmech.dynamics.pair_stops import held_by, lain_against
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System, solved
@@ -32,7 +31,7 @@ STATIC = {"static": False}
 
 
 class MotionInputs(Mapping[str, Any]):
-    """Inputs of a program along a motion; accelerations are found when they are asked for.
+    """Inputs of a program along a motion; what acts is computed when it is asked for.
 
     ``unknown`` (n,) : samples at which the rates of the drivers say nothing about other links
     """
@@ -48,33 +47,21 @@ class MotionInputs(Mapping[str, Any]):
         names = () if self.pairs is None else self.pairs.names
         self.lies = motion.held(t, (*mechanism.drivers, *names))
         self.states = motion.signal_states(t)
-        self.several: dict[str, Floats] = {}
-        if k > 1 and how.method != "none":
-            self._with_several(motion)
-        self.known = _by_driver("q", self.q, k) | _by_driver("qd", self.qd, k)
-        self.known |= _by_state(self.states) | self.several
+        friction = self._friction()
+        self.rubs = 0 if friction is None else len(friction.names)
+        self.sides = None if friction is None else motion.sides(t)
+        self.begins = motion.status != "failed"  # else nothing is known where no motion says it
+        self.known = _by_driver("q", self.q, k) | _by_state(self.states)
+        if self.sides is None or (self.sides != 0).all():
+            self.known |= _by_driver("qd", self.qd, k)  # what sticks does not move at all
 
-    def _with_several(self, motion: Motion) -> None:
-        """Rates and accelerations of several drivers, and friction of pairs that stick."""
-        pushed = () if self.pairs is None else self.pairs.refs
-        friction = system_of(self.mechanism, method=self.how).friction_of(SeveralFriction, pushed)
-        if friction is None:
-            return
-        if motion.slips:
-            sides = motion.sides(self.t)
-        elif motion.status != "failed":  # it only begins
-            begun, _, _ = friction.from_state(self.q[0], self.qd[0], self.t[0], None)
-            sides = np.tile(begun.sides, (len(self.t), 1))
-        else:  # before it began: nothing is known
-            sides = np.full((len(self.t), len(friction.names)), np.nan)
-        along = friction.along(
-            self.q, self.qd, self.t, self.states, sides, self.lies, self._against
-        )
-        self.qd, self.several = along.rates, _by_driver("qdd", along.qdd, along.qdd.shape[1])
-        self.several |= self._pushed(along.pushes)
-        for j, t in enumerate(np.ascontiguousarray(along.friction.T)):
-            stuck = along.stand[:, j]
-            self.several |= {f"sticks_{j}": 1.0 * stuck, f"friction_{j}": t}
+    def _friction(self) -> SeveralFriction | None:
+        """Joint friction; not kept, as programs do not pickle."""
+        if self.how.method == "none":
+            return None
+        system = system_of(self.mechanism, method=self.how)
+        friction: SeveralFriction | None = system.friction_of(SeveralFriction, self.how.pushed)
+        return friction
 
     def _against(self, q: Floats, qd: Floats, which: Any) -> Held:
         """Rows of stops that it lies against at n states."""
@@ -88,38 +75,36 @@ class MotionInputs(Mapping[str, Any]):
         return {f"push_{j}": sense * pushes[:, k + j] for j, (_, sense) in enumerate(pairs)}
 
     def __getitem__(self, name: str) -> Any:
-        return self.known[name] if name in self.known else self.accelerations[name]
+        return self.known[name] if name in self.known else self.acting[name]
 
     def __iter__(self) -> Iterator[str]:
         yield from self.known
-        if "qdd_0" not in self.known:
-            yield from (f"qdd_{i}" for i in range(len(self.mechanism.drivers)))
-            pairs = self._friction_of_one()
-            yield from () if pairs is None else (f"friction_{j}" for j in range(len(pairs.names)))
+        k, pairs = len(self.mechanism.drivers), () if self.pairs is None else self.pairs.names
+        computed = [f"{part}_{i}" for part in ("qd", "qdd") for i in range(k)]
+        computed += [f"{part}_{j}" for part in ("sticks", "friction") for j in range(self.rubs)]
+        computed += [f"push_{j}" for j in range(len(pairs))]
+        yield from (name for name in computed if name not in self.known)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
-    def _friction_of_one(self) -> JointFriction | None:
-        """Joint friction of a mechanism with one driver; not kept, as programs do not pickle."""
-        if len(self.mechanism.drivers) > 1:
-            return None
-        system = system_of(self.mechanism, method=self.how)
-        friction: JointFriction | None = system.friction_of(JointFriction, self.how.pushed)
-        return friction
-
     @cached_property
-    def accelerations(self) -> dict[str, Floats]:
-        """q'' (n,) of each driver, the drives idle, and of one driver the friction of pairs."""
-        friction = self._friction_of_one()
-        if friction is None:
+    def acting(self) -> dict[str, Floats]:
+        """Accelerations of the drivers, all idle, friction of pairs, and pushes of stops."""
+        friction, k = self._friction(), len(self.mechanism.drivers)
+        if friction is None or self.sides is None:
             return self._without_friction()
-        rows = zip(self.q.tolist(), self.qd.tolist(), self.t.tolist(), self.states, strict=True)
-        states = np.array([_with_friction(friction, *row) for row in rows])
-        qdd, *rubs = np.ascontiguousarray(states.reshape(-1, 1 + len(friction.names)).T)
-        more = {} if self.pairs is None else self._without_friction()
-        more |= {f"friction_{j}": x for j, x in enumerate(rubs)}
-        return {**more, "qdd_0": np.where(self.lies.any(axis=1), 0.0, qdd)}
+        q, qd = (x.reshape(len(self.t), k) for x in (self.q, self.qd))
+        state = q, qd, self.t, self.states
+        sides, lain = np.broadcast_to(self.sides, (len(q), self.rubs)), (self.lies, self._against)
+        if self.begins:
+            sides = friction.completed(*state, sides, *lain)
+        along = friction.along(*state, sides, *lain)
+        acting = _by_driver("qd", along.rates, k) | _by_driver("qdd", along.qdd, k)
+        acting |= self._pushed(along.pushes)
+        for j, t in enumerate(np.ascontiguousarray(along.friction.T)):
+            acting |= {f"sticks_{j}": 1.0 * along.stand[:, j], f"friction_{j}": t}
+        return acting
 
     def _without_friction(self) -> dict[str, Floats]:
         """Accelerations from M q'' = Q - c, and what stops push with."""
@@ -133,7 +118,7 @@ class MotionInputs(Mapping[str, Any]):
         M = result[mass].reshape(n, k, k)
         qdd, pushes = np.empty((n, k)), np.zeros(self.lies.shape)
         if k == 1 and not self.lies.any():
-            return {"qdd_0": right[:, 0] / M[:, 0, 0]}
+            return _by_driver("qdd", right / M[:, 0], k)
         for i, lies in enumerate(self.lies):
             if not lies.any():
                 qdd[i] = solved(M[i], right[i])
@@ -141,7 +126,7 @@ class MotionInputs(Mapping[str, Any]):
             which = np.flatnonzero(lies).tolist()
             held = held_by(self.pairs, self.q[i], self.qd[i], which)
             qdd[i], pushes[i, which] = constrained(M[i], right[i], held)
-        return _by_driver("qdd", qdd[:, 0] if k == 1 else qdd, k) | self._pushed(pushes)
+        return _by_driver("qdd", qdd, k) | self._pushed(pushes)
 
 
 def states_along(motion: Motion, t: Floats) -> dict[str, Floats]:
@@ -155,19 +140,8 @@ def _by_state(states: Floats) -> dict[str, Floats]:
 
 def _by_driver(name: str, values: Floats, k: int) -> dict[str, Floats]:
     """Inputs of each driver from values (n,) or (n, k)."""
-    columns = [values] if k == 1 else [np.ascontiguousarray(column) for column in values.T]
+    columns = np.ascontiguousarray(values.reshape(len(values), k).T)
     return {f"{name}_{i}": column for i, column in enumerate(columns)}
-
-
-def _with_friction(
-    friction: JointFriction, q: float, qd: float, t: float, x: Floats
-) -> list[float]:
-    """q'' of the only driver, and the friction of pairs, NaN where that holds it."""
-    way = (1 if qd > 0 else -1) if qd else friction.rest(q, t, x).moves
-    if not way:
-        return [0.0, *(np.nan for _ in friction.names)]
-    state = friction.at(q, qd, t, friction.sides(q, way), x)
-    return [float(state.qdd), *state.friction.tolist()]
 
 
 class SimulationResult(Result[M]):

@@ -33,15 +33,15 @@ Row: TypeAlias = list[Any]  # the program's values at a state, or at n of them
 class PairProgram:
     """The force pass with friction as input, and the laws of the m pairs.
 
-    Values of the force pass: the driving efforts, the load of each pair, its relative rate (with
-    several drivers also its relative acceleration), margins.
+    Values of the force pass: the driving efforts, the load of each pair, its relative rate and
+    acceleration, margins.
     """
 
     names: tuple[str, ...]  # (m,) pairs with friction
     guides: tuple[bool, ...]  # (m,) whether the load is the larger component of (N, 2 C / L)
     program: Program
     laws: Program  # factors and drags (2 m,) at relative rates; that hold at rest; elastic ones
-    whole: Program  # values of the first, what signals add, factors and drags at relative rates
+    whole: Program  # of one driver: the first without accelerations, signals, factors and drags
     remembers: tuple[bool, ...]  # (m,) whether a pair's law has a state of its own
     separates: tuple[bool, ...]  # (m,) whether it is a mesh that only adds to its contact
     steepest: tuple[float, ...]  # (m,) largest slopes over the load of laws that are not linear

@@ -17,7 +17,7 @@ from scipy.optimize import root
 
 from blockmech.dynamics.estimate import ROUNDING, missed
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.motion import Event, Floats, Motion, State, Still, Track
+from blockmech.motion import Event, Floats, Motion, Slips, State, Still, Track
 from blockmech.plane import EPS
 from blockmech.series import SCANNED
 
@@ -234,6 +234,9 @@ def repeated(
     late = 0.0 if once.end == "time" else found.gain * (once.time_error + off / fastest)
     errors = found.gain * (once.error + off) + (many - 1) * late * fastest, many * late
     steady = _steady(request, method, regime, track, t0 + period, errors, facts, (note, *notes))
+    turns = range(math.ceil(many))
+    slips = [Slips(s.begin + n * period, s.sides) for n in turns for s in once.slips]
+    steady = replace(steady, slips=tuple(slips))
     if not once.x_end:
         return steady
     return replace(steady, x_end=tuple(track.signal_states(np.array([steady.t_end]))[0].tolist()))

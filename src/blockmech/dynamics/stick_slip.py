@@ -122,11 +122,11 @@ class OneDriver(Frictionless):
     def begin(self, now: Now) -> Transition:
         """Give the senses of slip with which the motion starts."""
         if self.equation.held:  # by a stop
-            return Transition()
+            return Transition(slips=self._standing(now))
         if now.y[1] == 0.0:
             return self._from_rest(now)
         self.equation.sides = self._sides(now.y)
-        return Transition()
+        return Transition(slips=self._slipping(now.t))
 
     def rules(self) -> list[EventFunction]:
         """Where the equation of a segment ends."""
@@ -149,7 +149,7 @@ class OneDriver(Frictionless):
         """Turn pair j, and whatever pairs reverse at the same place."""
         old, beyond = self.equation.sides[j], self._sides(now.y)
         self.equation.sides = tuple(-old if i == j else side for i, side in enumerate(beyond))
-        return Transition()
+        return Transition(slips=self._slipping(now.t))
 
     def stand(self, now: Now, short: bool) -> Transition:
         """Go on from a standstill."""
@@ -162,7 +162,16 @@ class OneDriver(Frictionless):
             return Transition(RunEnd(ends.AMBIGUOUS, "failed"))
         self.rests = self.equation.held = False
         self._start(now.y, rest.holding)
-        return Transition()
+        return Transition(slips=self._slipping(now.t))
+
+    def _standing(self, now: Now) -> tuple[Slips, ...]:
+        """What a motion keeps of the pairs while the driver stands."""
+        sides = self.friction.senses(np.zeros(len(self.friction.names)))
+        return (Slips(now.t, tuple(map(int, sides))),)
+
+    def _slipping(self, t: float) -> tuple[Slips, ...]:
+        """What a motion keeps of the pairs while it moves."""
+        return (Slips(t, self.equation.sides),)
 
     def _from_rest(self, now: Now) -> Transition:
         """Which way a driver at rest starts; what ends the run if it does not."""
@@ -171,13 +180,13 @@ class OneDriver(Frictionless):
         low, high = holding = rest.holding
         if rest.ambiguous:
             return Transition(RunEnd(ends.AMBIGUOUS, "failed"))
-        stays = Transition()
+        stays, until = Transition(), None
         if rest.rests:
             event, facts = (
                 Event(ends.REST, now.t, q, 0.0),
                 {"holding_low": low, "holding_high": high},
             )
-            stays = Transition(events=(event,), facts=facts)
+            stays = Transition(events=(event,), slips=self._standing(now), facts=facts)
             if "state" in system.depends_on:
                 self.rests = self.equation.held = True
                 return stays
@@ -186,7 +195,10 @@ class OneDriver(Frictionless):
             holding = self.friction.rest(q, after).holding
             stays = stays.then(self._stays(now, until))
         self._start(now.y, holding)
-        return stays
+        if rest.rests and until is None:
+            return stays
+        begin = now.t if until is None else until
+        return stays.then(Transition(slips=self._slipping(begin)))
 
     def _start(self, y: Floats, holding: tuple[float, float]) -> None:
         low, high = holding

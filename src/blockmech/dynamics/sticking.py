@@ -29,7 +29,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.contacts import DEPENDENT, SETTLED, Held
+from blockmech.dynamics.contacts import DEPENDENT, SETTLED, STILL, Held
 from blockmech.dynamics.pair_friction import (
     FrictionState,
     PairFriction,
@@ -202,8 +202,6 @@ class SeveralFriction(PairFriction):
         m, k = len(self.names), qd.shape[-1]
         drives, loads = values[..., :k].real, values[..., k : k + m]
         slips, rise = (values[..., k + i * m : k + (i + 1) * m].real for i in (1, 2))
-        if k == 1:  # its program has no relative accelerations, and a blow needs their rows alone
-            rise = np.eye(slips.shape[-2])[:, [1]] * slips[..., :1, :] / qd
         w = slips[..., 0, :]
         law = self._law_at(w, None if x is None else np.transpose(x))
 
@@ -211,7 +209,7 @@ class SeveralFriction(PairFriction):
             return np.swapaxes(x[..., first : first + count, :], -1, -2)
 
         M, S, G, R = of(drives, 1, k), of(rise, 1, k), of(loads, 1, k), of(loads, 1 + k, m)
-        S = np.where(np.abs(S) <= 8 * EPS * np.abs(S).max(axis=(-1, -2), keepdims=True), 0.0, S)
+        S = np.where(np.abs(S) <= STILL * np.abs(S).max(axis=(-1, -2), keepdims=True), 0.0, S)
         push, b, f = -drives[..., 0, :], rise[..., 0, :], loads[..., 0, :]
         at = Instant(q, qd, M, push, S, b, w, f, G, R, law, margin)
         if held is None:
@@ -394,9 +392,9 @@ class SeveralFriction(PairFriction):
     ) -> Along:
         """What the pairs do at n states of a motion.
 
-        ``sides`` (n, m), NaN where nothing is known; ``lies`` (n, a) whether it lies against each
-        of some stops, ``against`` says which rows those have. Of a pair that only starts or turns
-        back the friction is that of the sense in which it goes on.
+        ``sides`` (n, m), NaN where nothing is known; ``lies`` (n, a) whether it lies against
+        each of some stops, ``against`` says which rows those have. Of a pair that only starts or
+        turns back the friction is that of the sense in which it goes on.
         """
         rates, qdd, friction = qd.copy(), np.full(qd.shape, np.nan), np.full(sides.shape, np.nan)
         stand, pushes = np.zeros(sides.shape, dtype=bool), np.zeros(lies.shape)
@@ -416,12 +414,39 @@ class SeveralFriction(PairFriction):
                 at = self._instant(values, 1.0, q[some], rates[some], x[some], held)
                 rates[some] = self.kept(at, side)
             response = self._each(at, side)
-            qdd[some], friction[some] = at.of_drivers(response.qdd), response.t
+            still = self.fixed(at, side) & ~at.b.any(axis=-1)
+            free = np.where(still[:, None], 0.0, response.qdd)  # what stands has no acceleration
+            qdd[some], friction[some] = at.of_drivers(free), response.t
             pushes[np.ix_(some, those)] = at.pushes(response)
             size = (np.abs(at.S) @ np.abs(at.freedoms[..., None]))[..., 0]
-            stands = (np.abs(at.w) <= DEPENDENT * size) & ~self.signed
+            fast = np.abs(np.hstack([at.w, at.rate])).max(axis=-1, keepdims=True)
+            stands = (np.abs(at.w) <= DEPENDENT * np.maximum(size, fast)) & ~self.signed
             stand[some] = stands | (np.array(side) == 0)
         return Along(rates, qdd, friction, stand, pushes)
+
+    def completed(
+        self, q: Floats, qd: Floats, t: Floats, x: Any, sides: Any, lies: Any, against: Against
+    ) -> Any:
+        """Sides (n, m) where no motion says them: those with which one begins there."""
+        sides, begins = sides.copy(), dict[bytes, Any]()
+        open_ = np.isnan(sides).any(axis=1) & np.isfinite(q + qd).all(axis=1)
+        if not open_.any():
+            return sides
+        k, m = qd.shape[1], len(self.names)
+        columns = self._columns(q, [State(qd=qd, qdd=0.0 * qd)])
+        w = np.transpose(columns[0][k + m : k + 2 * m])
+        moving = open_ & (w != 0).all(axis=1) & ~np.any(lies, axis=1)
+        sides[moving] = self.senses(w[moving])
+        for i in np.flatnonzero(open_ & ~moving):
+            key = np.array([*q[i], *qd[i], t[i], *x[i], *lies[i]]).tobytes()
+            if key not in begins:
+                some = slice(i, i + 1)
+                held = against(q[some], qd[some], np.flatnonzero(lies[i])) if any(lies[i]) else None
+                one = held and Held(held.rows[0], held.drift[0], held.pairs)
+                begun = self.from_state(q[i], qd[i], float(t[i]), one, x[i])[0]
+                begins[key] = np.nan if begun.end else begun.sides
+            sides[i] = begins[key]
+        return sides
 
     def _each(self, at: Instant, sides: Sides) -> Response:
         """What n states respond with."""
@@ -474,8 +499,14 @@ class SeveralFriction(PairFriction):
 
     def holds_all(self, at: Instant, sides: Sides) -> bool:
         """Whether the pairs stick, and leave no freedom."""
-        whole = at.S.shape[1] == 0 or np.linalg.matrix_rank(at.S) == at.S.shape[1]
-        return not any(sides) and bool(whole)
+        return not any(sides) and bool(self.fixed(at, sides))
+
+    def fixed(self, at: Instant, sides: Sides) -> Any:
+        """Whether what sticks leaves no freedom (...)."""
+        stuck = at.S[..., [j for j, s in enumerate(sides) if s == 0], :]
+        free = at.S.shape[-1]
+        rank = np.linalg.matrix_rank(stuck) if stuck.shape[-2] and free else 0
+        return rank == np.full(at.S.shape[:-2], free)
 
     def share(self, at: Instant, sides: Sides, found: Response) -> float:
         """How much of what they can hold [-] the pairs that stick need at most."""

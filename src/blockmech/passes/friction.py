@@ -254,8 +254,8 @@ def against_slip(s: Schedule, ref: JointRef, part: str, name: str, load: str = "
 
 
 def may_stick(s: Schedule) -> bool:
-    """Whether some pairs may stick while others move: along motions of several drivers."""
-    return s.friction.along and len(s.structure.drivers) > 1
+    """Whether pairs may stick: along motions."""
+    return s.friction.along
 
 
 def sticks(s: Schedule, ref: JointRef) -> str:
