@@ -32,6 +32,7 @@ FACT_UNITS: Mapping[str, str] = {
     "holding_low": "{effort}",
     "holding_high": "{effort}",
     "impact_loss": "J",
+    "drive_work": "J",
     "rest_time": "s",
     "contact": "{effort}",
 }
@@ -70,15 +71,16 @@ class Event(NamedTuple):
 
 
 class Impact(NamedTuple):
-    """A blow on an end stop.
+    """A blow on an end stop, or of a drive where a change of roles makes rates jump.
 
     t, q : time [s], coordinates (k,) of all drivers
-    driver : whose stop it is: a driver's, or that of a pair's coordinate by its name
+    driver : whose stop or drive it is: a driver's, or that of a pair's coordinate by its name
     before, after : rates (k,) of all drivers
     impulse : of the stop along its coordinate [N m s or N s]; of bounces that are closed by their
         sum, that of all of them
     loss : kinetic energy that it takes [J], of joint friction included
-    pushes : impulses of all stops in this blow, of those that it lay against as well
+    pushes : impulses of all stops in this blow, of those that it lay against as well, and of the
+        drives of drivers that are not free
     friction : impulses of joint friction along the coordinates of the pairs, on the later link
     """
 
@@ -101,6 +103,13 @@ class Slips(NamedTuple):
 
     begin: float
     sides: tuple[int, ...]
+
+
+class RolesFrom(NamedTuple):
+    """From a time [s] on: driver -> "free", "prescribed" by its law of motion, or "locked"."""
+
+    begin: float
+    of: Mapping[str, str]
 
 
 class Lying(NamedTuple):
@@ -152,6 +161,7 @@ class Motion(Facts, Report):
     impacts : blows on end stops, in order
     lying : while it lies against which stops
     slips : with joint friction, which pairs stick and slip from when on
+    roles : what each driver does from when on; empty where all are free at all times
     error : estimated bound of the error of q over the run [rad or m]
     time_error : the same of ``t_end`` [s], where an event and not a time ends the run
     accuracy : the target of ``error``, None if none was given
@@ -185,6 +195,7 @@ class Motion(Facts, Report):
     impacts: tuple[Impact, ...] = ()
     lying: tuple[Lying, ...] = ()
     slips: tuple[Slips, ...] = ()
+    roles: tuple[RolesFrom, ...] = ()
     error: float = 0.0
     time_error: float = 0.0
     cost: Cost = field(default_factory=Cost)
@@ -278,6 +289,11 @@ class Motion(Facts, Report):
             )
             held[:, stops.index(lain.stop)] |= here
         return held
+
+    def given(self, t: Floats) -> Any:
+        """Which role (n, k) each driver has at times (n,) [s]; see `roles`."""
+        which = np.maximum(np.searchsorted([r.begin for r in self.roles], t, "right") - 1, 0)
+        return np.array([[*r.of.values()] for r in self.roles])[which]
 
     def times(self, count: int) -> Floats:
         """That many times, equally spaced over the run [s]."""

@@ -83,6 +83,15 @@ def starts(mechanism: Compiled, given: list[str] | None) -> dict[str, tuple[floa
     return _by_driver(mechanism, given, "--start", "0.5", _start)
 
 
+def places(mechanism: Compiled, given: list[str] | None) -> dict[str, float] | None:
+    """Driver -> q [rad or m] from the ``--locked`` options; None without any."""
+
+    def read(where: str, text: str, unit: str) -> float:
+        return _number(where, text, UNITS[unit], (f"a coordinate is in {unit} and", ""))
+
+    return _by_driver(mechanism, given, "--locked", "0.5", read)
+
+
 def _by_driver(
     mechanism: Compiled,
     given: list[str] | None,

@@ -194,6 +194,14 @@ Start = Annotated[
         "[DRIVER=]Q[,RATE]",
     ),
 ]
+Prescribed = Annotated[
+    list[str] | None,
+    option("A driver that follows its law of motion; once for each.", "DRIVER"),
+]
+Locked = Annotated[
+    list[str] | None,
+    option("A driver that is held at a coordinate, e.g. knee=30deg; once for each.", "DRIVER=Q"),
+]
 Method = Annotated[
     str,
     option(f"{', '.join(get_args(MotionMethod))}.", "METHOD"),

@@ -9,13 +9,15 @@ import typer
 
 from blockmech.builders import compiled
 from blockmech.cli.motions import motion_lines
-from blockmech.cli.numbers import starts, times
+from blockmech.cli.numbers import places, starts, times
 from blockmech.cli.options import (
     Accuracy,
     Explain,
     FrictionOptions,
     GraphFile,
+    Locked,
     Method,
+    Prescribed,
     Start,
     Times,
     Until,
@@ -52,6 +54,8 @@ def simulate(
     until: Until = None,
     start: Start = None,
     at_times: Times = None,
+    prescribed: Prescribed = None,
+    locked: Locked = None,
     want: Want = None,
     method: Method = "auto",
     accuracy: Accuracy = None,
@@ -82,6 +86,8 @@ def simulate(
             step=step,
             times=given,
             start=begun,
+            prescribed=prescribed,
+            locked=places(mechanism, locked),
             want=names,
             progress=progress,
             **settings,

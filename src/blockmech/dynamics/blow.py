@@ -34,7 +34,7 @@ class Blow(NamedTuple):
     """What a blow does.
 
     after : (k,) rates
-    pushes : (a,) impulses of the stops along their coordinates
+    pushes : (a,) impulses of the stops along their coordinates, then of drives that hold
     friction : (m,) of the pairs
     reverses : whether a slip ends or turns back before the blow does
     gained : [J] what stops gave back more than they took: restitution and friction are at odds
@@ -57,21 +57,32 @@ def blow(
     restitution: Floats,
     friction: SeveralFriction | None = None,
     at: Instant | None = None,
+    given: Held | None = None,
 ) -> Blow:
     """The blow on stops (a,) that are struck or lain against.
+
+    ``given`` are drivers that are not free: their rates jump by its drifts, mostly not at all.
 
     ``ways`` (a,) are +1 at the highest stop, -1 at the lowest; ``friction`` with the instant ``at``
     of the state before, where joints have some.
     """
     rate = stops.rows @ before
-    sets = pushing(M, -ways[:, None] * stops.rows, -ways * (1 + restitution) * rate)
+    stops = stops if given is None else stops.beside(given)
+    count, change = len(rate), (1 + restitution) * rate
+    Z, alone = np.eye(len(before)), np.zeros(len(before))
+    if given is not None:
+        change = np.append(change, given.drift)
+        Z, alone = given.free()[0], constrained(M, alone, given)[0]
+    rows = -ways[:, None] * stops.rows[:count]
+    apart = -ways * (change[:count] + stops.rows[:count] @ alone)
+    sets = [[*some, *range(count, len(change))] for some in pushing(Z.T @ M @ Z, rows @ Z, apart)]
     if friction is not None and at is not None:
         for some in sets:
-            found = _rubbed(friction, at, stops, list(some), (1 + restitution) * rate)
+            found = _rubbed(friction, at, stops, some, change, count)
             if found is not None and _fits(found, before, stops, ways, restitution):
                 return found
-    chosen, pushes = list(sets[0]), np.zeros(len(rate))
-    held = _of(stops, chosen, ((1 + restitution) * rate)[chosen])
+    chosen, pushes = sets[0], np.zeros(len(change))
+    held = _of(stops, chosen, change[chosen])
     jump, pushes[chosen] = constrained(M, np.zeros(len(before)), held)
     none = np.zeros(0 if friction is None else len(friction.names))
     return Blow(before + jump, pushes, none, solved=friction is None)
@@ -83,9 +94,10 @@ def _of(stops: Held, some: list[int], drift: Floats) -> Held:
 
 def _fits(found: Blow, before: Floats, stops: Held, ways: Floats, restitution: Floats) -> bool:
     """Whether all stops push, and those that do not are left."""
-    after, back = stops.rows @ found.after, restitution * (stops.rows @ before)
-    pushes, parted = -ways * found.pushes, -ways * (after + back)
-    size = np.abs(stops.rows) @ (np.abs(found.after) + np.abs(before))
+    rows = stops.rows[: len(ways)]
+    after, back = rows @ found.after, restitution * (rows @ before)
+    pushes, parted = -ways * found.pushes[: len(ways)], -ways * (after + back)
+    size = np.abs(rows) @ (np.abs(found.after) + np.abs(before))
     return bool(
         (pushes >= -SETTLED * np.abs(pushes).max(initial=0.0)).all()
         and (parted >= -SETTLED * size).all()
@@ -93,9 +105,17 @@ def _fits(found: Blow, before: Floats, stops: Held, ways: Floats, restitution: F
 
 
 def _rubbed(
-    friction: SeveralFriction, at: Instant, stops: Held, some: list[int], change: Floats
+    friction: SeveralFriction,
+    at: Instant,
+    stops: Held,
+    some: list[int],
+    change: Floats,
+    count: int,
 ) -> Blow | None:
-    """The blow on some of the stops with joint friction; None where no impulses satisfy it."""
+    """The blow on some of the stops with joint friction; None where no impulses satisfy it.
+
+    ``count`` : how many of all are stops, and no drivers that are not free
+    """
     friction = copy.copy(friction)
     m = len(friction.names)
     friction.static = (*friction.static[:m], *[0.0] * m)  # what lasts has no impulse
@@ -121,7 +141,8 @@ def _rubbed(
         P = step / SUDDEN * stage.pushes(response)
         pushes[some] += P
         T += step / SUDDEN * response.t
-        gained += float(P @ (held.rows @ (rate + step / 2 * jump)))
+        own = np.array(some) < count
+        gained += float(P[own] @ (held.rows[own] @ (rate + step / 2 * jump)))
         rate, done = rate + step * jump, done + step
         if 1.0 - done <= STILL:
             return Blow(rate, pushes, T, reverses, max(gained, 0.0))

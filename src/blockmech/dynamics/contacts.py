@@ -29,12 +29,32 @@ STILL = 1e-12  # [-] of a rate's parts, or of a blow: what is left of them is ro
 class Held(NamedTuple):
     """Stops that something lies against, at a state or at n of them: n q'' + b = 0.
 
+    Drivers that follow a law or are locked stand behind them.
+
     pairs : of each its place among the pairs with stops, -1 of a driver's, and its sense
+    speeds : rates n q', None where all are zero
     """
 
     rows: Floats  # (..., a, k)
     drift: Floats  # (..., a)
     pairs: tuple[tuple[int, int], ...]
+    speeds: Floats | None = None  # (..., a)
+
+    def beside(self, others: Held) -> Held:
+        """These, and behind them drivers that are not free."""
+        joined = (
+            np.concatenate([self.rows, others.rows], axis=-2),
+            np.concatenate([self.drift, others.drift], axis=-1),
+            self.pairs + others.pairs,
+        )
+        if others.speeds is None:
+            return Held(*joined)
+        return Held(*joined, np.concatenate([0 * self.drift, others.speeds], axis=-1))
+
+    def first(self) -> Held:
+        """That at the first of n states."""
+        speeds = None if self.speeds is None else self.speeds[0]
+        return Held(self.rows[0], self.drift[0], self.pairs, speeds)
 
     def free(self) -> tuple[Floats, Floats, Floats]:
         """Z (..., k, z), q_p (..., k), and W (..., a, k) with P = W (sum n^T P)."""
@@ -84,5 +104,7 @@ def pushing(M: Floats, rows: Floats, apart: Floats) -> list[tuple[int, ...]]:
         P[at] = np.linalg.solve(part, -apart[at])
         left = apart + G @ P
         sets.append(some)
-        wrong.append(bool((P < 0).any() or (left < -SETTLED * np.abs(apart).max()).any()))
+        wrong.append(
+            bool((P < 0).any() or (left < -SETTLED * np.abs(apart).max(initial=0.0)).any())
+        )
     return [sets[i] for i in np.argsort(wrong, kind="stable")]

@@ -3,6 +3,8 @@ r"""The equation of motion as the right-hand side of an integration in time.
     one driver       J q'' = tau - J' q'^2 / 2,     tau all loads, less what friction takes
     k drivers        M q'' = Q - c
 
+Drivers that follow a law or are locked have q'' of that, see `roles`.
+
 The state is y = (q, q', W), with joint friction (q, q', W, F): W [J] is the work of the loads
 since the start, F [J] what friction took of it, so that the balance of energy is at hand. The
 directions of slip are given from outside, and so the right-hand side is smooth (numerics 8).
@@ -57,7 +59,13 @@ class Equation:
     def layout(self) -> StateLayout:
         """Where what stands in a state."""
         rubs = self.system.friction is not None
-        return StateLayout(len(self.system.drivers), rubs, self.system.signals.initial)
+        initial, driven = self.system.signals.initial, self.system.roles is not None
+        return StateLayout(len(self.system.drivers), rubs, initial, driven)
+
+    def motion(self, t: float, y: Any) -> tuple[Any, Any]:
+        """Coordinates and rates of a state, those of drivers with a law as that says."""
+        roles, (q, qd) = self.system.roles, self.layout.motion(y)
+        return (q, qd) if roles is None else roles.motion(q, qd, t)
 
     @cached_property
     def drivers(self) -> int:
@@ -146,7 +154,7 @@ class Equation:
 
     def _several(self, t: float, y: Floats) -> Floats:
         self.spend(1)
-        q, qd = self.layout.motion(y)
+        q, qd = self.motion(t, y)
         more: Any = ()
         known = self.resisted(t, y) if self.sides else None
         if self.system.signals.values:
@@ -161,7 +169,12 @@ class Equation:
         works = [Q @ qd]
         if self.layout.rubs:
             works.append(0.0 if known is None else known.power)
-        acc = self.system.accelerations(M, Q - c, q, qd)[0] if known is None else known.qdd
+        if known is None:
+            acc, pushes = self.system.accelerations(M, Q - c, q, qd, t)
+        else:
+            acc, pushes = known.qdd, known.pushes
+        if (roles := self.system.roles) is not None:
+            works.append(pushes[len(self.system.held) :] @ qd[roles.given])
         return np.concatenate([qd, acc, works, more[: len(self.layout.initial)]])
 
     def switched(self, t: float, y: Floats, due: Collection[str]) -> Floats:
@@ -195,7 +208,7 @@ class Equation:
 
         qdd is the acceleration of the only driver, where it is known.
         """
-        q, qd = self.layout.motion(y)
+        q, qd = self.motion(t, y)
         x = y[self.layout.signals]
         if self.held:
             qdd = 0.0
@@ -209,8 +222,8 @@ class Equation:
         assert friction is not None
         x = y[self.layout.signals] if self.layout.initial else None
         if isinstance(friction, SeveralFriction):
-            q, qd = self.layout.motion(y)
-            return friction.at(q, qd, t, self.sides, x, self.system.against(q, qd))
+            q, qd = self.motion(t, y)
+            return friction.at(q, qd, t, self.sides, x, self.system.against(q, qd, t))
         return friction.at(*self.layout.motion(y), t, self.sides, x)
 
     def stop_force(self, i: int, t: float, y: Floats) -> float:
@@ -218,7 +231,7 @@ class Equation:
         which = sorted(self.system.held).index(i)
         if self.sides:
             return float(self.resisted(t, y).pushes[which])
-        q, qd = self.layout.motion(y)
+        q, qd = self.motion(t, y)
         return float(self.system.pushes(q, qd, t, y[self.layout.signals])[which])
 
     def pair_loads(self, t: float, y: Floats) -> Any:
@@ -309,7 +322,7 @@ def scales(equation: Equation, t: float, y: Floats) -> Floats:
     at, signals = equation.layout, equation.system.signals.sizes
     speed, work = typical_motion(equation, t, y)
     moving = [1.0] * at.drivers + [speed] * at.drivers
-    return np.array([*moving, *[work] * (1 + at.rubs), *signals])
+    return np.array([*moving, *[work] * (at.works.stop - at.work), *signals])
 
 
 def typical_motion(equation: Equation, t: float, y: Floats) -> tuple[float, float]:

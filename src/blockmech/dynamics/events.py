@@ -200,7 +200,7 @@ def user_rule(watch: Watch, layout: StateLayout) -> EventFunction:
     def value(t: Any, y: Any) -> Any:
         return watch.surface(t, *(y[:2] if watch.arrays else layout.motion(y)))
 
-    how = watch.direction, watch.terminal
+    how = watch.direction, watch.terminal or bool(watch.then)
     return EventFunction(watch.name, value, *how, own=True, arrays=watch.arrays)
 
 

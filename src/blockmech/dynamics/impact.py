@@ -94,6 +94,7 @@ class Bounces(Run):
     held: dict[int, int] = field(default_factory=dict)
     since: dict[int, tuple[float, float]] = field(default_factory=dict)  # [s] lying, push [N, N m]
     struck: dict[int, tuple[float, float]] = field(default_factory=dict)  # [s], speed after it
+    worked: float = 0.0  # [J] of drives in blows, which go on at their rates
     gained: float = 0.0  # [J] most that a stop gave
     lying: list[Lying] = field(default_factory=list)
     flights: float = 0.0  # [s] sum of those to come
@@ -125,6 +126,8 @@ class Bounces(Run):
             return RunEnd("time", "reached")
         if self.system.counted is not None:
             self.system.counted = self.system.counted.begun(q)
+        if self.system.roles is not None:  # as events of the leg have left them
+            self.next = replace(self.next, roles=self.system.roles)
         times = tuple(t for t in self.next.times if t > leg.t_end)
         self.next = replace(
             self.next,
@@ -144,7 +147,7 @@ class Bounces(Run):
             self.system = replace(self.system, held=dict(self.held), begin=begin)
         if self.held:
             pushes = self.system.pushes(*request.start, np.array(begin) if begin else None)
-            for i, push in zip(sorted(self.held), pushes, strict=True):
+            for i, push in zip(sorted(self.held), pushes, strict=False):
                 self._touches(i, float(push))
         return self.move(self.system, request)
 
@@ -157,7 +160,11 @@ class Bounces(Run):
         low, high = self.system.stops[i]
         place = float(self.system.places(leg.q_end)[i])
         way = 1 if abs(place - high) < abs(place - low) else -1
-        return None if self._stop(i, way).restitution is None else (i, way)
+        bounces = self._stop(i, way).restitution is not None
+        if self.system.roles is not None and bounces:  # a drive goes on, whatever is in its way
+            row = self.system.rows(leg.q_end, leg.qd_end)[0][i]
+            bounces = bool((row @ self._free(len(row))).any())
+        return (i, way) if bounces else None
 
     def _stop(self, i: int, way: int) -> Stop:
         """A highest or lowest stop."""
@@ -225,12 +232,24 @@ class Bounces(Run):
             return wanted
         off = wanted - self.system.places(q)[those]
         rows = self._rows(struck, q, rate).rows
-        back = np.linalg.solve(self._matrix(q, rate, t)[0], rows.T)
+        Z = self._free(len(q))
+        back = Z @ np.linalg.solve(Z.T @ self._matrix(q, rate, t)[0] @ Z, (rows @ Z).T)
         q = q + back @ (np.linalg.pinv(rows @ back) @ off)
         for i, x in zip(those, wanted, strict=True):
             if i < len(q):
                 q[i] = x
         return q
+
+    def _free(self, k: int) -> Floats:
+        """Basis (k, z) of the free drivers."""
+        roles = self.system.roles
+        return np.eye(k) if roles is None else np.delete(np.eye(k), roles.given, axis=1)
+
+    @property
+    def _driven(self) -> dict[str, int]:
+        """Drivers that are not free, and their places."""
+        roles = self.system.roles
+        return {} if roles is None else {self.system.drivers[i]: i for i in roles.given}
 
     def _struck(self, leg: Motion, i: int, way: int) -> Any:
         """The rates after a blow."""
@@ -258,10 +277,12 @@ class Bounces(Run):
         if speed:
             self.struck = {i: (leg.t_end, abs(float(rows[0] @ after)))}
             names = [self._stop(*end).name for end in struck.items()]
-            pushes = dict(zip(names, done.pushes.tolist(), strict=True))
+            pushes = dict(zip((*names, *self._driven), done.pushes.tolist(), strict=True))
             pairs = () if self.friction is None else self.friction.names
             rubbed = dict(zip(pairs, done.friction.tolist(), strict=True))
-            loss = -0.5 * float((before + after) @ M @ (after - before))
+            work = float(done.pushes[len(names) :] @ [after[i] for i in self._driven.values()])
+            loss = work - 0.5 * float((before + after) @ M @ (after - before))
+            self.worked += work
             what = stop.name, q, before, after, impulse, loss, pushes, rubbed
             self.impacts.append(Impact(leg.t_end, *what))
             self.events.append(Event(ends.IMPACT, leg.t_end, self._plain(q), self._plain(after)))
@@ -282,7 +303,9 @@ class Bounces(Run):
         if self.friction is not None and before.any():
             at = self.friction.instant(q, before, leg.t_end, self._states(leg), None)
         sides = np.array([self._side(*stop) for stop in struck.items()])
-        done = blow(M, before, stops, sides, back, self.friction, at)
+        given = self.system.roles and self.system.roles.held(leg.t_end)._replace(speeds=None)
+        given = given._replace(drift=0 * given.drift) if given and given.pairs else None
+        done = blow(M, before, stops, sides, back, self.friction, at, given)
         self.notes += [REVERSES] if done.reverses else [] if done.solved else [LEFT_OUT]
         self.gained = max(self.gained, done.gained)
         return done
@@ -300,6 +323,8 @@ class Bounces(Run):
         M, Q = self._matrix(q, after, t)
         lain = {j: end for j, end in self.held.items() if j != i}
         others = self._rows(lain, q, after) if lain else None
+        if self.system.roles is not None:
+            others = self.system.roles.beside(others, t)
         loads = solved(M, Q) if others is None else constrained(M, Q, others)[0]
         push = side * float(stops.rows[0] @ loads + stops.drift[0])
         if len(q) > 1 and self.friction is not None:
@@ -371,7 +396,7 @@ class Bounces(Run):
         pulls = [0.0]
         if len(q) > 1:
             pushes = self.system.pushes(q, rate, leg.t_end, self._states(leg))
-            pulls = [self.held[j] * float(P) for j, P in zip(those, pushes, strict=True)]
+            pulls = [self.held[j] * float(P) for j, P in zip(those, pushes, strict=False)]
             q = self._onto(q, rate, leg.t_end, {j: self.held[j] for j in those})
         leg = self.legs[-1] = replace(leg, q_end=self._plain(q))
         self._leaves(those[int(np.argmax(pulls))], leg)
@@ -407,12 +432,15 @@ class Bounces(Run):
             return last
         moving = [leg for leg in legs if leg.t_end > leg.t_start] or legs[-1:]
         facts = {**last.facts, **self.facts}
-        rubbed = [leg.facts["friction_work"] for leg in legs if "friction_work" in leg.facts]
-        if rubbed:
-            facts["friction_work"] = math.fsum(rubbed)
+        jolts = [impact for leg in legs for impact in leg.impacts]  # of changes of roles
+        for work in ("friction_work", "drive_work"):
+            if parts := [leg.facts[work] for leg in legs if work in leg.facts]:
+                facts[work] = math.fsum(parts)
+        if "drive_work" in facts:
+            facts["drive_work"] += self.worked
         facts.pop("energy_balance", None)
         facts["impacts"] = float(len(self.impacts))
-        facts["impact_loss"] = math.fsum(i.loss for i in self.impacts)
+        facts["impact_loss"] = math.fsum(i.loss for i in (*self.impacts, *jolts))
         notes = dict.fromkeys([*(note for leg in legs for note in leg.notes), *self.notes])
         if self.gained > SETTLED * max((i.loss for i in self.impacts), default=0.0):
             notes[GAINED.format(self.gained)] = None
@@ -424,7 +452,8 @@ class Bounces(Run):
             t_start=self.request.start.t,
             track=Chain(np.array([leg.t_start for leg in moving]), tuple(x.track for x in moving)),
             events=tuple(sorted(self.events, key=lambda e: e.t)),
-            impacts=tuple(self.impacts),
+            impacts=tuple(sorted([*self.impacts, *jolts], key=lambda i: i.t)),
+            roles=tuple(r for leg in legs for r in leg.roles),
             slips=tuple(s for leg in legs for s in leg.slips),
             lying=(*self.lying, *self._still_lying(last.t_end)),
             error=math.fsum(leg.error for leg in legs) + self.unseen,

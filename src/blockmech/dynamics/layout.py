@@ -13,7 +13,7 @@ from blockmech.motion import Floats
 
 @dataclass(frozen=True)
 class StateLayout:
-    """The parts of a state y = (q, q', W[, F][, x]) as named slices.
+    """The parts of a state y = (q, q', W[, F][, D][, x]) as named slices.
 
     Coordinates and rates of the drivers come first, so that a state begins with those of the
     mechanism whatever else is integrated beside them.
@@ -22,6 +22,7 @@ class StateLayout:
     ----------
     drivers : number k of drivers
     rubs : whether the work F that joint friction takes stands there
+    driven : whether the work D stands there that drives do which hold or prescribe
     initial : states x of signal blocks and friction laws where the motion starts
 
     >>> layout = StateLayout(drivers=2, rubs=False)
@@ -32,6 +33,7 @@ class StateLayout:
     drivers: int
     rubs: bool = False
     initial: tuple[float, ...] = ()
+    driven: bool = False
 
     @cached_property
     def q(self) -> slice:
@@ -55,18 +57,18 @@ class StateLayout:
 
     @cached_property
     def works(self) -> slice:
-        """Both works."""
-        return slice(self.work, self.work + 1 + self.rubs)
+        """All works."""
+        return slice(self.work, self.work + 1 + self.rubs + self.driven)
 
     @cached_property
     def signals(self) -> slice:
         """States of signal blocks and of friction laws, in the order of `Structure.states`."""
-        return slice(self.work + 1 + self.rubs, self.size)
+        return slice(self.works.stop, self.size)
 
     @property
     def size(self) -> int:
         """Number of components."""
-        return self.work + 1 + self.rubs + len(self.initial)
+        return self.work + 1 + self.rubs + self.driven + len(self.initial)
 
     def start(self, q: Any, rate: Any) -> Floats:
         """The state (size,) from which a motion begins: no work is done yet."""

@@ -165,6 +165,9 @@ def check(system: System, request: SimulationRequest) -> None:
     name, goal, several = request.method, request.until.goal, len(system.drivers) > 1
     if several and goal not in ("time", "event", "steady"):
         raise _unfitting("until", goal, "it needs one driver", ("time", "event", "steady"))
+    if goal == "steady" and request.roles is not None:
+        why = "with drivers that are prescribed or locked no steady state is looked for"
+        raise _unfitting("until", goal, why, ("time", "event"))
     if goal == "steady" and (why := _no_search(system, request.start.t)):
         raise _unfitting("until", goal, why, ("time", "event"))
     if goal == "event" and not any(w.terminal for w in request.watch):
@@ -268,12 +271,12 @@ def _push(system: System, request: SimulationRequest, row: Floats, drift: float)
     """Which way a coordinate with a row over the drivers would start, that is at rest."""
     q, rate, t = request.start
     if isinstance(system.friction, SeveralFriction):
-        qdd = system.friction.from_state(q, rate, t, system.against(q, rate))[1]
+        qdd = system.friction.from_state(q, rate, t, system.against(q, rate, t))[1]
         return float(row @ qdd + drift)
     if system.friction is not None:
         return system.friction.rest(float(request.start.q), request.start.t).moves
     terms = system.terms(q, rate, t)
-    return float(row @ system.accelerations(terms.M, terms.Q - terms.c, q, rate)[0] + drift)
+    return float(row @ system.accelerations(terms.M, terms.Q - terms.c, q, rate, t)[0] + drift)
 
 
 # -- running -------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.pair_stops import held_by, lain_against
+from blockmech.dynamics.roles import FREE, PRESCRIBED
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System, solved
 from blockmech.motion import Floats, Motion
@@ -46,6 +47,10 @@ class MotionInputs(Mapping[str, Any]):
         self.pairs = lain_against(mechanism, motion.lying)
         names = () if self.pairs is None else self.pairs.names
         self.lies = motion.held(t, (*mechanism.drivers, *names))
+        self.stops = self.lies.shape[1]
+        if motion.roles:  # behind the stops
+            self.lies = np.hstack([self.lies, motion.given(t) != FREE])
+        self.role_at = motion.given
         self.states = motion.signal_states(t)
         friction = self._friction()
         self.rubs = 0 if friction is None else len(friction.names)
@@ -63,10 +68,22 @@ class MotionInputs(Mapping[str, Any]):
         friction: SeveralFriction | None = system.friction_of(SeveralFriction, self.how.pushed)
         return friction
 
-    def _against(self, q: Floats, qd: Floats, which: Any) -> Held:
-        """Rows of stops that it lies against at n states."""
-        at = [held_by(self.pairs, *state, which) for state in zip(q, qd, strict=True)]
-        return Held(np.array([x.rows for x in at]), np.array([x.drift for x in at]), at[0].pairs)
+    def _against(self, q: Floats, qd: Floats, t: Floats, which: Any) -> Held:
+        """Rows of stops that it lies against at n states, and of drivers that are not free."""
+        stops, given = which[which < self.stops], which[which >= self.stops] - self.stops
+        at = [held_by(self.pairs, *state, stops) for state in zip(q, qd, strict=True)]
+        rows, drift = np.array([x.rows for x in at]), np.array([x.drift for x in at])
+        held = Held(rows, drift, at[0].pairs)
+        if not given.size:
+            return held
+        pull = np.zeros((len(t), given.size))
+        for column, i in enumerate(given):
+            some = self.role_at(t)[:, i] == PRESCRIBED
+            law = self.mechanism.scene.drive[self.mechanism.drivers[i]] if some.any() else None
+            if law is not None:
+                pull[some, column] = law.at_times(t[some])[2]
+        own = np.broadcast_to(np.eye(q.shape[1])[given], (len(t), given.size, q.shape[1]))
+        return held.beside(Held(own, -pull, ((-1, 1),) * given.size, qd[:, given]))
 
     def _pushed(self, pushes: Floats) -> dict[str, Floats]:
         """Inputs of what stops of pairs push with, from that of all stops (n, a)."""
@@ -123,8 +140,8 @@ class MotionInputs(Mapping[str, Any]):
             if not lies.any():
                 qdd[i] = solved(M[i], right[i])
                 continue
-            which = np.flatnonzero(lies).tolist()
-            held = held_by(self.pairs, self.q[i], self.qd[i], which)
+            which, here = np.flatnonzero(lies), slice(i, i + 1)
+            held = self._against(self.q[here], self.qd[here], self.t[here], which).first()
             qdd[i], pushes[i, which] = constrained(M[i], right[i], held)
         return _by_driver("qdd", qdd, k) | self._pushed(pushes)
 

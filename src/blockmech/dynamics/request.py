@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
+from blockmech.dynamics.roles import Roles, roles_of
 from blockmech.errors import RequestError, close_match, listed, refused
 from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
@@ -53,6 +54,8 @@ OUTPUTS = 201  # output times where none are named
 ELSEWHERE = 0.125  # [rad or m, per s, s] or a signal: where a user's function is asked besides
 PAIRS = "give them by driver, like {pairs}"
 WATCH = 'blockmech.dynamics.request.Watch("name", lambda t, q, rate: ...)'
+AGREES = 1e-9  # [-] to which a start agrees with a law of motion
+NO_PAIRS: Pairs = {}
 START, STOPS = '{"crank": (0.0, 1.0)}', '{"crank": (-1.0, 2.0)}'
 
 
@@ -69,13 +72,16 @@ class Watch:
     """A user's event: where ``surface(t, q, q')`` changes sign.
 
     With ``direction`` +1 only where it rises, with -1 only where it falls, with 0 both;
-    ``terminal`` says whether the run ends there.
+    ``terminal`` says whether the run ends there. ``then`` is driver -> the role that it has from
+    there on, "free", "prescribed" (by its law of motion, which must be where the driver is) or
+    "locked" (where it is): with it the run goes on.
     """
 
     name: str
     surface: Surface
     direction: int = 0
     terminal: bool = True
+    then: Mapping[str, str] = field(default_factory=dict)
     arrays = False  # whether the surface takes arrays: a user's is asked for state by state
 
 
@@ -160,6 +166,7 @@ class SimulationRequest:
     watch : the user's events
     stops : the lowest and the highest `Stop` of each driver, where one lets it bounce
     apex : [s] about the middle of a flight that begins at the start, so that no step is longer
+    roles : of the drivers where the run begins, None where all are free at all times
     switched : [s] an instant at which discrete signal blocks have switched already
     why : why this method, recorded in the result
     """
@@ -173,6 +180,7 @@ class SimulationRequest:
     watch: tuple[Watch, ...] = ()
     stops: tuple[Any, ...] = ()
     apex: float = math.inf
+    roles: Roles | None = None
     switched: float = math.nan
     why: str = ""
 
@@ -220,6 +228,8 @@ def request_of(
     start: Pairs | None = None,
     stops: Pairs | None = None,
     watch: Sequence[Watch] = (),
+    prescribed: Sequence[str] | None = None,
+    locked: Mapping[str, float] | Sequence[str] | None = None,
     engine: str = "auto",
 ) -> tuple[SimulationRequest, Pairs]:
     """What `simulate` is asked for, read, but for its end stops; and the starts.
@@ -232,9 +242,12 @@ def request_of(
         raise refused("engine", found, valid=valid, code="unknown-engine")
     shown = times_of(times)
     goal = goal_of(until, shown)
-    starts = starts_of(scene, drivers, start)
-    target, size = size_of("accuracy", accuracy), size_of("step", step)
     events = watches_of(watch)
+    last = goal.value if goal.goal == "time" else math.inf
+    changes = {w.name: w.then for w in events if w.then}
+    roles, said = roles_of(scene, drivers, prescribed, locked, changes, last)
+    starts = starts_of(scene, drivers, start, said, prescribed is None and locked is None)
+    target, size = size_of("accuracy", accuracy), size_of("step", step)
     pairs_of("stops", stops, STOPS)  # where they are, the mechanism says: see `stops_of`
     if shown is None:
         shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
@@ -246,6 +259,7 @@ def request_of(
         size,
         tuple(shown.tolist()),
         events,
+        roles=roles,
     )
     return request, starts
 
@@ -274,10 +288,26 @@ def goal_of(until: Any, times: Floats | None) -> Until:
     raise refused("until", f"{until!r} is no stopping condition", 'write for example "time=2"')
 
 
-def starts_of(scene: Scene, drivers: Sequence[str], start: Any) -> Pairs:
-    """Driver -> (q [rad or m], rate) of every driver, in their order."""
+def starts_of(
+    scene: Scene, drivers: Sequence[str], start: Any, said: Pairs = NO_PAIRS, by_scene: bool = True
+) -> Pairs:
+    """Driver -> (q [rad or m], rate) of every driver, in their order.
+
+    ``said`` : those of drivers that are not free, with which others must agree; places of the
+    scene, unless its own roles say them (``by_scene``), are overridden by places of a call.
+    """
     overridden = pairs_of("start", start, START) or {}
-    given = {d: (x.q, x.rate) for d, x in scene.initial.items()} | overridden
+    begun = {d: (x.q, x.rate) for d, x in scene.initial.items()}
+    given = begun | overridden
+    for d, (q, rate) in said.items():
+        own = given.get(d, (q, rate))
+        mine = d in overridden or by_scene or rate != 0.0
+        if mine and not np.allclose(own, (q, rate), rtol=AGREES, atol=AGREES):
+            found = f"({own[0]:.9g}, {own[1]:.9g}) contradicts its role in the motion"
+            remedy = f"leave it out, or let it be ({q:.9g}, {rate:.9g})"
+            where = f"start.{d}" if d in overridden else scene.address("initial", d)
+            raise refused(where, found, remedy, code="roles")
+    given |= said
     missing = [d for d in drivers if d not in given]
     unknown = [d for d in given if d not in drivers]
     if missing or unknown:

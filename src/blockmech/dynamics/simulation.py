@@ -37,10 +37,11 @@ from blockmech.dynamics.request import (
     refuse_no_inertia,
     request_of,
 )
+from blockmech.dynamics.roles import unused_laws
 from blockmech.dynamics.stops import bouncing, bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.errors import listed
-from blockmech.motion import Event, Floats, Motion
+from blockmech.motion import Event, Floats, Motion, RolesFrom
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
 from blockmech.typing import EngineName, FrictionMethod, M, MotionMethod, Numbers, Progress
@@ -64,6 +65,8 @@ def simulate(
     start: Pairs | None = None,
     stops: Pairs | None = None,
     watch: Sequence[Watch] = (),
+    prescribed: Sequence[str] | None = None,
+    locked: Mapping[str, float] | Sequence[str] | None = None,
     want: Iterable[str] | str = ("*.q", "*.rate"),
     friction: FrictionMethod | None = None,
     tolerance: float | None = None,
@@ -86,6 +89,9 @@ def simulate(
     stops : driver, or the coordinate of a pair such as ``"rod.S.coordinate"`` -> (lowest,
         highest) [rad or m]; by default the scene's
     watch : the user's events
+    prescribed : drivers that follow their laws of motion while the others are free
+    locked : driver -> coordinate [rad or m] at which it is held, or names: where they start. With
+        one of both the roles that the scene gives in ``motion`` do not count
     want : outputs at the output times
     friction : of the joints: "none", "single", "successive" or "newton" (default)
     tolerance, iterations : of ``successive``, as in a run
@@ -107,18 +113,23 @@ def simulate(
     how = friction_asked(friction, tolerance, iterations)
     settings = {"friction": how.method, "tolerance": tolerance, "iterations": iterations}
     report = progress_of(progress)
-    given = (until, method, accuracy, step, times, start, stops, watch, engine)
-    request, starts = request_of(mechanism.scene, mechanism.drivers, *given)
+    given = (until, method, accuracy, step, times, start, stops, watch)
+    own = prescribed, locked, engine
+    request, starts = request_of(mechanism.scene, mechanism.drivers, *given, *own)
     between = stops_of(mechanism, starts, stops)
     if bouncing(between):
         request = replace(request, stops=between)
-    mechanism.once(refuse_no_inertia)
+    if request.roles is None:
+        mechanism.once(refuse_no_inertia)
     refuse_memory(mechanism, starts)
-    at_stops = {"stops": bounds_of(between), "counted": counted_pairs(mechanism, starts, between)}
-    system = system_of(mechanism, method=how, progress=report, engine=engine, **at_stops)
+    counted = counted_pairs(mechanism, starts, between)
+    bounds = {"stops": bounds_of(between), "counted": counted, "roles": request.roles}
+    system = system_of(mechanism, method=how, progress=report, engine=engine, **bounds)
     if engine == "llvm" and system.engine_of_states.name != engine:
         compiled_program(system.equation_program)  # says why it cannot be
     motion = with_undefined_loads(mechanism, _moved(system, request))
+    if request.roles is not None and not motion.roles:  # it did not begin
+        motion = replace(motion, roles=(RolesFrom(motion.t_start, request.roles.said()),))
     if remarks := _remarks(system, motion, request.until):
         motion = replace(motion, notes=(*motion.notes, *remarks))
     wanted = None if times is None else np.array(request.times)
@@ -136,7 +147,8 @@ def _moved(system: System, request: SimulationRequest) -> Motion:
 
 def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
     """What else a reader must know of how a run ended."""
-    remarks = []
+    scene, roles = system.compiled.scene, [x.of for x in motion.roles]
+    remarks = [note] if (note := unused_laws(scene, system.drivers, roles)) else []
     if motion.end == ends.TOO_MANY and goal.goal not in ("time", "steady"):
         met = f"{goal.goal} was not reached in {motion.t_end - motion.t_start:.6g} s"
         remarks.append(f'{met}, and perhaps never is: ask for "time=<s>" to see how it goes on')

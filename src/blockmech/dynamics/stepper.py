@@ -7,7 +7,7 @@ step. All else, friction, events, sampled blocks, is that of `simulate`, by the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +28,7 @@ from blockmech.dynamics.request import (
     size_of,
     starts_of,
 )
+from blockmech.dynamics.roles import roles_of
 from blockmech.dynamics.stops import bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
@@ -66,10 +67,11 @@ class Stepper:
         want: Iterable[str] | str,
         copies: int,
         tolerance: float,
+        said: Pairs,
     ) -> None:
         """See `stepper`, which reads what a user gives."""
         self.mechanism, self.copies, self._system = mechanism, copies, system
-        self._start, self._tolerance = start, tolerance
+        self._start, self._tolerance, self._said = dict(start), tolerance, said
         self.outputs = mechanism.outputs.match(want)
         method = "none" if system.method is None else system.method.method
         self._plan = mechanism.plan(self.outputs, friction=method)  # type: ignore[arg-type]
@@ -106,7 +108,8 @@ class Stepper:
         `RequestError` for a copy or driver that there is not.
         """
         which = range(self.copies) if copies is None else np.atleast_1d(np.asarray(copies))
-        given = starts_of(self.mechanism.scene, self.mechanism.drivers, start or self._start)
+        own = self._start | dict(start or {})
+        given = starts_of(self.mechanism.scene, self.mechanism.drivers, own, self._said)
         for i in which:
             if not 0 <= i < self.copies:
                 found, valid = f"there is no copy {i}", f"copies: 0 to {self.copies - 1}"
@@ -178,7 +181,7 @@ class Stepper:
         """Integrate one copy."""
         layout, t = self._layout, float(self.t[i])
         q, rate = layout.motion(self._y[i])
-        request = SimulationRequest(Start(q, rate, t), Until("time", dt))
+        request = SimulationRequest(Start(q, rate, t), Until("time", dt), roles=self._system.roles)
         system, counted = self._system, self._counted[i]
         if counted is not None:
             system = replace(system, counted=counted)
@@ -214,6 +217,8 @@ def stepper(
     copies: int = 1,
     start: Pairs | None = None,
     stops: Pairs | None = None,
+    prescribed: Sequence[str] | None = None,
+    locked: Mapping[str, float] | Sequence[str] | None = None,
     friction: FrictionMethod | None = None,
     accuracy: float | None = None,
     engine: EngineName = "auto",
@@ -226,6 +231,7 @@ def stepper(
     copies : number of copies, each with a state of its own
     start : driver -> (q [rad or m], rate); by default the scene's ``initial``
     stops : driver, or coordinate of a pair -> (lowest, highest) [rad or m]; by default the scene's
+    prescribed, locked : drivers that are not free, as `simulate` takes them
     friction : of the joints: "none", "single", "successive" or "newton" (default)
     accuracy : relative tolerance of a step; default 1e-9
     engine : "scalar", "llvm" (machine code), or "auto": machine code once it pays
@@ -257,12 +263,16 @@ def stepper(
         raise refused(
             "copies", f"{copies!r} is no number of copies", valid="a whole number from 1 on"
         )
-    starts = starts_of(mechanism.scene, mechanism.drivers, start)
+    scene, drivers = mechanism.scene, mechanism.drivers
+    roles, said = roles_of(scene, drivers, prescribed, locked, {}, math.inf)
+    starts = starts_of(scene, drivers, start, said, prescribed is None and locked is None)
     between = stops_of(mechanism, starts, stops)
-    at_stops = {"stops": bounds_of(between), "counted": counted_pairs(mechanism, starts, between)}
-    mechanism.once(refuse_no_inertia)
+    counted = counted_pairs(mechanism, starts, between)
+    at_stops = {"stops": bounds_of(between), "counted": counted, "roles": roles}
+    if roles is None:
+        mechanism.once(refuse_no_inertia)
     refuse_memory(mechanism, starts)
     how = friction_asked(friction, None, None)
     system = system_of(mechanism, method=how, engine=engine, **at_stops)
     tolerance = size_of("accuracy", accuracy) or TARGET
-    return Stepper(mechanism, system, starts, as_names("want", want), copies, tolerance)
+    return Stepper(mechanism, system, starts, as_names("want", want), copies, tolerance, said)

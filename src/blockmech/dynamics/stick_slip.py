@@ -24,6 +24,7 @@ from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.motion import Event, Floats, Slips
 from blockmech.plane import EPS
 
+SOON = 1e-6  # [s] after which a law that begins to move shows in which sense
 WITHIN = 4 * EPS  # [-] of a time, to which an event is found in it
 Known = set[tuple[str, int]]  # events at a place, by kind and index
 
@@ -81,6 +82,10 @@ class Frictionless:
 
     def reverse(self, now: Now, j: int) -> Transition:
         """Go on where the relative rate of pair j is zero."""
+        return Transition()
+
+    def carried(self, now: Now) -> Transition:
+        """Go on where a law of motion begins or ends to move pairs."""
         return Transition()
 
     def stand(self, now: Now, short: bool) -> Transition:
@@ -254,6 +259,10 @@ class SeveralDrivers(Frictionless):
         others = np.flatnonzero(turning & ~self.friction.signed).tolist()
         return self._settle(now, tuple({*self._stuck, *others, j}))
 
+    def carried(self, now: Now) -> Transition:
+        """Settle anew where a law of motion begins or ends to move pairs."""
+        return self._settle(now, tuple(self._stuck))
+
     def release(self, now: Now) -> Transition:
         """Settle anew: what stuck is pushed beyond what it holds."""
         return self._settle(now, self._stuck, True)
@@ -262,9 +271,9 @@ class SeveralDrivers(Frictionless):
     def _stuck(self) -> list[int]:
         return [j for j, side in enumerate(self.equation.sides) if side == 0]
 
-    def _instant(self, t: float, y: Floats) -> Any:
-        q, qd = self.equation.layout.motion(y)
-        held = self.equation.system.against(q, qd)
+    def _instant(self, t: float, y: Floats, ahead: float = 0.0) -> Any:
+        q, qd = self.equation.motion(t, y)
+        held = self.equation.system.against(q, qd, t, ahead)
         return self.friction.instant(q, qd, t, self._states(y), held)
 
     def _excess(self, t: float, y: Floats) -> float:
@@ -275,7 +284,7 @@ class SeveralDrivers(Frictionless):
     def _settle(self, now: Now, standing: Sequence[int], released: bool = False) -> Transition:
         """Which pairs stick from here on, and in which sense others slip."""
         friction, system, layout = self.friction, self.equation.system, self.equation.layout
-        at, old = self._instant(now.t, now.y), self.equation.sides
+        at, old = self._instant(now.t, now.y, SOON), self.equation.sides
         self.zero, self.settled = friction.without_slip(at, standing), now.t
         found = friction.settled(at, friction.sides_at(at, self.zero), self.zero, released)
         if found.end:
@@ -291,7 +300,7 @@ class SeveralDrivers(Frictionless):
         y = now.y.copy()
         y[layout.rate] = friction.kept(at, sides)
         goes = Transition(None, y, None, tuple(events), (Slips(now.t, sides),))
-        if not friction.holds_all(at, sides):
+        if not friction.holds_all(at, sides) or (system.roles and system.roles.prescribed):
             return goes
         facts = {"holding_share": found.share}
         rest = Transition(events=(Event(ends.REST, now.t, *layout.motion(y)),), facts=facts)

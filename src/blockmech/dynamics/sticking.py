@@ -45,7 +45,7 @@ from blockmech.motion import Floats
 from blockmech.plane import EPS
 from blockmech.quality import left_undone
 
-Against: TypeAlias = Callable[[Floats, Floats, Any], Held]
+Against: TypeAlias = Callable[[Floats, Floats, Floats, Any], Held]
 
 LOCATED = 1e-6  # [-] the same where an event was located on a dense output
 APART = 1e-5  # [-] accelerations that differ by more are two
@@ -56,7 +56,8 @@ BALANCED = 200  # iterations of the shares of pairs that stick, of which any con
 class Contact(NamedTuple):
     """What stops that something lies against leave free: q'' = basis z'' + shift; see `Held`.
 
-    Their pushes are an affine function of z'' and of the friction of the pairs.
+    Their pushes are an affine function of z'' and of the friction of the pairs. Drivers that are
+    not free stand among them.
     """
 
     basis: Floats  # (..., k, z)
@@ -64,6 +65,7 @@ class Contact(NamedTuple):
     push: Floats  # (..., a)
     of_z: Floats  # (..., a, z)
     of_t: Floats  # (..., a, m)
+    carried: Any = 0.0  # (..., k) rates that drivers have which are not free
 
 
 class Instant(NamedTuple):
@@ -86,6 +88,7 @@ class Instant(NamedTuple):
     law: Floats  # (..., 2 m) factors and drags at these rates
     margin: Any
     contact: Contact | None = None
+    carried: Any = 0.0  # (..., m) relative rates by drivers that are not free
 
     def against(self, held: Held, loads: Any, lasting: bool = True) -> Instant:
         """The same while it lies against stops, of which a unit push adds ``loads`` (..., m, a).
@@ -100,15 +103,24 @@ class Instant(NamedTuple):
         shifted = (self.G @ shift[..., None] + loads @ push[..., None])[..., 0]
         S, b = self.S @ Z, self.b + (self.S @ shift[..., None])[..., 0]
         tied = np.abs(S).max(axis=-1, initial=0.0) <= DEPENDENT * np.abs(self.S).max(axis=-1)
+        still = tied & lasting
+        rates: Any = 0.0
+        carried: Any = 0.0
+        if held.speeds is not None:
+            rates = (np.swapaxes(back, -1, -2) @ held.speeds[..., None])[..., 0]
+            carried = (self.S @ rates[..., None])[..., 0]
+            size = np.abs(self.b) + (np.abs(self.S) @ np.abs(shift)[..., None])[..., 0]
+            still &= np.abs(b) <= DEPENDENT * size  # a law moves those that it alone moves
         return self._replace(
             M=turned @ self.M @ Z,
             push=(turned @ at_shift[..., None])[..., 0],
             S=np.where(tied[..., None], 0.0, S),
-            b=np.where(tied & lasting, 0.0, b),
+            b=np.where(still, 0.0, b),
             f=self.f + shifted,
             G=G @ Z,
             R=self.R + loads @ of_t,
-            contact=Contact(Z, shift, push, of_z, of_t),
+            contact=Contact(Z, shift, push, of_z, of_t, rates),
+            carried=carried,
         )
 
     @property
@@ -123,13 +135,13 @@ class Instant(NamedTuple):
         if self.contact is None:
             return x
         of_q = (self.contact.basis @ x[..., None])[..., 0]
-        return of_q + self.contact.shift if shifted else of_q
+        return of_q + (self.contact.shift if shifted else self.contact.carried)
 
     def pushes(self, response: Response) -> Floats:
         """What stops that it lies against give [N m or N] (..., a)."""
         if self.contact is None:
             return np.zeros((*self.push.shape[:-1], 0))
-        push, of_z, of_t = self.contact[2:]
+        push, of_z, of_t = self.contact[2:5]
         more = of_z @ response.qdd[..., None] + of_t @ response.t[..., None]
         return np.asarray(push + more[..., 0])
 
@@ -242,7 +254,8 @@ class SeveralFriction(PairFriction):
 
     def instant(self, q: Floats, qd: Floats, t: float, x: Any, held: Held | None) -> Instant:
         """One state; x are states of signal blocks, None the initial ones."""
-        key = (t, q.tobytes(), qd.tobytes(), None if x is None else x.tobytes())
+        parts = (q, qd, x, *(() if held is None else (held.rows, held.drift)))
+        key = t, *(None if part is None else part.tobytes() for part in parts)
         if self._last[0] != key:
             k, m = len(q), len(self.names)
             states = self._states(qd, t, x, k, held)
@@ -405,7 +418,8 @@ class SeveralFriction(PairFriction):
             some = np.flatnonzero(which.ravel() == kind)
             side, those = tuple(row[: sides.shape[1]].tolist()), row[sides.shape[1] :] > 0
             for _ in range(2):  # the second time with rates that are those of what sticks
-                held = against(q[some], rates[some], np.flatnonzero(those)) if any(those) else None
+                state = q[some], rates[some], t[some]
+                held = against(*state, np.flatnonzero(those)) if any(those) else None
                 columns = self._states(rates[some], t[some], x[some], qd.shape[1], held)
                 rows = self._columns(q[some], columns)
                 values = np.array([[as_complex(v) for v in r] for r in rows])
@@ -441,9 +455,9 @@ class SeveralFriction(PairFriction):
             key = np.array([*q[i], *qd[i], t[i], *x[i], *lies[i]]).tobytes()
             if key not in begins:
                 some = slice(i, i + 1)
-                held = against(q[some], qd[some], np.flatnonzero(lies[i])) if any(lies[i]) else None
-                one = held and Held(held.rows[0], held.drift[0], held.pairs)
-                begun = self.from_state(q[i], qd[i], float(t[i]), one, x[i])[0]
+                state, those = (q[some], qd[some], t[some]), np.flatnonzero(lies[i])
+                held = against(*state, those).first() if any(lies[i]) else None
+                begun = self.from_state(q[i], qd[i], float(t[i]), held, x[i])[0]
                 begins[key] = np.nan if begun.end else begun.sides
             sides[i] = begins[key]
         return sides
@@ -451,7 +465,8 @@ class SeveralFriction(PairFriction):
     def _each(self, at: Instant, sides: Sides) -> Response:
         """What n states respond with."""
         states = [
-            Instant._make([*(x[i] for x in at[:-2]), at.margin, None]) for i in range(len(at.q))
+            Instant._make([*(x[i] for x in at[:-3]), at.margin, None, 0.0])
+            for i in range(len(at.q))
         ]
         if not states or not self._surplus(states[0], sides):
             return self.respond(at, sides)
@@ -475,6 +490,8 @@ class SeveralFriction(PairFriction):
         held = self.weights[stuck][:, None] * at.S[..., stuck, :]
         back = np.linalg.inv(at.M) @ np.swapaxes(held, -1, -2)
         off = held @ at.freedoms[..., None]
+        if at.contact is not None:
+            off = off + (self.weights * (at.carried + np.zeros(at.b.shape)))[..., stuck, None]
         step = back @ (np.linalg.pinv(held @ back, rcond=DEPENDENT, hermitian=True) @ off)
         rate = at.freedoms - step[..., 0]
         # where nothing is left but rounding, nothing is left
@@ -486,7 +503,8 @@ class SeveralFriction(PairFriction):
     def without_slip(self, at: Instant, some: Sequence[int]) -> list[int]:
         """Pairs without relative rate where ``some`` have none: those, and what goes with them."""
         rate = self._kept(at, tuple(0 if j in some else 1 for j in range(len(self.names))))
-        off, size = np.abs(at.S @ rate), np.abs(at.S) @ np.abs(rate)
+        off = np.abs(at.S @ rate + at.carried)
+        size = np.abs(at.S) @ np.abs(rate) + np.abs(at.carried)
         return [
             j
             for j in range(len(off))

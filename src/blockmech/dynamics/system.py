@@ -29,6 +29,7 @@ from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.friction import JointFriction, margins, pair_program
 from blockmech.dynamics.pair_friction import least
 from blockmech.dynamics.pair_stops import Counted, PairStops, held_by, rows_of
+from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.signals import (
     NO_SIGNALS,
     SignalProgram,
@@ -160,6 +161,7 @@ class System:
     engine : of single states: "scalar", "llvm" (machine code), or "auto": machine code once
         the mechanism was asked for so many, in all its runs, that compiling pays
     held : place among ``stops`` of one that it lies against -> +1 the highest, -1 the lowest
+    roles : of the drivers at an instant, None where all are free at all times
     begin : states from which signal blocks and friction laws go on; empty: their own
     """
 
@@ -171,6 +173,7 @@ class System:
     signals: SignalProgram = field(init=False, default=NO_SIGNALS)
     held: Mapping[int, int] = field(default_factory=dict)
     counted: Counted | None = None
+    roles: Roles | None = None
     begin: tuple[float, ...] = ()
     samples: int = 0
     calls: int = 0
@@ -332,16 +335,23 @@ class System:
         """Rows (n, k) of all that has stops over the drivers, and drifts (n,): see `pair_stops`."""
         return rows_of(self.pairs, q, rate)
 
-    def against(self, q: Any, rate: Any) -> Held | None:
-        """The stops that it lies against at a state; None where it lies against none."""
-        return held_by(self.pairs, q, rate, sorted(self.held)) if self.held else None
+    def against(self, q: Any, rate: Any, t: float, ahead: float = 0.0) -> Held | None:
+        """The stops that it lies against at a state, then drivers that are not free.
+
+        None where there is none of both. ``ahead`` as of `Roles.held`.
+        """
+        stops = held_by(self.pairs, q, rate, sorted(self.held)) if self.held else None
+        return stops if self.roles is None else self.roles.beside(stops, t, ahead)
 
     def pushes(self, q: Floats, rate: Floats, t: float, x: Any) -> Floats:
-        """What the stops push with (a,) that it lies against; x are states of signal blocks."""
+        """What the stops push with (a,) that it lies against; x are states of signal blocks.
+
+        Behind them what the drives give of drivers that are not free.
+        """
         if isinstance(self.friction, SeveralFriction):
-            return self.friction.from_state(q, rate, t, self.against(q, rate), x)[2]
+            return self.friction.from_state(q, rate, t, self.against(q, rate, t), x)[2]
         M, c, Q, _ = self.terms_of(q, rate, t, x)[0]
-        return self.accelerations(M, Q - c, q, rate)[1]
+        return self.accelerations(M, Q - c, q, rate, t)[1]
 
     def places(self, q: Any) -> Floats:
         """Coordinates (n,) of all that has stops."""
@@ -447,13 +457,15 @@ class System:
         first = k * k + 2 * k
         last = first + self.signals.values
         if qdd is None and self.follows_acceleration:
-            qdd, _ = self.accelerations(M, Q - c, q, qd)
+            qdd, _ = self.accelerations(M, Q - c, q, qd, t)
             values = self._single(given | {f"qdd_{i}": float(qdd[i]) for i in range(k)}, x)
         return Terms(M, c, Q, least(values[last:])), values[first:last]
 
-    def accelerations(self, M: Floats, Q: Floats, q: Any, rate: Any) -> tuple[Floats, Floats]:
-        """Accelerations (k,) by efforts, and what stops push with (a,) that it lies against."""
-        held = self.against(q, rate)
+    def accelerations(
+        self, M: Floats, Q: Floats, q: Any, rate: Any, t: float
+    ) -> tuple[Floats, Floats]:
+        """Accelerations (k,) by efforts, and what stops and drives give (a,), see `pushes`."""
+        held = self.against(q, rate, t)
         return (solved(M, Q), np.empty(0)) if held is None else constrained(M, Q, held)
 
     def typical_inertia(self, q: float) -> float:

@@ -30,13 +30,14 @@ from blockmech.dynamics.events import (
     until_terminal,
 )
 from blockmech.dynamics.layout import StateLayout
-from blockmech.dynamics.request import SimulationRequest
+from blockmech.dynamics.request import SimulationRequest, Watch
+from blockmech.dynamics.roles import Roles, changed
 from blockmech.dynamics.run import EVALUATIONS, Run, RunEnd
 from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
 from blockmech.dynamics.solvers import AcceptedSteps, Dop853, MachineSteps, Radau5
 from blockmech.dynamics.stick_slip import Now, Transition, stick_slip
 from blockmech.engines.dense import Dense
-from blockmech.motion import Event, Floats, Motion, Slips, State, Still
+from blockmech.motion import Event, Floats, Impact, Motion, RolesFrom, Slips, State, Still
 from blockmech.plane import EPS
 from blockmech.signals.contract import at_once
 
@@ -62,20 +63,31 @@ class Steps:
 
     layout: StateLayout
     solution: Callable[[Floats], Floats]
+    roles: tuple[tuple[float, Roles], ...] = ()  # from times [s] on
 
     @classmethod
-    def of(cls, layout: StateLayout, times: Sequence[float], pieces: Sequence[Any]) -> Steps:
+    def of(
+        cls, layout: StateLayout, times: Sequence[float], pieces: Sequence[Any], roles: Any = ()
+    ) -> Steps:
         """From pieces, each from one of the times [s] to the next."""
         if all(isinstance(piece, Dense) for piece in pieces):
-            return cls(layout, Dense.joined(times, pieces))
+            return cls(layout, Dense.joined(times, pieces), tuple(roles))
         from scipy.integrate import OdeSolution
 
-        return cls(layout, OdeSolution(times, pieces))
+        return cls(layout, OdeSolution(times, pieces), tuple(roles))
 
     def state(self, t: Floats) -> State:
-        """State at times (m,) [s]."""
+        """State at times (m,) [s]; of drivers with a law as that says."""
         y, at = np.asarray(self.solution(t)), self.layout
-        return State(y[0], y[1]) if at.drivers == 1 else State(y[at.q].T, y[at.rate].T)
+        if at.drivers == 1:
+            return State(y[0], y[1])
+        q, rate = y[at.q].T, y[at.rate].T
+        if self.roles:
+            which = np.searchsorted([begin for begin, _ in self.roles], t, "right") - 1
+            for i, (_, roles) in enumerate(self.roles):
+                some = np.maximum(which, 0) == i
+                q[some], rate[some] = roles.motion(q[some], rate[some], t[some])
+        return State(q, rate)
 
     def signal_states(self, t: Floats) -> Floats:
         """States (m, n) of signal blocks at times (m,) [s]."""
@@ -102,12 +114,17 @@ class TimeIntegration(Run):
     times: list[float] = field(default_factory=list)
     pieces: list[Any] = field(default_factory=list)
     slips: list[Slips] = field(default_factory=list)
+    roles: list[tuple[float, Roles]] = field(default_factory=list)  # from times [s] on
+    jolts: list[Impact] = field(default_factory=list)  # of changes of roles
     fired: EventFunction | None = None
     turned: float = 0.0  # [J] largest work on the way
 
     def __post_init__(self, before: TimeIntegration | None) -> None:
         q, rate, self.t = self.request.start
         self.times.append(self.t)
+        self.system.roles = self.request.roles
+        if self.request.roles is not None:
+            self.roles.append((self.t, self.request.roles))
         if before is None:
             self.equation = Equation(self.system, q)
             how = self.equation.closeness, self.equation.stop_force
@@ -158,24 +175,36 @@ class TimeIntegration(Run):
             qd_end=qd,
             x_end=tuple(self.y[self.layout.signals].tolist()),
             switched=self.switched,
-            track=Steps.of(self.layout, self.times, self.pieces) if self.pieces else Still(q, qd),
+            track=self._track() if self.pieces else Still(q, qd),
+            roles=tuple(RolesFrom(begin, roles.said()) for begin, roles in self.roles),
+            impacts=tuple(self.jolts),
             slips=tuple(self.slips),
             cost=self.system.cost,
             engine=self.system.engine_of_states.name,
         )
 
+    def _track(self) -> Steps:
+        return Steps.of(self.layout, self.times, self.pieces, self.roles)
+
     def _balance(self, start: Floats) -> None:
         """What the work of loads and friction leaves unexplained of the kinetic energy."""
-        worked, *rubbed = self.y[self.layout.works].tolist()
-        if rubbed:
-            self.facts["friction_work"] = rubbed[0]
+        worked, *more = self.y[self.layout.works].tolist()
+        taken = math.fsum(jolt.loss for jolt in self.jolts)
+        if self.layout.rubs:
+            self.facts["friction_work"] = more[0]
+            taken += more[0]
+        if self.layout.driven:
+            self.facts["drive_work"] = more[-1]
+            taken -= more[-1]
+        if self.jolts:
+            self.facts["impact_loss"] = math.fsum(jolt.loss for jolt in self.jolts)
         if self.pieces:
             after = self.equation.kinetic(self.y)
             if self.energy is None:
                 self.energy = self.equation.kinetic(start)
             before = self.energy
             whole = max(before, after, self.turned)
-            balance = abs(after - before - worked + sum(rubbed)) / whole if whole > 0 else 0.0
+            balance = abs(after - before - worked + taken) / whole if whole > 0 else 0.0
             if math.isfinite(balance):
                 self.facts["energy_balance"] = balance
 
@@ -222,6 +251,7 @@ class TimeIntegration(Run):
             return RunEnd("time", "reached")
         structure, held = self.system.compiled.structure, self.system.held
         self._switch()
+        self._follow()
         if any(way * self.equation.stop_force(i, self.t, self.y) > 0 for i, way in held.items()):
             return RunEnd(ends.LEAVES_STOP)  # what has just switched pulls
         if (pressed := self._pressed()) is not None:
@@ -230,6 +260,10 @@ class TimeIntegration(Run):
             return self._becomes(self.pairs.release(self._now))
         kink = loads.next_time_kink(structure, self.t)
         bound = min(self.t_max, kink, self.system.signals.next_time(self.t))
+        if self.system.roles is not None:
+            if self.system.roles.turns(self.t) and self.pieces:
+                self._becomes(self.pairs.carried(self._now))
+            bound = min(bound, self.system.roles.next_kink(self.t))
         if self.t < self.request.apex:  # a step as long as a flight sees no blow at its end
             bound = min(bound, self.request.apex)
         if at_once(bound, self.t):  # on less than that no solver starts
@@ -246,6 +280,29 @@ class TimeIntegration(Run):
         if isinstance(hit, RunEnd):
             return hit
         return None if hit is None else self._met(hit)
+
+    def _follow(self) -> None:
+        """Put drivers with a law where that says they are."""
+        if self.system.roles is not None and self.system.roles.prescribed:
+            q, rate = self.equation.motion(self.t, self.y)
+            self.y[self.layout.q], self.y[self.layout.rate] = q, rate
+
+    def _change_roles(self, watch: Watch) -> RunEnd | None:
+        """Give drivers the roles of an event; rates that jump are a blow of their drives."""
+        before = self.system.roles
+        assert before is not None
+        roles = before.but(watch.then)
+        if roles == before:
+            return None
+        self._follow()
+        jolt, work = changed(self.equation, roles, watch.name, self.t, self.y)
+        self.y[self.layout.works.stop - 1] += work
+        self.system.roles = roles
+        self.roles.append((self.t, roles))
+        if jolt is not None:
+            self.jolts.append(jolt)
+            self.y[self.layout.rate] = jolt.after
+        return self._becomes(self.pairs.begin(self._now))
 
     def _switch(self) -> None:
         """Let the discrete signal blocks that are due at this instant switch.
@@ -439,6 +496,9 @@ class TimeIntegration(Run):
     def _met(self, hit: EventHit) -> RunEnd | None:
         """Why the run is over by the event that ended a segment, or None."""
         rule = self.fired = hit.rule
+        changes = (w for w in self.request.watch if w.then and rule.own and w.name == rule.kind)
+        if (watch := next(changes, None)) is not None:
+            return self._change_roles(watch)
         if rule.kind == ends.KINK:
             self._past_kink()
         elif rule.kind == ends.REVERSAL:

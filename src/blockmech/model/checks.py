@@ -277,7 +277,7 @@ def _driver_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
             if given.driver and (given.driver in blocks or drivers.count(given.driver) > 1):
                 where, found = f"{name}.pairs.{pair}.driver", f'"{given.driver}" is taken'
                 yield Problem("taken-name", where, found, "", "choose another name")
-    sections = ("drive", "initial", "stops")
+    sections = ("drive", "initial", "stops", "motion")
     named = [
         (f"scene.{key}.{driver}", driver) for key in sections for driver in getattr(scene, key)
     ]
@@ -290,6 +290,11 @@ def _driver_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
             known = f"drivers: {listed(drivers) or 'none'}"
             found, remedy = f'no driver "{driver}"', close_match(driver, drivers)
             yield Problem("unknown-driver", where, found, known, remedy)
+    for driver, role in scene.motion.items():
+        if role == "prescribed" and driver not in scene.drive and driver in drivers:
+            found, where = f"{driver} has no law of motion", scene.address("motion", driver)
+            remedy = f"give it one in {scene.address('drive', driver)}, or lock it"
+            yield Problem("no-law", where, found, "", remedy)
 
 
 def _is_coordinate(blocks: Blocks, name: str) -> bool:

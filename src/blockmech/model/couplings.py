@@ -68,7 +68,7 @@ def coupling_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
                 "coupled-twice", f"{name}.driven", found, "a driver follows one coupling", remedy
             )
         led.setdefault(coupling.driven, name)
-    for section in ("drive", "initial", "stops"):
+    for section in ("drive", "initial", "stops", "motion"):
         for driver in getattr(scene, section):
             if driver in led:
                 found = f"{driver} follows by {led[driver]}, and has no motion of its own"

@@ -26,7 +26,7 @@ from blockmech.model.signals import signal_ports
 from blockmech.model.subgraph import Content, Subgraph
 from blockmech.values import Marker, Place, StrictModel, Vector, split_address
 
-PER_DRIVER = ("drive", "initial", "stops")  # sections of a scene
+PER_DRIVER = ("drive", "initial", "stops", "motion")  # sections of a scene
 
 
 @dataclass

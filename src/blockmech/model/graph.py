@@ -24,7 +24,7 @@ from blockmech.model.flat import Flat, flattened
 from blockmech.model.form import VERSION, Draft
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.parameters import Path, interface, named
-from blockmech.model.scene import Initial, Scene, Stops
+from blockmech.model.scene import Initial, Locked, Scene, Stops
 from blockmech.model.signals import signal_wire
 from blockmech.model.structure import JointRef, MarkerRef, Structure
 from blockmech.model.subgraph import Subgraph, found_file
@@ -293,6 +293,14 @@ class Graph(Document):
         Raises `GraphError` where neither is given or they are in the wrong order.
         """
         self._give("stops", driver, Stops(**{"from": low, "to": high, "restitution": restitution}))
+
+    def prescribe(self, driver: str) -> None:
+        """Let a driver follow its law of motion in motions of the others, see `drive`."""
+        self._give("motion", driver, "prescribed")
+
+    def lock(self, driver: str, q: float | None = None) -> None:
+        """Lock a driver in motions of the others: at q [rad or m], or where it starts."""
+        self._give("motion", driver, "locked" if q is None else Locked(locked=q))
 
     @declared
     def _give(self, section: str, driver: str, item: Any) -> None:

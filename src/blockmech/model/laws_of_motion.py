@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Annotated, ClassVar, Literal
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from blockmech.values import (
 
 Array = NDArray[np.float64]
 Motion = tuple[Array, Array, Array]
+SAME = 1e-12  # [-] by which slopes of lines differ that rounding alone bends
 
 
 class LawOfMotion(StrictModel):
@@ -55,6 +57,16 @@ class LawOfMotion(StrictModel):
     def begin(self) -> float:
         """Time [s] at the start of the law's range."""
         return 0.0
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Times [s] at which a derivative of the law jumps, or at which it ends."""
+        return ()
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Those of them at which its rate jumps."""
+        return ()
 
 
 class OverRange(LawOfMotion):
@@ -182,7 +194,7 @@ class Cycloidal(LawOfMotion):
         """q = from + rise (s - sin(2 pi s) / 2 pi), s = t / duration."""
         s = np.clip(t / self.time, 0.0, 1.0)
         rise, w = self.end - self.start, 2 * math.pi
-        inside = (t >= 0) & (t <= self.time)
+        inside = (t >= 0) & (t < self.time)
         q = self.start + rise * (s - np.sin(w * s) / w)
         rate = np.where(inside, rise / self.time * (1 - np.cos(w * s)), 0.0)
         return q, rate, np.where(inside, rise * w / self.time**2 * np.sin(w * s), 0.0)
@@ -190,6 +202,11 @@ class Cycloidal(LawOfMotion):
     def duration(self) -> float:
         """Time [s] of the rise."""
         return self.time
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Where the rise begins and ends."""
+        return (0.0, self.time)
 
 
 class Table(LawOfMotion):
@@ -207,14 +224,16 @@ class Table(LawOfMotion):
 
     def at_times(self, t: Array) -> Motion:
         """The interpolant and its derivatives; NaN outside the table."""
+        return self._curve(t), self._curve(t, 1), self._curve(t, 2)
+
+    @cached_property
+    def _curve(self) -> Any:
         from scipy.interpolate import CubicSpline, PPoly
 
         x, y = np.asarray(self.times), np.asarray(self.values)
         if self.interpolation == "cubic":
-            curve = CubicSpline(x, y, extrapolate=False)
-        else:
-            curve = PPoly(np.array([np.diff(y) / np.diff(x), y[:-1]]), x, extrapolate=False)
-        return curve(t), curve(t, 1), curve(t, 2)
+            return CubicSpline(x, y, extrapolate=False)
+        return PPoly(np.array([np.diff(y) / np.diff(x), y[:-1]]), x, extrapolate=False)
 
     def duration(self) -> float:
         """Time [s] that the table covers."""
@@ -223,6 +242,20 @@ class Table(LawOfMotion):
     def begin(self) -> float:
         """The first time [s] of the table."""
         return self.times[0]
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """The times of the table: its spline has a third derivative that jumps there."""
+        return tuple(self.times)
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Where straight lines meet at an angle."""
+        if self.interpolation == "cubic":
+            return ()
+        slopes = np.diff(self.values) / np.diff(self.times)
+        jumps = np.abs(np.diff(slopes)) > SAME * np.abs(slopes).max()
+        return tuple(np.asarray(self.times)[1:-1][jumps].tolist())
 
 
 AnyLaw = Annotated[

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -63,20 +63,38 @@ class Stops(StrictModel):
         return low, math.inf if self.high is None else self.high
 
 
+class Locked(StrictModel):
+    """A driver that stays at a coordinate [rad or m] in a free motion of the others."""
+
+    locked: Number
+
+    def units(self, axis: Axis) -> Units:
+        """The driver's."""
+        return {"locked": axis.coordinate}
+
+
+Role: TypeAlias = Literal["free", "prescribed", "locked"] | Locked
+"""What a driver does in a motion; ``"locked"``: it stays where it starts."""
+
+
 class Scene(StrictModel):
     """What surrounds the mechanism. Gravity [m/s2] is off unless it is stated.
 
     ``drive`` gives the drivers' laws of motion; a free motion starts from ``initial`` and
     ends at the ``stops`` if it gets there: those of drivers, and of pairs by their coordinate,
-    ``"rod.S.coordinate"``.
+    ``"rod.S.coordinate"``. ``motion`` says which drivers are not free in it: they follow their
+    laws of motion, or are locked.
     """
 
-    remade: ClassVar[str] = "on a graph set gravity, and call drive(), start() and stop()"
+    remade: ClassVar[str] = (
+        "on a graph set gravity, and call drive(), start(), stop(), prescribe() and lock()"
+    )
 
     gravity: Annotated[VectorGiven, in_unit("m/s2")] = default(Vector(0j))
     drive: dict[str, AnyLaw] = {}
     initial: dict[str, Initial] = {}
     stops: dict[str, Stops] = {}
+    motion: dict[str, Role] = {}
 
     def begin(self, driver: str) -> float | None:
         """Coordinate [rad or m] where a driver's law by coordinate, or its start, begins."""

@@ -36,6 +36,7 @@ from blockmech.series import GOLDEN
 
 ASIDE = 1e-6  # of a number, how far aside the design is planned that stands for all: not zero
 GIVEN = "driver"  # first key of the path of a driver's coordinate, rate or acceleration
+PER_DRIVER = ("drivers", "initial", "stops", "motion")  # sections of a document
 BATCHED = ("gravity",)  # of the scene: the rest is laws of motion, starts and stops
 
 
@@ -60,7 +61,7 @@ def is_written_out(mechanism: Compiled) -> bool:
 def moves_drivers(path: Path) -> bool:
     """Whether a number says how the drivers move, or where they start and stop."""
     head, *rest = path
-    return head in ("drivers", "initial", "stops") or (head == "scene" and rest[0] not in BATCHED)
+    return head in PER_DRIVER or (head == "scene" and rest[0] not in BATCHED)
 
 
 def designed(mechanism: Compiled, numbers: Mapping[Path, Any]) -> tuple[Structure, Scene]:

@@ -19,7 +19,7 @@ from blockmech.studio.fields import schema_of, starter, with_item
 
 Form = dict[str, Any]
 Places = Mapping[str, tuple[float, float]]  # [pt] of blocks on the canvas
-OF_DRIVERS = ("drive", "initial", "stops")  # sections of the scene, by driver
+OF_DRIVERS = ("drive", "initial", "stops", "motion")  # sections of the scene, by driver
 NAMES_OTHERS = ("driver", "driven", "on")  # fields of blocks that name drivers or markers
 
 

@@ -393,7 +393,7 @@ def driven(form: Form, names: Iterable[str]) -> Form:
 def _without_drivers(form: Form, gone: Iterable[str]) -> Form:
     """Without drivers, and without what couples them or says where they begin and end."""
     made, names = dict(form), {*gone}
-    for section in ("drivers", "initial", "stops"):
+    for section in ("drivers", "initial", "stops", "motion"):
         made[section] = {n: x for n, x in form.get(section, {}).items() if n not in names}
     made["couplings"] = {
         n: x for n, x in form.get("couplings", {}).items() if not names & {x["driver"], x["driven"]}

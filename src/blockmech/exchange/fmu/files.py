@@ -24,7 +24,7 @@ from typing import IO, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import blockmech
-from blockmech.errors import printable, refused, shown
+from blockmech.errors import listed, printable, refused, shown
 from blockmech.exchange.c.program import CProgram, filled
 from blockmech.exchange.fmu.states import States
 from blockmech.exchange.formats import Order, Writer, one_file
@@ -64,6 +64,9 @@ class Unit:
         if not mechanism.drivers:
             found = "a unit is a free motion of drivers, and the mechanism has none"
             raise refused("--to fmu", found, "write C text instead")
+        if bound := [d for d, role in mechanism.scene.motion.items() if role != "free"]:
+            found = f"a unit moves all drivers by their efforts, and {listed(bound)} is not free"
+            raise refused("--to fmu", found, 'leave "motion" out, and give the unit the effort')
         self.fmi = str(order.options.get("fmi", "2"))
         if self.fmi not in PLATFORMS:
             raise refused("fmi", f"got {shown(order.options['fmi'])}", valid="2 or 3")

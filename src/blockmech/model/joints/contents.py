@@ -21,7 +21,7 @@ from blockmech.model.diagram import WireEnds
 from blockmech.model.expect import Expectation
 from blockmech.model.form import VERSION, Form, Section
 from blockmech.model.laws_of_motion import AnyLaw
-from blockmech.model.scene import Initial, Stops
+from blockmech.model.scene import Initial, Role, Stops
 from blockmech.signals.contract import Signal
 from blockmech.values import (
     POSE,
@@ -274,6 +274,7 @@ class JointsDocument(StrictModel):
     wires: list[WireEnds] = []
     initial: dict[str, Initial] = {}
     stops: dict[str, Stops] = {}
+    motion: dict[str, Role] = {}
     view: Annotated[dict[str, Any], Field(description="places on a canvas; not computed with")] = {}
     expect: list[Expectation] = []
     source: str = ""

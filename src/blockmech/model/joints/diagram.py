@@ -266,6 +266,7 @@ class Diagram:
         initial = plain(self.linkage.initial)
         stops = dict(self._stops(name, plain(item)) for name, item in self.linkage.stops.items())
         scene = {"gravity": gravity, "drive": drive, "initial": initial, "stops": stops}
+        scene["motion"] = plain(self.linkage.motion)
         return {key: item for key, item in scene.items() if item}
 
     def _stops(self, name: str, given: dict[str, Any]) -> tuple[str, dict[str, Any]]:

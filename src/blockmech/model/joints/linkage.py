@@ -26,7 +26,7 @@ from blockmech.model.joints.contents import (
 )
 from blockmech.model.joints.references import reference_problems, wire_problems
 from blockmech.model.laws_of_motion import LawOfMotion
-from blockmech.model.scene import Initial, Scene, Stops
+from blockmech.model.scene import Initial, Locked, Role, Scene, Stops
 from blockmech.model.writing import plain
 from blockmech.signals.contract import Signal
 from blockmech.values import Marker, Place, Vector, is_name
@@ -63,6 +63,7 @@ class Linkage(Document):
     wires: list[Wire]
     initial: dict[str, Initial]
     stops: dict[str, Stops]
+    motion: dict[str, Role]
     _gravity: Vector
 
     def __init__(
@@ -79,16 +80,14 @@ class Linkage(Document):
         self.wires = []
         self.initial = {}
         self.stops = {}
+        self.motion = {}
 
     # -- files ------------------------------------------------------------
 
     def _fill(self, draft: Draft) -> None:
         content = draft.said
-        self.gravity, self.initial, self.stops = (
-            content.gravity,
-            {**content.initial},
-            {**content.stops},
-        )
+        self.gravity, self.initial = content.gravity, {**content.initial}
+        self.stops, self.motion = {**content.stops}, {**content.motion}
         for section in self.form.items():
             parts = {name: part for name, part in draft.items(section) if part is not None}
             getattr(self, section).update(parts)
@@ -97,8 +96,8 @@ class Linkage(Document):
             draft.note(reference_problems(self, vars(content)))
 
     def sections(self) -> dict[str, Any]:
-        """Links, joints, drivers and so on, wires of signals, gravity, starts and stops."""
-        named = (*self.form.items(), "initial", "stops")
+        """Links, joints, drivers and so on, wires of signals, gravity, starts, stops and roles."""
+        named = (*self.form.items(), "initial", "stops", "motion")
         wires = [{"from": wire.source, "to": wire.target} for wire in self.wires]
         own = {"gravity": self.gravity, "wires": wires}
         return own | {name: getattr(self, name) for name in named}
@@ -353,6 +352,16 @@ class Linkage(Document):
         may have some, by its coordinate: ``stop("joint.slide.coordinate", ...)``.
         """
         self.stops[driver] = Stops(**{"from": low, "to": high, "restitution": restitution})
+
+    @declared
+    def prescribe(self, driver: str) -> None:
+        """Let a driver follow its law of motion in motions of the others, see `add_driver`."""
+        self.motion[driver] = "prescribed"
+
+    @declared
+    def lock(self, driver: str, q: float | None = None) -> None:
+        """Lock a driver in motions of the others: at q [rad or m], or where it starts."""
+        self.motion[driver] = "locked" if q is None else Locked(locked=q)
 
     def _add(self, what: str, name: str, given: Mapping[str, Any], kind: str = "") -> None:
         """Add an item of a kind. Raises `GraphError` with places in the document."""

@@ -50,7 +50,7 @@ def _references(linkage: Any) -> Iterator[Reference]:
         else:
             yield Reference("driver", link, ("couplings", name, "driver"))
         yield Reference("driver", coupling.driven, ("couplings", name, "driven"))
-    for section in ("initial", "stops"):
+    for section in ("initial", "stops", "motion"):
         for name in getattr(linkage, section):
             pair = coordinate_of(name) if section == "stops" else None
             if pair is None:

@@ -1,0 +1,281 @@
+r"""Roles of the drivers in a motion: free, prescribed by a law of motion, or locked at a place.
+
+A driver c that is not free is a constraint of the drivers' coordinates that holds in both senses,
+
+    M q'' = push + sum of stops and friction + e_c D_c,        q''_c = a_c(t)
+
+with a_c from its law, 0 where it is locked, and D_c what its drive gives. So it stands beside the
+stops that something lies against (`contacts.Held`): the free drivers take
+
+    M_ff q''_f = push_f - M_fc a_c
+
+and D_c is what is left over of the full equation. Where a change of roles stops or takes along a
+driver at once, the rates of the others jump by M_ff dq'_f = -M_fc dq'_c: a blow of its drive.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from blockmech.dynamics.blow import blow
+from blockmech.dynamics.contacts import STILL, Held
+from blockmech.dynamics.pair_stops import held_by
+from blockmech.errors import close_match, listed, refused
+from blockmech.model.laws_of_motion import LawOfMotion
+from blockmech.model.scene import Locked, Scene
+from blockmech.motion import Floats, Impact
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.equation import Equation
+    from blockmech.dynamics.sticking import SeveralFriction
+
+FREE, PRESCRIBED, LOCKED = "free", "prescribed", "locked"
+ROLES = (FREE, PRESCRIBED, LOCKED)
+SAME = 1e-9  # [-] by which a place may differ from what a law of motion says there
+
+
+@dataclass(frozen=True)
+class Roles:
+    """What each driver does from an instant on.
+
+    drivers : names (k,)
+    of : role of each
+    laws : law of motion of each that has one
+    """
+
+    drivers: tuple[str, ...]
+    of: tuple[str, ...]
+    laws: tuple[LawOfMotion | None, ...]
+
+    @cached_property
+    def given(self) -> list[int]:
+        """Drivers that are not free."""
+        return [i for i, role in enumerate(self.of) if role != FREE]
+
+    @cached_property
+    def prescribed(self) -> list[int]:
+        """Those of them that follow their laws."""
+        return [i for i, role in enumerate(self.of) if role == PRESCRIBED]
+
+    def said(self) -> dict[str, str]:
+        """Driver -> role."""
+        return dict(zip(self.drivers, self.of, strict=True))
+
+    def but(self, changed: Mapping[str, str]) -> Roles:
+        """The same with some roles changed."""
+        return replace(self, of=tuple((self.said() | dict(changed)).values()))
+
+    def law_at(self, i: int, t: Any) -> Any:
+        """Coordinate, rate and acceleration of a driver by its law, at a time or at some [s]."""
+        law = self.laws[i]
+        assert law is not None
+        values = law.at_times(np.atleast_1d(np.asarray(t, dtype=np.float64)))
+        return values if np.ndim(t) else tuple(float(x[0]) for x in values)
+
+    def motion(self, q: Floats, rate: Floats, t: Any) -> tuple[Floats, Floats]:
+        """Coordinates and rates (..., k) at times, those of laws as the laws say."""
+        if self.prescribed:
+            q, rate = q.copy(), rate.copy()
+            for i in self.prescribed:
+                q[..., i], rate[..., i], _ = self.law_at(i, t)
+        return q, rate
+
+    def held(self, t: Any, ahead: float = 0.0) -> Held:
+        """The drivers that are not free, at a time or at some (n,) [s], as something held.
+
+        ``ahead`` [s] is looked where a law neither moves nor pushes yet: to where it begins to.
+        """
+        k, n = len(self.drivers), np.shape(t)
+        rows = np.broadcast_to(np.eye(k)[self.given], (*n, len(self.given), k))
+        pull, speeds = (np.zeros((*n, len(self.given))) for _ in range(2))
+        for at, i in enumerate(self.given):
+            if i in self.prescribed:
+                _, speeds[..., at], pull[..., at] = self.law_at(i, t)
+                if ahead and not speeds[at] and not pull[at]:
+                    pull[at] = self.law_at(i, t + ahead)[2]
+        return Held(rows, -pull, ((-1, 1),) * len(self.given), speeds)
+
+    def beside(self, stops: Held | None, t: Any, ahead: float = 0.0) -> Held | None:
+        """Stops that something lies against, and behind them the drivers that are not free."""
+        if not self.given:
+            return stops
+        own = self.held(t, ahead)
+        return own if stops is None else stops.beside(own)
+
+    @cached_property
+    def kinks(self) -> Floats:
+        """Times [s], rising, at which laws have kinks or end."""
+        return np.unique([x for i in self.prescribed for x in self.laws[i].kinks])  # type: ignore[union-attr]
+
+    def turns(self, t: float) -> bool:
+        """Whether a law has a kink at a time [s], and no rate there: it begins or ends to move."""
+        here = np.searchsorted(self.kinks, t)
+        at_kink = bool(here < self.kinks.size and self.kinks[here] == t)
+        return at_kink and any(self.law_at(i, t)[1] == 0.0 for i in self.prescribed)
+
+    def next_kink(self, t: float) -> float:
+        """The first time [s] after one at which a law has a kink, or ends."""
+        here = np.searchsorted(self.kinks, t, "right")
+        return float(self.kinks[here]) if here < self.kinks.size else math.inf
+
+
+def changed(
+    equation: Equation, roles: Roles, watch: str, t: float, y: Floats
+) -> tuple[Impact | None, float]:
+    """The blow of the drives that new roles of an event bring about; None where no rate jumps.
+
+    Beside it what the drives work [J], which go on at their rates: what is missing then is lost
+    (Carnot's theorem).
+
+    Raises `RequestError` where a driver is not where the law says that it is to follow.
+    """
+    system, (q, before) = equation.system, equation.layout.motion(y.copy())
+    for i in roles.prescribed:
+        there = roles.law_at(i, t)[0]
+        if not abs(there - q[i]) <= SAME * max(1.0, abs(q[i])):
+            name = roles.drivers[i]
+            found = (
+                f"at t = {t:.9g} s {name}.q is {q[i]:.9g}, and its law of motion says {there:.9g}"
+            )
+            remedy = "let the event be where the two meet, or lock the driver"
+            raise refused(f"watch.{watch}.then.{name}", found, remedy, code="roles")
+    held = roles.held(t)
+    assert held.speeds is not None
+    jump = held.speeds - before[roles.given]
+    moving = np.abs(jump) > STILL * np.abs(before).max(initial=0.0)
+    if not moving.any():
+        return None, 0.0
+    x = y[equation.layout.signals] if equation.layout.initial else None
+    M = system.terms_of(q, before, t, x)[0].M
+    those, friction = sorted(system.held), cast("SeveralFriction | None", system.friction)
+    stops, ways = held_by(system.pairs, q, before, those), [system.held[i] for i in those]
+    at = None if friction is None else friction.instant(q, before, t, x, None)
+    given = held._replace(drift=-jump, speeds=None)
+    done = blow(M, before, stops, np.array(ways), np.zeros(len(those)), friction, at, given)
+    done.after[roles.given] = held.speeds
+    names = [*(system.stopped[i] for i in those), *(roles.drivers[i] for i in roles.given)]
+    pushes = dict(zip(names, done.pushes.tolist(), strict=True))
+    first = roles.drivers[roles.given[int(np.argmax(np.abs(jump)))]]
+    rubbed = {} if friction is None else dict(zip(friction.names, done.friction, strict=True))
+    work = float(done.pushes[len(those) :] @ held.speeds)
+    loss = work - 0.5 * float((before + done.after) @ M @ (done.after - before))
+    return Impact(t, first, q, before, done.after, pushes[first], loss, pushes, rubbed), work
+
+
+# -- what a user gives ---------------------------------------------------------------------
+
+
+def roles_of(
+    scene: Scene,
+    drivers: Sequence[str],
+    prescribed: Sequence[str] | None,
+    locked: Mapping[str, float] | Sequence[str] | None,
+    changes: Mapping[str, Mapping[str, str]],
+    last: float,
+) -> tuple[Roles | None, dict[str, tuple[float, float]]]:
+    """The roles at the start, None where all are free at all times; and starts that they say.
+
+    ``changes`` : event -> driver -> role; ``last`` : time [s] to which laws must reach
+
+    Raises `RequestError` for roles that cannot be.
+    """
+    asked = prescribed is not None or locked is not None
+    said: dict[str, Any] = {} if asked else dict(scene.motion)
+    said |= _prescribed(prescribed) | _locked(locked)
+    of = {d: LOCKED if isinstance(role, Locked) else role for d, role in said.items()}
+    given = [(d, role, _where(scene, d, role, asked)) for d, role in of.items()]
+    for name, then in changes.items():
+        given += [(d, role, f"watch.{name}.then.{d}") for d, role in then.items()]
+    for driver, role, where in given:
+        _check_role(scene, drivers, driver, role, where, last)
+    if all(role == FREE for _, role, _ in given):
+        return None, {}
+    if len(drivers) == 1:
+        found = "the mechanism has one driver, and without a free one nothing is to be integrated"
+        remedy = "run() computes a motion by its law of motion; lock or prescribe one of several"
+        raise refused(given[0][2], found, remedy, code="roles")
+    laws = tuple(scene.drive.get(d) for d in drivers)
+    roles = Roles(tuple(drivers), tuple(of.get(d, FREE) for d in drivers), laws)
+    starts = {d: (role.locked, 0.0) for d, role in said.items() if isinstance(role, Locked)}
+    starts |= {roles.drivers[i]: roles.law_at(i, 0.0)[:2] for i in roles.prescribed}
+    return roles, starts
+
+
+def _where(scene: Scene, driver: str, role: str, asked: bool) -> str:
+    return f"{role}.{driver}" if asked else scene.address("motion", driver)
+
+
+def _prescribed(given: Any) -> dict[str, str]:
+    names = [given] if isinstance(given, str) else given or ()
+    if not isinstance(names, Sequence):
+        raise refused("prescribed", f"{given!r} names no drivers", 'give names, like ["crank"]')
+    return dict.fromkeys(names, PRESCRIBED)
+
+
+def _locked(given: Any) -> dict[str, Any]:
+    if not isinstance(given, Mapping):
+        names = [given] if isinstance(given, str) else given or ()
+        if not isinstance(names, Sequence):
+            found, remedy = f"{given!r} names no drivers", 'give places, like {"crank": 0.3}'
+            raise refused("locked", found, remedy)
+        return dict.fromkeys(names, LOCKED)
+    places: dict[str, Any] = {}
+    for driver, place in given.items():
+        try:
+            number = float(place)
+        except (TypeError, ValueError):
+            number = math.nan
+        if not math.isfinite(number):
+            found, remedy = f"{place!r} is no coordinate", "give a number [rad or m]"
+            raise refused(f"locked.{driver}", found, remedy)
+        places[driver] = Locked(locked=number)
+    return places
+
+
+def _check_role(
+    scene: Scene, drivers: Sequence[str], driver: str, role: str, where: str, last: float
+) -> None:
+    """Refuse a role that a driver cannot have."""
+    if driver not in drivers:
+        hint, valid = close_match(str(driver), drivers), f"drivers: {listed(drivers)}"
+        raise refused(where, f'no driver "{driver}"', hint, valid, "unknown-driver")
+    if role not in ROLES:
+        hint, valid = close_match(str(role), ROLES), f"roles: {listed(ROLES)}"
+        raise refused(where, f"there is no role {role!r}", hint, valid, "roles")
+    if role != PRESCRIBED:
+        return
+    law = scene.drive.get(driver)
+    if law is None:
+        remedy = f"give it one in {scene.address('drive', driver)}, or lock it"
+        raise refused(where, f"{driver} has no law of motion", remedy, code="no-law")
+    if law.corners:
+        found = f"the rate of the law of {driver} jumps at {law.corners[0]:.9g} s"
+        remedy = 'an endless force would be needed: let the table be "cubic"'
+        raise refused(where, found, remedy, code="roles")
+    first = float(law.at_times(np.zeros(1))[0][0])
+    ends = law.begin() + law.duration()
+    if math.isnan(first) or (
+        math.isfinite(last) and math.isnan(float(law.at_times(np.array([last]))[0][0]))
+    ):
+        found = f"the law of {driver} says nothing "
+        found += f"at {0.0 if math.isnan(first) else last:.9g} s: it is one from "
+        found += f"{law.begin():.9g} to {ends:.9g} s"
+        raise refused(where, found, "ask for a shorter time, or give a longer law", code="roles")
+
+
+def unused_laws(scene: Scene, drivers: Sequence[str], roles: Sequence[Mapping[str, str]]) -> str:
+    """A note on laws of motion that a motion does not use; empty where it uses all."""
+    used = {d for of in roles for d, role in of.items() if role == PRESCRIBED}
+    unused = [d for d in drivers if d in scene.drive and d not in used]
+    if not unused:
+        return ""
+    whose = f"the law of motion of {listed(unused)} is not used: "
+    if len(drivers) == 1:
+        return f"{whose}the loads alone move it"
+    return f"{whose}prescribed={unused!r} lets the motion follow it"
