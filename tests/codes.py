@@ -9,7 +9,7 @@ WORDS = """
     bad-table bad-expectation
     unknown-block no-frame two-frames bad-address no-such-block not-a-marker
     unknown-marker unknown-joint double-wire self-wire pair-mismatch many-drivers
-    wrong-home unwired-joint cycle unknown-driver
+    wrong-home unwired-joint cycle unknown-driver no-law
     bad-teeth coupling-mismatch coupled-twice coupled-driver coupling-loop
     undercut dead-face open-profile no-room
     no-pose

@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.errors import listed
 from blockmech.report import DEGREES, Facts, Report, as_json
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -228,6 +229,9 @@ class Motion(Facts, Report):
     def summary(self, unit: str = "rad or m") -> list[str]:
         """Lines about its end, method, error and figures; ``unit`` is the coordinates'."""
         lines = [f"{self.status}: {self.end}, after {self.t_end:.12g} s"]
+        for begin, of in self.roles:
+            since = f" from {begin:.6g} s on" if begin > self.t_start else ""
+            lines.append(f"roles{since}: " + listed(f"{d} {role}" for d, role in of.items()))
         why = f" ({self.why})" if self.why else ""
         by = " by machine code" if self.engine == "llvm" else ""
         cost = f"{self.cost.evaluations} kernel evaluations{by}"
@@ -290,7 +294,7 @@ class Motion(Facts, Report):
             held[:, stops.index(lain.stop)] |= here
         return held
 
-    def given(self, t: Floats) -> Any:
+    def role_at(self, t: Floats) -> Any:
         """Which role (n, k) each driver has at times (n,) [s]; see `roles`."""
         which = np.maximum(np.searchsorted([r.begin for r in self.roles], t, "right") - 1, 0)
         return np.array([[*r.of.values()] for r in self.roles])[which]

@@ -50,6 +50,20 @@ def test_json_is_what_python_computes_and_fits_the_schema(call, words, request_)
     assert found == json.loads(json.dumps(simulated(**request_)))
 
 
+def test_roles_of_drivers_are_options(call):
+    linkage = bm.Linkage.load(FIVEBAR)
+    left, right = linkage.compile().drivers
+    q = linkage.initial[right].q
+    words = ["--until", "time=0.1", "--locked", f"{right}={q / DEGREES!r}deg", "--json"]
+    found = json.loads(call("simulate", FIVEBAR, *words).out)
+    jsonschema.validate(found, result_schema())
+    same = linkage.compile().simulate("time=0.1", locked={right: q / DEGREES * DEGREES})
+    assert found == json.loads(json.dumps(same.to_dict()))
+    said = call("simulate", FIVEBAR, "--prescribed", left)
+    assert said.code == 2
+    assert f"prescribed.{left}: {left} has no law of motion" in said.err
+
+
 def test_the_standstill_is_an_event_with_time_and_place(call):
     found = json.loads(call("simulate", WATT, "--json").out)
     (event,) = found["events"]

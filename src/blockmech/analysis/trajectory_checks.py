@@ -46,10 +46,13 @@ class Stretches(NamedTuple):
 
 
 def idle(e: Evidence) -> Iterator[Residual]:
-    """The drives give nothing in a free motion, but for what holds it at a standstill."""
-    for driver in e.structure.drivers:
+    """The drives of free drivers give nothing, but for what holds them at a standstill."""
+    motion, t = e.run.motion, e.run.time
+    roles = motion.role_at(t) if motion is not None and motion.roles and t is not None else None
+    for i, driver in enumerate(e.structure.drivers):
         effort, rate = e.run[f"{driver}.drive"], e.run[f"{driver}.rate"]
-        yield Residual("idle drive of", driver, effort * rate, e.flow)
+        free = 1.0 if roles is None else roles[:, i] == "free"
+        yield Residual("idle drive of", driver, free * effort * rate, e.flow)
 
 
 def trajectory(result: Result, motion: Motion) -> Iterator[tuple[str, float, float]]:

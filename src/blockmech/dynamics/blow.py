@@ -57,22 +57,22 @@ def blow(
     restitution: Floats,
     friction: SeveralFriction | None = None,
     at: Instant | None = None,
-    given: Held | None = None,
+    bound: Held | None = None,
 ) -> Blow:
     """The blow on stops (a,) that are struck or lain against.
 
-    ``given`` are drivers that are not free: their rates jump by its drifts, mostly not at all.
+    ``bound`` are drivers that are not free: their rates jump by its drifts, mostly not at all.
 
     ``ways`` (a,) are +1 at the highest stop, -1 at the lowest; ``friction`` with the instant ``at``
     of the state before, where joints have some.
     """
     rate = stops.rows @ before
-    stops = stops if given is None else stops.beside(given)
+    stops = stops if bound is None else stops.beside(bound)
     count, change = len(rate), (1 + restitution) * rate
     Z, alone = np.eye(len(before)), np.zeros(len(before))
-    if given is not None:
-        change = np.append(change, given.drift)
-        Z, alone = given.free()[0], constrained(M, alone, given)[0]
+    if bound is not None:
+        change = np.append(change, bound.drift)
+        Z, alone = bound.free()[0], constrained(M, alone, bound)[0]
     rows = -ways[:, None] * stops.rows[:count]
     apart = -ways * (change[:count] + stops.rows[:count] @ alone)
     sets = [[*some, *range(count, len(change))] for some in pushing(Z.T @ M @ Z, rows @ Z, apart)]

@@ -16,6 +16,7 @@ SELF_LOCKED: Final = "self-locking in motion"  # no acceleration satisfies Coulo
 AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
 LEAVES_STOP: Final = "leaves its stop"
 IMPACT: Final = "impact"
+LAW_ENDS: Final = "law of motion ends"  # of a driver that is prescribed
 UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 
 # What an integration stops at, to go on with another equation or because its goal is met.

@@ -174,7 +174,7 @@ class Equation:
         else:
             acc, pushes = known.qdd, known.pushes
         if (roles := self.system.roles) is not None:
-            works.append(pushes[len(self.system.held) :] @ qd[roles.given])
+            works.append(pushes[len(self.system.held) :] @ qd[roles.bound])
         return np.concatenate([qd, acc, works, more[: len(self.layout.initial)]])
 
     def switched(self, t: float, y: Floats, due: Collection[str]) -> Floats:

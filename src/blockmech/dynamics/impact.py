@@ -243,13 +243,13 @@ class Bounces(Run):
     def _free(self, k: int) -> Floats:
         """Basis (k, z) of the free drivers."""
         roles = self.system.roles
-        return np.eye(k) if roles is None else np.delete(np.eye(k), roles.given, axis=1)
+        return np.eye(k) if roles is None else np.delete(np.eye(k), roles.bound, axis=1)
 
     @property
     def _driven(self) -> dict[str, int]:
         """Drivers that are not free, and their places."""
         roles = self.system.roles
-        return {} if roles is None else {self.system.drivers[i]: i for i in roles.given}
+        return {} if roles is None else {self.system.drivers[i]: i for i in roles.bound}
 
     def _struck(self, leg: Motion, i: int, way: int) -> Any:
         """The rates after a blow."""
@@ -303,9 +303,11 @@ class Bounces(Run):
         if self.friction is not None and before.any():
             at = self.friction.instant(q, before, leg.t_end, self._states(leg), None)
         sides = np.array([self._side(*stop) for stop in struck.items()])
-        given = self.system.roles and self.system.roles.held(leg.t_end)._replace(speeds=None)
-        given = given._replace(drift=0 * given.drift) if given and given.pairs else None
-        done = blow(M, before, stops, sides, back, self.friction, at, given)
+        roles, bound = self.system.roles, None
+        if roles is not None and roles.bound:  # their rates go on
+            bound = roles.constraint(leg.t_end)
+            bound = bound._replace(drift=0 * bound.drift, speeds=None)
+        done = blow(M, before, stops, sides, back, self.friction, at, bound)
         self.notes += [REVERSES] if done.reverses else [] if done.solved else [LEFT_OUT]
         self.gained = max(self.gained, done.gained)
         return done

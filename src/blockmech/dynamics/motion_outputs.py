@@ -49,8 +49,8 @@ class MotionInputs(Mapping[str, Any]):
         self.lies = motion.held(t, (*mechanism.drivers, *names))
         self.stops = self.lies.shape[1]
         if motion.roles:  # behind the stops
-            self.lies = np.hstack([self.lies, motion.given(t) != FREE])
-        self.role_at = motion.given
+            self.lies = np.hstack([self.lies, motion.role_at(t) != FREE])
+        self.role_at = motion.role_at
         self.states = motion.signal_states(t)
         friction = self._friction()
         self.rubs = 0 if friction is None else len(friction.names)
@@ -70,20 +70,20 @@ class MotionInputs(Mapping[str, Any]):
 
     def _against(self, q: Floats, qd: Floats, t: Floats, which: Any) -> Held:
         """Rows of stops that it lies against at n states, and of drivers that are not free."""
-        stops, given = which[which < self.stops], which[which >= self.stops] - self.stops
+        stops, bound = which[which < self.stops], which[which >= self.stops] - self.stops
         at = [held_by(self.pairs, *state, stops) for state in zip(q, qd, strict=True)]
         rows, drift = np.array([x.rows for x in at]), np.array([x.drift for x in at])
         held = Held(rows, drift, at[0].pairs)
-        if not given.size:
+        if not bound.size:
             return held
-        pull = np.zeros((len(t), given.size))
-        for column, i in enumerate(given):
+        pull = np.zeros((len(t), bound.size))
+        for column, i in enumerate(bound):
             some = self.role_at(t)[:, i] == PRESCRIBED
             law = self.mechanism.scene.drive[self.mechanism.drivers[i]] if some.any() else None
             if law is not None:
                 pull[some, column] = law.at_times(t[some])[2]
-        own = np.broadcast_to(np.eye(q.shape[1])[given], (len(t), given.size, q.shape[1]))
-        return held.beside(Held(own, -pull, ((-1, 1),) * given.size, qd[:, given]))
+        unit = np.broadcast_to(np.eye(q.shape[1])[bound], (len(t), bound.size, q.shape[1]))
+        return held.beside(Held(unit, -pull, ((-1, 1),) * bound.size, qd[:, bound]))
 
     def _pushed(self, pushes: Floats) -> dict[str, Floats]:
         """Inputs of what stops of pairs push with, from that of all stops (n, a)."""

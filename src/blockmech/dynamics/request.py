@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -245,8 +245,8 @@ def request_of(
     events = watches_of(watch)
     last = goal.value if goal.goal == "time" else math.inf
     changes = {w.name: w.then for w in events if w.then}
-    roles, said = roles_of(scene, drivers, prescribed, locked, changes, last)
-    starts = starts_of(scene, drivers, start, said, prescribed is None and locked is None)
+    roles, bound = roles_of(scene, drivers, prescribed, locked, changes, last)
+    starts = starts_of(scene, drivers, start, bound, locked or ())
     target, size = size_of("accuracy", accuracy), size_of("step", step)
     pairs_of("stops", stops, STOPS)  # where they are, the mechanism says: see `stops_of`
     if shown is None:
@@ -289,25 +289,30 @@ def goal_of(until: Any, times: Floats | None) -> Until:
 
 
 def starts_of(
-    scene: Scene, drivers: Sequence[str], start: Any, said: Pairs = NO_PAIRS, by_scene: bool = True
+    scene: Scene,
+    drivers: Sequence[str],
+    start: Any,
+    bound: Pairs = NO_PAIRS,
+    placed: Collection[str] = (),
 ) -> Pairs:
     """Driver -> (q [rad or m], rate) of every driver, in their order.
 
-    ``said`` : those of drivers that are not free, with which others must agree; places of the
-    scene, unless its own roles say them (``by_scene``), are overridden by places of a call.
+    ``bound`` : those of drivers that are not free, with which others must agree, but for starts of
+    the scene of drivers that the call itself has ``placed``
     """
     overridden = pairs_of("start", start, START) or {}
     begun = {d: (x.q, x.rate) for d, x in scene.initial.items()}
     given = begun | overridden
-    for d, (q, rate) in said.items():
-        own = given.get(d, (q, rate))
-        mine = d in overridden or by_scene or rate != 0.0
-        if mine and not np.allclose(own, (q, rate), rtol=AGREES, atol=AGREES):
-            found = f"({own[0]:.9g}, {own[1]:.9g}) contradicts its role in the motion"
+    for d, (q, rate) in bound.items():
+        pair = given.get(d, (q, rate))
+        if (d in overridden or d not in placed) and not np.allclose(
+            pair, (q, rate), rtol=AGREES, atol=AGREES
+        ):
+            found = f"({pair[0]:.9g}, {pair[1]:.9g}) contradicts its role in the motion"
             remedy = f"leave it out, or let it be ({q:.9g}, {rate:.9g})"
             where = f"start.{d}" if d in overridden else scene.address("initial", d)
             raise refused(where, found, remedy, code="roles")
-    given |= said
+    given |= bound
     missing = [d for d in drivers if d not in given]
     unknown = [d for d in given if d not in drivers]
     if missing or unknown:

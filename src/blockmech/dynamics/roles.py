@@ -19,25 +19,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import numpy as np
 
-from blockmech.dynamics.blow import blow
-from blockmech.dynamics.contacts import STILL, Held
-from blockmech.dynamics.pair_stops import held_by
+from blockmech.dynamics.contacts import Held
 from blockmech.errors import close_match, listed, refused
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Locked, Scene
-from blockmech.motion import Floats, Impact
-
-if TYPE_CHECKING:
-    from blockmech.dynamics.equation import Equation
-    from blockmech.dynamics.sticking import SeveralFriction
+from blockmech.motion import Floats
 
 FREE, PRESCRIBED, LOCKED = "free", "prescribed", "locked"
+END = 1e-9  # [s] after which a law is looked for beyond its last time
 ROLES = (FREE, PRESCRIBED, LOCKED)
-SAME = 1e-9  # [-] by which a place may differ from what a law of motion says there
 
 
 @dataclass(frozen=True)
@@ -54,7 +48,7 @@ class Roles:
     laws: tuple[LawOfMotion | None, ...]
 
     @cached_property
-    def given(self) -> list[int]:
+    def bound(self) -> list[int]:
         """Drivers that are not free."""
         return [i for i, role in enumerate(self.of) if role != FREE]
 
@@ -63,13 +57,13 @@ class Roles:
         """Those of them that follow their laws."""
         return [i for i, role in enumerate(self.of) if role == PRESCRIBED]
 
-    def said(self) -> dict[str, str]:
+    def by_driver(self) -> dict[str, str]:
         """Driver -> role."""
         return dict(zip(self.drivers, self.of, strict=True))
 
     def but(self, changed: Mapping[str, str]) -> Roles:
         """The same with some roles changed."""
-        return replace(self, of=tuple((self.said() | dict(changed)).values()))
+        return replace(self, of=tuple((self.by_driver() | dict(changed)).values()))
 
     def law_at(self, i: int, t: Any) -> Any:
         """Coordinate, rate and acceleration of a driver by its law, at a time or at some [s]."""
@@ -86,27 +80,27 @@ class Roles:
                 q[..., i], rate[..., i], _ = self.law_at(i, t)
         return q, rate
 
-    def held(self, t: Any, ahead: float = 0.0) -> Held:
+    def constraint(self, t: Any, lead: float = 0.0) -> Held:
         """The drivers that are not free, at a time or at some (n,) [s], as something held.
 
-        ``ahead`` [s] is looked where a law neither moves nor pushes yet: to where it begins to.
+        ``lead`` [s] is looked where a law neither moves nor pushes yet: to where it begins to.
         """
         k, n = len(self.drivers), np.shape(t)
-        rows = np.broadcast_to(np.eye(k)[self.given], (*n, len(self.given), k))
-        pull, speeds = (np.zeros((*n, len(self.given))) for _ in range(2))
-        for at, i in enumerate(self.given):
+        rows = np.broadcast_to(np.eye(k)[self.bound], (*n, len(self.bound), k))
+        pull, speeds = (np.zeros((*n, len(self.bound))) for _ in range(2))
+        for at, i in enumerate(self.bound):
             if i in self.prescribed:
                 _, speeds[..., at], pull[..., at] = self.law_at(i, t)
-                if ahead and not speeds[at] and not pull[at]:
-                    pull[at] = self.law_at(i, t + ahead)[2]
-        return Held(rows, -pull, ((-1, 1),) * len(self.given), speeds)
+                if lead and not speeds[at] and not pull[at]:
+                    pull[at] = self.law_at(i, t + lead)[2]
+        return Held(rows, -pull, ((-1, 1),) * len(self.bound), speeds)
 
-    def beside(self, stops: Held | None, t: Any, ahead: float = 0.0) -> Held | None:
+    def beside(self, stops: Held | None, t: Any, lead: float = 0.0) -> Held | None:
         """Stops that something lies against, and behind them the drivers that are not free."""
-        if not self.given:
+        if not self.bound:
             return stops
-        own = self.held(t, ahead)
-        return own if stops is None else stops.beside(own)
+        bound = self.constraint(t, lead)
+        return bound if stops is None else stops.beside(bound)
 
     @cached_property
     def kinks(self) -> Floats:
@@ -115,57 +109,19 @@ class Roles:
 
     def turns(self, t: float) -> bool:
         """Whether a law has a kink at a time [s], and no rate there: it begins or ends to move."""
-        here = np.searchsorted(self.kinks, t)
-        at_kink = bool(here < self.kinks.size and self.kinks[here] == t)
-        return at_kink and any(self.law_at(i, t)[1] == 0.0 for i in self.prescribed)
+        i = np.searchsorted(self.kinks, t)
+        at_kink = bool(i < self.kinks.size and self.kinks[i] == t)
+        return at_kink and any(self.law_at(j, t)[1] == 0.0 for j in self.prescribed)
+
+    def over(self, t: float) -> bool:
+        """Whether a law says nothing after a time [s]."""
+        at_kink = self.kinks.size > 0 and t >= self.kinks[-1]
+        return at_kink and any(math.isnan(self.law_at(i, t + END)[0]) for i in self.prescribed)
 
     def next_kink(self, t: float) -> float:
         """The first time [s] after one at which a law has a kink, or ends."""
-        here = np.searchsorted(self.kinks, t, "right")
-        return float(self.kinks[here]) if here < self.kinks.size else math.inf
-
-
-def changed(
-    equation: Equation, roles: Roles, watch: str, t: float, y: Floats
-) -> tuple[Impact | None, float]:
-    """The blow of the drives that new roles of an event bring about; None where no rate jumps.
-
-    Beside it what the drives work [J], which go on at their rates: what is missing then is lost
-    (Carnot's theorem).
-
-    Raises `RequestError` where a driver is not where the law says that it is to follow.
-    """
-    system, (q, before) = equation.system, equation.layout.motion(y.copy())
-    for i in roles.prescribed:
-        there = roles.law_at(i, t)[0]
-        if not abs(there - q[i]) <= SAME * max(1.0, abs(q[i])):
-            name = roles.drivers[i]
-            found = (
-                f"at t = {t:.9g} s {name}.q is {q[i]:.9g}, and its law of motion says {there:.9g}"
-            )
-            remedy = "let the event be where the two meet, or lock the driver"
-            raise refused(f"watch.{watch}.then.{name}", found, remedy, code="roles")
-    held = roles.held(t)
-    assert held.speeds is not None
-    jump = held.speeds - before[roles.given]
-    moving = np.abs(jump) > STILL * np.abs(before).max(initial=0.0)
-    if not moving.any():
-        return None, 0.0
-    x = y[equation.layout.signals] if equation.layout.initial else None
-    M = system.terms_of(q, before, t, x)[0].M
-    those, friction = sorted(system.held), cast("SeveralFriction | None", system.friction)
-    stops, ways = held_by(system.pairs, q, before, those), [system.held[i] for i in those]
-    at = None if friction is None else friction.instant(q, before, t, x, None)
-    given = held._replace(drift=-jump, speeds=None)
-    done = blow(M, before, stops, np.array(ways), np.zeros(len(those)), friction, at, given)
-    done.after[roles.given] = held.speeds
-    names = [*(system.stopped[i] for i in those), *(roles.drivers[i] for i in roles.given)]
-    pushes = dict(zip(names, done.pushes.tolist(), strict=True))
-    first = roles.drivers[roles.given[int(np.argmax(np.abs(jump)))]]
-    rubbed = {} if friction is None else dict(zip(friction.names, done.friction, strict=True))
-    work = float(done.pushes[len(those) :] @ held.speeds)
-    loss = work - 0.5 * float((before + done.after) @ M @ (done.after - before))
-    return Impact(t, first, q, before, done.after, pushes[first], loss, pushes, rubbed), work
+        i = np.searchsorted(self.kinks, t, "right")
+        return float(self.kinks[i]) if i < self.kinks.size else math.inf
 
 
 # -- what a user gives ---------------------------------------------------------------------
@@ -185,36 +141,40 @@ def roles_of(
 
     Raises `RequestError` for roles that cannot be.
     """
-    asked = prescribed is not None or locked is not None
-    said: dict[str, Any] = {} if asked else dict(scene.motion)
-    said |= _prescribed(prescribed) | _locked(locked)
-    of = {d: LOCKED if isinstance(role, Locked) else role for d, role in said.items()}
-    given = [(d, role, _where(scene, d, role, asked)) for d, role in of.items()]
+    by_call = prescribed is not None or locked is not None
+    choices: dict[str, Any] = {} if by_call else dict(scene.motion)
+    laws_followed, places = _prescribed(prescribed), _locked(locked)
+    if both := laws_followed.keys() & places.keys():
+        found = f"{listed(sorted(both))} is prescribed as well"
+        raise refused("locked", found, "give each driver one role", code="roles")
+    choices |= laws_followed | places
+    of = {d: LOCKED if isinstance(role, Locked) else role for d, role in choices.items()}
+    wishes = [(d, role, _where(scene, d, role, by_call)) for d, role in of.items()]
     for name, then in changes.items():
-        given += [(d, role, f"watch.{name}.then.{d}") for d, role in then.items()]
-    for driver, role, where in given:
+        wishes += [(d, role, f"watch.{name}.then.{d}") for d, role in then.items()]
+    for driver, role, where in wishes:
         _check_role(scene, drivers, driver, role, where, last)
-    if all(role == FREE for _, role, _ in given):
+    if all(role == FREE for _, role, _ in wishes):
         return None, {}
     if len(drivers) == 1:
         found = "the mechanism has one driver, and without a free one nothing is to be integrated"
         remedy = "run() computes a motion by its law of motion; lock or prescribe one of several"
-        raise refused(given[0][2], found, remedy, code="roles")
+        raise refused(wishes[0][2], found, remedy, code="roles")
     laws = tuple(scene.drive.get(d) for d in drivers)
     roles = Roles(tuple(drivers), tuple(of.get(d, FREE) for d in drivers), laws)
-    starts = {d: (role.locked, 0.0) for d, role in said.items() if isinstance(role, Locked)}
+    starts = {d: (role.locked, 0.0) for d, role in choices.items() if isinstance(role, Locked)}
     starts |= {roles.drivers[i]: roles.law_at(i, 0.0)[:2] for i in roles.prescribed}
     return roles, starts
 
 
-def _where(scene: Scene, driver: str, role: str, asked: bool) -> str:
-    return f"{role}.{driver}" if asked else scene.address("motion", driver)
+def _where(scene: Scene, driver: str, role: str, by_call: bool) -> str:
+    return f"{role}.{driver}" if by_call else scene.address("motion", driver)
 
 
-def _prescribed(given: Any) -> dict[str, str]:
-    names = [given] if isinstance(given, str) else given or ()
+def _prescribed(names: Any) -> dict[str, str]:
+    names = [names] if isinstance(names, str) else names or ()
     if not isinstance(names, Sequence):
-        raise refused("prescribed", f"{given!r} names no drivers", 'give names, like ["crank"]')
+        raise refused("prescribed", f"{names!r} names no drivers", 'give names, like ["crank"]')
     return dict.fromkeys(names, PRESCRIBED)
 
 

@@ -114,8 +114,8 @@ def simulate(
     settings = {"friction": how.method, "tolerance": tolerance, "iterations": iterations}
     report = progress_of(progress)
     given = (until, method, accuracy, step, times, start, stops, watch)
-    own = prescribed, locked, engine
-    request, starts = request_of(mechanism.scene, mechanism.drivers, *given, *own)
+    last = prescribed, locked, engine
+    request, starts = request_of(mechanism.scene, mechanism.drivers, *given, *last)
     between = stops_of(mechanism, starts, stops)
     if bouncing(between):
         request = replace(request, stops=between)
@@ -129,7 +129,7 @@ def simulate(
         compiled_program(system.equation_program)  # says why it cannot be
     motion = with_undefined_loads(mechanism, _moved(system, request))
     if request.roles is not None and not motion.roles:  # it did not begin
-        motion = replace(motion, roles=(RolesFrom(motion.t_start, request.roles.said()),))
+        motion = replace(motion, roles=(RolesFrom(motion.t_start, request.roles.by_driver()),))
     if remarks := _remarks(system, motion, request.until):
         motion = replace(motion, notes=(*motion.notes, *remarks))
     wanted = None if times is None else np.array(request.times)

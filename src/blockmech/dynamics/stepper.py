@@ -67,11 +67,11 @@ class Stepper:
         want: Iterable[str] | str,
         copies: int,
         tolerance: float,
-        said: Pairs,
+        bound: Pairs,
     ) -> None:
         """See `stepper`, which reads what a user gives."""
         self.mechanism, self.copies, self._system = mechanism, copies, system
-        self._start, self._tolerance, self._said = dict(start), tolerance, said
+        self._start, self._tolerance, self._bound = dict(start), tolerance, bound
         self.outputs = mechanism.outputs.match(want)
         method = "none" if system.method is None else system.method.method
         self._plan = mechanism.plan(self.outputs, friction=method)  # type: ignore[arg-type]
@@ -108,8 +108,8 @@ class Stepper:
         `RequestError` for a copy or driver that there is not.
         """
         which = range(self.copies) if copies is None else np.atleast_1d(np.asarray(copies))
-        own = self._start | dict(start or {})
-        given = starts_of(self.mechanism.scene, self.mechanism.drivers, own, self._said)
+        begin = self._start | dict(start or {})
+        given = starts_of(self.mechanism.scene, self.mechanism.drivers, begin, self._bound)
         for i in which:
             if not 0 <= i < self.copies:
                 found, valid = f"there is no copy {i}", f"copies: 0 to {self.copies - 1}"
@@ -264,8 +264,8 @@ def stepper(
             "copies", f"{copies!r} is no number of copies", valid="a whole number from 1 on"
         )
     scene, drivers = mechanism.scene, mechanism.drivers
-    roles, said = roles_of(scene, drivers, prescribed, locked, {}, math.inf)
-    starts = starts_of(scene, drivers, start, said, prescribed is None and locked is None)
+    roles, bound = roles_of(scene, drivers, prescribed, locked, {}, math.inf)
+    starts = starts_of(scene, drivers, start, bound, locked or ())
     between = stops_of(mechanism, starts, stops)
     counted = counted_pairs(mechanism, starts, between)
     at_stops = {"stops": bounds_of(between), "counted": counted, "roles": roles}
@@ -275,4 +275,4 @@ def stepper(
     how = friction_asked(friction, None, None)
     system = system_of(mechanism, method=how, engine=engine, **at_stops)
     tolerance = size_of("accuracy", accuracy) or TARGET
-    return Stepper(mechanism, system, starts, as_names("want", want), copies, tolerance, said)
+    return Stepper(mechanism, system, starts, as_names("want", want), copies, tolerance, bound)

@@ -271,9 +271,9 @@ class SeveralDrivers(Frictionless):
     def _stuck(self) -> list[int]:
         return [j for j, side in enumerate(self.equation.sides) if side == 0]
 
-    def _instant(self, t: float, y: Floats, ahead: float = 0.0) -> Any:
+    def _instant(self, t: float, y: Floats, lead: float = 0.0) -> Any:
         q, qd = self.equation.motion(t, y)
-        held = self.equation.system.against(q, qd, t, ahead)
+        held = self.equation.system.against(q, qd, t, lead)
         return self.friction.instant(q, qd, t, self._states(y), held)
 
     def _excess(self, t: float, y: Floats) -> float:

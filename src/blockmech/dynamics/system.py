@@ -335,13 +335,13 @@ class System:
         """Rows (n, k) of all that has stops over the drivers, and drifts (n,): see `pair_stops`."""
         return rows_of(self.pairs, q, rate)
 
-    def against(self, q: Any, rate: Any, t: float, ahead: float = 0.0) -> Held | None:
+    def against(self, q: Any, rate: Any, t: float, lead: float = 0.0) -> Held | None:
         """The stops that it lies against at a state, then drivers that are not free.
 
-        None where there is none of both. ``ahead`` as of `Roles.held`.
+        None where there is none of both. ``lead`` as of `Roles.constraint`.
         """
         stops = held_by(self.pairs, q, rate, sorted(self.held)) if self.held else None
-        return stops if self.roles is None else self.roles.beside(stops, t, ahead)
+        return stops if self.roles is None else self.roles.beside(stops, t, lead)
 
     def pushes(self, q: Floats, rate: Floats, t: float, x: Any) -> Floats:
         """What the stops push with (a,) that it lies against; x are states of signal blocks.

@@ -29,9 +29,10 @@ from blockmech.dynamics.events import (
     signal_rules,
     until_terminal,
 )
+from blockmech.dynamics.jolt import jolt_of
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.request import SimulationRequest, Watch
-from blockmech.dynamics.roles import Roles, changed
+from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.run import EVALUATIONS, Run, RunEnd
 from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
 from blockmech.dynamics.solvers import AcceptedSteps, Dop853, MachineSteps, Radau5
@@ -64,20 +65,21 @@ class Steps:
     layout: StateLayout
     solution: Callable[[Floats], Floats]
     roles: tuple[tuple[float, Roles], ...] = ()  # from times [s] on
+    jolts: tuple[Impact, ...] = ()
 
     @classmethod
     def of(
-        cls, layout: StateLayout, times: Sequence[float], pieces: Sequence[Any], roles: Any = ()
+        cls, layout: StateLayout, times: Sequence[float], pieces: Sequence[Any], *more: Any
     ) -> Steps:
         """From pieces, each from one of the times [s] to the next."""
         if all(isinstance(piece, Dense) for piece in pieces):
-            return cls(layout, Dense.joined(times, pieces), tuple(roles))
+            return cls(layout, Dense.joined(times, pieces), *more)
         from scipy.integrate import OdeSolution
 
-        return cls(layout, OdeSolution(times, pieces), tuple(roles))
+        return cls(layout, OdeSolution(times, pieces), *more)
 
     def state(self, t: Floats) -> State:
-        """State at times (m,) [s]; of drivers with a law as that says."""
+        """State at times (m,) [s]; of drivers with a law as that says, and after jolts."""
         y, at = np.asarray(self.solution(t)), self.layout
         if at.drivers == 1:
             return State(y[0], y[1])
@@ -87,6 +89,8 @@ class Steps:
             for i, (_, roles) in enumerate(self.roles):
                 some = np.maximum(which, 0) == i
                 q[some], rate[some] = roles.motion(q[some], rate[some], t[some])
+            for jolt in self.jolts:
+                rate[t == jolt.t] = jolt.after
         return State(q, rate)
 
     def signal_states(self, t: Floats) -> Floats:
@@ -176,7 +180,7 @@ class TimeIntegration(Run):
             x_end=tuple(self.y[self.layout.signals].tolist()),
             switched=self.switched,
             track=self._track() if self.pieces else Still(q, qd),
-            roles=tuple(RolesFrom(begin, roles.said()) for begin, roles in self.roles),
+            roles=tuple(RolesFrom(begin, roles.by_driver()) for begin, roles in self.roles),
             impacts=tuple(self.jolts),
             slips=tuple(self.slips),
             cost=self.system.cost,
@@ -184,7 +188,7 @@ class TimeIntegration(Run):
         )
 
     def _track(self) -> Steps:
-        return Steps.of(self.layout, self.times, self.pieces, self.roles)
+        return Steps.of(self.layout, self.times, self.pieces, tuple(self.roles), tuple(self.jolts))
 
     def _balance(self, start: Floats) -> None:
         """What the work of loads and friction leaves unexplained of the kinetic energy."""
@@ -252,6 +256,8 @@ class TimeIntegration(Run):
         structure, held = self.system.compiled.structure, self.system.held
         self._switch()
         self._follow()
+        if self.system.roles is not None and self.system.roles.over(self.t):
+            return RunEnd(ends.LAW_ENDS)
         if any(way * self.equation.stop_force(i, self.t, self.y) > 0 for i, way in held.items()):
             return RunEnd(ends.LEAVES_STOP)  # what has just switched pulls
         if (pressed := self._pressed()) is not None:
@@ -295,7 +301,7 @@ class TimeIntegration(Run):
         if roles == before:
             return None
         self._follow()
-        jolt, work = changed(self.equation, roles, watch.name, self.t, self.y)
+        jolt, work = jolt_of(self.equation, roles, watch.name, self.t, self.y)
         self.y[self.layout.works.stop - 1] += work
         self.system.roles = roles
         self.roles.append((self.t, roles))

@@ -1,0 +1,68 @@
+r"""The blow of the drives where a change of roles stops a driver, or takes it along, at once.
+
+With the drivers c that are not free then, and f that are,
+
+    M_ff dq'_f = -M_fc dq'_c + S^T T + n^T P,        dq'_c = q'_c of the law, or 0, less that before
+
+which is a blow (`blow`) whose drives are target at the jumps of their rates.
+"""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+
+from blockmech.dynamics.blow import blow
+from blockmech.dynamics.contacts import STILL
+from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.pair_stops import held_by
+from blockmech.dynamics.roles import Roles
+from blockmech.dynamics.sticking import SeveralFriction
+from blockmech.errors import refused
+from blockmech.motion import Floats, Impact
+
+SAME = 1e-9  # [-] by which a driver may be beside where its law of motion says
+
+
+def jolt_of(
+    equation: Equation, roles: Roles, watch: str, t: float, y: Floats
+) -> tuple[Impact | None, float]:
+    """The blow of the drives that new roles of an event bring about; None where no rate jumps.
+
+    Beside it what the drives work [J], which go on at their rates: what is missing then is lost
+    (Carnot's theorem).
+
+    Raises `RequestError` where a driver is not where the law says that it is to follow.
+    """
+    system, (q, before) = equation.system, equation.layout.motion(y.copy())
+    for i in roles.prescribed:
+        place = roles.law_at(i, t)[0]
+        if not abs(place - q[i]) <= SAME * max(1.0, abs(q[i])):
+            name = roles.drivers[i]
+            found = (
+                f"at t = {t:.9g} s {name}.q is {q[i]:.9g}, and its law of motion says {place:.9g}"
+            )
+            remedy = "let the event be where the two meet, or lock the driver"
+            raise refused(f"watch.{watch}.then.{name}", found, remedy, code="roles")
+    target = roles.constraint(t)
+    assert target.speeds is not None
+    jump = target.speeds - before[roles.bound]
+    moving = np.abs(jump) > STILL * np.abs(before).max(initial=0.0)
+    if not moving.any():
+        return None, 0.0
+    x = y[equation.layout.signals] if equation.layout.initial else None
+    M = system.terms_of(q, before, t, x)[0].M
+    those, friction = sorted(system.held), cast("SeveralFriction | None", system.friction)
+    stops, ways = held_by(system.pairs, q, before, those), [system.held[i] for i in those]
+    at = None if friction is None else friction.instant(q, before, t, x, None)
+    bound = target._replace(drift=-jump, speeds=None)
+    blown = blow(M, before, stops, np.array(ways), np.zeros(len(those)), friction, at, bound)
+    blown.after[roles.bound] = target.speeds
+    names = [*(system.stopped[i] for i in those), *(roles.drivers[i] for i in roles.bound)]
+    pushes = dict(zip(names, blown.pushes.tolist(), strict=True))
+    first = roles.drivers[roles.bound[int(np.argmax(np.abs(jump)))]]
+    rubbed = {} if friction is None else dict(zip(friction.names, blown.friction, strict=True))
+    work = float(blown.pushes[len(those) :] @ target.speeds)
+    loss = work - 0.5 * float((before + blown.after) @ M @ (blown.after - before))
+    return Impact(t, first, q, before, blown.after, pushes[first], loss, pushes, rubbed), work
