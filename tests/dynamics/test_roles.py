@@ -343,6 +343,18 @@ def test_a_stepper_knows_the_roles_of_the_scene():
     assert held["b.q"] == [0.3]
 
 
+def test_a_study_moves_designs_by_their_roles():
+    m = arm(SINE).compile()
+    how = {"until": "time=0.3", "prescribed": ["a"]}
+    want = ["final(b.q)", "motion.drive_work"]
+    found = m.study({"b.links.crank.mass": [1.0, 2.0]}, want=want, simulate=how)
+    alone = m.simulate("time=0.3", prescribed=["a"], want=["b.q"])
+    assert found["final(b.q)"][0] == pytest.approx(alone["b.q"][-1], abs=1e-12)
+    work = found["motion.drive_work"]
+    assert work[0] == pytest.approx(alone.motion.facts["drive_work"], rel=1e-12)
+    assert work[1] != work[0]
+
+
 def test_roles_stand_in_the_scene():
     g = arm(SINE)
     g.prescribe("a")

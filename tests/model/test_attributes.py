@@ -73,7 +73,7 @@ REFUSED = {
 KNOWN = {
     bm.Graph: "blocks, extras, file, gravity, name, parameters, scene, title, wires",
     bm.Linkage: "couplings, drivers, extras, file, gravity, initial, joints, links, loads, "
-    "name, signals, stops, title, wires",
+    "motion, name, signals, stops, title, wires",
 }
 
 

@@ -139,7 +139,8 @@ class MotionRunner(Runner):
         unit = m.driver_joint(m.drivers[0]).coordinate_unit if m.drivers else ""
         units = {name: u.format(q=unit) for name, (u, _) in NUMBERS.items()}
         units |= {name: fact_unit(name, unit) for name in FACT_UNITS} | {"multiplier": ""}
-        several = ("t_end", "error", "time_error")
+        works = ("friction_work", "drive_work", "impact_loss")
+        several = ("t_end", "error", "time_error", *works)
         return {
             f"{MOTION}.{name}": Wanted(f"{MOTION}.{name}", name, MOTION, u, "real")
             for name, u in units.items()
