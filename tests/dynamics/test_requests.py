@@ -12,7 +12,7 @@ from blockmech.dynamics import time
 from blockmech.dynamics.request import Until, Watch
 from blockmech.errors import RequestError
 from tests.dynamics import scenes
-from tests.dynamics.scenes import at_rest, motor, rod
+from tests.dynamics.scenes import at_rest, motor, of_rate, rod
 
 NAN = math.nan
 
@@ -84,10 +84,45 @@ def test_events_are_events_and_one_must_end_the_run():
     assert "watch=" in said(rod(), "event", watch=passing)
 
 
-def test_a_goal_that_never_comes_is_said_to_be_never_reached():
-    motion = rod(motor(9.0, 20.0)).simulate("standstill", start=at_rest(0.0)).motion
-    assert motion.status == "ended"
-    assert motion.end.startswith("never reached")
+@pytest.mark.parametrize(("until", "start"), [
+    ("standstill", (0.0, 0.0)), ("swings=2", (0.0, 40.0)), ("angle=-3", (0.0, 40.0)),
+])  # fmt: skip
+def test_a_goal_that_never_comes_is_said_to_be_never_reached(until, start):
+    """From below and above its motor's steady rotation, which is told."""
+    scene = rod(motor(9.0, 20.0))
+    motion = scene.simulate(until, start={"crank": start}).motion
+    assert (motion.status, motion.end) == ("ended", "never reached: rotation")
+    steady = scene.simulate("steady", start={"crank": (0.0, 20.0)}).motion.facts
+    for fact in ("period", "mean_speed"):
+        assert motion.facts[fact] == pytest.approx(steady[fact], rel=1e-9)
+    assert motion.cost.evaluations < time.EVALUATIONS / 4
+
+
+def test_a_wheel_that_speeds_up_for_ever_reaches_no_standstill():
+    wheel = rod(lambda rate: 0.01 * rate, gravity=0.0)
+    motion = wheel.simulate("standstill", start={"crank": (0.0, 4.0)}).motion
+    assert (motion.status, motion.end) == ("ended", "never reached: secular")
+    turn = 0.01 * 2 * math.pi / scenes.J  # [rad/s] more in each: rate' = 0.01 rate / J
+    assert motion.qd_end == pytest.approx(4.0 + turn * motion.q_end / (2 * math.pi), rel=1e-9)
+
+
+def test_a_wheel_that_nearly_idles_is_followed_to_its_standstill():
+    """Its turns differ by less than a thousandth, all alike: no series that fades out."""
+    drag, rate = of_rate(-1e-4), 4.0
+    wheel = rod(drag, lambda rate: -1e-3, gravity=0.0)
+    motion = wheel.simulate("standstill", start={"crank": (0.0, rate)}).motion
+    assert (motion.status, motion.end) == ("reached", "standstill")
+    # J rate' = -c rate - m, so J rate / c - J m / c^2 ln(1 + c rate / m) is the way
+    c, m, J = 1e-4, 1e-3, scenes.J
+    way = J * rate / c - J * m / c**2 * math.log1p(c * rate / m)
+    assert motion.q_end == pytest.approx(way, abs=2e-9)
+
+
+@pytest.mark.parametrize("until", ["angle=300", "turns=60"])
+def test_a_goal_ahead_of_a_steady_rotation_is_reached(until):
+    motion = rod(motor(9.0, 20.0)).simulate(until, start=at_rest(0.0)).motion
+    assert motion.reached
+    assert motion.q_end == pytest.approx(300.0 if until == "angle=300" else 60 * math.tau, abs=1e-9)
 
 
 # -- the dead centre itself --------------------------------------------------------------------
@@ -127,7 +162,7 @@ def test_the_drivers_own_motion_up_to_a_dead_centre_has_no_gap():
 
 @pytest.mark.parametrize("method", ["auto", "dop853", "radau", "rk4"])
 def test_a_run_of_no_duration_is_its_start(method):
-    """Spectral had no panel to march, and rk4 steps of no length."""
+    """A path of no length has no panel, and rk4 steps of no length."""
     result = scenes.rod(scenes.of_rate(-0.1)).simulate(
         "time=0", method=method, start={"crank": (0.3, 2.0)}
     )

@@ -20,7 +20,7 @@ LAW_ENDS: Final = "law of motion ends"  # of a driver that is prescribed
 UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 
 # What an integration stops at, to go on with another equation or because its goal is met.
-KINK, GOAL = "kink", "goal"
+KINK, GOAL, WHOLE_TURN = "kink", "goal", "whole turn"
 REVERSAL, GUIDE_SIDE = "joint reverses", "guide changes side"
 DEFLECTION_KINK = "bristles turn"  # a pair reverses whose friction law has a state
 STICKS, SLIPS, REVERSES = "sticking", "slipping", "reversal"  # of a pair, with several drivers

@@ -23,6 +23,7 @@ from blockmech.dynamics.events import (
     EventDetector,
     EventFunction,
     EventHit,
+    driver_at,
     general_rules,
     kink_rules,
     leaving_rule,
@@ -31,6 +32,7 @@ from blockmech.dynamics.events import (
 )
 from blockmech.dynamics.jolt import jolt_of
 from blockmech.dynamics.layout import StateLayout
+from blockmech.dynamics.repetition import TurnsInTime
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.run import EVALUATIONS, Run, RunEnd
@@ -54,7 +56,15 @@ CHAIN, CREEP = 4, 1e-6  # blocks in a row that a push may come through; [s] of a
 ANYWHERE = (-math.inf, math.inf)
 UNFINISHED = ends.INTERRUPTED, ends.TOO_MANY
 SILENT = frozenset(
-    {ends.KINK, ends.GOAL, ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.RELEASED, ends.DEFLECTION_KINK}
+    {
+        ends.KINK,
+        ends.GOAL,
+        ends.WHOLE_TURN,
+        ends.GUIDE_SIDE,
+        ends.SIGNAL_KINK,
+        ends.RELEASED,
+        ends.DEFLECTION_KINK,
+    }
 )  # kinds of events that a motion does not list
 
 
@@ -121,6 +131,7 @@ class TimeIntegration(Run):
     roles: list[tuple[float, Roles]] = field(default_factory=list)  # from times [s] on
     jolts: list[Impact] = field(default_factory=list)  # of changes of roles
     fired: EventFunction | None = None
+    turns: TurnsInTime | None = None  # where a goal may never be reached
     turned: float = 0.0  # [J] largest work on the way
 
     def __post_init__(self, before: TimeIntegration | None) -> None:
@@ -223,7 +234,20 @@ class TimeIntegration(Run):
         over = self._becomes(self.pairs.begin(self._now))
         if self.scales is None and self.t < self.t_max:  # of one that rests none are asked for
             self.scales = scales(self.equation, self.t, self.y)
+        if self._may_turn_for_ever():
+            self.turns = TurnsInTime(float(self.y[0]), self.t, float(self.y[1]) ** 2)
         return over
+
+    def _may_turn_for_ever(self) -> bool:
+        """Whether turns that repeat tell that the goal is never reached."""
+        request, system = self.request, self.system
+        if self.equation.drivers > 1 or self.method in FIXED or request.span < math.inf:
+            return False
+        limited = np.isfinite(system.stops).any() or any(
+            w.terminal or w.then for w in request.watch
+        )
+        alike = system.depends_on <= {"q", "rate"} and request.roles is None
+        return alike and not limited and not system.remembers and system.period is not None
 
     def _becomes(self, change: Transition) -> RunEnd | None:
         """Go on as pairs with friction do."""
@@ -246,7 +270,23 @@ class TimeIntegration(Run):
         rules = self.general.copy()
         if equation.drivers == 1:
             rules += kink_rules(float(self.y[0]), system.knots, system.period)
+            rules += self._turn_rules()
         return [*rules, *signals, *self.pairs.rules()]
+
+    def _turn_rules(self) -> list[EventFunction]:
+        if self.turns is None or self.system.period is None:
+            return []
+        way, place = self.turns.many * self.system.period, self.turns.place
+        return [driver_at(ends.WHOLE_TURN, q) for q in (place - way, place + way)]
+
+    def _turned(self) -> RunEnd | None:
+        """Go on over a whole turn, if the goal may still be ahead."""
+        self.fired = None  # where the next one ends is elsewhere
+        q, rate = float(self.y[0]), float(self.y[1])
+        assert self.turns is not None
+        over = self.turns.turned(self.t, q, rate, self.request.accuracy or TARGET)
+        ahead = any(rate * (place - q) > 0 for place in self.request.places)
+        return None if ahead else over
 
     def segment(self) -> RunEnd | None:
         """Go on with one smooth right-hand side to whatever ends it."""
@@ -507,6 +547,8 @@ class TimeIntegration(Run):
             return self._change_roles(watch)
         if rule.kind == ends.KINK:
             self._past_kink()
+        elif rule.kind == ends.WHOLE_TURN:
+            return self._turned()
         elif rule.kind == ends.REVERSAL:
             return self._becomes(self.pairs.reverse(self._now, rule.index))
         elif rule.kind == ends.STANDSTILL:
@@ -530,6 +572,8 @@ class TimeIntegration(Run):
     def _stood(self) -> RunEnd | None:
         self.y[1] = 0.0
         swing, self.swing_from = abs(float(self.y[0]) - self.swing_from), float(self.y[0])
+        if self.turns is not None:
+            self.turns = TurnsInTime(self.swing_from, self.t, 0.0)
         if (over := self.stood()) is not None:
             return over
         short = self.request.standstills < math.inf and swing <= self.rest
