@@ -12,7 +12,7 @@ import blockmech as bm
 from blockmech.dynamics import time as integrators
 from blockmech.dynamics.events import crossings
 from blockmech.dynamics.request import Start, Until, Watch
-from blockmech.dynamics.system import System, Terms
+from blockmech.dynamics.system import Terms
 from tests.dynamics.honesty import GRAPHS
 from tests.dynamics.linkages import guided, motored, watt
 from tests.dynamics.synthetic import Synthetic, move
@@ -83,7 +83,7 @@ def double_pendulum():
 def test_two_drivers_keep_their_energy_and_agree_with_another_method():
     q0, qd0 = [1.0, -0.5], [0.3, 0.0]
     motion = move(double_pendulum(), (q0, qd0), "time=10", "auto", 1e-9)
-    other = move(double_pendulum(), (q0, qd0), "time=10", "lsoda", 1e-6)
+    other = move(double_pendulum(), (q0, qd0), "time=10", "radau", 1e-6)
     assert motion.method == "dop853"
     assert np.abs(motion.q_end - other.q_end).max() <= motion.error + other.error
 
@@ -120,10 +120,7 @@ def test_time_dependent_loads_are_integrated():
 @pytest.mark.parametrize("method", ["dop853", "radau"])
 @pytest.mark.parametrize("knot", [0.3, 0.7, 1.0, 1.123248806197458, 2.0])
 def test_a_knot_met_at_the_time_asked_ends_the_run_there(method, knot):
-    """No leg could follow, or SciPy found no root between ends of steps that both said zero.
-
-    Roundings before the end LSODA warned of an illegal input, in one run of forty.
-    """
+    """No leg could follow, or SciPy found no root between ends of steps that both said zero."""
     level = guided(1.0, lambda q: 0 * q, knots=(knot,))
     for rate in (1.0, 2.0, 3.0):
         found = move(level, Start(0.0, rate), Until("time", knot / rate), method, 1e-6)
@@ -177,18 +174,6 @@ def test_a_run_shorter_than_its_step_tells_its_error(method, step):
     runs = [graph.simulate("time=0.1", start=start, method=m, step=h).motion
             for m, h in ((method, step), ("energy", None))]  # fmt: skip
     assert abs(runs[0].q_end - runs[1].q_end) <= runs[0].error < math.inf
-
-
-def test_a_table_of_the_place_says_what_the_kernels_say():
-    for name, rate in (("watt_sixbar", 3.0), ("pump", 60.0), ("engine", 150.0)):
-        system = System(bm.Graph.load(GRAPHS / f"{name}.json").compile())
-        size = [np.abs(x).max() for x in system.sample(np.linspace(0, 13, 500), rate)]
-        for q in np.linspace(-9.0, 9.0, 101).tolist():
-            J, tau, dJ, _ = system.table.one(q, rate, 0.0)
-            known = system.one(q, rate, 0.0)
-            found = abs(J - known.J), abs(dJ - known.dJ), abs(tau - known.tau)
-            assert max(found[:2]) <= 1e-13 * size[0]
-            assert found[2] <= 1e-13 * size[1]
 
 
 def test_an_event_that_stops_being_a_number_inside_a_step_is_where_it_does():
