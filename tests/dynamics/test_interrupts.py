@@ -35,18 +35,18 @@ class Stopping:
 
 CASES = [
     ("watt_sixbar", "dop853", 5, {}, COARSE),
-    ("watt_sixbar", "lsoda", 5, {}, COARSE),
-    ("watt_sixbar", "lsoda", 3, {"stops": {"crank": (-9.0, 9.0)}}, COARSE),
+    ("watt_sixbar", "dop853", 3, {"stops": {"crank": (-9.0, 9.0)}}, COARSE),
     ("watt_sixbar", "radau", 5, {}, COARSE),
     ("watt_sixbar", "rk4", 3, {"step": 1e-3}, COARSE),
-    ("pump", "spectral", 20, {}, PANELS),
+    ("pump", "dop853", 5, {}, COARSE),
+    ("engine", "energy", 20, {}, PANELS),
     ("engine", "dop853", 5, {}, COARSE),
 ]
 
 
 @pytest.mark.parametrize(("name", "method", "n", "more", "tolerance"), CASES)
 def test_one_driver_keeps_the_motion_as_far_as_it_came(name, method, n, more, tolerance):
-    stop = Stopping(n, {"spectral": "moving"}.get(method, method))
+    stop = Stopping(n, {"energy": "moving"}.get(method, method))
     r = mechanism(name).simulate(f"time={LONG}", method=method, progress=stop, **more)
     assert (r.motion.status, r.motion.end) == ("ended", "interrupted")
     assert 0 < r.motion.t_end < LONG
@@ -109,7 +109,7 @@ def test_too_many_evaluations_lose_nothing_that_was_computed(monkeypatch):
         ("engine", "turns=2", "dop853", 2.0),
         ("engine", "angle=10", "dop853", 10 - 0.3),  # from its start
         ("fivebar_falling", "time=0.6", "auto", 0.6),
-        ("pump", "time=2", "spectral", 2.0),
+        ("pump", "time=4", "dop853", 4.0),
     ],
 )
 def test_progress_tells_how_far_the_goal_is(name, until, method, whole):
@@ -155,7 +155,7 @@ def test_swings_that_take_work_each_are_given_up_early_where_their_goal_is_too_f
     g.connect("slider.slider", "spring.b")
     motion = g.compile().simulate("time=1", start={"slider": (1.0, 0.0)}).motion
     assert (motion.status, motion.end) == ("failed", "more evaluations than allowed")
-    assert motion.cost.evaluations < 500_000  # of 3,400,000 that a whole run is allowed
+    assert motion.cost.evaluations < 100_000  # of 500,000 that each run of each method is allowed
     assert any("steady" in note for note in motion.notes)
     wanted = (np.cos(100.0) + 1e-6 * np.sin(100.0)) * np.exp(-1e-4)
     assert motion.at(1e-4).q == pytest.approx(wanted, abs=1e-9)

@@ -20,6 +20,7 @@ from blockmech.dynamics.events import watched
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import WATCH, SimulationRequest, check_method
 from blockmech.dynamics.rest import balanced, failed_start
+from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS
 from blockmech.dynamics.signals import felt
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
@@ -327,14 +328,17 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
 def _stiff_or_not(system: System, request: SimulationRequest, why: str) -> Motion:
     """In time by ``dop853``, or by ``radau`` where that needs too many steps.
 
-    That it needs too many to a given time is a guess: where ``radau`` does as well, all are made.
+    That it needs too many to a given time is a guess: where ``radau`` does as well, all are made,
+    unless that is hopeless.
     Other goals may never be reached, which is found out by machine code alone in little time.
     """
     motion = in_time(system, replace(request, why=why), "dop853", patient=False)
     timed = request.until.goal == "time"
     if motion.end == ends.TOO_MANY and (timed or system.quick_states):
-        other = in_time(system, replace(request, why=f"{why}; it is stiff"), "radau")
+        other = in_time(system, replace(request, why=f"{why}; it is stiff"), "radau", False)
         if other.end != ends.TOO_MANY:
             return other
-        motion = in_time(system, replace(request, why=why), "dop853") if timed else motion
+        done = (motion.t_end - request.start.t) / request.span
+        if timed and done * HOPELESS * EVALUATIONS > GUESSED_AT:
+            motion = in_time(system, replace(request, why=why), "dop853")
     return motion

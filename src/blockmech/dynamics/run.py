@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 INTEGRATORS = ("dop853", "radau")  # in time
 EVALUATIONS = 500_000  # states, or steps, at most in a run of an integrator; some seconds
+GUESSED_AT = EVALUATIONS / 16  # states by which it shows whether that is enough
+HOPELESS = 8  # times as many as allowed, by that guess: no other run is made
 
 
 class RunEnd(NamedTuple):

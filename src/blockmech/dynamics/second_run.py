@@ -62,7 +62,8 @@ class AnotherPathError(Exception):
 def second_run(run: Run) -> list[Leg] | None:
     """The second run; None where it needs panels of its own.
 
-    So it is where the path ends by itself: at a dead centre, in equilibrium, where nothing is smooth.
+    So it is where the path ends by itself: at a dead centre, in equilibrium, where nothing is
+    smooth.
     """
     named = run.end in ("time", END_STOP, run.request.until.goal)
     if not named and not run.end.startswith("never reached"):

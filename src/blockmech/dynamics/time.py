@@ -35,7 +35,7 @@ from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.repetition import TurnsInTime
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.dynamics.roles import Roles
-from blockmech.dynamics.run import EVALUATIONS, Run, RunEnd
+from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS, Run, RunEnd
 from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
 from blockmech.dynamics.solvers import AcceptedSteps, Dop853, MachineSteps, Radau5
 from blockmech.dynamics.stick_slip import Now, Transition, stick_slip
@@ -50,7 +50,6 @@ if TYPE_CHECKING:
 SOLVERS = {"dop853": Dop853, "radau": Radau5}
 FIXED = ("rk4", "euler_q")  # steps of the textbooks
 QUICKER = 8  # times as many states may a friction law with a state ask of machine code
-LOOKED_AT = EVALUATIONS / 16  # states by which it shows whether that is enough
 LESS = 0.9  # of the longest step of a coarser run: at order 8 that leaves less than half an error
 CHAIN, CREEP = 4, 1e-6  # blocks in a row that a push may come through; [s] of a step of each
 ANYWHERE = (-math.inf, math.inf)
@@ -507,14 +506,18 @@ class TimeIntegration(Run):
         """Give up early where the motion is too stiff for an explicit method.
 
         Bristles in a fast slip forget in so short a time all along, so what is done so far tells;
-        of others it is a guess, where another method may go on.
+        of others it is a guess, where another method may go on: that gives up where it is far off.
         """
-        if self.method != "dop853" or (self.patient and not self.system.remembers):
+        if self.patient and not (self.system.remembers and self.method == "dop853"):
             return
         spent, start = self.equation.spent, self.request.start.t
-        if self.request.until.goal == "time" and spent > LOOKED_AT:
+        if self.request.until.goal == "time" and spent > GUESSED_AT:
             whole = spent * (self.t_max - start) / (self.t - start)
-            if whole > self.equation.most:
+            if whole > self.equation.most * (1 if self.method == "dop853" else HOPELESS):
+                self.notes.append(
+                    f"{spent} evaluations reach {self.t:.3g} s, at most {self.equation.most} are "
+                    'made: ask for a shorter time, or for what it settles to, "steady"'
+                )
                 raise ends.TooMany
 
     def _far(self) -> tuple[float, float | None]:
