@@ -61,7 +61,6 @@ NUMPY = "goal without the extra fast"
         ("energy llvm", 1e-12, 0.7, None),
         ("dop853 scalar", 1e-9, None, 20e-3),
         ("dop853 llvm", 1e-9, 2.0, None),
-        ("lsoda", 1e-9, 30.0, None),
     ],
 )
 def test_watt_sixbar_from_rest(
