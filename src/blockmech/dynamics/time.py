@@ -32,13 +32,13 @@ from blockmech.dynamics.events import (
 )
 from blockmech.dynamics.jolt import jolt_of
 from blockmech.dynamics.layout import StateLayout
-from blockmech.dynamics.repetition import TurnsInTime
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS, Run, RunEnd
 from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
 from blockmech.dynamics.solvers import AcceptedSteps, Dop853, MachineSteps, Radau5
 from blockmech.dynamics.stick_slip import Now, Transition, stick_slip
+from blockmech.dynamics.turns import TurnsInTime
 from blockmech.engines.dense import Dense
 from blockmech.motion import Event, Floats, Impact, Motion, RolesFrom, Slips, State, Still
 from blockmech.plane import EPS
