@@ -120,6 +120,9 @@ def test_what_friction_holds_stays_where_it_is(method):
     timed = mech.simulate("time=1", start=start, method=method).motion
     assert (timed.status, timed.end, timed.qd_end) == ("reached", "time", 0.0)
     assert timed.q_end == start["crank"][0]
+    # no run at another tolerance would say anything else
+    assert (timed.regime, timed.error, timed.cost.states) == ("rest", 0.0, 0)
+    assert timed.cost == held.cost
 
 
 @pytest.mark.parametrize("method", ["auto", "dop853"])

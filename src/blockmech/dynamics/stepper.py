@@ -29,6 +29,7 @@ from blockmech.dynamics.request import (
     starts_of,
 )
 from blockmech.dynamics.roles import roles_of
+from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.stops import bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
@@ -203,6 +204,9 @@ class Stepper:
         equation, friction = Equation(self._system, q), self._system.friction
         if friction is not None:
             x = y[self._layout.signals] if self._layout.initial else None
+            if isinstance(friction, SeveralFriction):
+                held = self._system.against(q, rate, t)
+                return friction.from_state(q, rate, t, held, x)[1]
             way = int(np.sign(rate)) or friction.rest(q, t, x).moves
             if not way:
                 return np.zeros(1)
