@@ -9,7 +9,6 @@ import pytest
 from mpmath import mp, mpf
 
 import blockmech as bm
-from blockmech.dynamics.panel_builder import PanelBuilder
 from blockmech.errors import RequestError
 from tests.dynamics.motions import PIN_START, pin_swings
 from tests.gallery import changed, document
@@ -36,7 +35,8 @@ def pendulum(coefficient=0.2, radius=0.1, law=None, mass=1.0, length=1.0):
     return graph.compile()
 
 
-@METHODS
+# At 1e-12 the pairs of runs that dop853 estimates its error by leave 3e-12 over 27 half swings.
+@pytest.mark.parametrize(("method", "accuracy"), [("auto", 1e-11), ("dop853", 1e-7)])
 def test_a_pendulum_on_a_pin_stands_still_where_the_closed_form_says(method, accuracy):
     wanted = np.array([float(end) for _, _, end in pin_swings()])
     mech = pendulum()
@@ -55,18 +55,19 @@ def test_a_pendulum_on_a_pin_stands_still_where_the_closed_form_says(method, acc
 
 
 @pytest.mark.parametrize(("mass", "length"), [(3.0, 1.0), (1e-6, 1e-4), (1e5, 100.0)])
-def test_what_rounding_leaves_of_rows_that_cancel_does_not_end_the_path(mass, length):
-    """Where J' is rounding, no series of it was smooth: masses of one digit alone went on."""
+def test_a_rubbing_pendulum_moves_alike_at_any_mass_and_length(mass, length):
+    """J' is nothing but rounding of rows that cancel, whatever the masses' digits."""
     mech = pendulum(radius=0.1 * length, mass=mass, length=length)
     time = 10 * math.sqrt(length)
-    request = {"start": {"crank": (0.0, 0.0)}, "method": "spectral"}
+    request = {"start": {"crank": (0.0, 0.0)}, "accuracy": 1e-10}
     motion = mech.simulate(f"time={time!r}", **request).motion
     wanted = pendulum().simulate("time=10", **request).motion
-    assert abs(motion.q_end - wanted.q_end) <= motion.error + wanted.error <= 1e-12
+    assert abs(motion.q_end - wanted.q_end) <= 1e-12
+    assert motion.reached
+    assert wanted.reached
 
 
-def test_before_a_dead_centre_friction_ends_the_path_where_integrators_end():
-    """Eight thousand panels of some hundred roundings each were made before it."""
+def test_before_a_dead_centre_friction_ends_the_motion_by_both_integrators():
     graph = bm.Graph("slide under two rods", gravity=(-7.0, -7.0))
     frame = bm.Frame(markers={"A": (0.0, 0.0), "G": bm.Marker(at=(0.0, -0.3), angle=0.0)})
     rod = bm.Link(mass=1.0, inertia=0.08, cm=(0.5, 0.0))
@@ -78,10 +79,12 @@ def test_before_a_dead_centre_friction_ends_the_path_where_integrators_end():
     for a, b in (("frame.G", "slider.S"), ("slider.P", "dyad.B"), ("frame.A", "dyad.D")):
         graph.connect(a, b)
     mech, start = graph.compile(), {"slider": (0.9, 0.0)}
-    path, time = (mech.simulate("time=2", start=start, method=m).motion for m in ("auto", "dop853"))
-    assert (path.method, path.end, time.end) == ("spectral", "dead centre", "dead centre")
-    assert abs(path.q_end - time.q_end) <= path.error + time.error
-    assert abs(path.t_end - time.t_end) <= 1e-3 * path.time_error
+    explicit, implicit = (
+        mech.simulate("time=2", start=start, method=m).motion for m in ("auto", "radau")
+    )
+    assert (explicit.method, explicit.end, implicit.end) == ("dop853", *["dead centre"] * 2)
+    assert abs(explicit.q_end - implicit.q_end) <= explicit.error + implicit.error
+    assert abs(explicit.t_end - implicit.t_end) <= 1e-3 * explicit.time_error
 
 
 def rubbing():
@@ -117,6 +120,9 @@ def test_what_friction_holds_stays_where_it_is(method):
     timed = mech.simulate("time=1", start=start, method=method).motion
     assert (timed.status, timed.end, timed.qd_end) == ("reached", "time", 0.0)
     assert timed.q_end == start["crank"][0]
+    # no run at another tolerance would say anything else
+    assert (timed.regime, timed.error, timed.cost.states) == ("rest", 0.0, 0)
+    assert timed.cost == held.cost
 
 
 @pytest.mark.parametrize("method", ["auto", "dop853"])
@@ -232,22 +238,20 @@ def test_methods_without_friction_refuse_it(method):
 @pytest.mark.parametrize(("coefficient", "time"), [(0.2, 1.0), (0.5, 0.3), (0.7, 1.0), (0.9, 0.1)])
 def test_what_friction_takes_is_what_energy_misses_wherever_the_run_ends(coefficient, time):
     mechanism, start = pendulum(1.0, coefficient), (LOWEST, 8.0)
-    motion = mechanism.simulate(f"time={time}", start={"crank": start}).motion
+    motion = mechanism.simulate(f"time={time}", start={"crank": start}, accuracy=1e-12).motion
     energy = start[1] ** 2 / 2 - motion.qd_end**2 / 2 - G * (math.sin(motion.q_end) + 1)
     assert motion.facts["friction_work"] == pytest.approx(energy, rel=1e-12)
-    other = mechanism.simulate(f"time={time}", start={"crank": start}, method="dop853").motion
+    other = mechanism.simulate(f"time={time}", start={"crank": start}, method="radau").motion
     assert abs(motion.q_end - other.q_end) <= motion.error + other.error
 
 
-def test_a_load_that_does_not_change_has_no_kink(monkeypatch):
-    """A balanced wheel: its pin carries the weight alone, and slows it down evenly."""
+def test_a_balanced_wheel_slows_down_evenly():
+    """Its pin carries the weight alone: a load that does not change has no kink."""
     graph = bm.Graph("wheel", gravity=(0.0, -G))
     graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
     wheel, pin = bm.Link(mass=2.0, inertia=0.5), bm.Coulomb(coefficient=0.2, radius=0.05)
     graph.add("crank", bm.Crank(length=0.1, links={"crank": wheel}, friction={"A": pin}))
     graph.connect("frame.A", "crank.A")
-    strict = np.errstate(all="raise")(PanelBuilder._first_kink)
-    monkeypatch.setattr(PanelBuilder, "_first_kink", strict)
     motion = graph.compile().simulate("standstill", start={"crank": (0.0, 5.0)}).motion
     assert motion.events[-1].t == pytest.approx(5.0 * 0.5 / (0.2 * 0.05 * 2.0 * G), rel=1e-12)
 

@@ -66,7 +66,6 @@ def test_watt_stands_still_where_and_when_it_must(case, method, tolerance):
     [
         ("energy", ANGLE, RATE),
         ("dop853", INTEGRATED, INTEGRATED),
-        ("lsoda", INTEGRATED, 10 * INTEGRATED),
         ("radau", 1e-4, 1e-3),
     ],
 )

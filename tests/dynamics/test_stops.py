@@ -105,9 +105,8 @@ LONG = 3.0  # [s] by then every one has come to its end
 BY = [  # method, target, step
     ("dop853", 1e-3, None),
     ("dop853", 1e-9, None),
-    ("lsoda", 1e-3, None),
-    ("lsoda", 1e-8, None),
-    ("radau", 1e-5, None),
+    ("radau", 1e-3, None),
+    ("radau", 1e-8, None),
     ("rk4", 1e-4, None),
     ("rk4", None, 0.002),
     ("euler_q", None, 1e-3),

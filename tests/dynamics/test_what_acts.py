@@ -48,7 +48,7 @@ def pendulum(coefficient=0.2, beside=False, low=None, **start):
     return other(graph) if beside else graph.compile()
 
 
-def fourbar(beside=False, coefficient=3.0, q=1.0):
+def fourbar(beside=False, coefficient=3.0, q=1.0, coupler=2.5):
     """A heavy four-bar with dry pins, which its crank leaves at rest."""
     pin = bm.Coulomb(coefficient=coefficient, radius=0.05)
     graph = bm.Graph("fourbar", gravity=(0.0, -0.4))
@@ -57,7 +57,7 @@ def fourbar(beside=False, coefficient=3.0, q=1.0):
     crank = bm.Link(mass=1.0, inertia=0.1, cm=(0.02, 0.0))
     graph.add("crank", bm.Crank(length=1.0, links={"crank": crank}, friction={"A": pin}))
     every = dict.fromkeys("BCD", pin)
-    graph.add("d", bm.RRR(l_i=2.5, l_j=2.0, links=bars, friction=every))
+    graph.add("d", bm.RRR(l_i=coupler, l_j=2.0, links=bars, friction=every))
     for wire in ("frame.A crank.A", "crank.B d.B", "frame.D d.D"):
         graph.connect(*wire.split())
     graph.start("crank", q=q)
@@ -185,3 +185,54 @@ def test_a_pendulum_that_lies_against_a_stop_leaves_its_weight_to_it():
     assert result["arm.drive"] == pytest.approx([0, 0, held, held], abs=1e-14, rel=1e-12)
     assert result["arm.A.friction"][2:] == pytest.approx([0, 0], abs=1e-14)
     assert (result["arm.acceleration"][2:] == 0).all()
+
+
+# -- steppers --------------------------------------------------------------------------------
+
+
+def two_arms():
+    """Two rods in a row on dry pins."""
+    graph = bm.Graph("arms", gravity=(0.0, -G))
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    dry = {"A": bm.Coulomb(coefficient=0.2, radius=0.05)}
+    for name, length in (("arm", 1.0), ("hand", 0.5)):
+        rod = bm.Link(mass=1.0, inertia=length**2 / 12, cm=(length / 2, 0.0))
+        graph.add(name, bm.Crank(length=length, links={"crank": rod}, friction=dry))
+    graph.connect("frame.A", "arm.A")
+    graph.connect("arm.B", "hand.A")
+    return graph.compile()
+
+
+HANGING = -math.pi / 2
+STEPPED = {
+    "both slip": (two_arms, {"arm": (0.3, 1.0), "hand": (0.4, -2.0)}, {}),
+    "one starts": (two_arms, {"arm": (0.3, 1.0), "hand": (0.4, 0.0)}, {}),
+    "both start": (two_arms, {"arm": (0.3, 0.0), "hand": (0.4, 0.0)}, {}),
+    "one sticks": (two_arms, {"arm": (HANGING, 0.0), "hand": (0.4, 0.0)}, {}),
+    "both stick": (two_arms, {"arm": (HANGING, 0.0), "hand": (0.0, 0.0)}, {}),
+    "one is locked": (two_arms, {"hand": (0.4, -2.0)}, {"locked": {"arm": 0.3}}),
+    "a slider is held": (lambda: incline(LAWS["stiction"]()), {"s": (0.0, 0.0)}, {}),
+    "a slider slides": (lambda: incline(LAWS["stiction"]()), {"s": (0.0, 2.0)}, {}),
+}
+
+
+@pytest.mark.parametrize(("machine", "start", "roles"), STEPPED.values(), ids=STEPPED)
+def test_a_stepper_shows_what_acts_in_the_motion(machine, start, roles):
+    mechanism = machine()
+    want = ["*.q", "*.rate", "*.acceleration", "*.reaction", "*.friction", "*.drive"]
+    step = 0.01
+    env = mechanism.stepper(want, copies=2, start=start, **roles)
+    moved = mechanism.simulate(f"time={step}", times=[0.0, step], start=start, want=want, **roles)
+    for at, shown in enumerate((env.observe(), env.step(step))):
+        for name, values in shown.items():
+            assert np.abs(values - moved[name].T[at]).max() <= 1e-8, name
+            if name.endswith("drive") and not roles:
+                assert np.abs(values).max() <= 1e-12, name
+
+
+@pytest.mark.parametrize("rate", [0.0, 1.0])
+def test_of_a_copy_without_a_pose_a_stepper_knows_nothing(rate):
+    env = fourbar(coupler=1.5).stepper(["crank.acceleration", "crank.drive"], copies=2)
+    seen = env.reset(copies=1, start={"crank": (math.pi, rate)})
+    assert [bool(np.isnan(x[1])) for x in seen.values()] == [True, True]
+    assert [bool(np.isfinite(x[0])) for x in seen.values()] == [True, True]

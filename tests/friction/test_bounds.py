@@ -48,7 +48,7 @@ def test_no_certificate_is_no_bound():
 
 def test_a_motion_says_what_its_way_to_solve_friction_leaves_undone():
     mech, start = four_bar(0.0075), {"crank": (1.0, 20.0)}
-    for method in ("spectral", "dop853"):
+    for method in ("dop853", "radau"):
         rough, exact = (
             mech.simulate("time=0.1", start=start, method=method, friction=f, want=()).motion
             for f in ("single", "newton")

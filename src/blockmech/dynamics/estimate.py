@@ -180,9 +180,11 @@ def refined(
 
     With it what the last two runs said of each other, whose states are those of the finer.
     ``finer`` gives the next setting from the last one and the difference seen (infinite before
-    there is one), None where there is none.
+    there is one), None where there is none. A run that knows its own error needs no other.
     """
     coarse, setting, best = run(first), first, None
+    if math.isfinite(coarse.error):
+        return coarse, None
     off, by = math.inf, None
     while True:
         if coarse.end in (ends.INTERRUPTED, ends.TOO_MANY):

@@ -377,7 +377,7 @@ class Bounces(Run):
 
         self._touches(0, away(t) * way)
         t_last = t + request.span
-        until, _ = first_beyond(system, away, t, t_last)
+        until = first_beyond(system, away, t, t_last)
         still = replace(request.standing, method=self.legs[0].method, regime=ends.REST)
         if self.friction is not None:
             sides = self.friction.senses(np.zeros(len(self.friction.names)))

@@ -57,7 +57,7 @@ class MotionInputs(Mapping[str, Any]):
         self.sides = None if friction is None else motion.sides(t)
         self.begins = motion.status != "failed"  # else nothing is known where no motion says it
         self.known = _by_driver("q", self.q, k) | _by_state(self.states)
-        if self.sides is None or (self.sides != 0).all():
+        if k == 1 or self.sides is None or (self.sides != 0).all():
             self.known |= _by_driver("qd", self.qd, k)  # what sticks does not move at all
 
     def _friction(self) -> SeveralFriction | None:

@@ -71,15 +71,15 @@ def equilibrium(system: System, q: float) -> tuple[str, dict[str, float], tuple[
 
 def first_beyond(
     system: System, beyond: Callable[[float], float], t: float, t_last: float
-) -> tuple[float | None, float]:
-    """First time [s] after t at which what loads do to a place grows positive, and the latest.
+) -> float | None:
+    """First time [s] after t at which what loads do to a place grows positive.
 
     None where it does not until ``t_last``, or, if that is infinite, in a period of the loads.
     """
     structure = system.compiled.structure
     periods = loads.time_periods(structure)
     if "time" not in system.depends_on:
-        return None, t
+        return None
     from scipy.optimize import brentq
 
     latest = t_last if math.isfinite(t_last) else t + max(periods, default=1.0)
@@ -90,7 +90,6 @@ def first_beyond(
         if b == kink:
             kink = loads.next_time_kink(structure, kink)
         if beyond(b) > 0:
-            until = b if beyond(a) >= 0 else float(brentq(beyond, a, b, xtol=EPS, rtol=4 * EPS))
-            return until, latest
+            return b if beyond(a) >= 0 else float(brentq(beyond, a, b, xtol=EPS, rtol=4 * EPS))
         a = b
-    return None, latest
+    return None

@@ -15,6 +15,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
+from blockmech.dynamics.contacts import Held
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.layout import StateLayout
@@ -29,6 +30,7 @@ from blockmech.dynamics.request import (
     starts_of,
 )
 from blockmech.dynamics.roles import roles_of
+from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.stops import bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
@@ -36,6 +38,7 @@ from blockmech.errors import as_names, close_match, listed, refused
 from blockmech.model.structure import JointRef
 from blockmech.motion import Floats
 from blockmech.passes.signals import STATE
+from blockmech.plan import Friction
 from blockmech.samples import Samples
 from blockmech.settings import friction_asked
 from blockmech.signals.contract import HELD
@@ -73,8 +76,8 @@ class Stepper:
         self.mechanism, self.copies, self._system = mechanism, copies, system
         self._start, self._tolerance, self._bound = dict(start), tolerance, bound
         self.outputs = mechanism.outputs.match(want)
-        method = "none" if system.method is None else system.method.method
-        self._plan = mechanism.plan(self.outputs, friction=method)  # type: ignore[arg-type]
+        how = system.method or Friction("none")
+        self._plan = mechanism.planned(self.outputs, replace(how, along=how.method != "none"))
         structure = mechanism.structure
         self._places = {
             name: structure.states[JointRef(name, f"{HELD}y")]
@@ -145,10 +148,9 @@ class Stepper:
             given[f"qd_{k}"] = self._y[:, layout.drivers + k].copy()
         states = self._y[:, layout.signals].T
         given |= {f"{STATE}{k}": x.copy() for k, x in enumerate(states)}
-        needed = [x for x in self._plan.program.inputs if x.startswith("qdd_")]
-        if needed:
-            rows = np.array([self._acceleration(i) for i in range(self.copies)])
-            given |= {f"qdd_{k}": column for k, column in enumerate(rows.T)}
+        if not given.keys() >= {*self._plan.program.inputs} - {"t"}:
+            for name, rows in self._acting().items():
+                given |= {f"{name}_{k}": column for k, column in enumerate(rows.T)}
         values, _ = self.mechanism.evaluate(self._plan, Samples(self.copies, given, self.t.copy()))
         outputs = {}
         for name in self.outputs:
@@ -196,18 +198,25 @@ class Stepper:
         else:
             self.t[i], self.ended[i] = motion.t_end, motion.end
 
-    def _acceleration(self, i: int) -> Floats:
-        """q'' (k,) of one copy."""
-        y, t = self._y[i], float(self.t[i])
-        q, rate = self._layout.motion(y)
-        equation, friction = Equation(self._system, q), self._system.friction
-        if friction is not None:
-            x = y[self._layout.signals] if self._layout.initial else None
-            way = int(np.sign(rate)) or friction.rest(q, t, x).moves
-            if not way:
-                return np.zeros(1)
-            equation.sides = friction.sides(q, way)
-        return np.asarray(equation(t, y), dtype=np.float64)[self._layout.rate]
+    def _acting(self) -> dict[str, Floats]:
+        """Accelerations (n, k) of the copies, and what (n, m) the pairs with friction do."""
+        system, layout, y, t = self._system, self._layout, self._y, self.t
+        friction: SeveralFriction | None = system.friction_of(SeveralFriction)
+        if friction is None:
+            rates = [Equation(system, layout.motion(x)[0])(s, x) for x, s in zip(y, t, strict=True)]
+            return {"qdd": np.array(rates)[:, layout.rate]}
+        roles = system.roles
+        bound = np.ones((self.copies, 0 if roles is None else len(roles.bound)), dtype=bool)
+
+        def against(q: Floats, qd: Floats, t: Floats, which: Any) -> Held:
+            assert roles is not None
+            return roles.constraint(t)
+
+        state = y[:, layout.q], y[:, layout.rate], t, y[:, layout.signals]
+        unknown = np.full((self.copies, len(friction.names)), math.nan)
+        sides = friction.completed(*state, unknown, bound, against)
+        along = friction.along(*state, sides, bound, against)
+        return {"qdd": along.qdd, "friction": along.friction, "sticks": 1.0 * along.stand}
 
 
 def stepper(

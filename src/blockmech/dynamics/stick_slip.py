@@ -100,7 +100,7 @@ class Frictionless:
         """By how much the loads push beyond what joint friction holds at rest."""
         return -math.inf
 
-    def _beyond(self, now: Now) -> tuple[float | None, float]:
+    def _beyond(self, now: Now) -> float | None:
         """When loads of the time push beyond that, see `first_beyond`."""
         system, t_last = self.equation.system, self.request.t_last
         return first_beyond(system, lambda t: self._excess(t, now.y), now.t, t_last)
@@ -185,7 +185,7 @@ class OneDriver(Frictionless):
         low, high = holding = rest.holding
         if rest.ambiguous:
             return Transition(RunEnd(ends.AMBIGUOUS, "failed"))
-        stays, until = Transition(), None
+        stays, begin = Transition(), now.t
         if rest.rests:
             event, facts = (
                 Event(ends.REST, now.t, q, 0.0),
@@ -195,14 +195,13 @@ class OneDriver(Frictionless):
             if "state" in system.depends_on:
                 self.rests = self.equation.held = True
                 return stays
-            until, latest = self._beyond(now)
-            after = latest if until is None else math.nextafter(until, math.inf)
-            holding = self.friction.rest(q, after).holding
+            until = self._beyond(now)
             stays = stays.then(self._stays(now, until))
+            if until is None:
+                return stays
+            begin, after = until, math.nextafter(until, math.inf)
+            holding = self.friction.rest(q, after).holding
         self._start(now.y, holding)
-        if rest.rests and until is None:
-            return stays
-        begin = now.t if until is None else until
         return stays.then(Transition(slips=self._slipping(begin)))
 
     def _start(self, y: Floats, holding: tuple[float, float]) -> None:
@@ -311,7 +310,7 @@ class SeveralDrivers(Frictionless):
         system = self.equation.system
         if "state" in system.depends_on or (system.held and "time" in system.depends_on):
             return Transition()  # signals go on, or a stop lets go before
-        until, _ = self._beyond(now)
+        until = self._beyond(now)
         stays = self._stays(now, until)
         return stays if until is None else stays.then(self.release(Now(until, now.y, True)))
 

@@ -449,6 +449,7 @@ class SeveralFriction(PairFriction):
         k, m = qd.shape[1], len(self.names)
         columns = self._columns(q, [State(qd=qd, qdd=0.0 * qd)])
         w = np.transpose(columns[0][k + m : k + 2 * m])
+        open_ &= np.isfinite(w).all(axis=1)  # where there is a pose
         moving = open_ & (w != 0).all(axis=1) & ~np.any(lies, axis=1)
         sides[moving] = self.senses(w[moving])
         for i in np.flatnonzero(open_ & ~moving):

@@ -179,11 +179,12 @@ class TimeIntegration(Run):
         if self.method != self.method_wanted and status == "reached":
             self.notes.append(f"{self.method_wanted} gave up on the way, {self.method} went on")
         fixed = self.method_wanted in FIXED
-        if not fixed:
+        if not (fixed or self.stands):
             self.facts["tolerance"] = self.tolerance
-        return self.result(
+        rests = end == ends.REST or self.stands
+        motion = self.result(
             method=self.method_wanted,
-            regime="fixed steps" if fixed else "rest" if end == ends.REST else "integrated",
+            regime="fixed steps" if fixed else "rest" if rests else "integrated",
             t_end=self.t,
             q_end=q,
             qd_end=qd,
@@ -196,6 +197,12 @@ class TimeIntegration(Run):
             cost=self.system.cost,
             engine=self.system.engine_of_states.name,
         )
+        return motion.but(error=0.0) if self.stands else motion
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is over without any step: at a finer tolerance it is the same."""
+        return self.longest == 0 and self.end not in UNFINISHED
 
     def _track(self) -> Steps:
         return Steps.of(self.layout, self.times, self.pieces, tuple(self.roles), tuple(self.jolts))
@@ -231,7 +238,8 @@ class TimeIntegration(Run):
     def begin(self) -> RunEnd | None:
         """Give pairs with friction the senses in which they slip first."""
         over = self._becomes(self.pairs.begin(self._now))
-        if self.scales is None and self.t < self.t_max:  # of one that rests none are asked for
+        rests = over is not None or self.t >= self.t_max
+        if self.scales is None and not rests:
             self.scales = scales(self.equation, self.t, self.y)
         if self._may_turn_for_ever():
             self.turns = TurnsInTime(float(self.y[0]), self.t, float(self.y[1]) ** 2)
@@ -653,4 +661,6 @@ def in_time(
 
     first = max(target / 10, FLOOR * FINER)
     judged_run, apart = refined(run, first, finer, target, system.rotary, request.times)
+    if last is not None and last.stands:
+        return judged_run
     return with_rounding(system, judged_run, target, apart)
