@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 import blockmech as bm
@@ -95,20 +94,19 @@ def test_kinks_that_a_stranger_declares_end_panels_and_steps(own):
 
 
 @pytest.mark.parametrize(
-    ("element", "degree", "conservative"),
+    ("element", "conservative"),
     [
-        (bm.Spring(stiffness=1.0), 0, True),
-        (bm.Spring(stiffness=1.0, damping=2.0), 1, False),
-        (bm.Force(force=(1.0, 0.0)), 0, True),
-        (bm.Force(force=(1.0, 0.0), axes="link"), 0, False),
-        (bm.Couple(moment=1.0), 0, False),
-        (bm.Motor(law=bm.laws.DC(stall_moment=1.0, no_load_speed=2.0)), 1, False),
-        (bm.Motor(law=bm.laws.Polynomial(of="rate", coefficients=[1.0, 2.0, 3.0])), 2, False),
-        (bm.Motor(law=bm.laws.Polynomial(coefficients=[1.0, 2.0, 3.0])), 0, False),
-        (bm.Motor(law=lambda rate: rate), np.inf, False),
-        (bm.Motor(law=bm.laws.Signal()), np.inf, False),
+        (bm.Spring(stiffness=1.0), True),
+        (bm.Spring(stiffness=1.0, damping=2.0), False),
+        (bm.Force(force=(1.0, 0.0)), True),
+        (bm.Force(force=(1.0, 0.0), axes="link"), False),
+        (bm.Couple(moment=1.0), False),
+        (bm.Motor(law=bm.laws.DC(stall_moment=1.0, no_load_speed=2.0)), False),
+        (bm.Motor(law=bm.laws.Polynomial(of="rate", coefficients=[1.0, 2.0, 3.0])), False),
+        (bm.Motor(law=bm.laws.Polynomial(coefficients=[1.0, 2.0, 3.0])), False),
+        (bm.Motor(law=lambda rate: rate), False),
+        (bm.Motor(law=bm.laws.Signal()), False),
     ],
 )
-def test_what_elements_say_of_themselves(element, degree, conservative):
-    assert element.rate_degree() == degree
+def test_what_elements_say_of_themselves(element, conservative):
     assert element.conservative is conservative
