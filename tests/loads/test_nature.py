@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 import blockmech as bm
 from blockmech.blocks.registry import REGISTRY
 from blockmech.dynamics import loads
+from blockmech.dynamics.request import Watch
 from blockmech.loads import Element, Terminal
 from blockmech.loads.contract import Kinks
 from blockmech.loads.springs import pull, stored, turn_back, twist
@@ -110,3 +112,23 @@ def test_kinks_that_a_stranger_declares_end_panels_and_steps(own):
 )
 def test_what_elements_say_of_themselves(element, conservative):
     assert element.conservative is conservative
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau"])
+def test_an_event_on_a_kink_of_a_load_is_met(method):
+    """Integrators step over a kink; what happens at the same place was stepped over, too."""
+    knots = np.linspace(0.0, math.tau, 36, endpoint=False)
+    law = bm.laws.Table(arguments=knots, values=np.cos(knots), of="coordinate", turns=1)
+    g = bm.Graph("wheel")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    g.add("wheel", bm.Crank(links={"crank": bm.Link(inertia=0.1)}))
+    g.add("motor", bm.Motor(law=law))
+    for wire in ("frame.A wheel.A", "frame.A motor.a", "wheel.crank motor.b"):
+        g.connect(*wire.split())
+    mech, turn = g.compile(), Watch("turn", lambda t, q, rate: q - math.tau)
+    for rate in np.linspace(50.0, 100.0, 25):
+        request = {"start": {"wheel": (0.0, rate)}, "method": method, "watch": [turn]}
+        motion = mech.simulate("event", **request).motion
+        assert motion.end == "turn"
+        assert motion.q_end == pytest.approx(math.tau, rel=1e-14)
+        assert [event.kind for event in motion.events] == ["turn"]
