@@ -80,7 +80,7 @@ def test_the_names_of_the_parameters_choose_the_method():
             ("time", LINES["time"], None),
         )
     }
-    assert methods == {"coordinate": "energy", "rate": "spectral", "time": "dop853"}
+    assert methods == {"coordinate": "energy", "rate": "dop853", "time": "dop853"}
 
 
 @pytest.mark.parametrize("law", [lambda w: w, lambda: 1.0, math.sin, lambda rate, torque: rate])

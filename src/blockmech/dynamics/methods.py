@@ -7,9 +7,8 @@ where that is stiff. The steady state is a search of its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import NamedTuple, get_args
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.contacts import rate_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.events import watched
+from blockmech.dynamics.method_table import METHODS, Method
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.request import WATCH, SimulationRequest, check_method
 from blockmech.dynamics.rest import balanced, failed_start
@@ -26,44 +26,9 @@ from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
 from blockmech.errors import RequestError, listed, refused
 from blockmech.motion import Event, Floats, Motion, Status
-from blockmech.typing import MotionMethod
 
 LOOKED_AT = 31  # states of a motion at which iterations of friction are judged
 WITHOUT = 'leave it out with friction="none" (--friction none)'
-
-
-Q = frozenset({"q"})
-ALL = frozenset({"q", "rate", "time", "state"})
-
-
-class Method(NamedTuple):
-    """A way to compute a motion, and what it is good for.
-
-    run : called with the system, the request and the name of the method
-    line : what it does
-    loads : what they may depend on
-    friction : whether it takes joint friction
-    ends_at_events : whether it follows the motion in time, so that an event can end it
-    several : whether it takes several drivers
-    finds_steady : whether the search for a steady state takes it; schemes of the textbooks are
-        for comparison alone
-    compared : accuracies from coarse to fine, of fixed steps how many over a run, at which
-        `blockmech.analysis.trade` compares it
-    """
-
-    run: Callable[[System, SimulationRequest, str], Motion]
-    line: str
-    loads: frozenset[str] = ALL
-    friction: bool = True
-    ends_at_events: bool = True
-    several: bool = False
-    finds_steady: bool = True
-    compared: tuple[float, ...] = ()
-
-    @property
-    def fixed_steps(self) -> bool:
-        """Whether its accuracy is set by a step."""
-        return not self.finds_steady
 
 
 def in_time(
@@ -80,36 +45,6 @@ def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> M
     from blockmech.dynamics import textbook
 
     return textbook.in_fixed_steps(system, request, method)
-
-
-def by_quadrature(system: System, request: SimulationRequest, _: str) -> Motion:
-    """Along the path."""
-    return along_path(system, request)
-
-
-METHODS: Mapping[str, Method] = {
-    "energy": Method(
-        by_quadrature, "quadrature along the path: loads of the place alone, to rounding",
-        Q, False, False, compared=(1e-3, 1e-6, 1e-9, 1e-12),
-    ),
-    "dop853": Method(
-        in_time, "Runge-Kutta of order 8 in time: any loads, joint friction, any drivers",
-        several=True, compared=(1e-3, 1e-6, 1e-9, 1e-11),
-    ),
-    "radau": Method(
-        in_time, "implicit Runge-Kutta of order 5 in time: the same, for stiff motions",
-        several=True, compared=(1e-3, 1e-6),
-    ),
-    "rk4": Method(
-        in_fixed_steps, "the textbooks' Runge-Kutta of order 4, steps in time, for comparison",
-        several=True, finds_steady=False, compared=(100, 200, 400, 800),
-    ),
-    "euler_q": Method(
-        in_fixed_steps, "the second paper's steps of the coordinate, for comparison",
-        ALL - {"state"}, False, finds_steady=False, compared=(100, 1000, 10_000),
-    ),
-}  # fmt: skip
-assert ("auto", *METHODS) == get_args(MotionMethod)  # what checkers of types read
 
 
 def move(system: System, request: SimulationRequest) -> Motion:
@@ -294,8 +229,10 @@ def _moved(system: System, request: SimulationRequest) -> Motion:
     if not named:
         return _automatic(system, request)
     method = METHODS[request.method]
-    motion = method.run(system, request, request.method)
-    return motion if method.ends_at_events else watched(motion, request.watch)
+    if not method.ends_at_events:
+        return watched(along_path(system, request), request.watch)
+    run = in_fixed_steps if method.fixed_steps else in_time
+    return run(system, request, request.method)
 
 
 def _automatic(system: System, request: SimulationRequest) -> Motion:

@@ -28,6 +28,7 @@ from blockmech.dynamics.events import (
     kink_rules,
     leaving_rule,
     signal_rules,
+    turned,
     until_terminal,
 )
 from blockmech.dynamics.jolt import jolt_of
@@ -557,25 +558,25 @@ class TimeIntegration(Run):
         if (watch := next(changes, None)) is not None:
             return self._change_roles(watch)
         if rule.kind == ends.KINK:
-            self._past_kink()
-        elif rule.kind == ends.WHOLE_TURN:
+            return self._past_kink()
+        if rule.kind == ends.WHOLE_TURN:
             return self._turned()
-        elif rule.kind == ends.REVERSAL:
+        if rule.kind == ends.REVERSAL:
             return self._becomes(self.pairs.reverse(self._now, rule.index))
-        elif rule.kind == ends.STANDSTILL:
+        if rule.kind == ends.STANDSTILL:
             return self._stood()
-        elif rule.kind == ends.RELEASED:
+        if rule.kind == ends.RELEASED:
             return self._becomes(self.pairs.release(self._now))
-        elif rule.kind == ends.LEAVES_STOP:
+        if rule.kind == ends.LEAVES_STOP:
             self._past_contact(rule)
             return RunEnd(rule.kind)
-        elif rule.kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
+        if rule.kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
             q, qd = float(self.y[0]), float(self.y[1])
             left = time_left(self.system, rule.kind, q, qd)
             return self.short_of(rule.kind, left)
-        elif rule.kind == ends.GOAL:
+        if rule.kind == ends.GOAL:
             return RunEnd(self.request.until.goal, "reached")
-        elif rule.kind not in (ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.DEFLECTION_KINK):
+        if rule.kind not in (ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.DEFLECTION_KINK):
             own = any(rule.kind == w.name and w.terminal for w in self.request.watch)
             return RunEnd(rule.kind, "reached" if own else "ended")
         return None
@@ -590,19 +591,35 @@ class TimeIntegration(Run):
         short = self.request.standstills < math.inf and swing <= self.rest
         return self._becomes(self.pairs.stand(self._now, short))
 
-    def _past_kink(self) -> None:
+    def _past_kink(self) -> RunEnd | None:
         """Go on to the far side of a kink, if there is one: else the load ends there.
 
-        On the kink itself a load that jumps may be the one before.
+        On the kink itself a load that jumps may be the one before. What happens at the same place,
+        as a turn does that begins on a kink, is on one side or the other, and is met here.
         """
         q, rate = float(self.y[0]), float(self.y[1])
         way = PAST * max(1.0, abs(q))
         if not abs(rate) * (self.t_max - self.t) > way:
-            return
-        there, t = self.y.copy(), self.t + way / abs(rate)
-        there[0] = q + math.copysign(way, rate)
-        if np.isfinite(self.equation(t, there)).all():
-            self.y, self.t = there, t
+            return None
+        short, there, late = self.y.copy(), self.y.copy(), way / abs(rate)
+        short[0], there[0] = q - math.copysign(way, rate), q + math.copysign(way, rate)
+        same = [
+            EventHit(rule, self.t)
+            for rule in self._rules()
+            if rule.terminal
+            and (rule.own or (rule.component == 0 and rule.kind != ends.KINK))
+            and turned(
+                rule.value(self.t - late, short), rule.value(self.t + late, there), rule.direction
+            )
+        ]
+        if same and same[0].rule.kind == ends.GOAL:
+            return self._met(same[0])
+        if np.isfinite(self.equation(self.t + late, there)).all():
+            self.y, self.t = there, self.t + late
+        if not same:
+            return None
+        self._note(same[:1], lambda t: self.y)
+        return self._met(same[0])
 
     def _past_contact(self, rule: EventFunction) -> None:
         """Go on to where a stop would have to pull: the root is on either side of it."""

@@ -15,15 +15,14 @@ pictures and files all read that one declaration.
     driver, or what kernels of the element measure; the law's value is one more argument of
     the element's kernel, before the numbers.
  6. What a method may use besides is declared, and nothing is lost but speed where it is not:
-    `conservative` that the load has a potential, `rate_degree` how it follows the rates, `kinks`
-    where it is not smooth, `counted` which coordinate it follows, and after what it repeats.
+    `conservative` that the load has a potential, `kinks` where it is not smooth, `counted` which
+    coordinate it follows, and after what it repeats.
 """
 
 from __future__ import annotations
 
 import functools
 import inspect
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, TypeAlias
@@ -171,10 +170,6 @@ class Element(Block):
         """Whether it has a potential that is the same in the same pose: with `energy` it has."""
         return self.energy() is not None and not self.reads_any(*MOVING_READS)
 
-    def rate_degree(self) -> float:
-        """Degree in the rates of what it gives; infinite where that is not known."""
-        return math.inf if self.reads_any(*MOVING_READS) else 0.0
-
     def kinks(self) -> Kinks | None:
         """Where it is not smooth in place by what it measures itself; None where it is."""
         return None
@@ -240,13 +235,6 @@ class Following(Element):
     def conservative(self) -> bool:
         """None is known of a law."""
         return False
-
-    def rate_degree(self) -> float:
-        """That of the law, where the element's own kernel reads no rate."""
-        if not (self.reads_any(*MOVING_READS) or self.law.variables()):
-            return 0.0
-        own = {what for names in read_by(self.kernel()).values() for what in names}
-        return self.law.rate_degree() if own.isdisjoint(MOVING_READS) else math.inf
 
     def kinks(self) -> Kinks | None:
         """Those of a law of the element's own coordinate."""

@@ -59,10 +59,6 @@ class Function:
         """Nothing is known of a user's function."""
         return 0.0
 
-    def rate_degree(self) -> float:
-        """Not known, and asked state by state even where it reads no rate."""
-        return math.inf
-
     def rows(self) -> tuple[()]:
         """None is known."""
         return ()

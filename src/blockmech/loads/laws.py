@@ -126,10 +126,6 @@ class Law(StrictModel):
         """Period of the argument after which it repeats; 0 where it does not."""
         return 0.0
 
-    def rate_degree(self) -> float:
-        """Degree in the rate, if that is its argument; infinite where it is no polynomial."""
-        return math.inf if self.variables() in (("rate",), ("time",), ("signal",)) else 0.0
-
     def rows(self) -> Sequence[float]:
         """Arguments at which it is not smooth, as they are given."""
         return ()
@@ -195,10 +191,6 @@ class Polynomial(Law):
     kind: Literal["polynomial"] = "polynomial"
     of: Argument = "coordinate"
     coefficients: Annotated[NumbersGiven, Field(min_length=1)]
-
-    def rate_degree(self) -> float:
-        """That of the polynomial."""
-        return float(len(self.coefficients) - 1) if self.of == "rate" else super().rate_degree()
 
     def units(self, axis: Axis) -> Units:
         """The effort's over powers of the argument's."""
@@ -403,10 +395,6 @@ class DC(Law):
     def units(self, axis: Axis) -> Units:
         """Those along the axis: of a thrust a force and a speed."""
         return {"stall_moment": axis.effort, "no_load_speed": axis.argument("rate")}
-
-    def rate_degree(self) -> float:
-        """A straight line."""
-        return 1.0
 
     def numbers(self) -> PolynomialNumbers:
         """The straight line from the stall moment to zero at the no-load speed."""

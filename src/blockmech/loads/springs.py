@@ -76,10 +76,6 @@ class Spring(Element, type="load.spring"):
         """Without damping."""
         return not acts(self.damping)
 
-    def rate_degree(self) -> float:
-        """Damping is a straight line in the rates."""
-        return 1.0 if acts(self.damping) else 0.0
-
     def kernel(self) -> Callable[..., Any]:
         """With damping where there is any: only that asks for velocities."""
         return pull_and_damp if acts(self.damping) else pull
@@ -144,10 +140,6 @@ class TorsionSpring(Element, type="load.torsion_spring"):
     def conservative(self) -> bool:
         """Without damping."""
         return not acts(self.damping)
-
-    def rate_degree(self) -> float:
-        """Damping is a straight line in the rates."""
-        return 1.0 if acts(self.damping) else 0.0
 
     def kinks(self) -> Kinks | None:
         """The half turn from rest, where the moment changes its sign."""

@@ -17,6 +17,7 @@ import numpy as np
 from blockmech.analysis.reference_errors import DOUBLE, ReferenceErrors, reference_errors
 from blockmech.analysis.trade.measure import USELESS, Clock, Question, Reference, Setting
 from blockmech.dynamics.ends import INTERRUPTED, TOO_MANY
+from blockmech.dynamics.method_table import METHODS
 from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.errors import RequestError, refused
 from blockmech.motion import Motion
@@ -141,8 +142,6 @@ class FreeMotion(Question):
 
     def settings(self) -> Iterator[Setting]:
         """The coarsest setting of every method first, so that a short budget sees them all."""
-        from blockmech.dynamics.methods import METHODS
-
         rows = [list(self._row(method)) for method in METHODS]
         if self.mechanism.frictional_joints and self.request.get("friction") is None:
             rows += [[setting] for setting in FRICTIONS]
@@ -151,8 +150,6 @@ class FreeMotion(Question):
 
     def _row(self, method: str) -> Iterator[Setting]:
         """The settings of a method, from coarse to fine."""
-        from blockmech.dynamics.methods import METHODS
-
         compared = METHODS[method].compared
         if not METHODS[method].fixed_steps:
             for accuracy in compared:
