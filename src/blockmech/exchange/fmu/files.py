@@ -24,6 +24,7 @@ from typing import IO, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import blockmech
+from blockmech.dynamics.request import refuse_no_inertia
 from blockmech.errors import printable, refused, shown
 from blockmech.exchange.c.program import CProgram, filled
 from blockmech.exchange.fmu.states import States
@@ -64,6 +65,7 @@ class Unit:
         if not mechanism.drivers:
             found = "a unit is a free motion of drivers, and the mechanism has none"
             raise refused("--to fmu", found, "write C text instead")
+        mechanism.once(refuse_no_inertia)
         self.fmi = str(order.options.get("fmi", "2"))
         if self.fmi not in PLATFORMS:
             raise refused("fmi", f"got {shown(order.options['fmi'])}", valid="2 or 3")
