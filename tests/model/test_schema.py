@@ -26,6 +26,7 @@ BEYOND_A_SCHEMA = {  # what a schema cannot say: how parts of a file fit each ot
         "bad_parameter",
         "graph_in_itself",
         "missing_graph",
+        "no_graph",
         "no_place_to_stand",
         "unknown_parameter",
         "unwired_inside",
