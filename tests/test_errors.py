@@ -175,6 +175,7 @@ NOT_FROM_FILES = {
     "not-a-block",  # Graph.add
     "not-a-law",  # Graph.drive
     "too-tangled",  # a general group of hundreds of links
+    "not-inside",  # the studio's folder
     "not-json",  # data added in Python
     "not-wanted",  # read from a result
     "unknown-attribute",  # set in Python

@@ -136,7 +136,7 @@ def test_one_sample_and_many_read_alike():
 
 
 def test_what_a_result_is_is_one_line():
-    assert repr(ruiz().run(at=[1.0, 2.0], want="crank.drive")) == (
+    assert repr(ruiz().run(at=[1.0, 2.0], want="crank.drive", engine="scalar")) == (
         "<Result of ruiz_fourbar: 2 samples, 1 outputs, 8 kernel calls a sample, scalar engine>"
     )
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -257,12 +257,12 @@ class Accuracy(Facts):
     Attributes
     ----------
     target : wanted error [- or rad]
-    estimate : estimated error of the worst output at the worst sample
+    estimate : estimated error of the worst output at the worst sample that has an answer
     friction, iterations, precision : the settings taken
     why : the reason in words
     """
 
-    FACTS = ("target", "estimate", "friction", "iterations", "precision", "why", "reached")
+    FACTS = ("target", "estimate", "friction", "iterations", "precision", "why", "reached", "word")
 
     target: float
     estimate: float
@@ -276,11 +276,19 @@ class Accuracy(Facts):
         """Whether the estimate is within the target."""
         return self.estimate <= self.target
 
+    @property
+    def word(self) -> Literal["reached", "missed", "not judged"]:
+        """What is known of the target; nothing where the estimate leaves no digit."""
+        if self.reached:
+            return "reached"
+        return "missed" if self.estimate < 1 else "not judged"
+
     def __str__(self) -> str:
         method = f"friction {self.friction}"
         if self.iterations is not None:
             method += f", {self.iterations} iterations"
-        reached = "" if self.reached else "; accuracy not reached"
+        words = {"reached": "", "missed": "; accuracy not reached"}
+        reached = words.get(self.word, f"; accuracy {self.word}")
         return (
             f"accuracy {self.target:.1g}: {method}, {self.precision}; "
             f"estimated error {self.estimate:.1g}, {self.why}{reached}"

@@ -258,3 +258,57 @@ def test_a_slide_without_ends_is_followed_as_far_as_kinks_are_known():
     assert all(a != b for a, b in itertools.pairwise(kinds))
     assert any(e.jump for e in found)
     assert "no group ends the travel" in str(found)
+
+
+def balanced_wheel(*more):
+    """An arm that hangs, and on it a link balanced on its own pin, which gravity does not feel."""
+    m = bm.Linkage("neutral", gravity=(0, -9.81))
+    m.add_link("arm", mass=1, inertia=0.01, cm=(0.2, 0))
+    m.add_link("wheel", mass=0.5, inertia=0.001, cm=(0.4, 0))
+    m.add_pin("O", ["frame", "arm"], (0, 0))
+    m.add_pin("P", ["arm", "wheel"], (0.4, 0))
+    m.add_driver("a", "O")
+    m.add_driver("w", "P")
+    if more:
+        m.add_link("fore", mass=0.3, inertia=0.01, cm=(0.5, 0.1))
+        m.add_pin("Q", ["arm", "fore"], (0.4, 0.1))
+        m.add_driver("f", "Q")
+    return m.compile()
+
+
+def test_a_coordinate_that_the_loads_do_not_feel_is_free():
+    below, above = balanced_wheel().equilibria()
+    for one, q in ((below, -math.pi / 2), (above, math.pi / 2)):
+        assert one.at["driver.a.q"] == pytest.approx(q, abs=1e-12)
+        assert one.free == ("driver.w.q",)
+    assert (below.kind, above.kind) == ("indifferent", "unstable")
+    assert str(below).startswith("driver.a.q = -1.57079633 rad, driver.w.q free  indifferent")
+    held = 0.01 + 1 * 0.2**2 + 0.5 * 0.4**2  # about O, of the arm and the wheel's mass
+    assert below.frequencies == pytest.approx([math.sqrt(9.81 * (0.2 + 0.5 * 0.4) / held)])
+
+
+def test_three_drivers_one_of_them_free_are_as_the_two_others_alone():
+    found = balanced_wheel("fore").equilibria()
+    assert len(found) == 4
+    assert all(one.free == ("driver.w.q",) for one in found)
+    for one in found:
+        q, f = one.at["driver.a.q"], one.at["driver.f.q"]
+        # moments of the weights about O and about Q, places as drawn: Q (0.4, 0.1), centre beyond
+        turn, out = np.exp(1j * q), 0.1 * np.exp(1j * f)
+        about_q = (turn * out).real
+        about_o = (turn * (1 * 0.2 + 0.5 * 0.4 + 0.3 * (0.4 + 0.1j + out))).real
+        assert abs(about_q) < 1e-9
+        assert abs(about_o) < 1e-9
+
+
+def test_without_loads_every_coordinate_is_free():
+    m = bm.Linkage("floating")
+    for name, at in (("a", 0.0), ("b", 0.3)):
+        m.add_link(name, mass=1, inertia=0.01, cm=(at + 0.1, 0))
+    m.add_pin("A", ["frame", "a"], (0, 0))
+    m.add_pin("B", ["a", "b"], (0.3, 0))
+    m.add_driver("a", "A")
+    m.add_driver("b", "B")
+    (one,) = m.compile().equilibria()
+    assert one.free == ("driver.a.q", "driver.b.q")
+    assert str(one) == "driver.a.q free, driver.b.q free  indifferent"

@@ -12,8 +12,10 @@ import math
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 import blockmech as bm
+from blockmech.analysis.deflections import Course
 from tests.dynamics.test_friction_laws import HANGING, G, pendulum, wheel
 from tests.gallery import changed, document
 from tests.independent.kept import kept
@@ -416,3 +418,21 @@ def test_a_stepper_carries_the_deflection_on():
     )
     for name in found:
         assert found[name] == pytest.approx(moved[name], rel=1e-7)
+
+
+def test_soft_bristles_have_the_deflection_that_a_turn_leaves_as_it_is():
+    data = document("ruiz_fourbar")
+    bristles = {"static": 0.3, "kinetic": 0.2, "breakaway": 0.1, "stribeck_speed": 0.5}
+    law = {"law": "elasto_plastic", **bristles, "stiffness": 0.1, "radius": 0.05}
+    data["blocks"]["dyad"]["friction"] = {"C": law}
+    course = Course(changed(data))
+    begin, end = course.begin, course.begin + course.period
+    law, times = course.laws[0], np.linspace(begin, end, 4001)
+    slips = CubicSpline(times, course.slips_at(times)[0])
+    at = course._along(0, np.array([begin, begin + course.period / 3]))
+    kernel, p = law.rate_kernel(), law.parameters()
+    rate = lambda t, z: float(kernel(float(slips(t)), float(z[0]), p))  # noqa: E731
+    leg = solve_ivp(rate, (begin, end), at[:1], rtol=1e-10, atol=1e-12, dense_output=True)
+    assert leg.y[0, -1] == pytest.approx(at[0], abs=1e-7)
+    assert leg.sol(begin + course.period / 3)[0] == pytest.approx(at[1], abs=1e-7)
+    assert abs(at[0]) > 1e-2

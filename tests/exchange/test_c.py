@@ -10,9 +10,10 @@ import blockmech as bm
 from blockmech.errors import RequestError
 from blockmech.exchange.c.program import CProgram, identifier
 from blockmech.passes.homotopy import followed
+from blockmech.plane import EPS
 from blockmech.quality import WORDS
 from tests.exchange.compiled_c import COMPILERS, NEEDS_C, Called, compiled, scalar, states
-from tests.gallery import GRAPHS, SHORT, mechanism
+from tests.gallery import GRAPHS, JOINTS, SHORT, mechanism
 
 GENERAL = 1e-12  # of the largest number of a unit, over the smallest margin's root
 ANGLES = (
@@ -136,3 +137,20 @@ def test_names_and_titles_cannot_leave_their_comment():
     assert program.header.isascii()
     assert identifier("for") == "m_for"
     assert identifier("3 bars") == "m_3_bars"
+
+
+@NEEDS_C
+@pytest.mark.parametrize("name", ["elliptic_trammel", "tangent_generator"])
+def test_documents_of_links_and_joints_have_the_numbers_of_the_scalar_engine(name, tmp_path):
+    mech = bm.Linkage.load(JOINTS / f"{name}.json").compile()
+    program = CProgram(mech)
+    taken = states(mech, 60, seed=7)
+    found, words = Called(program, tmp_path, level="-O0")(taken)
+    expected = scalar(program, taken)
+    good = words == 0
+    assert good.sum() > 20
+    columns = np.stack([np.where(good, program.column(expected, n), 0) for n in program.outputs], 1)
+    scales = program._scales(columns)
+    for j, column in enumerate(program.outputs):
+        at = good & np.isfinite(columns[:, j])
+        assert (np.abs(found[at, j] - columns[at, j]) <= 8 * EPS * scales[j]).all(), column

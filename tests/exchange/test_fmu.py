@@ -236,3 +236,13 @@ def test_without_a_compiler_the_sources_are_all(tmp_path, monkeypatch):
 def test_a_version_that_does_not_exist_is_refused(tmp_path):
     with pytest.raises(bm.RequestError, match=r'fmi: got "1".*2 or 3'):
         bm.write(mechanism("watt_sixbar"), tmp_path / "m.fmu", fmi="1")
+
+
+def test_a_machine_without_mass_is_refused_as_by_simulate(tmp_path):
+    massless = bm.Graph.load(GRAPHS / "slider_crank.json")
+    with pytest.raises(bm.RequestError) as simulated:
+        massless.compile().simulate("time=1", start={"crank": (0.0, 1.0)})
+    with pytest.raises(bm.RequestError) as written:
+        bm.write(massless, tmp_path / "unit.fmu")
+    assert written.value.problems == simulated.value.problems
+    assert not list(tmp_path.iterdir())

@@ -330,6 +330,12 @@ HOSTILE = {
     "json type": (b'{"joints": {"position": 3}}', "a list"),
     "topology": (b'{"nodes": [{"joint_type": "R"}]}', "no lengths"),
     "no links": (b"<linkage2></linkage2>", "no links"),
+    "unknown encoding": (b'<?xml version="1.0" encoding="foo"?><linkage2/>', '"foo"'),
+    "no text encoding": (b"<?xml version='1.0' encoding='hex'?><linkage2/>", '"hex"'),
+    "long integer": (
+        b'{"joints": [{"id": "a", "position": [1' + b"0" * 5000 + b", 0]}]}",
+        "number",
+    ),
     "self": (
         b'{"joints": [{"id": "a", "type": "tracker", "position": [0, 0], "ref_joint1_id": "a", '
         b'"ref_joint2_id": "a"}], "links": []}',
@@ -429,3 +435,35 @@ def test_json_of_pylinkage(tmp_path):
         }
         spans = sorted(abs(complex(*b) - complex(*a)) for a, b in lengths.values())
         assert spans == pytest.approx([1.0, 2.5, 3.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-16-le", "utf-16-be", "iso-8859-1"])
+def test_xml_is_read_in_the_encoding_that_it_names(encoding, tmp_path):
+    text = linkage_xml([0], {0: 1}, {0: (0, 0), 1: (1, 0), 2: (3, 1), 3: (4, 0)}, [], {})
+    text = text.replace("<linkage2>", '<linkage2 name="B\u00fcgel">')
+    path = tmp_path / "drawn.linkage2"
+    path.write_bytes(f'<?xml version="1.0" encoding="{encoding}"?>{text}'.encode(encoding))
+    with pytest.raises(FormatError) as refused:
+        bm.read(path)
+    plain = tmp_path / "plain.linkage2"
+    plain.write_text(text, "utf-8")
+    with pytest.raises(FormatError) as same:
+        bm.read(plain)
+    found, right = (error.value.problems[0].found for error in (refused, same))
+    assert found == right
+
+
+def test_a_joint_without_links_is_a_note():
+    drawn = "M[J[R, P[0, 0], L[ground, crank]], J[R, P[10, 20], L[]], J[R, P[60, 50], L[crank]]]"
+    notes = bm.read(drawn).extras["notes"]
+    assert [note for note in notes if "on no link" in note] == ["joint B is on no link: left out"]
+
+
+def test_what_no_reader_expects_is_one_message(monkeypatch):
+    from blockmech.exchange import reading
+
+    key, text = "pyslvs", "M[J[R, P[0, 0], L[ground, crank]], J[R, P[60, 50], L[crank]]]"
+    broken = reading.READERS[key]._replace(read=lambda text, where: [][0])
+    monkeypatch.setattr(reading, "READERS", {key: broken})
+    with pytest.raises(FormatError, match="not written as its tool writes files"):
+        bm.read(text)

@@ -27,6 +27,7 @@ BEYOND_A_SCHEMA = {  # what a schema cannot say: how parts of a file fit each ot
         "graph_in_itself",
         "missing_graph",
         "no_law",
+        "no_graph",
         "no_place_to_stand",
         "unknown_parameter",
         "unwired_inside",

@@ -11,6 +11,7 @@ import pytest
 import blockmech as bm
 from blockmech.errors import FormatError, GraphError, RequestError
 from blockmech.model.flat import renamed
+from blockmech.model.subgraph import within
 from blockmech.testing.strategies import Options, random_mechanism
 
 BAR = bm.Link(mass=7.2, inertia=5.5, cm=(1.5, 0.3))
@@ -267,6 +268,28 @@ def test_a_file_that_holds_itself_is_told(tmp_path):
     with pytest.raises(FormatError, match=r"a.json -> b.json -> a.json") as caught:
         bm.Graph.load(tmp_path / "a.json")
     assert len(caught.value.problems) == 1
+
+
+@pytest.mark.parametrize("text", ["hunter2-and-more", '{"key": "hunter2"}', '["hunter2"]', ""])
+def test_a_file_that_is_no_graph_is_not_quoted(text, tmp_path):
+    (tmp_path / "secret").write_text(text, "utf-8")
+    part = bm.Subgraph(file=str(tmp_path / "secret"))
+    with pytest.raises(FormatError, match="is no graph") as caught:
+        two_knees(knee(), part)
+    assert "hunter2" not in str(caught.value)
+    assert [f"{p.code} {p.where}" for p in caught.value.problems] == ["no-graph blocks.b.file"]
+
+
+def test_within_a_folder_no_file_outside_of_it_is_read(tmp_path):
+    knee().save(tmp_path / "knee.json")
+    (tmp_path / "in").mkdir()
+    knee().save(tmp_path / "in" / "knee.json")
+    (tmp_path / "in" / "link.json").symlink_to(tmp_path / "knee.json")
+    with within(tmp_path / "in"):
+        two_knees(knee(), bm.Subgraph(file=str(tmp_path / "in" / "knee.json")))
+        for file in ("in/../knee.json", "in/link.json", "knee.json"):
+            with pytest.raises(FormatError, match="outside of the folder"):
+                two_knees(knee(), bm.Subgraph(file=f"{tmp_path}/{file}"))
 
 
 def test_what_is_unknown_inside_is_kept_and_told_where_it_is(tmp_path):

@@ -18,7 +18,7 @@ from blockmech.modes.groups import outline
 from blockmech.typing import Guide
 from tests.analysis.linkages import fourbar
 from tests.doors import graph_of as loads
-from tests.gallery import GRAPHS
+from tests.gallery import GRAPHS, JOINTS
 from tests.modes import machines
 from tests.modes.exact import count_exactly
 from tests.wiring import ruiz, watt
@@ -341,3 +341,11 @@ def test_a_group_is_looked_through_once_for_all_that_stand_on_it(monkeypatch):
     mech = watt().compile()
     assert mech.modes(0.0).driver == "crank"
     assert len(looked) == sum(block.closes for block in mech.structure.blocks.values()) == 2
+
+
+@pytest.mark.parametrize("path", sorted(JOINTS.glob("*.json")), ids=lambda path: path.stem)
+def test_every_document_of_links_and_joints_has_its_modes(path):
+    mechanism = bm.Linkage.load(path).compile()
+    groups = mechanism.modes()
+    if any(block.closes for block in mechanism.structure.blocks.values()):
+        assert "modes" in str(groups) or "mode" in str(groups)

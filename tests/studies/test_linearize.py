@@ -296,3 +296,23 @@ def test_signals_that_do_not_fit_are_refused():
         wheel().compile().linearize({"wheel": 0.0}, states={"pid.integrl": 1.0})
     with pytest.raises(bm.RequestError):
         wheel().compile().linearize({"wheel": 0.0}, inputs=["setpoint.x"])
+
+
+def test_both_frequencies_of_a_damped_mode_are_named():
+    m = bm.Linkage("suspension", gravity=(0, -9.81))
+    m.add_link("arm", mass=8, inertia=0.3, cm=(0.3, 0))
+    m.add_pin("O", ["frame", "arm"], (0, 0))
+    m.add_driver("arm", "O")
+    spring = bm.Spring(stiffness=20000, free_length=0.3, damping=300)
+    m.add_load("spring", spring, links=["frame", "arm"], at=[(0.3, 0.3), (0.3, 0)])
+    mechanism = m.compile()
+    rest = mechanism.equilibria().stable[0]
+    linear = mechanism.linearize(rest)
+    (mode,) = linear.modes
+    natural, ratio = mode.frequency, mode.damping
+    assert rest.frequencies == pytest.approx([natural])
+    assert mode.damped_frequency == pytest.approx(natural * math.sqrt(1 - ratio**2))
+    assert f"natural frequency {natural:.6g} rad/s" in str(rest)
+    row = str(linear).splitlines()[2]
+    assert f"natural frequency {natural:.9g} rad/s ({natural / math.tau:.6g} Hz)" in row
+    assert f"damped {mode.damped_frequency:.9g} rad/s, damping ratio {ratio:.4g}" in row

@@ -265,3 +265,69 @@ def test_parts_that_go_before_they_are_read_are_named(fourbar, tmp_path):
     next(iter(tmp_path.glob("*.parquet"))).unlink()
     with pytest.raises(bm.RequestError, match="cannot be read any more"):
         study["max_abs(crank.drive)"]
+
+
+def law_of(slope):
+    """A moment that follows the rate, by a function that closes over a number."""
+    return lambda rate: slope * rate
+
+
+def with_law(law):
+    g = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+    g.add("motor", bm.Motor(law=law))
+    g.connect("frame.A", "motor.a")
+    g.connect("crank.crank", "motor.b")
+    return g.compile()
+
+
+def test_a_function_of_python_is_part_of_the_question(tmp_path):
+    request = {"want": "max(crank.drive)", "samples": 6, "out": tmp_path}
+    designs = {"dyad.l_i": [6.0, 6.1]}
+    right = with_law(law_of(-1.0)).study(designs, **request)
+    assert_same(right, with_law(law_of(-1.0)).study(designs, **request))
+    for law in (law_of(-1.5), lambda rate: 1.0 - rate):
+        with pytest.raises(bm.RequestError, match="parts of another question"):
+            with_law(law).study(designs, **request)
+
+
+def test_a_function_that_other_processes_cannot_have_is_refused(tmp_path):
+    with pytest.raises(bm.RequestError, match="at the top of a module"):
+        with_law(law_of(-1.0)).study({"dyad.l_i": [6.0]}, want="max(crank.drive)", workers=2)
+
+
+def test_what_a_law_reads_must_be_comparable(tmp_path):
+    stream = iter([1.0])
+    machine = with_law(lambda rate: rate if stream else -rate)
+    with pytest.raises(bm.RequestError, match="reads a list_iterator"):
+        machine.study({"dyad.l_i": [6.0]}, want="max(crank.drive)", samples=6, out=tmp_path)
+
+
+def test_a_changed_file_of_a_graph_inside_is_another_question(tmp_path):
+    inner = bm.Graph("knee")
+    inner.add("dyad", bm.RRR(l_i=6.0, l_j=3.0))
+    outer = bm.Graph("legs")
+    outer.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (5.5, 0.0)}))
+    outer.add("crank", bm.Crank(length=2.0))
+    inner.save(tmp_path / "knee.json")
+    outer.add("knee", bm.Subgraph(file=str(tmp_path / "knee.json")))
+    for wire in ("frame.A crank.A", "crank.B knee.dyad.B", "frame.D knee.dyad.D"):
+        outer.connect(*wire.split())
+    outer.save(tmp_path / "legs.json")
+    request = {"want": "max(knee.dyad.i.angle)", "out": tmp_path / "parts"}
+    request["at"] = {"crank": [0.1, 0.2]}
+    bm.Graph.load(tmp_path / "legs.json").compile().study({"crank.length": [1.9, 2.0]}, **request)
+    inner.replace({"dyad.l_i": 6.4}).save(tmp_path / "knee.json")
+    changed = bm.Graph.load(tmp_path / "legs.json").compile()
+    with pytest.raises(bm.RequestError, match="parts of another question"):
+        changed.study({"crank.length": [1.9, 2.0]}, **request)
+
+
+def test_a_part_rewritten_by_another_program_is_done_again(fourbar, whole, tmp_path):
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    fourbar.study(VARY, **REQUEST, out=tmp_path)
+    path = sorted(tmp_path.glob("*.parquet"))[0]
+    table = parquet.read_table(path)
+    i = next(k for k, name in enumerate(table.column_names) if name.startswith("max"))
+    name, column = table.column_names[i], table.columns[i].to_numpy()
+    parquet.write_table(table.set_column(i, name, arrow.array(1.01 * column)), path)
+    assert_same(whole, fourbar.study(VARY, **REQUEST, out=tmp_path))

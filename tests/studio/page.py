@@ -133,7 +133,8 @@ def hidden_wires(page):
 
 
 def middle(locator):
-    box = locator.bounding_box()
+    while (box := locator.bounding_box()) is None:  # it is drawn anew at this moment
+        locator.wait_for(state="visible")
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 

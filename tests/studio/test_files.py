@@ -150,3 +150,20 @@ def test_a_value_that_is_shown_and_read_again_is_the_same(path, shown, schema):
                 assert shown.value(field, shown.text(field, value)) == value
                 read += 1
     assert read
+
+
+def test_a_graph_inside_is_read_from_the_folder_alone(tmp_path):
+    knee = bm.Graph("knee")
+    knee.add("dyad", bm.RRR(l_i=1.0, l_j=1.0))
+    (tmp_path / "in").mkdir()
+    knee.save(tmp_path / "knee.json")
+    legs = bm.Graph("legs")
+    legs.add("knee", bm.Subgraph(file=str(tmp_path / "knee.json")))
+    legs.save(tmp_path / "in" / "legs.json")
+    desk = Desk(tmp_path / "in")
+    with pytest.raises(bm.FormatError, match="outside of the folder"):
+        desk.open("legs.json")
+    sheet = desk.sheets[desk.put()]
+    with pytest.raises(bm.FormatError, match="outside of the folder"):
+        sheet.change(legs.to_data(), "add a graph")
+    assert sheet.form == bm.Graph().to_data()

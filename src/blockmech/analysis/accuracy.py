@@ -14,6 +14,9 @@ is sure; rounding by precisions, where it cannot turn a friction round. Where no
 judged, the most exact setting is taken and the accuracy is not said to be reached. A request
 that comes again is answered by the setting that it was given: nothing in it has changed.
 
+Samples at or near a dead centre, and outputs that come out as rounding alone, are compared with
+nothing: there the estimate is what the margin allows at most, rounding over its power 3/2.
+
 The power is that of accelerations, the most sensitive outputs: they hold the third
 power of one over the normalised determinant, of which the margin is the square.
 
@@ -54,6 +57,7 @@ SAFETY = 4.0  # of a maximum over the probe against one over all samples: 3 has 
 ENOUGH = 2048  # samples below which single precision saves nothing
 CONTRACTS = 0.5  # P up to which iterations are worth counting on
 SINGLE = float(np.finfo(np.float32).eps)
+EPS_OF = {"complex64": SINGLE, "complex128": DOUBLE, "clongdouble": LONG}
 FRICTION = (
     ("none", None),
     ("single", None),
@@ -304,13 +308,16 @@ def _judged(
     if probe.rubs:
         rubbing = _friction_left(request, result, setting, probe, good)
         words += f", {rubbing:.1g} from friction"
-    unsure = result.quality.status.count("ok") - int(good.sum())
+    answered = np.array([word == "ok" for word in result.quality.status])
+    unsure, left_out, bound = int((answered & ~good).sum()), probe.errors.left_out, 0.0
     if unsure:
-        words += f"; not judged, as they are at or near a dead centre: {unsure} samples"
-    if probe.errors.left_out:
-        names = listed(probe.errors.left_out, 3)
-        words += f"; not judged, as they are rounding alone: {names}"
-    return Accuracy(accuracy, rounding + rubbing, *setting, words)
+        words += f"; at or near a dead centre, so by their margins: {unsure} samples"
+    if left_out:
+        words += f"; rounding alone, so by the margins: {listed(left_out, 3)}"
+    if unsure or left_out:
+        least = max(_least_margin(result, answered), 1e-200)
+        bound = SAFETY * EPS_OF[setting.precision] / least**1.5
+    return Accuracy(accuracy, max(rounding + rubbing, bound), *setting, words)
 
 
 def _friction_left(

@@ -46,7 +46,7 @@ from blockmech.series import Series, fit, panels
 Floats: TypeAlias = NDArray[np.float64]
 PANELS = 16  # of a motion to begin with
 RELATIVE, ABSOLUTE = 1e-11, 1e-13  # tolerances of the integration; the second of the size of z
-PERIODS = 100  # after which what has not come back has no periodic state
+OCTAVES = 20  # above the deflection of steady slip, in which a periodic one is looked for
 
 
 def with_deflections(mechanism: Compiled, taken: Samples) -> Samples:
@@ -193,16 +193,24 @@ def _last(pieces: Iterator[Piece], z: float) -> float:
 
 
 def _periodic(after: Callable[[float], float], size: float) -> float:
-    """The state to which a period leads back, by Aitken's rule."""
-    z = 0.0
-    for _ in range(PERIODS):
-        one = after(z)
-        if abs(one - z) <= RELATIVE * size:
-            return one
-        two = after(one)
-        bend = (two - one) - (one - z)
-        z = two - (two - one) ** 2 / bend if bend else two
-    return math.nan
+    """The state to which a period leads back.
+
+    Most laws forget within a period where it began. Of others the map ``after`` rises, as states
+    of one equation never cross, and leads from far outside back inside: a root between is found.
+
+    Raises `RequestError` for a law whose states grow without bound.
+    """
+    from scipy.optimize import brentq
+
+    z = after(after(0.0))
+    if abs(after(z) - z) <= RELATIVE * size:
+        return z
+    for far in size * 2.0 ** np.arange(OCTAVES):
+        if after(far) < far and after(-far) > -far:
+            return float(brentq(lambda z: after(z) - z, -far, far, xtol=RELATIVE * size))
+    found = f"after a period no deflection below {far:.3g} m or rad is as it was before"
+    remedy = "give a law whose bristles slip, or times instead of a periodic law of motion"
+    raise refused("friction", found, remedy, code="no-periodic-state")
 
 
 def _integrated(
@@ -227,7 +235,8 @@ def _integrated(
             rate, (a, b), [z], "LSODA", rtol=RELATIVE, atol=ABSOLUTE * size, dense_output=True
         )
         if not leg.success:
-            raise ArithmeticError(leg.message)
+            found = f"bristles cannot be followed: {leg.message}"
+            raise refused("friction", found, "check the numbers of the law", code="no-deflection")
         z = float(leg.y[0, -1])
         yield Piece(a, b, lambda t, sol=leg.sol: np.asarray(sol(t)[0]))  # type: ignore[misc]
 

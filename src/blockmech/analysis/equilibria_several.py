@@ -4,7 +4,8 @@ Where all drivers but one are balanced there are curves, along which the load th
 would have to hold changes; where that is nothing, there is an equilibrium. So from each that
 Newton's method has, the curves of each driver are followed both ways by prediction along the null
 vector of K without its row and correction of least norm, and their zeros are found as well.
-Nothing proves that none is missed; more ``starts`` look closer.
+Nothing proves that none is missed; more ``starts`` look closer. Coordinates that the loads
+neither act on nor feel are free: they stay where they are, and an equilibrium is a family.
 
 Sources: Allgower & Georg, Numerical Continuation Methods, ch. 2 and 6; Shabana, Dynamics of
 Multibody Systems, 4th ed.
@@ -13,6 +14,7 @@ Multibody Systems, 4th ed.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,8 +34,50 @@ SAME = 1e-7  # of the span: two equilibria are one
 STRIDE = 0.02  # of the span: a step along a curve
 LONG = 250  # steps along a curve
 STRAY = 0.2  # of a step: a correction that is larger has left the curve
+BETWEEN = 9  # places on a line between two equilibria, its ends among them
 CLOSE = 1e-5  # of the span: a correction that is smaller is the last
 STARTS = 64  # for each of several drivers
+
+
+@dataclass(frozen=True)
+class Search:
+    """Where equilibria are looked for: in the coordinates on which the loads depend.
+
+    at : (k,) coordinates of all drivers, at which those stay that are neutral
+    live : places of the others, (m,) of what follows
+    """
+
+    mechanism: Compiled
+    t: float
+    at: Floats
+    live: Any
+    rotary: Any
+    ends: Floats  # (m, 2)
+
+    @property
+    def span(self) -> Floats:
+        """Width (m,) of the range of each."""
+        return self.ends[:, 1] - self.ends[:, 0]
+
+    def whole(self, q: Floats) -> Floats:
+        """Coordinates (n, k) of all drivers."""
+        return np.insert(q, self.live_before, self.at[self.neutral], axis=1)
+
+    @property
+    def neutral(self) -> Any:
+        """Places of the drivers whose coordinates the loads do not feel."""
+        return np.setdiff1d(np.arange(len(self.at)), self.live)
+
+    @property
+    def live_before(self) -> Any:
+        """How many live coordinates stand before each neutral one."""
+        return np.searchsorted(self.live, self.neutral)
+
+    def tangents(self, q: Floats) -> Tangents:
+        """Effort (n, m), and its slopes (n, m, m)."""
+        of = tangents(self.mechanism, self.whole(q), t=self.t)
+        rows = np.ix_(np.arange(len(of.K)), self.live, self.live)
+        return of._replace(effort=of.effort[:, self.live], K=of.K[rows])
 
 
 def equilibria_of_several(mechanism: Compiled, system: System, t: float, starts: int) -> Equilibria:
@@ -50,28 +94,37 @@ def equilibria_of_several(mechanism: Compiled, system: System, t: float, starts:
     of = tangents(mechanism, q, t=t)
     alive = _whole(of)
     size = np.abs(of.effort[alive]).max(axis=0, initial=0.0)
+    live = np.flatnonzero(~_neutral(of, alive, span))
+    rest = np.where((ends[:, 0] <= 0.0) & (ends[:, 1] >= 0.0), 0.0, ends.mean(axis=1))
+    search = Search(mechanism, t, rest, live, rotary[live], ends[live])
 
     def new(q: Floats, known: list[Floats]) -> list[Floats]:
         """Equilibria near some places that are not known."""
-        kept = _apart([*known, *_newton(mechanism, q, span, t)], rotary, ends, span)[len(known) :]
-        of = tangents(mechanism, np.reshape(kept, (-1, k)), t=t)
-        good = (of.margin > 0) & (np.abs(of.effort) <= NONE * size).all(axis=1)
+        kept = _apart([*known, *_newton(search, q)], search)[len(known) :]
+        of = search.tangents(np.reshape(kept, (-1, len(live))))
+        good = (of.margin > 0) & (np.abs(of.effort) <= NONE * size[live]).all(axis=1)
         return [x for x, sound in zip(kept, good.tolist(), strict=True) if sound]
 
-    roots_: list[Floats] = []
-    fresh = new(q[alive], roots_)
+    roots_: list[Floats] = [] if len(live) else [rest[:0]] * bool(alive.any())
+    fresh = new(q[np.ix_(alive, live)], roots_) if len(live) else []
     while fresh:
         roots_ += fresh
-        fresh = new(_crossings(mechanism, np.array(fresh), rotary, ends, t), roots_)
+        begins = _regular(search, fresh)
+        if len(live) < 2 or not len(begins):  # no curves: of one coordinate all roots are roots
+            break
+        fresh = new(_crossings(search, begins), roots_)
     names = [mechanism.of_driver(d, "q") for d in mechanism.drivers]
     units = {
         n: mechanism.driver_joint(d).coordinate_unit
         for n, d in zip(names, mechanism.drivers, strict=True)
     }
-    of = tangents(mechanism, np.reshape(roots_, (-1, k)), t=t)
+    families = _families(search, roots_, size[live])
+    places = search.whole(np.reshape(families, (len(families), len(live))))
+    of = tangents(mechanism, places, t=t)
+    free = tuple(names[i] for i in search.neutral)
     rows = [
-        equilibrium_of(dict(zip(names, x.tolist(), strict=True)), units, of, i)
-        for i, x in enumerate(roots_)
+        equilibrium_of(dict(zip(names, x.tolist(), strict=True)), units, of, i, free=free)
+        for i, x in enumerate(places)
     ]
     notes = [
         "Newton's method from many places, then along balanced curves: more starts look closer"
@@ -83,17 +136,59 @@ def equilibria_of_several(mechanism: Compiled, system: System, t: float, starts:
     return Equilibria(tuple(sorted(rows, key=lambda e: e.q.tolist())), notes=tuple(notes))
 
 
+def _neutral(of: Tangents, alive: Any, span: Floats) -> Any:
+    """Which coordinates (k,) the loads neither act on nor feel, at all places (n,) that are alive.
+
+    Efforts over the range of a coordinate are works [J], and so are slopes over those of two.
+    """
+    work = np.abs(of.effort[alive]).max(axis=0, initial=0.0) * span
+    slopes = np.abs(of.K[alive]).max(axis=0, initial=0.0) * span * span[:, None]
+    felt = np.maximum(slopes.max(axis=0), slopes.max(axis=1))
+    largest = max(work.max(), slopes.max())
+    return (work <= NONE * largest) & (felt <= NONE * largest)
+
+
+def _regular(search: Search, roots: list[Floats]) -> Floats:
+    """Those of some equilibria (r, m) that no direction leaves balanced: curves begin there."""
+    q = np.array(roots)
+    K = search.tangents(q).K * search.span * search.span[:, None]
+    values = np.linalg.svd(K)[1]
+    return np.asarray(q[values[:, -1] > NONE * values[:, 0]])
+
+
+def _families(search: Search, roots: list[Floats], size: Floats) -> list[Floats]:
+    """The equilibria, one of those that others lead to in a straight line of equilibria."""
+    regular = {x.tobytes() for x in _regular(search, roots)} if roots and roots[0].size else set()
+    kept: list[Floats] = []
+    for q in roots:
+        if q.size and q.tobytes() not in regular:
+            others = [x for x in kept if x.tobytes() not in regular]
+            if any(_joined(search, q, x, size) for x in others):
+                continue
+        kept.append(q)
+    return kept
+
+
+def _joined(search: Search, one: Floats, other: Floats, size: Floats) -> bool:
+    """Whether two equilibria are ends of a line of equilibria, angles the nearer way round."""
+    way = other - one
+    way = np.where(search.rotary, np.remainder(way + math.pi, math.tau) - math.pi, way)
+    of = search.tangents(one + np.linspace(0.0, 1.0, BETWEEN)[1:-1, None] * way)
+    return bool(_whole(of).all() and (np.abs(of.effort) <= math.sqrt(NONE) * size).all())
+
+
 def _whole(of: Tangents) -> Any:
     """Which poses (n,) there are."""
     finite = np.isfinite(of.effort).all(axis=1) & np.isfinite(of.K).all((1, 2))
     return (of.margin > 0) & finite
 
 
-def _newton(mechanism: Compiled, q: Floats, span: Floats, t: float) -> list[Floats]:
-    """Where Newton's method from places (n, k) ends; steps are a tenth of the span at most."""
+def _newton(search: Search, q: Floats) -> list[Floats]:
+    """Where Newton's method from places (n, m) ends; steps are a tenth of the span at most."""
+    span = search.span
     done: list[Floats] = []
     for _ in range(STEPS):
-        of = tangents(mechanism, q, t=t) if len(q) else None
+        of = search.tangents(q) if len(q) else None
         if of is None or not (good := _whole(of)).any():
             break
         q, effort, K = q[good], of.effort[good], of.K[good]
@@ -106,10 +201,9 @@ def _newton(mechanism: Compiled, q: Floats, span: Floats, t: float) -> list[Floa
     return done
 
 
-def _crossings(mechanism: Compiled, roots: Floats, rotary: Any, ends: Floats, t: float) -> Floats:
-    """Places (m, k) near further zeros along the balanced curves through equilibria (r, k)."""
-    r, k = roots.shape
-    span = ends[:, 1] - ends[:, 0]
+def _crossings(search: Search, roots: Floats) -> Floats:
+    """Places (n, m) near further zeros along the balanced curves through equilibria (r, m)."""
+    (r, k), span, ends, rotary = roots.shape, search.span, search.ends, search.rotary
     driver = np.tile(np.repeat(np.arange(k), 2), r)
     q = start = np.repeat(roots, 2 * k, axis=0)
     others = np.array([[j for j in range(k) if j != i] for i in range(k)])[driver]
@@ -118,14 +212,14 @@ def _crossings(mechanism: Compiled, roots: Floats, rotary: Any, ends: Floats, t:
         rows = np.take_along_axis(K * span, others[..., None], axis=1)
         return np.asarray(np.linalg.svd(rows)[2][:, -1])
 
-    way = along(tangents(mechanism, q, t=t).K, others)
+    way = along(search.tangents(q).K, others)
     way *= np.where(np.arange(len(q)) % 2, -1.0, 1.0)[:, None]
     held = np.zeros(len(q))
     crossings: list[Floats] = []
     for step in range(LONG):
         trial, strayed = q + STRIDE * way * span, np.zeros(len(q), bool)
         for _ in range(3):
-            of = tangents(mechanism, trial, t=t)
+            of = search.tangents(trial)
             rows = np.take_along_axis(of.K * span, others[..., None], axis=1)
             gap = np.take_along_axis(of.effort, others, axis=1)
             rows, gap = (np.where(np.isfinite(x), x, 0.0) for x in (rows, gap))
@@ -168,8 +262,9 @@ def _range(mechanism: Compiled, driver: str) -> tuple[float, float]:
     return (low, high) if both else (max(low, near[0]), min(high, near[1]))
 
 
-def _apart(known: list[Floats], rotary: Any, ends: Floats, span: Floats) -> list[Floats]:
+def _apart(known: list[Floats], search: Search) -> list[Floats]:
     """Places that are not the same, angles within a turn from where they were looked for."""
+    rotary, ends, span = search.rotary, search.ends, search.span
     kept: list[Floats] = []
     for q in known:
         q = np.where(rotary, ends[:, 0] + np.mod(q - ends[:, 0], math.tau), q)

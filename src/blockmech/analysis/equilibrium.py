@@ -43,10 +43,11 @@ class Equilibrium(Facts, Report):
     interval : (low, high) [rad or m] about it in which friction holds the only driver, or None
     stop : whether it is an end stop that the loads push against
     jump : whether the effort of the loads jumps there from one sign to the other
+    free : coordinates of ``at`` that may have any value: the loads do not feel them
     """
 
     FACTS = (
-        *("at", "kind", "potential", "interval", "stop", "jump"),
+        *("at", "kind", "potential", "interval", "stop", "jump", "free"),
         *("M", "C", "K", "values", "frequencies"),
     )
 
@@ -61,6 +62,7 @@ class Equilibrium(Facts, Report):
     interval: tuple[float, float] | None = None
     stop: bool = False
     jump: bool = False
+    free: tuple[str, ...] = ()
 
     @property
     def q(self) -> Floats:
@@ -79,7 +81,9 @@ class Equilibrium(Facts, Report):
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The equilibrium as a line."""
-        at = places(self.at, self.units, degrees)
+        fixed = {name: q for name, q in self.at.items() if name not in self.free}
+        parts = [places(fixed, self.units, degrees)] if fixed else []
+        at = ", ".join([*parts, *(f"{name} free" for name in self.free)])
         if self.stop:
             yield f"{at}  pushed against the end stop"
             return
@@ -88,7 +92,7 @@ class Equilibrium(Facts, Report):
         if self.kind == "unstable" and len(self.values):
             rows.append(f"disturbances grow as exp({float(self.values[0].real):.6g} t)")
         elif len(w):
-            rows.append(f"frequency {', '.join(f'{x:.6g}' for x in w)} rad/s")
+            rows.append(f"natural frequency {', '.join(f'{x:.6g}' for x in w)} rad/s")
         if self.potential is not None:
             rows.append(f"potential {self.potential:.6g} J")
         if self.interval is not None:
@@ -224,7 +228,9 @@ def equilibrium_of(
     i: int,
     potential: float | None = None,
     interval: tuple[float, float] | None = None,
+    free: tuple[str, ...] = (),
 ) -> Equilibrium:
     """The equilibrium at row i of tangents."""
-    kind, values = kind_of(of.M[i], of.C[i], of.K[i])
-    return Equilibrium(at, units, kind, of.M[i], of.C[i], of.K[i], values, potential, interval)
+    M, C, K = of.M[i], of.C[i], of.K[i]
+    kind, values = kind_of(M, C, K)
+    return Equilibrium(at, units, kind, M, C, K, values, potential, interval, free=free)

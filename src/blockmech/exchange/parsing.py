@@ -13,6 +13,7 @@ from blockmech.errors import FormatError, Problem, shown
 
 DEEPEST = 100  # elements in each other
 MOST = 100_000  # elements of a file
+LONGEST = 300  # digits of a whole number, beyond which it is none of a drawing
 
 
 def wrong(where: str, found: str, valid: str = "", remedy: str = "") -> FormatError:
@@ -53,8 +54,11 @@ def json_of(text: str, where: str) -> Any:
     def refused(word: str) -> NoReturn:
         raise wrong(where, f"{word} is not a number", "finite numbers")
 
+    def whole(digits: str) -> int | float:
+        return int(digits) if len(digits) < LONGEST else float(digits)
+
     try:
-        return json.loads(text, parse_constant=refused)
+        return json.loads(text, parse_constant=refused, parse_int=whole)
     except json.JSONDecodeError as error:
         at = f"line {error.lineno}, column {error.colno}"
         raise wrong(where, f"{at}: {error.msg.lower()}", "JSON") from None
@@ -68,7 +72,7 @@ class _Reader:
     def __init__(self, where: str) -> None:
         self.where, self.depth, self.count = where, 0, 0
         self.tree = TreeBuilder()
-        self.parser = expat.ParserCreate()
+        self.parser = expat.ParserCreate("utf-8")  # of a text, whatever its head says
         self.parser.StartElementHandler = self.start
         self.parser.EndElementHandler = self.end
         self.parser.CharacterDataHandler = self.tree.data

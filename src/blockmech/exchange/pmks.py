@@ -46,7 +46,10 @@ def drawing_of(rows: list[Row], where: str, rate: float = 1.0) -> Drawing:
             if link != GROUND:
                 drawing.links.setdefault(link, [])
     for row in rows:
-        _take(row, drawing)
+        if row.links:
+            _take(row, drawing)
+        else:
+            drawing.note(f"joint {row.name} is on no link: left out")
     if not any(row.driven for row in rows):
         pins = [r for r in rows if GROUND in r.links and r.kind == "R" and len(r.links) > 1]
         pins.sort(key=lambda r: "input" not in r.links)

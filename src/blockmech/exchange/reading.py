@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import os
+import re
 from contextlib import suppress
 from typing import Any
 
@@ -13,6 +15,9 @@ from blockmech.exchange.formats import READERS, Reader
 from blockmech.exchange.parsing import wrong
 
 LARGEST = 10_000_000  # bytes of a drawing
+BAD_CONTENT = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+"""What readers stumble over in a text that no tool has written."""
+DECLARED = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([\w.:-]+)""")
 ADDRESS = ("http://", "https://")
 
 
@@ -31,6 +36,10 @@ def imported(source: Any, unit: str | None = None, format: str | None = None) ->
         return document(_reader(text, name, format).read(text, _short(name)), unit)
     except FormatError as error:
         raise FormatError(in_file(error.problems, name)) from None
+    except BAD_CONTENT as error:
+        found = f"it is not written as its tool writes files: {error}"
+        remedy = "save it again there, or tell us if the tool reads it"
+        raise wrong(name, found, "", remedy) from error
     except RecursionError:
         raise wrong(name, "parts of it hang on each other in a circle") from None
 
@@ -65,16 +74,28 @@ def _of_file(name: str) -> str:
         raise FormatError(Problem("unreadable", "", what, file=name)) from error
     if len(raw) > LARGEST:
         raise wrong(name, f"too large: more than {LARGEST / 1e6:.0f} MB", "a drawing is shorter")
-    marks = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
-    encoding = next((e for mark, e in marks.items() if raw.startswith(mark)), "utf-8")
+    encoding = _encoding(raw)
     try:
         text = raw.decode(encoding)
+    except LookupError:
+        what = f'no encoding of texts is called "{encoding}"'
+        raise wrong(name, what, "UTF-8", "save it as UTF-8") from None
     except UnicodeDecodeError as error:
         what = f"byte 0x{raw[error.start]:02x} is not {encoding.upper()} text"
         raise wrong(name, what, "UTF-8", "save it as UTF-8") from None
     if not text.strip() or "\0" in text:
         raise wrong(name, "it is empty" if not text.strip() else "it is no text", "a drawing")
     return text
+
+
+def _encoding(raw: bytes) -> str:
+    """The encoding of a file's bytes: by their first ones, else by what XML says of itself."""
+    marks = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16"}
+    marks |= {codecs.BOM_UTF16_BE: "utf-16", b"<\0": "utf-16-le", b"\0<": "utf-16-be"}
+    if (encoding := next((e for mark, e in marks.items() if raw.startswith(mark)), None)) is None:
+        head = DECLARED.match(raw)
+        encoding = head[1].decode() if head else "utf-8"
+    return encoding
 
 
 def _reader(text: str, name: str, format: str | None) -> Reader:

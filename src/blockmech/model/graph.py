@@ -34,6 +34,8 @@ from blockmech.values import Vector
 if TYPE_CHECKING:
     import networkx as nx
 
+NO_GRAPH = {"empty-file", "not-an-object", "syntax", "truncated", "wrong-encoding", "wrong-format"}
+"""Codes of texts that are no graph: of one that a document names nothing is quoted."""
 _OPEN: ContextVar[tuple[str, ...]] = ContextVar("files whose graphs are being read", default=())
 
 
@@ -171,6 +173,14 @@ class Graph(Document):
             token = _OPEN.set(way)
             try:
                 block = block.holding(Graph.load(path))
+            except FormatError as error:
+                if NO_GRAPH.isdisjoint(p.code for p in error.problems):
+                    raise
+                place, found = error.problems[0].where, f'"{block.file}" is no graph'
+                found += f" ({place})" if place.startswith("line") else ""
+                remedy = "open it by itself to see what is wrong"
+                wrong = Problem("no-graph", f"{where}.file", found, "", remedy)
+                raise FormatError(wrong) from None
             finally:
                 _OPEN.reset(token)
         elif block.content is None:

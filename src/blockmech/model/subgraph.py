@@ -12,6 +12,9 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Protocol, Self
 
 from pydantic import Field, PrivateAttr, WithJsonSchema, field_validator, model_validator
@@ -44,6 +47,7 @@ class Content(Protocol):
 
 HEAD = ("format", "version")  # of a file, which a graph inside of another need not have
 FOLDERS = "BLOCKMECH_PATH"  # environment variable: folders with libraries
+ROOT: ContextVar[str] = ContextVar("root", default="")
 LIBRARIES = "blockmech.libraries"  # group of entry points: name of a library -> package
 
 INLINE = {"type": "object", "required": ["blocks"]}  # what is inside, the whole schema says
@@ -116,6 +120,16 @@ class Subgraph(Block, type="graph"):
         return self.model_copy(update={"graph": data})
 
 
+@contextmanager
+def within(folder: str | os.PathLike[str]) -> Iterator[None]:
+    """Inside, files of graphs are read from a folder and from libraries alone, links followed."""
+    before = ROOT.set(os.path.realpath(folder))
+    try:
+        yield
+    finally:
+        ROOT.reset(before)
+
+
 def found_file(file: str, folder: str, where: str) -> str:
     """Path of a graph's file. Raises `FormatError` with the places where it was looked for.
 
@@ -123,12 +137,16 @@ def found_file(file: str, folder: str, where: str) -> str:
     whose entry points in ``blockmech.libraries`` have the first part of the path as their name.
     """
     places = [folder, *filter(None, os.environ.get(FOLDERS, "").split(os.pathsep))]
+    beside, root = os.path.realpath(os.path.join(folder, file)), ROOT.get()
+    if root and not Path(beside).is_relative_to(root):
+        found = f'"{file}" is outside of the folder whose files are read'
+        raise FormatError(Problem("not-inside", where, found, "", "put the file into the folder"))
     for path in (*(os.path.join(place, file) for place in places), *_in_packages(file)):
         if os.path.isfile(path):
             return os.path.normpath(path)
     found = f'there is no file "{file}"'
-    beside = "beside the document" if folder else "in the working folder"
-    valid = f"looked for {beside}, in the folders of {FOLDERS} and in installed libraries"
+    nearby = "beside the document" if folder else "in the working folder"
+    valid = f"looked for {nearby}, in the folders of {FOLDERS} and in installed libraries"
     raise FormatError(Problem("no-file", where, found, valid, "check the name and the folder"))
 
 

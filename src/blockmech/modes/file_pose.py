@@ -127,12 +127,13 @@ class FilePose:
                     link: list(pose) for link, pose in self.in_file_frames(name, links).items()
                 }
         called = names.of_links
-        for driver, ref in structure.driven.items():
+        for driver, coordinate in self.drivers.items():  # what couplings drive is as it stands
+            ref = structure.driven[driver]
             later = called.get(structure.later_link(ref))
             earlier = called.get(structure.earlier_link(ref))
             if structure.joint(ref).rotary and later in poses:
                 before = poses[earlier][2] if earlier in poses else 0.0
-                q = structure.coordinate(driver).of_joint(self.drivers[driver])
+                q = structure.coordinate(driver).of_joint(coordinate)
                 poses[later][2] += TURN * round((before + q - poses[later][2]) / TURN)
         return list(poses.items())
 

@@ -62,7 +62,7 @@ class Mode(NamedTuple):
     """One mode of vibration.
 
     value : eigenvalue [1/s]
-    frequency : its magnitude [rad/s]; without damping the natural frequency
+    frequency : its magnitude [rad/s], the natural frequency
     damping : ratio [-], 1 and above where it does not swing, negative where it grows
     shape : (k,) complex amplitudes of the drivers' coordinates, the largest 1; 0 of signals alone
     """
@@ -71,6 +71,11 @@ class Mode(NamedTuple):
     frequency: float
     damping: float
     shape: NDArray[np.complex128]
+
+    @property
+    def damped_frequency(self) -> float:
+        """At which it swings [rad/s]: the natural one times sqrt(1 - damping^2)."""
+        return abs(self.value.imag)
 
 
 @dataclass(frozen=True, repr=False)
@@ -213,12 +218,13 @@ class Linearization(Facts, Pictured):
             ways = ", ".join(
                 f"{abs(z):.3g} at {math.degrees(cmath.phase(z)):.0f}°" for z in mode.shape
             )
-            if abs(mode.value.imag) > SAME * mode.frequency:
-                hertz = abs(mode.value.imag) / math.tau
-                yield (
-                    f"mode {abs(mode.value.imag):.9g} rad/s ({hertz:.6g} Hz), damping ratio "
-                    f"{mode.damping:.4g}" + (f", shape {ways}" if len(mode.shape) > 1 else "")
-                )
+            if mode.damped_frequency > SAME * mode.frequency:
+                hertz = mode.frequency / math.tau
+                row = f"mode: natural frequency {mode.frequency:.9g} rad/s ({hertz:.6g} Hz)"
+                if abs(mode.damping) > SAME:
+                    row += f", damped {mode.damped_frequency:.9g} rad/s"
+                row += f", damping ratio {mode.damping:.4g}"
+                yield row + (f", shape {ways}" if len(mode.shape) > 1 else "")
             else:
                 yield f"no oscillation: exp({mode.value.real:.9g} t)"
         yield from self.notes

@@ -1,13 +1,14 @@
 """What a study keeps of its designs, in memory or in a folder of parts.
 
 Parts are Parquet files that are written whole or not at all, so a study that was interrupted does
-the missing ones only. Missing is also a part that does not hold what its name says: its pages
-carry checksums, and the numbers of its designs are compared. Names begin with a fingerprint of
-the question: parts of another one are refused.
+the missing ones only. Missing is also a part that does not hold what its name says: it carries a
+digest of its columns, and the numbers of its designs are compared. Names begin with a fingerprint
+of the question: parts of another one are refused.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,6 +27,7 @@ from blockmech.studies.sampling import Designs
 Array = NDArray[Any]
 Span = tuple[int, int]  # the first design of some, and the first one behind them
 SUFFIX = ".parquet"
+DIGEST = b"digest"  # key of a table's metadata
 WITHOUT = "to_csv needs nothing"
 NO_MOTION, ENDED_EARLY, NO_NUMBER = "no-motion", "ended-early", "no-number"
 REASONS = (*WORDS, NO_MOTION, ENDED_EARLY, NO_NUMBER)  # why designs have no answer; the first: ok
@@ -110,6 +112,7 @@ class Parts:
         except (OSError, arrow.ArrowException):
             return False
         complete = set(self._names()) <= set(table.column_names)
+        complete &= (table.schema.metadata or {}).get(DIGEST) == _digest(table)
         return complete and all(np.array_equal(table[a].to_numpy(), x) for a, x in vary.items())
 
     def write(self, span: Span, vary: Mapping[str, Array], found: Rows) -> None:
@@ -190,8 +193,20 @@ def write_parquet(
         for (name, _, unit), array in zip(columns, arrays, strict=True)
     ]
     table = arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
+    table = table.replace_schema_metadata({DIGEST: _digest(table)})
     with writing(path) as stream:
         parquet.write_table(table, stream, write_page_checksum=True)
+
+
+def _digest(table: Any) -> bytes:
+    """What tells the columns of a table from others, however they are stored."""
+    sha = hashlib.sha256()
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        sha.update(name.encode())
+        lists = hasattr(column.type, "value_type") and not hasattr(column.type, "index_type")
+        x = (column.combine_chunks().flatten() if lists else column).to_numpy()
+        sha.update(x.tobytes() if x.dtype != object else repr(x.tolist()).encode())
+    return sha.hexdigest().encode()
 
 
 def _array(arrow: Any, x: Any) -> Any:

@@ -15,12 +15,13 @@ from blockmech.compiled import Compiled
 from blockmech.errors import needed
 from blockmech.files import AnyPath
 from blockmech.studies.family import Family
+from blockmech.studies.fingerprint import fingerprint
 from blockmech.studies.motions import runner_of
 from blockmech.studies.rows import WITHOUT, Parts, Rows, Span
 from blockmech.studies.runner import Runner, poses_of
 from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
 from blockmech.studies.table import Study
-from blockmech.studies.workers import Work, fingerprint, hands
+from blockmech.studies.workers import Work, hands
 from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, Progress
 
 

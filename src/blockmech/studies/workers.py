@@ -8,7 +8,6 @@ part only, which another one does.
 
 from __future__ import annotations
 
-import json
 import os
 import pickle
 import signal
@@ -23,9 +22,8 @@ from multiprocessing import get_context, parent_process
 from typing import Any
 
 from blockmech.errors import needed, refused
-from blockmech.model.document import EXTRAS
 from blockmech.studies.rows import Parts, Rows, Span
-from blockmech.studies.runner import Runner, digest, summary
+from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs
 from blockmech.values import is_count
 
@@ -49,9 +47,14 @@ class Work:
 
     @cached_property
     def pickled(self) -> bytes:
-        """What is the same for all parts."""
+        """What is the same for all parts. Raises `RequestError` for functions that stay here."""
         parts = self.parts and replace(self.parts, place=self.parts.place.absolute(), spans=())
-        return pickle.dumps((self.runner, self.chosen.count, parts))
+        try:
+            return pickle.dumps((self.runner, self.chosen.count, parts))
+        except (AttributeError, TypeError, pickle.PicklingError) as error:
+            found = f"another process cannot be sent the study: {error}"
+            remedy = "define functions of Python at the top of a module, or leave workers out"
+            raise refused("workers", found, remedy, code="not-picklable") from error
 
     def here(self, spans: Sequence[Span]) -> Answers:
         """Parts done by this process; what is handed back comes by blocks."""
@@ -59,7 +62,7 @@ class Work:
         for span in spans:
             part, start = self.chosen.part(*span), span[0]
             if self.parts is not None:
-                yield span, answered(self.pickled, part, span)
+                yield span, _rows(self.runner, planned, self.parts, part, span)
                 continue
             for block in self.runner.blocks(planned, part):
                 stop = start + len(block.word)
@@ -114,6 +117,12 @@ class Work:
 def answered(pickled: bytes, chosen: Designs, span: Span) -> Rows | None:
     """A part: handed back, or None where it is written into a folder."""
     runner, planned, parts = _at_hand(pickled)
+    return _rows(runner, planned, parts, chosen, span)
+
+
+def _rows(
+    runner: Runner, planned: Any, parts: Parts | None, chosen: Designs, span: Span
+) -> Rows | None:
     block = Rows.joined(list(runner.blocks(planned, chosen)))
     if parts is None:
         return block
@@ -155,27 +164,3 @@ def _serve() -> None:
 def _end_with(parent: Any) -> None:
     parent.join()
     os._exit(1)  # nobody waits for an answer
-
-
-def fingerprint(runner: Runner, chosen: Designs) -> str:
-    """A word that is the same for the same question only, in any process."""
-    from importlib.metadata import version  # slow to load
-
-    m, part = runner.family.mechanism, runner.part(runner.samples_of_design())
-    written = {} if m.document is None else m.document.to_data()
-    question = {
-        "version": version("blockmech"),
-        "mechanism": {key: x for key, x in written.items() if key not in EXTRAS}
-        or repr((m.structure, m.scene)),
-        "vary": {a: summary(x) for a, x in chosen.vary.items()},
-        "designs": (
-            chosen.sampling,
-            chosen.count,
-            chosen.seed,
-            part,
-        ),
-        "want": [w.label for w in runner.want],
-        **runner.question(),
-        "settings": dict(runner.settings),
-    }
-    return digest(json.dumps(question).encode())

@@ -10,6 +10,7 @@ from pathlib import Path
 from blockmech.builders import Opened, opened
 from blockmech.errors import FormatError, refused
 from blockmech.model.reading import text_of
+from blockmech.model.subgraph import within
 from blockmech.studio.sheet import Sheet
 
 
@@ -46,7 +47,8 @@ class Filed(Sheet):
     def open(self, name: str) -> None:
         """Show a file of the folder. Raises `FormatError`, `GraphError`, `RequestError`."""
         path = inside(self.folder, name)
-        document = opened(path)
+        with within(self.folder):
+            document = opened(path)
         self.stamp = _stamp(path)
         self.begin(document, path)
 
@@ -69,7 +71,8 @@ class Filed(Sheet):
         self.stamp = _stamp(path)
         moved = document.in_folder(str(path.parent))
         if moved.to_json() != document.to_json():  # paths to files inside are others there
-            self.begin(opened(path), path)
+            with within(self.folder):
+                self.begin(opened(path), path)
         self.keep(path)
 
 

@@ -17,6 +17,7 @@ from blockmech.builders import Graph, Opened, from_data
 from blockmech.draw.boxes import graph_of
 from blockmech.errors import GraphError, Problem
 from blockmech.model.graph import Graph as Blocks
+from blockmech.model.subgraph import within
 from blockmech.model.writing import canonical_text
 
 
@@ -74,7 +75,7 @@ class Sheet(param.Parameterized):  # type: ignore[misc]  # param's own types say
         Raises `FormatError` or `GraphError` for a form that could not be read again, with
         all that is wrong; the sheet then stays as it is.
         """
-        document = from_data(form, self.path)
+        document = self._read(form)
         text = document.to_json()
         if text != canonical_text(self.form):
             self._done.append(Step(document.to_data(), said))
@@ -111,11 +112,16 @@ class Sheet(param.Parameterized):  # type: ignore[misc]  # param's own types say
         """The file's text, as `Graph.save` writes it."""
         return canonical_text(self.form)
 
+    def _read(self, form: dict[str, Any]) -> Opened:
+        """The document of a form; of other files it takes those of the folder alone."""
+        with within(self.folder):
+            return from_data(form, self.path)
+
     def _step(self, back: list[Step], forth: list[Step], least: int) -> str:
         if len(back) <= least:
             return ""
         forth.append(back.pop())
-        self._show(from_data(self._done[-1].form, self.path), self.path)
+        self._show(self._read(self._done[-1].form), self.path)
         return forth[-1].said
 
     def _show(self, document: Opened, path: Path | None) -> None:

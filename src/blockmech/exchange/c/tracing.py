@@ -76,7 +76,8 @@ class ClosedTrace(Trace):
         """A function of NumPy, of nodes and numbers."""
         if name not in READINGS:
             raise Untraceable(f"an output is read with NumPy's {name}")
-        return READINGS[name](*args)
+        # A number of NumPy would ask here again what a sum with it is.
+        return READINGS[name](*(x.item() if isinstance(x, np.generic) else x for x in args))
 
     def _table(self, column: Array) -> tuple[Node, ...]:
         """The numbers of a table as parameters."""

@@ -24,6 +24,7 @@ from typing import IO, Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
 import blockmech
+from blockmech.dynamics.request import refuse_no_inertia
 from blockmech.errors import listed, printable, refused, shown
 from blockmech.exchange.c.program import CProgram, filled
 from blockmech.exchange.fmu.states import States
@@ -67,6 +68,7 @@ class Unit:
         if bound := [d for d, role in mechanism.scene.motion.items() if role != "free"]:
             found = f"a unit moves all drivers by their efforts, and {listed(bound)} is not free"
             raise refused("--to fmu", found, 'leave "motion" out, and give the unit the effort')
+        mechanism.once(refuse_no_inertia)
         self.fmi = str(order.options.get("fmi", "2"))
         if self.fmi not in PLATFORMS:
             raise refused("fmi", f"got {shown(order.options['fmi'])}", valid="2 or 3")
