@@ -15,7 +15,7 @@ import pytest
 from scipy.optimize import brentq
 
 import blockmech as bm
-from blockmech.dynamics.friction import JointFriction
+from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.system import System
 from blockmech.plan import Friction
 from tests.gallery import GRAPHS, document
@@ -163,14 +163,15 @@ def test_ends_of_friction_are_two_root_searches(name):
         for side in (0, 1):
 
             def start(q, side=side):
-                return friction.rest(q).holding[side]
+                return friction.holding(np.array([q]))[side][0]
 
             a, b = low - 0.01, high + 0.01
             ends.append(brentq(start, a, b, xtol=1e-15, rtol=1e-14))
         assert sorted(ends) == pytest.approx([low, high], abs=1e-12)
-        assert friction.rest((low + high) / 2).rests
-        assert not friction.rest(low - 1e-6).rests
-        assert not friction.rest(high + 1e-6).rests
+        for place, rests in (((low + high) / 2, True), (low - 1e-6, False), (high + 1e-6, False)):
+            begun, qdd, _ = friction.from_state(np.array([place]), np.zeros(1), 0.0, None)
+            assert any(begun.sides) is not rests
+            assert (qdd == 0).all() == rests
     inside = [e for e in found if e.interval is not None]
     assert len(inside) == len(found)
 

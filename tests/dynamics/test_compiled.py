@@ -115,7 +115,7 @@ def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
     for q, rate in ((1.0, 2.0), (1.7, -3.0), (0.4, 0.5)):
         for one in (fast, plain):
             if system.friction is not None:
-                one.sides = system.friction.sides(q, 1 if rate > 0 else -1)
+                one.sides = system.friction.slipping(np.array([q]), np.array([rate]))
         y = np.array([q, rate, 0.0, 0.0][:sizes])
         wanted = np.array(plain(0.1, y))
         assert np.isfinite(wanted).all()
@@ -123,7 +123,7 @@ def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
         margin, inertia = system.one(q).margin, system.one(q).J / fast.typical
         assert fast.closeness(y) == pytest.approx((margin, inertia), rel=1e-11)
         if system.friction is not None:
-            np.testing.assert_allclose(fast.slips([q]), plain.slips([q]), rtol=1e-12)
+            np.testing.assert_allclose(fast.slips(y), plain.slips(y), rtol=1e-12)
             pairs = fast.pair_loads(0.1, y), plain.pair_loads(0.1, y)
             np.testing.assert_allclose(*pairs, rtol=1e-11)
     assert kept_rates(system) is not None

@@ -274,6 +274,6 @@ def test_what_a_kernel_raises_is_no_solver_that_gave_up(monkeypatch, method, err
         raise error("of our own")
 
     mech = rod(of_rate(0.0, -0.3))
-    monkeypatch.setattr("blockmech.dynamics.equation.Equation._single", mistaken)
+    monkeypatch.setattr("blockmech.dynamics.equation.Equation._alone", mistaken)
     with pytest.raises(error, match="of our own"):
         mech.simulate("time=1", method=method, start={"crank": (0.3, 0.0)})

@@ -1,7 +1,7 @@
 r"""Where joint friction holds the only driver: intervals of rest.
 
 The driver rests wherever no friction lets it start: the two least efforts that start it either way
-(`blockmech.dynamics.friction`) are against it. The ends are roots of these efforts.
+(`blockmech.dynamics.sticking`) are against it. The ends are roots of these efforts.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def held_intervals(
     q = Span(low, high, turn=closed).place(u if closed else u[1:-1])
     stops = [x for x in (low, high) if x in system.stops[0]]  # others are dead centres
     q = np.unique(np.concatenate([q, places, stops, _weakest(effort, q)]))
-    lowest, highest = friction.holding(q, t)
+    lowest, highest, _ = friction.holding(q, t)
     held = (lowest <= 0) & (highest >= 0)
     held |= np.isin(q, places)  # balanced: whatever friction there is holds it
     intervals: list[tuple[float, float]] = []
@@ -73,7 +73,7 @@ def _end(system: System, t: float, inside: float, outside: float) -> float:
     most = sys.float_info.max**0.25  # instead of infinity, of which there is no secant
 
     def beyond(q: float) -> float:
-        lowest, highest = (float(x[0]) for x in friction.holding(np.array([q]), t))
+        lowest, highest = (float(x[0]) for x in friction.holding(np.array([q]), t)[:2])
         return float(np.clip(max(lowest, -highest), -most, most))
 
     a, b = beyond(inside), beyond(outside)

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics.contacts import DEPENDENT, SETTLED, STILL, Held, constrained, pushing
-from blockmech.dynamics.sticking import Instant, SeveralFriction
+from blockmech.dynamics.sticking import Instant, JointFriction
 from blockmech.motion import Floats
 
 STAGES = 64  # of a blow at most: each ends with a slip
@@ -55,7 +55,7 @@ def blow(
     stops: Held,
     ways: Floats,
     restitution: Floats,
-    friction: SeveralFriction | None = None,
+    friction: JointFriction | None = None,
     at: Instant | None = None,
     bound: Held | None = None,
 ) -> Blow:
@@ -105,7 +105,7 @@ def _fits(found: Blow, before: Floats, stops: Held, ways: Floats, restitution: F
 
 
 def _rubbed(
-    friction: SeveralFriction,
+    friction: JointFriction,
     at: Instant,
     stops: Held,
     some: list[int],
@@ -131,9 +131,9 @@ def _rubbed(
         sides = friction.sides_at(now, zero)
         stage = now.against(held, loads, lasting=False)
         settled = friction.settled(stage, sides, zero)
-        if settled.end:
+        response = None if settled.end else friction.solved(stage, settled.sides)
+        if response is None:
             return None
-        response = friction.respond(stage, settled.sides)
         jump = stage.of_drivers(response.qdd) / SUDDEN
         slips = np.flatnonzero((np.array(sides) != 0) & ~friction.signed)
         ends = _until(w, at.S @ jump, slips)

@@ -23,20 +23,19 @@ import numpy as np
 from blockmech.dynamics.ends import TooMany
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.rates import LEAST_INERTIA, rates_of
-from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import REPORTED, System
 from blockmech.engines.stages import CompiledRhs, CompiledStepper, Method, dop853
 from blockmech.motion import Floats
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.pair_friction import FrictionState
+    from blockmech.dynamics.friction import FrictionState
 
 LOOKED_AT = 64  # states of a step and more at which the relative rates of pairs are kept
 
 
 @dataclass
 class Equation:
-    """The right-hand side of a system; ``sides`` are directions of slip, see `JointFriction`."""
+    """The right-hand side of a system; ``sides`` are directions of slip, see `sticking`."""
 
     system: System
     q0: Any
@@ -44,11 +43,10 @@ class Equation:
     spent: int = 0
     sides: tuple[int, ...] = ()
     error: Exception | None = None  # what the mechanism's own kernels raised
-    held: bool = False  # whether the only driver rests while signals go on
+    held: bool = False  # whether friction and stops leave no freedom: signals alone go on
     method: Callable[[], Method] = dop853  # whose steps are made of its machine code
     _last: tuple[Any, float, float] = (None, math.nan, math.nan)  # q, margin, J
-    _slips: tuple[float, Any] = (math.nan, None)
-    _rates: dict[bytes, Floats] = field(default_factory=dict)  # of states looked at last
+    _slips: dict[bytes, Any] = field(default_factory=dict)  # of states looked at last
 
     def again(self) -> Equation:
         """The same for another run: nothing is spent, no pair slips yet."""
@@ -75,23 +73,26 @@ class Equation:
     def __call__(self, t: float, y: Any) -> Any:
         """y' at a state; NaN where there is no pose. What is raised on the way is kept."""
         try:
-            return self._several(t, y) if self.drivers > 1 else self._single(t, y)
+            return self._slope(t, y)
         except Exception as error:
             self.error = error
             raise
 
-    def _single(self, t: float, y: Any) -> Any:
-        row = self.row(t, y)
+    def _slope(self, t: float, y: Any) -> Any:
+        row, n = self.row(t, y), len(self.layout.initial)
         if row is not None:
-            n = self.layout.size
+            size = self.layout.size
             self.took(1)
-            self._last = float(y[0]), row[n], row[n + 1]
-            return row[:n]
+            self._last = float(y[0]), row[size], row[size + 1]
+            return row[:size]
         self.spend(1)
-        q, qd = self.layout.motion(y)
-        n = len(self.layout.initial)
         if self.held:
             return *[0.0] * (self.layout.size - n), *self.signals(t, y)[:n]
+        return self._alone(t, y) if self.drivers == 1 and not self.sides else self._general(t, y)
+
+    def _alone(self, t: float, y: Any) -> Any:
+        """That of one driver without friction, in numbers."""
+        q, qd = self.layout.motion(y)
         if self.system.signals.values:
             (J, tau, dJ, margin), more = self.system.one_of(q, qd, t, y[self.layout.signals])
         else:
@@ -99,12 +100,8 @@ class Equation:
         self._last = q, margin, J
         if not margin > 0:
             return (math.nan,) * self.layout.size
-        if self.sides:
-            state = self.resisted(t, y)
-            more = self.signals(t, y, state.qdd)[:n] if n else ()
-            return qd, state.qdd, tau * qd, state.power, *more
         qdd = (tau - 0.5 * dJ * qd * qd) / J if J > 0 else math.nan
-        return qd, qdd, tau * qd, *more[:n]
+        return qd, qdd, tau * qd, *more[: len(self.layout.initial)]
 
     def spend(self, states: int) -> None:
         """Count states; `TooMany` where they are more than allowed."""
@@ -152,9 +149,8 @@ class Equation:
 
     # -- one state ------------------------------------------------------------
 
-    def _several(self, t: float, y: Floats) -> Floats:
-        self.spend(1)
-        q, qd = self.motion(t, y)
+    def _general(self, t: float, y: Floats) -> Floats:
+        q, qd = map(np.atleast_1d, self.motion(t, y))
         more: Any = ()
         known = self.resisted(t, y) if self.sides else None
         if self.system.signals.values:
@@ -163,7 +159,7 @@ class Equation:
         else:
             terms = self.system.terms(q, qd, t)
         M, c, Q, margin = terms
-        self._last = tuple(q), margin, math.nan
+        self._last = (tuple(q), margin, math.nan) if len(q) > 1 else (q[0], margin, M[0, 0])
         if not margin > 0:
             return np.full(self.layout.size, math.nan)
         works = [Q @ qd]
@@ -203,15 +199,15 @@ class Equation:
         row = self.row(t, y)
         return self.signals(t, y)[n:] if row is None else row[-many - 1 : -1]
 
-    def signals(self, t: float, y: Floats, qdd: float | None = None) -> Any:
+    def signals(self, t: float, y: Floats, qdd: Floats | None = None) -> Any:
         """Rates of states of signal blocks, and where these have kinks; see `SignalProgram`.
 
-        qdd is the acceleration of the only driver, where it is known.
+        qdd are the accelerations of the drivers, where they are known.
         """
         q, qd = self.motion(t, y)
         x = y[self.layout.signals]
         if self.held:
-            qdd = 0.0
+            qdd = np.zeros(self.drivers)
         elif qdd is None and self.sides and self.system.follows_acceleration:
             qdd = self.resisted(t, y).qdd
         return self.system.terms_of(q, qd, t, x, qdd)[1]
@@ -221,10 +217,8 @@ class Equation:
         friction = self.system.friction
         assert friction is not None
         x = y[self.layout.signals] if self.layout.initial else None
-        if isinstance(friction, SeveralFriction):
-            q, qd = self.motion(t, y)
-            return friction.at(q, qd, t, self.sides, x, self.system.against(q, qd, t))
-        return friction.at(*self.layout.motion(y), t, self.sides, x)
+        q, qd = map(np.atleast_1d, self.motion(t, y))
+        return friction.at(q, qd, t, self.sides, x, self.system.against(q, qd, t))
 
     def stop_force(self, i: int, t: float, y: Floats) -> float:
         """What a stop that it lies against pushes with [N m or N], along its coordinate."""
@@ -244,26 +238,22 @@ class Equation:
         return self.resisted(t, y).loads
 
     def slips(self, y: Any) -> Any:
-        """Relative rates of the pairs with friction per unit rate of the only driver."""
-        assert self.system.friction is not None
-        q = y[0]
-        if self._slips[0] != q:
-            row, m = self.row(0.0, self.layout.start(q, 1.0)), len(self.sides)
-            first = self.layout.size + 4 + 2 * m  # behind margin, J, loads and the least of both
-            known = None if row is None else row[first : first + m]
-            self._slips = q, known or self.system.friction.slips(np.array([q]))[0]
-        return self._slips[1]
+        """Relative rates (m,) of the pairs with friction at a state.
 
-    def relative_rates(self, y: Floats) -> Floats:
-        """Relative rates (m,) of the pairs with friction, with several drivers, at a state."""
-        friction = self.system.friction
-        assert isinstance(friction, SeveralFriction)
-        key = y[: self.layout.moving].tobytes()
-        if key not in self._rates:
-            if len(self._rates) > LOOKED_AT:
-                self._rates.clear()
-            self._rates[key] = friction.rates(*self.layout.motion(y))
-        return self._rates[key]
+        Of one driver those per unit of its rate: of them a standstill says nothing.
+        """
+        friction, alone = self.system.friction, self.drivers == 1
+        assert friction is not None
+        key = y[: 1 if alone else self.layout.moving].tobytes()
+        if key not in self._slips:
+            if len(self._slips) > LOOKED_AT:
+                self._slips.clear()
+            unit = self.layout.start(y[0], 1.0) if alone else y
+            row, m = self.row(0.0, unit) if alone else None, len(self.sides)
+            first = self.layout.size + 4 + 2 * m  # behind margin, J, loads and the least of both
+            q, qd = unit[self.layout.q], unit[self.layout.rate]
+            self._slips[key] = friction.rates(q, qd) if row is None else row[first : first + m]
+        return self._slips[key]
 
     def know(self, q: float, margin: float, J: float) -> None:
         """Keep what was computed elsewhere at a place of the only driver."""

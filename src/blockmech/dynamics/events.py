@@ -16,10 +16,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.friction import bearing
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.loads import SAME
-from blockmech.dynamics.rates import LEAST_INERTIA
+from blockmech.dynamics.rates import LEAST_INERTIA, bearing
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.engines.dense import Dense
 from blockmech.motion import Event, Floats, Motion
@@ -27,6 +26,7 @@ from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
+    from blockmech.dynamics.friction import PairProgram
     from blockmech.dynamics.system import System
 
 Value: TypeAlias = Callable[[Any, Any], Any]
@@ -149,14 +149,15 @@ def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[E
 def friction_rules(
     slips: Callable[[Any], Any],
     loads: Callable[[float, Any], Any],
-    guides: Sequence[bool],
-    remembers: Sequence[bool],
-    sides: Sequence[int] = (),
+    pairs: PairProgram,
+    sides: Sequence[int],
+    alone: bool,
 ) -> list[EventFunction]:
-    """Reversals of pairs with friction, and guides whose load goes over to the other side.
+    """Reversals of pairs that slip, and guides whose load goes over to the other side.
 
     The friction of a pair whose law has a state goes on through a reversal, but has a kink there.
-    ``sides`` : with several drivers, the senses in which pairs slip; 0: it sticks
+    ``sides`` : senses in which pairs slip; 0: it sticks
+    ``alone`` : whether slips are per unit rate of the only driver, so that their signs say nothing
     """
     rules = []
 
@@ -166,13 +167,12 @@ def friction_rules(
     def side(j: int, part: int) -> Value:
         return lambda t, y: bearing(complex(loads(t, y)[j]))[part]
 
-    for j, guide in enumerate(guides):
-        kind = ends.DEFLECTION_KINK if remembers[j] else ends.REVERSAL
-        way = -sides[j] if sides and not remembers[j] else 0
-        if sides and sides[j] == 0:
-            continue
+    for j in np.flatnonzero(sides).tolist():
+        remembers = pairs.remembers[j]
+        kind = ends.DEFLECTION_KINK if remembers else ends.REVERSAL
+        way = 0 if remembers or alone else -sides[j]
         rules.append(EventFunction(kind, slip(j), way, parts=PARTS // 2, index=j))
-        if guide:
+        if pairs.guides[j]:
             kind = ends.GUIDE_SIDE
             rules += [EventFunction(kind, side(j, part), parts=1, index=j) for part in range(2)]
     return rules

@@ -1,67 +1,61 @@
-r"""Joint friction in motion: the acceleration, and rest, with directions of slip that are given.
+"""What joint friction in motion is made of: two programs and a solver.
 
-At a state every load F_j on a pair is affine in q'', in the friction t_k of the pairs and, where
-the loads follow the place alone, in q'^2; so is the equation of motion:
-
-    F_j = f_j + g_j q'' + sum_k R_jk t_k,       J q'' = push + sum_k s_k t_k,
-    t_k = -side_k (c_k |F_k| + d_k)
-
-push is the effort of the loads less J' q'^2 / 2, s_k the relative rate of pair k per unit rate
-of the driver (virtual work), side_k its sign in the motion, c_k and d_k what the pair's law says
-at that rate (`blockmech.friction.laws`). With q'' put into the first equation, the solvers of
-`blockmech.friction` do the rest; where they prove that exactly one solution exists there is
-exactly one acceleration. All of f, g, R, s, J are read off one program: the force pass with the
-friction of the pairs, q'' and the share of the loads as inputs; the laws off another one, of the
-relative rates.
-
-At a standstill the driver stays at rest where neither direction of slip lets it start, by what
-the laws say at rest. The efforts at which it would just start are the ends of the interval of
-driving moments that hold it.
+The laws of the pairs at relative rates, and the force pass at states in which loads, rates, one
+acceleration, or a unit of friction in one pair act alone.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from blockmech.dynamics.pair_friction import (
-    Floats,
-    FrictionState,
-    PairFriction,
-    PairProgram,
-    Row,
-    Sides,
-    State,
-    least,
-    outcome_of,
-)
+from blockmech.engines.binding import bind_functions
 from blockmech.engines.llvm import SingleEvaluator
-from blockmech.engines.numpy import NumpyEngine, Planar
+from blockmech.engines.numpy import NumpyEngine, Planar, primitives
+from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.friction import solvers
-from blockmech.friction.continuation import Outcome
-from blockmech.friction.equations import loads as pair_loads
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs, signals
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction, Schedule
-from blockmech.plane import EPS, mul, where
-from blockmech.quality import left_undone
+from blockmech.passes.signals import STATE
+from blockmech.plan import Friction, Program, Schedule
+
+Floats: TypeAlias = NDArray[np.float64]
+Vectors: TypeAlias = NDArray[np.complex128]
+Sides: TypeAlias = tuple[int, ...]
+Row: TypeAlias = list[Any]  # the program's values at a state, or at n of them
+
+
+@dataclass(frozen=True)
+class PairProgram:
+    """The force pass with friction as input, and the laws of the m pairs.
+
+    Values of the force pass: the driving efforts, the load of each pair, its relative rate and
+    acceleration, margins.
+    """
+
+    names: tuple[str, ...]  # (m,) pairs with friction
+    guides: tuple[bool, ...]  # (m,) whether the load is the larger component of (N, 2 C / L)
+    program: Program
+    laws: Program  # factors and drags (2 m,) at relative rates; that hold at rest
+    whole: Program  # for machine code: the first without accelerations, signals, laws
+    remembers: tuple[bool, ...]  # (m,) whether a pair's law has a state of its own
+    separates: tuple[bool, ...]  # (m,) whether it is a mesh that only adds to its contact
+    steepest: tuple[float, ...]  # (m,) largest slopes over the load of laws that are not linear
+    # in it, 0 of others; () without any
+    drags: bool  # whether a law has more than a factor
+    batch: NumpyEngine  # the force pass on arrays
+    single: SingleEvaluator  # and at one state
+
 
 GIVEN = Friction(friction.GIVEN)
-
-
-def bearing(load: Any) -> tuple[Any, Any]:
-    """Of a load N + 2i C/L on a guide the larger part, and what the first is larger by.
-
-    Friction has kinks where either changes its sign.
-    """
-    N, C = load.real, load.imag
-    return where(abs(N) >= abs(C), N, C), abs(N) - abs(C)
 
 
 def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgram | None:
@@ -84,7 +78,7 @@ def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgra
     rise = [s.ask(forward.slip_acceleration, ref) for ref in joints]
     program = s.program([*values, *rise, *margins(s)])
     apart = schedule(structure, compiled.scene, how)
-    rules = friction.terms, friction.terms_at_rest, friction.terms_standing
+    rules = friction.terms, friction.terms_at_rest
     law_terms = [x for rule in rules for x in terms(apart, joints, rule)]
     laws = [structure.friction_law(ref) for ref in joints]
     more = [*signals.rates(s), *friction.deflection_rates(s), *signals.kinks(s)]
@@ -98,7 +92,6 @@ def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgra
         tuple(map(structure.separates, joints)),
         steepest(laws),
         any(law.drags for law in laws),
-        all(law.smooth for law in laws),
         NumpyEngine(program),
         SingleEvaluator(program),
     )
@@ -123,201 +116,171 @@ def margins(s: Schedule) -> list[str]:
     return [s.ask(forward.margin, b) for b in blocks if s.structure.blocks[b].closes]
 
 
-def power_taken(found: FrictionSolution, remembers: Sequence[bool], qd: Any) -> Any:
-    """Power [W] that friction takes: of laws with a state, which also store, with its sign."""
-    taken, along = found.taken, None
-    for s, t, stores in zip(found.slips, found.solution.t, remembers, strict=True):
-        if stores:
-            taken = taken - abs(s * t)
-            along = s * t if along is None else along + s * t
-    power = taken * abs(qd)
-    return power if along is None else power - along * qd
+class State(NamedTuple):
+    """One column of inputs of the program, besides q: what is let act."""
+
+    qd: Any = 0.0  # (k,) or (n, k)
+    qdd: Any = 0.0
+    share: float = 0.0  # of the applied loads
+    pair: int = -1  # the one with a unit of friction; -1: none
+    push: int = -1  # the stop with a unit of push; -1: none
+    t: Any = 0.0
+    x: Any = None  # states of signal blocks; None: the initial ones
 
 
-class FrictionSolution(NamedTuple):
-    """What friction does, as numbers or batches of any engine.
+class FrictionState(NamedTuple):
+    """One state: the acceleration, and what the pairs do.
 
-    effort : [N m or N] of loads and friction together, J q''
-    slips : (m,) relative rates of the pairs per unit rate of the driver
-    taken : [N m or N] magnitude of the effort of friction
+    qdd : (k,)
+    power : [W] that friction takes, less what laws with a state store
+    loads : (m,) on the pairs
+    locked : whether no acceleration satisfies the laws, in a pose that is possible
+    misfit : [-] bound of what an iteration left undone, of the largest friction
+    pushes : (a,) [N m or N] of the stops that it lies against
     """
 
-    effort: Any
-    qdd: Any
-    solution: solvers.Solution
-    slips: Any
-    taken: Any
-    loads: Any  # (m,)
+    qdd: Floats
+    power: float
+    loads: Vectors
+    locked: bool
+    misfit: float = 0.0
+    pushes: Any = ()
 
 
-def resistance(rows: Any, laws: Any, steepest: Any, guides: Any, balance: Any) -> FrictionSolution:
-    """Friction from the program's values, with laws and their slopes as of `solvers.balanced`.
-
-    ``rows`` are those of the loads at the rate, of a unit of q'', of a unit of each friction;
-    ``balance`` is that function with a solver.
-    """
-    m = len(guides)
-    J, push = rows[1][0], -rows[0][0]
-    s = [-row[0] for row in rows[2:]]
-    a0 = push / J
-    base = tuple(rows[0][1 + j] + mul(rows[1][1 + j], a0) for j in range(m))
-    matrix = tuple(
-        tuple(rows[2 + i][1 + j] + mul(rows[1][1 + j], s[i] / J) for i in range(m))
-        for j in range(m)
-    )
-    solution = balance(laws, steepest, guides, base, matrix)
-    effort, taken = push, 0.0
-    for x, t in zip(s, solution.t, strict=True):
-        effort, taken = effort + x * t, taken + abs(x * t)
-    F = pair_loads(solution.t, base, matrix)
-    return FrictionSolution(effort, effort / J, solution, s, taken, F)
+def least(margins: Iterable[Any]) -> float:
+    """The smallest of 1 and some margins; NaN if one is."""
+    smallest = 1.0
+    for m in margins:
+        if not m >= smallest:
+            if m != m:
+                return math.nan
+            smallest = float(m)
+    return smallest
 
 
-class Rest(NamedTuple):
-    """What a standstill leads to.
+def signed_terms(sides: Any, law: Any, drags: bool) -> tuple[Any, Any]:
+    """Signed factors and drags (m,) of pairs that slip in some directions; no drags of none."""
+    against = [-side * x for side, x in zip((*sides, *sides), law, strict=True)]
+    return tuple(against[: len(sides)]), tuple(against[len(sides) :]) if drags else ()
 
-    holding : [N m or N] driving efforts that hold the driver at rest; empty (low above high)
-        where it may start both ways
-    moves : -1 or +1, the direction in which it starts; 0 where it stays
-    ambiguous : whether it may start in either direction
-    rounding : relative, of the effort by which it starts
+
+class PairFriction:
+    """Friction of all pairs of a mechanism.
+
+    ``count`` is called with evaluations (samples, whether a batch); ``compiled`` says whether
+    single states are machine code's; ``rounding`` (k,) [N m or N] is what that leaves unknown of
+    the efforts of the loads at a place (k,); ``initial`` are states of signal blocks and laws.
     """
 
-    holding: tuple[float, float]
-    moves: int
-    ambiguous: bool
-    rounding: float = 0.0
-
-    @property
-    def rests(self) -> bool:
-        """Whether it stays where it is."""
-        return self.moves == 0 and not self.ambiguous
-
-
-class JointFriction(PairFriction):
-    """Friction of all pairs of a mechanism with one driver; `sticking` has that of several."""
-
-    kernels: ClassVar[Mapping[str, Any]] = {"resistance": resistance}
-
-    # -- data of the force pass ------------------------------------------------------
-
-    def slips(self, q: Floats) -> Floats:
-        """Relative rates (n, m) of the pairs per unit driver rate."""
-        m = len(self.names)
-        return np.transpose(self._columns(q, [State(qd=1.0)])[0][1 + m : 1 + 2 * m])
-
-    def sides(self, q: float, direction: int) -> Sides:
-        """Signs (m,) of the relative rates just beyond q in a direction of motion.
-
-        1 of a pair whose law says the sign itself.
-        A slip that vanishes at q, as far as the next place tells, has the sign that it gets.
-        """
-        here, beyond, vanishes = self._beyond(q, direction)
-        at = np.where(vanishes, beyond, here)
-        return tuple(map(int, self.senses(direction * np.nan_to_num(at))))  # NaN: no pose
-
-    def reversing(self, q: float) -> list[int]:
-        """Pairs whose slip vanishes at q, as far as the next place tells."""
-        return np.flatnonzero(self._beyond(q, 1)[2]).tolist()
-
-    def _beyond(self, q: float, direction: int) -> tuple[Floats, Floats, Floats]:
-        step = math.sqrt(EPS) * max(1.0, abs(q)) * direction
-        here, beyond = self.slips(np.array([q, q + step]))
-        return here, beyond, np.abs(here) <= np.abs(beyond - here)
-
-    # -- solutions ------------------------------------------------------------
-
-    def solve(
+    def __init__(
         self,
-        rows: list[Row],
-        sides: Sequence[Any],
-        law: Sequence[Any],
-        rates: Floats | None = None,
-    ) -> FrictionSolution:
-        """Friction at n states with these directions of slip, see `resistance`.
+        program: PairProgram,
+        method: Friction,
+        count: Callable[[int, bool], None],
+        compiled: Callable[[], bool],
+        rounding: Callable[[Floats], Any],
+        initial: tuple[float, ...] = (),
+    ) -> None:
+        self.program, self._count, self._compiled = program, count, compiled
+        self._rounding, self._initial = rounding, initial
+        self.names = program.names
+        self.guides = program.guides
+        self.signed = np.logical_or(program.remembers, program.separates)  # laws say the sign
+        self._laws = AdaptiveEvaluator(program.laws)
+        self._constant: dict[int, list[Row]] = {}  # what laws say that follow no speed, of n rates
+        still = np.zeros((len(self.names), 1))
+        self.static = tuple(
+            float(x[0]) for x in self._law_values(still)[1]
+        )  # (2 m,) that hold at rest
+        solver, options = solvers.SOLVERS[method.method]
+        self.options = tuple(getattr(method, name) for name in options)
+        self.solver = solver
+        kernels: Any = {"solve": solver, "balanced": solvers.balanced}
+        bound = bind_functions(kernels, primitives(np.float64))
+        # the solution for laws, at one state and at n of them
+        self.balance = partial(solvers.balanced, solver, self.options)
+        self.balance_all = partial(bound["balanced"], bound["solve"], self.options)
 
-        ``law`` : (2 m,) factors and drags, see `law`
-        ``rates`` : (m, n) at which laws are asked again that are not linear in the load
+    def senses(self, slips: Any) -> Floats:
+        """Signs (..., m) of slips; 1 of a pair whose law says the sign itself."""
+        return np.where(self.signed, 1.0, np.sign(slips))
+
+    # -- the laws ------------------------------------------------------------------------
+
+    def _law_values(self, rates: Floats, x: Any = None, loads: Any = None) -> list[Row]:
+        """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n), and at rest.
+
+        x are the states of signals and laws, by default the initial ones; ``loads`` (m, n) [N]
+        those of laws that are not linear in them, by default none.
         """
-        n, steepest = np.size(rows[0][0]), () if rates is None else self.program.steepest
+        inputs, n = self.program.laws.inputs, rates.shape[1]
+        if not inputs and n in self._constant:
+            return self._constant[n]
+        given = {f"slip_{j}": rate for j, rate in enumerate(rates)}
+        states = self._initial if x is None else x
+        given |= {f"{STATE}{k}": np.full(n, s) for k, s in enumerate(states)}
+        loads = np.zeros(rates.shape) if loads is None else loads
+        given |= {f"load_{j}": load for j, load in enumerate(loads)}
+        values, m = list(self._laws.run({x: given[x] for x in inputs}, n)), 2 * len(self.names)
+        terms = [values[:m], values[m:]]
+        if not inputs:
+            self._constant[n] = terms
+        return terms
 
-        def laws(loads: Any = None) -> tuple[Any, Any]:
-            own = law
-            if loads is not None and rates is not None:
-                own = self.law(rates, None, np.array(loads))
-            return self.against(sides, [np.broadcast_to(x, n) for x in own])
+    def law(self, rates: Floats, x: Any = None, loads: Any = None) -> Row:
+        """Factors and drags (2 m,) of arrays (n,) at relative rates, states and loads."""
+        return self._law_values(rates, x, loads)[0]
 
+    # -- the force pass ------------------------------------------------------------------
+
+    def _columns(self, q: Floats, states: list[State]) -> list[Row]:
+        """The program at places (n, k), in each of some states."""
+        m, (n, k), size = len(self.names), q.shape, len(states) * len(q)
+        self._count(size, True)
+
+        def column(values: Iterable[Any]) -> Floats:
+            """An input, one state after the other."""
+            return np.concatenate([np.broadcast_to(x, n) for x in values])
+
+        def of(i: int, x: Any) -> Any:
+            """The values of one driver."""
+            return x[..., i] if np.ndim(x) else x
+
+        given = {"t": column(s.t for s in states), "load_share": column(s.share for s in states)}
+        for i in range(k):
+            given[f"q_{i}"] = np.tile(q[:, i], len(states))
+            given[f"qd_{i}"] = column(of(i, s.qd) for s in states)
+            given[f"qdd_{i}"] = column(of(i, s.qdd) for s in states)
+        for j in range(m):
+            given[f"friction_{j}"] = column(float(s.pair == j) for s in states)
+        for name in (x for x in self.program.program.inputs if x.startswith("push_")):
+            given[name] = column(float(name == f"push_{s.push}") for s in states)
+        for j, x in enumerate(self._initial):
+            given[f"{STATE}{j}"] = column(x if s.x is None else s.x[..., j] for s in states)
+        program = self.program.program
         with np.errstate(all="ignore"):
-            resist = self._bound["resistance"]
-            solution: FrictionSolution = resist(rows, laws, steepest, self.guides, self.balance_all)
-        return solution
+            values = self.program.batch.run({x: given[x] for x in program.inputs}, size)
 
-    def at(self, q: float, qd: float, t: float, sides: Sides, x: Any = None) -> FrictionState:
-        """One state; x are states of signal blocks."""
-        m = len(self.names)
-        states = [State(qd=qd, share=1.0, t=t, x=x), State(qdd=1.0)]
-        states += [State(pair=k) for k in range(m)]
-        rows = self._one_by_one(q, states)
-        margin = least(rows[0][1 + 3 * m :])
-        rates = np.array([rows[0][1 + m : 1 + 2 * m]]).T
+        def each(x: Any) -> list[Any]:
+            """A value in each state."""
+            if isinstance(x, Planar):
+                return list(map(Planar, each(x.real), each(x.imag)))
+            return list(np.reshape(x, (len(states), n)))
 
-        def laws(loads: Any = None) -> tuple[Any, Any]:
-            column = None if loads is None else np.array([loads]).T
-            return self.against(sides, [float(y[0]) for y in self.law(rates, x, column)])
+        return [list(row) for row in zip(*map(each, values), strict=True)]
 
-        try:
-            resisted = resistance(rows, laws, self.program.steepest, self.guides, self.balance)
-        except (ArithmeticError, ValueError):
-            nothing = np.full(m, math.nan)
-            return FrictionState(
-                math.nan, math.nan, nothing + 0j, margin, Outcome.NOT_CONVERGED, 1.0, 0.0, nothing
-            )
-        solved, power = resisted.solution, power_taken(resisted, self.program.remembers, qd)
-        misfit = float(left_undone(solved.residual, solved.contraction))
-        outcome, limit = outcome_of(solved.outcome), float(solved.limit)
-        F, rubs = np.array(resisted.loads), np.array(solved.t)
-        return FrictionState(resisted.qdd, power, F, margin, outcome, limit, misfit, rubs)
+    def _one_by_one(self, q: Floats, states: Sequence[State]) -> list[Row]:
+        """The program at one place (k,), in each of some states."""
+        self._count(len(states), False)
+        engine = self.program.single.engine(self._compiled())
+        return [list(engine.one(self._inputs(q, state))) for state in states]
 
-    def moving(self, q: float, qd: float, t: float, x: Any = None) -> FrictionState:
-        """One state of a motion, each pair slipping in the sense of the rate."""
-        return self.at(q, qd, t, self.sides(q, 1 if qd > 0 else -1), x)
-
-    def holding(self, q: Floats, t: float = 0.0) -> tuple[Floats, Floats]:
-        """Lowest and highest driving efforts (n,) [N m or N] that hold the driver at places.
-
-        Infinite where nothing starts it. A pair whose slip is zero at a place does not help there;
-        bristles help by the most that they carry.
-        """
-        slips, fixed = np.sign(np.nan_to_num(self.slips(q))).T, self.program.separates
-        sides = [
-            [1.0 if own else way * s for s, own in zip(slips, fixed, strict=True)]
-            for way in (-1, 1)
-        ]
-        (low, _), (high, _) = self._starting(q, sides, self.static, t, None)
-        return low, high
-
-    def _starting(
-        self, q: Floats, sides: Sequence[Sequence[Any]], law: Any, t: float, x: Any
-    ) -> Iterator[tuple[Floats, Floats]]:
-        """Efforts (n,) at which the driver starts back and forth, and those of friction in them."""
-        states = [State(share=1.0, t=t, x=x), *(State(pair=k) for k in range(len(self.names)))]
-        acting, *pairs = self._columns(q, states)
-        still = [np.ones(q.size), *[Planar(0.0 * q, 0.0 * q) for _ in pairs]]  # no load follows q''
-        for way, side in zip((-1, 1), sides, strict=True):
-            found = self.solve([acting, still, *pairs], side, law)
-            start = -np.asarray(found.effort)
-            yield np.where(np.isfinite(start), start, way * math.inf), found.taken
-
-    def rest(self, q: float, t: float = 0.0, x: Any = None) -> Rest:
-        """What a standstill at q leads to; x are states of signal blocks and laws."""
-        sides = [self.sides(q, direction) for direction in (-1, 1)]
-        found = list(self._starting(np.array([q]), sides, self.standing(x), t, x))
-        low, high = (float(start[0]) for start, _ in found)
-        taken = sum(float(rubbed[0]) for start, rubbed in found if np.isfinite(start[0]))
-        unknown = self._rounding(q) + 8 * EPS * taken  # as of the effort of the loads
-        forward, backward = high < -unknown, low > unknown
-        if forward and backward:
-            return Rest((low, high), 0, True)
-        if not (forward or backward):
-            return Rest((low, high), 0, False)
-        return Rest((low, high), 1 if forward else -1, False, unknown / max(low, -high))
+    def _inputs(self, q: Floats, state: State) -> list[float]:
+        given: dict[str, Any] = {"t": state.t, "load_share": state.share}
+        motion = {"q": q, "qd": state.qd, "qdd": state.qdd}
+        for name, x in motion.items():
+            given |= {f"{name}_{i}": value for i, value in enumerate(x)}
+        signals = self._initial if state.x is None else state.x
+        given |= {f"{STATE}{k}": float(x) for k, x in enumerate(signals)}
+        units = f"friction_{state.pair}", f"push_{state.push}"
+        return [given.get(x, float(x in units)) for x in self.program.program.inputs]

@@ -30,14 +30,13 @@ from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.friction import GIVEN
 from blockmech.dynamics.pair_stops import PairStops, held_by, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Until
-from blockmech.dynamics.rest import first_beyond
 from blockmech.dynamics.run import Run, RunEnd
-from blockmech.dynamics.sticking import SeveralFriction
+from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.stops import Stop
 from blockmech.dynamics.system import System, solved
 from blockmech.errors import refused
 from blockmech.model.structure import JointRef
-from blockmech.motion import Event, Floats, Impact, Lying, Motion, Slips, State, Track
+from blockmech.motion import Event, Floats, Impact, Lying, Motion, State, Track
 from blockmech.passes.friction import given_joints
 from blockmech.passes.homotopy import schedule
 from blockmech.plan import Friction
@@ -141,8 +140,6 @@ class Bounces(Run):
 
     def _leg(self, request: SimulationRequest) -> Motion:
         begin = self.legs[-1].x_end if self.legs else ()
-        if self.held and len(self.system.drivers) == 1 and not begin:
-            return self._lying(request)
         if begin or dict(self.system.held) != self.held:
             self.system = replace(self.system, held=dict(self.held), begin=begin)
         if self.held:
@@ -195,13 +192,9 @@ class Bounces(Run):
 
     def _rows(self, struck: dict[int, int], q: Floats, rate: Floats) -> Held:
         """Rows of some stops at a state."""
-        system, those = self.system, [*struck]
-        if len(system.drivers) > 1:
-            return held_by(system.pairs, q, rate, those)
-        stop = self._stop(0, struck[0])
-        pair = self._pair(stop.name)
-        at = -1 if self.pairs is None or pair is None else self.pairs.pairs.index(pair)
-        return Held(np.array([[stop.slope]]), np.zeros(1), ((at, pair[1] if pair else 1),))
+        places = [*self.system.drivers, *(() if self.pairs is None else self.pairs.names)]
+        those = [places.index(self._stop(*end).name) for end in struck.items()]
+        return held_by(self.pairs, q, rate, those)
 
     def _pair(self, name: str) -> tuple[JointRef, int] | None:
         """The pair whose stop a name is of, and how its coordinate counts; None of a driver's."""
@@ -218,18 +211,15 @@ class Bounces(Run):
         return stopped_pairs(cast("Compiled", self.system.compiled), names)
 
     @cached_property
-    def friction(self) -> SeveralFriction | None:
+    def friction(self) -> JointFriction | None:
         """Joint friction of blows."""
         pushed = () if self.pairs is None else self.pairs.refs
-        friction: SeveralFriction | None = self.system.friction_of(SeveralFriction, pushed)
-        return friction
+        return self.system.friction_of(pushed)
 
     def _onto(self, q: Floats, rate: Floats, t: float, struck: dict[int, int]) -> Floats:
         """Coordinates of the drivers with which stops are touched, the nearest by M."""
         those = [*struck]
         wanted = np.array([self.system.stops[i][way > 0] for i, way in struck.items()])
-        if len(q) == 1:
-            return wanted
         off = wanted - self.system.places(q)[those]
         rows = self._rows(struck, q, rate).rows
         Z = self._free(len(q))
@@ -329,7 +319,7 @@ class Bounces(Run):
             others = self.system.roles.beside(others, t)
         loads = solved(M, Q) if others is None else constrained(M, Q, others)[0]
         push = side * float(stops.rows[0] @ loads + stops.drift[0])
-        if len(q) > 1 and self.friction is not None:
+        if self.friction is not None:
             rubbed = self.friction.from_state(q, after, t, others)[1]
             push = max(push, side * float(stops.rows[0] @ rubbed + stops.drift[0]))
         self.apex = math.inf
@@ -367,43 +357,16 @@ class Bounces(Run):
         self.lying.append(Lying(name, begin, leg.t_end, push, self._pair(name)))
         self.events.append(Event(ends.LEAVES_STOP, leg.t_end, leg.q_end, leg.qd_end))
 
-    def _lying(self, request: SimulationRequest) -> Motion:
-        """The only driver lies against its stop until the loads let it go, or the run ends."""
-        (way,), system = self.held.values(), self.system
-        q, _, t = request.start
-
-        def away(s: float) -> float:
-            return -way * float(system.one(q, 0.0, s).tau)
-
-        self._touches(0, away(t) * way)
-        t_last = t + request.span
-        until = first_beyond(system, away, t, t_last)
-        still = replace(request.standing, method=self.legs[0].method, regime=ends.REST)
-        if self.friction is not None:
-            sides = self.friction.senses(np.zeros(len(self.friction.names)))
-            still = replace(still, slips=(Slips(t, tuple(map(int, sides))),))
-        if until is not None:
-            late = math.ulp(until)
-            while not away(until) > 0 and late < t_last - until:  # the root is either side of it
-                until, late = until + late, 2 * late
-            return replace(still, t_end=until, end=ends.LEAVES_STOP, status="ended")
-        if math.isfinite(t_last):
-            return replace(still, t_end=t_last, end="time")
-        return replace(still, end=ends.END_STOP + " at rest", status="ended")
-
     def _released(self, leg: Motion) -> Any:
         """It leaves the stop that would have to pull most."""
         q, rate = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
         those = sorted(self.held)
-        pulls = [0.0]
-        if len(q) > 1:
-            pushes = self.system.pushes(q, rate, leg.t_end, self._states(leg))
-            pulls = [self.held[j] * float(P) for j, P in zip(those, pushes, strict=False)]
-            q = self._onto(q, rate, leg.t_end, {j: self.held[j] for j in those})
+        pushes = self.system.pushes(q, rate, leg.t_end, self._states(leg))
+        pulls = [self.held[j] * float(P) for j, P in zip(those, pushes, strict=False)]
+        q = self._onto(q, rate, leg.t_end, {j: self.held[j] for j in those})
         leg = self.legs[-1] = replace(leg, q_end=self._plain(q))
         self._leaves(those[int(np.argmax(pulls))], leg)
-        if len(q) > 1:
-            self.system = replace(self.system, held=dict(self.held))
+        self.system = replace(self.system, held=dict(self.held))
         return leg.qd_end
 
     def _still_lying(self, t: float) -> Iterator[Lying]:

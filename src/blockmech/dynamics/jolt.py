@@ -9,8 +9,6 @@ which is a blow (`blow`) whose drives are target at the jumps of their rates.
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 
 from blockmech.dynamics.blow import blow
@@ -18,7 +16,6 @@ from blockmech.dynamics.contacts import STILL
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.pair_stops import held_by
 from blockmech.dynamics.roles import Roles
-from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.errors import refused
 from blockmech.motion import Floats, Impact
 
@@ -53,7 +50,7 @@ def jolt_of(
         return None, 0.0
     x = y[equation.layout.signals] if equation.layout.initial else None
     M = system.terms_of(q, before, t, x)[0].M
-    those, friction = sorted(system.held), cast("SeveralFriction | None", system.friction)
+    those, friction = sorted(system.held), system.friction
     stops, ways = held_by(system.pairs, q, before, those), [system.held[i] for i in those]
     at = None if friction is None else friction.instant(q, before, t, x, None)
     bound = target._replace(drift=-jump, speeds=None)

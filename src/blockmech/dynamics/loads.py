@@ -206,9 +206,9 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
 # -- size ----------------------------------------------------------------------------------
 
 
-def load_size(s: Schedule) -> str:
-    """The sum of the magnitudes of the contributions to tau of the first driver."""
-    structure, driver, terms = s.structure, s.structure.drivers[0], []
+def load_size(s: Schedule, driver: str) -> str:
+    """The sum of the magnitudes of the contributions to the effort on a driver."""
+    structure, terms = s.structure, list[str]()
     for link in structure.links:
         force = s.ask(weight_on, link) if link != structure.frame_link else NOTHING
         v = s.ask(cm_velocity, link, driver) if force else ZERO

@@ -22,7 +22,6 @@ from blockmech.dynamics.request import WATCH, SimulationRequest, check_method
 from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS
 from blockmech.dynamics.signals import felt
-from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.system import System
 from blockmech.errors import RequestError, listed, refused
 from blockmech.motion import Event, Floats, Motion, Status
@@ -74,14 +73,11 @@ def _with_misfit(system: System, motion: Motion) -> Motion:
         return motion
     times = np.linspace(motion.t_start, motion.t_end, LOOKED_AT + 2)[1:-1]
     states = zip(*motion.at(times), times.tolist(), strict=True)
-    if isinstance(friction, SeveralFriction):
-        sides = motion.sides(times).tolist()
-        left = [
-            friction.at(q, qd, t, tuple(side)).misfit
-            for (q, qd, t), side in zip(states, sides, strict=True)
-        ]
-    else:
-        left = [friction.moving(float(q), float(qd), t).misfit for q, qd, t in states if qd]
+    sides = motion.sides(times).tolist()
+    left = [
+        friction.at(np.atleast_1d(q), np.atleast_1d(qd), t, tuple(side)).misfit
+        for (q, qd, t), side in zip(states, sides, strict=True)
+    ]
     if not left:
         return motion
     worst = max(left)
@@ -175,6 +171,8 @@ def unmoved(system: System, request: SimulationRequest) -> Motion | None:
         return replace(failed, method=method)
     if (held := _held_by_stop(system, request)) is not None:
         return held
+    if alone and system.held and not system.signals.initial:  # no way for a method along a path
+        return in_time(system, request, "dop853")
     if request.span == 0:
         why = request.why or "no time is asked for"
         return replace(request.standing, method=method, why=why)
@@ -206,11 +204,10 @@ def _held_by_stop(system: System, request: SimulationRequest) -> Motion | None:
 def _push(system: System, request: SimulationRequest, row: Floats, drift: float) -> float:
     """Which way a coordinate with a row over the drivers would start, that is at rest."""
     q, rate, t = request.start
-    if isinstance(system.friction, SeveralFriction):
+    if system.friction is not None:
+        q, rate = np.atleast_1d(q), np.atleast_1d(rate)
         qdd = system.friction.from_state(q, rate, t, system.against(q, rate, t))[1]
         return float(row @ qdd + drift)
-    if system.friction is not None:
-        return system.friction.rest(float(request.start.q), request.start.t).moves
     terms = system.terms(q, rate, t)
     return float(row @ system.accelerations(terms.M, terms.Q - terms.c, q, rate, t)[0] + drift)
 

@@ -14,7 +14,7 @@ from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.pair_stops import held_by, lain_against
 from blockmech.dynamics.roles import FREE, PRESCRIBED
-from blockmech.dynamics.sticking import SeveralFriction
+from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.system import System, solved
 from blockmech.motion import Floats, Motion
 from blockmech.passes.signals import STATE
@@ -60,13 +60,11 @@ class MotionInputs(Mapping[str, Any]):
         if k == 1 or self.sides is None or (self.sides != 0).all():
             self.known |= _by_driver("qd", self.qd, k)  # what sticks does not move at all
 
-    def _friction(self) -> SeveralFriction | None:
+    def _friction(self) -> JointFriction | None:
         """Joint friction; not kept, as programs do not pickle."""
         if self.how.method == "none":
             return None
-        system = system_of(self.mechanism, method=self.how)
-        friction: SeveralFriction | None = system.friction_of(SeveralFriction, self.how.pushed)
-        return friction
+        return system_of(self.mechanism, method=self.how).friction_of(self.how.pushed)
 
     def _against(self, q: Floats, qd: Floats, t: Floats, which: Any) -> Held:
         """Rows of stops that it lies against at n states, and of drivers that are not free."""

@@ -14,26 +14,71 @@ say the same to rounding.
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from blockmech.dynamics.friction import bearing, power_taken, resistance
-from blockmech.dynamics.pair_friction import signed_terms
+from blockmech.dynamics.friction import signed_terms
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.stages import CompiledRhs, Method
 from blockmech.engines.trace import PRIMITIVES
 from blockmech.errors import MissingEngineError
+from blockmech.friction.equations import loads
 from blockmech.friction.solvers import balanced
-from blockmech.plane import NAN, minimum, where
+from blockmech.plane import NAN, minimum, mul, where
 from blockmech.quality import NEAR as LEAST_MARGIN
 from blockmech.typing import Real
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.friction import JointFriction
     from blockmech.dynamics.signals import SignalProgram
+    from blockmech.dynamics.sticking import JointFriction
     from blockmech.plan import Program
 
 LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
+
+
+def bearing(load: Any) -> tuple[Any, Any]:
+    """Of a load N + 2i C/L on a guide the larger part, and what the first is larger by.
+
+    Friction has kinks where either changes its sign.
+    """
+    N, C = load.real, load.imag
+    return where(abs(N) >= abs(C), N, C), abs(N) - abs(C)
+
+
+class FrictionSolution(NamedTuple):
+    """What friction does.
+
+    slips : (m,) relative rates of the pairs per unit rate of the driver
+    taken : [N m or N] effort that friction takes
+    loads : (m,) on the pairs
+    """
+
+    qdd: Real
+    slips: Any
+    taken: Real
+    loads: Any
+
+
+def resistance(rows: Any, laws: Any, steepest: Any, guides: Any, balance: Any) -> FrictionSolution:
+    """Friction from the program's values, with laws and their slopes as of `solvers.balanced`.
+
+    ``rows`` are those of the loads at the rate, of a unit of q'', of a unit of each friction;
+    ``balance`` is that function with a solver.
+    """
+    m = len(guides)
+    J, push = rows[1][0], -rows[0][0]
+    s = [-row[0] for row in rows[2:]]
+    a0 = push / J
+    base = tuple(rows[0][1 + j] + mul(rows[1][1 + j], a0) for j in range(m))
+    matrix = tuple(
+        tuple(rows[2 + i][1 + j] + mul(rows[1][1 + j], s[i] / J) for i in range(m))
+        for j in range(m)
+    )
+    solution = balance(laws, steepest, guides, base, matrix)
+    taken = 0.0 * J
+    for x, t in zip(s, solution.t, strict=True):
+        taken = taken - x * t
+    return FrictionSolution((push - taken) / J, s, taken, loads(solution.t, base, matrix))
 
 
 def free(
@@ -69,7 +114,6 @@ def rubbing(
     inert: Any,
     solved: Any,
     guides: Any,
-    remembers: Any,
     separates: Any,
     qd: Real,
     zero: Real,
@@ -84,8 +128,7 @@ def rubbing(
     m = len(solved.slips)
     tau, J = inert[0] - rows[0][0], rows[1][0]
     margin = _least(rows[0][1 + 2 * m :], zero)
-    power = power_taken(solved, remembers, qd)
-    rates = _rates(margin, J, qd, solved.qdd, tau * qd, power, *states)
+    rates = _rates(margin, J, qd, solved.qdd, tau * qd, solved.taken * qd, *states)
     parts = [x for F in solved.loads for x in (F.real, F.imag)]
     sides = [x for F, guide in zip(solved.loads, guides, strict=True) if guide for x in bearing(F)]
     slips = [zero + 1.0 if x else s for s, x in zip(solved.slips, separates, strict=True)]
@@ -179,7 +222,7 @@ def _rubbing(friction: JointFriction, signals: SignalProgram, method: Method) ->
         solved = bound["resistance"](rows, laws, own.steepest, own.guides, balance)
         inert, _ = state(qd, zero, zero)
         more = state(qd, solved.qdd, one)[1][: signals.values] if signals.values else ()
-        about = own.guides, own.remembers, own.separates
+        about = own.guides, own.separates
         return bound["rubbing"](rows, inert, solved, *about, qd, zero, least, more[:n], more[n:])
 
     watched = 3 + m + 2 * sum(own.guides) + kinks

@@ -90,6 +90,11 @@ def first_beyond(
         if b == kink:
             kink = loads.next_time_kink(structure, kink)
         if beyond(b) > 0:
-            return b if beyond(a) >= 0 else float(brentq(beyond, a, b, xtol=EPS, rtol=4 * EPS))
+            if beyond(a) < 0:
+                b = float(brentq(beyond, a, b, xtol=EPS, rtol=4 * EPS))
+            late = math.ulp(b)
+            while not beyond(b) > 0 and late < latest - b:  # the root is either side of it
+                b, late = b + late, 2 * late
+            return b
         a = b
     return None

@@ -173,7 +173,7 @@ class Flow:
         self.layout = self.equation.layout
         self.x = self._parts(self.layout.start(start.q, start.rate))
         if self.system.friction is not None:
-            self.equation.sides = self.system.friction.sides(float(self.x[0]), 1)
+            self.equation.sides = self.system.friction.slipping(self.x[:1], np.ones(1))
         self.speed = typical_motion(self.equation, start.t, self._whole(self.x))[0]
         # of the parts of a state
         self.size = np.append(np.repeat([min(span, 1.0), self.speed], self.k), self._sizes(self.x))

@@ -30,7 +30,6 @@ from blockmech.dynamics.request import (
     starts_of,
 )
 from blockmech.dynamics.roles import roles_of
-from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.stops import bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
@@ -201,7 +200,7 @@ class Stepper:
     def _acting(self) -> dict[str, Floats]:
         """Accelerations (n, k) of the copies, and what (n, m) the pairs with friction do."""
         system, layout, y, t = self._system, self._layout, self._y, self.t
-        friction: SeveralFriction | None = system.friction_of(SeveralFriction)
+        friction = system.friction
         if friction is None:
             rates = [Equation(system, layout.motion(x)[0])(s, x) for x, s in zip(y, t, strict=True)]
             return {"qdd": np.array(rates)[:, layout.rate]}

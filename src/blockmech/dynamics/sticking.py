@@ -1,4 +1,4 @@
-r"""Joint friction with several drivers: some pairs stick while others slip.
+r"""Joint friction in motion: some pairs stick while others slip.
 
 At a state, with q the drivers' coordinates and S_j q'' + b_j the relative acceleration of pair j,
 
@@ -30,13 +30,12 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.contacts import DEPENDENT, SETTLED, STILL, Held
-from blockmech.dynamics.pair_friction import (
+from blockmech.dynamics.friction import (
     FrictionState,
     PairFriction,
     Sides,
     State,
     least,
-    outcome_of,
 )
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
 from blockmech.engines.numpy import Planar
@@ -123,12 +122,21 @@ class Instant(NamedTuple):
             carried=carried,
         )
 
+    def part(self, which: Any) -> Instant:
+        """That at one of n states, or those at some, where it lies against nothing."""
+        return Instant._make([*(x[which] for x in self[:-3]), self.margin, None, 0.0])
+
     @property
     def freedoms(self) -> Floats:
         """Rates (..., z) of what is free."""
         if self.contact is None:
             return self.rate
         return (np.swapaxes(self.contact.basis, -1, -2) @ self.rate[..., None])[..., 0]
+
+    @property
+    def unheld(self) -> Floats:
+        """Accelerations (z,) by the loads alone."""
+        return np.asarray(np.linalg.inv(self.M) @ self.push)
 
     def of_drivers(self, x: Floats, shifted: bool = True) -> Floats:
         """Accelerations (..., k) of the drivers by those of what is free, or rates."""
@@ -157,9 +165,14 @@ class Response(NamedTuple):
     qdd: Floats  # (..., z) of what is free
     t: Floats  # (..., m)
     loads: Any  # (..., m)
-    outcome: Any
-    limit: Any
-    misfit: Any
+    outcome: Any = 0.0
+    misfit: Any = 0.0
+
+    @property
+    def solved(self) -> bool:
+        """Whether it satisfies the laws, of one instant."""
+        code = float(self.outcome)
+        return code == code and Outcome(int(code)).solved
 
 
 class Along(NamedTuple):
@@ -175,18 +188,32 @@ class Along(NamedTuple):
 class Settled(NamedTuple):
     """What the pairs do from an instant on.
 
-    end : why there is no going on; empty where there is
+    response : a `Response`; None where the sides follow without it
     share : [-] of what their laws allow, that pairs which stick need at most
+    missed : [-] by how much it misses the laws
+    end : why there is no going on; empty where there is
     """
 
     sides: Sides
-    response: Response
-    share: float
+    response: Any = None
+    share: float = 0.0
+    missed: float = 0.0
     end: str = ""
 
 
-class SeveralFriction(PairFriction):
-    """Friction of all pairs of a mechanism with k drivers."""
+class Holding(NamedTuple):
+    """Efforts (n,) [N m or N] of the only driver between which friction holds it.
+
+    rounding : what is unknown of them
+    """
+
+    low: Floats
+    high: Floats
+    rounding: Floats
+
+
+class JointFriction(PairFriction):
+    """Friction of all pairs of a mechanism."""
 
     _last: tuple[Any, Any] = (None, None)
 
@@ -266,11 +293,22 @@ class SeveralFriction(PairFriction):
         instant: Instant = self._last[1]
         return instant
 
+    def instants(self, q: Floats, qd: Floats, t: Any, x: Any, held: Held | None) -> Instant:
+        """That at n states, whatever their margins are."""
+        k = q.shape[1]
+        rows = self._columns(q, self._states(qd, t, x, k, held))
+        values = np.array([[as_complex(v) for v in row[: k + 3 * len(self.names)]] for row in rows])
+        return self._instant(np.moveaxis(values, -1, 0), 1.0, q, qd, x, held)
+
     def rates(self, q: Floats, qd: Floats) -> Floats:
         """Relative rates (m,) of the pairs."""
         k, m = len(q), len(self.names)
         (row,) = self._one_by_one(q, [State(qd=qd, qdd=np.zeros(k))])
         return np.array(row[k + m : k + 2 * m], dtype=np.float64)
+
+    def slipping(self, q: Floats, qd: Floats) -> Sides:
+        """Senses in which pairs slip at a state."""
+        return tuple(int(s) for s in self.senses(self.rates(q, qd)))
 
     # -- for given sides ---------------------------------------------------------
 
@@ -281,21 +319,29 @@ class SeveralFriction(PairFriction):
         """
         stuck, slips = ([j for j, s in enumerate(sides) if (s == 0) is x] for x in (True, False))
         S, inverse = at.S, np.linalg.inv(at.M)
-        weights = self.weights[stuck][:, None]
-        held, turned = weights * S[..., stuck, :], np.swapaxes(S[..., slips, :], -1, -2)
-        back = inverse @ np.swapaxes(held, -1, -2)
-        yields = np.linalg.pinv(held @ back, rcond=DEPENDENT, hermitian=True)
-        push = at.push + share @ S
-        free = inverse @ np.concatenate([push[..., None], turned], axis=-1)
-        drift = held @ free
-        drift[..., 0] += weights[:, 0] * at.b[..., stuck]
-        force = -yields @ drift
-        qdd = free + back @ force
+        turned = np.swapaxes(S[..., slips, :], -1, -2)
+        qdd = inverse @ np.concatenate([(at.push + share @ S)[..., None], turned], axis=-1)
         t = np.zeros((*at.rate.shape[:-1], len(sides), 1 + len(slips)))
-        t[..., stuck, :] = weights * force
+        if stuck:
+            weights = self.weights[stuck][:, None]
+            held = weights * S[..., stuck, :]
+            back = inverse @ np.swapaxes(held, -1, -2)
+            drift = held @ qdd
+            drift[..., 0] += weights[:, 0] * at.b[..., stuck]
+            force = -np.linalg.pinv(held @ back, rcond=DEPENDENT, hermitian=True) @ drift
+            qdd = qdd + back @ force
+            t[..., stuck, :] = weights * force
         t[..., 0] += share
         t[..., slips, range(1, 1 + len(slips))] = 1.0
         return qdd, t
+
+    def solved(self, at: Instant, sides: Sides, law: Any = None) -> Response | None:
+        """The same; None where nothing satisfies the laws."""
+        try:
+            response = self.respond(at, sides, law)
+            return response if response.solved else None
+        except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+            return None
 
     def respond(self, at: Instant, sides: Sides, law: Any = None) -> Response:
         """Accelerations and friction for some sides; ``law`` (..., 2 m) in place of that there."""
@@ -340,9 +386,9 @@ class SeveralFriction(PairFriction):
             one = np.concatenate([one, np.stack(solution.t, axis=-1)], axis=-1)
         qdd, t, F = ((x @ one[..., None])[..., 0] for x in (qdd, t, F))
         if solution is None:
-            return Response(qdd, t, F, 0.0, 1.0, 0.0)
+            return Response(qdd, t, F)
         misfit = left_undone(solution.residual, solution.contraction)
-        return Response(qdd, t, F, solution.outcome, solution.limit, misfit)
+        return Response(qdd, t, F, solution.outcome, misfit)
 
     def _solved(self, laws: Any, steepest: Any, guides: Sequence[bool], F: Any) -> Any:
         """Friction of the pairs that slip, from loads (..., a, 1 + a) as of `_linear`."""
@@ -375,21 +421,44 @@ class SeveralFriction(PairFriction):
         try:
             response = self.respond(at, sides)
         except (ArithmeticError, ValueError, np.linalg.LinAlgError):
-            nothing, lost = np.full(len(sides), np.nan), Outcome.NOT_CONVERGED
-            return FrictionState(np.full(len(q), np.nan), 0.0, nothing, at.margin, lost, np.nan)
+            nothing = np.full(len(sides), np.nan)
+            return FrictionState(np.full(len(q), np.nan), 0.0, nothing, at.margin > 0)
         slipping = (np.array(sides) != 0) & ~np.array(self.program.separates)
         power = -float(response.t[slipping] @ at.w[slipping])
-        return FrictionState(
-            at.of_drivers(response.qdd),
-            power,
-            response.loads,
-            at.margin,
-            outcome_of(float(response.outcome)),
-            float(response.limit),
-            float(response.misfit),
-            response.t,
-            at.pushes(response),
-        )
+        qdd, pushes, locked = at.of_drivers(response.qdd), at.pushes(response), not response.solved
+        lost = locked and at.margin > 0
+        return FrictionState(qdd, power, response.loads, lost, float(response.misfit), pushes)
+
+    def holding(self, q: Floats, t: float = 0.0, x: Any = None) -> Holding:
+        """What holds the only driver at places (n,), infinite where nothing starts it.
+
+        Efforts at which it just starts, back and forth, while no load follows its acceleration. A
+        pair whose slip is zero at a place does not help there; bristles help by the most that they
+        carry, or, with states ``x`` (states,), by what they do.
+        """
+        q, still = q[:, None], np.zeros((q.size, 1))
+        if len(q) == 1:
+            at = self.instant(q[0], still[0], t, x, None)
+        else:
+            at = self.instants(q, still, t, None if x is None else np.tile(x, (len(q), 1)), None)
+        law = np.broadcast_to(self.static, at.law.shape)
+        if x is not None:
+            law = np.where(np.tile(self.signed, 2), at.law, law)
+        at = at._replace(M=np.ones(at.M.shape), G=0 * at.G, law=law)
+        starts, taken = np.full((2, len(q)), [[-math.inf], [math.inf]]), np.zeros(len(q))
+        for way, start in zip((-1, 1), starts, strict=True):
+            senses = self.senses(way * np.nan_to_num(at.S[..., 0])).reshape(len(q), -1)
+            kinds, which = np.unique(senses.astype(int), axis=0, return_inverse=True)
+            for kind, sides in enumerate(kinds.tolist()):
+                some = np.flatnonzero(which.ravel() == kind)
+                part = at if len(q) == 1 else at.part(some)
+                response = self._balance(part, tuple(sides), part.law, 0.0 * self.weights)
+                efforts, good = -response.qdd[..., 0], np.isfinite(response.qdd[..., 0])
+                start[some] = np.where(good, efforts, start[some])
+                rubs = np.abs(response.t * part.S[..., 0]).sum(axis=-1)
+                taken[some] += np.where(good, rubs, 0.0)
+        low, high = starts
+        return Holding(low, high, self._rounding(q)[:, 0] + 8 * EPS * taken)
 
     def from_state(
         self, q: Floats, qd: Floats, t: float, held: Held | None, x: Any = None
@@ -398,7 +467,8 @@ class SeveralFriction(PairFriction):
         at = self.instant(q, qd, t, x, held)
         zero = self.without_slip(at, ())
         begun = self.settled(at, self.sides_at(at, zero), zero)
-        return begun, at.of_drivers(begun.response.qdd), at.pushes(begun.response)
+        response = begun.response or self.respond(at, begun.sides)
+        return begun, at.of_drivers(response.qdd), at.pushes(response)
 
     def along(
         self, q: Floats, qd: Floats, t: Floats, x: Any, sides: Any, lies: Any, against: Against
@@ -420,12 +490,7 @@ class SeveralFriction(PairFriction):
             for _ in range(2):  # the second time with rates that are those of what sticks
                 state = q[some], rates[some], t[some]
                 held = against(*state, np.flatnonzero(those)) if any(those) else None
-                columns = self._states(rates[some], t[some], x[some], qd.shape[1], held)
-                rows = self._columns(q[some], columns)
-                values = np.array([[as_complex(v) for v in r] for r in rows])
-                count = qd.shape[1] + 3 * len(side)
-                values = np.moveaxis(values[:, :count], -1, 0)
-                at = self._instant(values, 1.0, q[some], rates[some], x[some], held)
+                at = self.instants(*state, x[some], held)
                 rates[some] = self.kept(at, side)
             response = self._each(at, side)
             still = self.fixed(at, side) & ~at.b.any(axis=-1)
@@ -465,10 +530,7 @@ class SeveralFriction(PairFriction):
 
     def _each(self, at: Instant, sides: Sides) -> Response:
         """What n states respond with."""
-        states = [
-            Instant._make([*(x[i] for x in at[:-3]), at.margin, None, 0.0])
-            for i in range(len(at.q))
-        ]
+        states = [at.part(i) for i in range(len(at.q))]
         if not states or not self._surplus(states[0], sides):
             return self.respond(at, sides)
         known: dict[bytes, Response] = {}  # where all stands, one state is as the other
@@ -501,6 +563,21 @@ class SeveralFriction(PairFriction):
 
     # -- which sides -------------------------------------------------------------
 
+    def turning(self, at: Instant, some: Sequence[int]) -> Instant:
+        """The same, where some pairs have no relative rate, with rows of what cannot stick.
+
+        A pair that the freedoms do not move here, as that of a rocker at its dead centre, turns
+        while they go on: its row is rounding, by which no rate may be stopped.
+        """
+        S, rate = at.S.copy(), at.freedoms
+        inverse, energy = np.linalg.inv(at.M), float(rate @ at.M @ rate)
+        carried = at.carried + np.zeros(at.b.shape)
+        for j in some:
+            stopped = (S[j] @ rate) ** 2, float(S[j] @ inverse @ S[j]) * energy
+            if stopped[0] > LOCATED**2 * stopped[1] and not carried[j]:
+                S[j] = 0.0
+        return at._replace(S=S)
+
     def without_slip(self, at: Instant, some: Sequence[int]) -> list[int]:
         """Pairs without relative rate where ``some`` have none: those, and what goes with them."""
         rate = self._kept(at, tuple(0 if j in some else 1 for j in range(len(self.names))))
@@ -517,8 +594,8 @@ class SeveralFriction(PairFriction):
         return tuple(0 if j in zero else int(s) for j, s in enumerate(self.senses(at.w)))
 
     def holds_all(self, at: Instant, sides: Sides) -> bool:
-        """Whether the pairs stick, and leave no freedom."""
-        return not any(sides) and bool(self.fixed(at, sides))
+        """Whether what sticks at an instant leaves no freedom."""
+        return bool(self.fixed(at, sides))
 
     def fixed(self, at: Instant, sides: Sides) -> Any:
         """Whether what sticks leaves no freedom (...)."""
@@ -529,23 +606,23 @@ class SeveralFriction(PairFriction):
 
     def share(self, at: Instant, sides: Sides, found: Response) -> float:
         """How much of what they can hold [-] the pairs that stick need at most."""
-        stuck = self._stuck(at, sides)
+        stuck = self.stuck(at, sides)
         if self._surplus(at, sides):
             return self._shared(at, sides, found)[0]
         return _largest(np.abs(found.t[stuck]), self._held(at, found.loads)[stuck])
 
-    def _stuck(self, at: Instant, sides: Sides) -> list[int]:
+    def stuck(self, at: Instant, sides: Sides) -> list[int]:
         """Pairs that stick, where something free moves them."""
         return [j for j, s in enumerate(sides) if s == 0 and at.S[j].any()]
 
     def _surplus(self, at: Instant, sides: Sides) -> bool:
         """Whether more pairs stick than balance needs."""
-        S = at.S[self._stuck(at, sides)]
+        S = at.S[self.stuck(at, sides)]
         return len(S) > 0 and np.linalg.matrix_rank(S, tol=DEPENDENT * np.abs(S).max()) < len(S)
 
     def _shared(self, at: Instant, sides: Sides, found: Response) -> tuple[float, Floats]:
         """The least that the largest share of pairs that stick can be, and friction (m,) so."""
-        stuck = self._stuck(at, sides)
+        stuck = self.stuck(at, sides)
         directions = rays(at.S[stuck])
         tried = [self._share_along(at, sides, found, stuck, v) for v in directions]
         right = [x for x in tried if x[1] <= x[0] * (1 + SETTLED)]
@@ -601,51 +678,59 @@ class SeveralFriction(PairFriction):
         ``sides`` : (m,) of those whose relative rate is not zero; the others are ``zero``
         ``released`` : not what it did so far: what stuck is pushed beyond what it holds
         """
-        tried = self._tried(at, sides, zero, sides if released else None)
-        fit = [x for x in tried if x[0] <= (LOCATED if released else SETTLED)]
+        if not any(at.S[j].any() for j in zero):  # they turn, whatever acts
+            turned = {j: int(np.sign(at.b[j])) for j in zero}
+            settled = Settled(tuple(turned.get(j, side) for j, side in enumerate(sides)))
+            return settled._replace(sides=self._beyond_place(at, settled))
+        at, unknown = self._pushed(at)
+        tried = self._tried(at, sides, zero, sides if released else None, unknown)
+        fit = [x for x in tried if x.missed <= (LOCATED if released else SETTLED)]
         if not fit:
-            none = np.full(len(sides), np.nan)
-            nothing = Response(np.full(len(at.push), np.nan), none, none, 0.0, 0.0, 0.0)
-            return Settled(sides, nothing, np.nan, ends.SELF_LOCKED)
-        best = min(fit, key=lambda x: x[0])[1]  # of equal ones that with the fewest that slip
-        sure = [x.response.qdd for missed, x in fit if missed <= SETTLED]
-        size = max((float(np.abs(qdd).max(initial=0.0)) for qdd in sure), default=0.0)
-        off = (np.abs(qdd - best.response.qdd).max(initial=0.0) for qdd in sure)
-        if any(x > APART * size for x in off):
+            return Settled(sides, end=ends.SELF_LOCKED)
+        best = min(fit, key=lambda x: x.missed)  # of equal ones that with the fewest that slip
+        sure = np.array([x.response.qdd for x in fit if x.missed <= SETTLED or x is best])
+        size = max(np.abs(sure).max(initial=0.0), np.abs(at.unheld).max(initial=0.0))
+        if np.ptp(sure, axis=0).max(initial=0.0) > APART * size:
             return best._replace(end=ends.AMBIGUOUS)
         return best._replace(sides=self._beyond_place(at, best))
 
+    def _pushed(self, at: Instant) -> tuple[Instant, float]:
+        """The same, at rest with the loads that are more than rounding; and their rounding [-]."""
+        if at.contact is not None or at.rate.any() or not at.push.any():
+            return at, 8 * EPS
+        rounding = np.asarray(self._rounding(at.q))
+        push = np.where(np.abs(at.push) <= rounding, 0.0, at.push)
+        return at._replace(push=push), 8 * EPS + float(np.max(rounding) / np.abs(at.push).max())
+
     def _tried(
-        self, at: Instant, sides: Sides, zero: Sequence[int], but: Sides | None
-    ) -> list[tuple[float, Settled]]:
-        """By how much patterns miss the laws, but for one, those first in which fewest slip."""
+        self, at: Instant, sides: Sides, zero: Sequence[int], but: Sides | None, unknown: float
+    ) -> list[Settled]:
+        """Patterns of sides but for one, those first in which fewest slip."""
         m, S = len(sides), at.S
         law, those = at.law.copy(), [*zero, *(m + j for j in zero)]
         law[those] = np.array(self.static)[those]
-        trials = []
-        for pattern in sorted(affine_patterns(S[zero], at.b[zero]), key=lambda p: sum(map(abs, p))):
-            trial = list(sides)
-            for j, side in zip(zero, pattern, strict=True):
-                trial[j] = side
-            if tuple(trial) == but:
-                continue
-            try:
-                response = self.respond(at, tuple(trial), law)
-                solved = Outcome(int(response.outcome)).solved
-            except (ArithmeticError, ValueError):
-                continue
-            if solved:
-                share = self.share(at, tuple(trial), response)
-                missed = self._missed(at, trial, zero, response, share)
-                trials.append((missed, Settled(tuple(trial), response, share)))
+        patterns = sorted(affine_patterns(S[zero], at.b[zero]), key=lambda p: sum(map(abs, p)))
+        trials, alone = list[Settled](), S.shape[-1] == 1
+        for pattern in reversed(patterns) if alone else patterns:
+            if alone and not any(pattern) and any(x.missed <= 0 for x in trials):
+                break  # one freedom: rest is between both starts
+            chosen = dict(zip(zero, pattern, strict=True))
+            trial = tuple(chosen.get(j, side) for j, side in enumerate(sides))
+            response = None if trial == but else self.solved(at, trial, law)
+            if response is not None:
+                share = self.share(at, trial, response)
+                missed = self._missed(at, trial, zero, response, share, unknown)
+                trials.append(Settled(trial, response, share, missed))
         return trials
 
     def _beyond_place(self, at: Instant, settled: Settled) -> Sides:
         """The sides; of pairs that no driver moves at this place, those just beyond it."""
-        S, rate, qdd = at.S, at.rate, at.of_drivers(settled.response.qdd)
+        S, rate = at.S, at.rate
         held = () if at.contact is None else at.contact.of_t
         nowhere = [j for j, side in enumerate(settled.sides) if side == 0 and not S[j].any()]
         nowhere = [j for j in nowhere if not any(row[j] for row in held)]  # nor do stops hold it
+        response = settled.response or (nowhere and self.solved(at, settled.sides)) or None
+        qdd = np.zeros(len(rate)) if response is None else at.of_drivers(response.qdd)
         fast, push = float(np.abs(rate).max()), float(np.abs(qdd).max())
         if not nowhere or not fast + push > 0:
             return settled.sides
@@ -664,13 +749,16 @@ class SeveralFriction(PairFriction):
         zero: Sequence[int],
         response: Response,
         share: float,
+        unknown: float,
     ) -> float:
-        """By how much [-] a pattern of sides misses the laws."""
-        pushed = np.linalg.inv(at.M) @ at.push
-        size = np.abs(at.S) @ (np.abs(pushed) + np.abs(response.qdd)) + np.abs(at.b)
+        """By how much [-] a pattern of sides misses the laws.
+
+        ``unknown`` of the loads [-] says nothing against what sticks, and nothing starts by it.
+        """
+        size = np.abs(at.S) @ (np.abs(at.unheld) + np.abs(response.qdd)) + np.abs(at.b)
         u = (at.S @ response.qdd + at.b) / np.where(size > 0, size, 1.0)
-        wrong = [abs(u[j]) if sides[j] == 0 else -sides[j] * u[j] for j in zero]
-        return float(max(share - 1.0, *wrong, 0.0))
+        wrong = [abs(u[j]) if sides[j] == 0 else unknown - sides[j] * u[j] for j in zero]
+        return float(max(share * (1.0 - min(unknown, 1.0)) - 1.0, *wrong, 0.0))
 
 
 def _pressed(held: Held, loads: Any) -> Any:

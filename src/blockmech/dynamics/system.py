@@ -26,8 +26,7 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import Held, constrained
-from blockmech.dynamics.friction import JointFriction, margins, pair_program
-from blockmech.dynamics.pair_friction import least
+from blockmech.dynamics.friction import least, margins, pair_program
 from blockmech.dynamics.pair_stops import Counted, PairStops, held_by, rows_of
 from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.signals import (
@@ -36,7 +35,7 @@ from blockmech.dynamics.signals import (
     program_with_deflections,
     signal_program,
 )
-from blockmech.dynamics.sticking import SeveralFriction
+from blockmech.dynamics.sticking import JointFriction
 from blockmech.engines.cost import account
 from blockmech.engines.llvm import LlvmEngine, SingleEvaluator
 from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine
@@ -112,7 +111,15 @@ def reduced(compiled: Source) -> AdaptiveEvaluator:
     s = schedule(compiled.structure, compiled.scene, FREE)
     (driver,) = compiled.structure.drivers
     values = [s.ask(reduction.inertia, driver, driver), s.ask(reduction.reduced_load, driver)]
-    return AdaptiveEvaluator(s.program([*values, loads.load_size(s), *margins(s)]))
+    return AdaptiveEvaluator(s.program([*values, loads.load_size(s, driver), *margins(s)]))
+
+
+def load_sizes(compiled: Source) -> AdaptiveEvaluator:
+    """The sizes of the loads on all drivers."""
+    s = schedule(compiled.structure, compiled.scene, FREE)
+    return AdaptiveEvaluator(
+        s.program([loads.load_size(s, driver) for driver in compiled.structure.drivers])
+    )
 
 
 def equation(compiled: Source) -> SingleEvaluator:
@@ -287,20 +294,21 @@ class System:
             return 8 * EPS * self.load_size(q)
         return self._once("rounding", q, lambda: 8 * EPS * float(self.load_size(np.array([q]))[0]))
 
+    def roundings(self, q: Floats) -> Floats:
+        """The same of the efforts on all drivers (..., k), at places (..., k)."""
+        evaluator, places = self.compiled.once(load_sizes), np.atleast_2d(q)
+        known = {f"q_{i}": x for i, x in enumerate(places.T)}
+        given = {name: known.get(name, 0.0 * places[:, 0]) for name in evaluator.program.inputs}
+        sizes = evaluator.run(given, len(places))
+        return 8 * EPS * np.stack([x + 0.0 * places[:, 0] for x in sizes], axis=-1).reshape(q.shape)
+
     @cached_property
     def friction(self) -> JointFriction | None:
-        """Joint friction in motion, of several drivers a `SeveralFriction`.
+        """Joint friction in motion; None where there is none or it is left out."""
+        return self.friction_of(() if self.pairs is None else self.pairs.refs)
 
-        None where there is none or it is left out.
-        """
-        pushed = () if self.pairs is None else self.pairs.refs
-        friction: JointFriction | None = self.friction_of(
-            JointFriction if len(self.drivers) == 1 else SeveralFriction, pushed
-        )
-        return friction
-
-    def friction_of(self, kind: Any, pushed: tuple[JointRef, ...] = ()) -> Any:
-        """Joint friction as one driver has it or several, with stops of pairs that may push."""
+    def friction_of(self, pushed: tuple[JointRef, ...] = ()) -> JointFriction | None:
+        """The same, with stops of pairs that may push."""
         if self.method is None or self.method.method == "none":
             return None
         if not pushed:
@@ -311,9 +319,9 @@ class System:
             program = self.kept["pushed", pushed]
         if program is None:
             return None
-        states, rates = (lambda: self.compiled_states), self.depends_on != {"q"}
-        initial, count = self.signals.initial, self._count
-        return kind(program, self.method, count, states, self.rounding, rates, initial)
+        states = lambda: self.compiled_states  # noqa: E731
+        initial = self.signals.initial
+        return JointFriction(program, self.method, self._count, states, self.roundings, initial)
 
     # -- end stops -------------------------------------------------------------
 
@@ -348,7 +356,8 @@ class System:
 
         Behind them what the drives give of drivers that are not free.
         """
-        if isinstance(self.friction, SeveralFriction):
+        q, rate = np.atleast_1d(q), np.atleast_1d(rate)
+        if self.friction is not None:
             return self.friction.from_state(q, rate, t, self.against(q, rate, t), x)[2]
         M, c, Q, _ = self.terms_of(q, rate, t, x)[0]
         return self.accelerations(M, Q - c, q, rate, t)[1]
@@ -442,7 +451,9 @@ class System:
             q, qd = float(np.ravel(q)[0]), float(np.ravel(qd)[0])
             more: Any = ()
             if self.signals.values:
-                one, more = self.one_of(q, qd, t, x, None if qdd is None else float(qdd))
+                one, more = self.one_of(
+                    q, qd, t, x, None if qdd is None else float(np.ravel(qdd)[0])
+                )
             else:
                 one = self.one(q, qd, t)
             bias = np.array([0.5 * one.dJ * qd * qd])
@@ -497,7 +508,10 @@ class System:
     def push_rounding(self, q: float, t: float) -> float:
         """Relative rounding of the effort by which the only driver starts from rest."""
         if self.friction is not None:
-            return self.friction.rest(q, t).rounding
+            x = np.array(self.signals.initial) if self.signals.initial else None
+            held = self.friction.holding(np.array([q]), t, x)
+            start = max(float(held.low[0]), -float(held.high[0]))
+            return float(held.rounding[0]) / start if start > held.rounding[0] else 0.0
         tau = abs(float(self.at(q, 0.0, t).tau[0]))
         return self.rounding(q) / tau if tau > 0 else 0.0
 

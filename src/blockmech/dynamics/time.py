@@ -26,7 +26,6 @@ from blockmech.dynamics.events import (
     driver_at,
     general_rules,
     kink_rules,
-    leaving_rule,
     signal_rules,
     turned,
     until_terminal,
@@ -38,7 +37,7 @@ from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS, Run, RunEnd
 from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
 from blockmech.dynamics.solvers import AcceptedSteps, Dop853, MachineSteps, Radau5
-from blockmech.dynamics.stick_slip import Now, Transition, stick_slip
+from blockmech.dynamics.stick_slip import Now, StickSlip, Transition
 from blockmech.dynamics.turns import TurnsInTime
 from blockmech.engines.dense import Dense
 from blockmech.motion import Event, Floats, Impact, Motion, RolesFrom, Slips, State, Still
@@ -150,8 +149,7 @@ class TimeIntegration(Run):
         self.repeats = before is not None
         quick = self.system.remembers and self.system.quick_states
         self.equation.most = EVALUATIONS * (QUICKER if quick else 1)
-        self.equation.held = self.equation.drivers == 1 and bool(self.system.held)
-        self.pairs = stick_slip(self.equation, self.request)
+        self.pairs = StickSlip(self.equation, self.request)
         self.layout = self.equation.layout
         if self.system.counted is not None:
             self.system.counted.again()
@@ -271,12 +269,8 @@ class TimeIntegration(Run):
     def _rules(self) -> list[EventFunction]:
         equation, system = self.equation, self.system
         signals = signal_rules(equation.kinks, system.signals.kinks)
-        if equation.held:
-            ways = system.held.items()
-            leaving = [leaving_rule(i, way, equation.stop_force) for i, way in ways]
-            return [*(leaving or self.pairs.rules()), *signals]
         rules = self.general.copy()
-        if equation.drivers == 1:
+        if equation.drivers == 1 and not equation.held:
             rules += kink_rules(float(self.y[0]), system.knots, system.period)
             rules += self._turn_rules()
         return [*rules, *signals, *self.pairs.rules()]
