@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import blockmech as bm
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.friction import pair_program
+from blockmech.dynamics.pair_program import pair_program
 from blockmech.dynamics.system import System
 from blockmech.settings import friction_asked
 from tests.gallery import changed, document

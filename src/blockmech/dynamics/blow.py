@@ -118,7 +118,7 @@ def _rubbed(
     """
     friction = copy.copy(friction)
     m = len(friction.names)
-    friction.static = (*friction.static[:m], *[0.0] * m)  # what lasts has no impulse
+    friction.static = np.append(friction.static[:m], np.zeros(m))  # what lasts has no impulse
     law = np.append(at.law[:m], np.zeros(m))
     still = at._replace(push=0 * at.push, b=0 * at.b, f=0 * at.f, law=law)
     rate, zero = at.rate, friction.without_slip(at, ())

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
@@ -16,21 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines.binding import bind_functions
-from blockmech.engines.llvm import SingleEvaluator
-from blockmech.engines.numpy import NumpyEngine, Planar, primitives
+from blockmech.engines.numpy import NumpyEngine, primitives
 from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.friction import solvers
-from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
-from blockmech.model.structure import JointRef
-from blockmech.passes import forces, forward, friction, pairs, signals
-from blockmech.passes.homotopy import schedule
 from blockmech.passes.signals import STATE
-from blockmech.plan import Friction, Program, Schedule
+from blockmech.plan import Friction, Program
 
 Floats: TypeAlias = NDArray[np.float64]
 Vectors: TypeAlias = NDArray[np.complex128]
 Sides: TypeAlias = tuple[int, ...]
-Row: TypeAlias = list[Any]  # the program's values at a state, or at n of them
 
 
 @dataclass(frozen=True)
@@ -52,75 +46,14 @@ class PairProgram:
     # in it, 0 of others; () without any
     drags: bool  # whether a law has more than a factor
     batch: NumpyEngine  # the force pass on arrays
-    single: SingleEvaluator  # and at one state
-
-
-GIVEN = Friction(friction.GIVEN)
-
-
-def pair_program(compiled: Any, pushed: tuple[JointRef, ...] = ()) -> PairProgram | None:
-    """The force pass of a mechanism with its friction laws; None where none can act.
-
-    ``pushed`` : pairs along whose coordinates stops may push
-    """
-    structure = compiled.structure
-    how = replace(GIVEN, pushed=pushed)  # a push loads pairs that nothing else does
-    s = schedule(structure, compiled.scene, how)
-    joints = s.ask(friction.given_joints)
-    if not joints:
-        return None
-    values = [s.ask(forces.drive, driver) for driver in structure.drivers]
-    for ref in joints:
-        pair = s.ask(forces.reaction, ref)
-        assert pair is not None  # such a block is active
-        values.append(pairs.statics(s, ref).measure(s, ref, pair))
-    values += [s.ask(forward.slip, ref) for ref in joints]
-    rise = [s.ask(forward.slip_acceleration, ref) for ref in joints]
-    program = s.program([*values, *rise, *margins(s)])
-    apart = schedule(structure, compiled.scene, how)
-    rules = friction.terms, friction.terms_at_rest
-    law_terms = [x for rule in rules for x in terms(apart, joints, rule)]
-    laws = [structure.friction_law(ref) for ref in joints]
-    more = [*signals.rates(s), *friction.deflection_rates(s), *signals.kinks(s)]
-    return PairProgram(
-        tuple(map(structure.pair_name, joints)),
-        tuple(pairs.statics(s, ref).edges for ref in joints),
-        program,
-        apart.program(law_terms),
-        s.program([*values, *margins(s), *more, *terms(s, joints, friction.terms)]),
-        tuple(law.remembers for law in laws),
-        tuple(map(structure.separates, joints)),
-        steepest(laws),
-        any(law.drags for law in laws),
-        NumpyEngine(program),
-        SingleEvaluator(program),
-    )
-
-
-def steepest(laws: Sequence[FrictionLaw]) -> tuple[float, ...]:
-    """Largest slopes of friction over the load where a law is not linear in it; 0 of the others."""
-    if not any(law.reads_load for law in laws):
-        return ()
-    return tuple(float(law.parameters().steepest) if law.reads_load else 0.0 for law in laws)
-
-
-def terms(s: Schedule, joints: Sequence[JointRef], rule: Callable[..., str]) -> list[str]:
-    """Factors (m,) and drags (m,) of pairs by a rule that asks their laws."""
-    laws = [s.ask(rule, ref) for ref in joints]
-    return [f"{law}.{part}" for part in FrictionTerms._fields for law in laws]
-
-
-def margins(s: Schedule) -> list[str]:
-    """Margins of the groups whose poses the schedule needs."""
-    blocks = [e.block for e in s.entries if e.stage == "position"]
-    return [s.ask(forward.margin, b) for b in blocks if s.structure.blocks[b].closes]
+    single: Any  # and at one state, a `SingleEvaluator`
 
 
 class State(NamedTuple):
     """One column of inputs of the program, besides q: what is let act."""
 
-    qd: Any = 0.0  # (k,) or (n, k)
-    qdd: Any = 0.0
+    qd: Floats  # (k,) or (n, k)
+    qdd: Floats
     share: float = 0.0  # of the applied loads
     pair: int = -1  # the one with a unit of friction; -1: none
     push: int = -1  # the stop with a unit of push; -1: none
@@ -158,12 +91,6 @@ def least(margins: Iterable[Any]) -> float:
     return smallest
 
 
-def signed_terms(sides: Any, law: Any, drags: bool) -> tuple[Any, Any]:
-    """Signed factors and drags (m,) of pairs that slip in some directions; no drags of none."""
-    against = [-side * x for side, x in zip((*sides, *sides), law, strict=True)]
-    return tuple(against[: len(sides)]), tuple(against[len(sides) :]) if drags else ()
-
-
 class PairFriction:
     """Friction of all pairs of a mechanism.
 
@@ -187,11 +114,9 @@ class PairFriction:
         self.guides = program.guides
         self.signed = np.logical_or(program.remembers, program.separates)  # laws say the sign
         self._laws = AdaptiveEvaluator(program.laws)
-        self._constant: dict[int, list[Row]] = {}  # what laws say that follow no speed, of n rates
-        still = np.zeros((len(self.names), 1))
-        self.static = tuple(
-            float(x[0]) for x in self._law_values(still)[1]
-        )  # (2 m,) that hold at rest
+        still = self._terms(np.zeros(len(self.names)))
+        self._constant = None if program.laws.inputs else still
+        self.static = still[2 * len(self.names) :]  # factors and drags (2 m,) that hold at rest
         solver, options = solvers.SOLVERS[method.method]
         self.options = tuple(getattr(method, name) for name in options)
         self.solver = solver
@@ -207,80 +132,53 @@ class PairFriction:
 
     # -- the laws ------------------------------------------------------------------------
 
-    def _law_values(self, rates: Floats, x: Any = None, loads: Any = None) -> list[Row]:
-        """Factors and drags (2 m,) of arrays (n,) at relative rates (m, n), and at rest.
+    def _terms(self, w: Floats, x: Any = None, loads: Any = None) -> Floats:
+        """Factors and drags (..., 2 m) as of `law`, behind them those (2 m,) that hold at rest."""
+        inputs, given = self._laws.program.inputs, dict[str, Any]()
+        x = np.array(self._initial) if x is None else x
+        loads = np.zeros(w.shape) if loads is None else loads
+        for name, values in (("slip_", w), (STATE, x), ("load_", loads)):
+            given |= {f"{name}{j}": np.ravel(y) for j, y in enumerate(np.moveaxis(values, -1, 0))}
+        n = w.size // len(self.names)
+        values = self._laws.run({name: np.resize(given[name], n) for name in inputs}, n)
+        terms = np.stack([np.broadcast_to(y, n) for y in values], axis=-1)
+        return terms.reshape(*w.shape[:-1], -1)
 
-        x are the states of signals and laws, by default the initial ones; ``loads`` (m, n) [N]
-        those of laws that are not linear in them, by default none.
+    def law(self, w: Floats, x: Any = None, loads: Any = None) -> Floats:
+        """Factors and drags (..., 2 m) at relative rates (..., m).
+
+        x (..., states) are those of signals and laws, by default the initial ones; ``loads``
+        (..., m) [N] count for laws that are not linear in them, by default none.
         """
-        inputs, n = self.program.laws.inputs, rates.shape[1]
-        if not inputs and n in self._constant:
-            return self._constant[n]
-        given = {f"slip_{j}": rate for j, rate in enumerate(rates)}
-        states = self._initial if x is None else x
-        given |= {f"{STATE}{k}": np.full(n, s) for k, s in enumerate(states)}
-        loads = np.zeros(rates.shape) if loads is None else loads
-        given |= {f"load_{j}": load for j, load in enumerate(loads)}
-        values, m = list(self._laws.run({x: given[x] for x in inputs}, n)), 2 * len(self.names)
-        terms = [values[:m], values[m:]]
-        if not inputs:
-            self._constant[n] = terms
-        return terms
-
-    def law(self, rates: Floats, x: Any = None, loads: Any = None) -> Row:
-        """Factors and drags (2 m,) of arrays (n,) at relative rates, states and loads."""
-        return self._law_values(rates, x, loads)[0]
+        terms = self._terms(w, x, loads) if self._constant is None else self._constant
+        return np.broadcast_to(terms[..., : 2 * len(self.names)], (*w.shape[:-1], 2 * w.shape[-1]))
 
     # -- the force pass ------------------------------------------------------------------
 
-    def _columns(self, q: Floats, states: list[State]) -> list[Row]:
-        """The program at places (n, k), in each of some states."""
-        m, (n, k), size = len(self.names), q.shape, len(states) * len(q)
-        self._count(size, True)
-
-        def column(values: Iterable[Any]) -> Floats:
-            """An input, one state after the other."""
-            return np.concatenate([np.broadcast_to(x, n) for x in values])
-
-        def of(i: int, x: Any) -> Any:
-            """The values of one driver."""
-            return x[..., i] if np.ndim(x) else x
-
-        given = {"t": column(s.t for s in states), "load_share": column(s.share for s in states)}
-        for i in range(k):
-            given[f"q_{i}"] = np.tile(q[:, i], len(states))
-            given[f"qd_{i}"] = column(of(i, s.qd) for s in states)
-            given[f"qdd_{i}"] = column(of(i, s.qdd) for s in states)
-        for j in range(m):
-            given[f"friction_{j}"] = column(float(s.pair == j) for s in states)
-        for name in (x for x in self.program.program.inputs if x.startswith("push_")):
-            given[name] = column(float(name == f"push_{s.push}") for s in states)
-        for j, x in enumerate(self._initial):
-            given[f"{STATE}{j}"] = column(x if s.x is None else s.x[..., j] for s in states)
-        program = self.program.program
+    def values(self, q: Floats, states: Sequence[State]) -> Vectors:
+        """Values (..., states, values) of the program at one place (k,) or at (n, k)."""
+        each, alone = [self._inputs(q, state) for state in states], q.ndim == 1
+        size = len(states) * (1 if alone else len(q))
+        self._count(size, not alone)
+        if alone:
+            engine = self.program.single.engine(self._compiled())
+            rows = [engine.one([float(x) for x in row]) for row in each]
+            return np.array(rows, dtype=np.complex128).reshape(len(states), -1)
+        columns = [
+            np.concatenate([np.broadcast_to(x, len(q)) for x in column])
+            for column in zip(*each, strict=True)
+        ]
         with np.errstate(all="ignore"):
-            values = self.program.batch.run({x: given[x] for x in program.inputs}, size)
+            given = dict(zip(self.program.program.inputs, columns, strict=True))
+            values = self.program.batch.run(given, size)
+        whole = np.array([np.broadcast_to(v.real + 1j * v.imag, size) for v in values])
+        return np.moveaxis(whole.reshape(len(whole), len(states), len(q)), -1, 0).swapaxes(1, 2)
 
-        def each(x: Any) -> list[Any]:
-            """A value in each state."""
-            if isinstance(x, Planar):
-                return list(map(Planar, each(x.real), each(x.imag)))
-            return list(np.reshape(x, (len(states), n)))
-
-        return [list(row) for row in zip(*map(each, values), strict=True)]
-
-    def _one_by_one(self, q: Floats, states: Sequence[State]) -> list[Row]:
-        """The program at one place (k,), in each of some states."""
-        self._count(len(states), False)
-        engine = self.program.single.engine(self._compiled())
-        return [list(engine.one(self._inputs(q, state))) for state in states]
-
-    def _inputs(self, q: Floats, state: State) -> list[float]:
+    def _inputs(self, q: Floats, state: State) -> list[Any]:
+        """Those of the program in a state, numbers or (n,)."""
         given: dict[str, Any] = {"t": state.t, "load_share": state.share}
-        motion = {"q": q, "qd": state.qd, "qdd": state.qdd}
-        for name, x in motion.items():
-            given |= {f"{name}_{i}": value for i, value in enumerate(x)}
-        signals = self._initial if state.x is None else state.x
-        given |= {f"{STATE}{k}": float(x) for k, x in enumerate(signals)}
+        x = np.array(self._initial) if state.x is None else state.x
+        for name, values in (("q_", q), ("qd_", state.qd), ("qdd_", state.qdd), (STATE, x)):
+            given |= {f"{name}{i}": values[..., i] for i in range(np.shape(values)[-1])}
         units = f"friction_{state.pair}", f"push_{state.push}"
         return [given.get(x, float(x in units)) for x in self.program.program.inputs]

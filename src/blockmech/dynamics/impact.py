@@ -27,7 +27,7 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.blow import Blow, blow
 from blockmech.dynamics.contacts import SETTLED, Held, constrained, rate_along
 from blockmech.dynamics.estimate import TARGET
-from blockmech.dynamics.friction import GIVEN
+from blockmech.dynamics.pair_program import GIVEN
 from blockmech.dynamics.pair_stops import PairStops, held_by, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.run import Run, RunEnd

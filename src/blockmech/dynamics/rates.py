@@ -16,7 +16,6 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from blockmech.dynamics.friction import signed_terms
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.stages import CompiledRhs, Method
@@ -29,8 +28,8 @@ from blockmech.quality import NEAR as LEAST_MARGIN
 from blockmech.typing import Real
 
 if TYPE_CHECKING:
+    from blockmech.dynamics.friction import PairFriction
     from blockmech.dynamics.signals import SignalProgram
-    from blockmech.dynamics.sticking import JointFriction
     from blockmech.plan import Program
 
 LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
@@ -43,6 +42,12 @@ def bearing(load: Any) -> tuple[Any, Any]:
     """
     N, C = load.real, load.imag
     return where(abs(N) >= abs(C), N, C), abs(N) - abs(C)
+
+
+def signed_terms(sides: Any, law: Any, drags: bool) -> tuple[Any, Any]:
+    """Signed factors and drags (m,) of pairs that slip in some directions; no drags of none."""
+    against = [-side * x for side, x in zip((*sides, *sides), law, strict=True)]
+    return tuple(against[: len(sides)]), tuple(against[len(sides) :]) if drags else ()
 
 
 class FrictionSolution(NamedTuple):
@@ -136,7 +141,7 @@ def rubbing(
 
 
 def rates_of(
-    program: Program, friction: JointFriction | None, signals: SignalProgram, method: Method
+    program: Program, friction: PairFriction | None, signals: SignalProgram, method: Method
 ) -> CompiledRhs | None:
     """The right-hand side compiled, and steps of a method; None where that cannot be."""
     try:
@@ -171,7 +176,7 @@ def acceleration(values: Any, qd: Real) -> Real:
     return (tau - 0.5 * dJ * qd * qd) / J
 
 
-def _rubbing(friction: JointFriction, signals: SignalProgram, method: Method) -> CompiledRhs:
+def _rubbing(friction: PairFriction, signals: SignalProgram, method: Method) -> CompiledRhs:
     own = friction.program
     m, n, inputs = len(own.names), len(signals.initial), own.whole.inputs
     first, kinks = 2 * m + signals.values, signals.kinks

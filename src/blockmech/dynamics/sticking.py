@@ -234,15 +234,22 @@ class JointFriction(PairFriction):
         units += [still._replace(push=j) for j, _ in pairs if j >= 0]
         return [State(qd=qd, qdd=np.zeros(k), share=1.0, t=t, x=x), *units]
 
-    def _instant(
-        self, values: Any, margin: Any, q: Floats, qd: Floats, x: Any, held: Held | None
-    ) -> Instant:
-        """From values (..., states, values) of the program; x are states, (..., n) or None."""
+    def instant(self, q: Floats, qd: Floats, t: Any, x: Any, held: Held | None) -> Instant:
+        """One state, or n; x (..., states) are those of signals and laws, None the initial ones."""
+        parts = q, qd, t, x, *(() if held is None else (held.rows, held.drift))
+        key = q.ndim, *(None if part is None else np.asarray(part).tobytes() for part in parts)
+        if self._last[0] != key:
+            self._last = key, self._instant(q, qd, t, x, held)
+        instant: Instant = self._last[1]
+        return instant
+
+    def _instant(self, q: Floats, qd: Floats, t: Any, x: Any, held: Held | None) -> Instant:
         m, k = len(self.names), qd.shape[-1]
+        values = self.values(q, self._states(qd, t, x, k, held))
         drives, loads = values[..., :k].real, values[..., k : k + m]
         slips, rise = (values[..., k + i * m : k + (i + 1) * m].real for i in (1, 2))
-        w = slips[..., 0, :]
-        law = self._law_at(w, None if x is None else np.transpose(x))
+        w, law = slips[..., 0, :], self.law(slips[..., 0, :], x)
+        margin = least(values[0, k + 3 * m :].real) if q.ndim == 1 else 1.0  # of one state
 
         def of(x: Any, first: int, count: int) -> Any:
             return np.swapaxes(x[..., first : first + count, :], -1, -2)
@@ -255,56 +262,24 @@ class JointFriction(PairFriction):
             return at
         return at.against(held, _pressed(held, of(loads, 1 + k + m, values.shape[-2])))
 
-    def _law_at(self, w: Floats, x: Any = None, loads: Any = None) -> Floats:
-        """Factors and drags (..., 2 m) at relative rates and loads (..., m)."""
-        m = len(self.names)
-        column = None if loads is None else np.reshape(loads, (-1, m)).T
-        terms = self.law(w.reshape(-1, m).T, x, column)
-        rows = np.array([np.broadcast_to(x, w.size // m) for x in terms]).T
-        law: Floats = rows.reshape(*w.shape[:-1], -1)
-        return law
-
     def _tangents(self, at: Instant, law: Floats, loads: Any) -> Floats:
         """A law (..., 2 m), of those that are not linear in the load at loads (..., m)."""
         most = np.array(self.program.steepest * 2)
         if not most.size:
             return law
-        return np.asarray(np.where(most > 0, self._law_at(at.w, None, loads), law))
+        return np.asarray(np.where(most > 0, self.law(at.w, None, loads), law))
 
     def pressed(self, q: Floats, held: Held) -> Any:
         """What a unit push of each stop adds to the loads (m, a) on the pairs."""
         k, m = len(q), len(self.names)
         still = State(qd=np.zeros(k), qdd=np.zeros(k))
-        units = [still._replace(push=j) for j, _ in held.pairs if j >= 0]
-        rows = [row[k : k + m] for row in self._one_by_one(q, units)]
-        return _pressed(held, np.array(rows, dtype=np.complex128).reshape(-1, m).T)
-
-    def instant(self, q: Floats, qd: Floats, t: float, x: Any, held: Held | None) -> Instant:
-        """One state; x are states of signal blocks, None the initial ones."""
-        parts = (q, qd, x, *(() if held is None else (held.rows, held.drift)))
-        key = t, *(None if part is None else part.tobytes() for part in parts)
-        if self._last[0] != key:
-            k, m = len(q), len(self.names)
-            states = self._states(qd, t, x, k, held)
-            rows = self._one_by_one(q, states)
-            margin = least(rows[0][k + 3 * m :])
-            values = np.array([row[: k + 3 * m] for row in rows], dtype=np.complex128)
-            self._last = key, self._instant(values, margin, q, qd, x, held)
-        instant: Instant = self._last[1]
-        return instant
-
-    def instants(self, q: Floats, qd: Floats, t: Any, x: Any, held: Held | None) -> Instant:
-        """That at n states, whatever their margins are."""
-        k = q.shape[1]
-        rows = self._columns(q, self._states(qd, t, x, k, held))
-        values = np.array([[as_complex(v) for v in row[: k + 3 * len(self.names)]] for row in rows])
-        return self._instant(np.moveaxis(values, -1, 0), 1.0, q, qd, x, held)
+        units = [still, *(still._replace(push=j) for j, _ in held.pairs if j >= 0)]
+        return _pressed(held, self.values(q, units)[1:, k : k + m].T)
 
     def rates(self, q: Floats, qd: Floats) -> Floats:
-        """Relative rates (m,) of the pairs."""
-        k, m = len(q), len(self.names)
-        (row,) = self._one_by_one(q, [State(qd=qd, qdd=np.zeros(k))])
-        return np.array(row[k + m : k + 2 * m], dtype=np.float64)
+        """Relative rates (..., m) of the pairs."""
+        k, m = q.shape[-1], len(self.names)
+        return self.values(q, [State(qd, 0.0 * qd)])[..., 0, k + m : k + 2 * m].real
 
     def slipping(self, q: Floats, qd: Floats) -> Sides:
         """Senses in which pairs slip at a state."""
@@ -350,12 +325,9 @@ class JointFriction(PairFriction):
         if at.q.ndim > 1 or not self._surplus(at, sides):
             return response
         for _ in range(BALANCED):  # friction of what slips may follow what sticks
-            last, share = (
-                response,
-                np.where(np.array(sides) == 0, self._shared(at, sides, response)[1], 0),
-            )
-            response = self._balance(at, sides, law, share)
-            if np.abs(response.t - last.t).max() <= SETTLED * np.abs(response.t).max():
+            last, share = response.t, self._shared(at, sides, response)[1]
+            response = self._balance(at, sides, law, np.where(np.array(sides) == 0, share, 0.0))
+            if np.abs(response.t - last).max() <= SETTLED * np.abs(response.t).max():
                 break
         return response
 
@@ -385,6 +357,9 @@ class JointFriction(PairFriction):
             solution = self._solved(laws, most, guides, F[..., slips, :])
             one = np.concatenate([one, np.stack(solution.t, axis=-1)], axis=-1)
         qdd, t, F = ((x @ one[..., None])[..., 0] for x in (qdd, t, F))
+        if len(slips) < m:  # what stands has no acceleration
+            stands = self.fixed(at, sides) & ~at.b.any(axis=-1)
+            qdd = np.where(stands[..., None], 0.0, qdd)
         if solution is None:
             return Response(qdd, t, F)
         misfit = left_undone(solution.residual, solution.contraction)
@@ -437,10 +412,8 @@ class JointFriction(PairFriction):
         carry, or, with states ``x`` (states,), by what they do.
         """
         q, still = q[:, None], np.zeros((q.size, 1))
-        if len(q) == 1:
-            at = self.instant(q[0], still[0], t, x, None)
-        else:
-            at = self.instants(q, still, t, None if x is None else np.tile(x, (len(q), 1)), None)
+        each = slice(None) if len(q) > 1 else 0  # one by one it is quicker
+        at = self.instant(q[each], still[each], t, x, None)
         law = np.broadcast_to(self.static, at.law.shape)
         if x is not None:
             law = np.where(np.tile(self.signed, 2), at.law, law)
@@ -490,12 +463,10 @@ class JointFriction(PairFriction):
             for _ in range(2):  # the second time with rates that are those of what sticks
                 state = q[some], rates[some], t[some]
                 held = against(*state, np.flatnonzero(those)) if any(those) else None
-                at = self.instants(*state, x[some], held)
+                at = self.instant(*state, x[some], held)
                 rates[some] = self.kept(at, side)
             response = self._each(at, side)
-            still = self.fixed(at, side) & ~at.b.any(axis=-1)
-            free = np.where(still[:, None], 0.0, response.qdd)  # what stands has no acceleration
-            qdd[some], friction[some] = at.of_drivers(free), response.t
+            qdd[some], friction[some] = at.of_drivers(response.qdd), response.t
             pushes[np.ix_(some, those)] = at.pushes(response)
             size = (np.abs(at.S) @ np.abs(at.freedoms[..., None]))[..., 0]
             fast = np.abs(np.hstack([at.w, at.rate])).max(axis=-1, keepdims=True)
@@ -511,9 +482,7 @@ class JointFriction(PairFriction):
         open_ = np.isnan(sides).any(axis=1) & np.isfinite(q + qd).all(axis=1)
         if not open_.any():
             return sides
-        k, m = qd.shape[1], len(self.names)
-        columns = self._columns(q, [State(qd=qd, qdd=0.0 * qd)])
-        w = np.transpose(columns[0][k + m : k + 2 * m])
+        w = self.rates(q, qd)
         open_ &= np.isfinite(w).all(axis=1)  # where there is a pose
         moving = open_ & (w != 0).all(axis=1) & ~np.any(lies, axis=1)
         sides[moving] = self.senses(w[moving])
@@ -767,11 +736,6 @@ def _pressed(held: Held, loads: Any) -> Any:
     pressed = np.zeros((*loads.shape[:-1], len(of_pairs)), dtype=np.complex128)
     pressed[..., of_pairs] = loads * [sense for j, sense in held.pairs if j >= 0]
     return pressed
-
-
-def as_complex(values: Any) -> Any:
-    """Values of a batch as complex numbers."""
-    return values.real + 1j * values.imag
 
 
 def _largest(need: Floats, held: Floats) -> float:

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import Held, constrained
-from blockmech.dynamics.friction import least, margins, pair_program
+from blockmech.dynamics.friction import least
+from blockmech.dynamics.pair_program import margins, pair_program
 from blockmech.dynamics.pair_stops import Counted, PairStops, held_by, rows_of
 from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.signals import (
