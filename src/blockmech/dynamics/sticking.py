@@ -327,7 +327,8 @@ class JointFriction(PairFriction):
         for _ in range(BALANCED):  # friction of what slips may follow what sticks
             last, share = response.t, self._shared(at, sides, response)[1]
             response = self._balance(at, sides, law, np.where(np.array(sides) == 0, share, 0.0))
-            if np.abs(response.t - last).max() <= SETTLED * np.abs(response.t).max():
+            off = np.abs(response.t - last).max()
+            if not any(sides) or off <= SETTLED * np.abs(response.t).max():
                 break
         return response
 
@@ -421,12 +422,11 @@ class JointFriction(PairFriction):
         starts, taken = np.full((2, len(q)), [[-math.inf], [math.inf]]), np.zeros(len(q))
         for way, start in zip((-1, 1), starts, strict=True):
             senses = self.senses(way * np.nan_to_num(at.S[..., 0])).reshape(len(q), -1)
-            kinds, which = np.unique(senses.astype(int), axis=0, return_inverse=True)
-            for kind, sides in enumerate(kinds.tolist()):
-                some = np.flatnonzero(which.ravel() == kind)
+            for sides in {tuple(row) for row in senses.astype(int).tolist()}:
+                some = np.flatnonzero((senses == sides).all(axis=1))
                 part = at if len(q) == 1 else at.part(some)
-                response = self._balance(part, tuple(sides), part.law, 0.0 * self.weights)
-                efforts, good = -response.qdd[..., 0], np.isfinite(response.qdd[..., 0])
+                response = self._balance(part, sides, part.law, 0.0 * self.weights)
+                efforts, good = 0.0 - response.qdd[..., 0], np.isfinite(response.qdd[..., 0])
                 start[some] = np.where(good, efforts, start[some])
                 rubs = np.abs(response.t * part.S[..., 0]).sum(axis=-1)
                 taken[some] += np.where(good, rubs, 0.0)
@@ -519,6 +519,8 @@ class JointFriction(PairFriction):
     def _kept(self, at: Instant, sides: Sides) -> Floats:
         """Those (..., z) of what is free."""
         stuck = [j for j, s in enumerate(sides) if s == 0]
+        if not stuck:
+            return at.freedoms
         held = self.weights[stuck][:, None] * at.S[..., stuck, :]
         back = np.linalg.inv(at.M) @ np.swapaxes(held, -1, -2)
         off = held @ at.freedoms[..., None]
@@ -576,7 +578,7 @@ class JointFriction(PairFriction):
     def share(self, at: Instant, sides: Sides, found: Response) -> float:
         """How much of what they can hold [-] the pairs that stick need at most."""
         stuck = self.stuck(at, sides)
-        if self._surplus(at, sides):
+        if any(sides) and self._surplus(at, sides):  # else they have their shares
             return self._shared(at, sides, found)[0]
         return _largest(np.abs(found.t[stuck]), self._held(at, found.loads)[stuck])
 
