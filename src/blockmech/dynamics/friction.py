@@ -134,13 +134,13 @@ class PairFriction:
 
     def _terms(self, w: Floats, x: Any = None, loads: Any = None) -> Floats:
         """Factors and drags (..., 2 m) as of `law`, behind them those (2 m,) that hold at rest."""
-        inputs, given = self._laws.program.inputs, dict[str, Any]()
+        inputs, columns = self._laws.program.inputs, dict[str, Any]()
         x = np.array(self._initial) if x is None else x
         loads = np.zeros(w.shape) if loads is None else loads
         for name, values in (("slip_", w), (STATE, x), ("load_", loads)):
-            given |= {f"{name}{j}": np.ravel(y) for j, y in enumerate(np.moveaxis(values, -1, 0))}
+            columns |= {f"{name}{j}": np.ravel(y) for j, y in enumerate(np.moveaxis(values, -1, 0))}
         n = w.size // len(self.names)
-        values = self._laws.run({name: np.resize(given[name], n) for name in inputs}, n)
+        values = self._laws.run({name: np.resize(columns[name], n) for name in inputs}, n)
         terms = np.stack([np.broadcast_to(y, n) for y in values], axis=-1)
         return terms.reshape(*w.shape[:-1], -1)
 
@@ -157,28 +157,28 @@ class PairFriction:
 
     def values(self, q: Floats, states: Sequence[State]) -> Vectors:
         """Values (..., states, values) of the program at one place (k,) or at (n, k)."""
-        each, alone = [self._inputs(q, state) for state in states], q.ndim == 1
+        inputs, alone = [self._inputs(q, state) for state in states], q.ndim == 1
         size = len(states) * (1 if alone else len(q))
         self._count(size, not alone)
         if alone:
             engine = self.program.single.engine(self._compiled())
-            rows = [engine.one([float(x) for x in row]) for row in each]
+            rows = [engine.one([float(x) for x in row]) for row in inputs]
             return np.array(rows, dtype=np.complex128).reshape(len(states), -1)
         columns = [
             np.concatenate([np.broadcast_to(x, len(q)) for x in column])
-            for column in zip(*each, strict=True)
+            for column in zip(*inputs, strict=True)
         ]
         with np.errstate(all="ignore"):
-            given = dict(zip(self.program.program.inputs, columns, strict=True))
-            values = self.program.batch.run(given, size)
+            batch = dict(zip(self.program.program.inputs, columns, strict=True))
+            values = self.program.batch.run(batch, size)
         whole = np.array([np.broadcast_to(v.real + 1j * v.imag, size) for v in values])
         return np.moveaxis(whole.reshape(len(whole), len(states), len(q)), -1, 0).swapaxes(1, 2)
 
     def _inputs(self, q: Floats, state: State) -> list[Any]:
         """Those of the program in a state, numbers or (n,)."""
-        given: dict[str, Any] = {"t": state.t, "load_share": state.share}
+        values_by_name: dict[str, Any] = {"t": state.t, "load_share": state.share}
         x = np.array(self._initial) if state.x is None else state.x
         for name, values in (("q_", q), ("qd_", state.qd), ("qdd_", state.qdd), (STATE, x)):
-            given |= {f"{name}{i}": values[..., i] for i in range(np.shape(values)[-1])}
+            values_by_name |= {f"{name}{i}": values[..., i] for i in range(np.shape(values)[-1])}
         units = f"friction_{state.pair}", f"push_{state.push}"
-        return [given.get(x, float(x in units)) for x in self.program.program.inputs]
+        return [values_by_name.get(x, float(x in units)) for x in self.program.program.inputs]

@@ -205,8 +205,6 @@ class Bounces(Run):
     @cached_property
     def pairs(self) -> PairStops | None:
         """Pairs that have stops."""
-        if self.system.pairs is not None:
-            return self.system.pairs
         names = [stop.name for between in self.request.stops for stop in between]
         return stopped_pairs(cast("Compiled", self.system.compiled), names)
 

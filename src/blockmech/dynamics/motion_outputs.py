@@ -112,9 +112,7 @@ class MotionInputs(Mapping[str, Any]):
         q, qd = (x.reshape(len(self.t), k) for x in (self.q, self.qd))
         state = q, qd, self.t, self.states
         sides, lain = np.broadcast_to(self.sides, (len(q), self.rubs)), (self.lies, self._against)
-        if self.begins:
-            sides = friction.completed(*state, sides, *lain)
-        along = friction.along(*state, sides, *lain)
+        along = friction.along(state, sides, *lain, self.begins)
         acting = _by_driver("qd", along.rates, k) | _by_driver("qdd", along.qdd, k)
         acting |= self._pushed(along.pushes)
         for j, t in enumerate(np.ascontiguousarray(along.friction.T)):

@@ -213,8 +213,7 @@ class Stepper:
 
         state = y[:, layout.q], y[:, layout.rate], t, y[:, layout.signals]
         unknown = np.full((self.copies, len(friction.names)), math.nan)
-        sides = friction.completed(*state, unknown, bound, against)
-        along = friction.along(*state, sides, bound, against)
+        along = friction.along(state, unknown, bound, against)
         return {"qdd": along.qdd, "friction": along.friction, "sticks": 1.0 * along.stand}
 
 

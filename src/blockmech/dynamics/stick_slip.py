@@ -184,11 +184,11 @@ class StickSlip:
             return self._lies(now)
         at, old = friction.turning(self._instant(now.t, now.y, SOON), standing), self.equation.sides
         self.zero, self.settled = friction.without_slip(at, standing), now.t
-        found = friction.settled(at, friction.sides_at(at, self.zero), self.zero, released)
-        if found.end:
-            moved = found.end == ends.SELF_LOCKED and now.moved
-            return Transition(RunEnd(found.end, "ended" if moved else "failed"))
-        self.equation.sides = sides = found.sides
+        start = friction.settled(at, friction.sides_at(at, self.zero), self.zero, released)
+        if start.end:
+            moved = start.end == ends.SELF_LOCKED and now.moved
+            return Transition(RunEnd(start.end, "ended" if moved else "failed"))
+        self.equation.sides = sides = start.sides
         events = []
         for j, (before, after) in enumerate(zip(old, sides, strict=False)):
             if before != after and self._told:
@@ -202,7 +202,7 @@ class StickSlip:
         self.equation.held, self.holds = all_stand, bool(friction.stuck(at, sides))
         if all_stand and at.push.size:
             event = Event(ends.REST, now.t, *layout.motion(y))
-            goes = goes.then(Transition(events=(event,), facts=self._facts(now, found)))
+            goes = goes.then(Transition(events=(event,), facts=self._facts(now, start)))
         return goes.then(self._held(now._replace(y=y))) if all_stand else goes
 
     def _lies(self, now: Now) -> Transition:
@@ -212,9 +212,9 @@ class StickSlip:
         self.equation.held = held is not None and held.free()[0].shape[-1] == 0
         return self._held(now) if self.equation.held else Transition()
 
-    def _facts(self, now: Now, found: Settled) -> dict[str, float]:
+    def _facts(self, now: Now, start: Settled) -> dict[str, float]:
         """How firmly friction holds what rests."""
         if self._told:
-            return {"holding_share": found.share}
+            return {"holding_share": start.share}
         held = self._rubs.holding(now.y[:1], now.t, self._states(now.y))
         return {"holding_low": float(held.low[0]), "holding_high": float(held.high[0])}

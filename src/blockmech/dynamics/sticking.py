@@ -44,6 +44,7 @@ from blockmech.motion import Floats
 from blockmech.plane import EPS
 from blockmech.quality import left_undone
 
+States: TypeAlias = tuple[Floats, Floats, Floats, Any]  # (n, k), (n, k), (n,), (n, states)
 Against: TypeAlias = Callable[[Floats, Floats, Floats, Any], Held]
 
 LOCATED = 1e-6  # [-] the same where an event was located on a dense output
@@ -342,13 +343,13 @@ class JointFriction(PairFriction):
 
         def laws(loads: Any = None) -> tuple[Any, Any]:
             """Signed factors and drags of what slips, (..., a); ``loads`` are those on it."""
-            own = law
+            tangents = law
             if loads is not None:
                 whole = np.zeros(at.w.shape)
                 whole[..., slips] = loads
-                own = self._tangents(at, law, whole)
-            drag = -along * own[..., [m + j for j in slips]] if self.program.drags else ()
-            return -along * own[..., slips], drag
+                tangents = self._tangents(at, law, whole)
+            drag = -along * tangents[..., [m + j for j in slips]] if self.program.drags else ()
+            return -along * tangents[..., slips], drag
 
         one = np.ones((*at.rate.shape[:-1], 1))
         solution: Any = None
@@ -413,8 +414,8 @@ class JointFriction(PairFriction):
         carry, or, with states ``x`` (states,), by what they do.
         """
         q, still = q[:, None], np.zeros((q.size, 1))
-        each = slice(None) if len(q) > 1 else 0  # one by one it is quicker
-        at = self.instant(q[each], still[each], t, x, None)
+        which = slice(None) if len(q) > 1 else 0  # one by one it is quicker
+        at = self.instant(q[which], still[which], t, x, None)
         law = np.broadcast_to(self.static, at.law.shape)
         if x is not None:
             law = np.where(np.tile(self.signed, 2), at.law, law)
@@ -444,14 +445,18 @@ class JointFriction(PairFriction):
         return begun, at.of_drivers(response.qdd), at.pushes(response)
 
     def along(
-        self, q: Floats, qd: Floats, t: Floats, x: Any, sides: Any, lies: Any, against: Against
+        self, states: States, sides: Any, lies: Any, against: Against, begins: bool = True
     ) -> Along:
         """What the pairs do at n states of a motion.
 
         ``sides`` (n, m), NaN where nothing is known; ``lies`` (n, a) whether it lies against
         each of some stops, ``against`` says which rows those have. Of a pair that only starts or
-        turns back the friction is that of the sense in which it goes on.
+        turns back the friction is that of the sense in which it goes on. ``begins`` : whether
+        sides are completed where no motion says them.
         """
+        q, qd, t, x = states
+        if begins:
+            sides = self._completed(states, sides, lies, against)
         rates, qdd, friction = qd.copy(), np.full(qd.shape, np.nan), np.full(sides.shape, np.nan)
         stand, pushes = np.zeros(sides.shape, dtype=bool), np.zeros(lies.shape)
         kinds, which = np.unique(np.hstack([sides, lies]), axis=0, return_inverse=True)
@@ -474,10 +479,9 @@ class JointFriction(PairFriction):
             stand[some] = stands | (np.array(side) == 0)
         return Along(rates, qdd, friction, stand, pushes)
 
-    def completed(
-        self, q: Floats, qd: Floats, t: Floats, x: Any, sides: Any, lies: Any, against: Against
-    ) -> Any:
+    def _completed(self, states: States, sides: Any, lies: Any, against: Against) -> Any:
         """Sides (n, m) where no motion says them: those with which one begins there."""
+        q, qd, t, x = states
         sides, begins = sides.copy(), dict[bytes, Any]()
         open_ = np.isnan(sides).any(axis=1) & np.isfinite(q + qd).all(axis=1)
         if not open_.any():
@@ -575,12 +579,12 @@ class JointFriction(PairFriction):
         rank = np.linalg.matrix_rank(stuck) if stuck.shape[-2] and free else 0
         return rank == np.full(at.S.shape[:-2], free)
 
-    def share(self, at: Instant, sides: Sides, found: Response) -> float:
+    def share(self, at: Instant, sides: Sides, response: Response) -> float:
         """How much of what they can hold [-] the pairs that stick need at most."""
         stuck = self.stuck(at, sides)
         if any(sides) and self._surplus(at, sides):  # else they have their shares
-            return self._shared(at, sides, found)[0]
-        return _largest(np.abs(found.t[stuck]), self._held(at, found.loads)[stuck])
+            return self._shared(at, sides, response)[0]
+        return _largest(np.abs(response.t[stuck]), self._held(at, response.loads)[stuck])
 
     def stuck(self, at: Instant, sides: Sides) -> list[int]:
         """Pairs that stick, where something free moves them."""
@@ -591,11 +595,11 @@ class JointFriction(PairFriction):
         S = at.S[self.stuck(at, sides)]
         return len(S) > 0 and np.linalg.matrix_rank(S, tol=DEPENDENT * np.abs(S).max()) < len(S)
 
-    def _shared(self, at: Instant, sides: Sides, found: Response) -> tuple[float, Floats]:
+    def _shared(self, at: Instant, sides: Sides, response: Response) -> tuple[float, Floats]:
         """The least that the largest share of pairs that stick can be, and friction (m,) so."""
         stuck = self.stuck(at, sides)
         directions = rays(at.S[stuck])
-        tried = [self._share_along(at, sides, found, stuck, v) for v in directions]
+        tried = [self._share_along(at, sides, response, stuck, v) for v in directions]
         right = [x for x in tried if x[1] <= x[0] * (1 + SETTLED)]
         best = min(right, key=lambda x: x[0]) if right else max(tried, key=lambda x: x[0])
         return best[0], best[2]

@@ -300,9 +300,11 @@ class System:
 
         def sizes() -> Floats:
             evaluator, places = self.compiled.once(load_sizes), np.atleast_2d(q)
-            known = {f"q_{i}": x for i, x in enumerate(places.T)}
-            given = {name: known.get(name, 0.0 * places[:, 0]) for name in evaluator.program.inputs}
-            return np.transpose(evaluator.run(given, len(places)))
+            by_name = {f"q_{i}": x for i, x in enumerate(places.T)}
+            inputs = {
+                name: by_name.get(name, 0.0 * places[:, 0]) for name in evaluator.program.inputs
+            }
+            return np.transpose(evaluator.run(inputs, len(places)))
 
         return 8 * EPS * self._once("roundings", q.tobytes(), sizes).reshape(q.shape)
 
