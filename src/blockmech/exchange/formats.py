@@ -16,7 +16,7 @@ from typing import IO, Any, Generic, NamedTuple, TypeVar
 
 from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError, close_match, listed, refused, shown
-from blockmech.exchange.drawn_linkage import Drawing
+from blockmech.exchange.drawing import Drawing
 from blockmech.files import writing
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING

@@ -20,7 +20,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 from blockmech.errors import listed
-from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Slot, Wheels, direction
+from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, Wheels, direction
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import number, wrong, xml_of
 from blockmech.values import numbered_name
@@ -63,7 +63,8 @@ def read(text: str, where: str) -> Drawing:
         if len(points) > 1 or name.endswith(("_barrel", "_rod")) or name in turning:
             continue
         if points[0] in drawing.slots:
-            drawing.sliders.add(name)
+            first, *rest = drawing.slots[points[0]]
+            drawing.slots[points[0]] = [first._replace(rider=first.rider or name), *rest]
         else:
             del drawing.links[name]
             drawing.note(f"{name} has one connector, {points[0]}: left out")
@@ -136,7 +137,7 @@ def _actuator(
     barrel, rod = f"{name}_barrel", f"{name}_rod"
     drawing.links[barrel], drawing.links[rod] = [points[0]], [points[1]]
     drive = Drive(rate or throw, length, length + throw)
-    drawing.guides.append(Guide(barrel, rod, a, angle, drive, b))
+    drawing.pairs.append(Pair(barrel, rod, a, angle, drive, b))
     drawing.note(f"{name} is an actuator: its stroke is driven once, at a constant rate")
 
 

@@ -14,7 +14,7 @@ import math
 import re
 from typing import Any, NamedTuple
 
-from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Slot, Wheels
+from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, Wheels
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import fields, items, json_of, number, wrong
 
@@ -77,7 +77,7 @@ def _take(row: Row, drawing: Drawing) -> None:
         for other in others:
             pair = (first, other) if other != FRAME else (other, first)
             drive = Drive(1.0, 0.0, None) if row.driven else None
-            drawing.guides.append(Guide(*pair, row.at, row.angle, drive))
+            drawing.pairs.append(Pair(*pair, row.at, row.angle, drive))
         if row.driven:
             drawing.note(f"the drive of {row.name} has no stroke in the file")
         return
@@ -85,7 +85,9 @@ def _take(row: Row, drawing: Drawing) -> None:
     if row.kind == "RP" and others:
         drawing.slots[row.name] = [Slot(row.angle, first)]
         moving = [link for link in moving if link != first]
-    elif GROUND in row.links:
+        if first == FRAME:
+            others = []
+    if GROUND in row.links and (row.kind != "RP" or FRAME in others):
         drawing.fixed.add(row.name)
     for link in moving:
         drawing.links[link].append(row.name)

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from blockmech.errors import listed
-from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Slot, direction
+from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, direction
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import fields, items, json_of, number, wrong
 from blockmech.values import free_name
@@ -190,7 +190,7 @@ class _Components:
         drive = Drive(number(part.speed, name), 0.0, number(part.stroke, name))
         angle = number(part.angle, name)
         here = self.found.points[name]
-        self.found.guides.append(Guide(FRAME, slider, at, angle, drive, here))
+        self.found.pairs.append(Pair(FRAME, slider, at, angle, drive, here))
 
     def _rrr(self, part: Any, name: str) -> None:
         for anchor in (part.anchor1, part.anchor2):

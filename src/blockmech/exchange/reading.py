@@ -10,7 +10,8 @@ from typing import Any
 
 from blockmech.errors import FormatError, Problem, close_match, in_file, listed, refused, shown
 from blockmech.exchange import pylinkage
-from blockmech.exchange.drawn_linkage import UNITS, document
+from blockmech.exchange.drawing import UNITS
+from blockmech.exchange.drawn_linkage import document
 from blockmech.exchange.formats import READERS, Reader
 from blockmech.exchange.parsing import wrong
 
