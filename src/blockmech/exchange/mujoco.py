@@ -21,7 +21,7 @@ from blockmech.exchange.drawing import FRAME, FREE, Drawing, Drive, Ratio
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Record, number, record_of, wrong, xml_of
 from blockmech.exchange.shapes import solid
-from blockmech.exchange.spatial import Array, Assembly, Joint, Mass, Pose, turned
+from blockmech.exchange.spatial import Array, Assembly, Joint, Mass, Pose, along, turned, unit
 from blockmech.values import free_name
 
 ACTUATORS = ("motor", "position", "velocity", "general", "intvelocity", "damper", "cylinder")
@@ -106,14 +106,14 @@ class _Reading:
             return self._euler(record.numbers("euler", 3))
         if record.get("axisangle"):
             *axis, angle = record.numbers("axisangle", 4)
-            return turned(self._axis(axis, where), angle * self.unit)
+            return turned(unit(axis, where), angle * self.unit)
         if record.get("xyaxes"):
             numbers = np.array(record.numbers("xyaxes", 6))
-            x = self._axis(numbers[:3], where)
-            y = self._axis(numbers[3:] - x * (x @ numbers[3:]), where)
+            x = unit(numbers[:3], where)
+            y = unit(numbers[3:] - x * (x @ numbers[3:]), where)
             return np.column_stack([x, y, np.cross(x, y)])
         if record.get("zaxis"):
-            return _along(self._axis(record.numbers("zaxis", 3), where))
+            return along(unit(record.numbers("zaxis", 3), where))
         return np.eye(3)
 
     def _euler(self, angles: Sequence[float]) -> Array:
@@ -122,12 +122,6 @@ class _Reading:
             turn = turned(np.eye(3)["xyz".index(letter.lower())], angle * self.unit)
             axes = axes @ turn if letter.islower() else turn @ axes
         return axes
-
-    def _axis(self, axis: Sequence[float] | Array, where: str) -> Array:
-        size = float(np.linalg.norm(axis))
-        if not size:
-            raise wrong(where, "an axis of no length", "a direction")
-        return np.asarray(axis) / size
 
     def _pose(self, record: Record, outer: Pose) -> Pose:
         return outer.at(record.numbers("pos", 3, "0 0 0"), self._turn(record))
@@ -173,19 +167,19 @@ class _Reading:
         key, kind = record.get("name") or f"joint_{link}", record.get("type", "hinge")
         if kind not in ("hinge", "slide", "ball"):
             raise wrong(record.where, f"joint {key} is a {kind}", "hinge or slide")
-        axis = self._axis(record.numbers("axis", 3, "0 0 1"), record.where)
-        at = pose.at(record.numbers("pos", 3, "0 0 0"), _along(axis))
-        unit = self.unit if kind != "slide" else 1.0
-        start = self.references[key] = record.number("ref", 0.0) * unit
+        axis = unit(record.numbers("axis", 3, "0 0 1"), record.where)
+        at = pose.at(record.numbers("pos", 3, "0 0 0"), along(axis))
+        scale = self.unit if kind != "slide" else 1.0
+        start = self.references[key] = record.number("ref", 0.0) * scale
         limits = FREE
         flag, text = record.get("limited", "auto"), record.get("range")
         if text and (flag == "true" or (flag == "auto" and self.limited)):
             low, high = record.numbers("range", 2)
-            limits = (low * unit - start, high * unit - start)
+            limits = (low * scale - start, high * scale - start)
         for word in ("frictionloss", "armature"):
             if record.number(word, 0.0):
                 self.assembly.drawing.note(f"{word} of joint {key}: left out")
-        rest = record.number("springref", 0.0) * unit - start
+        rest = record.number("springref", 0.0) * scale - start
         stiffness, damping = record.number("stiffness", 0.0), record.number("damping", 0.0)
         kinds = {"hinge": "pin", "slide": "slide", "ball": "ball"}
         joint = Joint(key, kinds[kind], base, link, at, at, limits=limits)
@@ -226,9 +220,9 @@ class _Reading:
         at = self._pose(record, pose)
         if record.get("fromto"):
             ends = np.array(record.numbers("fromto", 6)).reshape(2, 3)
-            along = ends[1] - ends[0]
-            half = float(np.linalg.norm(along)) / 2
-            at = pose.at(ends.mean(axis=0), _along(self._axis(along, record.where)))
+            way = ends[1] - ends[0]
+            half = float(np.linalg.norm(way)) / 2
+            at = pose.at(ends.mean(axis=0), along(unit(way, record.where)))
             flat = (
                 sizes[:1] if kind in ("capsule", "cylinder") else (sizes[:1] * 2 + sizes[1:2])[-2:]
             )
@@ -302,16 +296,6 @@ class _Reading:
         for k, joint in enumerate(joints):
             if joint.name == name:
                 joints[k] = joint._replace(**motion)  # type: ignore[arg-type]
-
-
-def _along(axis: Array) -> Array:
-    """Axes whose z is along a direction."""
-    z = np.array([0.0, 0.0, 1.0])
-    across = np.cross(z, axis)
-    size = float(np.linalg.norm(across))
-    if size < 1e-12:
-        return np.eye(3) if axis[2] > 0 else np.diag([1.0, -1.0, -1.0])
-    return turned(across, math.atan2(size, float(axis[2])))
 
 
 READER = Reader(

@@ -71,6 +71,24 @@ def turned(axis: Sequence[float] | Array, angle: float) -> Array:
     return rotation
 
 
+def unit(axis: Sequence[float] | Array, where: str) -> Array:
+    """A unit vector. Raises `FormatError` for one of no length."""
+    size = float(np.linalg.norm(axis))
+    if not size:
+        raise wrong(where, "an axis of no length", "a direction")
+    return np.asarray(axis) / size
+
+
+def along(axis: Array) -> Array:
+    """Axes whose z is along a direction."""
+    z = np.array([0.0, 0.0, 1.0])
+    across = np.cross(z, axis)
+    size = float(np.linalg.norm(across))
+    if size < 1e-12:
+        return np.eye(3) if axis[2] > 0 else np.diag([1.0, -1.0, -1.0])
+    return turned(across, math.atan2(size, float(axis[2])))
+
+
 def roll_pitch_yaw(angles: Sequence[float]) -> Array:
     """The rotation by angles [rad] about the fixed axes x, y and z in this order."""
     roll, pitch, yaw = angles

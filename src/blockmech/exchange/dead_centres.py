@@ -1,0 +1,67 @@
+"""Linkages that are drawn at a dead centre, as tools that draw do: their pose a little further on.
+
+There the drawing does not tell the assembly mode, for two meet. So a joint that nothing drives is
+moved a little from the drawn pose, and where all links stand then tells it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from blockmech.errors import BlockmechError, GraphError
+
+if TYPE_CHECKING:
+    from blockmech.builders import Linkage
+
+STEP = 0.05  # [rad], and of the size of a linkage
+MOST = 60  # joints that are tried
+
+
+def beyond(linkage: Linkage) -> Linkage:
+    """The linkage itself, or where it stands at a dead centre, one that stands beside it."""
+    if not _stuck(linkage):
+        return linkage
+    data = linkage.to_data()
+    for driver, joint, step in _trials(data):
+        drivers = {**data["drivers"], driver: {"joint": joint}}
+        left_out = {"drivers": drivers, "couplings": {}, "stops": {}, "loads": {}}
+        try:
+            trial = type(linkage).from_data({**data, **left_out})
+            starts = {name: 0.0 for name in drivers} | {driver: step}
+            pose = trial.run(at=starts, want=["link.*.p", "link.*.angle"], static=True)
+        except BlockmechError:
+            continue
+        links = {name: dict(link) for name, link in data["links"].items()}
+        for name in links:
+            z, angle = complex(pose[f"link.{name}.p"][0]), float(pose[f"link.{name}.angle"][0])
+            links[name]["pose"] = [z.real, z.imag, angle]
+        note = f"it is drawn at a dead centre of {driver}: read with {joint} moved by {step:.3g}"
+        notes = [*data.get("notes", []), f"{note}, which tells the mode; poses say the other one"]
+        bent = type(linkage).from_data({**data, "links": links, "notes": notes})
+        if not _stuck(bent):
+            return bent
+    return linkage
+
+
+def _stuck(linkage: Linkage) -> bool:
+    try:
+        linkage.decompose()
+    except GraphError as error:
+        return any(problem.code == "dead-centre" for problem in error.problems)
+    return False
+
+
+def _trials(data: dict[str, Any]) -> Iterator[tuple[str, str, float]]:
+    """A driver, the joint that moves in its place, and by how much [rad or m]."""
+    driven = {driver["joint"] for driver in data["drivers"].values()}
+    places = [complex(*z) for joint in data["joints"].values() for z in joint["at"]]
+    size = max(abs(z - places[0]) for z in places)
+    joints = [(name, joint) for name, joint in data["joints"].items() if name not in driven]
+    joints.sort(key=lambda item: (item[1]["type"], "frame" not in item[1]["links"]))
+    joints.sort(key=lambda item: item[1]["type"] == "P")
+    for name, joint in joints[:MOST]:
+        step = STEP * (size if joint["type"] == "P" else 1.0)
+        for driver in data["drivers"]:
+            yield from ((driver, name, math.copysign(step, sign)) for sign in (1, -1))
