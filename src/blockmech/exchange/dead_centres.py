@@ -29,7 +29,7 @@ def beyond(linkage: Linkage) -> Linkage:
         left_out = {"drivers": drivers, "couplings": {}, "stops": {}, "loads": {}}
         try:
             trial = type(linkage).from_data({**data, **left_out})
-            starts = {name: 0.0 for name in drivers} | {driver: step}
+            starts = dict.fromkeys(drivers, 0.0) | {driver: step}
             pose = trial.run(at=starts, want=["link.*.p", "link.*.angle"], static=True)
         except BlockmechError:
             continue

@@ -204,7 +204,8 @@ class _Making:
             self._pair(Pair(first, other, z, name=point))
 
     def _pair(self, pair: Pair) -> None:
-        if not {pair.first, pair.second} <= self.names.keys():
+        if not {pair.first, pair.second} <= self.names.keys() or pair.first == pair.second:
+            self.drawing.note(f"{pair.name} joins no two links: left out")
             return
         name = self._free("joints", pair.name or f"{pair.first}_{pair.second}")
         self.pairs[pair.name] = name
@@ -395,7 +396,16 @@ class _Making:
         """Points that are no joint stay as markers of their link."""
         drawing = self.drawing
         for point, members in drawing.meeting().items():
-            if point in drawing.slots or FRAME in members:
+            slots = drawing.slots.get(point, [])
+            if FRAME in members or any(slot.rider not in members for slot in slots):
+                continue
+            if (
+                slots
+                and sum(
+                    drawing.points[p] == drawing.points[point] for p in drawing.links[members[0]]
+                )
+                > 1
+            ):
                 continue
             if len(members) == 1:
                 markers = self.links[self.names[members[0]]].setdefault("markers", {})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 from xml.etree.ElementTree import Element, TreeBuilder
@@ -43,11 +43,25 @@ def items(raw: Any, where: str) -> list[Any]:
     return raw
 
 
-def fields(raw: Any, where: str) -> Mapping[str, Any]:
+class Fields(dict[str, Any]):
+    """An object of JSON that knows which of its fields were taken."""
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """The value of a field, which is taken."""
+        self.__dict__.setdefault("taken", set()).add(key)
+        return super().get(key, default)
+
+    def left_over(self, what: str, drawn: Iterable[str] = ()) -> list[str]:
+        """A sentence for the fields that nobody took, but for how parts are drawn."""
+        left = [x for x in self if x not in {*self.__dict__.get("taken", ()), *drawn}]
+        return [f"{what}: {', '.join(left)[:80]}: left out"] if left else []
+
+
+def fields(raw: Any, where: str) -> Fields:
     """An object. Raises `FormatError` for anything else."""
     if not isinstance(raw, dict):
         raise wrong(where, f"got {shown(raw)}", "an object")
-    return raw
+    return Fields(raw)
 
 
 def json_of(text: str, where: str) -> Any:

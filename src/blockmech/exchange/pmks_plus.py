@@ -376,8 +376,8 @@ def drawn(address: Address, where: str) -> Drawing:
         drawing.inertias[key] = (
             bar.body._replace(cm=joints[bar.joints[0]].at) if key in slid else bar.body
         )
+    drawing.points = {joint.key: joint.at for joint in joints.values()}
     for joint in joints.values():
-        drawing.points[joint.key] = joint.at
         if joint.has(PRISMATIC):
             _slide(joint, address, drawing, {v: k for k, v in slid.items()}, root_of, where)
         elif joint.has(GROUNDED) and joint.key not in pins:

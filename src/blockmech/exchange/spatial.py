@@ -189,6 +189,8 @@ class Assembly:
         first = max(axes, key=lambda axis: sum(abs(abs(axis @ x) - 1) < FLAT for x in axes))
         main = int(abs(first).argmax())
         upright = -1.0 if main == 1 else 1.0
+        if abs(first[main]) > 1 - FLAT:  # exact places stay exact
+            first = np.eye(3)[main]
         self.normal = np.multiply(first, upright * float(np.sign(first[main])))
         seed = np.eye(3)[1 if abs(self.normal[0]) > 0.9 else 0]
         x = seed - self.normal * (seed @ self.normal)
@@ -209,13 +211,15 @@ class Assembly:
     def _joint(self, joint: Joint) -> float:
         """Draw a joint; the sense in which its coordinate counts there."""
         drawing, axis = self.drawing, joint.pose.axes[:, 2]
-        across, inside = self._across(axis), abs(axis @ self.normal) < FLAT
+        across, inside = self._across(axis), abs(axis @ self.normal) < ORTHONORMAL
         a, b = self.flat(joint.pose.place), self.flat(joint.second_pose.place)
         pair = Pair(joint.first, joint.second, a, None, joint.drive, b, joint.name)
         springs = joint.stiffness, joint.damping
         pair = pair._replace(stiffness=springs[0], damping=springs[1])
         kind, at = joint.kind, f"{self.where}, {joint.name}"
-        leaning = (kind == "pin" and not across) or (kind == "slide" and not inside)
+        leaning = (
+            kind == "pin" and not (across and self._across(joint.second_pose.axes[:, 2]))
+        ) or (kind == "slide" and not inside)
         if leaning or (kind == "cylinder" and not (across or inside)):
             self._lean(joint, at)
             return 1.0
