@@ -37,6 +37,7 @@ from blockmech.exchange.drawing import (
 from blockmech.values import free_name, numbered_name
 
 MOST_JOINTS = 50  # of a linkage whose drives are chosen by what can move
+BOUNDLESS = 1e10  # what a limit is that is none
 MOST_TEETH = 1000  # of a wheel whose size is a ratio
 ROUNDING = 1e-12  # of a ratio that teeth give
 ON_LINE = 1e-3  # of the distance of two centres: how far from their line a pitch point is drawn
@@ -95,6 +96,7 @@ class _Making:
             what = "it has no links that a joint joins"
             raise FormatError(Problem("bad-drawing", drawing.name, what, "", "draw the linkage"))
         self._loads()
+        stops = self._stops()
         document: dict[str, Any] = {
             "format": "blockmech/joints",
             "version": 1,
@@ -105,16 +107,24 @@ class _Making:
             "drivers": self.drivers,
             "couplings": self.couplings,
             "loads": self.loads,
-            "stops": {
-                self._driver_of(joint) or f"joint.{joint}.coordinate": ends
-                for joint, ends in self.stops.items()
-            },
+            "stops": stops,
             "source": drawing.source,
             "notes": list(drawing.notes),
         }
         if not drawing.gravity:
             del document["gravity"]
         return {key: value for key, value in document.items() if value or key == "links"}
+
+    def _stops(self) -> dict[str, dict[str, float]]:
+        """Limits by their driver, or by the coordinate of a joint that has none."""
+        stops, following = {}, {coupling["driven"] for coupling in self.couplings.values()}
+        for joint, ends in self.stops.items():
+            driver = self._driver_of(joint)
+            if driver in following:
+                self.drawing.note(f"limits of {joint}, which follows: left out")
+            elif ends:
+                stops[driver or f"joint.{joint}.coordinate"] = ends
+        return stops
 
     def _rigid(self) -> bool:
         """Weld the first two links that have two pins in common; whether there are any."""
@@ -223,7 +233,7 @@ class _Making:
             self._driven(name, pair.drive)
         if pair.limits != FREE:
             ends = {"from": pair.limits[0] * scale, "to": pair.limits[1] * scale}
-            self.stops[name] = {key: value for key, value in ends.items() if math.isfinite(value)}
+            self.stops[name] = {key: x for key, x in ends.items() if abs(x) < BOUNDLESS}
         if pair.stiffness or pair.damping:
             numbers = {"stiffness": pair.stiffness, "rest_angle": pair.rest * scale}
             load = {"type": "torsion_spring", "joint": name, **numbers, "damping": pair.damping}
