@@ -122,7 +122,8 @@ def dxf(shapes: dict[str, list[Shape]]) -> str:
     """R12 text; a layer for each link."""
     layers = _layers(shapes)
     pairs: list[tuple[int, Any]] = [
-        *((0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009"), (0, "ENDSEC")),
+        *((0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009")),
+        *((9, "$INSUNITS"), (70, 4), (9, "$MEASUREMENT"), (70, 1), (0, "ENDSEC")),  # mm, metric
         *((0, "SECTION"), (2, "TABLES"), (0, "TABLE"), (2, "LAYER"), (70, len(layers))),
     ]
     for k, layer in enumerate(layers.values()):
