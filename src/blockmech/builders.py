@@ -224,7 +224,8 @@ def read(source: Any, *, unit: str | None = None, format: str | None = None) -> 
     own = isinstance(source, str | os.PathLike) and os.path.isfile(source)
     if own and format is None and b'"blockmech/' in _head(source):
         return opened(source)
-    return beyond(Linkage.from_data(imported(source, unit, format)))
+    linkage: Linkage = beyond(Linkage.from_data(imported(source, unit, format)))
+    return linkage
 
 
 def _head(path: str | os.PathLike[str]) -> bytes:

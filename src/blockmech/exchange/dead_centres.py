@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from blockmech.errors import BlockmechError, GraphError
-
-if TYPE_CHECKING:
-    from blockmech.builders import Linkage
 
 STEP = 0.05  # [rad], and of the size of a linkage
 MOST = 60  # joints that are tried
 
 
-def beyond(linkage: Linkage) -> Linkage:
-    """The linkage itself, or where it stands at a dead centre, one that stands beside it."""
+def beyond(linkage: Any) -> Any:
+    """A `blockmech.Linkage` itself, or where it stands at a dead centre, one that stands beside."""
     if not _stuck(linkage):
         return linkage
     data = linkage.to_data()
@@ -45,7 +42,7 @@ def beyond(linkage: Linkage) -> Linkage:
     return linkage
 
 
-def _stuck(linkage: Linkage) -> bool:
+def _stuck(linkage: Any) -> bool:
     try:
         linkage.decompose()
     except GraphError as error:
