@@ -11,17 +11,18 @@ Source: OndselSolver, ``ASMTAssembly.cpp`` (reading), ``GearConstraintIJ.cpp``,
 
 from __future__ import annotations
 
+import cmath
 import math
 import re
 
 import numpy as np
 
 from blockmech.errors import FormatError
-from blockmech.exchange.drawing import FRAME, Drawing
+from blockmech.exchange.drawing import FRAME, Drawing, Spring, Wheels
 from blockmech.exchange.expressions import Formula, law_of
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import DEEPEST, MOST, Record, wrong
-from blockmech.exchange.spatial import Array, Assembly, Joint, Mass, Pose, orthonormal
+from blockmech.exchange.spatial import Assembly, Joint, Mass, Pose, orthonormal
 
 KINDS = {
     "RevoluteJoint": "pin",
@@ -100,7 +101,8 @@ class _Reading:
             if part.tag == "Part":
                 self._part(part)
         sets = root.one("ConstraintSets")
-        for record in sets.below("Joints"):
+        joints = sorted(sets.below("Joints"), key=lambda record: record.tag in COUPLINGS)
+        for record in joints:
             self._joint(record)
         for record in sets.below("Motions"):
             self._motion(record)
@@ -158,15 +160,11 @@ class _Reading:
                 assembly.drawing.note(f"{record.tag} {name}: left out")
             record.skip()
             return
+        if record.tag in COUPLINGS:
+            self._couple(record, name)
+            return
         (one, here), (two, there) = self._ends(record)
-        if record.tag == "GearJoint":
-            sizes = (record.number("radiusI"), record.number("radiusJ"))
-            if not all(sizes):
-                raise wrong(record.where, f"{name} has a radius of 0", "radii of both wheels")
-            assembly.gears.append((name, here, there, one, two, sizes))
-        elif record.tag == "RackPinionJoint":
-            self._rack(record, name, (one, here), (two, there))
-        elif one != two:
+        if one != two:
             if kind in ("flat", "slot"):  # the face is marker J's, and may be shifted along z
                 one, here, two, there = two, there, one, here
                 offset = here.axes[:, 2] * record.number("offset", 0.0)
@@ -179,14 +177,23 @@ class _Reading:
             assembly.joints.append(Joint(name, kind, one, two, here, there, zero))
             record.get("constantIJ")
 
-    def _rack(
-        self, record: Record, name: str, one: tuple[str, Pose], two: tuple[str, Pose]
-    ) -> None:
-        radius = record.number("pitchRadius")
-        turning = {x for j in self.assembly.joints if j.kind == "pin" for x in (j.first, j.second)}
+    def _couple(self, record: Record, name: str) -> None:
+        """A pair of gears, or a rack that moves along its marker's x axis."""
+        assembly, (one, two) = self.assembly, self._ends(record)
+        if record.tag == "GearJoint":
+            sizes = (record.number("radiusI"), record.number("radiusJ"))
+            if not all(sizes):
+                raise wrong(record.where, f"{name} has a radius of 0", "radii of both wheels")
+            for _, pose in (one, two):
+                assembly.sense(pose, record.where)
+            assembly.drawing.wheels.append(Wheels(name, one[0], two[0], sizes))
+            return
+        turning = {x for j in assembly.joints if j.kind == "pin" for x in (j.first, j.second)}
         rack, pinion = (two, one) if one[0] in turning and two[0] not in turning else (one, two)
-        pose = Pose(rack[1].place, np.column_stack([rack[1].axes[:, 0], *pinion[1].axes.T[1:]]))
-        self.assembly.racks.append((name, pose, pinion[0], rack[0], radius))
+        radius = record.number("pitchRadius") * assembly.sense(pinion[1], record.where)
+        angle = cmath.phase(assembly.flat(rack[1].axes[:, 0]) * math.copysign(1.0, radius))
+        wheels = Wheels(name, pinion[0], rack[0], (abs(radius), 1.0), rack=angle)
+        assembly.drawing.wheels.append(wheels)
 
     def _motion(self, record: Record) -> None:
         drawing, name = self.assembly.drawing, record.get("Name")
@@ -251,8 +258,8 @@ class _Reading:
             return
         if Formula(record.get("twist", "0"), where)(time=0.0, rIJ=1.0, vrIJ=1.0):
             self.assembly.drawing.note(f"{name}: its twist: left out")
-        ends: tuple[Array, Array] = here.place, there.place
-        self.assembly.springs.append((name, one, two, *ends, (k, -start / k, c)))
+        ends = (self.assembly.flat(here.place), self.assembly.flat(there.place))
+        self.assembly.drawing.springs.append(Spring(name, (one, two), ends, k, -start / k, c))
 
 
 def _recognises(text: str) -> bool:

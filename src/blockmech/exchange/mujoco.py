@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from blockmech.errors import listed
-from blockmech.exchange.drawing import FRAME, FREE, Drawing, Drive, Ratio
+from blockmech.exchange.drawing import FRAME, FREE, Drawing, Ratio
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Record, number, record_of, wrong, xml_of
 from blockmech.exchange.shapes import solid
@@ -86,8 +86,14 @@ class _Reading:
             self._equality(self._of_class(record, ""), f"{record.tag}_{k}")
         for record in root.below("actuator"):
             self._actuator(self._of_class(record, ""))
+        if total := root.one("compiler").number("settotalmass", -1.0):
+            self._scale(total)
         option = root.one("option")
         assembly.gravity = np.array(option.numbers("gravity", 3, "0 0 -9.81"))
+        for name, (body, pose) in self.sites.items():
+            if self.links[body] != FRAME and name not in assembly.drawing.points:
+                assembly.drawing.points[name] = assembly.flat(pose.place)
+                assembly.drawing.links.setdefault(self.links[body], []).append(name)
         drawing = assembly.drawn()
         for sentence in root.left_over(LOOKS):
             drawing.note(sentence)
@@ -135,10 +141,9 @@ class _Reading:
             self._inside(frame, body, inherited, self._pose(frame, pose))
         for site in record.all("site"):
             site = self._of_class(site, inherited)
-            name, at = site.get("name"), self._pose(site, pose)
+            name, at = site.get("name") or f"site_{len(self.sites)}", self._pose(site, pose)
             self.sites[name] = body, at
             site.taken |= {"size", "type"}
-            self.assembly.marks.append((name or "site", self.links[body], at.place))
         for inner in record.all("body"):
             self._body(inner, body, inherited, pose)
         record.all("geom", "joint", "inertial", "freejoint")
@@ -288,8 +293,15 @@ class _Reading:
             self.assembly.drawing.note(f"actuator {name}: left out")
             record.skip()
             return
-        slides = any(j.name == joint and j.kind == "slide" for j in self.assembly.joints)
-        self._moved(joint, drive=Drive(1.0, 0.0, None) if slides else Drive())
+        self._moved(joint, law={})
+
+    def _scale(self, total: float) -> None:
+        """Scale all masses so that they sum up to a total [kg], if that is positive."""
+        masses = self.assembly.masses
+        factor = total / (sum(mass.mass for several in masses.values() for mass in several) or 1.0)
+        if total > 0:
+            for several in masses.values():
+                several[:] = [Mass(m.mass * factor, m.centre, m.inertia * factor) for m in several]
 
     def _moved(self, name: str, **motion: object) -> None:
         joints = self.assembly.joints

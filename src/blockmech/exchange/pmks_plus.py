@@ -176,6 +176,8 @@ def _whole(text: str, where: str, signed: bool = True) -> int:
 def code_of(text: str) -> str:
     """What stands behind the question mark."""
     line = text.strip().partition("\nleft out")[0]
+    if line.startswith("[InternetShortcut]"):
+        line = line.partition("URL=")[2].partition("\n")[0]
     match = re.search(r"https?://\S*?\?(.*)", line, re.DOTALL)
     return unquote(match[1] if match else line.removeprefix("?")).strip()
 

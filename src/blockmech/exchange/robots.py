@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from blockmech.errors import listed
-from blockmech.exchange.drawing import FRAME, FREE, Drawing, Drive, Ratio
+from blockmech.exchange.drawing import FRAME, FREE, Drawing, Ratio, Wheels
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Record, record_of, wrong, xml_of
 from blockmech.exchange.spatial import Assembly, Joint, Mass, Pose, along, roll_pitch_yaw, unit
@@ -96,7 +96,7 @@ class _Tree:
         if kind == "gearbox":  # against a body that both turn on
             record.get("gearbox_reference_body")
             sizes = (record.number("gearbox_ratio", 1.0), 1.0)
-            self.assembly.gears.append((name, pose, second, *ends, sizes))
+            self.assembly.drawing.wheels.append(Wheels(name, *ends, sizes))
             return
         joint = Joint(name, KINDS[kind], *ends, pose, second, limits=limits, stiffness=stiffness)
         self.assembly.joints.append(joint._replace(rest=rest, damping=damping))
@@ -194,8 +194,7 @@ def _transmission(record: Record, tree: _Tree) -> None:
     joints = tree.assembly.joints
     for k, joint in enumerate(joints):
         if joint.name in driven and joint.kind in ("pin", "slide"):
-            drive = Drive(law={}) if joint.kind == "pin" else Drive(1.0, 0.0, None)
-            joints[k] = joint._replace(drive=drive)
+            joints[k] = joint._replace(law={})
 
 
 # -- SDF -----------------------------------------------------------------------------------

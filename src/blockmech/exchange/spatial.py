@@ -12,6 +12,7 @@ import cmath
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,8 +26,6 @@ from blockmech.exchange.drawing import (
     Inertia,
     Pair,
     Ratio,
-    Spring,
-    Wheels,
     scaled,
     together,
 )
@@ -121,7 +120,6 @@ class Joint(NamedTuple):
     second_pose: Pose
     zero: float = 0.0
     law: Mapping[str, Any] | None = None
-    drive: Drive | None = None
     limits: tuple[float, float] = FREE
     stiffness: float = 0.0
     rest: float = 0.0
@@ -136,116 +134,104 @@ class Assembly:
     drawing: Drawing
     masses: dict[str, list[Mass]] = field(default_factory=dict)
     joints: list[Joint] = field(default_factory=list)
-    gears: list[tuple[str, Pose, Pose, str, str, tuple[float, float]]] = field(default_factory=list)
-    racks: list[tuple[str, Pose, str, str, float]] = field(default_factory=list)
     ratios: list[Ratio] = field(default_factory=list)
-    springs: list[tuple[str, str, str, Array, Array, tuple[float, float, float]]] = field(
-        default_factory=list
-    )
-    marks: list[tuple[str, str, Array]] = field(default_factory=list)
     gravity: Array = field(default_factory=lambda: np.zeros(3))
-    normal: Array = field(default_factory=lambda: np.zeros(3))
-    x: Array = field(default_factory=lambda: np.zeros(3))
-    y: Array = field(default_factory=lambda: np.zeros(3))
-    gone: dict[str, str] = field(default_factory=dict)  # welded body -> what it belongs to
 
     def drawn(self) -> Drawing:
         """The drawing of it all in its plane. Raises `FormatError` for what leaves the plane."""
         drawing = self.drawing
         drawing.free = True
-        self._plane()
-        drawing.links |= {body: [] for body in self.masses if body != FRAME}
         for body, masses in self.masses.items():
+            if body != FRAME:
+                drawing.links.setdefault(body, [])
             if body != FRAME and masses:
                 drawing.inertias[body] = together(map(self._flat_mass, masses))
         senses = {joint.name: self._joint(joint) for joint in list(self.joints)}
-        self._wheels()
         for ratio in self.ratios:
             one, two = senses.get(ratio.leading, 1), senses.get(ratio.driven, 1)
             signed = tuple(two * c * one**k for k, c in enumerate(ratio.coefficients))
             drawing.ratios.append(ratio._replace(coefficients=signed))
-        for name, first, second, a, b, (stiffness, length, damping) in self.springs:
-            ends = (self.flat(a), self.flat(b))
-            drawing.springs.append(Spring(name, (first, second), ends, stiffness, length, damping))
-        for name, body, place in self.marks:
-            if body in drawing.links and name not in drawing.points:
-                drawing.points[name] = self.flat(place)
-                drawing.links[body].append(name)
+        gone: dict[str, str] = {}  # welded body -> what it belongs to
         for joint in self.joints:
-            if joint.kind == "weld":
-                self._weld(joint.first, joint.second)
+            first, second = (_last(body, gone) for body in (joint.first, joint.second))
+            if joint.kind == "weld" and first != second:
+                first, second = (second, first) if second == FRAME else (first, second)
+                gone[second] = first
+                drawing.weld(first, second)
         self._tidy()
         drawing.gravity = self.flat(self.gravity)
         return drawing
 
-    def _plane(self) -> None:
-        """The plane across the axis that most pins have."""
-        for kind in ("pin", "cylinder"):
-            axes = [joint.pose.axes[:, 2] for joint in self.joints if joint.kind == kind]
-            if axes:
-                break
-        else:
+    @cached_property
+    def plane(self) -> tuple[Array, Array, Array]:
+        """Normal, x and y of the plane across the axis that most pins have."""
+        kinds = ("pin", "cylinder")
+        several = [[j.pose.axes[:, 2] for j in self.joints if j.kind == kind] for kind in kinds]
+        axes = next(filter(None, several), None)
+        if axes is None:
             raise wrong(self.where, "it has no revolute joint", "a planar mechanism with pins")
         first = max(axes, key=lambda axis: sum(abs(abs(axis @ x) - 1) < FLAT for x in axes))
         main = int(abs(first).argmax())
-        upright = -1.0 if main == 1 else 1.0
-        if abs(first[main]) > 1 - FLAT:  # exact places stay exact
-            first = np.eye(3)[main]
-        self.normal = np.multiply(first, upright * float(np.sign(first[main])))
-        seed = np.eye(3)[1 if abs(self.normal[0]) > 0.9 else 0]
-        x = seed - self.normal * (seed @ self.normal)
-        self.x = x / np.linalg.norm(x)
-        self.y = np.cross(self.normal, self.x)
+        sign = float(np.sign(first[main])) * (-1.0 if main == 1 else 1.0)
+        exact = abs(first[main]) > 1 - FLAT  # so that exact places stay exact
+        normal = sign * (np.eye(3)[main] * np.sign(first[main]) if exact else first)
+        seed = np.eye(3)[1 if abs(normal[0]) > 0.9 else 0]
+        x = unit(seed - normal * (seed @ normal), self.where)
+        return normal, x, np.cross(normal, x)
 
     def flat(self, place: Array) -> complex:
         """A place or direction in the plane."""
-        return complex(place @ self.x, place @ self.y)
+        _, x, y = self.plane
+        return complex(place @ x, place @ y)
+
+    def sense(self, pose: Pose, where: str) -> float:
+        """1 where what turns about an axis does so counter-clockwise, else -1.
+
+        Raises `FormatError` where the axis is not across the plane.
+        """
+        if not self._across(pose.axes[:, 2]):
+            raise wrong(where, "its axis is not across the plane", "a planar mechanism")
+        return math.copysign(1.0, pose.axes[:, 2] @ self.plane[0])
 
     def _flat_mass(self, mass: Mass) -> Inertia:
-        inertia = float(self.normal @ mass.inertia @ self.normal)
+        inertia = float(self.plane[0] @ mass.inertia @ self.plane[0])
         return Inertia(mass.mass, inertia, self.flat(mass.centre))
 
     def _across(self, axis: Array) -> bool:
-        return bool(abs(abs(axis @ self.normal) - 1) < FLAT)
+        return bool(abs(abs(axis @ self.plane[0]) - 1) < FLAT)
 
     def _joint(self, joint: Joint) -> float:
         """Draw a joint; the sense in which its coordinate counts there."""
         drawing, axis = self.drawing, joint.pose.axes[:, 2]
-        across, inside = self._across(axis), abs(axis @ self.normal) < ORTHONORMAL
+        across, inside = self._across(axis), abs(axis @ self.plane[0]) < ORTHONORMAL
         a, b = self.flat(joint.pose.place), self.flat(joint.second_pose.place)
-        pair = Pair(joint.first, joint.second, a, None, joint.drive, b, joint.name)
-        springs = joint.stiffness, joint.damping
-        pair = pair._replace(stiffness=springs[0], damping=springs[1])
+        pair = Pair(joint.first, joint.second, a, None, None, b, joint.name)
+        pair = pair._replace(stiffness=joint.stiffness, damping=joint.damping)
         kind, at = joint.kind, f"{self.where}, {joint.name}"
-        leaning = (
-            kind == "pin" and not (across and self._across(joint.second_pose.axes[:, 2]))
-        ) or (kind == "slide" and not inside)
-        if leaning or (kind == "cylinder" and not (across or inside)):
+        crooked = kind == "pin" and not self._across(joint.second_pose.axes[:, 2])
+        straight = {"pin": across, "slide": inside, "cylinder": across or inside}
+        if crooked or not straight.get(kind, True):
             self._lean(joint, at)
             return 1.0
         if kind in ("pin", "ball") or (kind in ("cylinder", "line") and across):
-            sense = math.copysign(1.0, axis @ self.normal) if kind != "ball" else 1.0
+            sense = math.copysign(1.0, axis @ self.plane[0]) if kind != "ball" else 1.0
             drawing.pairs.append(self._turning(pair, joint, sense))
             return sense
         if kind in ("slide", "cylinder") or (kind == "flat" and inside):
             along = self.flat(axis) * (1j if kind == "flat" else 1)
-            drive = Drive(law=joint.law) if joint.law is not None else joint.drive
+            drive = None if joint.law is None else Drive(law=joint.law)
             guide = pair._replace(angle=cmath.phase(along), drive=drive)
             drawing.pairs.append(guide._replace(limits=joint.limits, rest=joint.rest))
-        elif kind in ("slot", "line") and inside:
-            slider = f"slider_{joint.name}"
-            drawing.links[slider] = []
-            angle = cmath.phase(self.flat(axis) * (1j if kind == "slot" else 1))
+        elif kind == "bar" or (kind in ("slot", "line") and inside):  # a link without mass
+            link, angle = f"{kind}_{joint.name}", None
+            if kind != "bar":
+                angle = cmath.phase(self.flat(axis) * (1j if kind == "slot" else 1))
+            drawing.links[link] = []
+            second = Pair(link, joint.second, b, name=joint.name)
+            first = b if angle is not None else a
             drawing.pairs += [
-                Pair(joint.first, slider, a, angle, None, b, f"{joint.name}_slide"),
-                Pair(slider, joint.second, b, name=joint.name),
-            ]
-        elif kind == "bar":
-            bar = f"bar_{joint.name}"
-            drawing.links[bar] = []
-            drawing.pairs += [
-                Pair(joint.first, bar, a, name=joint.name),
-                Pair(bar, joint.second, b, name=joint.name),
+                Pair(joint.first, link, a, angle, None, first, f"{joint.name}_"),
+                second,
             ]
         elif kind not in ("weld", "flat", "slot"):
             raise wrong(at, f"it is a {kind} across no plane", "a planar mechanism")
@@ -269,38 +255,11 @@ class Assembly:
         """A pin with what counts along its coordinate, from the drawn pose."""
         low, high = (sense * (x - joint.zero) for x in joint.limits)
         rest = sense * (joint.rest - joint.zero)
-        drive = joint.drive
-        if drive is not None and sense < 0:
-            drive = drive._replace(rate=-drive.rate)
+        drive = None
         if joint.law is not None:
             drive = Drive(law=_counted(joint.law, joint.zero, sense))
         limits = (min(low, high), max(low, high))
         return pair._replace(drive=drive, limits=limits, rest=rest)
-
-    def _wheels(self) -> None:
-        for name, one, two, first, second, sizes in self.gears:
-            if not (self._across(one.axes[:, 2]) and self._across(two.axes[:, 2])):
-                raise wrong(f"{self.where}, {name}", "its axes are not across the plane")
-            self.drawing.wheels.append(Wheels(name, first, second, sizes))
-        for name, pose, pinion, rack, radius in self.racks:
-            along, sense = (
-                self.flat(pose.axes[:, 0]),
-                math.copysign(1.0, pose.axes[:, 2] @ self.normal),
-            )
-            sizes = (abs(radius), 1.0)
-            angle = cmath.phase(along * sense * math.copysign(1.0, radius))
-            self.drawing.wheels.append(Wheels(name, pinion, rack, sizes, rack=angle))
-
-    def _weld(self, first: str, second: str) -> None:
-        """Weld what two bodies belong to now."""
-        while first in self.gone:
-            first = self.gone[first]
-        while second in self.gone:
-            second = self.gone[second]
-        if first != second:
-            keep, gone = (second, first) if second == FRAME else (first, second)
-            self.gone[gone] = keep
-            self.drawing.weld(first, second)
 
     def _tidy(self) -> None:
         """Leave out joints that two links have twice, and links that no joint holds."""
@@ -326,6 +285,12 @@ class Assembly:
             drawing.note(f"no joint holds {name}: left out")
             for point in drawing.links.pop(name):
                 del drawing.points[point]
+
+
+def _last(body: str, gone: Mapping[str, str]) -> str:
+    while body in gone:
+        body = gone[body]
+    return body
 
 
 def _same(one: Pair, two: Pair, size: float) -> bool:

@@ -153,6 +153,7 @@ class CProgram:
         return {"prismatic": prismatic, "following": frozenset(structure.followed)}
 
     def unit_of(self, column: str) -> str:
+        """The unit of an output."""
         return self.catalogue[self._parts[column][0]].unit
 
     def _named(self, names: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
