@@ -224,7 +224,11 @@ def read(source: Any, *, unit: str | None = None, format: str | None = None) -> 
     own = isinstance(source, str | os.PathLike) and os.path.isfile(source)
     if own and format is None and b'"blockmech/' in _head(source):
         return opened(source)
-    linkage: Linkage = beyond(Linkage.from_data(imported(source, unit, format)))
+
+    def drawn(rounded: bool = False) -> Linkage:
+        return Linkage.from_data(imported(source, unit, format, rounded))
+
+    linkage: Linkage = beyond(drawn(), lambda: drawn(True))
     return linkage
 
 

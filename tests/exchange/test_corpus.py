@@ -127,6 +127,41 @@ def fields_of(suffix, text):
     return [match.span() for match in re.finditer(pattern, text, re.MULTILINE)]
 
 
+UNREAD = {  # what may be missing without a trace: what is the default, or how parts are drawn
+    "asmt": r"OndselSolver|RotationMatrix|drive",
+    "dxf": r"0\s+(ENDSEC|EOF)|40\s+0.1",
+    "linkage2": r'scalefactor="1"|units="Millimeters"|zoom',
+    "mjcf": r'(anchor|pos)="[-0. ]+"|axis="0 0 1"|gravity="0 0 0"',
+    "sdf": r"<i[xy][xy]>|<pose>[-0. ]+<|expressed_in|version",
+    "svg": r'(cx|cy|x1|x2|y1|y2)="|r="|xmlns',  # zeros, ends of lines
+    "txt": r"0\.0|tfff",
+    "urdf": r'effort|velocity|i[xyz][xyz]="|name="t"|xyz="[-0. ]+"|xyz="1.0 0.0 0"',
+    "url": r"0|10|[A-Z]+[a-z]?(\|[A-Z]+[a-z]?)?|Null|R|f|t|false",  # links of joints stand twice
+}
+
+
+@pytest.mark.parametrize("suffix", sorted({name.rpartition(".")[2] for name in DRAWINGS}))
+def test_a_field_that_is_taken_away_is_missed(suffix):
+    names = [name for name in DRAWINGS if name in (f"slider.{suffix}", f"rocker.{suffix}")]
+    formats = {"pmksplus": "pmks+", "url": "pmks+", "txt": "pmks", "pmks": "pmks-json"}
+    formats |= {"linkage2": "linkage", "json": "pylinkage"}
+    missed = 0
+    for name in names:
+        text = DRAWINGS[name][1]
+        base = imported(text)
+        for a, b in fields_of(suffix, text):
+            shorter = text[:a] + text[b:]
+            shorter = stamped(shorter[:-1]) if suffix == "pmksplus" else shorter
+            try:
+                document = imported(shorter, format=formats.get(suffix, suffix))
+            except FormatError:
+                document = None
+            if document == base:
+                assert re.match(UNREAD.get(suffix, "$"), text[a:b].strip()), (name, text[a:b])
+            missed += document != base
+    assert missed > 10
+
+
 CHANGED = ("", "nan", "-1", "frame", "A", "1e400", "9" * 400, "0", "\u00e9", "..")
 
 

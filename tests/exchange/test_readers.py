@@ -118,7 +118,7 @@ def test_links_that_are_welded_are_one_and_so_told():
 def test_an_address_that_does_not_fit_is_one_message(change, said):
     code = pmks_plus(MACHINES["whitworth"]).partition("?")[2][:-1]
     assert change[0] in code
-    with pytest.raises(FormatError, match="address|text") as error:
+    with pytest.raises(FormatError, match=r"address|text") as error:
         bm.read(stamped(code.replace(*change)))
     assert said in str(error.value)
 
@@ -130,7 +130,7 @@ def test_an_address_that_was_written_is_the_same_mechanism(name, tmp_path):
     mech, back = graph.compile(), bm.read(path)
     assert not back.check()
     again = back.compile()
-    (driver,), (other,) = mech.drivers, again.drivers
+    (driver,) = mech.drivers
     initial = mech.scene.initial.get(driver)
     start = (
         initial.q if initial is not None else getattr(mech.scene.drive.get(driver), "start", 0.0)
@@ -287,7 +287,7 @@ def test_a_gear_joint_turns_by_its_radii(one, two, ratio, tilt):
 
 
 def test_axes_that_are_none_are_refused():
-    with pytest.raises(FormatError, match="RotationMatrix.*no axes"):
+    with pytest.raises(FormatError, match=r"RotationMatrix.*no axes"):
         bm.read(gears("", tilt=2e-4))
 
 

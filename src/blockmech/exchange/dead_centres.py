@@ -1,13 +1,14 @@
-"""Linkages that are drawn at a dead centre, as tools that draw do: their pose a little further on.
+"""Linkages that are drawn at a dead centre, as tools that draw do, or not quite closed.
 
-There the drawing does not tell the assembly mode, for two meet. So a joint that nothing drives is
-moved a little from the drawn pose, and where all links stand then tells it.
+At a dead centre the drawing does not tell the assembly mode, for two meet. So a joint that nothing
+drives is moved a little from the drawn pose, and where all links stand then tells it. Where slots
+are all but singular, places that are rounded close as they are drawn or not at all.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from blockmech.errors import BlockmechError, GraphError
@@ -16,9 +17,13 @@ STEP = 0.05  # [rad], and of the size of a linkage
 MOST = 60  # joints that are tried
 
 
-def beyond(linkage: Any) -> Any:
+def beyond(linkage: Any, rounded: Callable[[], Any]) -> Any:
     """A `blockmech.Linkage` itself, or where it stands at a dead centre, one that stands beside."""
-    if not _stuck(linkage):
+    codes = _problems(linkage)
+    if "does-not-close" in codes:  # by the rounding of slots that are all but singular
+        linkage = rounded()
+        codes = _problems(linkage)
+    if "dead-centre" not in codes:
         return linkage
     data = linkage.to_data()
     for driver, joint, step in _trials(data):
@@ -37,17 +42,18 @@ def beyond(linkage: Any) -> Any:
         note = f"it is drawn at a dead centre of {driver}: read with {joint} moved by {step:.3g}"
         notes = [*data.get("notes", []), f"{note}, which tells the mode; poses say the other one"]
         bent = type(linkage).from_data({**data, "links": links, "notes": notes})
-        if not _stuck(bent):
+        if "dead-centre" not in _problems(bent):
             return bent
     return linkage
 
 
-def _stuck(linkage: Any) -> bool:
+def _problems(linkage: Any) -> set[str]:
+    """Codes of what is wrong with a linkage."""
     try:
         linkage.decompose()
     except GraphError as error:
-        return any(problem.code == "dead-centre" for problem in error.problems)
-    return False
+        return {problem.code for problem in error.problems}
+    return set()
 
 
 def _trials(data: dict[str, Any]) -> Iterator[tuple[str, str, float]]:

@@ -43,17 +43,18 @@ ROUNDING = 1e-12  # of a ratio that teeth give
 ON_LINE = 1e-3  # of the distance of two centres: how far from their line a pitch point is drawn
 
 
-def document(drawing: Drawing, unit: str | None = None) -> dict[str, Any]:
+def document(drawing: Drawing, unit: str | None = None, rounded: bool = False) -> dict[str, Any]:
     """The joint-based document of a drawing, in SI units.
 
-    ``unit`` is that of a file that has none. Raises `FormatError` for a drawing without links.
+    ``unit`` is that of a file that has none; ``rounded`` keeps points that slide off their lines
+    by what is drawn. Raises `FormatError` for a drawing without links.
     """
-    return _Making(drawing, unit).document()
+    return _Making(drawing, unit, rounded).document()
 
 
 class _Making:
-    def __init__(self, drawing: Drawing, unit: str | None) -> None:
-        self.drawing = drawing
+    def __init__(self, drawing: Drawing, unit: str | None, rounded: bool) -> None:
+        self.drawing, self.rounded = drawing, rounded
         self.scale = self._unit(unit)
         self.taken: dict[str, set[str]] = {"joints": set(), "links": {FRAME}}
         self.links: dict[str, dict[str, Any]] = {}
@@ -198,7 +199,9 @@ class _Making:
                 self.names[slider] = slider
             sliders.append(slider)
             foot = z
-            if slot.through is not None:
+            if slot.through is not None and self.rounded:
+                drawing.note(f"{point} is beside its slot by rounding: read as it is drawn")
+            elif slot.through is not None:
                 unit = cmath.rect(1.0, slot.angle)
                 foot = slot.through + unit * ((z - slot.through) * unit.conjugate()).real
             along = drive if k == 0 else None

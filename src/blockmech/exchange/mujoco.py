@@ -146,7 +146,9 @@ class _Reading:
             site.taken |= {"size", "type"}
         for inner in record.all("body"):
             self._body(inner, body, inherited, pose)
-        record.all("geom", "joint", "inertial", "freejoint")
+        for part in record.all("geom", "joint", "inertial", "freejoint"):
+            if self.links[body] == FRAME:  # it moves nothing
+                part.skip()
 
     def _body(self, record: Record, parent: str, inherited: str, outer: Pose) -> None:
         name = record.get("name") or f"body_{len(self.poses)}"
