@@ -217,7 +217,7 @@ class _Reading:
         self.assembly.joints[index] = self.assembly.joints[index]._replace(law=law)
 
     def _moved(self, record: Record) -> int | None:
-        """The joint between the markers that a record names, or by its own name."""
+        """The joint that a record names, or the one between its markers."""
         record.get("MarkerI"), record.get("MarkerJ")
         if joint := record.get("MotionJoint"):
             return self.joints.get(joint.rpartition("/")[2])

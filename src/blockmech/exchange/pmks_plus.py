@@ -247,8 +247,8 @@ def _new_joint(raw: str, address: Address, where: str) -> None:
     speed, mass = words.decimal(), words.decimal()
     if not key or key in address.joints:
         raise wrong(words.where, f'"{key}" is no id, or one of two', "ids of their own")
-    if words.word() not in ("", "0"):
-        flags |= WELDED
+    if words.word() not in ("", "0") or (flags & PRISMATIC and flags & SEALED):
+        flags |= WELDED  # the rod of a cylinder does not turn in it
     address.joints[key] = Joint(key, flags, at, angle, line if any(line) else [], speed, mass)
     _called("joint", key, label, address)
     words.finish()
