@@ -94,18 +94,6 @@ class Bar(NamedTuple):
     root: bool
 
 
-class Push(NamedTuple):
-    """A force as it is written."""
-
-    key: str
-    link: str
-    start: complex
-    end: complex
-    size: float
-    local: bool
-    outward: bool
-
-
 @dataclass
 class Address:
     """What an address says, whatever its age; rates [rad/s, length/s] with their sense."""
@@ -116,8 +104,20 @@ class Address:
     gravity: bool = True
     joints: dict[str, Joint] = field(default_factory=dict)
     bars: dict[str, Bar] = field(default_factory=dict)
-    pushes: list[Push] = field(default_factory=list)
+    loads: list[Load] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+
+    def push(
+        self, key: str, link: str, ends: tuple[complex, complex], flags: int, size: float
+    ) -> None:
+        """Add a force between two places: 1 turns with its link, 2 points away from its own."""
+        start, end = ends
+        along = end - start if flags & 2 else start - end
+        if not along:
+            self.notes.append(f"force {key} has no direction: left out")
+            return
+        force = cmath.rect(size * self.units.force, cmath.phase(along))
+        self.loads.append(Load(key, link, start, force, bool(flags & 1)))
 
 
 class Words:
@@ -226,10 +226,8 @@ def _new(code: str, where: str) -> Address:
     for k, raw in enumerate(groups[2], 1):
         words = Words(raw, f"force {k}", address, where)
         token, link, _ = words.word("flags and id"), words.word("a link"), words.word()
-        start, end, size = words.place(), words.place(), words.decimal()
-        kind = _whole(token[0], where, signed=False)
-        push = Push(token[1:], link, start, end, size, bool(kind & 1), bool(kind & 2))
-        address.pushes.append(push)
+        ends, kind = (words.place(), words.place()), _whole(token[0], where, signed=False)
+        address.push(token[1:], link, ends, kind, words.decimal())
         words.finish()
     for mark in ",".join(rest[1:]).split(","):
         if mark[:1] == "P":
@@ -353,8 +351,8 @@ def _old_bar(words: Words, address: Address) -> None:
 def _old_push(words: Words, address: Address) -> None:
     key, link = words.word("id"), words.word("a link")
     start, end = (complex(words.number(), words.number()) for _ in range(2))
-    local, outward = not words.yes(), words.yes()
-    address.pushes.append(Push(key, link, start, end, words.number(), local, outward))
+    flags = (not words.yes()) | 2 * words.yes()
+    address.push(key, link, (start, end), flags, words.number())
 
 
 # -- what they mean ----------------------------------------------------------------------------
@@ -390,7 +388,7 @@ def drawn(address: Address, where: str) -> Drawing:
     for joint in joints.values():
         if joint.has(WELDED):
             _weld(joint.key, roots, bars, drawing)
-    _pushes(address, drawing, root_of)
+    drawing.loads = [x._replace(link=root_of.get(x.link, x.link)) for x in address.loads]
     drawing.notes += list(dict.fromkeys(address.notes))
     return drawing
 
@@ -468,17 +466,6 @@ def _weld(key: str, roots: dict[str, Bar], bars: dict[str, Bar], drawing: Drawin
         drawing.weld(first, other)
     if rest:
         drawing.note(f"{listed([first, *rest])} are welded at {key}: they are one link, {first}")
-
-
-def _pushes(address: Address, drawing: Drawing, root_of: dict[str, str]) -> None:
-    for push in address.pushes:
-        along = push.end - push.start if push.outward else push.start - push.end
-        if not along:
-            drawing.note(f"force {push.key} has no direction: left out")
-            continue
-        force = cmath.rect(push.size * address.units.force, cmath.phase(along))
-        link = root_of.get(push.link, push.link)
-        drawing.loads.append(Load(push.key, link, push.start, force, push.local))
 
 
 def recognises(text: str) -> bool:
