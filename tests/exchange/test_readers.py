@@ -461,3 +461,9 @@ def test_robots_that_cannot_be_read(text, said, tmp_path):
     with pytest.raises(FormatError, match=said) as error:
         bm.read(path)
     assert len(error.value.problems) == 1
+
+
+def test_a_negative_mass_is_one_message():
+    joints = [joint(6, "A", 0j), joint(0, "B", 2 + 0j)]
+    with pytest.raises(FormatError, match=r"link AB has the mass -0.007 kg.*0 or more"):
+        bm.read(address(joints, [BAR[0].replace(",1jO,", ",01jO,")]))

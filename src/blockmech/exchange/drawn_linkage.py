@@ -147,6 +147,11 @@ class _Making:
     def _link(self, name: str) -> dict[str, Any]:
         link: dict[str, Any] = {"pose": [0.0, 0.0, 0.0]}
         body = self.drawing.inertias.get(name)
+        if body is not None and min(body.mass, body.inertia) < 0:
+            found = (
+                f"link {name} has the mass {body.mass:g} kg and the inertia {body.inertia:g} kg m2"
+            )
+            raise FormatError(Problem("bad-drawing", self.drawing.name, found, "0 or more"))
         if body is not None and (body.mass or body.inertia):
             link |= {"mass": body.mass, "inertia": body.inertia, "cm": self._place(body.cm)}
         return link

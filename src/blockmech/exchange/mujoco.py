@@ -234,9 +234,9 @@ class _Reading:
                 sizes[:1] if kind in ("capsule", "cylinder") else (sizes[:1] * 2 + sizes[1:2])[-2:]
             )
             sizes = [*flat, half]
-        body = solid(kind, sizes)
+        body = solid(kind, sizes) if min(sizes, default=0.0) > 0 else None
         density, mass = record.number("density", DENSITY), record.get("mass")
-        if body is None or min(sizes) <= 0:
+        if body is None:
             if kind != "plane":
                 self.assembly.drawing.note(f"{record.where}: a {kind} has no mass here")
             return []
