@@ -88,7 +88,7 @@ def _name(call: ast.Call) -> str:
 
 
 def law_of(formula: Formula, end: float, turns: bool) -> dict[str, Any]:
-    """The law of motion of a formula of ``time``, until ``end`` [s]; a table where it has no other.
+    """The law of motion of a formula of ``time``, or a table until ``end`` [s].
 
     A constant rate that ``turns`` does so once.
     """

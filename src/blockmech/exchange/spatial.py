@@ -48,10 +48,6 @@ class Pose:
         turned = self.axes if axes is None else self.axes @ axes
         return Pose(self.place + self.axes @ np.asarray(place), turned)
 
-    def back(self, outer: Pose) -> Pose:
-        """This pose as another one sees it."""
-        return Pose(outer.axes.T @ (self.place - outer.place), outer.axes.T @ self.axes)
-
 
 def orthonormal(axes: Array, where: str) -> Array:
     """The rotation next to a matrix. Raises `FormatError` where it is none up to rounding."""
