@@ -218,12 +218,18 @@ def read(source: Any, *, unit: str | None = None, format: str | None = None) -> 
     >>> fourbar.run(at=[0.0], want="joint.C.p")["joint.C.p"]
     array([0.03+0.02j])
     """
+    from blockmech.exchange.dead_centres import beyond
     from blockmech.exchange.reading import imported
 
     own = isinstance(source, str | os.PathLike) and os.path.isfile(source)
     if own and format is None and b'"blockmech/' in _head(source):
         return opened(source)
-    return Linkage.from_data(imported(source, unit, format))
+
+    def drawn(rounded: bool = False) -> Linkage:
+        return Linkage.from_data(imported(source, unit, format, rounded))
+
+    linkage: Linkage = beyond(drawn(), lambda: drawn(True))
+    return linkage
 
 
 def _head(path: str | os.PathLike[str]) -> bytes:

@@ -135,7 +135,9 @@ def fourbar(upright=False, **changes):
         )
         for name, (z, angle, end, mass, inertia, cm) in PARTS.items()
     }
-    frame = {n: (spatial(complex(*p[:2])), axes(0.0)) for n, (p, _) in FRAME.items()}
+    frame = changes.pop("frame", None) or {
+        n: (spatial(complex(*p[:2])), axes(0.0)) for n, (p, _) in FRAME.items()
+    }
     gravity = (0, 0, -9.81) if upright else (0, -9.81, 0)
     given = {"joints": JOINTS, "motions": {"Motion1": ("Joint1", "2.0d*pi*time")}}
     return assembly(frame, parts, gravity=gravity, **given | changes)
@@ -199,7 +201,7 @@ def test_a_cylindrical_joint_in_the_plane_is_a_guide(tmp_path):
         "C": ("RevoluteJoint", "rod/b", "piston/a"),
         "S": ("CylindricalJoint", "piston/g", "g"),
         "welded": ("FixedJoint", "piston/a", "cap/a"),
-        "flat": ("GearJoint", "piston/a", "o"),
+        "flat": ("ScrewJoint", "piston/a", "o"),
     }
     frame = {"o": ((0, 0, 0), EYE), "g": ((5, 0, 0), along)}
     text = assembly(frame, parts, joints, {"m": ("A", "time*time")})
@@ -212,8 +214,16 @@ def test_a_cylindrical_joint_in_the_plane_is_a_guide(tmp_path):
     x = math.sin(-0.4) + math.sqrt(5 - math.cos(0.4) ** 2)
     assert run["link.piston.p"][1] == pytest.approx(x - 2, abs=1e-12)
     notes = linkage.extras["notes"]
-    assert any("GearJoint flat: left out" in note for note in notes)
-    assert any("time*time is no constant rate" in note for note in notes)
+    assert any("ScrewJoint flat: left out" in note for note in notes)
+    motor = linkage.to_data()["drivers"]["motor"]
+    assert motor["law"] == "rate_acceleration"
+    assert motor["acceleration"] == pytest.approx(2.0)
+
+
+def leaning():
+    """The four-bar with one joint of the frame whose marker leans."""
+    frame = {"Marker1": ((2, 0, 0), LEANING), "Marker2": ((0, 0, 0), EYE)}
+    return fourbar(frame=frame)
 
 
 LEANING = ((1, 0, 0), (0, 0.8, -0.6), (0, 0.6, 0.8))
@@ -229,15 +239,12 @@ LEANING = ((1, 0, 0), (0, 0.8, -0.6), (0, 0.6, 0.8))
             'no marker "/Own/Part3/Marker9"',
         ),
         (fourbar().replace("\t0.1\t0.2\t", "\tnan\t0.2\t", 1), "not a number"),
-        (fourbar().replace("2.0\t0.0\t0.3", "2.0\t0.0", 1), "2 numbers"),
+        (fourbar().replace("2.0\t0.0\t0.3", "2.0\t0.0", 1), "3 numbers"),
         (
-            assembly(
-                {"a": ((0, 0, 0), EYE), "b": ((1, 0, 0), LEANING)},
-                {},
-                {"J": ("RevoluteJoint", "a", "a"), "K": ("RevoluteJoint", "b", "a")},
-            ),
-            "not parallel",
+            fourbar(joints={**JOINTS, "Joint3": ("RevoluteJoint", "Part2/Marker2", "leaning")}),
+            "no marker",
         ),
+        (leaning(), "not parallel"),
         (fourbar().replace("1.0\t0.0\t0.0", "1.0\t0.5\t0.0", 2), "no axes|no revolute"),
     ],
 )

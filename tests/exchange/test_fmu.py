@@ -246,3 +246,20 @@ def test_a_machine_without_mass_is_refused_as_by_simulate(tmp_path):
         bm.write(massless, tmp_path / "unit.fmu")
     assert written.value.problems == simulated.value.problems
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("fmi", ["2", "3"])
+def test_a_unit_says_the_units_of_its_variables(fmi, tmp_path):
+    fmpy = pytest.importorskip("fmpy", reason="the tool that reads it")
+    graph = bm.Graph.load("graphs/watt_sixbar.json")
+    (path,) = bm.write(graph, tmp_path / "u.fmu", want=["crank.drive", "*.p"], fmi=fmi)
+    description = fmpy.read_model_description(str(path), validate=True)
+    units = {variable.name: variable.unit for variable in description.modelVariables}
+    assert units["crank.q"] == "rad"
+    assert units["crank.acceleration"] == "rad/s2"
+    assert units["crank.effort"] == units["crank.drive"] == "N m"
+    assert units["first.C.p.x"] == "m"
+    bases = {unit.name: unit.baseUnit for unit in description.unitDefinitions}
+    torque = bases["N m"]
+    assert (torque.kg, torque.m, torque.s) == (1, 2, -2)
+    assert bases["rad/s2"].s == -2

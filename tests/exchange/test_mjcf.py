@@ -168,7 +168,11 @@ def test_several_joints_of_a_body_are_links_without_mass(tmp_path):
             "<mujoco><worldbody><body><freejoint/><joint/></body></worldbody></mujoco>",
             "freely in space",
         ),
-        ('<mujoco><worldbody><body><joint axis="1 1 0"/></body></worldbody></mujoco>', "oblique"),
+        (
+            '<mujoco><worldbody><body><joint axis="1 1 0"/><joint axis="0 0 1"/><body>'
+            '<joint axis="1 1 0"/></body></body></worldbody></mujoco>',
+            "not parallel",
+        ),
         ('<mujoco><worldbody><body pos="a 0 0"><joint/></body></worldbody></mujoco>', "number"),
     ],
 )

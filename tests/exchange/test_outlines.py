@@ -57,3 +57,11 @@ def test_widths_that_cannot_be(options, said, tmp_path):
     with pytest.raises(bm.RequestError, match=said):
         bm.write(mechanism("ruiz_fourbar"), tmp_path / "a.dxf", at=[0.7], **options)
     assert not list(tmp_path.iterdir())
+
+
+def test_ezdxf_knows_that_outlines_are_millimetres(tmp_path):
+    ezdxf = pytest.importorskip("ezdxf", reason="the tool that reads it")
+    (path,) = bm.write(bm.Graph.load("graphs/ruiz_fourbar.json"), tmp_path / "a.dxf", at=[0.7])
+    drawing = ezdxf.readfile(path)
+    assert drawing.units == ezdxf.units.MM
+    assert len(list(drawing.modelspace().query("CIRCLE"))) >= 8

@@ -1,11 +1,12 @@
 """FreeCAD and Ondsel: assemblies ``.asmt`` whose parts move in one plane.
 
 A text whose levels are tabs. Markers of the assembly are the frame's, a joint is between two
-markers and along their z axis: revolute, cylindrical across the plane and spherical joints are
-pins, translational joints and cylindrical ones in the plane are guides. Parts that are fixed to
-each other are one link. The plane is that across all pins; where it stands upright, y is z.
+markers I and J, along or about their z axes. Of a gear pair z I turns by -radiusI / radiusJ; a rack
+moves along its marker's x axis by the pitch radius times what the pinion turns about z. Motions
+and limits are of the angle or the way from marker I to marker J, by formulas of time.
 
-Source: OndselSolver, ``ASMTAssembly.cpp`` (reading) and its test assemblies.
+Source: OndselSolver, ``ASMTAssembly.cpp`` (reading), ``GearConstraintIJ.cpp``,
+``RackPinConstraintIJ.cpp``, ``ASMTLimit.cpp`` and its test assemblies.
 """
 
 from __future__ import annotations
@@ -13,47 +14,42 @@ from __future__ import annotations
 import cmath
 import math
 import re
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Inertia
+from blockmech.errors import FormatError
+from blockmech.exchange.drawing import FRAME, Drawing, Spring, Wheels
+from blockmech.exchange.expressions import Formula, law_of
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import DEEPEST, MOST, number, wrong
+from blockmech.exchange.parsing import DEEPEST, MOST, Record, wrong
+from blockmech.exchange.spatial import Assembly, Joint, Mass, Pose, orthonormal
 
-Array = NDArray[np.float64]
-PINS = ("RevoluteJoint", "SphericalJoint")
-FLAT = 1e-6  # [-] what an axis may lean
-PLANAR = ("PlanarJoint", "ParallelAxesJoint")  # of parts that move in the plane anyhow
-
-
-@dataclass
-class Item:
-    """A line, and the lines below it."""
-
-    name: str
-    line: int
-    inner: list[Item] = field(default_factory=list)
-
-    def all(self, name: str) -> list[Item]:
-        """The lines of a name directly below."""
-        return [item for item in self.inner if item.name == name]
-
-    def below(self, name: str) -> list[Item]:
-        """What is below the line of a name; nothing without it."""
-        return [inner for item in self.all(name) for inner in item.inner]
-
-    def text(self, name: str) -> str:
-        """The line below the line of a name; "" without it."""
-        return next((item.name for item in self.below(name)), "")
+KINDS = {
+    "RevoluteJoint": "pin",
+    "SphericalJoint": "ball",
+    "CylindricalJoint": "cylinder",
+    "TranslationalJoint": "slide",
+    "FixedJoint": "weld",
+    "PlanarJoint": "flat",
+    "PointInPlaneJoint": "slot",
+    "LineInPlaneJoint": "slot",
+    "PointInLineJoint": "line",
+    "SphSphJoint": "bar",
+    "RevRevJoint": "bar",
+}
+ALWAYS = ("ParallelAxesJoint",)  # of parts that move in the plane anyhow
+COUPLINGS = ("GearJoint", "RackPinionJoint")
+LOOKS = {"hmin", "hmax", "hout", "errorTol", "iterMax", "corAbsTol", "corRelTol", "intAbsTol"}
+LOOKS |= {"intRelTol", "iterMaxPosKine", "iterMaxAccKine", "errorTolPosKine", "errorTolAccKine"}
+LOOKS |= {"SimulationParameters", "AnimationParameters", "RefCurves", "RefSurfaces", "Notes"}
+LOOKS |= {"FeatureOrder", "Parts", "KinematicIJs", "IsFixed", "Tol"}
+LOOKS |= {"Velocity3D", "Omega3D", "DegreesOfFreedom", "GeneralConstraintSets", "coeffRestitution"}
 
 
-def _items(text: str, where: str) -> Item:
-    root = Item("", 0)
+def _records(text: str, where: str) -> Record:
+    root = Record("", {}, [], where)
     stack = [root]
-    for k, raw in enumerate(text.split("TimeSeries")[0].splitlines(), 1):
+    for k, raw in enumerate(re.split(r"^TimeSeries", text, flags=re.MULTILINE)[0].splitlines(), 1):
         if not raw.strip():
             continue
         if k > MOST:
@@ -64,233 +60,210 @@ def _items(text: str, where: str) -> Item:
         if depth >= len(stack):
             raise wrong(f"{where}, line {k}", "it is deeper than a level below the last", "tabs")
         del stack[depth + 1 :]
-        item = Item(raw.strip(), k)
-        stack[-1].inner.append(item)
-        stack.append(item)
+        record = Record(raw.strip(), {}, [], f"{where}, line {k}")
+        stack[-1].inner.append(record)
+        stack[-1].text = f"{stack[-1].text}\n{record.tag}".strip()
+        stack.append(record)
     return root
 
 
-def _rows(item: Item, name: str, shape: tuple[int, ...], where: str) -> Array:
-    rows = [row.name.split() for row in item.below(name)]
-    numbers = [number(x, f"{where}, {name}") for row in rows for x in row]
-    if len(numbers) != math.prod(shape):
-        raise wrong(f"{where}, {name}", f"{len(numbers)} numbers", f"{math.prod(shape)} numbers")
-    return np.array(numbers).reshape(shape)
-
-
-@dataclass(frozen=True)
-class Frame:
-    """A place [m] and the axes, as columns, of a part, a point of it or a marker."""
-
-    place: Array
-    axes: Array
-
-    def at(self, item: Item, where: str) -> Frame:
-        """That of an item inside."""
-        place, axes = (
-            _rows(item, "Position3D", (3,), where),
-            _rows(item, "RotationMatrix", (3, 3), where),
-        )
-        if abs(axes @ axes.T - np.eye(3)).max() > FLAT:
-            raise wrong(f"{where}, RotationMatrix", "its columns are no axes", "a rotation")
-        return Frame(self.place + self.axes @ place, self.axes @ axes)
-
-
-WORLD = Frame(np.zeros(3), np.eye(3))
+def _pose(record: Record, outer: Pose) -> Pose:
+    axes = np.array(record.numbers("RotationMatrix", 9)).reshape(3, 3)
+    where = f"{record.where}, RotationMatrix"
+    return outer.at(record.numbers("Position3D", 3), orthonormal(axes, where))
 
 
 def read(text: str, where: str) -> Drawing:
     """The drawing of an assembly as it is saved."""
-    assembly = next(iter(_items(text, where).all("Assembly")), None)
-    if assembly is None:
+    root = next(iter(_records(text, where).all("Assembly")), None)
+    if root is None:
         raise wrong(where, "it has no Assembly", "an assembly of FreeCAD or OndselSolver")
-    return _Reading(assembly, where).found
+    return _Reading(root, where).drawn()
 
 
 class _Reading:
-    def __init__(self, assembly: Item, where: str) -> None:
-        self.where = where
-        name = assembly.text("Name")
-        self.found = drawing = Drawing(name or "assembly", source="FreeCAD assembly")
-        self.markers: dict[str, tuple[str, Frame]] = {}  # path -> link, where it is
-        self.links: dict[str, str] = {}  # part -> link that it belongs to
-        self.joints: dict[str, tuple[str, str, float]] = {}  # driven link, other, sense
-        self._markers(assembly, f"/{name}", FRAME, WORLD)
-        parts = [(p.text("Name"), p) for p in assembly.below("Parts") if p.name == "Part"]
-        frames = {}
-        for part, item in parts:
-            if not part or part in self.links or part == FRAME:
-                raise wrong(f"{where}, line {item.line}", f'a part is named "{part}"', "own names")
-            frames[part] = WORLD.at(item, f"{where}, {part}")
-            self.links[part] = part
-            self._markers(item, f"/{name}/{part}", part, frames[part])
-        joints = [j for c in assembly.all("ConstraintSets") for j in c.below("Joints")]
-        self.normal = self._normal(joints)
-        self.x, self.y = self._plane()
-        for joint in joints:
-            if joint.name == "FixedJoint":
-                self._fix(*(link for link, _ in self._ends(joint)))
-        for part in self.links:
-            if self._link(part) != FRAME:
-                drawing.links.setdefault(self._link(part), [])
-        for joint in joints:
-            self._joint(joint)
-        self._masses(parts, frames)
-        for motion in (m for c in assembly.all("ConstraintSets") for m in c.below("Motions")):
-            self._motion(motion)
-        for kind in (x for c in assembly.all("ConstraintSets") for x in c.inner):
-            if kind.name not in ("Joints", "Motions") and kind.inner:
-                drawing.note(f"{kind.name}: left out")
-        for force in assembly.below("ForceTorques"):
-            drawing.note(f"{force.name} {force.text('Name')}: left out".replace(" :", ":"))
-        if assembly.all("ConstantGravity"):
-            g = _rows(assembly, "ConstantGravity", (3,), where)
-            drawing.gravity = complex(g @ self.x, g @ self.y)
+    def __init__(self, root: Record, where: str) -> None:
+        self.root, self.where, self.name = root, where, root.get("Name")
+        drawing = Drawing(self.name or "assembly", source="FreeCAD assembly")
+        self.assembly = Assembly(where, drawing)
+        self.markers: dict[str, tuple[str, Pose]] = {}  # path -> body, where it is
+        self.joints: dict[str, int] = {}  # its place among those of the assembly
+        times = root.one("SimulationParameters")
+        self.end = (times.number("tend", 0.0) - times.number("tstart", 0.0)) or 1.0
+        root.get("Position3D")
+        root.get("RotationMatrix")
 
-    def _markers(self, owner: Item, path: str, link: str, base: Frame) -> None:
+    def drawn(self) -> Drawing:
+        """The drawing, with what was not read among its notes."""
+        root, assembly = self.root, self.assembly
+        self._markers(root, f"/{self.name}", FRAME, Pose())
+        for part in root.below("Parts"):
+            if part.tag == "Part":
+                self._part(part)
+        sets = root.one("ConstraintSets")
+        joints = sorted(sets.below("Joints"), key=lambda record: record.tag in COUPLINGS)
+        for record in joints:
+            self._joint(record)
+        for record in sets.below("Motions"):
+            self._motion(record)
+        for record in sets.below("Limits"):
+            self._limit(record)
+        for record in root.below("ForceTorques"):
+            self._force(record)
+        if root.all("ConstantGravity"):
+            assembly.gravity = np.array(root.numbers("ConstantGravity", 3))
+        drawing = assembly.drawn()
+        for sentence in root.left_over(LOOKS):
+            drawing.note(sentence)
+        return drawing
+
+    def _markers(self, owner: Record, path: str, body: str, base: Pose) -> None:
         for point in owner.below("RefPoints"):
-            here = base.at(point, f"{self.where}, {path}")
+            at = _pose(point, base)
             for marker in point.below("Markers"):
-                name = f"{path}/{marker.text('Name')}"
-                self.markers[name] = link, here.at(marker, f"{self.where}, {name}")
+                self.markers[f"{path}/{marker.get('Name')}"] = body, _pose(marker, at)
 
-    def _link(self, part: str) -> str:
-        while (other := self.links.get(part, part)) != part:
-            part = other
-        return part
+    def _part(self, part: Record) -> None:
+        name, masses = part.get("Name"), list[Mass]()
+        if not name or name in self.assembly.masses or name == FRAME:
+            raise wrong(part.where, f'a part is named "{name}"', "names of their own")
+        pose = _pose(part, Pose())
+        self.assembly.masses[name] = masses
+        self._markers(part, f"/{self.name}/{name}", name, pose)
+        for body in part.all("PrincipalMassMarker"):
+            body.get("Name"), body.get("Density")
+            at = _pose(body, pose)
+            moments = np.diag(body.numbers("MomentOfInertias", 3, "0 0 0"))
+            mass = body.number("Mass", 0.0)
+            masses.append(Mass(mass, at.place, at.axes @ moments @ at.axes.T))
 
-    def _fix(self, one: str, two: str) -> None:
-        one, two = self._link(one), self._link(two)
-        if one != two:
-            keep, gone = (two, one) if two == FRAME else (one, two)
-            self.links[gone] = keep
-
-    def _ends(self, joint: Item) -> list[tuple[str, Frame]]:
-        names = [joint.text("MarkerI"), joint.text("MarkerJ")]
+    def _ends(self, record: Record) -> list[tuple[str, Pose]]:
+        if joint := record.get("MotionJoint"):
+            index = self.joints.get(joint.rpartition("/")[2])
+            if index is None:
+                return []
+            found = self.assembly.joints[index]
+            return [(found.first, found.pose), (found.second, found.second_pose)]
+        names = [record.get("MarkerI"), record.get("MarkerJ")]
         for name in names:
             if name not in self.markers:
-                at = f"{self.where}, {joint.text('Name') or joint.name}"
+                at = f"{record.where}, {record.get('Name') or record.tag}"
                 raise wrong(at, f'no marker "{name}"', "markers of the assembly and its parts")
         return [self.markers[name] for name in names]
 
-    def _normal(self, joints: list[Item]) -> Array:
-        """The direction that all pins have."""
-        axes = [(j, self._ends(j)[0][1].axes[:, 2]) for j in joints if j.name == "RevoluteJoint"]
-        if not axes:
-            raise wrong(self.where, "it has no revolute joint", "a planar mechanism with pins")
-        first = axes[0][1]
-        for joint, axis in axes:
-            if abs(abs(axis @ first) - 1) > FLAT:
-                at = f"{self.where}, {joint.text('Name')}"
-                raise wrong(at, "its axis is not parallel to the others", "a planar mechanism")
-        main = int(abs(first).argmax())
-        upright = -1.0 if main == 1 else 1.0
-        return np.multiply(first, upright * float(np.sign(first[main])))
-
-    def _plane(self) -> tuple[Array, Array]:
-        seed = np.eye(3)[1 if abs(self.normal[0]) > 0.9 else 0]
-        x = seed - self.normal * (seed @ self.normal)
-        x /= np.linalg.norm(x)
-        return x, np.cross(self.normal, x)
-
-    def _flat(self, place: Array) -> complex:
-        return complex(place @ self.x, place @ self.y)
-
-    def _joint(self, joint: Item) -> None:
-        drawing, key = self.found, joint.text("Name") or f"joint_{joint.line}"
-        (one, here), (two, there) = self._ends(joint)
-        one, two, axis = self._link(one), self._link(two), here.axes[:, 2]
-        if joint.name == "FixedJoint" or joint.name in PLANAR or one == two:
+    def _joint(self, record: Record) -> None:
+        assembly = self.assembly
+        name = record.get("Name") or f"joint_{len(assembly.joints) + 1}"
+        kind = KINDS.get(record.tag, "")
+        if not kind and record.tag not in COUPLINGS:
+            if record.tag not in ALWAYS:
+                assembly.drawing.note(f"{record.tag} {name}: left out")
+            record.skip()
             return
-        across = abs(abs(axis @ self.normal) - 1) < FLAT
-        a, b = self._flat(here.place), self._flat(there.place)
-        first, second = (two, one) if two == FRAME else (one, two)
-        turned = -1.0 if two == FRAME else 1.0
-        if joint.name in PINS or (joint.name == "CylindricalJoint" and across):
-            self.joints[key] = key, second, turned * float(np.sign(axis @ self.normal))
-            self._pin(key, a, first, second)
-        elif joint.name in ("TranslationalJoint", "CylindricalJoint"):
-            if abs(axis @ self.normal) > FLAT:
-                raise wrong(f"{self.where}, {key}", "it slides out of the plane", "in the plane")
-            a, b = (b, a) if two == FRAME else (a, b)
-            self.joints[key] = str(len(drawing.guides)), second, turned
-            drawing.guides.append(Guide(first, second, a, cmath.phase(self._flat(axis)), None, b))
-        else:
-            drawing.note(f"{joint.name} {key}: left out")
-
-    def _pin(self, key: str, z: complex, first: str, second: str) -> None:
-        drawing = self.found
-        size = max((abs(p - z) for p in drawing.points.values()), default=0.0)
-        for point, other in drawing.points.items():
-            pair = {x for x in (first, second) if x != FRAME}
-            held = {n for n, own in drawing.links.items() if point in own}
-            if abs(z - other) <= FLAT * size and held == pair:
-                drawing.note(f"{key} is a second pin of {first} and {second} on one axis: left out")
-                return
-        drawing.points[key] = z
-        for link in (first, second):
-            if link == FRAME:
-                drawing.fixed.add(key)
-            else:
-                drawing.links[link].append(key)
-
-    def _masses(self, parts: list[tuple[str, Item]], frames: dict[str, Frame]) -> None:
-        bodies: dict[str, list[tuple[float, float, complex]]] = {}
-        for part, item in parts:
-            link, at = self._link(part), f"{self.where}, {part}"
-            for own in item.all("PrincipalMassMarker"):
-                if link == FRAME or not own.text("Mass"):
-                    continue
-                frame = frames[part].at(own, at)
-                moments = _rows(own, "MomentOfInertias", (3,), at)
-                inertia = float(moments @ (frame.axes.T @ self.normal) ** 2)
-                mass = number(own.text("Mass"), f"{at}, Mass")
-                bodies.setdefault(link, []).append((mass, inertia, self._flat(frame.place)))
-        for link, several in bodies.items():
-            mass = sum(m for m, _, _ in several)
-            if mass > 0:
-                cm = sum(m * c for m, _, c in several) / mass
-                inertia = sum(i + m * abs(c - cm) ** 2 for m, i, c in several)
-                self.found.inertias[link] = Inertia(mass, inertia, cm)
-
-    def _motion(self, motion: Item) -> None:
-        drawing, key = self.found, motion.text("MotionJoint").rpartition("/")[2]
-        formula = motion.text("RotationZ") or motion.text("TranslationZ")
-        if motion.name not in ("RotationalMotion", "TranslationalMotion"):
-            drawing.note(f"{motion.name} {motion.text('Name')}: left out")
+        if record.tag in COUPLINGS:
+            self._couple(record, name)
             return
-        if key not in self.joints:
-            drawing.note(f"{motion.text('Name')} moves {key}, which is no joint here: left out")
+        (one, here), (two, there) = self._ends(record)
+        if one != two:
+            if kind in ("flat", "slot"):  # the face is marker J's, and may be shifted along z
+                one, here, two, there = two, there, one, here
+                offset = here.axes[:, 2] * record.number("offset", 0.0)
+                here = Pose(here.place + offset, here.axes)
+            elif kind == "bar":
+                record.number("distanceIJ", 0.0)
+            angle = here.axes.T @ there.axes
+            zero = math.atan2(angle[1, 0], angle[0, 0])
+            self.joints[name] = len(assembly.joints)
+            assembly.joints.append(Joint(name, kind, one, two, here, there, zero))
+            record.get("constantIJ")
+
+    def _couple(self, record: Record, name: str) -> None:
+        """A pair of gears, or a rack that moves along its marker's x axis."""
+        assembly, (one, two) = self.assembly, self._ends(record)
+        if record.tag == "GearJoint":
+            sizes = (record.number("radiusI"), record.number("radiusJ"))
+            if not all(sizes):
+                raise wrong(record.where, f"{name} has a radius of 0", "radii of both wheels")
+            for _, pose in (one, two):
+                assembly.sense(pose, record.where)
+            assembly.drawing.wheels.append(Wheels(name, one[0], two[0], sizes))
             return
-        place, link, sense = self.joints[key]
-        rate = _rate(formula)
-        if rate is None:
-            drawing.note(f"{motion.text('Name')}: {formula} is no constant rate: 1 was taken")
-        drive = Drive(sense * (rate or 1.0), link=link)
-        if place in drawing.points:
-            drawing.drives[place] = drive
-        else:
-            guide = drawing.guides[int(place)]
-            drawing.guides[int(place)] = guide._replace(drive=drive._replace(stop=None))
+        turning = {x for j in assembly.joints if j.kind == "pin" for x in (j.first, j.second)}
+        rack, pinion = (two, one) if one[0] in turning and two[0] not in turning else (one, two)
+        radius = record.number("pitchRadius") * assembly.sense(pinion[1], record.where)
+        angle = cmath.phase(assembly.flat(rack[1].axes[:, 0]) * math.copysign(1.0, radius))
+        wheels = Wheels(name, pinion[0], rack[0], (abs(radius), 1.0), rack=angle)
+        assembly.drawing.wheels.append(wheels)
 
+    def _motion(self, record: Record) -> None:
+        drawing, name = self.assembly.drawing, record.get("Name")
+        turns = record.tag == "RotationalMotion"
+        if record.tag not in ("RotationalMotion", "TranslationalMotion"):
+            drawing.note(f"{record.tag} {name}: left out")
+            record.skip()
+            return
+        text = record.get("RotationZ" if turns else "TranslationZ")
+        index = self._moved(record)
+        if index is None:
+            drawing.note(f"{name} moves no joint that there is: left out")
+            return
+        try:
+            law = law_of(Formula(text, f"{record.where}, {name}"), self.end, turns)
+        except FormatError as error:
+            drawing.note(f"{name}: {error.problems[0].found}: it is driven without a law")
+            law = {}
+        if law.get("law") == "table":
+            drawing.note(f"{name}: {text[:60]} is a table of {self.end:g} s here")
+        self.assembly.joints[index] = self.assembly.joints[index]._replace(law=law)
 
-def _rate(formula: str) -> float | None:
-    """The constant rate of a formula such as ``2.0d*pi*time``; None for any other."""
-    rate, times = 1.0, 0
-    for word in formula.replace(" ", "").split("*"):
-        if word == "time":
-            times += 1
-        elif word in ("pi", "-pi"):
-            rate *= math.pi if word == "pi" else -math.pi
-        elif re.fullmatch(r"-?\d+(\.\d*)?(e-?\d+)?d?", word):
-            rate *= float(word.removesuffix("d"))
-        else:
-            return None
-    return rate if times == 1 and rate else None
+    def _moved(self, record: Record) -> int | None:
+        """The joint that a record names, or the one between its markers."""
+        record.get("MarkerI"), record.get("MarkerJ")
+        if joint := record.get("MotionJoint"):
+            return self.joints.get(joint.rpartition("/")[2])
+        ends = {body for body, _ in self._ends(record)}
+        joints = enumerate(self.assembly.joints)
+        return next((k for k, j in joints if {j.first, j.second} == ends), None)
+
+    def _limit(self, record: Record) -> None:
+        name, sign = record.get("Name"), record.get("Type").strip()
+        index = self._moved(record)
+        value = Formula(record.get("Limit"), f"{record.where}, {name}")()
+        if index is None or sign not in ("=>", ">=", "=<", "<="):
+            self.assembly.drawing.note(f"limit {name} of {record.get('MotionJoint')}: left out")
+            return
+        joint = self.assembly.joints[index]
+        low, high = joint.limits
+        limits = (value, high) if ">" in sign else (low, value)
+        self.assembly.joints[index] = joint._replace(limits=limits)
+
+    def _force(self, record: Record) -> None:
+        """A force along the line of two markers that is a spring and damper."""
+        name = record.get("Name") or record.one("ItemIJ").get("Name")
+        if record.tag not in ("InLineForceTorque", "ForceTorqueInLine"):
+            self.assembly.drawing.note(f"{record.tag} {name}: left out".replace("  ", " "))
+            record.skip()
+            return
+        name = name or "spring"
+        (one, here), (two, there) = self._ends(record)
+        where = f"{record.where}, {name}"
+        pull = Formula(record.get("tension"), where)
+        start, k, c = (pull(time=0.0, rIJ=r, vrIJ=v) for r, v in ((0, 0), (1, 0), (0, 1)))
+        k, c = k - start, c - start
+        straight = abs(pull(time=1.0, rIJ=2.0, vrIJ=3.0) - start - 2 * k - 3 * c)
+        if straight > 1e-9 * (abs(k) + abs(c) + abs(start)) or not k or -start / k < 0:
+            self.assembly.drawing.note(
+                f"{name}: {record.get('tension')[:60]} is no spring: left out"
+            )
+            return
+        if Formula(record.get("twist", "0"), where)(time=0.0, rIJ=1.0, vrIJ=1.0):
+            self.assembly.drawing.note(f"{name}: its twist: left out")
+        ends = (self.assembly.flat(here.place), self.assembly.flat(there.place))
+        self.assembly.drawing.springs.append(Spring(name, (one, two), ends, k, -start / k, c))
 
 
 def _recognises(text: str) -> bool:
-    head: Any = text[:500]
+    head = text[:500]
     return bool(re.search(r"^Assembly\s*$", head, re.MULTILINE)) or head.startswith("OndselSolver")
 
 

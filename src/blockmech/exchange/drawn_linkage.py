@@ -1,14 +1,11 @@
-"""A drawing of a linkage: what the files of other tools have in common, and its document.
-
-Those tools say: points with places, links as lists of points, points that are fixed, points that
-slide on a line, points that are driven. What follows from that is mechanics, and stands here once:
+"""The joint-based document of a drawing. What follows from a drawing is mechanics:
 
 * every link's frame is the drawing's, so the drawn place of a point is its place on each link and
   the drawing fixes the assembly mode;
 * a point where m links meet is m - 1 joints with the first of them, a fixed one joins the frame;
 * a point that slides is a pin in a slot: a slider without mass between the slot's link and the
-  links at the point; a link that is a slider itself stands in its place;
-* a link with two fixed points is part of the frame, and so are its other points;
+  links at the point, the frame where the point is fixed; a link that slides itself takes its place;
+* two links with two pins in common are one, and one with two fixed points is part of the frame;
 * a point of one link alone is a marker.
 
 What cannot be taken is a note that names it.
@@ -19,133 +16,55 @@ from __future__ import annotations
 import cmath
 import math
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import Any, NamedTuple
+from itertools import combinations
+from typing import Any
 
+from blockmech.assur.pairs import Pair as AssurPair
+from blockmech.assur.rigidity import rigidity
 from blockmech.errors import FormatError, Problem, listed
+from blockmech.exchange.drawing import (
+    FRAME,
+    FREE,
+    UNITS,
+    Drawing,
+    Drive,
+    Pair,
+    Ratio,
+    Wheels,
+    scaled,
+)
 from blockmech.values import free_name, numbered_name
 
-FRAME = "frame"
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
-TURN = (0.0, math.tau)
+MOST_JOINTS = 50  # of a linkage whose drives are chosen by what can move
+BOUNDLESS = 1e10  # what a limit is that is none
 MOST_TEETH = 1000  # of a wheel whose size is a ratio
 ROUNDING = 1e-12  # of a ratio that teeth give
 ON_LINE = 1e-3  # of the distance of two centres: how far from their line a pitch point is drawn
 
 
-class Slot(NamedTuple):
-    """A line [rad] of the drawing on which a point slides, and the link that has it."""
-
-    angle: float
-    on: str = FRAME
-
-
-class Drive(NamedTuple):
-    """What drives a point: a rate [rad/s or m/s], an interval, and the link that it turns."""
-
-    rate: float = 1.0
-    start: float = TURN[0]
-    stop: float | None = TURN[1]
-    link: str = ""
-
-
-class Inertia(NamedTuple):
-    """Mass [kg], inertia [kg m2] about the centre of mass, and where that is drawn."""
-
-    mass: float
-    inertia: float
-    cm: complex
-
-
-class Guide(NamedTuple):
-    """Two links that slide along each other without turning, at a point along an angle [rad]."""
-
-    first: str
-    second: str
-    at: complex
-    angle: float
-    drive: Drive | None = None
-    second_at: complex | None = None
-    name: str = ""  # of its joint, by default both links
-
-
-class Wheels(NamedTuple):
-    """Two links that turn as gear wheels or by a chain, with their sizes: teeth or radii.
-
-    Of gears that are drawn by their pitch point alone, sizes follow from the centres.
-    """
-
-    name: str
-    first: str
-    second: str
-    sizes: tuple[float, float] = (1.0, 1.0)
-    chain: bool = False
-    pitch: complex | None = None
-
-
-class Load(NamedTuple):
-    """A force [N] at a place of a link."""
-
-    name: str
-    link: str
-    at: complex
-    force: complex
-    turns: bool  # with the link
-
-
-@dataclass
-class Drawing:
-    """A linkage as it is drawn, lengths in ``unit``."""
-
-    name: str = ""
-    unit: str = ""
-    source: str = ""
-    points: dict[str, complex] = field(default_factory=dict)
-    links: dict[str, list[str]] = field(default_factory=dict)
-    fixed: set[str] = field(default_factory=set)
-    slots: dict[str, list[Slot]] = field(default_factory=dict)
-    sliders: set[str] = field(default_factory=set)  # links that are sliders themselves
-    guides: list[Guide] = field(default_factory=list)
-    wheels: list[Wheels] = field(default_factory=list)
-    drives: dict[str, Drive] = field(default_factory=dict)
-    inertias: dict[str, Inertia] = field(default_factory=dict)
-    loads: list[Load] = field(default_factory=list)
-    gravity: complex = 0j  # [m/s2]
-    notes: list[str] = field(default_factory=list)
-
-    def note(self, text: str) -> None:
-        """Say what was not taken, or how something was read."""
-        if text not in self.notes:
-            self.notes.append(text)
-
-    def link_of(self, points: Iterable[str]) -> str | None:
-        """The first link with all these points; the frame if all are fixed."""
-        wanted = set(points)
-        if wanted <= self.fixed:
-            return FRAME
-        return next((n for n, own in self.links.items() if wanted <= set(own)), None)
-
-
-def document(drawing: Drawing, unit: str | None = None) -> dict[str, Any]:
+def document(drawing: Drawing, unit: str | None = None, rounded: bool = False) -> dict[str, Any]:
     """The joint-based document of a drawing, in SI units.
 
-    ``unit`` is that of a file that has none. Raises `FormatError` for a drawing without links.
+    ``unit`` is that of a file that has none; ``rounded`` keeps points that slide off their lines
+    by what is drawn. Raises `FormatError` for a drawing without links.
     """
-    return _Making(drawing, unit).document()
+    return _Making(drawing, unit, rounded).document()
 
 
 class _Making:
-    def __init__(self, drawing: Drawing, unit: str | None) -> None:
-        self.drawing = drawing
+    def __init__(self, drawing: Drawing, unit: str | None, rounded: bool) -> None:
+        self.drawing, self.rounded = drawing, rounded
         self.scale = self._unit(unit)
         self.taken: dict[str, set[str]] = {"joints": set(), "links": {FRAME}}
         self.links: dict[str, dict[str, Any]] = {}
         self.joints: dict[str, dict[str, Any]] = {}
         self.drivers: dict[str, dict[str, Any]] = {}
         self.couplings: dict[str, dict[str, Any]] = {}
+        self.loads: dict[str, dict[str, Any]] = {}
+        self.stops: dict[str, dict[str, float]] = {}
         self.names: dict[str, str] = {FRAME: FRAME}
+        self.pairs: dict[str, str] = {}  # name of a pair in the drawing -> its joint
 
     def _unit(self, unit: str | None) -> float:
         drawing = self.drawing
@@ -162,22 +81,24 @@ class _Making:
     def document(self) -> dict[str, Any]:
         """See `document`."""
         drawing = self.drawing
-        self._absorb()
+        while self._rigid():
+            pass
         for name in drawing.links:
             self.names[name] = self._free("links", name)
             self.links[self.names[name]] = self._link(name)
-        for point in drawing.points:
-            self._point(point)
-        for guide in drawing.guides:
-            self._guide(guide)
+        for point, members in drawing.meeting().items():
+            self._point(point, members)
+        for pair in drawing.pairs:
+            self._pair(pair)
+        self._drive_something()
         self._couple()
         self._markers()
         if not self.joints:
             what = "it has no links that a joint joins"
             raise FormatError(Problem("bad-drawing", drawing.name, what, "", "draw the linkage"))
-        if not self.drivers:
-            drawing.note("nothing is driven: add a driver")
-        made: dict[str, Any] = {
+        self._loads()
+        stops = self._stops()
+        document: dict[str, Any] = {
             "format": "blockmech/joints",
             "version": 1,
             "name": _clean(drawing.name) or "mechanism",
@@ -186,39 +107,53 @@ class _Making:
             "joints": self.joints,
             "drivers": self.drivers,
             "couplings": self.couplings,
-            "loads": self._loads(),
+            "loads": self.loads,
+            "stops": stops,
             "source": drawing.source,
             "notes": list(drawing.notes),
         }
         if not drawing.gravity:
-            del made["gravity"]
-        return {key: value for key, value in made.items() if value or key == "links"}
+            del document["gravity"]
+        return {key: value for key, value in document.items() if value or key == "links"}
 
-    def _absorb(self) -> None:
-        """Links with two fixed points become part of the frame, and their points fixed."""
+    def _stops(self) -> dict[str, dict[str, float]]:
+        """Limits by their driver, or by the coordinate of a joint that has none."""
+        stops, following = {}, {coupling["driven"] for coupling in self.couplings.values()}
+        for joint, ends in self.stops.items():
+            driver = self._driver_of(joint)
+            if driver in following:
+                self.drawing.note(f"limits of {joint}, which follows: left out")
+            elif ends:
+                stops[driver or f"joint.{joint}.coordinate"] = ends
+        return stops
+
+    def _rigid(self) -> bool:
+        """Weld the first two links that have two pins in common; whether there are any."""
         drawing = self.drawing
-        again = True
-        while again:
-            again = False
-            for name, points in list(drawing.links.items()):
-                held = [p for p in dict.fromkeys(points) if self._is_fixed(p)]
-                if name in drawing.sliders or len(held) < 2:
-                    continue
-                again = True
-                del drawing.links[name]
-                drawing.fixed.update(points)
-                drawing.note(f"link {name} joins fixed points: it is part of the frame")
-                for point, slots in drawing.slots.items():
-                    on = [slot._replace(on=FRAME) if slot.on == name else slot for slot in slots]
-                    drawing.slots[point] = on
-
-    def _is_fixed(self, point: str) -> bool:
-        return point in self.drawing.fixed and point not in self.drawing.slots
+        pins: dict[tuple[str, str], set[complex]] = {}
+        for point, members in drawing.meeting().items():
+            if point not in drawing.slots:
+                for ends in combinations(members, 2):
+                    pins.setdefault(ends, set()).add(drawing.points[point])
+        for (first, second), places in pins.items():
+            if len(places) > 1:
+                fixed = f"link {second} joins fixed points: it is part of the frame"
+                two = f"links {first} and {second} have two pins in common: they are one link"
+                drawing.note(fixed if first == FRAME else two)
+                drawing.weld(first, second)
+                return True
+        return False
 
     def _link(self, name: str) -> dict[str, Any]:
         link: dict[str, Any] = {"pose": [0.0, 0.0, 0.0]}
-        if (own := self.drawing.inertias.get(name)) is not None and own.mass:
-            link |= {"mass": own.mass, "inertia": own.inertia, "cm": self._place(own.cm)}
+        body = self.drawing.inertias.get(name)
+        if body is not None and min(body.mass, body.inertia) < 0:
+            found = (
+                f"link {name} has the mass {body.mass:g} kg and the inertia {body.inertia:g} kg m2"
+            )
+            raise FormatError(Problem("bad-drawing", self.drawing.name, found, "0 or more"))
+        if body is not None and (body.mass or body.inertia):
+            link |= {"mass": body.mass, "inertia": body.inertia, "cm": self._place(body.cm)}
         return link
 
     def _place(self, z: complex) -> list[float]:
@@ -229,18 +164,16 @@ class _Making:
         self.taken[what].add(name)
         return name
 
-    def _members(self, point: str) -> list[str]:
-        return [name for name, own in self.drawing.links.items() if point in own]
+    # -- joints -----------------------------------------------------------------
 
-    def _point(self, point: str) -> None:
-        drawing, members = self.drawing, self._members(point)
+    def _point(self, point: str, members: list[str]) -> None:
+        drawing = self.drawing
         drive = drawing.drives.get(point)
         if point in drawing.slots:
             self._slotted(point, members, drive)
             return
         turning = {x for pair in drawing.wheels for x in (pair.first, pair.second)}
-        members = sorted(members, key=lambda name: name in turning)  # a wheel turns on the others
-        ends = [FRAME, *members] if point in drawing.fixed else members
+        ends = sorted(members, key=lambda name: name in turning)  # a wheel turns on the others
         if drive is not None:
             if len(ends) < 2:
                 drawing.note(f"point {point} is driven, but joins no two links: its drive was left")
@@ -250,154 +183,86 @@ class _Making:
             elif len(ends) > 2:
                 drawing.note(f"{point} is driven and joins {listed(ends)}: {ends[1]} is turned")
         for other in ends[1:]:
-            joint = self._pin(point, ends[0], other)
-            if drive is not None and other == ends[1]:
-                self._driven(joint, drive)
-
-    def _pin(self, point: str, first: str, second: str) -> str:
-        name = self._free("joints", point)
-        at = self._place(self.drawing.points[point])
-        links = [self.names.get(first, first), self.names.get(second, second)]
-        self.joints[name] = {"type": "R", "links": links, "at": [at, list(at)]}
-        return name
+            turned = drive if other == ends[1] else None
+            self._pair(Pair(ends[0], other, drawing.points[point], None, turned, name=point))
 
     def _slotted(self, point: str, members: list[str], drive: Drive | None) -> None:
-        """A pin in one slot or two: a slider for each, the first links' own if they are ones."""
-        drawing = self.drawing
-        own = [name for name in members if name in drawing.sliders]
-        others = [name for name in members if name not in own]
-        made = []
+        """A pin in one slot or two: a slider for each, unless a link of the point slides itself."""
+        drawing, z = self.drawing, self.drawing.points[point]
+        sliders: list[str] = []
         for k, slot in enumerate(drawing.slots[point]):
             if slot.on != FRAME and slot.on not in drawing.links:
                 drawing.note(f"point {point} slides on {slot.on}, which is no link: left out")
                 continue
-            slider = own[k] if k < len(own) else ""
+            if slot.rider == slot.on:
+                drawing.note(f"point {point} slides in its own link: left out as a slide")
+                continue
+            slider = slot.rider
             if not slider:
-                name = self._free("links", f"slider_{point}")
-                self.links[name] = {"pose": [0.0, 0.0, 0.0]}
-                slider = self.names[name] = name
-            made.append(slider)
-            joint = self._slide(f"{point}_slide", slot.on, slider, point, slot.angle)
-            if drive is not None and k == 0:
-                self._driven(joint, drive)
-        if not made:
+                slider = self._free("links", f"slider_{point}")
+                self.links[slider] = {"pose": [0.0, 0.0, 0.0]}
+                self.names[slider] = slider
+            sliders.append(slider)
+            foot = z
+            if slot.through is not None and self.rounded:
+                drawing.note(f"{point} is beside its slot by rounding: read as it is drawn")
+            elif slot.through is not None:
+                unit = cmath.rect(1.0, slot.angle)
+                foot = slot.through + unit * ((z - slot.through) * unit.conjugate()).real
+            along = drive if k == 0 else None
+            name = f"{point}_slide"
+            self._pair(Pair(slot.on, slider, foot, slot.angle, along, z, name))
+        if not sliders:
             return
-        first, *rest = made
-        if not others and not rest and not own:
+        first, *rest = sliders
+        others = [x for x in members if x not in sliders]
+        if not others and not rest and first not in members:
             drawing.note(f"point {point} slides and no link hangs on it")
         for other in [*rest, *others]:
-            self._pin(point, first, other)
+            self._pair(Pair(first, other, z, name=point))
 
-    def _slide(self, name: str, on: str, slider: str, point: str, angle: float) -> str:
-        name = self._free("joints", name)
-        at = self._place(self.drawing.points[point])
-        self.joints[name] = {
-            "type": "P",
-            "links": [self.names.get(on, on), self.names.get(slider, slider)],
-            "at": [at, list(at)],
-            "angle": [angle, angle],
-        }
-        return name
-
-    def _guide(self, guide: Guide) -> None:
-        known = {FRAME, *self.drawing.links}
-        if not {guide.first, guide.second} <= known:
+    def _pair(self, pair: Pair) -> None:
+        if not {pair.first, pair.second} <= self.names.keys() or pair.first == pair.second:
+            self.drawing.note(f"{pair.name} joins no two links: left out")
             return
-        name = self._free("joints", guide.name or f"{guide.first}_{guide.second}")
-        second = guide.at if guide.second_at is None else guide.second_at
-        self.joints[name] = {
-            "type": "P",
-            "links": [self.names[guide.first], self.names[guide.second]],
-            "at": [self._place(guide.at), self._place(second)],
-            "angle": [guide.angle, guide.angle],
+        name = self._free("joints", pair.name or f"{pair.first}_{pair.second}")
+        self.pairs[pair.name] = name
+        second = pair.at if pair.second_at is None else pair.second_at
+        joint = self.joints[name] = {
+            "type": "R" if pair.angle is None else "P",
+            "links": [self.names[pair.first], self.names[pair.second]],
+            "at": [self._place(pair.at), self._place(second)],
         }
-        if guide.drive is not None:
-            self._driven(name, guide.drive)
+        scale = 1.0
+        if pair.angle is not None:
+            joint["angle"] = [pair.angle, pair.angle]
+            scale = self.scale
+        if pair.drive is not None:
+            self._driven(name, pair.drive)
+        if pair.limits != FREE:
+            ends = {"from": pair.limits[0] * scale, "to": pair.limits[1] * scale}
+            self.stops[name] = {key: x for key, x in ends.items() if abs(x) < BOUNDLESS}
+        if pair.stiffness or pair.damping:
+            numbers = {"stiffness": pair.stiffness, "rest_angle": pair.rest * scale}
+            load = {"type": "torsion_spring", "joint": name, **numbers, "damping": pair.damping}
+            self._load(f"{name}_spring", load)
 
     def _driven(self, joint: str, drive: Drive) -> None:
         """The driver of a joint: of a pin a turn, of a slide its interval if it has one."""
         slides = self.joints[joint]["type"] == "P"
-        own: dict[str, Any] = {"joint": joint}
-        if slides and drive.stop is None:
+        scale = self.scale if slides else 1.0
+        law: dict[str, Any] = {}
+        if drive.law is not None:
+            law = scaled(drive.law, scale)
+        elif slides and drive.stop is None:
             self.drawing.note(f"the drive of {joint} has no stroke: give it a law of motion")
         else:
-            scale = self.scale if slides else 1.0
             start, stop = drive.start * scale, (drive.stop or 0.0) * scale
             rate = (drive.rate or 1.0) * scale
             if not slides and rate < 0:
                 start, stop = -start, -stop
-            own |= {"law": "constant_rate", "rate": rate, "from": start, "to": stop}
-        self.drivers[self._driver_name(joint)] = own
-
-    def _couple(self) -> None:
-        """A coupling for each pair of wheels, from those that are driven on.
-
-        Both turn on one link, the first of their pins; the driven one gets a driver that follows.
-        """
-        waiting = list(self.drawing.wheels)
-        going = True
-        while going:
-            going = False
-            for pair in list(waiting):
-                ends = self._axles(pair)
-                leading = next((k for k, end in enumerate(ends) if self._driver_of(end)), None)
-                if leading is None:
-                    continue
-                waiting.remove(pair)
-                going = True
-                if self._driver_of(ends[1 - leading]):
-                    self.drawing.note(f"{pair.name}: both wheels are driven already: left out")
-                else:
-                    self._follow(pair, ends, leading)
-        for pair in waiting:
-            self.drawing.note(f"{pair.name}: no wheel of it is driven, or they have no common arm")
-
-    def _axles(self, pair: Wheels) -> tuple[str, str]:
-        """The pins of two wheels on one link, which stands first in both; "" without any."""
-        axles: list[dict[str, str]] = []
-        for wheel in (pair.first, pair.second):
-            own = [(j, d["links"]) for j, d in self.joints.items() if d["type"] == "R"]
-            axles.append({a: j for j, (a, b) in own if b == self.names.get(wheel)})
-        arm = next((link for link in axles[0] if link in axles[1]), None)
-        return (axles[0][arm], axles[1][arm]) if arm is not None else ("", "")
-
-    def _driver_of(self, joint: str) -> str | None:
-        return next((d for d, own in self.drivers.items() if own["joint"] == joint), None)
-
-    def _follow(self, pair: Wheels, ends: tuple[str, str], leading: int) -> None:
-        driven = ends[1 - leading]
-        a, b = (complex(*self.joints[end]["at"][0]) for end in ends)
-        sizes, inside = pair.sizes, False
-        if pair.pitch is not None:
-            arms = [self.scale * pair.pitch - centre for centre in (a, b)]
-            across = arms[0].conjugate() * arms[1]
-            if not all(arms) or abs(across.imag) > ON_LINE * abs(a - b) ** 2:
-                self.drawing.note(f"{pair.name}: left out")
-                self.drawing.note(f"{pair.name} is not on the line of its wheels' centres")
-                return
-            sizes, inside = (abs(arms[0]), abs(arms[1])), across.real > 0
-        name = self._driver_name(driven)
-        self.drivers[name] = {"joint": driven}
-        sizes = sizes if not leading else sizes[::-1]
-        made: dict[str, Any] = {"type": "gear"}
-        if pair.chain:
-            radii = [size * self.scale for size in sizes]
-            if sum(radii) > abs(a - b):  # sizes that are teeth: the ratio is what counts
-                radii = [size * abs(a - b) / (2 * sum(sizes)) for size in sizes]
-                self.drawing.note(f"{pair.name}: radii from the ratio and the distance of the pins")
-            made = {"type": "belt", "radii": radii}
-        else:
-            exact = sizes[0] / sizes[1]
-            ratio = Fraction(exact).limit_denominator(MOST_TEETH)
-            made["teeth"] = [ratio.numerator, ratio.denominator]
-            if inside:
-                made["internal"] = True
-            if abs(float(ratio) / exact - 1) > ROUNDING:  # no teeth give it
-                law = {"kind": "polynomial", "coefficients": [0.0, exact if inside else -exact]}
-                made = {"type": "ratio", "law": law}
-        made |= {"driver": self._driver_of(ends[leading]), "driven": name}
-        taken = {*self.couplings, *self.links, *self.drivers, *self.joints}
-        self.couplings[free_name(_clean(pair.name) or "gears", taken)] = made
+            law = {"law": "constant_rate", "rate": rate, "from": start, "to": stop}
+        self.drivers[self._driver_name(joint)] = {"joint": joint, **law}
 
     def _driver_name(self, joint: str) -> str:
         name = "motor"
@@ -405,38 +270,192 @@ class _Making:
             name = f"motor_{joint}" if name == "motor" else f"{name}_"
         return name
 
+    def _driver_of(self, joint: str) -> str | None:
+        return next((d for d, driver in self.drivers.items() if driver["joint"] == joint), None)
+
+    def _drive_something(self) -> None:
+        """Where nothing is driven, as many joints as can move, the frame's first; this is told.
+
+        What moves freely beside a drive gets one as well, if the drawing says so.
+        """
+        known = [driver["joint"] for driver in self.drivers.values()]
+        if not self.joints or (known and not self.drawing.free):
+            return
+        following = [self.pairs[x.driven] for x in self.drawing.ratios if x.driven in self.pairs]
+        following += filter(None, (self._axles(pair)[1] for pair in self.drawing.wheels))
+        pairs = [
+            AssurPair(x, d["links"][0], d["links"][1], d["type"]) for x, d in self.joints.items()
+        ]
+        driven, free = [*known, *following], [x for x in self.joints if x not in following]
+        free.sort(key=lambda joint: FRAME not in self.joints[joint]["links"])
+        for joint in free if len(free) < MOST_JOINTS else free[:1]:
+            mobility = [
+                rigidity(self.links, pairs, (FRAME,), drivers).mobility
+                for drivers in (driven, [*driven, joint])
+            ]
+            if mobility[1] < mobility[0]:
+                driven.append(joint)
+                self.drivers[self._driver_name(joint)] = {"joint": joint}
+        if names := [d["joint"] for d in self.drivers.values() if d["joint"] not in known]:
+            what = "not all is driven" if known else "nothing is driven"
+            self.drawing.note(f"{what}: {listed(names)} was taken, without a law of motion")
+
+    # -- couplings ----------------------------------------------------------------
+
+    def _couple(self) -> None:
+        """A coupling for each pair of wheels and each ratio, from those that are driven on.
+
+        Wheels turn on one link, the first of their pins; the driven one gets a driver that follows.
+        """
+        waiting: list[Wheels | Ratio] = [*self.drawing.wheels, *self.drawing.ratios]
+        going = True
+        while going:
+            going = False
+            for pair in list(waiting):
+                ends = self._axles(pair) if isinstance(pair, Wheels) else self._ends(pair)
+                leading = next((k for k, end in enumerate(ends) if self._driver_of(end)), None)
+                if leading is None:
+                    continue
+                waiting.remove(pair)
+                going = True
+                if self._driver_of(ends[1 - leading]):
+                    self.drawing.note(f"{pair.name}: both sides are driven already: left out")
+                elif isinstance(pair, Wheels):
+                    self._follow(pair, ends, leading)
+                else:
+                    self._follow_ratio(pair, ends, leading)
+        for pair in waiting:
+            self.drawing.note(f"{pair.name}: no wheel of it is driven, or they have no common arm")
+
+    def _ends(self, ratio: Ratio) -> tuple[str, str]:
+        return self.pairs.get(ratio.leading, ""), self.pairs.get(ratio.driven, "")
+
+    def _axles(self, pair: Wheels) -> tuple[str, str]:
+        """The joints of two wheels on one link, which stands first in both; "" without any."""
+        axles: list[dict[str, str]] = []
+        for wheel, kind in (pair.first, "R"), (pair.second, "R" if pair.rack is None else "P"):
+            name = self.names.get(wheel)
+            ends = [(j, d["links"]) for j, d in self.joints.items() if d["type"] == kind]
+            axles.append({(set(x) - {name}).pop(): j for j, x in ends if name in x})
+        arm = next((link for link in axles[0] if link in axles[1]), None)
+        return (axles[0][arm], axles[1][arm]) if arm is not None else ("", "")
+
+    def _follow(self, pair: Wheels, ends: tuple[str, str], leading: int) -> None:
+        a, b = (complex(*self.joints[end]["at"][0]) for end in ends)
+        sizes, coupling = pair.sizes, dict[str, Any]()
+        if pair.pitch is not None:
+            arms = [self.scale * pair.pitch - centre for centre in (a, b)]
+            across = arms[0].conjugate() * arms[1]
+            if not all(arms) or abs(across.imag) > ON_LINE * abs(a - b) ** 2:
+                self.drawing.note(f"{pair.name}: left out")
+                self.drawing.note(f"{pair.name} is not on the line of its wheels' centres")
+                return
+            sizes = (abs(arms[0]), math.copysign(abs(arms[1]), -across.real))
+        inside = sizes[0] * sizes[1] < 0
+        sizes = (abs(sizes[0]), abs(sizes[1]))
+        apart = abs(abs(sizes[0] - sizes[1]) * self.scale - abs(a - b)) > ON_LINE * abs(a - b)
+        if pair.rack is not None:
+            self._rack(pair, ends, leading)
+            return
+        sizes = sizes[::-1] if leading else sizes
+        if pair.chain or (inside and pair.pitch is None and apart):
+            radii = [size * self.scale for size in sizes]
+            if sum(radii) > abs(a - b):  # sizes that are teeth: the ratio is what counts
+                radii = [size * abs(a - b) / (2 * sum(sizes)) for size in sizes]
+                self.drawing.note(f"{pair.name}: radii from the ratio and the distance of the pins")
+            coupling = {"type": "belt", "radii": radii}
+        else:
+            exact = sizes[0] / sizes[1]
+            ratio = Fraction(exact).limit_denominator(MOST_TEETH)
+            coupling = {"type": "gear", "teeth": [ratio.numerator, ratio.denominator]}
+            if inside:
+                coupling["internal"] = True
+            if abs(float(ratio) / exact - 1) > ROUNDING:  # no teeth give it
+                law = {"kind": "polynomial", "coefficients": [0.0, exact if inside else -exact]}
+                coupling = {"type": "ratio", "law": law}
+        self._coupling(pair.name or "gears", coupling, ends, leading)
+
+    def _rack(self, pair: Wheels, ends: tuple[str, str], leading: int) -> None:
+        guide = self.joints[ends[1]]
+        forth = guide["links"][1] == self.names[pair.second]
+        along = math.cos(guide["angle"][0] - (pair.rack or 0.0)) * (1 if forth else -1)
+        side = 1 if along * pair.sizes[0] > 0 else -1
+        rack = {"type": "rack", "radius": abs(pair.sizes[0]) * self.scale, "side": side}
+        self._coupling(pair.name, rack, ends, leading)
+
+    def _follow_ratio(self, pair: Ratio, ends: tuple[str, str], leading: int) -> None:
+        kinds = [self.joints[end]["type"] for end in ends]
+        units = [self.scale if kind == "P" else 1.0 for kind in kinds]
+        c = [x * units[1] / units[0] ** k for k, x in enumerate(pair.coefficients)]
+        while len(c) > 2 and not c[-1]:
+            c.pop()
+        if leading:
+            if len(c) != 2 or not c[1]:
+                self.drawing.note(f"{pair.name}: its driven side is driven, the law has no inverse")
+                return
+            c = [-c[0] / c[1], 1 / c[1]]
+        law = {"kind": "polynomial", "coefficients": c}
+        self._coupling(pair.name, {"type": "ratio", "law": law}, ends, leading)
+
+    def _coupling(
+        self, text: str, coupling: dict[str, Any], ends: tuple[str, str], leading: int
+    ) -> None:
+        """Add a coupling from the joint that is driven to the other, which gets a driver."""
+        driven = ends[1 - leading]
+        name = self._driver_name(driven)
+        coupling |= {"driver": self._driver_of(ends[leading]), "driven": name}
+        self.drivers[name] = {"joint": driven}
+        taken = {*self.couplings, *self.links, *self.drivers, *self.joints}
+        self.couplings[free_name(_clean(text), taken)] = coupling
+
+    # -- markers and loads ----------------------------------------------------------
+
     def _markers(self) -> None:
         """Points that are no joint stay as markers of their link."""
         drawing = self.drawing
-        for point, z in drawing.points.items():
-            members = self._members(point)
-            if point in drawing.slots or (point in drawing.fixed and members):
+        for point, members in drawing.meeting().items():
+            slots = drawing.slots.get(point, [])
+            if FRAME in members or any(slot.rider not in members for slot in slots):
+                continue
+            if (
+                slots
+                and sum(
+                    drawing.points[p] == drawing.points[point] for p in drawing.links[members[0]]
+                )
+                > 1
+            ):
                 continue
             if len(members) == 1:
-                own = self.links[self.names[members[0]]].setdefault("markers", {})
-                taken = {*self.names.values(), *self.links, *own}
+                markers = self.links[self.names[members[0]]].setdefault("markers", {})
+                taken = {*self.names.values(), *self.links, *markers}
                 name = free_name(_clean(point) or "point", taken)
-                own[name] = {"at": self._place(z)}
-            elif not members and point not in drawing.fixed:
+                markers[name] = {"at": self._place(drawing.points[point])}
+            elif not members:
                 drawing.note(f"point {point} is on no link: left out")
 
-    def _loads(self) -> dict[str, Any]:
-        loads: dict[str, Any] = {}
+    def _load(self, text: str, load: dict[str, Any]) -> None:
+        taken = {*self.loads, *self.links, *self.drivers, *self.joints}
+        self.loads[free_name(_clean(text) or load["type"], taken)] = load
+
+    def _loads(self) -> None:
         for load in self.drawing.loads:
-            if load.link not in self.names:
+            if self.names.get(load.link, FRAME) == FRAME:
                 self.drawing.note(f"force {load.name} acts on no moving link: left out")
                 continue
-            taken = {*loads, *self.links, *self.drivers}
-            name = free_name(_clean(load.name) or "force", taken)
-            loads[name] = {
-                "type": "force",
-                "link": self.names[load.link],
-                "at": self._place(load.at),
-                "force": [load.force.real, load.force.imag],
-            }
-            if load.turns:
-                loads[name]["axes"] = "link"
-        return loads
+            force = {"force": [load.force.real, load.force.imag], "at": self._place(load.at)}
+            turns = {"axes": "link"} if load.turns else {}
+            self._load(
+                load.name, {"type": "force", "link": self.names[load.link], **force, **turns}
+            )
+        for spring in self.drawing.springs:
+            if not {*spring.links} <= self.names.keys() or spring.links[0] == spring.links[1]:
+                self.drawing.note(f"spring {spring.name} joins no two links: left out")
+                continue
+            at = [self._place(z) for z in spring.at]
+            ends = {"links": [self.names[x] for x in spring.links], "at": at}
+            numbers = {"stiffness": spring.stiffness, "damping": spring.damping}
+            free = {"free_length": spring.free_length * self.scale}
+            self._load(spring.name, {"type": "spring", **ends, **numbers, **free})
 
 
 def _clean(text: str) -> str:
@@ -444,11 +463,3 @@ def _clean(text: str) -> str:
     word = re.sub(r"[./\s]+", "_", text.strip())
     word = "".join(c for c in word if c.isprintable())[:60]
     return f"{word}_" if word == FRAME else word
-
-
-def direction(a: complex, b: complex, where: str) -> float:
-    """The angle [rad] of the line from a to b. Raises `FormatError` if they are at one place."""
-    if a == b:
-        found = "the two points of a line are at one place"
-        raise FormatError(Problem("bad-drawing", where, found, "", "draw them apart"))
-    return cmath.phase(b - a)

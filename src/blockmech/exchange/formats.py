@@ -16,7 +16,7 @@ from typing import IO, Any, Generic, NamedTuple, TypeVar
 
 from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError, close_match, listed, refused, shown
-from blockmech.exchange.drawn_linkage import Drawing
+from blockmech.exchange.drawing import Drawing
 from blockmech.files import writing
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
@@ -153,6 +153,7 @@ WRITERS: Formats[Writer] = Formats(
         "c": "blockmech.exchange.c.files:WRITER",
         "fmu": "blockmech.exchange.fmu.files:WRITER",
         "mjcf": "blockmech.exchange.mjcf:WRITER",
+        "address": "blockmech.exchange.addresses:WRITER",
         "dxf": "blockmech.exchange.outlines:DXF",
         "svg": "blockmech.exchange.outlines:SVG",
         "xlsx": "blockmech.exchange.xlsx:WRITER",
@@ -178,6 +179,8 @@ READERS: Formats[Reader] = Formats(
         "pylinkage": "blockmech.exchange.pylinkage:READER",
         "mjcf": "blockmech.exchange.mujoco:READER",
         "asmt": "blockmech.exchange.asmt:READER",
+        "urdf": "blockmech.exchange.robots:URDF",
+        "sdf": "blockmech.exchange.robots:SDF",
         "dxf": "blockmech.exchange.sketches:DXF",
         "svg": "blockmech.exchange.sketches:SVG",
     },
@@ -196,6 +199,8 @@ def writer_for(path: Path, to: str | None) -> Writer:
         remedy = close_match(to, WRITERS)
         raise refused("--to", f'no format "{to}"', remedy, f"formats: {listed(WRITERS, 30)}")
     suffix = path.suffix.lower()
+    if path.name in WRITERS:  # e.g. "address" alone
+        return WRITERS[path.name]
     for name in WRITERS:
         if suffix in WRITERS[name].suffixes:
             return WRITERS[name]

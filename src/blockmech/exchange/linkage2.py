@@ -17,16 +17,27 @@ import cmath
 import math
 import re
 from typing import NamedTuple
-from xml.etree.ElementTree import Element
 
 from blockmech.errors import listed
-from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Slot, Wheels, direction
+from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, Wheels, direction
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import number, wrong, xml_of
+from blockmech.exchange.parsing import Record, number, record_of, wrong, xml_of
 from blockmech.values import numbered_name
 
 RPM = math.tau / 60
 ROOM = 9e-4  # by which Linkage keeps the diameter of an arc above the distance of its limits
+LOOKS = {"zoom", "xoffset", "yoffset", "draw", "drawcircle", "name", "layer", "color", "linesize"}
+LOOKS |= {
+    "measurement",
+    "selected",
+    "solid",
+    "locked",
+    "fillcolor",
+    "usercolor",
+    "labels",
+    "showlabels",
+}
+LOOKS |= {"viewlayers", "editlayers", "smoothdrawing", "showdata", "showdimensions", "background"}
 UNITS = {"millimeters": "mm", "inches": "in"}
 
 
@@ -41,19 +52,18 @@ class Slide(NamedTuple):
 def read(text: str, where: str) -> Drawing:
     """The drawing of a file."""
     spaced = re.sub(r'(="[^"<>]*")(?=[A-Za-z_])', r"\1 ", text)  # old files leave spaces out
-    root = xml_of(spaced, where)
+    root = record_of(xml_of(spaced, where), where)
     if root.tag != "linkage2":
         raise wrong(where, f"the root is <{root.tag}>", "<linkage2>")
     drawing = Drawing("linkage", source="Linkage file")
     scale = 1.0
-    program = root.find("program")
-    if program is not None:
+    for program in root.all("program"):
         scale = number(program.get("scalefactor"), f"{where}, program", 1.0)
         drawing.unit = UNITS.get((program.get("units") or "Millimeters").lower(), "mm")
     slides: list[Slide] = []
-    for raw in root.findall("connector"):
+    for raw in root.all("connector"):
         _connector(raw, where, scale, drawing, slides)
-    for raw in root.findall("Link"):
+    for raw in root.all("Link"):
         _link(raw, where, scale, drawing)
     for slide in slides:
         _slot(slide, drawing, where)
@@ -63,19 +73,22 @@ def read(text: str, where: str) -> Drawing:
         if len(points) > 1 or name.endswith(("_barrel", "_rod")) or name in turning:
             continue
         if points[0] in drawing.slots:
-            drawing.sliders.add(name)
+            first, *rest = drawing.slots[points[0]]
+            drawing.slots[points[0]] = [first._replace(rider=first.rider or name), *rest]
         else:
             del drawing.links[name]
             drawing.note(f"{name} has one connector, {points[0]}: left out")
+    for sentence in root.left_over(LOOKS):
+        drawing.note(sentence)
     return drawing
 
 
-def _ratios(root: Element, where: str, drawing: Drawing) -> None:
+def _ratios(root: Record, where: str, drawing: Drawing) -> None:
     """Gear pairs and chains between links, their sizes as they are written."""
-    for k, raw in enumerate(root.findall("ratios/ratio"), 1):
+    for k, raw in enumerate(root.below("ratios"), 1):
         kind = raw.get("type", "gears")
         at, name = f"{where}, ratio {k}", f"{kind}_{k}"
-        ends = raw.findall("link")
+        ends = raw.all("link")
         links = [f"link_{end.get('id')}" for end in ends]
         if len(links) != 2 or any(link not in drawing.links for link in links):
             drawing.note(f"{name} joins {listed(links) or 'no links'}: left out")
@@ -86,12 +99,12 @@ def _ratios(root: Element, where: str, drawing: Drawing) -> None:
         drawing.wheels.append(Wheels(name, links[0], links[1], (one, two), kind == "chain"))
 
 
-def _is(raw: Element, word: str) -> bool:
+def _is(raw: Record, word: str) -> bool:
     return raw.get(word) == "true"
 
 
 def _connector(
-    raw: Element, where: str, scale: float, drawing: Drawing, slides: list[Slide]
+    raw: Record, where: str, scale: float, drawing: Drawing, slides: list[Slide]
 ) -> None:
     key = str(raw.get("id"))
     at = f"{where}, connector {key}"
@@ -107,17 +120,17 @@ def _connector(
     if _is(raw, "input"):
         drawing.drives[key] = Drive(-number(raw.get("rpm"), at, 15.0) * RPM)
     if _is(raw, "slider"):
-        limits = [str(x.get("id")) for x in raw.findall("slidelimit")]
+        limits = [str(x.get("id")) for x in raw.all("slidelimit")]
         slides.append(Slide(key, limits, number(raw.get("slideradius"), at, 0.0) * scale))
-    if raw.get("fasten") or raw.find("fastened") is not None:
+    if raw.get("fasten") or raw.all("fastened"):
         drawing.note(f"connector {key} is fastened to another: left out")
 
 
-def _link(raw: Element, where: str, scale: float, drawing: Drawing) -> None:
-    points = [str(x.get("id")) for x in raw.findall("connector")]
+def _link(raw: Record, where: str, scale: float, drawing: Drawing) -> None:
+    points = [str(x.get("id")) for x in raw.all("connector")]
     points = [p for p in dict.fromkeys(points) if p in drawing.points]
     name = numbered_name(f"link_{raw.get('id')}", drawing.links)
-    if raw.find("fastenconnector") is not None or raw.find("fastenlink") is not None:
+    if raw.all("fastenconnector", "fastenlink"):
         drawing.note(f"{name} is fastened to another part: that was left out")
     if _is(raw, "actuator") and len(points) == 2:
         _actuator(raw, name, points, scale, f"{where}, {name}", drawing)
@@ -126,7 +139,7 @@ def _link(raw: Element, where: str, scale: float, drawing: Drawing) -> None:
 
 
 def _actuator(
-    raw: Element, name: str, points: list[str], scale: float, where: str, drawing: Drawing
+    raw: Record, name: str, points: list[str], scale: float, where: str, drawing: Drawing
 ) -> None:
     """Barrel and rod, each with one of the points; their slide is driven."""
     a, b = (drawing.points[p] for p in points)
@@ -136,7 +149,7 @@ def _actuator(
     barrel, rod = f"{name}_barrel", f"{name}_rod"
     drawing.links[barrel], drawing.links[rod] = [points[0]], [points[1]]
     drive = Drive(rate or throw, length, length + throw)
-    drawing.guides.append(Guide(barrel, rod, a, angle, drive, b))
+    drawing.pairs.append(Pair(barrel, rod, a, angle, drive, b))
     drawing.note(f"{name} is an actuator: its stroke is driven once, at a constant rate")
 
 

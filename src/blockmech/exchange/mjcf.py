@@ -12,23 +12,14 @@ Source: MuJoCo documentation, XML reference (``body``, ``joint``, ``equality/con
 
 from __future__ import annotations
 
-import cmath
-from collections.abc import Callable, Sequence
-from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from blockmech.compiled import Compiled
-from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import listed, printable, refused
 from blockmech.exchange.formats import Order, Writer, one_file
+from blockmech.exchange.standing import Standing
 from blockmech.model.structure import JointRef, LinkRef
-from blockmech.passes.forward import guide_direction
-from blockmech.passes.homotopy import schedule
-from blockmech.passes.pairs import slider_point
-from blockmech.plan import Friction, Schedule
-from blockmech.samples import Samples
 
 LEAST = 1e-9  # kg and kg m2: MuJoCo moves nothing without mass
 STEP = 1e-4  # [s]
@@ -46,18 +37,8 @@ class Model:
         if s.followers:
             raise refused("--to mjcf", "a coupling has no element there", "leave it out")
         self.step = order.positive("step", STEP, "s", "0.1ms")
-        at = order.at.get("at")
-        if at is None:
-            at = {d: _start(mechanism.scene, d) for d in mechanism.drivers}
-        refs = [JointRef(b, j) for b, block in s.blocks.items() for j in block.joints]
-        guides = [ref for ref in refs if s.joint(ref).kind == "P"]
-        result = mechanism.run(at=at, want=["*.p", "*.angle"], static=True)
-        self.place = {n: complex(result[n][0]) for n in result if n.endswith(".p")}
-        self.angle = {n: float(result[n][0]) for n in result if n.endswith(".angle")}
-        self.point, self.direction = (
-            dict(zip(guides, _at_pose(mechanism, result.samples, rule, guides), strict=True))
-            for rule in (slider_point, guide_direction)
-        )
+        self.pose = pose = Standing(order)
+        refs, guides = pose.joints, pose.direction
         self.drivers = driven = {str(ref): d for d, ref in s.driven.items()}
         graph = nx.Graph()
         for ref in refs:
@@ -83,19 +64,6 @@ class Model:
         moving = {s.earlier_link(ref), s.later_link(ref)} - {s.frame_link}
         own = ((link, s.properties(link)) for link in sorted(moving))
         return [link for link, of in own if not (float(of.mass) or float(of.inertia))]
-
-    def pin(self, ref: JointRef) -> complex:
-        """Where a pair is [m]: its own place, or that of the marker that it is wired to."""
-        if ref in self.point:
-            return self.point[ref]
-        own = self.place.get(f"{ref}.p")
-        return self.place[f"{self.structure.feeds[ref]}.p"] if own is None else own
-
-    def centre(self, link: LinkRef) -> complex:
-        """The centre of mass [m] of a link."""
-        own = self.structure.properties(link)
-        turned = cmath.exp(1j * self.angle[f"{link}.angle"])
-        return self.place[f"{link}.p"] + complex(own.cm.z) * turned
 
     def text(self) -> str:
         """The whole file."""
@@ -135,15 +103,15 @@ class Model:
         for link, (parent, ref) in self.parent.items():
             if parent != base:
                 continue
-            here = self.pin(ref)
+            here = self.pose.pin(ref)
             own = self.structure.properties(link)
             mass, inertia = max(float(own.mass), LEAST), max(float(own.inertia), LEAST)
-            c, margin = self.centre(link) - here, "  " * depth
+            c, margin = self.pose.centre(link) - here, "  " * depth
             # The pair moves the body against its parent; a driver counts as in blockmech.
             sense = 1 if self.structure.later_link(ref) == link else -1
             kind, axis = "hinge", f"0 0 {sense}"
-            if ref in self.direction:
-                kind, axis = "slide", _xyz(sense * self.direction[ref])
+            if ref in self.pose.direction:
+                kind, axis = "slide", _xyz(sense * self.pose.direction[ref])
             lines += [
                 f'{margin}<body name={quoteattr(str(link))} pos="{_xyz(here - at)}">',
                 f'{margin}  <joint name={quoteattr(str(ref))} type="{kind}" axis="{axis}"/>',
@@ -159,27 +127,9 @@ class Model:
         one, two = s.earlier_link(ref), s.later_link(ref)
         bodies = [x for x in (one, two) if x != s.frame_link]
         names = " ".join(f"body{k}={quoteattr(str(x))}" for k, x in enumerate(bodies, 1))
-        base = self.pin(self.parent[bodies[0]][1])
+        base = self.pose.pin(self.parent[bodies[0]][1])
         names = f"name={quoteattr(str(ref))} {names}"
-        return f'    <connect {names} anchor="{_xyz(self.pin(ref) - base)}"/>'
-
-
-def _at_pose(
-    mechanism: Compiled,
-    samples: Samples,
-    rule: Callable[[Schedule, JointRef], str],
-    refs: Sequence[JointRef],
-) -> list[complex]:
-    """What a rule answers for some pairs at the pose of some samples."""
-    s = schedule(mechanism.structure, mechanism.scene, Friction("none"), static=True)
-    program = s.program([s.ask(rule, ref) for ref in refs])
-    inputs = [float(np.ravel(samples.inputs[name])[0]) for name in program.inputs]
-    return [complex(value) for value in ScalarEngine(program).one(inputs)]
-
-
-def _start(scene: Any, driver: str) -> float:
-    initial, law = scene.initial.get(driver), scene.drive.get(driver)
-    return float(initial.q if initial is not None else getattr(law, "start", 0.0) or 0.0)
+        return f'    <connect {names} anchor="{_xyz(self.pose.pin(ref) - base)}"/>'
 
 
 def _xyz(z: complex) -> str:

@@ -1,211 +1,315 @@
-"""MJCF: planar models of MuJoCo, a tree of bodies and pins that close loops.
+"""MJCF: planar models of MuJoCo, a tree of bodies and what closes its loops.
 
-Bodies move in the plane across the axis of all hinges, which is a coordinate axis. A hinge is a
-pin and a slide a guide between a body and its parent, ``equality/connect`` a pin between two
-bodies, an actuator drives its joint. Angles are degrees unless the compiler says radian.
+A hinge is a pin and a slide a guide between a body and its parent, ``equality/connect`` a pin and
+``weld`` a weld of two bodies, ``equality/joint`` a polynomial of one coordinate in another. An
+actuator drives its joint. Masses are those of ``inertial``, else of the geoms. Attributes are those
+of an element, else of its class among the defaults. Angles are degrees unless the compiler says
+radian.
 
 Source: MuJoCo documentation, XML reference.
 """
 
 from __future__ import annotations
 
-import cmath
 import math
-from typing import NamedTuple
-from xml.etree.ElementTree import Element
+from collections.abc import Sequence
+
+import numpy as np
 
 from blockmech.errors import listed
-from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Inertia
+from blockmech.exchange.drawing import FRAME, FREE, Drawing, Ratio
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import number, wrong, xml_of
+from blockmech.exchange.parsing import Record, number, record_of, wrong, xml_of
+from blockmech.exchange.shapes import solid
+from blockmech.exchange.spatial import Array, Assembly, Joint, Mass, Pose, along, turned, unit
 from blockmech.values import free_name
 
-AXES = {2: (0, 1, 1), 0: (1, 2, 1), 1: (0, 2, -1)}  # normal -> x and y of the plane, and its sense
-ACTUATORS = ("motor", "position", "velocity", "general", "intvelocity", "damper")
-
-
-class Plane(NamedTuple):
-    """The plane of a model: which coordinate is its normal, and how angles are written."""
-
-    normal: int
-    unit: float
-
-    def place(self, raw: list[float]) -> complex:
-        """A place in the plane."""
-        x, y, _ = AXES[self.normal]
-        return complex(raw[x], raw[y])
-
-    def turn(self, body: Element, where: str) -> float:
-        """The angle [rad] of a body against its parent."""
-        sense = AXES[self.normal][2]
-        if (quat := body.get("quat")) is not None:
-            w, *v = _numbers(quat, where, 4)
-            if any(abs(x) > 1e-9 for i, x in enumerate(v) if i != self.normal):
-                raise wrong(where, "it is turned out of the plane", "a planar model")
-            return sense * 2 * math.atan2(v[self.normal], w)
-        if (euler := body.get("euler")) is not None:
-            angles = _numbers(euler, where, 3)
-            if any(abs(x) > 1e-9 for i, x in enumerate(angles) if i != self.normal):
-                raise wrong(where, "it is turned out of the plane", "a planar model")
-            return sense * angles[self.normal] * self.unit
-        if any(body.get(x) for x in ("axisangle", "xyaxes", "zaxis")):
-            raise wrong(where, "its orientation is written otherwise", "quat or euler")
-        return 0.0
-
-
-def _numbers(raw: str | None, where: str, count: int, default: str = "") -> list[float]:
-    numbers = [number(word, where) for word in (raw or default).split()]
-    if len(numbers) != count:
-        raise wrong(where, f'"{(raw or "")[:40]}"', f"{count} numbers")
-    return numbers
+ACTUATORS = ("motor", "position", "velocity", "general", "intvelocity", "damper", "cylinder")
+DENSITY = 1000.0  # [kg/m3] of a geom that names none
+LOOKS = {"asset", "visual", "statistic", "size", "custom", "sensor", "light", "camera", "contact"}
+LOOKS |= {"keyframe", "rgba", "material", "group", "contype", "conaffinity", "condim", "friction"}
+LOOKS |= {"solref", "solimp", "solreflimit", "solimplimit", "margin", "gap", "timestep", "flag"}
+LOOKS |= {"integrator", "solver", "iterations", "tolerance", "priority", "solmix", "option cone"}
+LOOKS |= {"cone", "ctrlrange", "ctrllimited", "forcerange", "forcelimited", "kp", "kv", "gear"}
+LOOKS |= {"balanceinertia", "meshdir", "texturedir", "coordinate", "name", "class", "user"}
+LOOKS |= {"assetdir", "boundmass", "boundinertia", "model", "gravcomp", "default", "impratio"}
 
 
 def read(text: str, where: str) -> Drawing:
     """The drawing of a model in its reference pose."""
-    root = xml_of(text, where)
-    world = root.find("worldbody")
-    if root.tag != "mujoco" or world is None:
+    root = record_of(xml_of(text, where), where)
+    if root.tag != "mujoco" or not root.all("worldbody"):
         raise wrong(where, "it has no worldbody", "<mujoco> with a <worldbody>")
-    return _Reading(root, world, where).found
+    return _Reading(root, where).drawn()
 
 
 class _Reading:
-    def __init__(self, root: Element, world: Element, where: str) -> None:
-        self.where = where
-        compiler = root.find("compiler")
-        radian = compiler is not None and compiler.get("angle") == "radian"
-        normals = {
-            self._normal(j) for j in world.iter("joint") if j.get("type", "hinge") == "hinge"
-        }
-        if len(normals) != 1:
-            raise wrong(where, "its hinges have no one axis", "a planar model with hinges")
-        self.plane = Plane(normals.pop(), 1.0 if radian else math.pi / 180)
-        self.found = Drawing(root.get("model") or "mujoco", "m", "MJCF file")
-        self.frames: dict[str, tuple[complex, float]] = {"world": (0j, 0.0)}
+    def __init__(self, root: Record, where: str) -> None:
+        self.root, self.where = root, where
+        self.assembly = Assembly(where, Drawing(root.get("model") or "mujoco", "m", "MJCF file"))
+        compiler = root.one("compiler")
+        self.unit = 1.0 if compiler.get("angle") == "radian" else math.pi / 180
+        self.order = compiler.get("eulerseq", "xyz")
+        self.of_geoms = compiler.get("inertiafromgeom", "auto")
+        self.limited = compiler.get("autolimits", "true") != "false"
+        self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
+        for record in root.all("default"):
+            self._default(record, {}, "main")
+        self.poses = {"world": Pose()}
         self.links = {"world": FRAME}
-        self.joints: dict[str, int] = {}  # guide of a slide joint
-        for body in world.findall("body"):
-            self._body(body, "world")
-        for k, raw in enumerate(root.findall("equality/connect")):
-            self._connect(raw, f"connect_{k + 1}")
-        for kind in ("weld", "joint", "tendon", "distance"):
-            if root.find(f"equality/{kind}") is not None:
-                self.found.note(f"equality/{kind}: left out")
-        for kind in ("tendon", "contact", "keyframe"):
-            if root.find(kind) is not None:
-                self.found.note(f"{kind}: left out")
-        for raw in root.findall("actuator/*"):
-            self._actuator(raw)
-        option = root.find("option")
-        g = _numbers((option.get("gravity") if option is not None else None), where, 3, "0 0 -9.81")
-        if self.plane.normal != 2 or any(g[:2]):
-            self.found.gravity = self.plane.place(g)
+        self.sites: dict[str, tuple[str, Pose]] = {}
+        self.references: dict[str, float] = {}
 
-    def _normal(self, joint: Element) -> int:
-        axis = _numbers(joint.get("axis"), f"{self.where}, joint", 3, "0 0 1")
-        main = max(range(3), key=lambda i: abs(axis[i]))
-        if any(abs(x) > 1e-9 * abs(axis[main]) for i, x in enumerate(axis) if i != main):
-            raise wrong(self.where, "a hinge is oblique", "hinges along one coordinate axis")
-        return main
+    def _default(self, record: Record, outer: dict[str, dict[str, str]], name: str) -> None:
+        own = {tag: dict(fields) for tag, fields in outer.items()}
+        for part in record.inner:
+            if part.tag != "default":
+                own.setdefault(part.tag, {}).update(part.fields)
+                part.skip()
+        self.defaults[record.get("class") or name] = own
+        record.taken.update(part.tag for part in record.inner)
+        for part in record.all("default"):
+            self._default(part, own, "")
 
-    def _body(self, body: Element, parent: str) -> None:
-        drawing = self.found
-        name = body.get("name") or f"body_{len(self.frames)}"
-        at = f"{self.where}, body {name}"
-        if name in self.frames:
-            raise wrong(at, "there are two bodies of this name")
-        o, angle = self.frames[parent]
-        place = self.plane.place(_numbers(body.get("pos"), at, 3, "0 0 0"))
-        o += place * cmath.rect(1.0, angle)
-        angle += self.plane.turn(body, at)
-        self.frames[name] = o, angle
-        joints = body.findall("joint")
-        if body.find("freejoint") is not None:
-            raise wrong(at, "it moves freely in space", "hinges and slides in one plane")
-        self.links[name] = self.links[parent]
+    def _of_class(self, record: Record, inherited: str) -> Record:
+        """A record with what its class among the defaults says."""
+        known = self.defaults.get(record.get("class") or inherited or "main", {})
+        record.fields = {**known.get(record.tag, {}), **record.fields}
+        return record
+
+    def drawn(self) -> Drawing:
+        """The drawing, with what was not read among its notes."""
+        root, assembly = self.root, self.assembly
+        for world in root.all("worldbody"):
+            self._inside(world, "world", "", Pose())
+        for k, record in enumerate(root.below("equality"), 1):
+            self._equality(self._of_class(record, ""), f"{record.tag}_{k}")
+        for record in root.below("actuator"):
+            self._actuator(self._of_class(record, ""))
+        if total := root.one("compiler").number("settotalmass", -1.0):
+            self._scale(total)
+        option = root.one("option")
+        assembly.gravity = np.array(option.numbers("gravity", 3, "0 0 -9.81"))
+        for name, (body, pose) in self.sites.items():
+            if self.links[body] != FRAME and name not in assembly.drawing.points:
+                assembly.drawing.points[name] = assembly.flat(pose.place)
+                assembly.drawing.links.setdefault(self.links[body], []).append(name)
+        drawing = assembly.drawn()
+        for sentence in root.left_over(LOOKS):
+            drawing.note(sentence)
+        return drawing
+
+    # -- places -------------------------------------------------------------------
+
+    def _turn(self, record: Record) -> Array:
+        where = record.where
+        if record.get("quat"):
+            w, *v = record.numbers("quat", 4)
+            if not (w or any(v)):
+                raise wrong(where, "a quaternion of nothing", "four numbers")
+            return turned(v, 2 * math.atan2(float(np.linalg.norm(v)), w)) if any(v) else np.eye(3)
+        if record.get("euler"):
+            return self._euler(record.numbers("euler", 3))
+        if record.get("axisangle"):
+            *axis, angle = record.numbers("axisangle", 4)
+            return turned(unit(axis, where), angle * self.unit)
+        if record.get("xyaxes"):
+            numbers = np.array(record.numbers("xyaxes", 6))
+            x = unit(numbers[:3], where)
+            y = unit(numbers[3:] - x * (x @ numbers[3:]), where)
+            return np.column_stack([x, y, np.cross(x, y)])
+        if record.get("zaxis"):
+            return along(unit(record.numbers("zaxis", 3), where))
+        return np.eye(3)
+
+    def _euler(self, angles: Sequence[float]) -> Array:
+        axes = np.eye(3)
+        for letter, angle in zip(self.order, angles, strict=True):
+            turn = turned(np.eye(3)["xyz".index(letter.lower())], angle * self.unit)
+            axes = axes @ turn if letter.islower() else turn @ axes
+        return axes
+
+    def _pose(self, record: Record, outer: Pose) -> Pose:
+        return outer.at(record.numbers("pos", 3, "0 0 0"), self._turn(record))
+
+    # -- bodies -------------------------------------------------------------------
+
+    def _inside(self, record: Record, body: str, inherited: str, pose: Pose) -> None:
+        """Geoms, sites and bodies in a body, which may stand in frames."""
+        inherited = record.get("childclass") or inherited
+        for frame in record.all("frame"):
+            self._inside(frame, body, inherited, self._pose(frame, pose))
+        for site in record.all("site"):
+            site = self._of_class(site, inherited)
+            name, at = site.get("name") or f"site_{len(self.sites)}", self._pose(site, pose)
+            self.sites[name] = body, at
+            site.taken |= {"size", "type"}
+        for inner in record.all("body"):
+            self._body(inner, body, inherited, pose)
+        for part in record.all("geom", "joint", "inertial", "freejoint"):
+            if self.links[body] == FRAME:  # it moves nothing
+                part.skip()
+
+    def _body(self, record: Record, parent: str, inherited: str, outer: Pose) -> None:
+        name = record.get("name") or f"body_{len(self.poses)}"
+        if name in self.poses:
+            raise wrong(record.where, "there are two bodies of this name")
+        inherited = record.get("childclass") or inherited
+        pose = self.poses[name] = self._pose(record, outer)
+        joints = record.all("joint")
+        if record.all("freejoint") or any(j.get("type") == "free" for j in joints):
+            raise wrong(record.where, "it moves freely in space", "hinges and slides in one plane")
+        base = self.links[name] = self.links[parent]
         for k, joint in enumerate(joints, 1):  # each hangs on what the one before it moves
-            last = k == len(joints)
-            link = name if last else free_name(f"{name}_{k}", self.links)
-            drawing.links[link] = []
-            self._joint(joint, link, self.links[name], o, angle, at)
-            self.links[name] = link
-        if joints:
-            self._inertial(body, name, at)
-        elif self.links[name] != FRAME and body.find("inertial") is not None:
-            drawing.note(f"mass of {name}, which is fixed to {parent}: left out")
-        for inner in body.findall("body"):
-            self._body(inner, name)
+            link = name if k == len(joints) else free_name(f"{name}_{k}", self.links)
+            self.assembly.masses[link] = []
+            self._joint(self._of_class(joint, inherited), base, link, pose)
+            base = self.links[name] = link
+        masses = self._masses(record, pose, inherited)
+        if base != FRAME:
+            self.assembly.masses[base] += masses
+        self._inside(record, name, inherited, pose)
 
-    def _point(self, name: str, z: complex, links: tuple[str, str]) -> str:
-        name = free_name(name, self.found.points)
-        self.found.points[name] = z
-        for link in links:
-            if link == FRAME:
-                self.found.fixed.add(name)
-            else:
-                self.found.links[link].append(name)
-        return name
+    def _joint(self, record: Record, base: str, link: str, pose: Pose) -> None:
+        key, kind = record.get("name") or f"joint_{link}", record.get("type", "hinge")
+        if kind not in ("hinge", "slide", "ball"):
+            raise wrong(record.where, f"joint {key} is a {kind}", "hinge or slide")
+        axis = unit(record.numbers("axis", 3, "0 0 1"), record.where)
+        at = pose.at(record.numbers("pos", 3, "0 0 0"), along(axis))
+        scale = self.unit if kind != "slide" else 1.0
+        start = self.references[key] = record.number("ref", 0.0) * scale
+        limits = FREE
+        flag, text = record.get("limited", "auto"), record.get("range")
+        if text and (flag == "true" or (flag == "auto" and self.limited)):
+            low, high = record.numbers("range", 2)
+            limits = (low * scale - start, high * scale - start)
+        for word in ("frictionloss", "armature"):
+            if record.number(word, 0.0):
+                self.assembly.drawing.note(f"{word} of joint {key}: left out")
+        rest = record.number("springref", 0.0) * scale - start
+        stiffness, damping = record.number("stiffness", 0.0), record.number("damping", 0.0)
+        kinds = {"hinge": "pin", "slide": "slide", "ball": "ball"}
+        joint = Joint(key, kinds[kind], base, link, at, at, limits=limits)
+        joint = joint._replace(stiffness=stiffness, rest=rest, damping=damping)
+        self.assembly.joints.append(joint)
 
-    def _at(self, body: str, local: complex) -> complex:
-        o, angle = self.frames[body]
-        return o + local * cmath.rect(1.0, angle)
+    def _masses(self, record: Record, pose: Pose, inherited: str) -> list[Mass]:
+        inertial = record.all("inertial")
+        if inertial and self.of_geoms != "true":
+            return [self._inertial(inertial[0], pose)]
+        if self.of_geoms == "false":
+            return []
+        masses = []
+        for outer, at in self._frames(record, pose):
+            for geom in outer.all("geom"):
+                masses += self._geom(self._of_class(geom, inherited), at)
+        return masses
 
-    def _joint(self, raw: Element, link: str, base: str, o: complex, angle: float, at: str) -> None:
-        """A joint between two links, in a body that stands at a place with an angle."""
-        key = raw.get("name") or f"joint_{link}"
-        local = self.plane.place(_numbers(raw.get("pos"), at, 3, "0 0 0"))
-        z = o + local * cmath.rect(1.0, angle)
-        kind = raw.get("type", "hinge")
-        for word in ("stiffness", "damping", "frictionloss", "armature", "range"):
-            if any(x for x in (raw.get(word) or "").split() if float(x)):
-                self.found.note(f"{word} of joint {key}: left out")
-        if kind == "hinge":
-            self._point(key, z, (base, link))
-        elif kind == "slide":
-            axis = self.plane.place(_numbers(raw.get("axis"), at, 3, "0 0 1"))
-            if not axis:
-                raise wrong(at, f"joint {key} slides out of the plane", "a planar model")
-            self.joints[key] = len(self.found.guides)
-            turned = cmath.phase(axis) + angle
-            self.found.guides.append(Guide(base, link, z, turned, name=key))
+    def _frames(self, record: Record, pose: Pose) -> list[tuple[Record, Pose]]:
+        """A body and the frames in it."""
+        inner = [(f, self._pose(f, pose)) for f in record.all("frame")]
+        return [(record, pose), *(x for f, at in inner for x in self._frames(f, at))]
+
+    def _inertial(self, record: Record, pose: Pose) -> Mass:
+        at = self._pose(record, pose)
+        if record.get("fullinertia"):
+            xx, yy, zz, xy, xz, yz = record.numbers("fullinertia", 6)
+            inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         else:
-            raise wrong(at, f"joint {key} is a {kind}", "hinge or slide")
+            inertia = np.diag(record.numbers("diaginertia", 3))
+        return Mass(record.number("mass"), at.place, at.axes @ inertia @ at.axes.T)
 
-    def _inertial(self, body: Element, name: str, at: str) -> None:
-        raw = body.find("inertial")
-        if raw is None:
-            if body.find("geom") is not None:
-                self.found.note(f"masses of the geoms of {name}: left out")
+    def _geom(self, record: Record, pose: Pose) -> list[Mass]:
+        kind, sizes = (
+            record.get("type", "sphere"),
+            [number(x, f"{record.where}, size") for x in record.get("size").split()],
+        )
+        at = self._pose(record, pose)
+        if record.get("fromto"):
+            ends = np.array(record.numbers("fromto", 6)).reshape(2, 3)
+            way = ends[1] - ends[0]
+            half = float(np.linalg.norm(way)) / 2
+            at = pose.at(ends.mean(axis=0), along(unit(way, record.where)))
+            flat = (
+                sizes[:1] if kind in ("capsule", "cylinder") else (sizes[:1] * 2 + sizes[1:2])[-2:]
+            )
+            sizes = [*flat, half]
+        body = solid(kind, sizes) if min(sizes, default=0.0) > 0 else None
+        density, mass = record.number("density", DENSITY), record.get("mass")
+        if body is None:
+            if kind != "plane":
+                self.assembly.drawing.note(f"{record.where}: a {kind} has no mass here")
+            return []
+        volume, inertia = body
+        total = record.number("mass") if mass else density * volume
+        return [Mass(total, at.place, total * at.axes @ inertia @ at.axes.T)] if total else []
+
+    # -- what joins them besides ------------------------------------------------------
+
+    def _end(self, record: Record, number_: int) -> tuple[str, Pose | None]:
+        """A body that an equality names, and where a site of it is."""
+        if site := record.get(f"site{number_}"):
+            if site not in self.sites:
+                raise wrong(record.where, f"no site {site}", f"sites: {listed(self.sites)}")
+            return self.sites[site]
+        name = record.get(f"body{number_}") or "world"
+        if name not in self.links:
+            raise wrong(record.where, f"no body {name}", f"bodies: {listed(self.links)}")
+        return name, None
+
+    def _equality(self, record: Record, name: str) -> None:
+        assembly, name = self.assembly, record.get("name") or name
+        if record.get("active") == "false" or record.tag not in ("connect", "weld", "joint"):
+            assembly.drawing.note(f"equality {record.tag} {name}: left out")
+            record.skip()
             return
-        c = self._at(name, self.plane.place(_numbers(raw.get("pos"), at, 3, "0 0 0")))
-        full = raw.get("fullinertia")
-        parts = _numbers(full or raw.get("diaginertia"), at, 6 if full else 3)
-        mass = number(raw.get("mass"), at)
-        self.found.inertias[name] = Inertia(mass, parts[self.plane.normal], c)
+        if record.tag == "joint":
+            self._ratio(record, name)
+            return
+        (one, at), (two, there) = self._end(record, 1), self._end(record, 2)
+        at = at or self.poses[one].at(record.numbers("anchor", 3, "0 0 0"))
+        ends = (self.links[one], self.links[two])
+        if record.tag == "weld":
+            record.taken |= {"relpose", "torquescale", "anchor"}
+        kind = "ball" if record.tag == "connect" else "weld"
+        assembly.joints.append(Joint(name, kind, *ends, at, there or at))
 
-    def _connect(self, raw: Element, name: str) -> None:
-        at = f"{self.where}, {name}"
-        one, two = raw.get("body1"), raw.get("body2") or "world"
-        if one is None or unknown_of(self.frames, one, two):
-            missing = listed(unknown_of(self.frames, str(one), two))
-            raise wrong(at, f"no body {missing}", f"bodies: {listed(self.frames)}")
-        z = self._at(one, self.plane.place(_numbers(raw.get("anchor"), at, 3)))
-        self._point(raw.get("name") or name, z, (self.links[one], self.links[two]))
-
-    def _actuator(self, raw: Element) -> None:
-        key = raw.get("joint", "")
-        if raw.tag not in ACTUATORS or not (key in self.found.points or key in self.joints):
-            self.found.note(f"actuator {raw.get('name') or raw.tag}: left out")
-        elif key in self.joints:
-            i = self.joints[key]
-            self.found.guides[i] = self.found.guides[i]._replace(drive=Drive(1.0, 0.0, None))
+    def _ratio(self, record: Record, name: str) -> None:
+        driven, leading = record.get("joint1"), record.get("joint2")
+        words = (record.get("polycoef") or "0 1 0 0 0").split()
+        coefficients = tuple(number(x, f"{record.where}, polycoef") for x in words)
+        for joint in filter(None, (driven, leading)):
+            if joint not in self.references:
+                known = f"joints: {listed(self.references)}"
+                raise wrong(record.where, f"no joint {joint}", known)
+        if leading:
+            self.assembly.ratios.append(Ratio(name, leading, driven, coefficients))
         else:
-            self.found.drives[key] = Drive()
+            held = {"law": "constant_rate", "rate": 0.0, "from": coefficients[0]}
+            self._moved(driven, law=held | {"to": coefficients[0]})
 
+    def _actuator(self, record: Record) -> None:
+        joint = record.get("joint") or record.get("jointinparent")
+        if record.tag not in ACTUATORS or joint not in self.references:
+            name = record.get("name") or record.tag
+            self.assembly.drawing.note(f"actuator {name}: left out")
+            record.skip()
+            return
+        self._moved(joint, law={})
 
-def unknown_of(known: dict[str, tuple[complex, float]], *names: str) -> list[str]:
-    """The names that are not known."""
-    return [name for name in names if name not in known]
+    def _scale(self, total: float) -> None:
+        """Scale all masses so that they sum up to a total [kg], if that is positive."""
+        masses = self.assembly.masses
+        factor = total / (sum(mass.mass for several in masses.values() for mass in several) or 1.0)
+        if total > 0:
+            for several in masses.values():
+                several[:] = [Mass(m.mass * factor, m.centre, m.inertia * factor) for m in several]
+
+    def _moved(self, name: str, **motion: object) -> None:
+        joints = self.assembly.joints
+        for k, joint in enumerate(joints):
+            if joint.name == name:
+                joints[k] = joint._replace(**motion)  # type: ignore[arg-type]
 
 
 READER = Reader(

@@ -17,7 +17,7 @@ from xml.sax.saxutils import quoteattr
 
 from blockmech.errors import printable, refused
 from blockmech.exchange.formats import Order, Writer, one_file
-from blockmech.model.structure import JointRef
+from blockmech.exchange.standing import Standing
 from blockmech.values import numbered_name
 
 MM = 1e3
@@ -55,19 +55,14 @@ Shape = Line | Arc | Circle
 
 def outlines(order: Order) -> dict[str, list[Shape]]:
     """Link -> its outline and holes [mm], in the pose of the first sample."""
-    mechanism = order.mechanism.of_blocks
-    s = mechanism.structure
-    refs = [JointRef(b, j) for b, block in s.blocks.items() for j in block.joints]
-    at = dict(order.at) or {"samples": 1}
-    result = mechanism.run(**at, want="*.p", static=True)
-    places: dict[str, list[complex]] = {}
-    for ref in refs:
-        if s.joint(ref).kind != "R":
+    pose, places = Standing(order), dict[str, list[complex]]()
+    s = pose.structure
+    for ref in pose.joints:
+        if ref in pose.direction:
             continue
-        name = f"{ref}.p" if f"{ref}.p" in result else f"{s.feeds[ref]}.p"
         for link in (s.earlier_link(ref), s.later_link(ref)):
             pins = places.setdefault(str(link), [])
-            z = complex(result[name][0]) * MM
+            z = pose.pin(ref) * MM
             if all(abs(z - other) > 1e-9 for other in pins):
                 pins.append(z)
     spans = [abs(a - b) for pins in places.values() for a in pins for b in pins]
@@ -127,7 +122,8 @@ def dxf(shapes: dict[str, list[Shape]]) -> str:
     """R12 text; a layer for each link."""
     layers = _layers(shapes)
     pairs: list[tuple[int, Any]] = [
-        *((0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009"), (0, "ENDSEC")),
+        *((0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009")),
+        *((9, "$INSUNITS"), (70, 4), (9, "$MEASUREMENT"), (70, 1), (0, "ENDSEC")),  # mm, metric
         *((0, "SECTION"), (2, "TABLES"), (0, "TABLE"), (2, "LAYER"), (70, len(layers))),
     ]
     for k, layer in enumerate(layers.values()):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from typing import Any, NoReturn
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
@@ -41,11 +43,25 @@ def items(raw: Any, where: str) -> list[Any]:
     return raw
 
 
-def fields(raw: Any, where: str) -> Mapping[str, Any]:
+class Fields(dict[str, Any]):
+    """An object of JSON that knows which of its fields were taken."""
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """The value of a field, which is taken."""
+        self.__dict__.setdefault("taken", set()).add(key)
+        return super().get(key, default)
+
+    def left_over(self, what: str, drawn: Iterable[str] = ()) -> list[str]:
+        """A sentence for the fields that nobody took, but for how parts are drawn."""
+        left = [x for x in self if x not in {*self.__dict__.get("taken", ()), *drawn}]
+        return [f"{what}: {', '.join(left)[:80]}: left out"] if left else []
+
+
+def fields(raw: Any, where: str) -> Fields:
     """An object. Raises `FormatError` for anything else."""
     if not isinstance(raw, dict):
         raise wrong(where, f"got {shown(raw)}", "an object")
-    return raw
+    return Fields(raw)
 
 
 def json_of(text: str, where: str) -> Any:
@@ -111,3 +127,84 @@ def xml_of(text: str, where: str) -> Element:
         what = expat.errors.messages.get(error.code, "not well-formed")
         raise wrong(where, f"{at}: {what}", "XML") from None
     return root
+
+
+@dataclass
+class Record:
+    """A part of a file, from which its reader takes what it knows; what is left can be told.
+
+    A field is an attribute, or the text of a part inside, whatever a format calls it.
+    """
+
+    tag: str
+    fields: dict[str, str]
+    inner: list[Record]
+    where: str
+    text: str = ""
+    taken: set[str] = field(default_factory=set)
+
+    def get(self, key: str, default: str = "") -> str:
+        """The text of a field."""
+        self.taken.add(key)
+        if key in self.fields:
+            return self.fields[key]
+        part = next((part for part in self.inner if part.tag == key), None)
+        if part is None:
+            return default
+        part.taken.update(line.tag for line in part.inner)
+        return part.text
+
+    def number(self, key: str, default: float | None = None) -> float:
+        """A field that is a number. Raises `FormatError` for any other."""
+        return number(self.get(key).strip(), f"{self.where}, {key}", default)
+
+    def numbers(self, key: str, count: int, default: str = "") -> list[float]:
+        """A field of so many numbers. Raises `FormatError` for any other."""
+        text = self.get(key) or default
+        numbers = [number(word, f"{self.where}, {key}") for word in text.split()]
+        if len(numbers) != count:
+            raise wrong(f"{self.where}, {key}", f'"{text[:40]}"', f"{count} numbers")
+        return numbers
+
+    def all(self, *tags: str) -> list[Record]:
+        """The parts inside of these names."""
+        self.taken.update(tags)
+        return [part for part in self.inner if part.tag in tags]
+
+    def below(self, tag: str) -> list[Record]:
+        """What is inside of the parts of a name."""
+        outers = self.all(tag)
+        for outer in outers:
+            outer.taken.update(part.tag for part in outer.inner)
+        return [part for outer in outers for part in outer.inner]
+
+    def one(self, tag: str) -> Record:
+        """The first part of a name, an empty one where there is none."""
+        return next(iter(self.all(tag)), Record(tag, {}, [], f"{self.where}, {tag}"))
+
+    def skip(self) -> None:
+        """Take all of it: what it is has been told."""
+        self.taken.update(self.fields, (part.tag for part in self.inner))
+        for part in self.inner:
+            part.skip()
+
+    def _left(self, drawn: set[str]) -> Iterator[str]:
+        yield from (f"{self.tag} {key}" for key in self.fields if key not in self.taken | drawn)
+        for part in self.inner:
+            if part.tag in self.taken:
+                yield from part._left(drawn)
+            elif part.tag not in drawn:
+                yield f"{part.tag} {part.get('name') or part.get('Name')}".strip()
+
+    def left_over(self, drawn: Iterable[str]) -> list[str]:
+        """A sentence for each kind of thing that nobody took, but for how parts are drawn."""
+        counts = Counter(self._left(set(drawn)))
+        return [f"{x}: left out" + f" ({n} times)" * (n > 1) for x, n in counts.items()]
+
+
+def record_of(element: Element, where: str) -> Record:
+    """An element of XML as a record."""
+    name = element.get("name")
+    here = f"{where}, {element.tag} {name}" if name else f"{where}, {element.tag}"
+    inner = [record_of(part, where) for part in element]
+    return Record(element.tag, dict(element.attrib), inner, here, (element.text or "").strip())

@@ -14,12 +14,13 @@ import math
 import re
 from typing import Any, NamedTuple
 
-from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Slot, Wheels
+from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, Wheels
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import fields, items, json_of, number, wrong
 
 TYPES = ("R", "P", "RP", "G")
 GROUND = "ground"
+LOOKS = ("Links", "OffsetAngle", "Pathvisible", "Velocityvisible", "Accelvisible", "IsGround")
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 JOINT = re.compile(
     r"J\[\s*(?P<type>\w+)\s*,(?:\s*A\[(?P<angle>[^\]]*)\]\s*,)?\s*(?:color\[[^\]]*\]\s*,)?"
@@ -77,7 +78,7 @@ def _take(row: Row, drawing: Drawing) -> None:
         for other in others:
             pair = (first, other) if other != FRAME else (other, first)
             drive = Drive(1.0, 0.0, None) if row.driven else None
-            drawing.guides.append(Guide(*pair, row.at, row.angle, drive))
+            drawing.pairs.append(Pair(*pair, row.at, row.angle, drive))
         if row.driven:
             drawing.note(f"the drive of {row.name} has no stroke in the file")
         return
@@ -85,7 +86,9 @@ def _take(row: Row, drawing: Drawing) -> None:
     if row.kind == "RP" and others:
         drawing.slots[row.name] = [Slot(row.angle, first)]
         moving = [link for link in moving if link != first]
-    elif GROUND in row.links:
+        if first == FRAME:
+            others = []
+    if GROUND in row.links and (row.kind != "RP" or FRAME in others):
         drawing.fixed.add(row.name)
     for link in moving:
         drawing.links[link].append(row.name)
@@ -104,7 +107,7 @@ def _kind(raw: Any, where: str) -> str:
 
 def read_text(text: str, where: str) -> Drawing:
     """A line for each joint."""
-    rows: list[Row] = []
+    rows, left = list[Row](), list[str]()
     body = text.partition("mech=")[2] if "mech=" in text else text
     for line in body.splitlines():
         words = [w for w in re.split(r"[,\s]+", line.strip()) if w]
@@ -118,18 +121,21 @@ def read_text(text: str, where: str) -> Drawing:
         values = [w for w in words[i + 1 :] if not re.fullmatch(r"[tf+\-]{1,4}", w)]
         flags = [w for w in words[i + 1 :] if re.fullmatch(r"[tf+\-]{4}", w)]
         x, y, *rest = [number(w, at) for w in values[:3]]
+        left += [f"joint {_name(len(rows))}: {w[:20]}: left out" for w in values[3:]]
         angle = math.radians(rest[0]) if rest else 0.0
         driven = bool(flags) and flags[0][3] in "t+"
         kind = _kind(words[i], at)
         rows.append(Row(words[:i], kind, complex(x, y), angle, driven, _name(len(rows))))
-    return drawing_of(rows, where)
+    drawing = drawing_of(rows, where)
+    drawing.notes += left
+    return drawing
 
 
 def read_json(text: str, where: str) -> Drawing:
     """``Joints`` with their links, ``DrivingIndex`` and ``InputSpeed``."""
     data = fields(json_of(text, where), where)
     driving = data.get("DrivingIndex")
-    rows: list[Row] = []
+    rows, left = list[Row](), list[str]()
     for i, raw in enumerate(items(data.get("Joints"), f"{where}, Joints")):
         at = f"{where}, Joints[{i}]"
         own = fields(raw, at)
@@ -138,8 +144,11 @@ def read_json(text: str, where: str) -> Drawing:
         angle = math.radians(number(own.get("Angle"), at, 0.0))
         kind = _kind(own.get("TypeOfJoint", "R"), at)
         rows.append(Row(links, kind, place, angle, i == driving, _name(i)))
-    rate = number(data.get("InputSpeed"), where, 1.0)
-    return drawing_of(rows, str(data.get("Name") or where), rate)
+        left += own.left_over(f"joint {_name(i)}", LOOKS)
+    rate, name = number(data.get("InputSpeed"), where, 1.0), str(data.get("Name") or where)
+    drawing = drawing_of(rows, name, rate)
+    drawing.notes += [*left, *data.left_over("the file", LOOKS)]
+    return drawing
 
 
 def read_expression(text: str, where: str) -> Drawing:

@@ -1,156 +1,481 @@
 """PMKS+: the address of a drawing, which has the whole mechanism behind its question mark.
 
 Groups stand between dots: four of settings, then joints, an empty one, links, an empty one, forces,
-an empty one, and what is selected with a character that counts the length. Numbers are of base 64,
-a leading 0 is a minus, decimals are thousandths.
+an empty one, what is selected, marks, and a character that counts the length. Numbers are of base
+64, a leading 0 is a minus, decimals are thousandths. Of addresses before 2023, ``?j=...&l=...``,
+joints, links, forces and settings are lines of words.
 
-Source: PMKS-Web/PMKSWeb, ``src/app/services/transcoding``.
+A joint that slides has a line of the frame by its angle, or one of a moving link by two joints of
+that link, which goes through both. It is pinned to the links at it, or rigid with them where it is
+welded; until 2026 by a block without length, a link of its kind. Links that are welded at a joint
+are one. Masses and forces have the units of the lengths: cm, g, kg cm2, N; m, kg, kg m2, N; or in,
+lbm, lbm in2, lbf.
+
+Source: PMKS-Web/PMKSWeb, ``src/app/services/transcoding``, ``model/unit-conversions.ts``; for old
+addresses ``toolbar.component.ts`` and ``url-processor.service.ts`` of 2022.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
 from urllib.parse import unquote
 
 from blockmech.errors import listed
-from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Inertia, Load, Slot
+from blockmech.exchange.drawing import (
+    FRAME,
+    Drawing,
+    Drive,
+    Inertia,
+    Load,
+    Slot,
+    direction,
+)
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import wrong
+from blockmech.exchange.parsing import number, wrong
 
 DIGITS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_-"
 COUNTED = DIGITS[:62]  # what the last character may be
-UNITS = {"0": "in", "1": "cm", "2": "m"}
-PRISMATIC, INPUT, GROUNDED, WELDED = (1 << k for k in range(4))
+PRISMATIC, INPUT, GROUNDED, WELDED, CURVE, SEALED = (1 << k for k in range(6))
+ROOTS, PARTS = "YAMG0123", "NamgN4567"  # a link, or one that is welded into another
+CLOCKWISE, NO_GRAVITY = 1 << 0, 1 << 8  # among the settings
+MARKS = "JLFCSKH"  # what the last group has of locks, anchors, synthesis, colours and holds
 RPM = math.tau / 60
+SLIDING = 5.0  # lengths per second of a drive that slides, where the address is older than that
+STROKE = 0.05  # of the drawing's size, where a slide is driven
+POUND, INCH, POUND_FORCE, KILOPOND = 0.45359237, 0.0254, 4.4482216152605, 9.80665
 
 
-def _whole(text: str, where: str) -> int:
-    sign, digits = (-1, text[1:]) if len(text) > 1 and text[0] == "0" else (1, text)
+class Units(NamedTuple):
+    """Units of an address: of lengths by name, the others in SI."""
+
+    length: str
+    mass: float
+    inertia: float
+    force: float
+
+
+UNITS = {
+    "0": Units("in", POUND, POUND * INCH**2, POUND_FORCE),
+    "1": Units("cm", 1e-3, 1e-4, 1.0),
+    "2": Units("m", 1.0, 1.0, 1.0),
+}
+UNNAMED = Units("", 1.0, 1.0, 1.0)
+
+
+class Joint(NamedTuple):
+    """A joint as it is written; its line by an angle [rad], or carrier and two of its joints."""
+
+    key: str
+    flags: int
+    at: complex
+    angle: float
+    line: list[str]
+    speed: float = 0.0
+    mass: float = 0.0
+
+    def has(self, flag: int) -> bool:
+        """Whether a flag is set."""
+        return bool(self.flags & flag)
+
+
+class Bar(NamedTuple):
+    """A link as it is written, or the block of a slider; parts are links that are welded in it."""
+
+    key: str
+    block: bool
+    body: Inertia
+    joints: list[str]
+    parts: list[str]
+    root: bool
+
+
+@dataclass
+class Address:
+    """What an address says, whatever its age; rates [rad/s, length/s] with their sense."""
+
+    units: Units = UNNAMED
+    turning: float = 10 * RPM
+    sliding: float = SLIDING
+    gravity: bool = True
+    joints: dict[str, Joint] = field(default_factory=dict)
+    bars: dict[str, Bar] = field(default_factory=dict)
+    loads: list[Load] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def push(
+        self, key: str, link: str, ends: tuple[complex, complex], flags: int, size: float
+    ) -> None:
+        """Add a force between two places: 1 turns with its link, 2 points away from its own."""
+        start, end = ends
+        along = end - start if flags & 2 else start - end
+        if not along:
+            self.notes.append(f"force {key} has no direction: left out")
+            return
+        force = cmath.rect(size * self.units.force, cmath.phase(along))
+        self.loads.append(Load(key, link, start, force, bool(flags & 1)))
+
+
+class Words:
+    """The words of a record, which its reader takes one by one; what is left it tells."""
+
+    def __init__(self, text: str, name: str, address: Address, where: str) -> None:
+        self.words, self.name, self.address = text.split(","), name, address
+        self.where = f"{where}, {name}"
+
+    def word(self, valid: str = "") -> str:
+        """The next word, "" behind the last. Raises `FormatError` where something must stand."""
+        word = self.words.pop(0).strip() if self.words else ""
+        if valid and not word:
+            raise wrong(self.where, "it ends too early", valid)
+        return word
+
+    def whole(self, default: str = "0") -> int:
+        """A whole number of base 64, signed."""
+        return _whole(self.word() or default, self.where)
+
+    def decimal(self) -> float:
+        """A number in thousandths."""
+        return self.whole() / 1000
+
+    def place(self) -> complex:
+        """Two numbers in thousandths."""
+        return complex(self.decimal(), self.decimal())
+
+    def number(self, default: float | None = None) -> float:
+        """A number as it is printed."""
+        word = self.word()
+        return number("" if word == "Null" else word, self.where, default)
+
+    def yes(self) -> bool:
+        """A word that is t or true."""
+        return self.word().lower() in ("t", "true")
+
+    def finish(self) -> None:
+        """Tell what nobody took."""
+        if any(self.words):
+            left = listed([w[:20] for w in self.words if w])
+            self.address.notes.append(f"{self.name}: {left}: left out")
+
+
+def _whole(text: str, where: str, signed: bool = True) -> int:
+    negative = signed and len(text) > 1 and text[0] == "0"
+    digits = text[1:] if negative else text
     if not digits or any(c not in DIGITS for c in digits) or len(digits) > 10:
         raise wrong(where, f'"{text[:20]}" is not a number of base 64')
     value = 0
     for c in digits:
         value = 64 * value + DIGITS.index(c)
-    return sign * value
-
-
-def _decimal(text: str, where: str) -> float:
-    return _whole(text, where) / 1000
+    return -value if negative else value
 
 
 def code_of(text: str) -> str:
     """What stands behind the question mark."""
-    return unquote(text.strip().partition("?")[2] or text.strip())
-
-
-def _groups(code: str, where: str) -> tuple[list[str], list[list[str]]]:
-    """Settings, and the groups of joints, links and forces."""
-    parts = code.split(".")
-    settings, rest = parts[:4], parts[4:]
-    groups: list[list[str]] = [[]]
-    for k, part in enumerate(rest):
-        if part:
-            groups[-1].append(part)
-        elif len(groups) < 3:
-            groups.append([])
-        else:
-            if k < len(rest) - 2:
-                raise wrong(where, "there is more behind the forces than what is selected")
-            break
-    if len(groups) < 3 or not groups[0]:
-        raise wrong(where, "the address ends too early", "all of it, up to its last character")
-    return settings, groups
+    line = text.strip().partition("\nleft out")[0]
+    if line.startswith("[InternetShortcut]"):
+        line = line.partition("URL=")[2].partition("\n")[0]
+    match = re.search(r"https?://\S*?\?(.*)", line, re.DOTALL)
+    return unquote(match[1] if match else line.removeprefix("?")).strip()
 
 
 def read(text: str, where: str) -> Drawing:
     """The drawing of an address."""
     code = code_of(text)
+    old = re.match(r"j=.*&l=", code, re.DOTALL)
+    return drawn(_old(code, where) if old else _new(code, where), where)
+
+
+def _groups(code: str, where: str) -> tuple[list[str], list[list[str]], list[str]]:
+    """Settings, the groups of joints, links and forces, and what stands behind."""
+    parts = code.split(".")
+    settings, rest = parts[:4], parts[4:]
+    groups: list[list[str]] = [[]]
+    while rest and len(groups) < 4:
+        if part := rest.pop(0):
+            groups[-1].append(part)
+        else:
+            groups.append([])
+    if len(groups) < 3 or not groups[0]:
+        raise wrong(where, "the address ends too early", "all of it, up to its last character")
+    return settings, groups[:3], rest
+
+
+def _new(code: str, where: str) -> Address:
     if len(code) > 1 and COUNTED[(len(code) - 1) % 62] != code[-1]:
         raise wrong(where, "the address is not whole: its last character does not count the rest")
-    settings, (joints, links, forces) = _groups(code, where)
-    ints = settings[2].split(",")
-    rpm = abs(_whole(ints[0], where)) if ints[0] else 10
-    clockwise = not (DIGITS.find(settings[0][:1]) & 1)
-    drawing = Drawing("pmks_plus", UNITS.get(settings[3][:1], ""), "PMKS+ address")
-    names: dict[str, str] = {}
-    welded = []
-    for raw in joints:
-        at = f"{where}, joint {len(names) + 1}"
-        token, *rest = raw.split(",")
-        if len(rest) < 4 or len(token) < 2:
-            raise wrong(at, f'"{raw[:40]}" is no joint', "id, name, x, y, angle")
-        flags, key = DIGITS.find(token[0]), token[1:]
-        x, y, angle = (_decimal(w, at) for w in rest[1:4])
-        names[key] = key
-        drawing.points[key] = complex(x, y)
-        slides = bool(flags & PRISMATIC)
-        if flags & GROUNDED and not slides:
-            drawing.fixed.add(key)
-        if slides:
-            carrier = rest[4] if len(rest) > 4 and rest[4] else FRAME
-            drawing.slots[key] = [Slot(angle, carrier)]
-        if flags & WELDED:
-            welded.append(key)
-        if flags & INPUT:
-            rate = -rpm * RPM if clockwise else rpm * RPM
-            drawing.drives[key] = Drive(rpm * 1e-3, 0.0, None) if slides else Drive(rate)
-    for name, points in _links(links, names, drawing, where):
-        drawing.links[name] = points
-    if welded:
-        drawing.note(f"welded at {listed(welded)}: links that are welded are one link here")
-    for k, raw in enumerate(forces):
-        _force(raw, f"{where}, force {k + 1}", drawing)
+    settings, groups, rest = _groups(code[:-1], where)
+    address = Address(units=UNITS.get(settings[3][:1], UNITS["1"]))
+    if settings[3][2:3] == "3" and settings[3][:1] != "0":
+        address.units = address.units._replace(force=KILOPOND)
+    flags = _whole(settings[0], where, signed=False)
+    sense = -1 if flags & CLOCKWISE else 1
+    address.gravity = not flags & NO_GRAVITY
+    lengths = Words(settings[1], "settings", address, where)
+    lengths.decimal()  # the scale of the picture
+    address.sliding = sense * (abs(lengths.decimal()) or SLIDING)
+    speeds = Words(settings[2], "settings", address, where)
+    address.turning = sense * abs(speeds.whole("A")) * RPM
+    for raw in groups[0]:
+        _new_joint(raw, address, where)
+    for raw in groups[1]:
+        _new_bar(raw, address, where)
+    for k, raw in enumerate(groups[2], 1):
+        words = Words(raw, f"force {k}", address, where)
+        token, link, _ = words.word("flags and id"), words.word("a link"), words.word()
+        ends, kind = (words.place(), words.place()), _whole(token[0], where, signed=False)
+        address.push(token[1:], link, ends, kind, words.decimal())
+        words.finish()
+    for mark in ",".join(rest[1:]).split(","):
+        if mark[:1] == "P":
+            address.notes.append("digits beyond thousandths: left out")
+        elif mark[:1] not in MARKS:
+            address.notes.append(f"mark {mark[:20]}: left out")
+    return address
+
+
+def _new_joint(raw: str, address: Address, where: str) -> None:
+    words = Words(raw, f"joint {len(address.joints) + 1}", address, where)
+    token, label = words.word("flags and id"), words.word("id, name, x, y, angle")
+    flags, key = _whole(token[0], words.where, signed=False), token[1:]
+    at, angle, line = words.place(), words.decimal(), [words.word() for _ in range(3)]
+    speed, mass = words.decimal(), words.decimal()
+    if not key or key in address.joints:
+        raise wrong(words.where, f'"{key}" is no id, or one of two', "ids of their own")
+    if words.word() not in ("", "0") or (flags & PRISMATIC and flags & SEALED):
+        flags |= WELDED  # the rod of a cylinder does not turn in it
+    address.joints[key] = Joint(key, flags, at, angle, line if any(line) else [], speed, mass)
+    _called("joint", key, label, address)
+    words.finish()
+
+
+def _new_bar(raw: str, address: Address, where: str) -> None:
+    words = Words(raw, f"link {len(address.bars) + 1}", address, where)
+    token, label = words.word("flags and id"), words.word("id, name, mass, inertia, ...")
+    if len(token) < 3 or token[0] not in ROOTS + PARTS or token[1] not in "RP":
+        raise wrong(words.where, f'"{token[:20]}" is no link', f"one of {ROOTS}{PARTS}, R or P")
+    mass, inertia, cm = words.decimal(), words.decimal(), words.place()
+    words.word()  # colour
+    joints, parts = [], []
+    while word := words.word():
+        joints.append(word)
+    while word := words.word():
+        parts.append(word)
+    units, key = address.units, token[2:]
+    body = Inertia(mass * units.mass, inertia * units.inertia, cm)
+    if key in address.bars:
+        raise wrong(words.where, f'there are two links "{key}"')
+    address.bars[key] = Bar(key, token[1] == "P", body, joints, parts, token[0] in ROOTS)
+    _called("link", key, label, address)
+    words.finish()
+
+
+def _called(what: str, key: str, label: str, address: Address) -> None:
+    if label and label != key:
+        address.notes.append(f"{what} {key} is called {label[:40]} there")
+
+
+# -- addresses before 2023 ---------------------------------------------------------------------
+
+
+def _old(code: str, where: str) -> Address:
+    """Lines of words: joints, links, forces, settings; of two orders, which the words tell."""
+    sections = dict(re.findall(r"(?:^|&)(\w+)=([^&]*)", code))
+    address = Address()
+    words = Words(sections.pop("s", ""), "settings", address, where)
+    speed, clockwise = words.number(10.0), words.yes()
+    address.turning = (-1 if clockwise else 1) * speed * RPM
+    address.sliding = (-1 if clockwise else 1) * SLIDING
+    address.gravity = words.yes()
+    unit = words.word().lower()
+    address.units = {"cm": UNITS["1"], "m": UNITS["2"], "in": UNITS["0"]}.get(unit[:2], UNITS["1"])
+    words.finish()
+    blocks: dict[str, list[str]] = {}
+    readers: dict[str, Callable[[Words, Address], None]] = {"l": _old_bar, "f": _old_push}
+    for raw in _lines(sections.pop("j")):
+        words = Words(raw, f"joint {len(address.joints) + 1}", address, where)
+        _old_joint(words, address, blocks)
+        words.finish()
+    for section, names in (("l", "link"), ("f", "force")):
+        for k, raw in enumerate(_lines(sections.pop(section, "")), 1):
+            words = Words(raw, f"{names} {k}", address, where)
+            readers[section](words, address)
+            words.finish()
+    for key, joints in blocks.items():  # blocks of sliders were not written as links then
+        if key not in address.bars:
+            at = address.joints[joints[0]].at
+            address.bars[key] = Bar(key, True, Inertia(0.0, 0.0, at), joints, [], True)
+    address.notes += [f"{key}={body[:20]}: left out" for key, body in sections.items() if body]
+    return address
+
+
+def _lines(text: str) -> list[str]:
+    return [line for line in text.replace("%0A", "\n").splitlines() if line.strip(" ,")]
+
+
+def _old_joint(words: Words, address: Address, blocks: dict[str, list[str]]) -> None:
+    key, at = words.word("id, x, y, links, type"), complex(words.number(), words.number())
+    links, kind = words.word().split("|"), words.word("R or P")
+    if kind[0] not in "RP":
+        raise wrong(words.where, f'no joint type "{kind[:20]}"', "R or P")
+    flags = [PRISMATIC * (kind[0] == "P")]
+    angle = number(kind[1:], words.where, 0.0)
+    for flag in (GROUNDED, INPUT):  # the angle stands between them, or behind
+        if words.words and re.fullmatch(r"-?[\d.e-]+|Null", words.words[0].strip()):
+            angle = words.number(0.0)
+        flags.append(flag * words.yes())
+    angle = words.number(angle)
+    if key in address.joints:
+        raise wrong(words.where, f'there are two joints "{key}"')
+    address.joints[key] = Joint(key, sum(flags), at, angle, [])
+    for link in filter(None, links):
+        blocks.setdefault(link, []).append(key)
+
+
+def _old_bar(words: Words, address: Address) -> None:
+    key, block = words.word("id, mass, inertia, ..."), False
+    if words.words and words.words[0].strip() in "RP":
+        block = words.word() == "P"
+    mass, inertia = words.number(0.0), words.number(0.0)
+    cm = complex(words.number(0.0), words.number(0.0))
+    joints = [x for x in words.word("joints").split("|") if x]
+    words.words = []  # forces, which say it themselves, and how it is drawn
+    units = address.units
+    body = Inertia(mass * units.mass, inertia * units.inertia, cm)
+    address.bars[key] = Bar(key, block, body, joints, [], True)
+
+
+def _old_push(words: Words, address: Address) -> None:
+    key, link = words.word("id"), words.word("a link")
+    start, end = (complex(words.number(), words.number()) for _ in range(2))
+    flags = (not words.yes()) | 2 * words.yes()
+    address.push(key, link, (start, end), flags, words.number())
+
+
+# -- what they mean ----------------------------------------------------------------------------
+
+
+def drawn(address: Address, where: str) -> Drawing:
+    """The drawing of what an address says. Raises `FormatError` for what does not fit."""
+    drawing = Drawing("pmks_plus", address.units.length, "PMKS+ address")
+    drawing.gravity = -9.81j if address.gravity else 0j
+    joints, bars = address.joints, address.bars
+    for bar in bars.values():
+        for kind, keys, known in ("joint", bar.joints, joints), ("link", bar.parts, bars):
+            if unknown := [key for key in keys if key not in known]:
+                found = f"no {kind} {listed(unknown)}"
+                raise wrong(f"{where}, link {bar.key}", found, f"{kind}s: {listed(known)}")
+    roots = {bar.key: bar for bar in bars.values() if bar.root}
+    root_of = {part: bar.key for bar in roots.values() for part in bar.parts}
+    slid, pins = _blocks(address, roots)
+    for key, bar in roots.items():
+        drawing.links[key] = list(bar.joints)
+        drawing.inertias[key] = (
+            bar.body._replace(cm=joints[bar.joints[0]].at) if key in slid else bar.body
+        )
+    drawing.points = {joint.key: joint.at for joint in joints.values()}
+    for joint in joints.values():
+        if joint.has(PRISMATIC):
+            _slide(joint, address, drawing, {v: k for k, v in slid.items()}, root_of, where)
+        elif joint.has(GROUNDED) and joint.key not in pins:
+            drawing.fixed.add(joint.key)
+        if joint.has(INPUT):
+            driven = joints[pins.get(joint.key, joint.key)]
+            drawing.drives[driven.key] = _drive(joint, driven, address, drawing)
+    for joint in joints.values():
+        if joint.has(WELDED):
+            _weld(joint.key, roots, bars, drawing)
+    drawing.loads = [x._replace(link=root_of.get(x.link, x.link)) for x in address.loads]
+    drawing.notes += list(dict.fromkeys(address.notes))
     return drawing
 
 
-def _links(
-    raws: list[str], names: dict[str, str], drawing: Drawing, where: str
-) -> Iterator[tuple[str, list[str]]]:
-    """Root links: what is welded of others is one of them."""
-    for k, raw in enumerate(raws):
-        at = f"{where}, link {k + 1}"
-        words = raw.split(",")
-        if len(words) < 8 or len(words[0]) < 3:
-            raise wrong(at, f'"{raw[:40]}" is no link')
-        root, kind, key = words[0][0] == "Y", words[0][1], words[0][2:]
-        mass, inertia, x, y = (_decimal(w, at) for w in words[2:6])
-        points = []
-        for word in words[7:]:
-            if not word:
-                break
-            points.append(word)
-        if unknown := [p for p in points if p not in names]:
-            raise wrong(at, f"no joint {listed(unknown)}", f"joints: {listed(names)}")
-        if not root:
-            continue
-        if kind == "P":
-            drawing.sliders.add(key)
-        drawing.inertias[key] = Inertia(mass, inertia, complex(x, y))
-        yield key, points
+def _blocks(address: Address, roots: dict[str, Bar]) -> tuple[dict[str, str], dict[str, str]]:
+    """Block -> the joint that slides with it, and pin of a block -> the same."""
+    slid, pins = {}, {}
+    for key, bar in roots.items():
+        sliding = [p for p in bar.joints if address.joints[p].has(PRISMATIC)]
+        if bar.block and len(sliding) == 1:
+            slid[key] = sliding[0]
+            pins.update({p: sliding[0] for p in bar.joints if p != sliding[0]})
+    return slid, pins
 
 
-def _force(raw: str, where: str, drawing: Drawing) -> None:
-    words = raw.split(",")
-    if len(words) < 7 or len(words[0]) < 2:
-        raise wrong(where, f'"{raw[:40]}" is no force')
-    flags = DIGITS.find(words[0][0])
-    *names, sx, sy, ex, ey, size = words
-    start, end = (complex(_decimal(a, where), _decimal(b, where)) for a, b in ((sx, sy), (ex, ey)))
-    along = end - start if flags & 2 else start - end
-    if along:
-        force = along / abs(along) * _decimal(size, where)
-        drawing.loads.append(Load(words[0][1:], names[1], start, force, bool(flags & 1)))
+def _slide(
+    joint: Joint,
+    address: Address,
+    drawing: Drawing,
+    block_of: dict[str, str],
+    root_of: dict[str, str],
+    where: str,
+) -> None:
+    at, (carrier, *ends) = f"{where}, joint {joint.key}", joint.line or [""]
+    slot = Slot(joint.angle)
+    if joint.line:
+        bar = address.bars.get(carrier)
+        if (
+            not all(joint.line)
+            or len(set(ends)) < 2
+            or bar is None
+            or not set(ends) <= {*bar.joints}
+        ):
+            found = f"its slot is {listed([x or '?' for x in joint.line])}"
+            raise wrong(at, found, "a link and two of its joints", "copy the whole address")
+        if joint.has(GROUNDED) or joint.key in bar.joints:
+            raise wrong(at, "it slides on its own link, or on the ground as well", "one slot")
+        a, b = (address.joints[p].at for p in ends)
+        slot = Slot(direction(a, b, at), root_of.get(carrier, carrier), "", a)
+    rider = block_of.get(joint.key, "")
+    if not rider and joint.has(WELDED):
+        rider = next(iter(drawing.meeting()[joint.key]), "")
+    elif not rider and joint.mass:
+        rider = f"block_{joint.key}"
+        drawing.links[rider] = [joint.key]
+        drawing.inertias[rider] = Inertia(joint.mass * address.units.mass, 0.0, joint.at)
+    drawing.slots[joint.key] = [slot._replace(rider=rider)]
+
+
+def _drive(joint: Joint, driven: Joint, address: Address, drawing: Drawing) -> Drive:
+    speed = joint.speed or driven.speed
+    if not driven.has(PRISMATIC):
+        return Drive(speed * RPM or address.turning)
+    rate = speed or address.sliding
+    places = [j.at for j in address.joints.values()]
+    stroke = math.copysign(STROKE * max(abs(z - places[0]) for z in places), rate)
+    drawing.note(f"the drive of {driven.key} has no stroke in the address: {stroke:.3g} was taken")
+    return Drive(rate, 0.0, stroke)
+
+
+def _weld(key: str, roots: dict[str, Bar], bars: dict[str, Bar], drawing: Drawing) -> None:
+    """Weld the links that meet at a joint: a compound link and blocks, or without one all."""
+    members = drawing.meeting()[key]
+    compounds = [
+        name
+        for name in members
+        if name in roots and sum(key in bars[part].joints for part in roots[name].parts) > 1
+    ]
+    if compounds:
+        members = [x for x in members if x in compounds or (x in roots and roots[x].block)]
+    first, *rest = sorted(
+        (x for x in members if x != FRAME), key=lambda x: x in roots and roots[x].block
+    ) or [""]
+    for other in rest:
+        drawing.weld(first, other)
+    if rest:
+        drawing.note(f"{listed([first, *rest])} are welded at {key}: they are one link, {first}")
 
 
 def recognises(text: str) -> bool:
     """An address of PMKS+, or what stands behind its question mark."""
-    word = text.strip()
-    if "\n" in word:
-        return False
-    code = r"\w[\w\-]*\.[\w\-,]*\.[\w\-,]*\.\d{1,6}\.[\w\-,. %]+"
-    return bool(re.fullmatch(rf"(https?://\S*\?)?{code}", word))
+    word = text.strip().partition("\nleft out")[0]
+    code = r"[\w\-]+\.[\w\-,]*\.[\w\-,]*\.\d{1,6}\.[\w\-,. %#~]+"
+    old = r"\??j=[^&]*&l=.*"
+    if word.startswith("[InternetShortcut]"):
+        word = word.partition("URL=")[2].strip()
+    return bool(re.fullmatch(rf"(https?://\S*\?)?({code}|{old})", word, re.DOTALL))
 
 
 READER = Reader("PMKS+: the address of a drawing", (".pmksplus", ".url"), recognises, read)

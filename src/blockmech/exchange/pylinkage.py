@@ -14,12 +14,23 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from blockmech.errors import listed
-from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Guide, Slot, direction
+from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, direction
 from blockmech.exchange.formats import Reader
-from blockmech.exchange.parsing import fields, items, json_of, number, wrong
+from blockmech.exchange.parsing import Fields, fields, items, json_of, number, wrong
 from blockmech.values import free_name
 
 STEP = "rates of pylinkage are radians a step: a step was taken as a second"
+LOOKS: tuple[str, ...] = (
+    "name",
+    "version",
+    "ground",
+    "distance",
+    "angle",
+    "radius",
+    "length",
+    "slide_distance",
+)
+LOOKS += ("line_point", "initial_angle", "ref_joint1_id", "ref_joint2_id", "color", "order")
 LEGACY = {"Static", "Crank", "Revolute", "Fixed", "Prismatic"}
 
 
@@ -34,10 +45,11 @@ def of_data(data: Mapping[str, Any], where: str) -> Drawing:
         what = "a hypergraph says who joins whom, but no lengths"
         raise wrong(where, what, "a file of mechanism_to_json", "save the mechanism itself")
     drawing = Drawing(str(data.get("name") or "linkage"), source="pylinkage file")
-    trackers: list[Mapping[str, Any]] = []
+    trackers: list[Fields] = []
+    records: list[Fields] = []
     for i, raw in enumerate(items(data.get("joints"), f"{where}, joints")):
         at = f"{where}, joints[{i}]"
-        own = fields(raw, at)
+        records.append(own := fields(raw, at))
         key, kind = str(own.get("id")), own.get("type", "revolute")
         if kind in LEGACY:
             raise wrong(at, f'"{kind}" is of the old format', "a file of mechanism_to_json")
@@ -52,9 +64,14 @@ def of_data(data: Mapping[str, Any], where: str) -> Drawing:
         elif kind == "tracker":
             trackers.append(own)
     for i, raw in enumerate(items(data.get("links"), f"{where}, links")):
-        _link(fields(raw, f"{where}, links[{i}]"), f"{where}, links[{i}]", drawing)
+        records.append(own := fields(raw, f"{where}, links[{i}]"))
+        _link(own, f"{where}, links[{i}]", drawing)
     for own in trackers:
         _rigid(drawing, str(own["id"]), [str(own.get(f"ref_joint{k}_id")) for k in (1, 2)], where)
+    for record in records:
+        drawing.notes += record.left_over(str(record.get("id"))[:40], LOOKS)
+    if isinstance(data, Fields):
+        drawing.notes += data.left_over("the file", LOOKS)
     return drawing
 
 
@@ -190,7 +207,7 @@ class _Components:
         drive = Drive(number(part.speed, name), 0.0, number(part.stroke, name))
         angle = number(part.angle, name)
         here = self.found.points[name]
-        self.found.guides.append(Guide(FRAME, slider, at, angle, drive, here))
+        self.found.pairs.append(Pair(FRAME, slider, at, angle, drive, here))
 
     def _rrr(self, part: Any, name: str) -> None:
         for anchor in (part.anchor1, part.anchor2):

@@ -10,7 +10,8 @@ from typing import Any
 
 from blockmech.errors import FormatError, Problem, close_match, in_file, listed, refused, shown
 from blockmech.exchange import pylinkage
-from blockmech.exchange.drawn_linkage import UNITS, document
+from blockmech.exchange.drawing import UNITS
+from blockmech.exchange.drawn_linkage import document
 from blockmech.exchange.formats import READERS, Reader
 from blockmech.exchange.parsing import wrong
 
@@ -21,19 +22,22 @@ DECLARED = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([\w.:-]+)""")
 ADDRESS = ("http://", "https://")
 
 
-def imported(source: Any, unit: str | None = None, format: str | None = None) -> dict[str, Any]:
+def imported(
+    source: Any, unit: str | None = None, format: str | None = None, rounded: bool = False
+) -> dict[str, Any]:
     """The joint-based document of what another tool wrote, its notes among it.
 
-    ``source`` is a file's name, an address, a text, or a live object of pylinkage. Raises
-    `FormatError` for what cannot be read, `RequestError` for units and formats that are none.
+    ``source`` is a file's name, an address, a text, or a live object of pylinkage. Points that
+    slide are on their lines, or if ``rounded`` beside them as they are drawn. Raises `FormatError`
+    for what cannot be read, `RequestError` for units and formats that are none.
     """
     if unit is not None and unit not in UNITS:
         raise refused("unit", f"got {shown(unit)}", close_match(str(unit), UNITS), listed(UNITS))
     if pylinkage.is_live(source):
-        return document(pylinkage.of_object(source), unit)
+        return document(pylinkage.of_object(source), unit, rounded)
     text, name = _text(source)
     try:
-        return document(_reader(text, name, format).read(text, _short(name)), unit)
+        return document(_reader(text, name, format).read(text, _short(name)), unit, rounded)
     except FormatError as error:
         raise FormatError(in_file(error.problems, name)) from None
     except BAD_CONTENT as error:

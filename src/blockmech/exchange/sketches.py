@@ -21,7 +21,7 @@ import re
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
-from blockmech.exchange.drawn_linkage import FRAME, Drawing, Drive, Slot, direction
+from blockmech.exchange.drawing import FRAME, Drawing, Drive, Slot, direction
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import number, wrong, xml_of
 

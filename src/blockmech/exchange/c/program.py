@@ -121,7 +121,7 @@ class CProgram:
         self.parameters = tuple(_members(self.plan.program.parameters))
         taken = Names()
         self.inputs = tuple(self._input(x, taken) for x in self.plan.program.inputs)
-        texts = {n: _comment(f"{n} [{self._unit(n) or '-'}]") for n in self._results}
+        texts = {n: _comment(f"{n} [{self.unit_of(n) or '-'}]") for n in self._results}
         taken = Names()
         self.outputs = {n: Member(taken.fresh(n), texts[n]) for n in self._results}
 
@@ -152,7 +152,8 @@ class CProgram:
         )
         return {"prismatic": prismatic, "following": frozenset(structure.followed)}
 
-    def _unit(self, column: str) -> str:
+    def unit_of(self, column: str) -> str:
+        """The unit of an output."""
         return self.catalogue[self._parts[column][0]].unit
 
     def _named(self, names: tuple[str, ...]) -> Iterator[tuple[str, str, Any]]:
@@ -302,7 +303,7 @@ class CProgram:
     def _scales(self, wanted: Any) -> Any:
         """The largest number among all outputs of the same unit: others may be rounding alone."""
         most = np.abs(np.where(np.isfinite(wanted), wanted, 0.0)).max(axis=0)
-        units = [self._unit(name) for name in self.outputs]
+        units = [self.unit_of(name) for name in self.outputs]
         largest: dict[str, float] = {}
         for unit, x in zip(units, most.tolist(), strict=True):
             largest[unit] = max(largest.get(unit, 0.0), x)

@@ -12,11 +12,13 @@ from __future__ import annotations
 
 import math
 import platform
+import re
 import shutil
 import subprocess
 import tempfile
 import uuid
 import zipfile
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -38,6 +40,9 @@ PLATFORMS = {  # version of FMI -> system -> folder of its binaries
     "3": {"Linux": "{}-linux", "Darwin": "{}-darwin", "Windows": "{}-windows"},
 }
 MACHINES = {"AMD64": "x86_64", "arm64": "aarch64", "ARM64": "aarch64"}  # names of FMI 3
+BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
+DERIVED = {"N": "kg m s-2", "J": "kg m2 s-2", "W": "kg m2 s-3", "Pa": "kg m-1 s-2", "Hz": "s-1"}
+DERIVED |= {"V": "kg m2 s-3 A-1"}
 TIME = 0x7FFFFFFF  # value reference of FMI 3's independent variable, as in unit.h
 STEP = 1e-3  # [s] of the co-simulation's own integration
 
@@ -48,6 +53,7 @@ class Variable(NamedTuple):
     place : where the C text has it
     start : of what can be set: states and inputs
     derivative : of a rate, the state's value reference
+    unit : as blockmech writes it, "" of none
     """
 
     name: str
@@ -55,6 +61,7 @@ class Variable(NamedTuple):
     causality: str = "output"
     start: float | None = None
     derivative: int | None = None
+    unit: str = ""
 
 
 class Unit:
@@ -96,15 +103,19 @@ class Unit:
     def _variables(self) -> list[Variable]:
         """Coordinates, rates, accelerations, efforts; states, their rates; inputs; outputs."""
         made, starts = [], self._starts()
+        units = [self.mechanism.driver_joint(d).coordinate_unit for d in self.of]
         of, k, states = list(self.of.values()), len(self.of), self.states
         for i, (name, start) in enumerate(zip(of, starts, strict=True)):
-            made.append(Variable(f"{name}.q", f"m->q[{i}]", start=start[0]))
+            made.append(Variable(f"{name}.q", f"m->q[{i}]", start=start[0], unit=units[i]))
         for i, (name, start) in enumerate(zip(of, starts, strict=True)):
-            made.append(Variable(f"{name}.rate", f"m->rate[{i}]", "output", start[1], i))
+            rate = Variable(f"{name}.rate", f"m->rate[{i}]", "output", start[1], i)
+            made.append(rate._replace(unit=f"{units[i]}/s"))
         for i, name in enumerate(of):
-            made.append(Variable(f"{name}.acceleration", f"m->acceleration[{i}]", derivative=k + i))
+            rate = Variable(f"{name}.acceleration", f"m->acceleration[{i}]", derivative=k + i)
+            made.append(rate._replace(unit=f"{units[i]}/s2"))
         for i, name in enumerate(of):
-            made.append(Variable(f"{name}.effort", f"m->effort[{i}]", "input", 0.0))
+            unit = self.program.unit_of(f"{name}.drive")
+            made.append(Variable(f"{name}.effort", f"m->effort[{i}]", "input", 0.0, unit=unit))
         first = len(made)
         for name, i in states.continuous.items():
             made.append(Variable(name, f"m->x[{i}]", "output", states.initial[i]))
@@ -114,7 +125,11 @@ class Unit:
             made.append(Variable(name, f"m->x[{i}]", "input", states.initial[i]))
         known = {*(v.name for v in made), *states.rates}
         p = self.program.outputs
-        made += [Variable(n, f"out.{p[n].name}") for n in p if n not in known]
+        made += [
+            Variable(n, f"out.{p[n].name}", unit=self.program.unit_of(n))
+            for n in p
+            if n not in known
+        ]
         return made
 
     def _starts(self) -> list[tuple[float, float]]:
@@ -205,6 +220,8 @@ class Unit:
                 attributes["initial"] = "calculated" if variable.start is None else "exact"
             if variable.start is not None:
                 attributes["start"] = repr(variable.start)
+            if variable.unit:
+                attributes["unit"] = variable.unit
             if variable.derivative is not None:
                 attributes["derivative"] = str(variable.derivative)
             yield attributes
@@ -230,12 +247,16 @@ class Unit:
             f"{_open(kind, own | more)}{inside}</{kind}>"
             for kind, more in (("ModelExchange", {}), ("CoSimulation", steps))
         ]
+        units = sorted({v.unit for v in self.variables} - {""})
+        lines += ["<UnitDefinitions>", *map(_unit_definition, units), "</UnitDefinitions>"]
         lines.append("<ModelVariables>")
         for variable in self._attributes():
             if not two:
                 lines.append(_open("Float64", variable, "/>"))
                 continue
-            real = {str(x): variable.pop(x) for x in ("start", "derivative") if x in variable}
+            real = {
+                str(x): variable.pop(x) for x in ("unit", "start", "derivative") if x in variable
+            }
             if "derivative" in real:
                 real["derivative"] = str(int(real["derivative"]) + 1)  # counts from 1
             inner = _open("Real", real, "/>")
@@ -269,6 +290,18 @@ class Unit:
             f"<{'File' if self.fmi == '2' else 'SourceFile'} name={quoteattr(name)}/>"
             for name in (f"{self.program.name}.c", f"fmi{self.fmi}.c")
         )
+
+
+def _unit_definition(text: str) -> str:
+    """A unit in powers of base units, e.g. ``N m`` as kg m2 s-2."""
+    powers: Counter[str] = Counter()
+    for k, part in enumerate(text.split("/")):
+        for symbol, power in re.findall(r"([A-Za-z]+)(-?\d*)", part):
+            times = int(power or 1) * (-1 if k else 1)
+            for base, own in re.findall(r"([A-Za-z]+)(-?\d*)", DERIVED.get(symbol, symbol)):
+                powers[base] += times * int(own or 1)
+    known = {base: str(n) for base, n in powers.items() if n and base in BASES}
+    return f"{_open('Unit', {'name': text})}{_open('BaseUnit', known, '/>')}</Unit>"
 
 
 def _row(numbers: Iterable[Any]) -> str:

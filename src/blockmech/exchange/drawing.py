@@ -1,0 +1,233 @@
+"""A drawing of a linkage: what the files of other tools have in common.
+
+Tools that draw say: points with places, links as lists of points, points that are fixed, points
+that slide on a line, points that are driven. Tools that assemble say: pairs of two links, each
+with its place and axis. A drawing has both, and what else they know: welds, gears, racks, belts,
+ratios, laws of motion, limits, springs, masses, forces.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from blockmech.errors import FormatError, Problem
+
+FRAME = "frame"
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
+TURN = (0.0, math.tau)
+FREE = (-math.inf, math.inf)
+COORDINATES = ("rate", "acceleration", "from", "to", "mean", "amplitude", "values")
+"""Numbers of a law of motion that are coordinates, or their rates."""
+
+
+class Slot(NamedTuple):
+    """A line [rad] of the drawing on which a point slides.
+
+    on : the link that has it
+    rider : the link that slides itself; without one a slider without mass does
+    through : a point of the line, where the drawn one may be beside it
+    """
+
+    angle: float
+    on: str = FRAME
+    rider: str = ""
+    through: complex | None = None
+
+
+class Drive(NamedTuple):
+    """What drives a point or a pair, which counts from the drawn pose.
+
+    rate, start, stop : [rad/s or length/s], and the interval that is gone through
+    link : the one that a driven point turns
+    law : a law of motion of a document in place of these, lengths in the drawing's unit
+    """
+
+    rate: float = 1.0
+    start: float = TURN[0]
+    stop: float | None = TURN[1]
+    link: str = ""
+    law: Mapping[str, Any] | None = None
+
+
+class Inertia(NamedTuple):
+    """Mass [kg], inertia [kg m2] about the centre of mass, and where that is drawn."""
+
+    mass: float
+    inertia: float
+    cm: complex
+
+
+class Pair(NamedTuple):
+    """A pin of two links, or with an angle [rad] a guide; its coordinate counts from the first.
+
+    at, second_at : its place on the first link and, where it differs, on the second
+    limits : least and largest coordinate
+    stiffness, rest, damping : of a spring along the coordinate
+    """
+
+    first: str
+    second: str
+    at: complex
+    angle: float | None = None
+    drive: Drive | None = None
+    second_at: complex | None = None
+    name: str = ""  # of its joint, by default both links
+    limits: tuple[float, float] = FREE
+    stiffness: float = 0.0
+    rest: float = 0.0
+    damping: float = 0.0
+
+
+class Wheels(NamedTuple):
+    """Two links that turn as gear wheels or by a chain, with their sizes: teeth or radii.
+
+    Of gears that are drawn by their pitch point alone, sizes follow from the centres; sizes of
+    unlike signs are a wheel in a ring. With a ``rack`` the second slides as the first turns
+    counter-clockwise, its size a radius, in this direction [rad].
+    """
+
+    name: str
+    first: str
+    second: str
+    sizes: tuple[float, float] = (1.0, 1.0)
+    chain: bool = False
+    pitch: complex | None = None
+    rack: float | None = None
+
+
+class Ratio(NamedTuple):
+    """A pair whose coordinate is a polynomial of another one's, lowest power first."""
+
+    name: str
+    leading: str
+    driven: str
+    coefficients: tuple[float, ...]
+
+
+class Load(NamedTuple):
+    """A force [N] at a place of a link."""
+
+    name: str
+    link: str
+    at: complex
+    force: complex
+    turns: bool  # with the link
+
+
+class Spring(NamedTuple):
+    """A spring [N/m] and damper [N s/m] between places of two links, its length free of force."""
+
+    name: str
+    links: tuple[str, str]
+    at: tuple[complex, complex]
+    stiffness: float
+    free_length: float = 0.0
+    damping: float = 0.0
+
+
+@dataclass
+class Drawing:
+    """A linkage as it is drawn, lengths in ``unit``."""
+
+    name: str = ""
+    unit: str = ""
+    source: str = ""
+    points: dict[str, complex] = field(default_factory=dict)
+    links: dict[str, list[str]] = field(default_factory=dict)
+    fixed: set[str] = field(default_factory=set)
+    slots: dict[str, list[Slot]] = field(default_factory=dict)
+    pairs: list[Pair] = field(default_factory=list)
+    wheels: list[Wheels] = field(default_factory=list)
+    ratios: list[Ratio] = field(default_factory=list)
+    drives: dict[str, Drive] = field(default_factory=dict)
+    inertias: dict[str, Inertia] = field(default_factory=dict)
+    loads: list[Load] = field(default_factory=list)
+    springs: list[Spring] = field(default_factory=list)
+    gravity: complex = 0j  # [m/s2]
+    free: bool = False  # whether what nothing drives is meant to move freely
+    notes: list[str] = field(default_factory=list)
+
+    def note(self, text: str) -> None:
+        """Say what was not taken, or how something was read."""
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def is_fixed(self, point: str) -> bool:
+        """Whether a point stands still: a fixed one that slides does so in a slot that moves."""
+        return point in self.fixed and all(s.on != FRAME for s in self.slots.get(point, ()))
+
+    def meeting(self) -> dict[str, list[str]]:
+        """Point -> the links that meet there, the frame first."""
+        ends = {point: [FRAME] if self.is_fixed(point) else [] for point in self.points}
+        for name, points in self.links.items():
+            for point in dict.fromkeys(points):
+                ends[point].append(name)
+        return ends
+
+    def link_of(self, points: Iterable[str]) -> str | None:
+        """The first link with all these points; the frame if all are fixed."""
+        wanted = set(points)
+        if wanted <= self.fixed:
+            return FRAME
+        return next((n for n, held in self.links.items() if wanted <= set(held)), None)
+
+    def weld(self, first: str, second: str) -> None:
+        """Make two links one, which has the name of the first, or is the frame."""
+        if first == second:
+            return
+        keep, gone = (second, first) if second == FRAME else (first, second)
+
+        def of(link: str) -> str:
+            return keep if link == gone else link
+
+        points = self.links.pop(gone, [])
+        if keep == FRAME:
+            self.fixed.update(points)
+        else:
+            self.links[keep] = list(dict.fromkeys([*self.links[keep], *points]))
+        bodies = [self.inertias.pop(x) for x in (keep, gone) if x in self.inertias]
+        if bodies and keep != FRAME:
+            self.inertias[keep] = together(bodies)
+        self.slots = {
+            point: [slot._replace(on=of(slot.on), rider=of(slot.rider)) for slot in slots]
+            for point, slots in self.slots.items()
+        }
+        self.drives = {p: drive._replace(link=of(drive.link)) for p, drive in self.drives.items()}
+        ends = [x._replace(first=of(x.first), second=of(x.second)) for x in self.pairs]
+        self.pairs = [pair for pair in ends if pair.first != pair.second]
+        self.wheels = [x._replace(first=of(x.first), second=of(x.second)) for x in self.wheels]
+        self.loads = [load._replace(link=of(load.link)) for load in self.loads]
+        self.springs = [x._replace(links=(of(x.links[0]), of(x.links[1]))) for x in self.springs]
+
+
+def together(bodies: Iterable[Inertia]) -> Inertia:
+    """Mass and inertia of rigidly joined bodies, by the parallel-axis theorem."""
+    parts = list(bodies)
+    mass = sum(body.mass for body in parts)
+    if not mass > 0:
+        return Inertia(0.0, sum(body.inertia for body in parts), parts[0].cm)
+    cm = sum(body.mass * body.cm for body in parts) / mass
+    inertia = sum(body.inertia + body.mass * abs(body.cm - cm) ** 2 for body in parts)
+    return Inertia(mass, inertia, cm)
+
+
+def direction(a: complex, b: complex, where: str) -> float:
+    """The angle [rad] of the line from a to b. Raises `FormatError` if they are at one place."""
+    if a == b:
+        found = "the two points of a line are at one place"
+        raise FormatError(Problem("bad-drawing", where, found, "", "draw them apart"))
+    return cmath.phase(b - a)
+
+
+def scaled(law: Mapping[str, Any], factor: float) -> dict[str, Any]:
+    """A law of motion of a coordinate times a factor: in another unit, or counted the other way."""
+    numbers = {key: law[key] for key in COORDINATES if key in law}
+    times = {
+        k: [factor * y for y in x] if isinstance(x, list) else factor * x
+        for k, x in numbers.items()
+    }
+    return {**law, **times}

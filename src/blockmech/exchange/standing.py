@@ -1,0 +1,77 @@
+"""A mechanism at a pose, as files of other programs have it: places of pairs, centres of mass."""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from blockmech.compiled import Compiled
+from blockmech.engines.scalar import ScalarEngine
+from blockmech.exchange.formats import Order
+from blockmech.model.structure import JointRef, LinkRef
+from blockmech.passes.forward import guide_direction
+from blockmech.passes.homotopy import schedule
+from blockmech.passes.pairs import slider_point
+from blockmech.plan import Friction, Schedule
+from blockmech.samples import Samples
+
+
+class Standing:
+    """The pose of a mechanism of blocks that an order asks for, by default where it starts.
+
+    Attributes
+    ----------
+    joints : all pairs
+    place, angle : of outputs that are places [m] and angles [rad] of links, by name
+    point, direction : where a guide is [m], and its unit direction
+    """
+
+    def __init__(self, order: Order) -> None:
+        mechanism = order.mechanism.of_blocks
+        self.structure = s = mechanism.structure
+        at = dict(order.at)
+        if not at:
+            at = {"at": {d: _start(mechanism.scene, d) for d in mechanism.drivers}}
+        self.joints = [JointRef(b, j) for b, block in s.blocks.items() for j in block.joints]
+        guides = [ref for ref in self.joints if s.joint(ref).kind == "P"]
+        result = mechanism.run(**at, want=["*.p", "*.angle"], static=True)
+        self.place = {n: complex(result[n][0]) for n in result if n.endswith(".p")}
+        self.angle = {n: float(result[n][0]) for n in result if n.endswith(".angle")}
+        self.point, self.direction = (
+            dict(zip(guides, _at_pose(mechanism, result.samples, rule, guides), strict=True))
+            for rule in (slider_point, guide_direction)
+        )
+
+    def pin(self, ref: JointRef) -> complex:
+        """Where a pair is [m]: its own place, or that of the marker that it is wired to."""
+        if ref in self.point:
+            return self.point[ref]
+        own = self.place.get(f"{ref}.p")
+        return self.place[f"{self.structure.feeds[ref]}.p"] if own is None else own
+
+    def centre(self, link: LinkRef) -> complex:
+        """The centre of mass [m] of a link."""
+        own = self.structure.properties(link)
+        turned = cmath.exp(1j * self.angle[f"{link}.angle"])
+        return self.place[f"{link}.p"] + complex(own.cm.z) * turned
+
+
+def _at_pose(
+    mechanism: Compiled,
+    samples: Samples,
+    rule: Callable[[Schedule, JointRef], str],
+    refs: Sequence[JointRef],
+) -> list[complex]:
+    """What a rule answers for some pairs at the pose of some samples."""
+    s = schedule(mechanism.structure, mechanism.scene, Friction("none"), static=True)
+    program = s.program([s.ask(rule, ref) for ref in refs])
+    inputs = [float(np.ravel(samples.inputs[name])[0]) for name in program.inputs]
+    return [complex(value) for value in ScalarEngine(program).one(inputs)]
+
+
+def _start(scene: Any, driver: str) -> float:
+    initial, law = scene.initial.get(driver), scene.drive.get(driver)
+    return float(initial.q if initial is not None else getattr(law, "start", 0.0) or 0.0)

@@ -1,0 +1,469 @@
+# ruff: noqa: E501
+"""What drawings of other tools say beside their places: units, loads, laws, couplings, masses."""
+
+import math
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.errors import FormatError, RequestError
+from blockmech.exchange.expressions import Formula, law_of
+from tests.exchange.corpus import MACHINES, digits, joint, pmks_plus
+from tests.exchange.test_corpus import stamped
+
+
+def address(joints, links, forces="", head="2O.Fe,1E8.K,0.1011"):
+    return stamped(f"{head}.{'.'.join(joints)}..{'.'.join(links)}..{forces}.N_")
+
+
+BAR = ["YRAB,AB,1jO,Fe,Fe,0,c5cae9,A,B,,"]  # 7000 of mass, 1000 of inertia, in thousandths
+
+
+# -- PMKS+ -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("enum", "metre", "kg", "inertia", "newton"),
+    [
+        ("1011", 0.01, 1e-3, 1e-4, 1.0),
+        ("2012", 1.0, 1.0, 1.0, 1.0),
+        ("0000", 0.0254, 0.45359237, 0.45359237 * 0.0254**2, 4.4482216152605),
+        ("101", 0.01, 1e-3, 1e-4, 1.0),
+    ],
+)
+@pytest.mark.parametrize("flags", range(4))
+def test_units_and_forces_of_an_address(enum, metre, kg, inertia, newton, flags):
+    joints = [joint(6, "A", 0j), joint(0, "B", 2 + 0j)]
+    ends = ",".join(map(digits, (2.0, 0.0, 2.0, 1.0, 3.0)))
+    linkage = bm.read(address(joints, BAR, f"{flags}F1,AB,F1,{ends}.", f"2O.Fe,1E8.K,0.{enum}"))
+    data = linkage.to_data()
+    link, load = data["links"]["AB"], data["loads"]["F1"]
+    assert link["mass"] == pytest.approx(7.0 * kg)
+    assert link["inertia"] == pytest.approx(inertia)
+    assert link["cm"] == pytest.approx([metre, 0.0])
+    assert data["joints"]["A"]["at"][0] == [0.0, 0.0]
+    assert load["at"] == pytest.approx([2 * metre, 0.0])
+    sense = 1 if flags & 2 else -1  # the arrow points away from where it acts, or to it
+    assert load["force"] == pytest.approx([0.0, sense * 3.0 * newton])
+    assert load.get("axes", "ground") == ("link" if flags & 1 else "ground")
+
+
+@pytest.mark.parametrize(
+    ("head", "speed", "rate"),
+    [
+        ("2O.Fe,1E8.K,0.1011", "", 20 * math.tau / 60),
+        ("2P.Fe,1E8.K,0.1011", "", -20 * math.tau / 60),
+        ("0P.Fe.A,0.101", "", -10 * math.tau / 60),
+        ("2P.Fe,1E8.K,0.1011", ",,,,1E8", 5 * math.tau / 60),
+    ],
+)
+def test_speed_and_sense_of_a_turning_input(head, speed, rate):
+    joints = [joint(6, "A", 0j) + speed, joint(0, "B", 2 + 0j)]
+    driver = bm.read(address(joints, BAR, head=head)).to_data()["drivers"]["motor"]
+    assert driver["rate"] == pytest.approx(rate)
+
+
+@pytest.mark.parametrize(("head", "sense"), [("2O", 1), ("2P", -1)])
+def test_a_sliding_input_has_a_speed_of_its_own(head, sense):
+    # rod AB slides along x and drives nothing else; 2.5 cm/s
+    joints = [joint(7, "P", 0j, 0.0), joint(8, "A", 0j), joint(0, "B", 2 + 1j)]
+    links = [*BAR, "YPAP,AP,0,0,0,0,,A,P,,"]
+    linkage = bm.read(address(joints, links, head=f"{head}.Fe,d4.K,0.1011"))
+    driver = linkage.to_data()["drivers"]["motor"]
+    assert driver["rate"] == pytest.approx(sense * 0.025)
+    assert math.copysign(1.0, driver["to"]) == sense
+    assert any("has no stroke in the address" in note for note in linkage.extras["notes"])
+
+
+def test_gravity_is_on_unless_an_address_says_otherwise():
+    joints = [joint(6, "A", 0j), joint(0, "B", 2 + 0j)]
+    assert bm.read(address(joints, BAR)).to_data()["gravity"] == [0.0, -9.81]
+    off = bm.read(address(joints, BAR, head="6P.Fe,1E8.K,0.1011"))
+    assert "gravity" not in off.to_data()
+
+
+def test_a_slot_turns_with_the_link_whose_joints_it_goes_through():
+    # the angular rate of an inverted slider-crank in closed form
+    b, c = 1.2 + 0.7j, MACHINES["whitworth"].points["C"]
+    linkage = bm.read(pmks_plus(MACHINES["whitworth"]))
+    q = np.linspace(0.1, 6.0, 24)
+    found = linkage.run(at=q, rates=1.0, want="link.CD.omega")["link.CD.omega"]
+    e = b * np.exp(1j * q) - c
+    right = (e.conj() * 1j * b * np.exp(1j * q)).imag / np.abs(e) ** 2
+    assert np.abs(found - right).max() < 1e-12
+
+
+def test_links_that_are_welded_are_one_and_so_told():
+    linkage = bm.read(pmks_plus(MACHINES["cylinder"]))
+    assert len(linkage.links) == 3
+    notes = linkage.extras["notes"]
+    assert "BE, Ee are welded at E: they are one link, BE" in notes
+    assert "Ee" not in linkage.links
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ((",CD,C,D", ",CD,C"), "its slot is CD, C, ?"),
+        ((",CD,C,D", ",ZZ,C,D"), "a link and two of its joints"),
+        ((",CD,C,D", ",CD,C,C"), "a link and two of its joints"),
+        ((",CD,C,D", ",AB,C,D"), "a link and two of its joints"),
+        (("YRCD", "YXCD"), "is no link"),
+        (("YRCD", "QRCD"), "is no link"),
+        ((",A,B,,", ",A,Q,,"), "no joint Q"),
+        ((".0B,B,", ".0A,A,"), "is no id, or one of two"),
+    ],
+)
+def test_an_address_that_does_not_fit_is_one_message(change, said):
+    code = pmks_plus(MACHINES["whitworth"]).partition("?")[2][:-1]
+    assert change[0] in code
+    with pytest.raises(FormatError, match=r"address|text") as error:
+        bm.read(stamped(code.replace(*change)))
+    assert said in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "whitworth_shaper", "scotch_yoke", "watt_sixbar"])
+def test_an_address_that_was_written_is_the_same_mechanism(name, tmp_path):
+    graph = bm.Graph.load(f"graphs/{name}.json")
+    (path,) = bm.write(graph, tmp_path / "address")
+    mech, back = graph.compile(), bm.read(path)
+    assert not back.check()
+    again = back.compile()
+    (driver,) = mech.drivers
+    initial = mech.scene.initial.get(driver)
+    start = (
+        initial.q if initial is not None else getattr(mech.scene.drive.get(driver), "start", 0.0)
+    )
+    angles = np.linspace(0.0, 0.3, 5)
+    ours = mech.run(at=start + angles, rates=1.0, want="*.omega")
+    theirs = again.run(at=angles, rates=1.0, want="link.*.omega")
+    right = sorted(np.abs(ours[n]).max() for n in ours if ours[n].any())
+    found = sorted(np.abs(theirs[n]).max() for n in theirs if np.abs(theirs[n]).max() > 1e-9)
+    assert found == pytest.approx(right[-len(found) :], rel=2e-3)  # places have 10 micrometres
+
+
+def test_what_an_address_cannot_say_is_refused_or_told(tmp_path):
+    with pytest.raises(RequestError, match="no couplings"):
+        bm.write(bm.Graph.load("graphs/geared_fivebar.json"), tmp_path / "a", to="address")
+    (path,) = bm.write(bm.Graph.load("graphs/ruiz_fourbar.json"), tmp_path / "a.pmksplus", at=[0.5])
+    assert "left out: loads couple" in path.read_text("utf-8")
+
+
+# -- at a dead centre --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("source", ["pmks+", "pyslvs"])
+def test_a_linkage_that_is_drawn_at_its_dead_centre_moves(source):
+    joints = [
+        joint(4, "A", 0j),
+        joint(0, "B", 2 + 0j),
+        joint(0, "C", 6 + 0j),
+        joint(7, "P", 6 + 0j),
+    ]
+    links = ["YRAB,AB,0,0,0,0,,A,B,,", "YRBC,BC,0,0,0,0,,B,C,,", "YPCP,CP,0,0,0,0,,C,P,,"]
+    drawn, scale = address(joints, links), 0.01
+    if source == "pyslvs":
+        drawn, scale = "ground,a,R,0,0,0,tfff\na,b,R,2,0,0,tfff\nground,b,RP,6,0,0,tfft\n", 1.0
+    linkage = bm.read(drawn)
+    assert not linkage.check()
+    assert any("drawn at a dead centre of motor" in note for note in linkage.extras["notes"])
+    q = np.linspace(-0.8, 0.0, 5)
+    b = linkage.run(at=q * scale, want="joint.B.p")["joint.B.p"] / scale
+    c = 6 + q  # law of cosines
+    assert b.real == pytest.approx((4 + c**2 - 16) / (2 * c), abs=1e-9)
+    assert np.abs(b) == pytest.approx(2.0, abs=1e-9)
+    assert (b.imag[:-1] > 0).all()  # the mode that the note names
+
+
+# -- formulas -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("2.0d*pi*time", 2 * math.pi * 0.3),
+        ("-(1 + 2)^2/3", -3.0),
+        ("2^-1", 0.5),
+        ("arctan(1.0) + abs(-2)", math.pi / 4 + 2),
+        ("(45.0d + 45.0d*sin((360.0d*time - 90.0d)*pi/180.0d))*pi/180.0d", None),
+    ],
+)
+def test_formulas_are_computed(text, value):
+    if value is None:
+        value = math.radians(45 + 45 * math.sin(math.radians(360 * 0.3 - 90)))
+    assert Formula(text, "here")(time=0.3) == pytest.approx(value, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "1 +", "__import__('os')", "time.real", "x", "(lambda: 1)()", "1/0", "[1]", "1e999"],
+)
+def test_what_is_no_formula_is_refused(text):
+    with pytest.raises(FormatError, match="here"):
+        Formula(text, "here")(time=0.3)
+
+
+@pytest.mark.parametrize(
+    ("text", "law"),
+    [
+        ("3 - 2*time", "constant_rate"),
+        ("0.25", "constant_rate"),
+        ("1 + 70*sin(6*time - 2)", "harmonic"),
+        ("cos(-3*time)*2", "harmonic"),
+        ("time*time - 2*time", "rate_acceleration"),
+        ("sin(time) + sin(2*time)", "table"),
+    ],
+)
+def test_laws_of_formulas_are_the_formulas(text, law):
+    formula = Formula(text, "here")
+    made = law_of(formula, 2.0, False)
+    assert made["law"] == law
+    m = bm.Linkage("m")
+    m.add_link("a")
+    m.add_pin("A", ["frame", "a"], (0, 0))
+    data = m.to_data() | {"drivers": {"d": {"joint": "A", **made}}}
+    times = np.linspace(0.0, 1.9, 7)
+    q = bm.Linkage.from_data(data).run(times=times, want="driver.d.q")["driver.d.q"]
+    right = [formula(time=t) for t in times]
+    assert q == pytest.approx(right, abs=1e-6 if law == "table" else 1e-12)
+
+
+# -- assemblies -----------------------------------------------------------------------------------
+
+EYE = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+X_UP = ((0, 0, 1), (1, 0, 0), (0, 1, 0))  # z axis along x
+
+
+def gears(joints, motions="", limits="", forces="", tilt=0.0):
+    """A wheel A at 0, a wheel or rack B at 3: lines of an assembly."""
+    from tests.exchange.test_assemblies import assembly, turned
+
+    rack = "rack" in joints
+    at_b = (0.0, 1.0, 0.0) if rack else (3.0, 0.0, 0.0)
+    side = X_UP if rack else EYE
+    eye = [[x + tilt * (i != j) for j, x in enumerate(row)] for i, row in enumerate(EYE)]
+    frame = {"a": ((0, 0, 0), EYE), "b": (at_b, side)}
+    own = {"m": ((0, 0, 0), EYE), "b": ((0, 0, 0), side)}
+    parts = {
+        "A": ((0, 0, 0), eye, own, 1.0, (1, 1, 1), (0, 0, 0)),
+        "B": (at_b, turned(0.0), own, 1.0, (1, 1, 1), (0, 0, 0)),
+    }
+    pairs = {
+        "Ja": ("RevoluteJoint", "a", "A/m"),
+        "Jb": ("TranslationalJoint" if rack else "RevoluteJoint", "b", "B/b"),
+    }
+    text = assembly(frame, parts, pairs, {"drive": ("Ja", "2*time")})
+    text = text.replace("\t\tMotions\n", f"{joints}\t\tMotions\n").replace(
+        "\t\tGeneral", f"{limits}\t\tGeneral"
+    )
+    return text.replace("\tForceTorques\n", f"\tForceTorques\n{forces}")
+
+
+def record(kind, name, one, two, **fields):
+    lines = [
+        f"\t\t\t{kind}",
+        "\t\t\t\tName",
+        f"\t\t\t\t\t{name}",
+        "\t\t\t\tMarkerI",
+        f"\t\t\t\t\t/Own/{one}",
+    ]
+    lines += ["\t\t\t\tMarkerJ", f"\t\t\t\t\t/Own/{two}"]
+    for key, value in fields.items():
+        lines += [f"\t\t\t\t{key}", f"\t\t\t\t\t{value}"]
+    return "\n".join([*lines, ""])
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "ratio"), [(1.0, 2.0, -0.5), (1.0, -2.0, 0.5), (4.0, -1.0, 4.0)]
+)
+@pytest.mark.parametrize("tilt", [0.0, 6e-6])
+def test_a_gear_joint_turns_by_its_radii(one, two, ratio, tilt):
+    pair = record("GearJoint", "mesh", "A/m", "B/b", radiusI=one, radiusJ=two)
+    linkage = bm.read(gears(pair, tilt=tilt))
+    assert not linkage.check()
+    run = linkage.run(at=[0.0, 0.7], want="link.B.angle")
+    assert run["link.B.angle"][1] == pytest.approx(ratio * 0.7, abs=1e-12)
+
+
+def test_axes_that_are_none_are_refused():
+    with pytest.raises(FormatError, match=r"RotationMatrix.*no axes"):
+        bm.read(gears("", tilt=2e-4))
+
+
+@pytest.mark.parametrize("radius", [0.4, -0.4])
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_rack_goes_by_what_the_pinion_rolls(radius, swapped):
+    # along the x axis of the rack's marker, which is global x here
+    ends = ("A/m", "B/m") if swapped else ("B/m", "A/m")
+    linkage = bm.read(gears(record("RackPinionJoint", "rack", *ends, pitchRadius=radius)))
+    assert not linkage.check()
+    run = linkage.run(at=[0.0, 0.7], want="link.B.p")
+    assert run["link.B.p"][1] - run["link.B.p"][0] == pytest.approx(radius * 0.7, abs=1e-12)
+
+
+def test_limits_and_springs_of_an_assembly():
+    limits = "\t\tLimits\n"
+    for name, kind, value, sign in (
+        ("l1", "Rotation", "-30*pi/180", "=>"),
+        ("l2", "Rotation", "1.5", "=<"),
+    ):
+        limits += record(
+            f"{kind}Limit",
+            name,
+            "a",
+            "A/m",
+            MotionJoint="/Own/Ja",
+            Limit=value,
+            Type=sign,
+            Tol="1e-9",
+        )
+    spring = record(
+        "InLineForceTorque",
+        "spring",
+        "A/m",
+        "B/b",
+        tension="(1 + 10.0d*(rIJ(self) - 0.5d) + 2*vrIJ(self))",
+        twist="0",
+    )
+    pair = record("GearJoint", "mesh", "A/m", "B/b", radiusI=1.0, radiusJ=2.0)
+    data = bm.read(
+        gears(pair, limits=limits, forces="\n".join(line[1:] for line in spring.split("\n")))
+    ).to_data()
+    assert data["stops"]["motor"] == pytest.approx({"from": -math.pi / 6, "to": 1.5})
+    load = data["loads"]["spring"]
+    assert (load["stiffness"], load["free_length"], load["damping"]) == pytest.approx(
+        (10.0, 0.4, 2.0)
+    )
+    assert "notes" not in data or not any("left out" in note for note in data["notes"])
+
+
+# -- MJCF ------------------------------------------------------------------------------------------
+
+SWING = """<mujoco><default><geom density="{density}"/><joint damping="0.02"/>
+<default class="stiff"><joint stiffness="3" springref="20"/></default></default>
+<option timestep="1e-4" integrator="RK4"/><worldbody><body name="arm" pos="0 0 1">
+<joint name="A" axis="0 -1 0"/><geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.02"/>
+<geom type="box" size="0.02 0.03 0.04" pos="0.3 0 0.01" euler="0 30 0"/>
+<body name="tip" pos="0.3 0 0"><joint name="B" class="stiff" axis="0 1 0" range="-60 80"/>
+<geom type="cylinder" fromto="0 0 0 0.1 0 -0.2" size="0.015"/>
+<geom type="sphere" size="0.03" pos="0.1 0 -0.2" mass="0.4"/>
+<geom type="ellipsoid" size="0.02 0.03 0.05" quat="0.9 0 0.3 0"/></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("density", [1000, 2700])
+def test_a_model_of_geoms_moves_as_mujoco_moves_it(density, tmp_path):
+    mujoco = pytest.importorskip("mujoco", reason="the outside judge of motions")
+    text = SWING.format(density=density)
+    model = mujoco.MjModel.from_xml_string(text)
+    state = mujoco.MjData(model)
+    linkage = bm.read(text)
+    data = linkage.to_data()
+    for name in ("arm", "tip"):
+        body = model.body(name)
+        assert data["links"][name]["mass"] == pytest.approx(float(body.mass[0]), rel=1e-12)
+    assert data["stops"]["motor_B"] == pytest.approx(
+        {"from": math.radians(-80), "to": math.radians(60)}
+    )
+    linkage.stops.clear()
+    for name in data["drivers"]:
+        linkage.start(name)
+    for _ in range(3000):
+        mujoco.mj_step(model, state)
+    run = linkage.compile().simulate("time=0.3", want=["driver.*.q"], accuracy=1e-10)
+    found = [run["driver.motor.q"][-1], -run["driver.motor_B.q"][-1]]
+    assert abs(state.qpos).min() > 0.05
+    assert found == pytest.approx([state.qpos[0], state.qpos[1]], abs=2e-7)
+
+
+def test_the_masses_of_a_capsule():
+    text = '<mujoco><worldbody><body><joint axis="0 1 0"/>'
+    text += '<geom type="capsule" size="0.02 0.15"/></body></worldbody></mujoco>'
+    (link,) = bm.read(text).to_data()["links"].values()
+    assert link["mass"] == pytest.approx(0.41050, abs=5e-6)
+    assert link["inertia"] == pytest.approx(0.0036999, abs=5e-8)
+
+
+def test_an_equality_of_joints_is_a_coupling():
+    text = """<mujoco><worldbody><body name="a"><joint name="A" axis="0 0 -1"/><inertial pos="0 0 0"
+    mass="1" diaginertia="1 1 1"/></body><body name="b" pos="1 0 0"><joint name="B" type="slide"
+    axis="1 0 0"/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/></body></worldbody><equality>
+    <joint joint1="B" joint2="A" polycoef="0.1 0.5 0.2 0 0"/></equality>
+    <actuator><position joint="A"/></actuator></mujoco>"""
+    linkage = bm.read(text)
+    assert not linkage.check()
+    q = np.array([0.0, 0.4, -0.7])  # counter-clockwise: the hinge counts the other way
+    run = linkage.run(at=q, want="link.b.p")["link.b.p"]
+    right = 0.1 - 0.5 * q + 0.2 * q**2
+    assert run - run[0] == pytest.approx(right - right[0], abs=1e-12)
+
+
+# -- URDF and SDF -----------------------------------------------------------------------------------
+
+
+def test_mimic_of_urdf_and_sdf_couples():
+    inertia = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    urdf = f"""<robot name="r"><link name="base"/><link name="a">{inertia}</link><link name="b"/>
+    <joint name="A" type="continuous"><parent link="base"/><child link="a"/><axis xyz="0 0 1"/></joint>
+    <joint name="B" type="revolute"><parent link="base"/><child link="b"/><origin xyz="2 0 0"/>
+    <axis xyz="0 0 -1"/><limit lower="-3" upper="3"/><mimic joint="A" multiplier="0.5" offset="0.1"/>
+    </joint></robot>"""
+    linkage = bm.read(urdf)
+    assert not linkage.check()
+    run = linkage.run(at=[0.0, 0.6], want="link.b.angle")["link.b.angle"]
+    assert run == pytest.approx([-0.1, -0.4], abs=1e-12)
+    sdf = """<sdf version="1.11"><model name="r"><link name="a"/><link name="b"><pose>2 0 0 0 0 0</pose>
+    </link><joint name="A" type="revolute"><parent>world</parent><child>a</child><axis><xyz>0 0 1</xyz>
+    </axis></joint><joint name="B" type="revolute"><parent>world</parent><child>b</child><axis>
+    <xyz>0 0 1</xyz><mimic joint="A"><multiplier>0.5</multiplier><reference>0.2</reference></mimic>
+    </axis></joint></model></sdf>"""
+    linkage = bm.read(sdf)
+    assert not linkage.check()
+    run = linkage.run(at=[0.2, 0.6], want="link.b.angle")["link.b.angle"]
+    assert run == pytest.approx([0.0, 0.2], abs=1e-12)
+
+
+def test_a_gearbox_of_sdf_turns_by_its_ratio():
+    parts = "".join(
+        f'<link name="{n}"><pose>{x} 0 0 0 0 0</pose></link><joint name="{n.upper()}" type="revolute">'
+        f"<parent>world</parent><child>{n}</child><axis><xyz>0 0 1</xyz></axis></joint>"
+        for n, x in (("a", 0), ("b", 3))
+    )
+    box = '<joint name="G" type="gearbox"><parent>a</parent><child>b</child><gearbox_ratio>2</gearbox_ratio>'
+    box += "<gearbox_reference_body>world</gearbox_reference_body><axis><xyz>0 0 1</xyz></axis></joint>"
+    linkage = bm.read(f'<sdf version="1.9"><model name="g">{parts}{box}</model></sdf>')
+    assert not linkage.check()
+    run = linkage.run(at=[0.0, 0.3], want="link.b.angle")["link.b.angle"]
+    assert run[1] == pytest.approx(-0.6, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            '<robot name="r"><link name="a"/><joint name="j" type="fixed"><parent link="a"/><child link="q"/></joint></robot>',
+            "no link q",
+        ),
+        (
+            '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="floating"><parent link="a"/><child link="b"/></joint></robot>',
+            "it is a floating",
+        ),
+        ('<sdf version="1.9"><world name="w"/></sdf>', "it has no model"),
+        (
+            '<sdf version="1.9"><model name="m"><link name="a"/><joint name="j" type="revolute"><parent>a</parent><child>q</child></joint></model></sdf>',
+            "no link, joint or frame q|no link q",
+        ),
+    ],
+)
+def test_robots_that_cannot_be_read(text, said, tmp_path):
+    path = tmp_path / "robot.xml"
+    path.write_text(text, "utf-8")
+    with pytest.raises(FormatError, match=said) as error:
+        bm.read(path)
+    assert len(error.value.problems) == 1
+
+
+def test_a_negative_mass_is_one_message():
+    joints = [joint(6, "A", 0j), joint(0, "B", 2 + 0j)]
+    with pytest.raises(FormatError, match=r"link AB has the mass -0.007 kg.*0 or more"):
+        bm.read(address(joints, [BAR[0].replace(",1jO,", ",01jO,")]))
