@@ -12,6 +12,7 @@ from blockmech.analysis.limits import limits
 from blockmech.analysis.scan import TURN
 from blockmech.analysis.working_cycle import SAME, Cycle, no_range
 from blockmech.result import Result
+from blockmech.samples import Samples
 from blockmech.series import SCANNED, Floats
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ def cycle_of(source: Compiled | Result, **given: Any) -> Cycle:
     """
     settings = {k: x for k, x in given.items() if x is not None}
     if isinstance(source, Result):
-        return _of_result(source, {**source.settings, **settings})
+        return cycle_through(source.mechanism, source.samples, {**source.settings, **settings})
     drivers, drive = source.drivers, source.scene.drive
     laws: list[Any] = [drive.get(d) for d in drivers]
     if len(drivers) == 1 and (laws[0] is None or laws[0].by_coordinate):
@@ -58,26 +59,27 @@ def _range_of(mechanism: Compiled, law: Any) -> tuple[float, float]:
     return low, high
 
 
-def _of_result(result: Result, settings: Mapping[str, Any]) -> Cycle:
-    mechanism, samples = result.mechanism, result.samples
+def cycle_through(mechanism: Compiled, samples: Samples, settings: Mapping[str, Any]) -> Cycle:
+    """The cycle that samples go through. Raises `RequestError` where they are no range."""
     if samples.times is not None:
         low, high = float(samples.times.min()), float(samples.times.max())
-        return _by_time(mechanism, settings, low, high, result.n)
+        return _by_time(mechanism, settings, low, high, samples.n)
     columns = [samples.coordinate(i) for i in range(len(mechanism.drivers))]
     if len(columns) == 1:
         ends = float(columns[0].min()), float(columns[0].max())
         if samples.clock:
-            return _by_coordinate(mechanism, settings, *ends, samples.clock, n=result.n)
+            return _by_coordinate(mechanism, settings, *ends, samples.clock, n=samples.n)
         rates = [np.unique(np.asarray(samples.inputs[name])) for name in ("qd_0", "qdd_0")]
         if any(len(values) > 1 for values in rates):
             raise no_range("rates", "give the driver a law of motion in place of rates")
         rate, acceleration = (float(values[0]) for values in rates)
         more = {"rates": rate, "accelerations": acceleration}
-        return _by_coordinate(mechanism, settings, *ends, None, more, result.n)
+        return _by_coordinate(mechanism, settings, *ends, None, more, samples.n)
     even = [np.linspace(c[0], c[-1], len(c)) for c in columns]
     if not columns or not all(map(np.allclose, columns, even)):
         raise no_range("samples", "sample the drivers at equal steps, or by time")
-    return _by_share(mechanism, settings, [(float(c[0]), float(c[-1])) for c in columns], result.n)
+    ranges = [(float(c[0]), float(c[-1])) for c in columns]
+    return _by_share(mechanism, settings, ranges, samples.n)
 
 
 def _by_coordinate(

@@ -12,6 +12,7 @@ import numpy as np
 from blockmech.analysis.scan import NODES, bisect, runs
 from blockmech.errors import RequestError, refused
 from blockmech.result import Result
+from blockmech.samples import Samples
 from blockmech.series import Floats
 
 if TYPE_CHECKING:
@@ -64,6 +65,12 @@ class Cycle:
     def places(self) -> Floats:
         """Equally spaced places from end to end."""
         return np.linspace(self.low, self.high, self.steps + 1)
+
+    def places_of(self, samples: Samples) -> Floats:
+        """Where samples of the cycle are."""
+        if self.by == "coordinate":
+            return samples.coordinate(0)
+        return np.linspace(0.0, 1.0, samples.n) if samples.times is None else samples.times
 
     def wrapped(self, s: float) -> float:
         """A place of a whole turn inside the range: one at its very end is at its beginning."""
