@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.analysis.peaks import Function, Peaks, Search
-from blockmech.analysis.ranges import cycle_through
-from blockmech.analysis.working_cycle import Cycle
+from blockmech.analysis.working_cycle import Cycle, cycle_through
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import each_part
 from blockmech.errors import RequestError
