@@ -142,8 +142,8 @@ def failures(
         note(failing, NO_ASSEMBLY, block)
     for block, ended in outcome.items():
         locked = JAMMED if block in prismatic else SELF_LOCKED
-        for how in Outcome:
-            if not how.solved and np.any(ended):
+        for how in Outcome if np.any(ended) else ():
+            if not how.solved:
                 failure = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
                 note((ended == how) & np.ones_like(wanted_bad), failure, block)
     note(wanted_bad, UNDEFINED, "")

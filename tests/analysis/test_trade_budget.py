@@ -86,7 +86,7 @@ class Slow(Question):
 class Both(Slow):
     """Two settings, the first of which is disturbed now and then."""
 
-    takes = {"a": (0.5, 0.02, 0.09, 0.02, 0.3, 0.02), "b": (0.1, 0.03)}
+    takes = {"a": (0.5, 0.3, 0.02, 0.09, 0.02, 0.3, 0.02), "b": (0.1, 0.03)}
 
 
 def test_a_budget_that_ends_during_the_repeats_keeps_what_was_measured() -> None:
@@ -110,14 +110,23 @@ def test_settings_take_turns_and_the_least_time_counts() -> None:
     a, b = measured(question, Clock(PLENTY, question.now), lambda *_: None)[0]
     assert (a.seconds, b.seconds) == (pytest.approx(0.02), pytest.approx(0.03))
     assert (a.slowest, a.repeats, b.repeats) == (pytest.approx(0.3), 5, 5)
-    assert question.order == ["a", "b", *(["b", "a"] * 5)]
+    assert question.order == ["a", "a", "b", "b", *(["b", "a"] * 5)]
+
+
+def test_what_is_compiled_once_is_no_cost_of_a_run() -> None:
+    class Compiled(Slow):
+        takes = {"a": (2.0, 0.01), "b": (0.1,), "c": (99.0,)}
+
+    question = Compiled()
+    a, b, c = measured(question, Clock(100.0, question.now), lambda *_: None)[0]
+    assert (a.seconds, b.seconds, c.seconds) == pytest.approx((0.01, 0.1, 99.0))
 
 
 def test_what_a_clock_cannot_tell_is_run_until_it_can(monkeypatch) -> None:
     monkeypatch.setattr("blockmech.analysis.trade.measure.COARSEST", 0.1)
     question = Slow()
     (point,), _ = measured(question, Clock(PLENTY, question.now), lambda *_: None)
-    assert question.runs["a"] == 13 * 14  # until the repeats are long enough
+    assert question.runs["a"] == 13 * 15  # until the repeats are long enough
     assert point.seconds == pytest.approx(0.008)
 
 

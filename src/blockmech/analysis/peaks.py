@@ -103,7 +103,7 @@ class Search:
             self.peaks = Peaks(size.max(axis=1), self.s[size.argmax(axis=1)], np.zeros(m))
             row, cell = np.divmod(np.arange(m * (n - 1)), n - 1)
         else:
-            size = np.abs(self.y[:, ::4]).max(axis=1)
+            size = np.abs(self.y[:, :: n // 4]).max(axis=1)
             self.turn &= bool((np.abs(self.y[:, -1] - self.y[:, 0]) <= EVEN * size).all())
             row, cell = self._smooth()
         if len(row):

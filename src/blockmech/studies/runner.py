@@ -260,6 +260,8 @@ class _Planned:
                 if w.how in EXTREMES:
                     y = w.poses(columns, shape)
                     some = np.ones(m, bool) if w.of_margin else ~without
+                    if not isinstance(outputs, Whole):
+                        some = some & np.isfinite(y).all(axis=1)
                     rows.values[w.label] = self._followed(w, numbers, y, some, margins, rows)
                     continue
                 rows.values[w.label] = kept = w.of(columns, shape, self.weights)
@@ -311,8 +313,6 @@ class _Planned:
         """Extremes (m,) of some designs between the poses, at which an output is y (m, n); what is
         doubtful of them is put into the rows."""
         kept = np.full(len(y), np.nan)
-        if not np.isfinite(np.sum(y)):
-            some = some & np.isfinite(y).all(axis=1)
         if not some.any():
             return kept
         if not some.all():

@@ -18,6 +18,7 @@ from blockmech.result import Result
 FEWEST = 5  # warm repeats: of fewer the least time says little
 LONG_ENOUGH = 0.1  # [s] of repeats after which more of them say little
 COARSEST = 20 * time.get_clock_info("process_time").resolution  # [s] that can be told
+WARM = 0.1  # of what is left of a budget, within which a first run is repeated at once
 NOISE = 0.05  # of a time, by which least times of alternating runs differ by chance
 USELESS = 1.0  # error as large as the answer itself [- or rad]
 SPENT = "the budget is spent"
@@ -157,7 +158,8 @@ def measured(
 ) -> tuple[tuple[Point, ...], tuple[Skipped, ...]]:
     """Points of the settings that apply and fit the budget; Ctrl-C keeps what is done.
 
-    Every setting is run once, then those that cost least are repeated while the budget lasts.
+    Every setting is run, once more where that takes little, then all of them take turns while the
+    budget lasts.
     """
     settings = tuple(question.settings())
     points: dict[tuple[Any, ...], Point] = {}  # by method, cost and answer
@@ -179,6 +181,8 @@ def measured(
                 if answer is None:
                     skipped.append(Skipped(setting.label, SPENT))
                     continue
+                if seconds < WARM * clock.left:  # what is compiled once is no cost of a run
+                    seconds = min(seconds, _timed(question, setting, clock)[1])
                 point = _point(question, setting, answer, seconds)
                 key = point.method, point.evaluations, _digest(answer)
                 if key in points:
