@@ -18,7 +18,7 @@ from blockmech.result import Result
 FEWEST = 5  # warm repeats: of fewer the least time says little
 LONG_ENOUGH = 0.1  # [s] of repeats after which more of them say little
 COARSEST = 20 * time.get_clock_info("process_time").resolution  # [s] that can be told
-WARM = 0.1  # of what is left of a budget, within which a first run is repeated at once
+WARM = 0.5  # of what is left of a budget, within which a first run is repeated at once
 NOISE = 0.05  # of a time, by which least times of alternating runs differ by chance
 USELESS = 1.0  # error as large as the answer itself [- or rad]
 SPENT = "the budget is spent"
