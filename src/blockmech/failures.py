@@ -24,7 +24,14 @@ from blockmech.errors import (
 )
 from blockmech.model.structure import JointRef
 from blockmech.passes.homotopy import followed, last_good, path_of
-from blockmech.quality import CHANGE_POINT, NO_ASSEMBLY
+from blockmech.quality import (
+    CHANGE_POINT,
+    DEAD_CENTRE,
+    JAMMED,
+    NO_ASSEMBLY,
+    SELF_LOCKED,
+    UNDEFINED,
+)
 from blockmech.result import Result
 from blockmech.shortfall import shortfall
 
@@ -97,22 +104,21 @@ def _what(
         by = {"single": "a single correction", "successive": "successive approximations"}
         how = by.get(result.settings["friction"], "continuation")
         return FrictionError, status, _unproved(result, first, block) or f"{how} did not converge"
-    if status != NO_ASSEMBLY:
+    if status in (SELF_LOCKED, JAMMED):
         limit = next(
             (f.value for f in quality.flags if f.sample == first and f.where == block), None
         )
         reach = f" (solvable up to {limit:.4g} times the friction)" if limit else ""
         return FrictionError, status, f"no solution is connected with zero friction{reach}"
-    if (first, CHANGE_POINT, block) in {(f.sample, f.code, f.where) for f in quality.flags}:
-        lost = "its two modes meet there, rates and reactions are limits of 0/0"
-        return SingularError, CHANGE_POINT, lost
-    if margin == 0:
-        lost = "rates and reactions do not exist there"
-        if result.mechanism.structure.blocks[block].kind == "PRP":
+    if status != NO_ASSEMBLY:
+        lost = {
+            CHANGE_POINT: "its two modes meet there, rates and reactions are limits of 0/0",
+            DEAD_CENTRE: "rates and reactions do not exist there",
+            UNDEFINED: "a wanted value is not defined there",
+        }[status]
+        if block and result.mechanism.structure.blocks[block].kind == "PRP":
             lost = "its guides are parallel, so no pose, rate or reaction exists there"
-        return SingularError, "dead-centre", lost
-    if not block:
-        return SingularError, "undefined", "a wanted value is not defined there"
+        return SingularError, status, lost
     if np.isnan(margin):
         why = "its outer joints coincide"
     else:

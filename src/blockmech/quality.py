@@ -23,8 +23,12 @@ OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
     "self-locked",
     "jammed",
 )
-WORDS = (OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED)
 DEAD_CENTRE, CHANGE_POINT, DIGITS_LOST = "dead-centre", "change-point", "digits-lost"
+UNDEFINED = "undefined"
+WORDS = (
+    *(OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED),
+    *(DEAD_CENTRE, CHANGE_POINT, UNDEFINED),
+)
 REACTION_REVERSAL = "reaction-reversal"  # of a pin with clearance
 OTHER_SOLUTIONS = "other-solutions"  # of the friction equations, beside the one that is given
 TOUCH = 1e-12  # margin below zero that is rounding where a margin touches zero
@@ -59,7 +63,8 @@ class Quality(Facts):
 
     Attributes
     ----------
-    status : n words: "ok", "no-assembly", "not-converged", "self-locked", "jammed"
+    status : n words: "ok", "no-assembly", "not-converged", "self-locked", "jammed",
+        "dead-centre", "change-point", "undefined" (a wanted value, at a pose that can be)
     blame : sample without an answer -> the block that has none
     margin, iterations, residual, contraction : block -> (n,) [-]
     existence : block -> (n,) [-], below 1 where its friction has a solution for every load; of
@@ -132,14 +137,16 @@ def failures(
         failing = ~(m > 0) & ~((m == 0) & ~wanted_bad)
         if block in following:
             failing |= (m > 0) & (m < NEAR_CHANGE) & wanted_bad
+            note(failing & ~(m < -TOUCH), CHANGE_POINT, block)
+        note(failing & (m >= -TOUCH), DEAD_CENTRE, block)
         note(failing, NO_ASSEMBLY, block)
     for block, ended in outcome.items():
         locked = JAMMED if block in prismatic else SELF_LOCKED
-        for how in Outcome:
-            if not how.solved and np.any(ended):
+        for how in Outcome if np.any(ended) else ():
+            if not how.solved:
                 failure = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
                 note((ended == how) & np.ones_like(wanted_bad), failure, block)
-    note(wanted_bad, NO_ASSEMBLY, "")
+    note(wanted_bad, UNDEFINED, "")
     return Failures(word, blame, blocks)
 
 
@@ -180,7 +187,7 @@ def assess(
             continue
         mine = (failed.word == 0) | (failed.block >= k) | (failed.block == 0)  # no earlier one's
         for i in np.flatnonzero(~(m > 0)):
-            if m[i] == 0 or (name == CHANGE_POINT and mine[i] and not m[i] < -TOUCH):
+            if m[i] == 0 or (mine[i] and failed.word[i] == WORDS.index(name)):
                 flags.append(Flag(int(i), name, block, value=0.0))
         for i in np.flatnonzero((m > 0) & (m < near)):
             lost = failed.word[i] > 0 and failed.block[i] == k
@@ -208,7 +215,7 @@ def assess(
         R = np.broadcast_to(x + 1j * y, n)
         where = name.removeprefix("pressing/")
         flags += [Flag(i, REACTION_REVERSAL, where, value=float(abs(R[i]))) for i in reversals(R)]
-    flags += [Flag(i, "undefined", "mechanism") for i, block in blame.items() if not block]
+    flags += [Flag(i, UNDEFINED, "mechanism") for i, block in blame.items() if not block]
     flags.sort(key=lambda f: (f.sample, f.code, f.where))
     return Quality(
         status,

@@ -48,6 +48,7 @@ def of(found: Trade, method: str) -> list[Point]:
 def test_a_force_analysis_is_measured_with_every_friction_method_and_precision() -> None:
     methods = set(friction().series())
     assert {"numpy", "scalar", "friction none", "friction single", "successive"} <= methods
+    assert {"llvm", "friction none llvm", "friction single llvm", "successive llvm"} <= methods
     settings = [p.setting for p in of(friction(), "numpy")]
     assert settings == ["complex64", "complex128"] + ["clongdouble"] * LONG  # from cheap to dear
     iterations = [p.options.get("iterations") for p in of(friction(), "successive")]
@@ -56,6 +57,7 @@ def test_a_force_analysis_is_measured_with_every_friction_method_and_precision()
 
 def test_a_simulation_is_measured_with_every_method_that_applies() -> None:
     assert {"energy", "dop853", "radau", "rk4", "euler_q"} <= set(motion().series())
+    assert {"energy scalar", "dop853 scalar", "radau scalar"} <= set(motion().series())
 
 
 @pytest.mark.parametrize("found", [friction, motion])
@@ -108,7 +110,7 @@ def test_refining_a_method_does_not_make_it_worse(method: str) -> None:
 
 
 def point(method: str, seconds: float, error: float) -> Point:
-    how = {"seconds": seconds, "fastest": seconds, "slowest": seconds, "repeats": 5}
+    how = {"seconds": seconds, "slowest": seconds, "repeats": 5}
     return Point(method, evaluations=100, error=error, **how)
 
 
@@ -122,8 +124,7 @@ def test_the_front_holds_what_nothing_beats_in_both_and_no_error_as_large_as_the
 
 
 def test_a_place_on_the_front_needs_a_difference_beyond_the_noise() -> None:
-    noisy = {"seconds": 1.1, "fastest": 0.9, "slowest": 1.3, "repeats": 5}
-    exact = Point("m", evaluations=100, error=1e-9, **noisy)
+    exact = point("m", 1.04, 1e-9)
     a, b = point("a", 1.0, 1e-9), point("b", 1.0, 1e-6)
     assert front((a, exact), "seconds") == (a, exact)  # equal as far as can be seen
     assert front((b, exact), "seconds") == (exact,)  # not surely faster, and less exact
@@ -134,7 +135,23 @@ def test_a_place_on_the_front_needs_a_difference_beyond_the_noise() -> None:
 def test_the_recommended_setting_is_the_fastest_of_the_front_within_the_target(target) -> None:
     best = friction().best(target)
     assert best in friction().pareto
-    assert best.seconds == min(p.seconds for p in friction().points if p.error <= target)
+    within = [p.seconds for p in friction().points if p.error <= target]
+    assert best.seconds <= 1.11 * min(within)  # two steps of noise
+
+
+def test_what_another_beats_in_both_is_named_as_beaten() -> None:
+    exact, single, slow = (
+        point("llvm", 1.0, 1e-15),
+        point("numpy", 3.0, 1e-6),
+        point("s", 9.0, 1e-15),
+    )
+    near = point("numpy", 1.02, 1e-6)  # within the noise
+    found = by_hand(exact, single, slow, near)
+    assert found.beaten_by(single) is exact
+    assert [found.beaten_by(p) for p in (exact, slow, near)] == [None] * 3
+    assert "beaten in time and in error by llvm: numpy" in found.text()
+    rows = {row["method"]: row["beaten_by"] for row in found.to_dict()["points"][:3]}
+    assert rows == {"llvm": "", "numpy": "llvm", "s": ""}
 
 
 ENERGY, RK4 = point("energy", 4e-4, 1e-6), point("rk4", 4e-5, 1e-3)
@@ -242,7 +259,7 @@ def test_the_picture_has_both_costs_a_floor_and_a_caption() -> None:
     assert all(a.get_xscale() == a.get_yscale() == "log" for a in figure.axes)
     assert figure.get_size_inches()[0] == pytest.approx(8.5 / 2.54)
     said = " ".join(t.get_text() for t in figure.texts)
-    assert "median" in said
+    assert "processor time" in " ".join(said.split())
     assert "Pareto front" in said
     floor = friction().reference.floor
     assert all(a.get_ylim()[0] < floor for a in figure.axes)

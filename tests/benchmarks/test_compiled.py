@@ -92,7 +92,7 @@ def test_largest_driving_moment_of_designs(
     engines = [kind(plan.program) for kind in (compiled_program, NumpyEngine)]
 
     def largest(engine: object) -> np.ndarray:
-        found = engine.run_designs(inputs, values)  # type: ignore[attr-defined]
+        found = engine.run_designs(inputs, engine.numbers(values))  # type: ignore[attr-defined]
         return np.abs(found[plan.layout["crank.drive"][0]]).max(axis=1)
 
     found = benchmark(lambda: largest(engines[0]))

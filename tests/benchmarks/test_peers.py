@@ -119,7 +119,7 @@ def test_designs_against_an_ensemble_of_pylinkage() -> None:
         engine: Any = kind(plan.program)
         column = {family.parameters[0]: l_i[:most, None]}
         values = plan.program.values(*family.design(column))
-        spent = least_time(lambda e=engine, v=values: e.run_designs(inputs, v)) / most  # type: ignore[misc]
+        spent = least_time(lambda e=engine, v=values: e.run_designs(inputs, e.numbers(v))) / most  # type: ignore[misc]
         task = f"a design, positions at {TURN} poses, {engine.name}"
         ROWS.append(Row(task, spent, theirs, yardstick, goal))
     many = {"dyad.l_i": np.linspace(5.8, 6.2, 50 * DESIGNS)}

@@ -55,7 +55,8 @@ def test_designs_of_one_program_equal_their_own_compile_to_the_last_bit(friction
     taken = make_samples(("crank",), plain.scene, q, None, None, 10.0, None)
     inputs = taken.given(plan.program.inputs)
     kind = NumpyEngine if engine == "numpy" else compiled_program
-    found = kind(plan.program).run_designs(inputs, values)
+    own = kind(plan.program)
+    found = own.run_designs(inputs, own.numbers(values))
     for k, own_numbers in enumerate(zip(*numbers, strict=True)):
         alone = type(plain)(design(plain, *own_numbers), plain.scene)
         own = alone.plan(want, friction=friction)

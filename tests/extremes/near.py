@@ -121,4 +121,4 @@ def found(case: Near) -> Cell:
         got = [mp.mpc(complex(r[name][0])) for name in names]
         off = [float(abs(a - b) / abs(b)) for a, b in zip(got, truth, strict=True)]
     told = [*r.quality.status, *(flag.code for flag in r.quality.flags)]
-    return Cell(*off, ", ".join(told))
+    return Cell(*off, ", ".join(dict.fromkeys(told)))

@@ -9,6 +9,7 @@ from blockmech.studies.reductions import SIMPLE
 from tests.gallery import mechanism
 
 TURN = {"crank": np.linspace(0.1, 6.2, 24)}
+TURN_OF_8 = {"crank": np.linspace(0.0, 2 * np.pi, 8)}
 NUMBERS = ["dyad.l_i", "frame.D.y", "dyad.links.i.mass", "dyad.friction.C.radius"]
 WANT = [*(f"{how}(crank.drive)" for how in SIMPLE), f"at(crank.drive, {TURN['crank'][3]})"]
 WANT += ["max_abs(dyad.C.reaction)", "rms(dyad.C.reaction)", "mean(dyad.C.p)", "poses(dyad.S.p)"]
@@ -41,12 +42,13 @@ def test_derivatives_of_every_reduction_are_those_of_differences(asked):
         assert (np.abs(exact[:, k] - near) <= allowed).all()
 
 
-def test_of_poses_that_tie_the_one_that_goes_ahead_counts():
-    f = mechanism("watt_sixbar").objective("first.Cmid.x", want="max_abs(crank.drive)", samples=7)
-    h = 1e-7 * f.start
-    ahead, behind = (f(f.start + h) - f(f.start)) / h, (f(f.start) - f(f.start - h)) / h
-    assert abs(ahead[0] - behind[0]) > 10.0
-    assert f.jacobian(f.start) == pytest.approx(ahead, rel=1e-5)  # of differences, their step's
+def test_of_places_that_tie_the_one_that_goes_ahead_counts():
+    """A yoke about the origin goes as far to the left as to the right: shifting it grows either."""
+    f = mechanism("scotch_yoke").objective("frame.O.x", want="max_abs(yoke.B.p.x)", over=TURN_OF_8)
+    assert f(0.0) == pytest.approx(f(1e-3) - 1e-3, rel=1e-12)
+    assert f(0.0) == pytest.approx(f(-1e-3) - 1e-3, rel=1e-12)
+    assert f.jacobian([0.0]) == pytest.approx(1.0, rel=1e-12)
+    assert f.jacobian([-1e-3]) == pytest.approx(-1.0, rel=1e-12)
 
 
 def test_a_design_that_does_not_assemble_or_that_a_file_refuses_is_infinitely_bad():

@@ -1,4 +1,4 @@
-"""A function of one coordinate looked through for its extrema, and two searches to rounding.
+"""A function of one coordinate looked through for its extrema, and a search to rounding.
 
 The function becomes a series (`blockmech.series`); its extrema are roots of the series'
 derivative, good to rounding over the curvature. Where there is no series (a corner, a jump,
@@ -183,26 +183,6 @@ def last_place(value: Callable[[float], float], inside: float, outside: float) -
         t = min(max(t, least), 1 - least)
     holds, fails = (a, b) if fa >= 0 else (b, a)
     return bisect(lambda x: value(x) >= 0, holds, fails)
-
-
-def minimize(function: Callable[[float], float], low: float, high: float) -> float:
-    """Place of a minimum in a bracket; it need not be smooth. NaN counts as large.
-
-    Brent's method keeps the root of rounding of what it is given, so it is given the distance
-    from the middle, and a second time from what it found.
-    """
-    from scipy.optimize import minimize_scalar
-
-    middle, half = low + (high - low) / 2, (high - low) / 2
-    for _ in range(2):
-
-        def apart(d: float, middle: float = middle, half: float = half) -> float:
-            y = function(middle + d * half)
-            return math.inf if math.isnan(y) else y
-
-        minimum = minimize_scalar(apart, bounds=(-1, 1), method="bounded", options={"xatol": EPS})
-        middle, half = middle + float(minimum.x) * half, 4 * math.sqrt(EPS) * half
-    return middle
 
 
 def runs(holds: Sequence[bool] | NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -12,7 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.scan import ASIDE, Span, minimize, runs, scan
+from blockmech.analysis.peaks import Search
+from blockmech.analysis.scan import ASIDE, Span, runs, scan
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.errors import refused
 from blockmech.failures import without_gaps
@@ -147,8 +148,13 @@ def _cornered(signal: Signal, s: float, room: float, sign: int) -> float:
     at, *beside = (sign * signal.value(np.append(s, s + aside))).tolist()
     if not max(beside) > at + ROUNDING * abs(at):
         return s
-    place = minimize(lambda x: -sign * _at(signal, x), s - room, s + room)
-    return place if sign * _at(signal, place) > at else s
+    near = np.array([s - room, s, s + room])
+
+    def value(row: Any, places: Floats) -> Floats:
+        return sign * signal.value(places.ravel()).reshape(places.shape)
+
+    known = sign * signal.value(near)[None]
+    return float(Search(value, near, known, ended=EPS).found().place[0])
 
 
 def _at(signal: Signal, s: float) -> float:

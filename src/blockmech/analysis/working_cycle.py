@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from blockmech.analysis.scan import NODES, bisect, runs
+from blockmech.analysis.scan import NODES, TURN, bisect, runs
 from blockmech.errors import RequestError, refused
 from blockmech.result import Result
-from blockmech.series import Floats
+from blockmech.samples import Samples
+from blockmech.series import SCANNED, Floats
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
+MOST = 50 * SCANNED  # steps of a range of many turns
 SAME = 1e-12  # of a range, of places and numbers of turns that count as the same
 
 
@@ -65,6 +67,12 @@ class Cycle:
         """Equally spaced places from end to end."""
         return np.linspace(self.low, self.high, self.steps + 1)
 
+    def places_of(self, samples: Samples) -> Floats:
+        """Where samples of the cycle are."""
+        if self.by == "coordinate":
+            return samples.coordinate(0)
+        return np.linspace(0.0, 1.0, samples.n) if samples.times is None else samples.times
+
     def wrapped(self, s: float) -> float:
         """A place of a whole turn inside the range: one at its very end is at its beginning."""
         span = self.high - self.low
@@ -96,3 +104,68 @@ class Cycle:
 def no_range(where: str, remedy: str) -> RequestError:
     """The error of a request over nothing."""
     return refused(where, "there is no range to follow", remedy, code="no-range")
+
+
+def cycle_through(mechanism: Compiled, samples: Samples, settings: Mapping[str, Any]) -> Cycle:
+    """The cycle that samples go through. Raises `RequestError` where they are no range."""
+    if samples.times is not None:
+        low, high = float(samples.times.min()), float(samples.times.max())
+        return by_time(mechanism, settings, low, high, samples.n)
+    columns = [samples.coordinate(i) for i in range(len(mechanism.drivers))]
+    if len(columns) == 1:
+        ends = float(columns[0].min()), float(columns[0].max())
+        if samples.clock:
+            return by_coordinate(mechanism, settings, *ends, samples.clock, n=samples.n)
+        rates = [np.unique(np.asarray(samples.inputs[name])) for name in ("qd_0", "qdd_0")]
+        if any(len(values) > 1 for values in rates):
+            raise no_range("rates", "give the driver a law of motion in place of rates")
+        rate, acceleration = (float(values[0]) for values in rates)
+        more = {"rates": rate, "accelerations": acceleration}
+        return by_coordinate(mechanism, settings, *ends, None, more, samples.n)
+    even = [np.linspace(c[0], c[-1], len(c)) for c in columns]
+    if not columns or not all(map(np.allclose, columns, even)):
+        raise no_range("samples", "sample the drivers at equal steps, or by time")
+    ranges = [(float(c[0]), float(c[-1])) for c in columns]
+    return by_share(mechanism, settings, ranges, samples.n)
+
+
+def by_coordinate(
+    mechanism: Compiled,
+    settings: Mapping[str, Any],
+    low: float,
+    high: float,
+    law: Any,
+    rates: Mapping[str, float] | None = None,
+    n: int = 0,
+) -> Cycle:
+    """A range of the only driver's coordinate, by its law or at given rates."""
+    more = dict(rates or {})
+    rotary = mechanism.driver_joint(mechanism.drivers[0]).rotary
+    count = (high - low) / TURN if rotary else 0.0
+    whole = round(count) >= 1 and abs(count - round(count)) <= SAME * count
+    steps = min(MOST, max(SCANNED, n - 1, math.ceil(SCANNED * count)))
+    rate = more.get("rates", 0.0) if law is None else getattr(law, "rate", 0.0)
+
+    def request(s: Floats) -> dict[str, Any]:
+        return {"at": s, **more}
+
+    return Cycle(
+        mechanism, settings, "coordinate", low, high, request, steps, whole, float(rate) < 0
+    )
+
+
+def by_time(
+    mechanism: Compiled, settings: Mapping[str, Any], low: float, high: float, n: int = 0
+) -> Cycle:
+    steps = 2 * max(SCANNED, n - 1)
+    return Cycle(mechanism, settings, "time", low, high, lambda s: {"times": s}, steps)
+
+
+def by_share(
+    mechanism: Compiled, settings: Mapping[str, Any], ends: list[tuple[float, float]], n: int = 0
+) -> Cycle:
+    def request(s: Floats) -> dict[str, Any]:
+        pairs = zip(mechanism.drivers, ends, strict=True)
+        return {"at": {d: a + s * (b - a) for d, (a, b) in pairs}}
+
+    return Cycle(mechanism, settings, "share", 0.0, 1.0, request, max(SCANNED, n - 1))

@@ -51,7 +51,7 @@ def _caption(trade: Trade) -> str:
     return (
         f"{head} Error: {trade.measure}, against "
         f"{r.method}, checked by {r.check}, which leaves {r.floor:.0e} open (hatched).{unseen} "
-        "Time: median, bars from the fastest to the slowest of at least 5 warm runs, or of one. "
+        "Time: least processor time, bars to the largest of the warm runs, or of one. "
         f"Evaluations: {trade.counted}. Broad grey line: Pareto front. Labels: the setting "
         "(c64: complex64; n: iterations; a number: accuracy asked for, or step)."
     )
@@ -80,7 +80,7 @@ def _panel(axes: Any, trade: Trade, cost: str) -> None:
         style = ink.curve_style(i)
         row = [p for p in row if math.isfinite(p.error)]
         x, y = [_spent(p, cost) for p in row], [p.error for p in row]
-        bars = [[p.seconds - p.fastest for p in row], [p.slowest - p.seconds for p in row]]
+        bars = [[0.0 for _ in row], [p.slowest - p.seconds for p in row]]
         axes.errorbar(
             x, y, xerr=bars if cost == "seconds" else None, elinewidth=0.5, lw=0.9,
             marker=MARKS[i % len(MARKS)], ms=MARK, mfc=ink.PAPER, mew=0.8, label=name, **style,

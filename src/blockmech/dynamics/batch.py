@@ -136,8 +136,8 @@ class Track:
         kept = which[self.design]
         return self.design[kept], self.t0[kept], self.t1[kept], self.series[:, kept]
 
-    def state(self, t: Floats) -> Floats:
-        """Coordinates and rates (m, p, 2) of the designs at times (m, p) [s]."""
+    def state(self, t: Floats, of: NDArray[np.intp] | None = None) -> Floats:
+        """Coordinates and rates (m, p, 2) of designs, by default all, at times (m, p) [s]."""
         states = np.full((*t.shape, 2), np.nan)
         if not self.t0.size:
             return states
@@ -148,13 +148,14 @@ class Track:
             """A number in the order of designs, and of a design's times."""
             return design + np.clip((at - begin) / span, 0.0, 1.0) / 2
 
-        rows = np.flatnonzero(some)
-        wanted = t[rows]
+        of = np.arange(self.m) if of is None else of
+        known = np.flatnonzero(some[of])
+        rows, wanted = of[known], t[known]
         i = place(self.design, self.t0).searchsorted(place(rows[:, None], wanted), side="right") - 1
         i = np.maximum(i, np.searchsorted(self.design, rows)[:, None])  # a time before the start
         x = (wanted - self.t0[i]) / np.maximum(self.t1[i] - self.t0[i], 1e-300)
         values = _inside(x.ravel(), self.series[:, i.ravel()])
-        states[rows] = values.reshape(*wanted.shape, 2)
+        states[known] = values.reshape(*wanted.shape, 2)
         return states
 
 

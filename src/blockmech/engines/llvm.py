@@ -27,8 +27,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.engines import assembly, code_cache
+from blockmech.engines import assembly, code_cache, loops
 from blockmech.engines.assembly import LANES
+from blockmech.engines.loops import Reals
 from blockmech.engines.nodes import Node, Untraceable, needed, of_inputs
 from blockmech.engines.numpy import CHUNK, Planar, Whole, leaves
 from blockmech.engines.scalar import ScalarEngine
@@ -203,17 +204,43 @@ class LlvmEngine:
             return self.one([float(inputs[x][0]) for x in self.program.inputs])
         return self._together(inputs, n, self._numbers[None], (n,))
 
-    def run_designs(
-        self, inputs: Mapping[str, NDArray[Any]], values: tuple[Any, ...]
-    ) -> tuple[Any, ...]:
+    def numbers(self, values: tuple[Any, ...]) -> Array:
+        """Numbers (m, k) of designs as the engine takes them, of those of `Program.values`."""
+        return slots_of(values)
+
+    def run_designs(self, inputs: Mapping[str, NDArray[Any]], numbers: Array) -> tuple[Any, ...]:
         """Values of m designs at n samples each, as batches (m, n).
 
-        ``values`` are those of `Program.values`, numbers of designs as columns (m, 1); inputs
-        are (n,). A design's numbers are those that it has alone.
+        Inputs are (n,), or all (m, n), which are the designs' own. A design's numbers are those
+        that it has alone.
         """
-        slots = slots_of(values)
+        if all(np.ndim(inputs[x]) == 2 for x in self.program.inputs):
+            return self._each_at_its_own(inputs, numbers)
         n = max((np.size(inputs[x]) for x in self.program.inputs), default=1)
-        return self._together(inputs, n, slots, (len(slots), n))
+        return self._together(inputs, n, numbers, (len(numbers), n))
+
+    def _each_at_its_own(self, inputs: Mapping[str, NDArray[Any]], slots: Array) -> tuple[Any, ...]:
+        """Values of designs (m, n) at samples of their own."""
+        m, n = shape = inputs[self.program.inputs[0]].shape
+        given = self._columns([np.ravel(inputs[x]) for x in self.program.inputs], m * n)
+        width = -(-n // LANES) * LANES
+        columns = np.empty((m, len(given), width))
+        for k, column in enumerate(given):
+            columns[:, k, :n] = column.reshape(shape)
+            columns[:, k, n:] = columns[:, k, n - 1 : n]
+        out = np.empty((max(1, self.code.traced.rows), LANES * (m * width // LANES | 1)))
+        room = np.empty(columns.shape[1:])
+        places = self._places(*range(room.ctypes.data, room.ctypes.data + room.nbytes, 8 * width))
+        total: float = _each_design()(
+            ctypes.cast(self.code.fill, ctypes.c_void_p), ctypes.addressof(places),
+            slots.ctypes.data, slots.shape[1], columns.ctypes.data, room.ctypes.data, room.size,
+            width, out.ctypes.data, out.shape[1], m,
+        )  # fmt: skip
+        lanes = out[:, : m * width].reshape(-1, m, width)
+        values = self.code.many(
+            [column.reshape(shape) for column in given], [*lanes[..., :n]], shape
+        )
+        return Whole(values) if self.code.traced.finite and math.isfinite(total) else values
 
     def _together(
         self, inputs: Mapping[str, Any], n: int, slots: Array, shape: tuple[int, ...]
@@ -262,6 +289,28 @@ class LlvmEngine:
             places, slots.ctypes.data, out.ctypes.data, stride, n, count, designs
         )
         return total
+
+
+def each_design(
+    fill: Callable[[Reals, Reals, Reals, int, int, int, int], float], x: Reals, numbers: Reals,
+    slots: int, columns: Reals, room: Reals, size: int, n: int, out: Reals, stride: int,
+    designs: int,
+) -> float:  # fmt: skip
+    """A program for each design at n samples of its own: ``columns`` of inputs, put into ``room``
+    of that size, to which ``x`` points."""
+    total = 0.0
+    for d in range(designs):
+        for k in range(size):
+            room[k] = columns[d * size + k]
+        total += fill(x, numbers[d * slots :], out[d * n :], stride, n, slots, 1)
+    return total
+
+
+@functools.cache
+def _each_design() -> Any:
+    """`each_design` as machine code, the same for all programs."""
+    text = loops.text(each_design=each_design)
+    return machine_code(text, ("each_design", loops.signature(each_design)))[0]
 
 
 def _aligned(room: Array) -> int:

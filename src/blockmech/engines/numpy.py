@@ -276,17 +276,21 @@ class NumpyEngine:
                         room[part] = value
         return rooms
 
+    def numbers(self, values: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Numbers of designs as the engine takes them, of those of `Program.values`."""
+        return tuple(map(self._cast, values))
+
     def run_designs(
-        self, inputs: Mapping[str, NDArray[Any]], values: tuple[Any, ...]
+        self, inputs: Mapping[str, NDArray[Any]], numbers: tuple[Any, ...]
     ) -> tuple[Any, ...]:
         """Values of m designs at n samples each, as batches that broadcast to (m, n).
 
-        ``values`` are those of `Program.values`, numbers of designs as columns (m, 1);
-        inputs are (n,) or (m, n). A design's numbers are those that it has alone.
+        ``numbers`` are those of designs, as columns (m, 1); inputs are (n,) or (m, n). A design's
+        numbers are those that it has alone.
         """
         columns = [np.atleast_2d(self._rounded(n, inputs[n])) for n in self.program.inputs]
         with np.errstate(all="ignore"):
-            return self._program(*columns, tuple(map(self._cast, values)))
+            return self._program(*columns, numbers)
 
     def _rooms(self, values: tuple[Any, ...], n: int) -> tuple[Any, ...]:
         """Room for n samples of each value; columns of one block, whose memory is used again."""

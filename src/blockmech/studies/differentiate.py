@@ -22,6 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.analysis.deflections import Course
+from blockmech.analysis.ranges import cycle_of
+from blockmech.analysis.turning_points import signal_of, turns_of
 from blockmech.arguments import declared
 from blockmech.compiled import Compiled
 from blockmech.engines.derivatives import DualEngine
@@ -34,7 +36,16 @@ from blockmech.plane import REST_SHARE
 from blockmech.result import Result
 from blockmech.runnable import EVERYTHING
 from blockmech.studies.family import parameters, remade
-from blockmech.studies.reductions import POSES, REST, STROKE, WHOLE, Wanted, is_reduction, wanted
+from blockmech.studies.reductions import (
+    EXTREMES,
+    POSES,
+    REST,
+    STROKE,
+    WHOLE,
+    Wanted,
+    is_reduction,
+    wanted,
+)
 from blockmech.studies.rests import rest_slopes
 from blockmech.studies.sampling import as_sequence
 from blockmech.studies.sensitivity import Sensitivity, size_of
@@ -155,11 +166,21 @@ def _of_reductions(
     sides = ({n: side[n] for n in kept} for side in (base.ahead, base.behind, base.jumps))
     ahead, behind, jumps = sides
     values = {}
+    how = {k: given[k] for k in ("friction", "tolerance", "iterations", "static")}
     for w in columns:
         y, label = np.asarray(base.result[w.output]), w.label
+        jumping = base.jumps[w.output]
         if w.how == STROKE:
-            values[label], slopes = _stroke_slopes(base, w, given)
+            values[label], slopes = _stroke_slopes(base, w, how)
             ahead[label], behind[label] = slopes
+        elif w.how in EXTREMES and (turns := _extremes(base.result, w)):
+            y, poses = turns
+            there = sensitivity(mechanism, w.output, tuple(base.parameters), **poses, **how)
+            y = np.asarray(there.result[w.output]) if w.vector else y
+            jumping = there.jumps[w.output]
+            values[label] = w.value(y)
+            ahead[label] = w.slopes(y, there.ahead[w.output])
+            behind[label] = -w.slopes(y, -there.behind[w.output])
         elif w.how == REST:
             slopes_of = rest_slopes(mechanism, taken, w.output, tuple(base.parameters))
             values[label], (ahead[label], behind[label]) = slopes_of
@@ -167,14 +188,31 @@ def _of_reductions(
             values[label] = w.value(y)
             ahead[label] = w.slopes(y, base.ahead[w.output])
             behind[label] = -w.slopes(y, -base.behind[w.output])
-        jumping = base.jumps[w.output]
         jumps[label] = jumping if w.how == POSES else np.asarray(jumping.any(axis=1, keepdims=True))
     reduced = {w.label: (w, values[w.label]) for w in columns}
     return replace(base, ahead=ahead, behind=behind, jumps=jumps, reduced=reduced)
 
 
+def _extremes(run: Result, w: Wanted) -> tuple[Array, dict[str, Any]] | None:
+    """Extremes of an output over the range of a run, of those that are alike all, and the request
+    for the poses where they are; None where the samples are no range."""
+    try:
+        cycle = cycle_of(run)
+    except RequestError:
+        return None
+    turns = turns_of(cycle, signal_of(cycle, w.output, "magnitude" if w.vector else ""))
+    every = turns.low, turns.high, *turns.inner
+    y = np.array([turn.value for turn in every])
+    size = np.abs(y) if w.how == "max_abs" else y
+    some = np.zeros(len(y), bool)
+    for sign in EXTREMES[w.how]:
+        some |= np.isclose(size, sign * (sign * size).max(), rtol=REST_SHARE, atol=0.0)
+    places = np.array([turn.s for turn in every])
+    return y[some], cycle.request(places[some])
+
+
 def _stroke_slopes(
-    base: Sensitivity, w: Wanted, given: Mapping[str, Any]
+    base: Sensitivity, w: Wanted, how: Mapping[str, Any]
 ) -> tuple[Array, tuple[Array, Array]]:
     """A stroke and its derivatives (k, 1) to both sides: those of its ends, where they are.
 
@@ -185,14 +223,13 @@ def _stroke_slopes(
     if moved.path == "curved":
         raise refused(w.label, "a stroke along a curve has no derivative", "take a part of it")
     ends = moved.low, moved.high
-    how = {k: given[k] for k in ("friction", "tolerance", "iterations", "static")}
     if run.samples.times is not None:
-        how["times"] = [float(end.time or 0.0) for end in ends]
+        poses: dict[str, Any] = {"times": [float(end.time or 0.0) for end in ends]}
     else:
         drivers = run.mechanism.drivers
         places = [run.mechanism.of_driver(d, "q") for d in drivers]
-        how["at"] = {d: [end.at[q] for end in ends] for d, q in zip(drivers, places, strict=True)}
-    there = sensitivity(run.mechanism, w.output, tuple(base.parameters), **how)
+        poses = {"at": {d: [e.at[q] for e in ends] for d, q in zip(drivers, places, strict=True)}}
+    there = sensitivity(run.mechanism, w.output, tuple(base.parameters), **poses, **how)
     low, high = np.asarray(there.result[w.output])
     along = (high - low) / abs(high - low) if w.vector else 1.0
 

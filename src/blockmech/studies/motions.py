@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.batch import Motions, moved, rates_for
+from blockmech.dynamics.motion_outputs import result_along
 from blockmech.dynamics.request import (
     OUTPUTS,
     SimulationRequest,
@@ -32,8 +33,17 @@ from blockmech.motion import FACT_UNITS, Motion, fact_unit
 from blockmech.quality import OK
 from blockmech.result import Result
 from blockmech.settings import friction_asked
+from blockmech.studies.between import extremes_of
 from blockmech.studies.family import Family, document_value, remade
-from blockmech.studies.reductions import POSES, SIMPLE, Wanted, Words, column, columns
+from blockmech.studies.reductions import (
+    EXTREMES,
+    POSES,
+    SIMPLE,
+    Wanted,
+    Words,
+    column,
+    columns,
+)
 from blockmech.studies.rows import ENDED_EARLY, NO_MOTION, NO_NUMBER, REASONS, Rows
 from blockmech.studies.runner import Runner
 from blockmech.studies.swings import FirstSwings
@@ -42,6 +52,7 @@ Array = NDArray[Any]
 FEW = 16  # designs between two words of progress, and for which nothing is compiled
 TOGETHER = 256  # designs that move side by side: their steps stay in some megabytes
 WITHIN = 0.02  # of its change, within which an output has settled
+DENSE = 1e-9  # of an extreme of a motion, which is known between its steps to that
 MOTION = "motion"  # what is reduced is the motion itself
 
 
@@ -235,7 +246,16 @@ class MotionRunner(Runner):
         if w.how == MOTION:
             own = NUMBERS.get(w.output)
             return float(motion.facts.get(w.output, math.nan) if own is None else own[1](motion))
-        return reduced(w, np.asarray(result.time), np.asarray(result[w.output]), self.n)
+        t, y = np.asarray(result.time), np.asarray(result[w.output])
+        if w.how not in EXTREMES or len(t) < 2:
+            return reduced(w, t, y, self.n)
+
+        def output(row: Array, times: Array) -> Array:
+            at = result_along(result.mechanism, motion, times.ravel(), w.output, **how)
+            return size(np.asarray(at[w.output])).reshape(times.shape)
+
+        how, size = _friction(self.settings), np.abs if w.vector else np.asarray
+        return extremes_of(w, output, t, size(y)[None], ended=DENSE).value[0]
 
 
 @dataclass(frozen=True)
@@ -309,13 +329,33 @@ class Together:
             t = np.tile(request.times, (len(motions.t), 1))
         shown, t = t <= motions.t[:, None], np.minimum(t, motions.t[:, None])
         shown[:, 0] |= ~shown.any(axis=1)  # all wanted times lie after the end: it stands for them
+        begin, span = t[:, 0], np.where(shown, t, -np.inf).max(axis=1) - t[:, 0]
         states = motions.track.state(t)
         ends = np.stack([motions.q, motions.rate], axis=-1)[:, None]  # which are known exactly
         states = np.where((t == motions.t[:, None])[..., None], ends, states)
         for w in (w for w in runner.want if w.how != MOTION):
-            y = states[..., int(w.output == rate)]
+            part = int(w.output == rate)
+            y = states[..., part]
+            if w.how in EXTREMES:
+                of = np.array(some, np.intp)
+                values[w.label][of] = _extremes(w, motions, of, begin[of], span[of], runner.n, part)
+                continue
             for i in some:
                 values[w.label][i] = reduced(w, t[i, shown[i]], y[i, shown[i]], runner.n)
+
+
+def _extremes(
+    w: Wanted, motions: Motions, of: Array, begin: Array, span: Array, n: int, part: int
+) -> Array:
+    """Extremes of the coordinate (part 0) or rate (1) of some motions over spans of time [s]."""
+
+    def output(row: Array, share: Array) -> Array:
+        t = begin[row, None] + span[row, None] * share
+        return motions.track.state(t, of[row])[..., part]
+
+    share = np.linspace(0.0, 1.0, n)
+    y = output(np.arange(len(of)), np.tile(share, (len(of), 1)))
+    return extremes_of(w, output, share, y, ended=DENSE).value
 
 
 def reduced(w: Wanted, t: Array, y: Array, n: int) -> Any:

@@ -1,11 +1,12 @@
 """What is kept of an output over the poses of a design: its extremes, its mean, one pose.
 
 A want is an output and a reduction, ``max_abs(crank.drive)``. Reductions of a vector are those
-of its length; a mean and a single pose are vectors. All are of the poses, but a stroke, which is
-followed between them (`blockmech.analysis.stroke`), and ``rest(crank.q)``, an output where the
+of its length; a mean and a single pose are vectors. Extremes and strokes are those of the whole
+range that the poses go through, found between them (`blockmech.analysis.peaks`,
+`blockmech.analysis.stroke`); means are of the poses; ``rest(crank.q)`` is an output where the
 design comes to rest (`blockmech.studies.rests`).
 
-Derivatives are those of the reduction: of a largest value that of the pose where it is, of
+Derivatives are those of the reduction: of a largest value that of the place where it is, of
 several that are alike the one that leads.
 """
 
@@ -46,6 +47,8 @@ SIMPLE: Mapping[str, Callable[[Array], Array]] = {
     "mean": mean,
     "rms": lambda x: np.sqrt(mean(x * x)),
 }
+EXTREMES = {"min": (-1,), "max": (1,), "max_abs": (1,), "range": (1, -1)}
+"""Reductions that are found between the poses: signs with which an output is largest there."""
 OF_VECTORS = ("max_abs", "rms", "mean", "at", "final", POSES, STROKE, REST)
 Words = Mapping[str, Callable[[str, str], Any] | None]
 """Reductions; of those that take a number, what reads it of a text, for the output of a name."""
@@ -75,6 +78,11 @@ class Wanted:
     vector: bool = False
     read: Callable[..., Any] = field(default=float, compare=False)
 
+    @property
+    def of_margin(self) -> bool:
+        """Whether it is of a margin, which poses without an answer have as well."""
+        return self.output.endswith(".margin")
+
     def of(self, columns: Sequence[Any], shape: tuple[int, int], weights: Array) -> Array:
         """The column (m,), or (m, n) of poses, of program values that broadcast to (m, n)."""
         if self.how in (STROKE, REST):  # which are followed design by design
@@ -82,15 +90,17 @@ class Wanted:
         if self.how == WHOLE:
             rows = [np.broadcast_to(x, shape) for x in columns]
             return np.array([self.read(*row, weights) for row in zip(*rows, strict=True)])
-        made = self.read(*columns)
-        if not self.vector:
-            return self._real(np.broadcast_to(_finite(made), shape))
-        x, y = (np.broadcast_to(_finite(part), shape) for part in (made.real, made.imag))
-        if self.how in ("max_abs", "rms"):
-            return self._real(np.hypot(x, y))
-        return np.asarray(self._real(x) + 1j * self._real(y))
+        return self._reduced(self.poses(columns, shape))
 
-    def _real(self, x: Array) -> Array:
+    def poses(self, columns: Sequence[Any], shape: tuple[int, int]) -> Array:
+        """The output at poses (m, n); of a vector its length where that is reduced."""
+        y = self.read(*columns)
+        if not self.vector:
+            return np.broadcast_to(_finite(y), shape)
+        x, y = (np.broadcast_to(_finite(part), shape) for part in (y.real, y.imag))
+        return np.hypot(x, y) if self.how in ("max_abs", "rms") else x + 1j * y
+
+    def _reduced(self, x: Array) -> Array:
         if self.how == POSES:
             return np.array(x)
         return np.array(x[:, self.sample]) if self.how == "at" else SIMPLE[self.how](x)
@@ -98,9 +108,7 @@ class Wanted:
     def value(self, y: Array) -> Array:
         """The reduction of an output (n,) of one design: an array of one number, or all (n,)."""
         size = np.abs(y) if self.vector and self.how in ("max_abs", "rms") else y
-        if self.vector and np.iscomplexobj(size):
-            return np.atleast_1d(self._real(y.real[None])[0] + 1j * self._real(y.imag[None])[0])
-        return np.atleast_1d(self._real(size[None])[0])
+        return np.atleast_1d(self._reduced(size[None])[0])
 
     def slopes(self, y: Array, d: Array) -> Array:
         """Derivatives (k, 1), of poses (k, n), of the reduction of y (n,) with slopes d (k, n)."""

@@ -30,7 +30,8 @@ SUFFIX = ".parquet"
 DIGEST = b"digest"  # key of a table's metadata
 WITHOUT = "to_csv needs nothing"
 NO_MOTION, ENDED_EARLY, NO_NUMBER = "no-motion", "ended-early", "no-number"
-REASONS = (*WORDS, NO_MOTION, ENDED_EARLY, NO_NUMBER)  # why designs have no answer; the first: ok
+COARSE = "coarse"  # an extreme that was not found to the end
+REASONS = (*WORDS, NO_MOTION, ENDED_EARLY, NO_NUMBER, COARSE)  # what designs are; the first: ok
 WHY = ("status", "block", "pose", "poses")  # columns of why designs have no answer
 
 

@@ -32,13 +32,14 @@ from blockmech.errors import (
 from blockmech.export import counted
 from blockmech.model.parameters import Parameter
 from blockmech.plan import Plan
-from blockmech.quality import NO_ASSEMBLY, WORDS, at_most_one, failures
+from blockmech.quality import NO_ASSEMBLY, Failures, at_most_one, failures
 from blockmech.samples import Samples, make_samples
 from blockmech.settings import check_switch, friction_asked
+from blockmech.studies.between import STATED, Range, doubt, some_of
 from blockmech.studies.family import Family, document_value, remade
-from blockmech.studies.reductions import POSES, REST, STROKE, WHOLE, Wanted, wanted
+from blockmech.studies.reductions import EXTREMES, POSES, REST, STROKE, WHOLE, Wanted, wanted
 from blockmech.studies.rests import rest_value
-from blockmech.studies.rows import Rows, Span
+from blockmech.studies.rows import COARSE, REASONS, Rows, Span
 from blockmech.studies.sampling import Designs
 
 Array = NDArray[Any]
@@ -193,7 +194,7 @@ class Runner:
             nothing = complex(np.nan, np.nan) if column.kind == "vector" else np.nan
             values[column.label] = np.full(shape, nothing)
         reason = f"{error.problems[0].where} ({error.problems[0].found})"
-        word = np.array([WORDS.index(NO_ASSEMBLY)], np.int8)
+        word = np.array([REASONS.index(NO_ASSEMBLY)], np.int8)
         return Rows(values, word, np.array([reason], object), np.array([0]), np.array([n]))
 
 
@@ -226,10 +227,11 @@ class _Planned:
         samples = count * self.samples.n
         self.engine = mechanism.engine_of_designs(self.plan, samples, runner.engine)
         self.together = 1 if runner.family.alone else self.engine.designs_together // CHUNK
-        moved = mechanism.structure.remembering and runner.family.alone
+        moved = bool(mechanism.structure.remembering and runner.family.alone)
         taken = mechanism.with_deflections(self.samples) if moved else self.samples
         mechanism.refuse_states(self.plan, taken.inputs)
         self.inputs = taken.given(self.plan.program.inputs)
+        self.range = Range(mechanism, self.plan, self.engine, self.samples, moved)
         self.weights = self.samples.weights(len(mechanism.drivers))
         blocks = mechanism.structure.blocks
         self.prismatic = frozenset(
@@ -239,24 +241,43 @@ class _Planned:
     def block(self, values: tuple[Any, ...], m: int) -> Rows:
         """m designs with these parameters."""
         shape = (m, self.samples.n)
-        outputs = self.engine.run_designs(self.inputs, values)
+        engine: Any = self.engine
+        numbers = engine.numbers(values)
+        outputs = engine.run_designs(self.inputs, numbers)
         layout = self.plan.layout
         with np.errstate(all="ignore"):
-            kept = {
-                w.label: w.of([outputs[i] for i in layout[w.output]], shape, self.weights)
-                for w in self.want
+            margins = {
+                name.partition("/")[2]: np.broadcast_to(at_most_one(outputs[at[0]]), shape)
+                for name, at in layout.items()
+                if name.startswith("margin/")
             }
-            return Rows(kept, *self._failures(outputs, shape))
+            why = self._failures(outputs, margins, shape)
+            missing = np.asarray(why.word > 0)
+            without = np.asarray(missing.any(axis=1))
+            rows = self._rows(why, missing, without)
+            for w in self.want:
+                columns = [outputs[i] for i in layout[w.output]]
+                if w.how in EXTREMES:
+                    y = w.poses(columns, shape)
+                    some = np.ones(m, bool) if w.of_margin else ~without
+                    if not isinstance(outputs, Whole):
+                        some = some & np.isfinite(y).all(axis=1)
+                    rows.values[w.label] = self._followed(w, numbers, y, some, margins, rows)
+                    continue
+                rows.values[w.label] = kept = w.of(columns, shape, self.weights)
+                if without.any() and not w.of_margin:
+                    kept[missing if w.how == POSES else without] = np.nan
+            return rows
 
-    def _failures(self, outputs: tuple[Any, ...], shape: tuple[int, int]) -> tuple[Array, ...]:
-        """Why designs have no answer: word, block, first pose and number of poses (m,) each."""
-        margins, outcomes = {}, {}
-        for name, where in self.plan.layout.items():
-            kind, _, block = name.partition("/")
-            if kind == "margin":
-                margins[block] = np.broadcast_to(at_most_one(outputs[where[0]]), shape)
-            elif kind == "friction":
-                outcomes[block] = np.broadcast_to(outputs[where[3]], shape)
+    def _failures(
+        self, outputs: tuple[Any, ...], margins: Mapping[str, Array], shape: tuple[int, int]
+    ) -> Failures:
+        """Why poses (m, n) of designs have no answer."""
+        outcomes = {
+            name.partition("/")[2]: np.broadcast_to(outputs[at[3]], shape)
+            for name, at in self.plan.layout.items()
+            if name.startswith("friction/")
+        }
         judged = {
             i
             for w in self.want
@@ -270,13 +291,41 @@ class _Planned:
                 if not np.isfinite(np.sum(part)):  # quicker than each by itself
                     bad |= ~np.isfinite(part)
         following = frozenset(self.mechanism.structure.followed)
-        why = failures(margins, outcomes, bad, self.prismatic, following)
-        m, failing = np.arange(shape[0]), why.word > 0
-        count, first = failing.sum(axis=1), failing.argmax(axis=1)
+        return failures(margins, outcomes, bad, self.prismatic, following)
+
+    def _rows(self, why: Failures, missing: Array, without: Array) -> Rows:
+        """Rows without values: words, blocks, first poses and numbers of poses (m,) each."""
+        m, first = np.arange(len(missing)), missing.argmax(axis=1)
         places = np.array([self.mechanism.block_name(b) if b else "" for b in why.blocks], object)
-        return (
-            why.word[m, first],
-            places[why.block[m, first]],
-            np.where(count > 0, first, -1),
-            count,
-        )
+        blocks = places[why.block[m, first]]
+        at = np.where(without, first, -1)
+        return Rows({}, why.word[m, first], blocks, at, missing.sum(axis=1))
+
+    def _followed(
+        self,
+        w: Wanted,
+        numbers: Any,
+        y: Array,
+        some: Array,
+        margins: Mapping[str, Array],
+        rows: Rows,
+    ) -> Array:
+        """Extremes (m,) of some designs between the poses, at which an output is y (m, n); what is
+        doubtful of them is put into the rows."""
+        kept = np.full(len(y), np.nan)
+        if not some.any():
+            return kept
+        if not some.all():
+            y, numbers = y[some], some_of(numbers, np.flatnonzero(some))
+            margins = {name: m[some] for name, m in margins.items()}
+        peaks = self.range.extremes(w, numbers, y, margins)
+        kept[some] = peaks.value
+        rows_of = np.flatnonzero(some)
+        for i in np.flatnonzero(peaks.error > STATED * np.abs(peaks.value)).tolist():
+            least = {self.mechanism.block_name(b): float(m[i].min()) for b, m in margins.items()}
+            gap = np.isinf(peaks.error[i]) and self.range.cycle is not None
+            if gap:
+                kept[rows_of[i]] = np.nan
+            rows.word[rows_of[i]] = REASONS.index(NO_ASSEMBLY if gap else COARSE)
+            rows.place[rows_of[i]] = doubt(w.label, peaks, i, least)
+        return kept

@@ -57,9 +57,9 @@ def study(
         See `Mechanism.parameters` for the addresses.
     want : ``{"crank.drive": ["max_abs", "rms"], "dyad.margin": "min"}``, or texts such as
         ``"max_abs(crank.drive)"``
-        Reductions over the poses: min, max, max_abs, range, mean, rms, at(coordinate), and
-        poses for all of them; stroke is followed between the poses, and rest is an output at the
-        stable equilibrium nearest to the first pose.
+        Extremes over the range of the poses, found between them to 1e-9 of the value: min, max,
+        max_abs, range, stroke; over the poses themselves mean, rms, at(coordinate), and poses for
+        all of them; rest is an output at the stable equilibrium nearest to the first pose.
     at : driver -> poses (n,) [rad or m]; by default the range of the drivers' laws
     over : another name for ``at``
     samples, times : as those of a run, in place of ``at``
@@ -83,8 +83,9 @@ def study(
     Returns
     -------
     Study
-        A row a design. One that does not assemble says why. After Ctrl-C the designs that
-        are done.
+        A row a design. One that does not assemble has no numbers, but margins, and says why in
+        the words of a run; one whose extreme is not found to the end is "coarse". After Ctrl-C the
+        designs that are done.
 
     Raises
     ------

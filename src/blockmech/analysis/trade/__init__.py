@@ -60,9 +60,9 @@ def trade(
     question : "run" for a sweep (with friction, where the mechanism has it), "simulate"
     want : outputs that matter; by default all of them for a sweep but what friction alone
         makes, and the motion of the drivers for a simulation
-    budget : time [s] for the whole, after which no other setting is begun
+    budget : processor time [s] for the whole, after which no other setting is begun
     target : error that is wanted [- or rad]
-    within : longest time of one run that is wanted [s]
+    within : longest processor time of one run that is wanted [s]
     say : called with what is measured now, its number and how many there are
     at, samples, times, rates, accelerations, static : of a sweep, as in a run
     until, times, start, friction : of a simulation

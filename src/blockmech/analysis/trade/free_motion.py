@@ -8,7 +8,6 @@ methods solve its equations by Newton's method, and the other ones are settings.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -66,7 +65,7 @@ class FreeMotion(Question):
         request: Mapping[str, Any],
         clock: Clock,
     ) -> None:
-        self.mechanism = mechanism
+        self.mechanism, self.clock = mechanism, clock
         self.request, self.times = {**request, "want": want or MOTION}, request.get("times")
         self.asked = f"simulate until {request.get('until') or 'its end'}"
         first, in_time = self._run({}, SHARE * clock.left)
@@ -141,20 +140,26 @@ class FreeMotion(Question):
         return list(finest.values())
 
     def settings(self) -> Iterator[Setting]:
-        """The coarsest setting of every method first, so that a short budget sees them all."""
-        rows = [list(self._row(method)) for method in METHODS]
+        """The coarsest setting of every method first, so that a short budget sees them all.
+
+        Those that are interpreted come last: machine code mostly takes far less.
+        """
+        rows = [list(self._row(method, "llvm")) for method in METHODS]
         if self.mechanism.frictional_joints and self.request.get("friction") is None:
             rows += [[setting] for setting in FRICTIONS]
-        for i in range(max(map(len, rows))):
-            yield from (row[i] for row in rows if i < len(row))
+        adaptive = [name for name, method in METHODS.items() if not method.fixed_steps]
+        for some in (rows, [list(self._row(method, "scalar")) for method in adaptive]):
+            for i in range(max(map(len, some))):
+                yield from (row[i] for row in some if i < len(row))
 
-    def _row(self, method: str) -> Iterator[Setting]:
-        """The settings of a method, from coarse to fine."""
+    def _row(self, method: str, engine: str) -> Iterator[Setting]:
+        """The settings of a method by an engine, from coarse to fine."""
         compared = METHODS[method].compared
         if not METHODS[method].fixed_steps:
+            name = method if engine == "llvm" else f"{method} {engine}"
             for accuracy in compared:
-                options = {"method": method, "accuracy": accuracy}
-                yield Setting(method, f"accuracy {accuracy:g}", options)
+                options = {"method": method, "accuracy": accuracy, "engine": engine}
+                yield Setting(name, f"accuracy {accuracy:g}", options)
             return
         if len(self.mechanism.drivers) > 1:
             return
@@ -177,17 +182,17 @@ class FreeMotion(Question):
 
     def _run(self, options: Mapping[str, Any], seconds: float) -> tuple[SimulationResult, bool]:
         """The simulation as far as it comes, and whether that is its end."""
-        end = time.perf_counter() + seconds
+        end = self.clock.now() + seconds
 
         def stop_late(what: str, done: float, whole: float | None) -> None:
-            if time.perf_counter() > end:
+            if self.clock.now() > end:
                 raise KeyboardInterrupt  # by which a simulation is stopped
 
         given = {**self.request, **options, "progress": stop_late}
         result: SimulationResult = self.mechanism.simulate(**given)
         if result.motion.end != INTERRUPTED:
             return result, True
-        if time.perf_counter() <= end:
+        if self.clock.now() <= end:
             raise KeyboardInterrupt
         return result, False
 

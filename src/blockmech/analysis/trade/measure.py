@@ -8,16 +8,18 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from statistics import median
 from typing import Any, ClassVar
 
 import numpy as np
 
-from blockmech.errors import RequestError
+from blockmech.errors import BlockmechError
 from blockmech.result import Result
 
-FEWEST = 5  # warm repeats: of fewer the median says little
+FEWEST = 5  # warm repeats: of fewer the least time says little
 LONG_ENOUGH = 0.1  # [s] of repeats after which more of them say little
+COARSEST = 20 * time.get_clock_info("process_time").resolution  # [s] that can be told
+WARM = 0.5  # of what is left of a budget, within which a first run is repeated at once
+NOISE = 0.05  # of a time, by which least times of alternating runs differ by chance
 USELESS = 1.0  # error as large as the answer itself [- or rad]
 SPENT = "the budget is spent"
 
@@ -44,8 +46,9 @@ class Point(Setting):
 
     Attributes
     ----------
-    seconds, fastest, slowest, repeats : median of the warm repeats [s], extremes, how many;
-        one repeat is the first run, which also plans and compiles
+    seconds, slowest, repeats : least processor time [s] of the warm repeats, which alternate with
+        those of other settings, the largest, and how many; of none it is that of the first run,
+        which also plans and compiles
     evaluations : kernel evaluations of one run, see `Trade.counted`
     error : measured error [-] or [rad], never below the floor
     worst : the output that has it
@@ -54,7 +57,6 @@ class Point(Setting):
     """
 
     seconds: float
-    fastest: float
     slowest: float
     repeats: int
     evaluations: int
@@ -96,15 +98,19 @@ class Reference:
 
 
 class Clock:
-    """What is left of a budget [s] that begins now."""
+    """What is left of a budget [s] of processor time that begins now.
 
-    def __init__(self, budget: float) -> None:
-        self.budget, self.begun = budget, time.perf_counter()
+    Processor time of this process: what else the machine does counts neither for the budget nor
+    for a setting. ``now`` says it.
+    """
+
+    def __init__(self, budget: float, now: Callable[[], float] = time.process_time) -> None:
+        self.budget, self.now, self.begun = budget, now, now()
 
     @property
     def spent(self) -> float:
         """Time since the start [s]."""
-        return time.perf_counter() - self.begun
+        return self.now() - self.begun
 
     @property
     def left(self) -> float:
@@ -152,7 +158,8 @@ def measured(
 ) -> tuple[tuple[Point, ...], tuple[Skipped, ...]]:
     """Points of the settings that apply and fit the budget; Ctrl-C keeps what is done.
 
-    Every setting is run once, then those that cost least are repeated while the budget lasts.
+    Every setting is run, once more where that takes little, then all of them take turns while the
+    budget lasts.
     """
     settings = tuple(question.settings())
     points: dict[tuple[Any, ...], Point] = {}  # by method, cost and answer
@@ -166,7 +173,7 @@ def measured(
             try:
                 say(setting.label, i, len(settings))
                 answer, seconds = _timed(question, setting, clock)
-            except RequestError as refusal:
+            except BlockmechError as refusal:
                 refused.add(setting.method)
                 why = f"does not apply: {refusal.problems[0].found}"
                 skipped.append(Skipped(setting.method, why))
@@ -174,6 +181,8 @@ def measured(
                 if answer is None:
                     skipped.append(Skipped(setting.label, SPENT))
                     continue
+                if seconds < WARM * clock.left:  # what is compiled once is no cost of a run
+                    seconds = min(seconds, _timed(question, setting, clock)[1])
                 point = _point(question, setting, answer, seconds)
                 key = point.method, point.evaluations, _digest(answer)
                 if key in points:
@@ -195,7 +204,6 @@ def _point(question: Question, setting: Setting, answer: Result, seconds: float)
         setting.setting,
         setting.options,
         seconds=seconds,
-        fastest=seconds,
         slowest=seconds,
         repeats=1,
         evaluations=question.evaluations(answer),
@@ -211,46 +219,53 @@ def _digest(answer: Result) -> int:
 
 
 def _repeated(question: Question, points: list[Point], clock: Clock) -> list[Point]:
-    """Points with the times of warm runs, as far as the budget lasts."""
-    repeated = dict(enumerate(points))
+    """Points with the times of warm runs, as far as the budget lasts.
+
+    Settings take turns, from cheap to dear, so that what disturbs one disturbs all.
+    """
+    times: list[list[float]] = [[] for _ in points]
+    left = sorted(range(len(points)), key=lambda i: points[i].seconds)
     with suppress(KeyboardInterrupt):  # what is measured so far stays
-        for i in sorted(repeated, key=lambda i: points[i].seconds):
-            times: list[float] = []
-            while len(times) < FEWEST or (sum(times) < LONG_ENOUGH and clock.left > 0):
+        while left:
+            for i in left:
                 again, seconds = _timed(question, points[i], clock)
                 if again is None:
-                    return list(repeated.values())
-                times.append(seconds)
-            repeated[i] = replace(
-                points[i],
-                seconds=median(times),
-                fastest=min(times),
-                slowest=max(times),
-                repeats=len(times),
-            )
-    return list(repeated.values())
+                    raise KeyboardInterrupt
+                times[i].append(seconds)
+            left = [i for i in left if len(times[i]) < FEWEST or sum(times[i]) < LONG_ENOUGH]
+    return [
+        replace(point, seconds=min(row), slowest=max(row), repeats=len(row)) if row else point
+        for point, row in zip(points, times, strict=True)
+    ]
 
 
 def _timed(question: Question, setting: Setting, clock: Clock) -> tuple[Result | None, float]:
-    """A run, None where the budget ends before it does, and the time [s] that it took."""
-    begun, left = time.perf_counter(), clock.left
-    answer = question.run(setting.options, left) if left > 0 else None
-    return answer, time.perf_counter() - begun
+    """A run, None where the budget ends before it does, and the time [s] that it took.
+
+    It is run again until the clock can tell.
+    """
+    begun, runs, spent = clock.now(), 0, 0.0
+    while spent <= COARSEST:
+        left = clock.left
+        answer = question.run(setting.options, left) if left > 0 else None
+        runs, spent = runs + 1, clock.now() - begun
+        if answer is None:
+            break
+    return answer, spent / runs
+
+
+def cheaper(a: Point, b: Point, cost: str = "seconds") -> bool:
+    """Whether a point costs less than another: a time beyond the noise."""
+    return bool(getattr(a, cost) < getattr(b, cost) * (1 - NOISE * (cost == "seconds")))
 
 
 def front(points: Sequence[Point], cost: str) -> tuple[Point, ...]:
-    """Points that no other beats in both cost and error, and whose error leaves an answer.
-
-    A time counts as shorter only beyond the noise: typically shorter than the other at its best.
-    """
-    best = "fastest" if cost == "seconds" else cost
-
-    def cheaper(a: Point, b: Point) -> bool:
-        return bool(getattr(a, cost) < getattr(b, best))
+    """Points that no other beats in both cost and error, and whose error leaves an answer."""
 
     def beaten(p: Point) -> bool:
         return any(
-            (q.error <= p.error and cheaper(q, p)) or (q.error < p.error and not cheaper(p, q))
+            (q.error <= p.error and cheaper(q, p, cost))
+            or (q.error < p.error and not cheaper(p, q, cost))
             for q in points
         )
 

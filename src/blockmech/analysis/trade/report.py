@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.analysis.trade.measure import Point, Reference, Skipped, front
+from blockmech.analysis.trade.measure import Point, Reference, Skipped, cheaper, front
 from blockmech.export import CsvTable, aligned
 from blockmech.pictured import Pictured
 from blockmech.report import DEGREES, Facts, as_json
@@ -36,7 +36,7 @@ class Trade(CsvTable, Facts, Pictured):
     skipped : settings left out, with the reason
     notes : what a reader must know
     target, within : the wanted error, and the longest time of a run [s], or None
-    spent : time that the whole took [s]
+    spent : processor time that the whole took [s]
     """
 
     PICTURE = "blockmech.draw.trade:trade_figure"
@@ -70,6 +70,11 @@ class Trade(CsvTable, Facts, Pictured):
     def pareto_by_evaluations(self) -> tuple[Point, ...]:
         """The same with kernel evaluations as the cost."""
         return front(self.points, "evaluations")
+
+    def beaten_by(self, point: Point) -> Point | None:
+        """The fastest setting that is both faster, beyond the noise, and more exact than one."""
+        better = (p for p in self.points if p.error < point.error and cheaper(p, point))
+        return min(better, key=lambda p: p.seconds, default=None)
 
     def best(self, target: float | None = None, within: float | None = None) -> Point | None:
         """The setting of the front to take for a target error, a time limit [s], or both.
@@ -119,7 +124,16 @@ class Trade(CsvTable, Facts, Pictured):
         rows = [_row(p, p in pareto) for series in self.series().values() for p in series]
         yield from (f"{self.mechanism}, {self.question}", "", *aligned(HEAD, rows), "")
         yield "* no other setting is both faster, beyond the noise, and at least as exact"
-        yield f"time: median of at least 5 warm repeats, or of one run; evaluations: {self.counted}"
+        beaten: dict[str, list[str]] = {}
+        for point in self.points:
+            if (better := self.beaten_by(point)) is not None:
+                beaten.setdefault(better.label, []).append(point.label)
+        for better_one, labels in beaten.items():
+            yield f"beaten in time and in error by {better_one}: {'; '.join(labels)}"
+        yield (
+            "time: least processor time of the warm repeats, which take turns, or of one run; "
+            f"evaluations: {self.counted}"
+        )
         yield f"error: {self.measure}"
         if math.isfinite(reference.floor):
             yield (
@@ -152,14 +166,18 @@ class Trade(CsvTable, Facts, Pictured):
         """The points, one a row."""
         rows = [row | {"floor": self.reference.floor} for _, row in self._rows()]
         names = [name for name in (rows[0] if rows else {}) if name != "options"]
-        times = ("seconds", "fastest", "slowest")
+        times = ("seconds", "slowest")
         head = [f"{name} [s]" if name in times else name for name in names]
         return head, ([row[name] for name in names] for row in rows)
 
     def _rows(self) -> list[tuple[Point, dict[str, Any]]]:
         """Points, and each as data."""
-        pareto = self.pareto
-        return [(p, asdict(p) | {"pareto": p in pareto}) for p in self.points]
+        rows, pareto = [], self.pareto
+        for p in self.points:
+            better = self.beaten_by(p)
+            more = {"pareto": p in pareto, "beaten_by": "" if better is None else better.label}
+            rows.append((p, asdict(p) | more))
+        return rows
 
 
 def duration(seconds: float) -> str:
@@ -218,6 +236,6 @@ def _nothing(trade: Trade) -> str:
 
 def _row(p: Point, best: bool) -> tuple[str, ...]:
     error = f"<= {p.error:.1e}" if p.at_floor else f"{p.error:.1e}"
-    spread = f"{duration(p.fastest)} .. {duration(p.slowest)}" if p.repeats > 1 else "one run"
+    spread = f"to {duration(p.slowest)}" if p.repeats > 1 else "one run"
     cells = (duration(p.seconds), spread, f"{p.evaluations}", error)
     return ("*" if best else "", p.method, p.span, *cells, "" if p.at_floor else p.worst)

@@ -35,22 +35,31 @@ WIDEST = NUMPY | {"precision": "clongdouble"}
 SETTLED = 60  # successive iterations of the check; P^60 is rounding wherever P < 0.5
 USABLE = 1e-3  # relative error up to which single precision is worth having
 
+ENGINES: Mapping[str, dict[str, Any]] = {
+    "": NUMPY,
+    " llvm": {"engine": "llvm"},
+}  # how methods of friction are called by each
+
 PLAIN = (
+    Setting("llvm", "complex128", ENGINES[" llvm"]),
     Setting("numpy", "complex64", SINGLE),
     Setting("numpy", "complex128", NUMPY),
     *((Setting("numpy", "clongdouble", WIDEST),) * WIDER),
     Setting("scalar", "complex128", {"engine": "scalar"}),
 )
-FRICTIONS = (
-    Setting("friction none", "", NUMPY | {"friction": "none"}),
-    Setting("friction none", "complex64", SINGLE | {"friction": "none"}),
-    Setting("friction single", "", NUMPY | {"friction": "single"}),
-    *(
-        Setting("successive", f"{k} iterations", how | {"iterations": k})
-        for how in [NUMPY | {"friction": "successive"}]
-        for k in range(2, MOST_ITERATIONS + 1)
-    ),
-    Setting("successive as set", "", NUMPY | {"friction": "successive"}),
+FRICTIONS = tuple(
+    Setting(f"{method}{name}", setting, {**engine, **options})
+    for name, engine in ENGINES.items()
+    for method, setting, options in (
+        ("friction none", "", {"friction": "none"}),
+        *(() if name else (("friction none", "complex64", SINGLE | {"friction": "none"}),)),
+        ("friction single", "", {"friction": "single"}),
+        *(
+            ("successive", f"{k} iterations", {"friction": "successive", "iterations": k})
+            for k in range(2, MOST_ITERATIONS + 1)
+        ),
+        ("successive as set", "", {"friction": "successive"}),
+    )
 )
 
 
@@ -85,10 +94,10 @@ class Sweep(Question):
 
     def settings(self) -> Iterator[Setting]:
         """Precisions, friction methods where joints have friction, and the scalar engine."""
-        yield from PLAIN[:2]
+        yield from PLAIN[:3]
         if self.rubs:
             yield from FRICTIONS
-        yield from PLAIN[2:]
+        yield from PLAIN[3:]
 
     def run(self, options: Mapping[str, Any], seconds: float = 0.0) -> Result:
         """The sweep with a setting; gaps are NaN. One batch cannot be stopped."""

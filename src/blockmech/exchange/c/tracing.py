@@ -23,11 +23,15 @@ from blockmech.passes.homotopy import BEFORE, MODES, Path, cubics, slopes
 from blockmech.plan import Plan, Program
 from blockmech.plane import EPS
 from blockmech.quality import (
+    CHANGE_POINT,
+    DEAD_CENTRE,
     JAMMED,
     NEAR_CHANGE,
     NO_ASSEMBLY,
     NOT_CONVERGED,
     SELF_LOCKED,
+    TOUCH,
+    UNDEFINED,
     WORDS,
 )
 
@@ -158,7 +162,7 @@ def status(
     bad: Any = False
     for x in judged:
         bad = bad | _is_not_finite(x)
-    word: Any = where(bad, WORDS.index(NO_ASSEMBLY), 0)
+    word: Any = where(bad, WORDS.index(UNDEFINED), 0)
     outcomes, margins = [], []
     for name, places in plan.layout.items():
         kind, _, block = name.partition("/")
@@ -176,7 +180,10 @@ def status(
         failing = where(m > 0.0, False, where(m == 0.0, bad, True))
         if block in of["following"]:
             failing = failing | ((m > 0.0) & (m < NEAR_CHANGE) & bad)
-        word = where(failing, WORDS.index(NO_ASSEMBLY), word)
+        lost: Any = where(m >= -TOUCH, WORDS.index(DEAD_CENTRE), WORDS.index(NO_ASSEMBLY))
+        if block in of["following"]:
+            lost = where(m < -TOUCH, WORDS.index(NO_ASSEMBLY), WORDS.index(CHANGE_POINT))
+        word = where(failing, lost, word)
     return word
 
 

@@ -1,0 +1,279 @@
+"""The largest values of many functions of one coordinate between their samples, all at once.
+
+Samples only start the search. Beside those that stand out, or that no cubic joins to the next ones,
+a function is asked at eight places of a panel, whose polynomial says where the top is and what it
+may miss. Panels are halved until that is nothing, or until they cannot hold more than is known: at
+a corner or a jump down to rounding.
+
+Source: Piyavskii, USSR Computational Mathematics 12 (1972), of bounds by which panels are left out;
+those are the ends of the panels' series, as in `blockmech.series`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from blockmech.series import EPS, Floats
+
+Indices: TypeAlias = NDArray[np.intp]
+Truths: TypeAlias = NDArray[np.bool_]
+Function: TypeAlias = Callable[[Indices, Floats], Floats]
+"""Numbers (k,) of functions, places (k, 8) -> their values (k, 8); NaN where there is none."""
+
+ENDED = 1e-11  # of the largest value: what the polynomial of a panel usually may leave
+# Weights of five samples: how much a function may rise beside the middle one. A parabola rises by
+# an eighth of its second difference, what no cubic joins by three times its fourth.
+RISE = 3.0 * np.array([1.0, -4.0, 6.0, -4.0, 1.0]) - np.array([0.0, 1.0, -2.0, 1.0, 0.0]) / 8.0
+BESIDE = np.arange(-1, 2)  # numbers of samples around one
+AROUND = np.arange(-3, 4)  # the same, by which the place of a top is predicted
+WINDOW = 0.0625  # of the spacing of samples: half the panel about a predicted place
+STEPS = 2  # of Newton's method from a node, or from a prediction
+TOPS = 4  # smooth ones of a function that are told from another
+ROWS = 512  # functions that are looked through at a time: they stay in the processor's cache
+MOST = 400  # panels of one function
+NOISY = 0.3  # turns a sample, above which a function is rounding only
+NARROW = 16 * EPS  # of a place: panels are not halved further
+EVEN = 1e-9  # of a step, by which equal ones may differ; of values, by which a turn closes
+NODES = np.asarray(chebyshev.chebpts2(8))  # of a panel: machine code computes eight side by side
+
+
+class Peaks(NamedTuple):
+    """The largest values of m functions.
+
+    value, place : (m,) and where it is
+    error : (m,) what a value may miss; infinite where a function ends between its samples
+    """
+
+    value: Floats
+    place: Floats
+    error: Floats
+
+    @property
+    def limit(self) -> Floats:
+        """Above which (m,) there is more."""
+        return self.value + ENDED * np.abs(self.value)
+
+    def rise(self, row: Indices, value: Floats, place: Floats) -> None:
+        """Put in values of functions, of some several, where they are larger."""
+        before = self.value[row]
+        np.maximum.at(self.value, row, value)
+        new = (value == self.value[row]) & (value > before)
+        self.place[row[new]] = place[new]
+
+
+@dataclass
+class Search:
+    """A search for the largest values of m functions on a range of which n samples are known.
+
+    Attributes
+    ----------
+    function : gives values between them
+    s : (n,) rising
+    y : (m, n) values there, all finite
+    absolute : whether the size of values counts
+    turn : whether the range is a whole turn, behind which functions repeat if their ends agree
+    suspects : (m, n) samples beside which anything may be
+    ended : what the polynomial of a panel may leave, of the largest value
+    """
+
+    function: Function
+    s: Floats
+    y: Floats
+    absolute: bool = False
+    turn: bool = False
+    suspects: Truths | None = None
+    ended: float = ENDED
+    peaks: Peaks = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.y = np.ascontiguousarray(self.y, dtype=float)
+
+    def found(self) -> Peaks:
+        """The largest values."""
+        (m, n), steps = self.y.shape, np.diff(self.s)
+        if n < len(AROUND) or np.ptp(steps) > EVEN * steps[0]:
+            size = self._size(self.y)
+            self.peaks = Peaks(size.max(axis=1), self.s[size.argmax(axis=1)], np.zeros(m))
+            row, cell = np.divmod(np.arange(m * (n - 1)), n - 1)
+        else:
+            size = np.abs(self.y[:, :: n // 4]).max(axis=1)
+            self.turn &= bool((np.abs(self.y[:, -1] - self.y[:, 0]) <= EVEN * size).all())
+            row, cell = self._smooth()
+        if len(row):
+            self._halve(row, self.s[cell], self.s[cell + 1])
+        return self.peaks
+
+    def _size(self, y: Floats) -> Floats:
+        return np.abs(y) if self.absolute else y
+
+    # -- at equal steps ------------------------------------------------------------------
+
+    def _smooth(self) -> tuple[Indices, Indices]:
+        """Find the tops of smooth functions; functions, and cells of them, that are left."""
+        m, n = self.y.shape
+        at, others = np.empty(m, np.intp), np.empty(m)
+        value = np.empty(m)
+        for first in range(0, m, ROWS):
+            some = slice(first, first + ROWS)
+            size = self._size(self.y[some])
+            row, at[some] = np.arange(len(size)), size.argmax(axis=1)
+            bound = self._bound(self.y[some], size)
+            self._leave_out(bound, row, at[some])
+            value[some], others[some] = size[row, at[some]], bound[row, bound.argmax(axis=1)]
+        self.peaks = Peaks(value, self.s[at], np.zeros(m))
+        sure = self._put_tops(np.arange(m), at)
+        left = ~sure | (others > self.peaks.limit)
+        rows = np.flatnonzero(left if self.suspects is None else left | self.suspects.any(axis=1))
+        if not len(rows):
+            return rows, rows
+        high = self._put_others(rows, at[rows], sure[rows])
+        high = high if self.suspects is None else high | self.suspects[rows]
+        row, cell = np.divmod(np.flatnonzero(high[:, 1:] | high[:, :-1]), n - 1)
+        return rows[row], cell
+
+    def _put_others(self, rows: Indices, k: Indices, sure: Truths) -> Truths:
+        """Find other tops of some functions; samples (k, n) beside which there may be more."""
+        bound, row = self._bound(self.y[rows], self._size(self.y[rows])), np.arange(len(rows))
+        for _ in range(TOPS):
+            bound[row[~sure], k[~sure]] = np.inf
+            row, k = row[sure], k[sure]
+            self._leave_out(bound, row, k)
+            k = bound[row].argmax(axis=1)
+            more = bound[row, k] > self.peaks.limit[rows[row]]
+            row, k = row[more], k[more]
+            if not len(row):
+                break
+            sure = self._put_tops(rows[row], k)
+        if self.turn:
+            bound[:, -1] = bound[:, 0]
+        return np.asarray(bound > self.peaks.limit[rows][:, None])
+
+    def _bound(self, y: Floats, size: Floats) -> Floats:
+        """What functions are at most beside samples (m, n), judged by their neighbours."""
+        last, bound = y.shape[1] - 1, np.correlate(y.ravel(), RISE, "same").reshape(y.shape)
+        if self.turn:
+            for k in (-3, -2, 0, 1, 2):
+                bound[:, k] = sum(w * y[:, (k - 2 + i) % last - last] for i, w in enumerate(RISE))
+            bound[:, -1] = bound[:, 0]
+        else:
+            bound[:, :2], bound[:, -2:] = bound[:, [2]], bound[:, [-3]]
+        np.abs(bound, out=bound)
+        bound += size
+        return bound
+
+    def _leave_out(self, bound: Floats, row: Indices, k: Indices) -> None:
+        """Forget bounds beside samples k of functions."""
+        last, cells = bound.shape[1] - 1, k[:, None] + BESIDE
+        bound[row[:, None], cells % last if self.turn else cells.clip(0, last)] = -np.inf
+        if self.turn:
+            bound[:, -1] = bound[:, 0]
+
+    def _put_tops(self, row: Indices, k: Indices) -> Truths:
+        """Find tops of functions beside samples k; which functions are surely smooth there."""
+        s, n, spacing = self.s, len(self.s), self.s[1] - self.s[0]
+        sign = np.sign(self.y[row, k]) if self.absolute else np.ones(len(row))
+        half = WINDOW * spacing
+        predicted = s[k] + spacing * self._predicted(row, k, sign)
+        middle = predicted if self.turn else predicted.clip(s[0] + half, s[-1] - half)
+        start = (predicted - middle) / half
+        values = self.function(row, middle[:, None] + half * NODES) * sign[:, None]
+        z, top, tail = summits(values, start)
+        inside = np.abs(z) < 1.0
+        at_end = ~inside & ((k == 0) | (k == n - 1)) & (not self.turn)
+        sure: Truths = (tail <= self.ended * np.abs(top)) & (
+            inside & (np.abs(z - start) < 0.5) | at_end
+        )
+        risen = sure & inside
+        self.peaks.rise(row[risen], top[risen], (middle + half * z)[risen])
+        return sure
+
+    def _predicted(self, row: Indices, k: Indices, sign: Floats) -> Floats:
+        """Where the top of a smooth curve is, in spacings behind sample k and at most one."""
+        n, reach = self.y.shape[1], AROUND[-1]
+        middle = k if self.turn else k.clip(reach, n - 1 - reach)
+        index = middle[:, None] + AROUND
+        y = self.y[row[:, None], index % (n - 1) if self.turn else index] * sign[:, None]
+        off = (k - middle).astype(float)
+        top = turning(y @ polynomial(tuple(AROUND.tolist())), off)
+        return np.asarray(np.clip(top - off, -1.0, 1.0))
+
+    # -- wherever there may be more ------------------------------------------------------
+
+    def _halve(self, row: Indices, low: Floats, high: Floats) -> None:
+        """Find the largest values on panels of functions, halving those that are not smooth."""
+        scale, spent = np.abs(self.y).max(axis=1), np.zeros(len(self.y), np.intp)
+        value, _, error = self.peaks
+        while len(row):
+            middle, half = (low + high) / 2, (high - low) / 2
+            values = self._size(self.function(row, middle[:, None] + half[:, None] * NODES))
+            k = np.where(np.isnan(values), -np.inf, values).argmax(axis=1)
+            top = values[np.arange(len(row)), k]
+            z, summit, tail = summits(values, NODES[k])
+            ended, inside = tail <= self.ended * scale[row], (np.abs(z) < 1.0) & (summit > top)
+            bound = np.maximum(top, summit) + len(NODES) * tail
+            risen = ended & inside
+            z, top = np.where(risen, z, NODES[k]), np.where(risen, summit, top)
+            error[row[np.isnan(values).any(axis=1)]] = np.inf
+            known = top == top
+            self.peaks.rise(row[known], top[known], (middle + half * z)[known])
+            np.add.at(spent, row, 1)
+            left = ~ended & (bound > value[row]) & np.isfinite(error[row])
+            left &= half > NARROW * np.maximum(np.abs(low), np.abs(high))
+            over = left & (spent[row] > MOST)
+            np.maximum.at(error, row[over], (bound - value[row])[over])
+            left &= ~over
+            row = np.repeat(row[left], 2)
+            ends = np.stack([low[left], middle[left], middle[left], high[left]], 1)
+            low, high = ends.reshape(-1, 2).T
+        doubt = np.flatnonzero((error > 0.0) & np.isfinite(error))
+        if len(doubt) and self.y.shape[1] > 2:
+            turns = np.diff(np.sign(np.diff(self.y[doubt], axis=1)), axis=1) != 0.0
+            error[doubt[turns.mean(axis=1) > NOISY]] = 0.0  # there is nothing to close in on
+
+
+@cache
+def polynomial(places: tuple[float, ...]) -> Floats:
+    """Values (k,) at places -> coefficients (k,) of the polynomial through them, rising."""
+    return np.ascontiguousarray(np.linalg.inv(np.vander(places, increasing=True)).T)
+
+
+@cache
+def series_end() -> Floats:
+    """Values (8,) at the nodes of a panel -> the last two coefficients of its Chebyshev series."""
+    whole = np.linalg.inv(chebyshev.chebvander(NODES, len(NODES) - 1))
+    return np.ascontiguousarray(whole[-2:].T)
+
+
+def turning(c: Floats, x: Floats) -> Floats:
+    """Where polynomials (k, n) have their tops near x (k,), by Newton's method."""
+    slopes = np.ascontiguousarray(c[:, 1:].T * np.arange(1.0, c.shape[1])[:, None])
+    bends = slopes[1:] * np.arange(1.0, len(slopes))[:, None]
+    for _ in range(STEPS):
+        slope, bend = valued(slopes, x), valued(bends, x)
+        with np.errstate(all="ignore"):
+            x = x + np.where(bend < 0.0, -slope / bend, np.sign(slope)).clip(-1.0, 1.0)
+    return x
+
+
+def valued(c: Floats, x: Floats) -> Floats:
+    """Values (k,) of polynomials with coefficients (n, k)."""
+    y: Floats = c[-1].copy()
+    for row in c[-2::-1]:
+        y *= x
+        y += row
+    return y
+
+
+def summits(values: Floats, start: Floats) -> tuple[Floats, Floats, Floats]:
+    """Tops of panels by values (k, 8) at nodes: places, -1 to 1 inside, values there, and what the
+    polynomials leave."""
+    c = values @ polynomial(tuple(NODES.tolist()))
+    z = turning(c, start)
+    return z, valued(c.T, z.clip(-1.0, 1.0)), np.abs(values @ series_end()).max(axis=1)

@@ -1,0 +1,147 @@
+"""Extremes of many designs between their poses, found side by side.
+
+The poses start the search (`blockmech.analysis.peaks`), which runs the same program at places of
+each design's own. Beside limits of the motion outputs have narrow peaks: there it looks closer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.analysis.peaks import Function, Peaks, Search
+from blockmech.analysis.working_cycle import Cycle, cycle_through
+from blockmech.compiled import Compiled
+from blockmech.engines.numpy import each_part
+from blockmech.errors import RequestError
+from blockmech.plan import Plan
+from blockmech.samples import Samples, make_samples
+from blockmech.studies.reductions import EXTREMES, SIMPLE, Wanted
+
+Array = NDArray[Any]
+NEAR_LIMIT = 0.02  # margin [-] below which outputs may have peaks narrower than usual spacings
+STATED = 1e-9  # of a value: what an extreme that is not coarse misses at most
+
+
+@dataclass(frozen=True)
+class Range:
+    """The range that poses go through, for designs of one program.
+
+    Attributes
+    ----------
+    mechanism : the one that is planned
+    plan, engine : what runs designs
+    samples : the poses
+    remembers : whether states of friction laws go along with them
+    """
+
+    mechanism: Compiled
+    plan: Plan
+    engine: Any
+    samples: Samples
+    remembers: bool
+
+    @cached_property
+    def cycle(self) -> Cycle | None:
+        """The range; None where the poses are one, or none that can be followed."""
+        with suppress(RequestError):
+            return cycle_through(self.mechanism, self.samples, {})
+        return None
+
+    @cached_property
+    def places(self) -> tuple[Array, Array]:
+        """Places (k,) of poses on the range, rising and each once, and the numbers of the poses."""
+        assert self.cycle is not None
+        return np.unique(self.cycle.places_of(self.samples), return_index=True)
+
+    def output(self, w: Wanted, values: Any, places: Array) -> Array:
+        """An output (k, n) of designs with these parameters, at places (k, n) of their own."""
+        m = self.mechanism
+        assert self.cycle is not None
+        taken = make_samples(m.drivers, m.scene, **self.cycle.request(places.ravel()))
+        taken = m.with_deflections(taken) if self.remembers else taken
+        inputs = {
+            name: np.reshape(np.asarray(x, float), places.shape)
+            for name, x in taken.given(self.plan.program.inputs).items()
+            if name in self.plan.program.inputs
+        }
+        outputs = self.engine.run_designs(inputs, values)
+        with np.errstate(all="ignore"):
+            return w.poses([outputs[i] for i in self.plan.layout[w.output]], places.shape)
+
+    def extremes(self, w: Wanted, values: Any, y: Array, margins: Mapping[str, Array]) -> Peaks:
+        """Extremes of an output that is y (m, n) at the poses, all finite; infinite errors where
+        there is no range to follow."""
+        if self.cycle is None:
+            doubt = math.inf if y.shape[1] > 1 else 0.0
+            return Peaks(SIMPLE[w.how](y), np.zeros(len(y)), np.full(len(y), doubt))
+        s, order = self.places
+        y = y if len(order) == y.shape[1] and (np.diff(order) > 0).all() else y[:, order]
+        angle = w.output.endswith(".angle")
+        y = np.unwrap(y, axis=1) if angle else y
+
+        def output(row: Array, places: Array) -> Array:
+            x = self.output(w, some_of(values, row), places)
+            if angle:  # which does not jump by a turn on the way
+                k = np.searchsorted((s[1:] + s[:-1]) / 2, places)
+                x = x + math.tau * np.round((y[row[:, None], k] - x) / math.tau)
+            return x
+
+        turn, suspects = self.cycle.turns, near_limits(margins, order)
+        return extremes_of(w, output, s, y, turn=turn, suspects=suspects)
+
+
+def extremes_of(w: Wanted, output: Function, s: Array, y: Array, **how: Any) -> Peaks:
+    """Extremes of outputs that are y (m, n) at places s (n,), by a `Search` for each sign."""
+
+    def turned(row: Array, places: Array) -> Array:
+        return -output(row, places)
+
+    signs, absolute = EXTREMES[w.how], w.how == "max_abs"
+    searches = (
+        Search(output, s, y, absolute, **how) if sign > 0 else Search(turned, s, -y, **how)
+        for sign in signs
+    )
+    first, *second = (search.found() for search in searches)
+    value, error = signs[0] * first.value, first.error
+    for other in second:
+        value, error = value + other.value, np.maximum(error, other.error)
+    return first._replace(value=value, error=error)
+
+
+def some_of(values: Any, row: Array) -> Any:
+    """Parameters of some designs: tuples of columns, or one array of numbers."""
+    if isinstance(values, np.ndarray):
+        return values.take(row, axis=0)
+    return each_part(lambda x: x[row] if np.ndim(x) == 2 else x, values)
+
+
+def near_limits(margins: Mapping[str, Array], order: Array) -> Array | None:
+    """Samples (m, k) at which a margin is small, and smaller than beside them; None of none."""
+    whole = None
+    for m in margins.values():
+        if m.min() < NEAR_LIMIT:
+            m = m[:, order]
+            low = m < NEAR_LIMIT
+            low[:, 1:] &= m[:, 1:] <= m[:, :-1]
+            low[:, :-1] &= m[:, :-1] <= m[:, 1:]
+            whole = low if whole is None else whole | low
+    return whole
+
+
+def doubt(label: str, peaks: Peaks, i: int, margins: Mapping[str, float]) -> str:
+    """Why the extreme of a design was not found to the end, in words."""
+    if not margins:
+        return f"{label}: no range leads through the poses"
+    block = min(margins, key=margins.__getitem__)
+    near = f"{block} has a margin of {margins[block]:.1g}"
+    if np.isinf(peaks.error[i]):
+        return f"{block} between the poses, near {peaks.place[i]:.6g}, {near}"
+    return f"{label} may be {peaks.error[i] / abs(peaks.value[i] or 1.0):.1%} larger: {near}"

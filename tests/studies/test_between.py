@@ -1,0 +1,190 @@
+"""Extremes of studies mean what `extremes` means: those of the range, whatever the samples."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.analysis.extremes import extremes
+from blockmech.analysis.peaks import Search
+from tests.gallery import GRAPHS, mechanism
+
+RUIZ = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
+EDGE = {"dyad.l_i": 6.106060606060606, "dyad.l_j": 2.608080808080808}
+AT_EDGE = 146823.5030192  # N m, by 7,201 samples and golden section
+
+
+def extreme(run, output, how):
+    found = extremes(run, output)
+    low, high = found.minimum.value, found.maximum.value
+    every = {"min": low, "max": high, "max_abs": max(abs(low), abs(high)), "range": high - low}
+    return every[how], max(abs(low), abs(high))
+
+
+@pytest.mark.parametrize(
+    ("samples", "engine"), [(72, "llvm"), (72, "numpy"), (19, "numpy"), (361, "llvm")]
+)
+def test_beside_a_change_point_samples_only_start_the_search(samples, engine):
+    mech = RUIZ.compile()
+    vary = {name: [value, value] for name, value in EDGE.items()}
+    how = {"sampling": "paired", "samples": samples, "engine": engine}
+    found = mech.study(vary, want=["max_abs(crank.drive)", "range(crank.drive)"], **how)
+    assert found.status == ("ok", "ok")
+    assert found["max_abs(crank.drive)"] == pytest.approx(AT_EDGE, rel=1e-9)
+    wanted, _ = extreme(RUIZ.replace(EDGE).compile().run(samples=72), "crank.drive", "range")
+    assert found["range(crank.drive)"] == pytest.approx(wanted, rel=1e-9)
+
+
+def test_an_optimiser_and_a_tolerance_see_the_same_edge():
+    mech = RUIZ.replace(EDGE).compile()
+    f = mech.objective([*EDGE], want="max_abs(crank.drive)", samples=72)
+    assert f(f.start) == pytest.approx(AT_EDGE, rel=1e-9)
+    h = 1e-7
+    for k, slope in enumerate(f.jacobian(f.start)):
+        e = h * np.eye(2)[k]
+        near = (
+            8 * (f(f.start + e) - f(f.start - e)) - f(f.start + 2 * e) + f(f.start - 2 * e)
+        ) / 12
+        assert slope == pytest.approx(near / h, rel=1e-5)
+    laws = {name: bm.normal(value, 1e-6) for name, value in EDGE.items()}
+    bands = mech.tolerance(laws, want="max_abs(crank.drive)", samples=72, count=400)
+    drawn = bands.sampled["max_abs(crank.drive)"]
+    assert drawn.deviation[0] == pytest.approx(bands["max_abs(crank.drive)"][0], rel=0.15)
+
+
+@pytest.mark.parametrize(
+    ("graph", "address", "output"),
+    [
+        ("watt_sixbar", "second.l_i", "second.C.reaction"),
+        ("stribeck_slider_crank", "crank.length", "crank.drive"),
+        ("excavator", "", ""),
+        ("valve_engine", "", ""),
+        ("scotch_yoke", "", ""),
+        ("stephenson_3", "", ""),
+    ],
+)
+def test_designs_side_by_side_say_what_each_says_alone(graph, address, output):
+    mech = mechanism(graph)
+    lengths = [p.address for p in mech.parameters().values() if p.unit == "m" and p.value]
+    address = address if address in lengths else lengths[-1]
+    reals = [n for n, o in mech.outputs.items() if o.kind == "real" and not n.endswith("angle")]
+    output = output if output in mech.outputs else reals[len(reals) // 2]
+    vector = mech.outputs[output].kind == "vector"
+    hows = ["max_abs"] if vector else ["min", "max", "max_abs", "range"]
+    values = mech.parameters()[address].value * np.array([1.0, 1.004, 0.993])
+    found = mech.study({address: values}, want=[f"{how}({output})" for how in hows], samples=48)
+    for (k, value), how in itertools.product(enumerate(values), hows):
+        if found.status[k] != "ok":
+            continue
+        run = mech.document.replace({address: float(value)}).compile().run(samples=48, want=output)
+        wanted, size = extreme(run, output, how)
+        assert abs(found[f"{how}({output})"][k] - wanted) <= 1e-9 * size
+
+
+def test_a_design_at_its_change_point_has_no_number_and_one_word():
+    edge = {"dyad.l_i": 5 + 79 * 1.5 / 99, "dyad.l_j": 2.6 + 12 * 0.8 / 99}
+    want = ["max_abs(crank.drive)", "min(dyad.transmission_angle)", "at(dyad.i.angle, 0.0)"]
+    vary = {name: [value] for name, value in edge.items()}
+    found = RUIZ.compile().study(vary, want=want, samples=72, sampling="paired")
+    mech = RUIZ.replace(edge).compile()
+    assert found.status == ("dead-centre",)
+    assert all(np.isnan(found[label]).all() for label in want)
+    assert mech.limits().whole_turn
+    with pytest.raises(bm.SingularError, match="dead-centre"):
+        mech.run(at=0.0)
+    assert mech.run(at=[0.0], on_gap="mark").quality.status == ("dead-centre",)
+
+
+def test_where_no_range_leads_through_the_poses_an_extreme_is_coarse():
+    several = mechanism("excavator")
+    poses = {d: [0.0, 0.01, 0.03] for d in several.drivers}
+    output = several.of_driver(several.drivers[0], "q")
+    address = next(p.address for p in several.parameters().values() if p.unit == "m" and p.value)
+    value = several.parameters()[address].value
+    found = several.study({address: [value]}, want=f"max({output})", at=poses)
+    assert found.status == ("coarse",)
+    assert found[f"max({output})"][0] == 0.03
+    assert "no range leads through the poses" in found.reason(0)
+
+
+def test_a_gap_between_the_poses_leaves_no_number():
+    """A four-bar whose crank passes a place that closes for no pose, between two samples."""
+    design = {"dyad.l_i": 6.19697, "dyad.l_j": 2.695}
+    assert not RUIZ.replace(design).compile().limits().whole_turn
+    poses = np.linspace(0.05, 2 * np.pi - 0.05, 72)
+    over = np.concatenate([[-0.05], poses])
+    found = RUIZ.compile().study(
+        {name: [x] for name, x in design.items()}, want="max_abs(crank.drive)", at=over,
+        sampling="paired",
+    )  # fmt: skip
+    assert found.status == ("no-assembly",)
+    assert np.isnan(found["max_abs(crank.drive)"][0])
+    assert "dyad between the poses" in found.reason(0)
+
+
+# -- the search itself ---------------------------------------------------------------------
+
+
+def search(function, s, m, **how):
+    y = function(np.arange(m), np.tile(s, (m, 1)))
+    return Search(function, s, y, **how).found()
+
+
+def test_jumps_are_found_to_rounding():
+    at = np.random.default_rng(1).uniform(0.1, 6.0, (60, 1))
+
+    def steps(row, x):
+        return np.where(x < at[row], x, x - 3.0)
+
+    found = search(steps, np.linspace(0.0, 6.2, 40), 60)
+    wanted = np.maximum(at[:, 0], 3.2)
+    np.testing.assert_allclose(found.value, wanted, rtol=1e-13)
+    assert not found.error.any()
+
+
+def test_poles_narrower_than_the_samples_are_found():
+    """Peaks of half the spacing, away from the largest sample."""
+    random = np.random.default_rng(2)
+    width, at = random.uniform(0.04, 0.2, (80, 1)), random.uniform(2.5, 6.0, (80, 1))
+
+    def peaks(row, x):
+        return np.sin(x) + 3.0 * width[row] ** 2 / ((x - at[row]) ** 2 + width[row] ** 2)
+
+    found = search(peaks, np.linspace(0.0, 6.2, 72), 80)
+    for i in range(80):
+        near = at[i] + np.linspace(-1, 1, 20001) * width[i] / 4
+        near = np.append(near, np.linspace(0.0, 6.2, 20001)).clip(0.0, 6.2)
+        assert found.value[i] == pytest.approx(peaks(np.array([i]), near[None]).max(), rel=1e-7)
+        assert found.value[i] >= peaks(np.array([i]), near[None]).max() * (1 - 1e-13)
+
+
+@pytest.mark.parametrize("turn", [True, False])
+def test_tops_at_the_seam_and_at_the_ends(turn):
+    phase = np.linspace(0.0, 2 * np.pi, 41)[:, None]
+
+    def waves(row, x):
+        return np.cos(x - phase[row]) + 0.1 * np.cos(3 * (x - phase[row]))
+
+    high = 2 * np.pi if turn else 3.0
+    found = search(waves, np.linspace(0.0, high, 37), 41, turn=turn)
+    fine = waves(np.arange(41), np.tile(np.linspace(0.0, high, 30001), (41, 1))).max(axis=1)
+    np.testing.assert_allclose(found.value, fine, rtol=1e-7)
+    assert (found.value >= fine - 1e-13).all()
+
+
+def test_a_function_that_ends_between_its_samples_is_told():
+    def root(row, x):
+        with np.errstate(invalid="ignore"):
+            return np.sqrt((x - 1.0) ** 2 - 1e-4) + 2.0 / (1e-2 + np.abs(x - 1.0))
+
+    found = search(root, np.linspace(0.0, 2.03, 30), 1)
+    assert np.isinf(found.error[0])
+
+
+def test_noise_is_not_closed_in_on():
+    random = np.random.default_rng(3)
+    found = search(lambda row, x: random.standard_normal(x.shape), np.linspace(0.0, 1.0, 72), 2)
+    assert not found.error.any()
