@@ -50,22 +50,16 @@ class ProgramOfDesigns:
     """
 
     def __init__(
-        self,
-        mechanism: Compiled,
-        places: Places,
-        alone: Collection[str],
-        program: Program,
-        library: str | ModuleType,
-        precision: str | None,
+        self, mechanism: Compiled, places: Places, alone: Collection[str], engine: ArrayEngine
     ) -> None:
-        """Raises `RequestError` for a program with states, a library or a precision of nothing."""
-        if any(name.startswith(STATE) for name in program.inputs):
+        """Raises `RequestError` for a program with states."""
+        if any(name.startswith(STATE) for name in engine.program.inputs):
             remedy = "name outputs that do without them"
             raise refused("outputs", "they depend on states, which are integrals", remedy)
-        self.mechanism = mechanism
-        self._engine = _engine(program, library, precision or "complex128")
+        self.mechanism, self._engine = mechanism, engine
         self._places = self._formulas(places, alone)
-        self.parameters = {p.address: p.value for p in self._places}
+        number = np.float32 if engine.xp.finfo(engine.dtype).bits == 32 else np.float64
+        self.parameters = {p.address: number(p.value) for p in self._places}  # no weak type of JAX
 
     def _formulas(self, places: Places, alone: Collection[str]) -> Places:
         """The numbers that the program follows by formulas, unlike the pieces of a cubic table."""
@@ -103,8 +97,7 @@ class Function(ProgramOfDesigns):
     """
 
     def __init__(self, plan: Plan, inputs: Mapping[str, str], rates: Any, *of: Any) -> None:
-        mechanism, places, alone, library, precision = of
-        super().__init__(mechanism, places, alone, plan.program, library, precision)
+        super().__init__(*of)
         self.plan, self._inputs, self._rates = plan, inputs, rates
         self.inputs, self.outputs = tuple(inputs), plan.want
 
@@ -191,7 +184,7 @@ def function(
     static: bool = False,
     precision: Precision | None = None,
 ) -> Function:
-    """Outputs as a pure function of inputs and numbers of the design, on another library's arrays.
+    """Outputs as a pure function of inputs and numbers, on the arrays of another library.
 
     JAX compiles, batches and differentiates it, in both modes and to any order; samples without an
     answer are left out of gradients by what all samples share.
@@ -242,7 +235,8 @@ def function(
     known = {*chosen.values(), *rates}
     if missing := [a for a, x in of_inputs.items() if x in plan.program.inputs and x not in known]:
         raise refused("inputs", f"the outputs depend on {listed(missing)}", "name them as well")
-    return Function(plan, chosen, rates, mechanism, places, alone, library, precision)
+    engine = _engine(plan.program, library, precision)
+    return Function(plan, chosen, rates, mechanism, places, alone, engine)
 
 
 @declared
@@ -282,7 +276,7 @@ def rates(
         raise refused("rates", "nothing that moves has mass", "give a link mass or inertia")
     efforts = [s.ask(reduction.drive_by_reduction, d) for d in drivers]
     program = s.program([*inertia, *efforts, *margins(s)])
-    return Rates(mechanism, places, alone, program, library, precision)
+    return Rates(mechanism, places, alone, _engine(program, library, precision))
 
 
 def _refuse_strangers(where: str, given: Iterable[str], known: Iterable[str]) -> None:
@@ -314,8 +308,9 @@ def _places(mechanism: Compiled, patterns: Iterable[str]) -> tuple[Places, set[s
     return {p: paths for p, paths in places.items() if p.address not in reasons}, alone
 
 
-def _engine(program: Program, library: str | ModuleType, precision: str) -> ArrayEngine:
+def _engine(program: Program, library: str | ModuleType, precision: str | None) -> ArrayEngine:
     """The engine of a library."""
+    precision = precision or "complex128"
     if precision not in TYPES:
         raise refused("precision", precision, "", listed(TYPES), code="unknown-engine")
     kind = TYPES[precision]
