@@ -95,6 +95,7 @@ LATE = {
     "mpmath",
     "llvmlite",
     "bokeh",
+    "jax",
     "panel",
     "param",
 }
@@ -103,6 +104,7 @@ NEEDED_IN = {
     "rich": "cli",
     "pytest": "blockmech.testing.pytest_plugin",
     "bokeh": "studio",
+    "jax": "blockmech.engines.jax",
     "panel": "studio",
     "param": "studio",
     "scipy": "dynamics",  # a room that nothing loads before a motion is asked for

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     import blockmech.studies.family
     import blockmech.studies.floquet
     import blockmech.studies.flywheel
+    import blockmech.studies.function
     import blockmech.studies.identify
     import blockmech.studies.linearize
     import blockmech.studies.objective
@@ -64,6 +65,7 @@ class Mechanism(Compiled["Mechanism"]):
         friction_solutions = blockmech.analysis.friction_solutions.friction_solutions
         floquet = blockmech.studies.floquet.floquet
         flywheel = blockmech.studies.flywheel.flywheel
+        function = blockmech.studies.function.function
         identify = blockmech.studies.identify.identify
         impulses = blockmech.dynamics.impact.impulses
         instant_centre = blockmech.analysis.instant_centres.instant_centre
@@ -75,6 +77,7 @@ class Mechanism(Compiled["Mechanism"]):
         objective = blockmech.studies.objective.objective
         parameters = blockmech.studies.family.parameters
         path_radius = blockmech.analysis.instant_centres.path_radius
+        rates = blockmech.studies.function.rates
         run_to = blockmech.analysis.accuracy.run_to
         sensitivity = blockmech.studies.differentiate.sensitivity
         simulate = blockmech.dynamics.simulation.simulate
@@ -96,6 +99,7 @@ class Mechanism(Compiled["Mechanism"]):
         friction_solutions = LazyMethod("blockmech.analysis.friction_solutions")
         floquet = LazyMethod("blockmech.studies.floquet")
         flywheel = LazyMethod("blockmech.studies.flywheel")
+        function = LazyMethod("blockmech.studies.function")
         identify = LazyMethod("blockmech.studies.identify")
         impulses = LazyMethod("blockmech.dynamics.impact")
         instant_centre = LazyMethod("blockmech.analysis.instant_centres")
@@ -107,6 +111,7 @@ class Mechanism(Compiled["Mechanism"]):
         objective = LazyMethod("blockmech.studies.objective")
         parameters = LazyMethod("blockmech.studies.family")
         path_radius = LazyMethod("blockmech.analysis.instant_centres")
+        rates = LazyMethod("blockmech.studies.function")
         run_to = LazyMethod("blockmech.analysis.accuracy")
         sensitivity = LazyMethod("blockmech.studies.differentiate")
         simulate = LazyMethod("blockmech.dynamics.simulation")

@@ -124,12 +124,16 @@ def implicit(step: Any, state: Any, *data: Any) -> Any:
 def each(function: Any, *x: Any) -> Any:
     """Refused where an argument has tangents: nobody knows the derivative of a function."""
     if any(np.any(slope(v)) for v in x):
-        law = getattr(function, "__self__", function)
-        name = getattr(getattr(law, "call", law), "__name__", "function")
-        what = "a load's function of Python has no known derivative"
-        remedy = "give the law as data: polynomial, table, fourier or dc"
-        raise _no_derivative(name, what, remedy)
+        raise underivable(function)
     return plain.each(function, *map(value, x))
+
+
+def underivable(function: Any) -> RequestError:
+    """The error of a derivative by what a user's function is a function of."""
+    law = getattr(function, "__self__", function)
+    name = getattr(getattr(law, "call", law), "__name__", "function")
+    what = "a load's function of Python has no known derivative"
+    return _no_derivative(name, what, "give the law as data: polynomial, table, fourier or dc")
 
 
 def each_by_difference(function: Any, *x: Any) -> Any:
@@ -237,11 +241,15 @@ def _linear(function: Any, at: Array, y: Array, way: Array) -> Array:
     bend = np.abs(ahead + behind - 2.0 * y).max()
     rounding = 1e3 * EPS * np.abs([ahead, behind]).max()  # of a spline's system, condition < 10
     if not bend <= rounding:
-        raise _no_derivative(
-            "table", "the arguments of a cubic table have no known derivative", "name its values"
-        )
+        raise underivable_table()
     change: Array = (ahead - behind) / (2.0 * size)
     return change
+
+
+def underivable_table() -> RequestError:
+    """The error of a derivative by what a cubic table is a function of."""
+    what = "the arguments of a cubic table have no known derivative"
+    return _no_derivative("table", what, "name its values")
 
 
 def _no_derivative(where: str, found: str, remedy: str) -> RequestError:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from blockmech.engines import linear
 from blockmech.engines.binding import bind
 from blockmech.plan import Program
-from blockmech.plane import REST_SHARE, cross, dot, implicit, primitives_of, times
+from blockmech.plane import REST_SHARE, cross, dot, has_arithmetic, implicit, primitives_of, times
 
 PRECISIONS: dict[str, Any] = {
     "complex64": np.float32,
@@ -61,7 +61,8 @@ class Planar:
         return Planar(other.real - self.real, other.imag - self.imag)
 
     def __abs__(self) -> Any:
-        return np.hypot(self.real, self.imag)  # as Python has it of a complex number
+        hypot = primitives_of(self).get("hypot", np.hypot)  # as Python has it of a complex number
+        return hypot(self.real, self.imag)
 
 
 class Whole(tuple[Any, ...]):
@@ -186,6 +187,19 @@ def leaves(value: Any) -> list[Any]:
     return [value.real, value.imag] if isinstance(value, complex | Planar) else [value]
 
 
+def cast(value: Any, number: Any, column: Any) -> Any:
+    """A parameter in an engine's numbers; the columns of a table are arrays."""
+    if isinstance(value, tuple):
+        parts = (cast(x, number, column) for x in value)
+        if hasattr(value, "_fields"):
+            return type(value)(*parts)
+        nested = any(isinstance(x, tuple | complex | Planar) for x in value)
+        return tuple(parts) if nested else column(value)
+    if isinstance(value, complex | Planar):
+        return Planar(number(value.real), number(value.imag))
+    return number(value)
+
+
 @cache
 def primitives(dtype: Any) -> dict[str, Any]:
     """The primitives of the plane on arrays of one precision; see `blockmech.plane`."""
@@ -223,8 +237,13 @@ def _turned(t: Any) -> Planar:
     return Planar(*one_by_one(lambda x: (math.cos(x), math.sin(x)), t))
 
 
-@primitives_of.register(np.ndarray)
 @primitives_of.register(Planar)
+def _of_vectors(x: Planar) -> Mapping[str, Any]:
+    part = next(filter(has_arithmetic, (x.real, x.imag)), None)
+    return _of_designs(x) if part is None else primitives_of(part)
+
+
+@primitives_of.register(np.ndarray)
 def _of_designs(x: object) -> Mapping[str, Any]:
     return primitives(np.float64) | {"expi": _turned, "one_by_one": one_by_one}
 
@@ -248,15 +267,10 @@ class NumpyEngine:
         self.parameters = tuple(self._cast(v) for v in program.parameters.values())
 
     def _cast(self, value: Any) -> Any:
-        if isinstance(value, tuple):
-            if hasattr(value, "_fields"):
-                return type(value)(*(self._cast(x) for x in value))
-            if any(isinstance(x, tuple | complex | Planar) for x in value):
-                return tuple(map(self._cast, value))
-            return np.array(np.broadcast_arrays(*value), self.dtype)  # (k,), of designs (k, D, 1)
-        if isinstance(value, complex | Planar):
-            return Planar(self.dtype(value.real), self.dtype(value.imag))
-        return self.dtype(value)
+        def column(x: Any) -> Any:
+            return np.array(np.broadcast_arrays(*x), self.dtype)  # (k,), of designs (k, D, 1)
+
+        return cast(value, self.dtype, column)
 
     def run(
         self, inputs: Mapping[str, NDArray[Any]], n: int, chunk: int = CHUNK

@@ -99,8 +99,7 @@ class Trace:
         """What stands for a function that is no kernel while a program is traced."""
 
         def answer(*given: Any) -> Any:
-            like = getattr(function, "answer", None) or function(*filled(given, float))
-            return self.answer(function, given, like)
+            return self.answer(function, given, answer_of(function, given))
 
         return answer
 
@@ -143,6 +142,11 @@ def filled(value: Any, fresh: Callable[[], Any], pair: Callable[..., Any] = Plan
         parts = [filled(x, fresh, pair) for x in value]
         return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     return pair(fresh(), fresh()) if isinstance(value, complex | Planar) else fresh()
+
+
+def answer_of(function: Any, arguments: tuple[Any, ...]) -> Any:
+    """An answer of a function that is no kernel, to tell the form of all of them."""
+    return getattr(function, "answer", None) or function(*filled(arguments, float))
 
 
 # -- the primitives of the plane ---------------------------------------------------
@@ -296,7 +300,7 @@ def _pivot(rows: list[list[Any]], columns: list[int]) -> tuple[int, list[Any], l
         ((n - 1) * (high[k] - 1), i, k)
         for i, (row, n) in enumerate(zip(rows, wide, strict=True))
         for k in columns
-        if not isinstance(row[k], Node) and abs(row[k]) == 1.0
+        if isinstance(row[k], float) and abs(row[k]) == 1.0
     )
     if (best := min(units, default=None)) is not None:
         _, i, column = best
@@ -318,7 +322,7 @@ def _pivot(rows: list[list[Any]], columns: list[int]) -> tuple[int, list[Any], l
 
 def _is_zero(x: Any) -> bool:
     """Whether an entry is zero by the matrix's pattern."""
-    return not isinstance(x, Node) and x == 0.0
+    return isinstance(x, float) and x == 0.0
 
 
 def solve_transposed(a: Any, right: Any) -> tuple[Any, ...]:

@@ -362,9 +362,19 @@ def _asked(
             size = float(np.abs(np.asarray(given, float)).max(initial=0.0))
             unit = mechanism.outputs[address].unit
             parameters_[address] = Parameter(address, size, unit, (GIVEN, name, driver))
-    every = {**known, **parameters_}
+    return fitting(known, patterns, parameters_)
+
+
+def fitting(
+    known: Mapping[str, Parameter], patterns: Iterable[str], more: Mapping[str, Parameter] = {}
+) -> tuple[dict[str, Parameter], set[str]]:
+    """The numbers that addresses and patterns name, and which are named one by one.
+
+    ``more`` are those that "*" alone does not name.
+    """
     chosen: dict[str, Parameter] = {}
     alone: set[str] = set()
+    every = {**known, **more}
     for pattern in patterns:
         near = known if pattern in EVERYTHING else every
         fits = {a: p for a, p in near.items() if a != pattern and fnmatch.fnmatchcase(a, pattern)}

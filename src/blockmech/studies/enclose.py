@@ -21,7 +21,6 @@ from blockmech.engines.enclosed import SYMBOLS, EnclosedEngine, Form, form, with
 from blockmech.errors import Problem, RequestError, listed
 from blockmech.export import aligned
 from blockmech.model.parameters import Parameter, Path
-from blockmech.passes.homotopy import path_of
 from blockmech.plan import Plan
 from blockmech.report import DEGREES, Facts, Report, sections
 from blockmech.result import Result
@@ -31,7 +30,7 @@ from blockmech.studies.variation import (
     designed,
     is_written_out,
     of_links,
-    planned_aside,
+    planned_near,
 )
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
@@ -198,10 +197,7 @@ def _enclosed(
 ) -> Enclosure:
     """Bounds at each sample of a result."""
     numbers: dict[Path, float] = {p.path: p.value for p in numbers_of.values()}
-    general = planned_aside(mechanism, numbers) if numbers else mechanism
-    for block in (b for b, x in mechanism.structure.blocks.items() if x.own_form and numbers):
-        general.structure.paths[block] = path_of(mechanism.structure, block)
-    plan = general.plan_at(result.samples, tuple(result), **settings)
+    plan = planned_near(mechanism, numbers).plan_at(result.samples, tuple(result), **settings)
     if missing := set(plan.program.inputs) - result.samples.given(plan.program.inputs).keys():
         message = f"the outputs depend on states: {', '.join(sorted(missing))}"
         raise RequestError([Problem("bad-request", "want", message, "", "name others")])

@@ -147,15 +147,22 @@ class Family:
     @cached_property
     def places(self) -> Mapping[Parameter, tuple[Path, ...]]:
         """Where each number of the document stands in the graph as it is; nowhere: ()."""
-        if of_links(self.mechanism) or is_written_out(self.mechanism):
-            return _passed_on(self.mechanism, self.parameters)
-        return {p: (p.path,) for p in self.parameters}
+        return places_of(self.mechanism, self.parameters)
 
     def design(self, values: Mapping[Parameter, Any]) -> tuple[Structure, Scene]:
         """Structure and scene with other numbers, unchecked: of any type with arithmetic."""
         return designed(
             self.mechanism, {path: x for p, x in values.items() for path in self.places[p]}
         )
+
+
+def places_of(
+    mechanism: Compiled, parameters: tuple[Parameter, ...]
+) -> Mapping[Parameter, tuple[Path, ...]]:
+    """Where each number of the document stands in the graph as it is; nowhere: ()."""
+    if of_links(mechanism) or is_written_out(mechanism):
+        return _passed_on(mechanism, parameters)
+    return {p: (p.path,) for p in parameters}
 
 
 def _passed_on(

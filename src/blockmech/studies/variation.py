@@ -90,6 +90,16 @@ def planned_aside(mechanism: Compiled, numbers: Mapping[Path, float]) -> Compile
     return type(m)(*designed(m, aside), m.name, m.names, m.document)
 
 
+def planned_near(mechanism: Compiled, numbers: Mapping[Path, float]) -> Compiled:
+    """A mechanism whose plans hold for all designs near by, on the same paths from home."""
+    if not numbers:
+        return mechanism
+    near = planned_aside(mechanism, numbers)
+    for block in (b for b, x in near.structure.blocks.items() if x.own_form):
+        near.structure.paths[block] = path_of(mechanism.structure, block)
+    return near
+
+
 @dataclass(frozen=True)
 class Variation:
     """A mechanism as it is when some numbers vary.
@@ -131,12 +141,7 @@ class Variation:
     @cached_property
     def general(self) -> Compiled:
         """A mechanism whose plans hold for all designs near by, on the same paths from home."""
-        mechanism = planned_aside(
-            self.base, {path: complex(x).real for path, x in self.numbers.items()}
-        )
-        for block in (b for b, x in mechanism.structure.blocks.items() if x.own_form):
-            mechanism.structure.paths[block] = path_of(self.base.structure, block)
-        return mechanism
+        return planned_near(self.base, {path: complex(x).real for path, x in self.numbers.items()})
 
     def design(self, seeds: NDArray[Any]) -> tuple[Structure, Scene]:
         """The design with tangents in k directions (k, m) of the numbers that vary."""
