@@ -26,6 +26,7 @@ class Synthetic(System):
     knots = ()
     span = TURN
     lossless = False
+    smooth = True
     friction = None
     table = None
     engine_of_states = SimpleNamespace(name="scalar")

@@ -252,6 +252,11 @@ class System:
         free = self.friction is None and self.period is not None
         return free and self.compiled.once(loads.nature).lossless
 
+    @cached_property
+    def smooth(self) -> bool:
+        """Whether the accelerations are smooth within a step."""
+        return self.friction is None and self.compiled.once(loads.nature).smooth
+
     @property
     def noise(self) -> float:
         """Relative error of inertia and effort beyond rounding."""
