@@ -11,6 +11,7 @@ IMPOSSIBLE: Final = "impossible pose"
 NO_INERTIA: Final = "no inertia"
 UNDEFINED_LOAD: Final = "undefined load"
 INTERRUPTED: Final = "interrupted"  # by the user; what was done is kept
+BUDGET: Final = "budget"  # its processor time is spent; what was done is kept
 TOO_MANY: Final = "more evaluations than allowed"
 SELF_LOCKED: Final = "self-locking in motion"  # no acceleration satisfies Coulomb's law
 AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
@@ -27,5 +28,12 @@ STICKS, SLIPS, REVERSES = "sticking", "slipping", "reversal"  # of a pair, with 
 SIGNAL_KINK, RELEASED = "signal kink", "released"  # from joint friction, by a signal
 
 
+STOPPED = INTERRUPTED, BUDGET  # by who asked
+
+
 class TooMany(Exception):
     """More evaluations than allowed: what ends a run by `TOO_MANY`."""
+
+
+class BudgetSpent(Exception):
+    """No processor time is left: what ends a run by `BUDGET`."""

@@ -36,7 +36,7 @@ COMPARED = 129  # times spread over a run at which two runs are compared, beside
 # Of |q| or t: a value is a sum of some fifty terms of a series, which is the integral of one that
 # values were summed to. Roundings of up to EPS / 2 each, added like a random walk, twice that.
 ROUNDING = math.sqrt(3 * 50) * EPS
-UNFINISHED = ends.INTERRUPTED, ends.TOO_MANY
+UNFINISHED = *ends.STOPPED, ends.TOO_MANY
 PARTED = math.radians(1)  # of its way (of an angle at most a radian) or time: parts two motions
 
 
@@ -170,7 +170,7 @@ def with_rounding(
 
 def missed(motion: Motion, target: float, why: str = "") -> Motion:
     """The motion, with a note if its error is above the target, and why."""
-    if motion.error <= target or motion.status == "failed" or motion.end == ends.INTERRUPTED:
+    if motion.error <= target or motion.status == "failed" or motion.end in ends.STOPPED:
         return motion
     note = f"accuracy not reached: {motion.error:.1e} instead of {target:.1e}{why}"
     return replace(motion, notes=(*motion.notes, note))
@@ -211,7 +211,7 @@ def refined(
             return best
         floor = apart.agree and 2 * steps.error <= whole.error
         if floor or tolerance <= FLOOR:
-            return missed(best, target, ", the floor of rounding" if floor else "")
+            return missed(best, target, ", at the floor of rounding" if floor else "")
         share = 0.3 * target / whole.error if apart.agree else 0.0
         share = min(share, 0.5) if target >= LEAST and share > 0 else 1 / FINER
         tolerance = max(tolerance * share, FLOOR)
@@ -263,6 +263,5 @@ def stopped(motion: Motion, best: Motion | None) -> Motion:
     if motion.end == ends.TOO_MANY:
         return best
     words = "by coarser runs" if judged else "not judged by another run"
-    note = f"interrupted: the error is {words}"
-    notes = (*best.notes, note)
-    return replace(best, status="ended", end=ends.INTERRUPTED, notes=notes)
+    notes = (*best.notes, f"{motion.end}: the error is {words}")
+    return replace(best, status=motion.status, end=motion.end, notes=notes)

@@ -27,6 +27,7 @@ from blockmech.dynamics.estimate import (
     PARTED,
     ROUNDING,
     TARGET,
+    UNFINISHED,
     difference,
     judged,
     missed,
@@ -398,13 +399,13 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     run.run()
     coarse = run.motion()
     given_up = (ends.TOO_MANY,) if request.method == "auto" else ()
-    if coarse.end in (ends.INTERRUPTED, *given_up):
+    if coarse.end in (*ends.STOPPED, *given_up):
         return stopped(coarse, None)
     if not fine.end:
         fine.run()
     motion = fine.motion()
-    if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
-        return stopped(motion, coarse if fine.end == ends.INTERRUPTED else None)
+    if fine.end in UNFINISHED:
+        return stopped(motion, coarse if fine.end in ends.STOPPED else None)
     if not fine.whole:
         return motion
     if coarse.end == ends.TOO_MANY and coarse.t_end < motion.t_end:
@@ -434,7 +435,7 @@ def judged_in_place(run: PathRun) -> Motion | None:
         run.run()
     except LeftToArraysError:
         return None
-    if run.end in (ends.INTERRUPTED, ends.TOO_MANY):
+    if run.end in UNFINISHED:
         return stopped(run.motion(), None)
     if not run.whole:
         return run.motion()

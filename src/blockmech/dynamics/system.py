@@ -30,6 +30,7 @@ from blockmech.dynamics.friction import JointFriction, margins, pair_program
 from blockmech.dynamics.pair_friction import least
 from blockmech.dynamics.pair_stops import Counted, PairStops, held_by, rows_of
 from blockmech.dynamics.roles import Roles
+from blockmech.dynamics.run import Budget
 from blockmech.dynamics.signals import (
     NO_SIGNALS,
     SignalProgram,
@@ -175,6 +176,7 @@ class System:
     counted: Counted | None = None
     roles: Roles | None = None
     begin: tuple[float, ...] = ()
+    budget: Budget = field(default_factory=Budget)
     samples: int = 0
     calls: int = 0
     singles: int = 0
@@ -552,7 +554,10 @@ class System:
         else:
             self.singles += samples
         after = self.samples + self.singles
-        if self.progress is not None and before // REPORTED != after // REPORTED:
+        if before // REPORTED == after // REPORTED:
+            return
+        self.budget.check()
+        if self.progress is not None:
             self.progress("computing", float(after), None)
 
 
