@@ -9,6 +9,7 @@ import numpy as np
 
 from blockmech.dynamics import methods
 from blockmech.dynamics.request import SimulationRequest, Start, Until
+from blockmech.dynamics.run import Budget
 from blockmech.dynamics.system import One, Sample, System
 
 TURN = 2 * math.pi
@@ -38,7 +39,7 @@ class Synthetic(System):
         self._given_one, self._given_batch, self._given_terms = one, batch, terms
         self.method = self.progress = None
         self.samples = self.calls = self.singles = self.states = 0
-        self.steppers = {}
+        self.steppers, self.budget = {}, Budget()
         names = tuple("q" if k == 1 else f"q{i}" for i in range(k))
         vars(self)["drivers"], vars(self)["rotary"] = names, (True,) * k
         no_turns = SimpleNamespace(rotary=False)

@@ -239,12 +239,12 @@ def _judged(
         apart = np.fmax.reduce(np.abs(a - b)[..., 0], axis=1, initial=0.0)
         apart = np.fmax(apart, np.abs(coarse.q - fine.q))
         late, span = np.abs(coarse.t - fine.t), fine.t - t0
-        size = np.fmax.reduce(np.abs(b[..., 0]), axis=1) + fine.t * np.fmax.reduce(
-            np.abs(b[..., 1]), axis=1
-        )
+        fastest = np.fmax.reduce(np.abs(b[..., 1]), axis=1)
+        size = np.fmax.reduce(np.abs(b[..., 0]), axis=1) + fine.t * fastest
         reach = np.ptp(b[..., 0], axis=1)
         near = one_motion(reach, 1.0 if system.rotary[0] else math.inf, size)
         agree = same & (apart <= near) & (late <= PARTED * span)
+        late = np.fmax(late, apart / fastest)
         unknown = _rounding(system, request, times, b, states)
         clock = np.where(fine.end == TIME, 0.0, left * late + unknown[1])
     alone = fine.alone | (judged & ~agree)

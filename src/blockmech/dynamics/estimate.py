@@ -44,7 +44,8 @@ class Difference(NamedTuple):
     """How far two runs are apart.
 
     q : [rad or m] largest difference at common times
-    t : [s] difference of the ends
+    t : [s] difference of the ends, at least what the states are apart at the fastest: two ends may
+        be met at one time by chance
     agree : whether they are one motion: the same end, at a time known to a percent or two, and
         nowhere further apart than ``near``
     near : [rad or m] within which each driver's runs are one motion, a number or (k,)
@@ -85,12 +86,15 @@ def difference(
     late = abs(coarse.t_end - fine.t_end)
     span = fine.t_end - fine.t_start
     low, high = q.min(axis=0), q.max(axis=0)
-    size = float(np.max(np.maximum(high, -low))) + abs(fine.t_end) * float(np.abs(qd).max())
+    fastest = float(np.abs(qd).max())
+    size = float(np.max(np.maximum(high, -low))) + abs(fine.t_end) * fastest
     longest = np.where(rotary, 1.0, math.inf) if q.ndim > 1 else 1.0 if rotary[0] else math.inf
     near = one_motion(high - low, longest, size)
     close = bool(np.all(apart <= near)) and late <= PARTED * span
     agree = same and (close or span == 0)
-    return Difference(float(np.max(apart)), late, agree, near, times, State(q, qd))
+    far = float(np.max(apart))
+    late = max(late, far / fastest) if fastest > 0 else late
+    return Difference(far, late, agree, near, times, State(q, qd))
 
 
 def one_motion(way: Any, longest: float | Floats, size: Any) -> Any:

@@ -132,6 +132,7 @@ class TimeIntegration(Run):
     energy: float | None = None  # [J] where it starts
     grid: list[float] = field(default_factory=list)  # [s] where steps begin, and the last ends
     stepped: bool = False
+    bound: float = math.inf  # [s] of the segment
     y: Floats = field(default_factory=lambda: np.empty(0))
     times: list[float] = field(default_factory=list)
     pieces: list[Any] = field(default_factory=list)
@@ -447,6 +448,7 @@ class TimeIntegration(Run):
         self, bound: float, lookout: EventDetector, own: EventDetector
     ) -> EventHit | RunEnd | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""
+        self.bound = bound
         slope = self.equation(self.t, self.y)
         if not all(map(math.isfinite, slope)):  # from which SciPy's would never come back
             return self._given_up()
@@ -502,7 +504,7 @@ class TimeIntegration(Run):
         slope, ahead = np.asarray(self.equation(t, y), dtype=np.float64), AHEAD * (t - t0)
         here = hit.rule.value(t, y)
         rise = (hit.rule.value(t + ahead, y + ahead * slope) - here) / ahead
-        late = min(-here / rise, step.t[1] - t) if rise else math.nan  # not beyond its step
+        late = min(-here / rise, self.bound - t) if rise else math.nan
         moved = y + late * slope
         known = hit.rule.parts > 1 and abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
         return [*steps[:-1], steps[-1].until(t + late, moved)] if known else steps
