@@ -84,6 +84,7 @@ class Steps:
     solution: Callable[[Floats], Floats]
     roles: tuple[tuple[float, Roles], ...] = ()  # from times [s] on
     jolts: tuple[Impact, ...] = ()
+    stands: tuple[float, ...] = ()  # [s] when the only driver does, to the last digit
 
     @classmethod
     def of(
@@ -100,7 +101,8 @@ class Steps:
         """State at times (m,) [s]; of drivers with a law as that says, and after jolts."""
         y, at = np.asarray(self.solution(t)), self.layout
         if at.drivers == 1:
-            return State(y[0], y[1])
+            stands = np.isin(t, self.stands) if self.stands else False
+            return State(y[0], np.where(stands, 0.0, y[1]))
         q, rate = y[at.q].T, y[at.rate].T
         if self.roles:
             which = np.searchsorted([begin for begin, _ in self.roles], t, "right") - 1
@@ -216,7 +218,9 @@ class TimeIntegration(Run):
         return not self.stepped and self.end not in UNFINISHED
 
     def _track(self) -> Steps:
-        return Steps.of(self.layout, self.times, self.pieces, tuple(self.roles), tuple(self.jolts))
+        stands = tuple(e.t for e in self.events if e.kind == ends.STANDSTILL)
+        more = tuple(self.roles), tuple(self.jolts), stands
+        return Steps.of(self.layout, self.times, self.pieces, *more)
 
     def _balance(self, start: Floats) -> None:
         """What the work of loads and friction leaves unexplained of the kinetic energy."""
@@ -474,16 +478,19 @@ class TimeIntegration(Run):
         if steps.calm < m:
             hits_in += lookout.within(*steps.part(m - 1, m)[:3])
         hits = until_terminal(hits_in)
-        self._note(hits, steps.dense)
         if not (hits and hits[-1].rule.terminal):
+            self._note(hits, steps.dense)
             self._took(steps)
             return None
+        self._note(hits[:-1], steps.dense)
         i = max(int(np.searchsorted(steps.t, hits[-1].t)) - 1, 0)
         if i:
             self._took(steps.part(0, i))
         for taken in self._exactly(hits[-1], steps.part(i, i + 1)):
             self._took(taken)
-        return hits[-1]
+        last = hits[-1]._replace(t=self.t)
+        self._note([last], lambda t: self.y)
+        return last
 
     def _exactly(self, hit: EventHit, step: AcceptedSteps) -> list[AcceptedSteps]:
         """Steps that end at an event in a step.
