@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from blockmech.dynamics import methods
+from blockmech.dynamics.ends import Budget
 from blockmech.dynamics.request import SimulationRequest, Start, Until
-from blockmech.dynamics.run import Budget
 from blockmech.dynamics.system import One, Sample, System
 
 TURN = 2 * math.pi

@@ -6,8 +6,7 @@ import math
 import pytest
 
 import blockmech as bm
-from blockmech.dynamics import run
-from blockmech.dynamics.ends import BudgetSpent
+from blockmech.dynamics import ends
 from tests.doors import graph_of
 from tests.dynamics.honesty import GRAPHS
 
@@ -41,7 +40,7 @@ def test_a_request_ends_when_its_budget_is_spent(name, until, method):
 def test_what_is_done_when_the_budget_is_spent_is_kept(monkeypatch):
     """The first ten looks at the clock are in time."""
     looks = iter(range(10_000))
-    monkeypatch.setattr(run.time, "thread_time", lambda: float(next(looks) > 10))
+    monkeypatch.setattr(ends.time, "thread_time", lambda: float(next(looks) > 10))
     mech = gallery("pump")
     motion = mech.simulate("time=1", engine="scalar", budget=0.5).motion
     whole = mech.simulate("time=1", accuracy=1e-11, budget=math.inf).motion
@@ -53,9 +52,9 @@ def test_what_is_done_when_the_budget_is_spent_is_kept(monkeypatch):
 
 def test_a_budget_is_spent_once():
     """What is kept of a run is still looked at, which costs time."""
-    budget = run.Budget(-1.0)
+    budget = ends.Budget(-1.0)
     budget.check()  # from now on
-    with pytest.raises(BudgetSpent):
+    with pytest.raises(ends.BudgetSpent):
         budget.check()
     budget.check()
 

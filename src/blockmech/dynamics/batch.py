@@ -226,7 +226,7 @@ def _judged(
 
     states : (m,) that the finer ones asked for
     """
-    left = SMOOTH if system.smooth else CORNERED
+    remainder = SMOOTH if system.smooth else CORNERED
     same = (coarse.end == fine.end) & (coarse.stands == fine.stands) & ~coarse.alone & ~fine.alone
     same &= np.isnan(coarse.rest) == np.isnan(fine.rest)
     last, t0 = np.minimum(coarse.t, fine.t), request.start.t
@@ -246,9 +246,9 @@ def _judged(
         agree = same & (apart <= near) & (late <= PARTED * span)
         late = np.fmax(late, apart / fastest)
         unknown = _rounding(system, request, times, b, states)
-        clock = np.where(fine.end == TIME, 0.0, left * late + unknown[1])
+        clock = np.where(fine.end == TIME, 0.0, remainder * late + unknown[1])
     alone = fine.alone | (judged & ~agree)
-    return fine._replace(alone=alone, error=left * apart + unknown[0], time_error=clock)
+    return fine._replace(alone=alone, error=remainder * apart + unknown[0], time_error=clock)
 
 
 def _rounding(

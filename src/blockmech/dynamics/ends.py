@@ -1,5 +1,8 @@
 """What ends or interrupts a motion: names that all methods share."""
 
+import math
+import time
+from dataclasses import dataclass
 from typing import Final
 
 STANDSTILL: Final = "standstill"
@@ -37,3 +40,29 @@ class TooMany(Exception):
 
 class BudgetSpent(Exception):
     """No processor time is left: what ends a run by `BUDGET`."""
+
+
+SECONDS = 60.0  # [s] of processor time for a request where none is given
+
+
+@dataclass
+class Budget:
+    """Processor time of a request [s], from when it is looked at first."""
+
+    seconds: float = SECONDS
+    deadline: float | None = None
+
+    def check(self) -> None:
+        """Raise `BudgetSpent`, once, where none is left: what is done is still looked at."""
+        now = time.thread_time()
+        if self.deadline is None:
+            self.deadline = now + self.seconds
+        elif now > self.deadline:
+            self.deadline = math.inf
+            raise BudgetSpent
+
+    @property
+    def advice(self) -> str:
+        """What to do where it is spent."""
+        more = "give more by budget= (--budget), or ask for a shorter time or a coarser accuracy"
+        return f"{self.seconds:g} s of processor time are spent: {more}"

@@ -186,17 +186,17 @@ def refined(
     first: float,
     target: float,
     wanted: tuple[float, ...],
-    left: float,
+    remainder: float,
 ) -> Motion:
     """A motion whose error is estimated, and meets the target if a pair of runs does.
 
     pair : a run at a tolerance and one by half its steps, which is None where there is no error
     first : tolerance of the first pair
-    left : of the difference of two runs the finer one is off by no more
+    remainder : of the difference of two runs the finer one is off by no more
 
     Targets below `LEAST` go down one ladder of tolerances: none states more than a looser one.
     """
-    tolerance, best, floor = first, None, False
+    tolerance, best = first, None
     while True:
         coarse, fine = pair(tolerance)
         if coarse.end in UNFINISHED:
@@ -206,17 +206,18 @@ def refined(
         if fine.end in UNFINISHED and fine.t_end < coarse.t_end:
             return missed(stopped(fine, best or coarse), target)
         apart = difference(coarse, fine, system.rotary, wanted)
-        steps = judged(coarse, fine, apart, wanted, left)
+        steps = judged(coarse, fine, apart, wanted, remainder)
         states = fine.cost.states - coarse.cost.states
-        whole = with_rounding(system, steps, None, apart, states)
-        if best is None or best.end == ends.UNDECIDED or (apart.agree and whole.error < best.error):
-            best = whole
-        if apart.agree and whole.error <= target:
+        motion = with_rounding(system, steps, None, apart, states)
+        smaller = best is not None and apart.agree and motion.error < best.error
+        if best is None or best.end == ends.UNDECIDED or smaller:
+            best = motion
+        if apart.agree and motion.error <= target:
             return best
-        floor = apart.agree and 2 * steps.error <= whole.error
+        floor = apart.agree and 2 * steps.error <= motion.error
         if floor or tolerance <= FLOOR:
             return missed(best, target, ", at the floor of rounding" if floor else "")
-        share = 0.3 * target / whole.error if apart.agree else 0.0
+        share = 0.3 * target / motion.error if apart.agree else 0.0
         share = min(share, 0.5) if target >= LEAST and share > 0 else 1 / FINER
         tolerance = max(tolerance * share, FLOOR)
 
@@ -226,12 +227,12 @@ def judged(
     fine: Motion,
     apart: Difference,
     wanted: tuple[float, ...],
-    left: float = 1.0,
+    remainder: float = 1.0,
 ) -> Motion:
     """The finer of two runs with its error, a share of their difference, or what both know."""
     if apart.agree:
-        late = 0.0 if fine.end == "time" else left * apart.t
-        return fine.but(error=left * apart.q, time_error=fine.time_error + late)
+        late = 0.0 if fine.end == "time" else remainder * apart.t
+        return fine.but(error=remainder * apart.q, time_error=fine.time_error + late)
     times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
     off = np.abs(coarse.at(times).q - fine.at(times).q)
     one = off.ndim == 1

@@ -11,8 +11,8 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
+from blockmech.dynamics.ends import Budget
 from blockmech.dynamics.roles import Roles, roles_of
-from blockmech.dynamics.run import Budget
 from blockmech.errors import RequestError, close_match, listed, refused
 from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
@@ -413,12 +413,12 @@ def size_of(where: str, given: Any) -> float | None:
     return size
 
 
-def budget_of(given: Any) -> Budget:
+def budget_of(budget: Any) -> Budget:
     """Processor time of a request: a number [s] above zero, perhaps infinite."""
-    if given is None:
+    if budget is None:
         return Budget()
-    if not (seconds := _number(given)) > 0:
-        raise refused("budget", f"{given!r} is no time above zero", "give seconds, like 60")
+    if not (seconds := _number(budget)) > 0:
+        raise refused("budget", f"{budget!r} is no time above zero", "give seconds, like 60")
     return Budget(seconds)
 
 

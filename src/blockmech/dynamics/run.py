@@ -10,7 +10,6 @@ for all of them, and so is what a run leaves behind.
 from __future__ import annotations
 
 import math
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -27,32 +26,6 @@ INTEGRATORS = ("dop853", "radau")  # in time
 EVALUATIONS = 500_000  # states, or steps, at most in a run of an integrator; some seconds
 GUESSED_AT = EVALUATIONS / 16  # states by which it shows whether that is enough
 HOPELESS = 8  # times as many as allowed, by that guess: no other run is made
-
-
-BUDGET = 60.0  # [s] of processor time for a request where none is given
-
-
-@dataclass
-class Budget:
-    """Processor time of a request [s], from when it is looked at first."""
-
-    seconds: float = BUDGET
-    deadline: float | None = None
-
-    def check(self) -> None:
-        """Raise `BudgetSpent`, once, where none is left: what is done is still looked at."""
-        now = time.thread_time()
-        if self.deadline is None:
-            self.deadline = now + self.seconds
-        elif now > self.deadline:
-            self.deadline = math.inf
-            raise ends.BudgetSpent
-
-    @property
-    def advice(self) -> str:
-        """What to do where it is spent."""
-        more = "give more by budget= (--budget), or ask for a shorter time or a coarser accuracy"
-        return f"{self.seconds:g} s of processor time are spent: {more}"
 
 
 class RunEnd(NamedTuple):

@@ -30,7 +30,6 @@ from blockmech.dynamics.request import (
     starts_of,
 )
 from blockmech.dynamics.roles import roles_of
-from blockmech.dynamics.run import Budget
 from blockmech.dynamics.sticking import SeveralFriction
 from blockmech.dynamics.stops import bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
@@ -186,7 +185,7 @@ class Stepper:
         q, rate = layout.motion(self._y[i])
         request = SimulationRequest(Start(q, rate, t), Until("time", dt), roles=self._system.roles)
         system, counted = self._system, self._counted[i]
-        system.budget = Budget()
+        system.budget = ends.Budget()
         if counted is not None:
             system = replace(system, counted=counted)
         run = TimeIntegration(system, request, "dop853", self._tolerance, "step", 0.0)

@@ -30,7 +30,6 @@ from blockmech.dynamics.friction import JointFriction, margins, pair_program
 from blockmech.dynamics.pair_friction import least
 from blockmech.dynamics.pair_stops import Counted, PairStops, held_by, rows_of
 from blockmech.dynamics.roles import Roles
-from blockmech.dynamics.run import Budget
 from blockmech.dynamics.signals import (
     NO_SIGNALS,
     SignalProgram,
@@ -176,7 +175,7 @@ class System:
     counted: Counted | None = None
     roles: Roles | None = None
     begin: tuple[float, ...] = ()
-    budget: Budget = field(default_factory=Budget)
+    budget: ends.Budget = field(default_factory=ends.Budget)
     samples: int = 0
     calls: int = 0
     singles: int = 0

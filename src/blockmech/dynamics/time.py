@@ -84,7 +84,7 @@ class Steps:
     solution: Callable[[Floats], Floats]
     roles: tuple[tuple[float, Roles], ...] = ()  # from times [s] on
     jolts: tuple[Impact, ...] = ()
-    stands: tuple[float, ...] = ()  # [s] when the only driver does, to the last digit
+    standstills: tuple[float, ...] = ()  # [s] of the only driver
 
     @classmethod
     def of(
@@ -101,8 +101,8 @@ class Steps:
         """State at times (m,) [s]; of drivers with a law as that says, and after jolts."""
         y, at = np.asarray(self.solution(t)), self.layout
         if at.drivers == 1:
-            stands = np.isin(t, self.stands) if self.stands else False
-            return State(y[0], np.where(stands, 0.0, y[1]))
+            still = np.isin(t, self.standstills) if self.standstills else False
+            return State(y[0], np.where(still, 0.0, y[1]))
         q, rate = y[at.q].T, y[at.rate].T
         if self.roles:
             which = np.searchsorted([begin for begin, _ in self.roles], t, "right") - 1
@@ -218,9 +218,9 @@ class TimeIntegration(Run):
         return not self.stepped and self.end not in UNFINISHED
 
     def _track(self) -> Steps:
-        stands = tuple(e.t for e in self.events if e.kind == ends.STANDSTILL)
-        more = tuple(self.roles), tuple(self.jolts), stands
-        return Steps.of(self.layout, self.times, self.pieces, *more)
+        standstills = tuple(e.t for e in self.events if e.kind == ends.STANDSTILL)
+        changes = tuple(self.roles), tuple(self.jolts), standstills
+        return Steps.of(self.layout, self.times, self.pieces, *changes)
 
     def _balance(self, start: Floats) -> None:
         """What the work of loads and friction leaves unexplained of the kinetic energy."""
@@ -676,13 +676,14 @@ def in_time(
         name = method if runs == 1 else f"{method}, run {runs}"
         finer = max(tolerance / FINER, FLOOR)
         run = partial(TimeIntegration, system, request, method)
-        one = run(tolerance, name, target, finer=finer, patient=patient)
-        coarse = one.motion()
-        if one.stands or coarse.end in UNFINISHED:
+        first_run = run(tolerance, name, target, finer=finer, patient=patient)
+        coarse = first_run.motion()
+        if first_run.stands or coarse.end in UNFINISHED:
             return coarse, None
         runs += 1
-        return coarse, run(finer, f"{method}, run {runs}", target, one, patient=patient).motion()
+        second_run = run(finer, f"{method}, run {runs}", target, first_run, patient=patient)
+        return coarse, second_run.motion()
 
     first = max(target, LEAST) * (1.0 if smooth or method == "radau" else EASY)
-    left = SMOOTH if smooth else CORNERED
-    return refined(pair, system, first, target, request.times, left)
+    remainder = SMOOTH if smooth else CORNERED
+    return refined(pair, system, first, target, request.times, remainder)

@@ -43,17 +43,17 @@ COMPILER, COMPILING, LOADING = 0.025, (20e-3, 0.12e-3), (1.7e-3, 0.2e-6)  # all,
 STATE = 60e-6  # of a solver in Python beside each state that it asks for
 
 
-def loops_pay(saved: float, lines: int, kept: Callable[[], bool]) -> bool:
+def loops_pay(saved: float, lines: int, is_kept: Callable[[], bool]) -> bool:
     """Whether machine code of loops pays that would have saved so many seconds so far.
 
-    lines : of its text; kept : whether its code needs no compiling, which the compiler must say
+    lines : of its text; is_kept : whether its code needs no compiling, which the compiler must say
     """
     loaded = "llvmlite.binding" in sys.modules
-    left = saved - (0.0 if loaded else COMPILER)
-    if left <= 0:
+    budget = saved - (0.0 if loaded else COMPILER)
+    if budget <= 0:
         return False
-    first, line = LOADING if kept() else COMPILING
-    return left > first + line * lines
+    first, line = LOADING if is_kept() else COMPILING
+    return budget > first + line * lines
 
 
 class Account:
