@@ -232,6 +232,8 @@ def test_a_finer_run_takes_half_the_steps_of_a_coarser_one():
     ):
         assert fast(plan, 3, t, h) == stages.halved(plan, 3, t, h) == half
     assert fast(plan, 0, 0.2, 9.0) == 9.0
+    events = np.array([1.0, 1.0 + 2e-16, 2.0])  # at which steps would be shorter than rounding
+    assert fast(events, 2, 1.0, 9.0) == stages.halved(events, 2, 1.0, 9.0) == 20 * stages.EPS
 
 
 @pytest.mark.parametrize("name", ["watt_sixbar", "andrews_squeezer", "pump"])

@@ -161,7 +161,7 @@ class TimeIntegration(Run):
             self.equation, self.general = before.equation.again(), before.general
             self.scales, self.energy = before.scales, before.energy
         quick = self.system.remembers and self.system.quick_states
-        self.equation.most = EVALUATIONS * (QUICKER if quick else 1)
+        self.equation.most = EVALUATIONS * (QUICKER if quick else 1) * (1 if before is None else 2)
         self.equation.held = self.equation.drivers == 1 and bool(self.system.held)
         self.pairs = stick_slip(self.equation, self.request)
         self.layout = self.equation.layout

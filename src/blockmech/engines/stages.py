@@ -344,14 +344,17 @@ def first_steps(
 
 
 def halved(plan: Reals, planned: int, t: float, h: float) -> float:
-    """A step, no longer than half of those that a plan has in its place; any beyond its end."""
+    """A step, no longer than half of those that a plan has in its place; any beyond its end.
+
+    None is as short as rounding of the time: two events may be so near.
+    """
     if planned == 0 or t >= plan[planned]:
         return h
     at = piece(plan, planned + 1, t)
-    h = min(h, 0.5 * (plan[at + 1] - plan[at]))
+    half = 0.5 * (plan[at + 1] - plan[at])
     if at + 1 < planned:
-        h = min(h, max(plan[at + 1] - t, 0.5 * (plan[at + 2] - plan[at + 1])))
-    return h
+        half = min(half, max(plan[at + 1] - t, 0.5 * (plan[at + 2] - plan[at + 1])))
+    return min(h, max(half, abs(t) * EPS * 20.0))
 
 
 def tries(of: Sizes, run: Integration, work: Workspace, lane: int) -> int:
