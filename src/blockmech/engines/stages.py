@@ -354,7 +354,7 @@ def halved(plan: Reals, planned: int, t: float, h: float) -> float:
     half = 0.5 * (plan[at + 1] - plan[at])
     if at + 1 < planned:
         half = min(half, max(plan[at + 1] - t, 0.5 * (plan[at + 2] - plan[at + 1])))
-    return min(h, max(half, abs(t) * EPS * 20.0))
+    return float(min(h, max(half, abs(t) * EPS * 20.0)))
 
 
 def tries(of: Sizes, run: Integration, work: Workspace, lane: int) -> int:
