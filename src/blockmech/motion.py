@@ -14,7 +14,7 @@ from blockmech.errors import listed
 from blockmech.report import DEGREES, Facts, Report, as_json
 
 Floats: TypeAlias = NDArray[np.float64]
-Status: TypeAlias = Literal["reached", "ended", "rest", "failed"]
+Status: TypeAlias = Literal["reached", "ended", "rest", "unfinished", "failed"]
 
 FACT_UNITS: Mapping[str, str] = {
     "swing_time": "s",
@@ -152,9 +152,10 @@ class Motion(Facts, Report):
     method, why : how it was computed, and why so
     regime : "libration", "rotation", "secular", "secular braking", "rest", ...
     status : "reached" what was asked for; "ended" before it, by something named;
-        "rest": nothing moves; "failed": no motion could be computed (any further)
+        "rest": nothing moves; "unfinished": its budget is spent; "failed": no motion could be
+        computed (any further)
     end : the named reason: "time", "standstill", "end stop", "dead centre", "no inertia",
-        "impossible pose", "undefined load", "interrupted", ...
+        "impossible pose", "undefined load", "interrupted", "budget", ...
     t_start, t_end : [s]
     q_end, qd_end : state at the end; floats, or arrays (k,) with k drivers
     track : dense output

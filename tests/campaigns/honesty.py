@@ -1,6 +1,7 @@
 """Random motions, and whether their estimates hold: a script, not a test.
 
     python -m tests.campaigns.honesty RESULTS [--runs 4000] [--seed 1] [--again]
+    python -m tests.campaigns.honesty --falls
 
 Machines of the gallery and of `blockmech.testing.strategies`, random starts and spans, every
 method that fits by every engine, targets 1e-3 to 1e-12. The truth is a method of another kind:
@@ -9,7 +10,8 @@ does not know itself is not held against a run. A line of RESULTS is a run (JSON
 by method and engine, runs that say they failed, that end by another name than the truth, and those
 above their estimate; below it are the names by which runs failed. A campaign that was ended goes on
 where RESULTS ends: ``--runs`` counts those that are there. ``--again`` only prints the table of
-RESULTS.
+RESULTS. ``--falls`` asks every machine for ever tighter accuracies, and prints where a tighter one
+states a larger error.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import signal
 import sys
 from collections import Counter, defaultdict
 from functools import cache
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +38,8 @@ METHODS = ("energy", "dop853", "radau", "auto", "rk4", "euler_q")
 ENGINES = ("auto", "scalar", "llvm")
 FINEST, FINE = 1e-14, 1e-10  # of a truth: along the path and by DOP853, by Radau
 PATIENCE = 4  # [s] of computing for a run
+TIGHTER = (1e-5, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13, 1e-14)
+SAME = 1 + 1e-6  # of a floor of rounding, which is told by states on the way
 MOTIONS = {"pin_pendulum": 3.0, "sticking_slider": 1.0, "shaken_slider": 2.0, "gas_crank": 0.1,
            "clock": 2.0, "falling_rod": 2.0}  # [s]  # fmt: skip
 
@@ -155,6 +160,28 @@ def campaign(path: Path, runs: int, seed: int) -> None:
                 done += 1
 
 
+def falls() -> None:
+    """Print what ever tighter requests state, and where that grows."""
+    for path in sorted(GRAPHS.rglob("*.json")):
+        for method, engine in product(("auto", "dop853", "radau"), ("scalar", "llvm")):
+            stated = tighter(path, {"method": method, "engine": engine})
+            grows = "  grows" if any(b > SAME * a for a, b in pairwise(stated)) else ""
+            said = " ".join(f"{x:.1e}" for x in stated)
+            if stated:
+                print(f"{path.stem:28}{method:8}{engine:8}{said}{grows}", flush=True)
+
+
+def tighter(path: Path, how: dict[str, Any]) -> list[float]:
+    """What ever tighter requests of a machine state; nothing where it cannot move."""
+    try:
+        mech = bm.Graph.load(path).compile()
+        how |= {"want": [], "budget": PATIENCE}
+        runs = (mech.simulate("time=0.1", accuracy=target, **how) for target in TIGHTER)
+        return [run.motion.error for run in runs]
+    except BlockmechError:
+        return []
+
+
 def rows_of(path: Path) -> list[dict[str, Any]]:
     """The runs of a file."""
     return [json.loads(line) for line in path.read_text("utf-8").splitlines()]
@@ -193,11 +220,15 @@ def table(path: Path) -> None:
 def main() -> None:
     """Read the arguments and go."""
     asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("results", type=Path)
+    asked.add_argument("results", type=Path, nargs="?")
+    asked.add_argument("--falls", action="store_true")
     asked.add_argument("--runs", type=int, default=4000)
     asked.add_argument("--seed", type=int, default=1)
     asked.add_argument("--again", action="store_true")
     given = asked.parse_args()
+    if given.falls or given.results is None:
+        falls()
+        return
     signal.signal(signal.SIGVTALRM, impatient)
     if not given.again:
         campaign(given.results, given.runs, given.seed * 1_000_000)

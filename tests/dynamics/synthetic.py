@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from blockmech.dynamics import methods
+from blockmech.dynamics.ends import Budget
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.system import One, Sample, System
 
@@ -26,6 +27,7 @@ class Synthetic(System):
     knots = ()
     span = TURN
     lossless = False
+    smooth = True
     friction = None
     table = None
     engine_of_states = SimpleNamespace(name="scalar")
@@ -37,7 +39,7 @@ class Synthetic(System):
         self._given_one, self._given_batch, self._given_terms = one, batch, terms
         self.method = self.progress = None
         self.samples = self.calls = self.singles = self.states = 0
-        self.steppers = {}
+        self.steppers, self.budget = {}, Budget()
         names = tuple("q" if k == 1 else f"q{i}" for i in range(k))
         vars(self)["drivers"], vars(self)["rotary"] = names, (True,) * k
         no_turns = SimpleNamespace(rotary=False)

@@ -15,7 +15,8 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics.estimate import refined
-from blockmech.motion import Motion, State
+from blockmech.dynamics.system import System
+from blockmech.motion import Cost, Motion, State
 from tests.campaigns.honesty import scene
 from tests.dynamics.honesty import (
     DEAR,
@@ -149,16 +150,48 @@ def test_steps_that_agree_by_chance_in_front_of_a_dead_centre_are_not_believed()
     assert found.error < 1e-5
 
 
-@pytest.mark.parametrize("last", [1e-3, 1e-6])
-def test_the_finest_two_of_several_runs_tell_the_error(last):
-    """Two coarser ones that agreed by chance were believed instead."""
+def pairs_of(*offs):
+    """Pairs of runs of q = 1 + t that are so far off, as `refined` asks for them."""
+    left = iter(offs)
 
-    def run(off):
+    def run(off, states):
         track = SimpleNamespace(state=lambda t: State(t * (1 + off), 1 + off + 0 * t))
-        ended = Motion("any", "", 0.0, 1.0, 1 + off, 1 + off, track, None)
-        return ended.but(error=math.inf)  # as a single run says
+        cost = Cost(states=states)
+        return Motion("any", "", 0.0, 1.0, 1 + off, 1 + off, track, None, cost=cost)
 
-    offs = iter([2e-4, 2e-4 + 1e-5, last, None])
-    found, _ = refined(run, next(offs), lambda *_: next(offs), 1e-9, (True,))
-    assert found.q_end == 1 + last
-    assert found.error == pytest.approx(abs(last - 2e-4 - 1e-5))
+    return lambda _: (run(next(left), 0), run(next(left), 100))
+
+
+@pytest.mark.parametrize(("offs", "off"), [((4e-4, 0.0, 4e-6, 1e-7), 1e-7), ((4e-6, 0.0), 0.0)])
+def test_pairs_are_refined_until_one_meets_the_target(offs, off):
+    system = mechanism("watt_sixbar").once(System)
+    found = refined(pairs_of(*offs), system, 1e-6, 1e-6, (), 1 / 16)
+    assert found.q_end == 1 + off
+    assert found.error == pytest.approx((4e-6 - off) / 16, rel=1e-6)
+
+
+def test_below_the_floor_of_rounding_the_smaller_error_is_stated_and_the_floor_is_named():
+    system = mechanism("watt_sixbar").once(System)
+    pairs = 1e-11, 0.0, 1e-14, 3e-14  # half the steps of the last pair are further off
+    found = refined(pairs_of(*pairs), system, 1e-12, 1e-15, (), 1 / 16)
+    assert 1e-15 < found.error < 1e-12
+    assert found.notes[-1].endswith("the floor of rounding")
+
+
+SCALAR = ["hammer", "motions/clock", "motions/pin_pendulum"]
+FALLING = ["watt_sixbar", "pump", "motions/shaken_slider", "stribeck_slider_crank"]
+SAME = 1 + 1e-6  # of a floor of rounding, which is told by states on the way
+
+
+@pytest.mark.parametrize(
+    ("name", "engine"), [*((x, "scalar") for x in SCALAR), *((x, "auto") for x in FALLING)]
+)
+def test_a_tighter_request_states_no_larger_error(name, engine):
+    mech, last = bm.Graph.load(GRAPHS / f"{name}.json").compile(), math.inf
+    for target in (1e-6, 1e-9, 1e-11, 1e-12, 1e-14):
+        motion = mech.simulate(
+            "time=0.1", method="dop853", accuracy=target, engine=engine, want=[]
+        ).motion
+        assert motion.error <= last * SAME
+        assert motion.reached or any("accuracy not reached" in note for note in motion.notes)
+        last = motion.error

@@ -10,7 +10,7 @@ import pytest
 from numpy.polynomial import chebyshev
 
 import blockmech as bm
-from blockmech.dynamics import compiled_path, path, path_loops
+from blockmech.dynamics import compiled_path, path_loops
 from blockmech.dynamics.compiled_path import PathCode
 from blockmech.dynamics.panels import FROM_REST, PLAIN, TO_REST, moment, rule
 from blockmech.dynamics.path_mesh import FINE, PathMesh
@@ -82,7 +82,7 @@ def test_what_machine_code_leaves_goes_by_arrays(llvm, name, start, end):
 
 
 def test_auto_makes_code_once_a_mechanism_has_moved_often(llvm, monkeypatch):
-    monkeypatch.setattr(path, "WORTH", 2)
+    monkeypatch.setattr(compiled_path.PathCode, "pays", staticmethod(lambda motions: motions > 2))
     mech = bm.Graph.load(GRAPHS / "watt_sixbar.json").compile()
     request = {"start": {"crank": (1.0, 0.0)}, "want": []}
     motions = [mech.simulate(**request).motion for _ in range(4)]

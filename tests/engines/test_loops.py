@@ -218,25 +218,27 @@ def test_the_scheme_is_that_of_scipy():
     assert by.C[n] == 1.0
 
 
-def test_a_finer_run_takes_shorter_steps_where_a_coarser_one_had_to():
-    times, fits = np.array([0.0, 1.0, 1.5, 3.0]), np.array([[2.0], [0.4], [4.0]])
-    step = partial(stages.as_coarser, of=stages.Sizes(3, 8, 5, 16, 13, 1))
-    (fast,) = compiled(as_coarser=step)
-    for t, h, fits_here in (
-        (0.2, 9.0, 0.8),  # up to where shorter ones begin
-        (1.2, 9.0, 0.2),
-        (1.2, 0.1, 0.1),  # its own are shorter
-        (2.0, 9.0, 2.0),
-        (5.0, 9.0, 2.0),  # ahead of it
+def test_a_finer_run_takes_half_the_steps_of_a_coarser_one():
+    plan = np.array([0.0, 1.0, 1.5, 3.0])
+    (fast,) = compiled(halved=stages.halved)
+    for t, h, half in (
+        (0.0, 9.0, 0.5),
+        (0.5, 9.0, 0.5),
+        (0.8, 9.0, 0.25),  # up to half of the next one, which is shorter
+        (1.25, 9.0, 0.25),
+        (1.25, 0.1, 0.1),  # its own are shorter
+        (1.5, 9.0, 0.75),
+        (3.0, 9.0, 9.0),  # beyond its end
     ):
-        assert fast(times, fits, 3, t, h, 0.5) == fits_here
-        assert stages.as_coarser(step.keywords["of"], times, fits, 3, t, h, 0.5) == fits_here
-    assert fast(times, fits, 0, 0.2, 9.0, 0.5) == 9.0
+        assert fast(plan, 3, t, h) == stages.halved(plan, 3, t, h) == half
+    assert fast(plan, 0, 0.2, 9.0) == 9.0
+    events = np.array([1.0, 1.0 + 2e-16, 2.0])  # at which steps would be shorter than rounding
+    assert fast(events, 2, 1.0, 9.0) == stages.halved(events, 2, 1.0, 9.0) == 20 * stages.EPS
 
 
 @pytest.mark.parametrize("name", ["watt_sixbar", "andrews_squeezer", "pump"])
-@pytest.mark.parametrize("lanes", [1, 2])
-def test_steps_are_those_of_python(name, lanes):
+@pytest.mark.parametrize(("lanes", "weight"), [(1, stages.THIRD), (2, stages.THIRD), (2, 0.0)])
+def test_steps_are_those_of_python(name, lanes, weight):
     """The loop of the integrator, with the rates by machine code in both."""
     rates = kept_rates(System(mechanism(name), engine="llvm"))
     n, by, width, most = rates.dimension, stages.scheme(), len(rates.rows), 12
@@ -254,11 +256,12 @@ def test_steps_are_those_of_python(name, lanes):
         y[:, 0, :2] = 0.7, 2.0
         tolerances = np.full((2, n, lanes), 1e-8)
         tolerances[..., -1] = 1e-10
-        control = np.tile([0.0, 0.05, 0.01, 0.0, -9.0, 9.0], (lanes, 1))
+        control = np.tile([0.0, 0.05, 0.0, -9.0, 9.0, weight], (lanes, 1))
         rhs = np.frombuffer(x), rates.numbers, np.zeros((*by.C.shape, width, lanes)), state
         run = stages.Integration(
             *(y.reshape(-1, n), t, tolerances, control, np.zeros((lanes * most, 8, n))),
             *(np.zeros(lanes * most, np.int64), np.ones(lanes, np.int64)),
+            *(np.linspace(0.0, 0.1, most + 2), np.array([most + 1])),
         )
         work = stages.Workspace(*arrays(stages.workspace, sizes, most))
         call(stages.Rhs(*rhs), by, run, work, most)
@@ -301,8 +304,9 @@ def test_stiff_steps_are_those_of_python(name):
         y[0, :2], state[n + 2 :, 0] = (0.7, 2.0), (1.0, 1e-9)
         rhs = np.frombuffer(x), rates.numbers, np.zeros((by.stages, of.width, 1)), state
         run = stages.Integration(
-            *(y, t, np.full((2, n, 1), 1e-6), np.array([[0.1, 9.0, 0.5, 0.0, -9.0, 9.0]])),
+            *(y, t, np.full((2, n, 1), 1e-6), np.array([[0.1, 9.0, 0.0, -9.0, 9.0, 0.0]])),
             *(np.zeros((most, 8, n)), np.zeros(most, np.int64), np.zeros(1, np.int64)),
+            *(np.linspace(0.0, 0.3, most + 2), np.array([most + 1])),
         )
         work = radau.Workspace(*arrays(radau.workspace, of, most))
         call(stages.Rhs(*rhs), by.scheme, run, work, most)

@@ -44,6 +44,10 @@ Step = Annotated[
 ]
 Engine = Annotated[str, option("Of the integrators: auto, scalar or llvm (compiled).", "ENGINE")]
 
+Budget = Annotated[
+    float | None,
+    option("Processor time of the whole, e.g. 10min.", "TIME", parser=quantity("budget", "s")),
+]
 DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
 
 
@@ -61,6 +65,7 @@ def simulate(
     accuracy: Accuracy = None,
     step: Step = None,
     engine: Engine = "auto",
+    budget: Budget = None,
     explain: Explain = False,
 ) -> None:
     """Move a mechanism under its loads from the scene's start or another, and print a table.
@@ -89,6 +94,7 @@ def simulate(
             prescribed=prescribed,
             locked=places(mechanism, locked),
             want=names,
+            budget=budget,
             progress=progress,
             **settings,
         )
@@ -110,4 +116,5 @@ def _unanswered(result: Result, given: list[float] | None) -> bool:
     """Whether the motion failed, or ended before a time that was asked for."""
     motion = result.motion
     assert motion is not None
-    return motion.status == "failed" or (given is not None and max(given) > motion.t_end)
+    none = motion.status in ("failed", "unfinished")
+    return none or (given is not None and max(given) > motion.t_end)

@@ -7,8 +7,8 @@ joint friction acts the other way or holds, and a goal in place. A design in whi
 may happen (a margin or inertia that comes near to zero, a pair that reverses, a start near
 equilibrium) is left out: who asked moves it by itself.
 
-Two runs that differ in accuracy alone give the error of each motion, as of single ones
-(`estimate`).
+Two runs, the second by half the steps of the first, give the error of each motion, as of single
+ones (`estimate`).
 """
 
 from __future__ import annotations
@@ -23,11 +23,13 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
+    CORNERED,
+    EASY,
     FINER,
     FLOOR,
     PARTED,
     ROUNDING,
-    SHORTER,
+    SMOOTH,
     TARGET,
     one_motion,
     rounding_share,
@@ -37,7 +39,17 @@ from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.dynamics.run import EVALUATIONS
 from blockmech.engines.dense import value
 from blockmech.engines.llvm import slots_of
-from blockmech.engines.stages import CompiledRhs, FleetSteps, scheme
+from blockmech.engines.stages import (
+    BOUND,
+    HIGH,
+    LOW,
+    THIRD,
+    TRY,
+    WEIGHT,
+    CompiledRhs,
+    FleetSteps,
+    scheme,
+)
 from blockmech.motion import Floats
 from blockmech.plane import EPS
 from blockmech.quality import NEAR as LEAST_MARGIN
@@ -48,7 +60,7 @@ if TYPE_CHECKING:
 
 Bools = NDArray[np.bool_]
 TOGETHER = 16  # steps of a design between two looks at it
-FIRST = 30.0  # the first tolerance below the target: a third run costs more than shorter steps
+FIRST = 3.0  # the first tolerance below that of single motions: one design misses for all
 HALVED, SECANTS = 10, 4  # how often the bracket of a place in a step is halved; what finds it then
 UNSURE = 1e-9  # of the accelerations at a standstill: what is smaller is decided by itself
 MARGIN, SLIPS = 0, 2  # columns of what is watched, see `rates`
@@ -142,21 +154,37 @@ class Track:
         if not self.t0.size:
             return states
         some = np.bincount(self.design, minlength=self.m) > 0
+        of = np.arange(self.m) if of is None else of
+        known = np.flatnonzero(some[of])
+        rows, wanted = of[known], t[known]
+        i = self._steps_at(rows[:, None], wanted)
+        x = (wanted - self.t0[i]) / np.maximum(self.t1[i] - self.t0[i], 1e-300)
+        values = _inside(x.ravel(), self.series[:, i.ravel()])
+        states[known] = values.reshape(*wanted.shape, 2)
+        return states
+
+    def _steps_at(self, design: Any, t: Floats) -> Any:
+        """In which steps designs are at times [s]; the first one before the start."""
         begin, span = self.t0.min(), np.ptp(np.append(self.t1, self.t0)) or 1.0
 
         def place(design: Any, at: Any) -> Any:
             """A number in the order of designs, and of a design's times."""
             return design + np.clip((at - begin) / span, 0.0, 1.0) / 2
 
-        of = np.arange(self.m) if of is None else of
-        known = np.flatnonzero(some[of])
-        rows, wanted = of[known], t[known]
-        i = place(self.design, self.t0).searchsorted(place(rows[:, None], wanted), side="right") - 1
-        i = np.maximum(i, np.searchsorted(self.design, rows)[:, None])  # a time before the start
-        x = (wanted - self.t0[i]) / np.maximum(self.t1[i] - self.t0[i], 1e-300)
-        values = _inside(x.ravel(), self.series[:, i.ravel()])
-        states[known] = values.reshape(*wanted.shape, 2)
-        return states
+        i = place(self.design, self.t0).searchsorted(place(design, t), side="right") - 1
+        return np.maximum(i, np.searchsorted(self.design, design))
+
+    def plan(self, design: Any, t: Floats, most: int) -> tuple[Floats, NDArray[np.int64]]:
+        """Steps (m, most + 1) [s] of designs (m,) from times on, and how many these are."""
+        if not self.t0.size:
+            return np.zeros((len(design), most + 1)), np.zeros(len(design), np.int64)
+        first = np.searchsorted(self.design, design)
+        i, after = self._steps_at(design, t), np.searchsorted(self.design, design, "right")
+        count = np.where(after > first, np.clip(after - i, 0, most), 0)
+        ahead = np.minimum(i[:, None] + np.arange(most + 1), len(self.t0) - 1)
+        last = self.t1[np.clip(i + count - 1, 0, len(self.t0) - 1)]
+        within = np.arange(most + 1) < count[:, None]
+        return np.where(within, self.t0[ahead], last[:, None]), count
 
 
 def moved(
@@ -166,19 +194,19 @@ def moved(
     slots = slots_of(values)
     slots = np.ascontiguousarray(np.broadcast_to(slots, (m, slots.shape[1])))
     target = request.accuracy or TARGET
-    tolerance = np.full(m, max(target / FIRST, FLOOR * FINER))
-    whole = _Run(system, request, rates, slots, tolerance, np.full(m, math.inf))
-    coarse, best = whole.motions(), None
-    open_, longest = ~coarse.alone, whole.longest
+    easy = 1.0 if system.smooth else EASY
+    tolerance = np.full(m, max(easy * target / FIRST, FLOOR * FINER))
+    coarse, best = _Run(system, request, rates, slots, tolerance).motions(), None
+    open_ = ~coarse.alone
     while open_.any():
         off = np.full(m, np.nan) if best is None else best.error
         share = np.fmin(1 / FINER, 0.3 * target / np.where(off > 0, off, np.nan))
         following = np.maximum(tolerance * share, FLOOR)
-        run = _Run(system, request, rates, slots, following, SHORTER * longest, ~open_)
-        fine = _judged(system, request, coarse, run.motions(), open_)
+        run = _Run(system, request, rates, slots, following, coarse.track, ~open_)
+        fine = _judged(system, request, coarse, run.motions(), open_, run.spent)
         best = fine if best is None else best.merged(fine, open_)
         done = (best.error <= target) | best.alone | (following <= FLOOR)
-        coarse, tolerance, longest = fine, following, run.longest
+        coarse, tolerance = fine, following
         open_ = open_ & ~done
     if best is None:
         return coarse
@@ -188,9 +216,18 @@ def moved(
 
 
 def _judged(
-    system: System, request: SimulationRequest, coarse: Motions, fine: Motions, judged: Bools
+    system: System,
+    request: SimulationRequest,
+    coarse: Motions,
+    fine: Motions,
+    judged: Bools,
+    states: Floats,
 ) -> Motions:
-    """The finer motions with their errors; those of which two runs disagree are alone."""
+    """The finer motions with their errors; those of which two runs disagree are alone.
+
+    states : (m,) that the finer ones asked for
+    """
+    remainder = SMOOTH if system.smooth else CORNERED
     same = (coarse.end == fine.end) & (coarse.stands == fine.stands) & ~coarse.alone & ~fine.alone
     same &= np.isnan(coarse.rest) == np.isnan(fine.rest)
     last, t0 = np.minimum(coarse.t, fine.t), request.start.t
@@ -203,27 +240,29 @@ def _judged(
         apart = np.fmax.reduce(np.abs(a - b)[..., 0], axis=1, initial=0.0)
         apart = np.fmax(apart, np.abs(coarse.q - fine.q))
         late, span = np.abs(coarse.t - fine.t), fine.t - t0
-        size = np.fmax.reduce(np.abs(b[..., 0]), axis=1) + fine.t * np.fmax.reduce(
-            np.abs(b[..., 1]), axis=1
-        )
+        fastest = np.fmax.reduce(np.abs(b[..., 1]), axis=1)
+        size = np.fmax.reduce(np.abs(b[..., 0]), axis=1) + fine.t * fastest
         reach = np.ptp(b[..., 0], axis=1)
         near = one_motion(reach, 1.0 if system.rotary[0] else math.inf, size)
         agree = same & (apart <= near) & (late <= PARTED * span)
-        unknown = _rounding(system, request, times, b)
-        clock = np.where(fine.end == TIME, 0.0, late + unknown[1])
+        late = np.fmax(late, apart / fastest)
+        unknown = _rounding(system, request, times, b, states)
+        clock = np.where(fine.end == TIME, 0.0, remainder * late + unknown[1])
     alone = fine.alone | (judged & ~agree)
-    return fine._replace(alone=alone, error=apart + unknown[0], time_error=clock)
+    return fine._replace(alone=alone, error=remainder * apart + unknown[0], time_error=clock)
 
 
 def _rounding(
-    system: System, request: SimulationRequest, t: Floats, states: Floats
+    system: System, request: SimulationRequest, t: Floats, states: Floats, many: Floats
 ) -> tuple[Floats, Floats]:
     """What rounding leaves unknown of places and of the end's time: see `with_rounding`.
 
-    The start is that of all, and the effort by which they start from rest is of a size.
+    The start is that of all, and the effort by which they start from rest is of a size. ``many``
+    are (m,) the states that the runs asked for.
     """
-    late = share_of_all(system, request) * np.abs(t)
-    off = late * np.abs(states[..., 1]) + ROUNDING * np.abs(states[..., 0])
+    steps = np.maximum(0.0, np.sqrt(many / 12) * EPS - ROUNDING)[:, None]
+    late = (share_of_all(system, request) + steps) * np.abs(t)
+    off = late * np.abs(states[..., 1]) + (ROUNDING + steps) * np.abs(states[..., 0])
     return np.fmax.reduce(off, axis=1), late[:, -1]
 
 
@@ -242,7 +281,7 @@ class _Run:
         rates: CompiledRhs,
         slots: Floats,
         tolerance: Floats,
-        longest: Floats,
+        coarser: Track | None = None,
         left_out: Bools | None = None,
     ) -> None:
         m, n = len(slots), rates.dimension
@@ -250,7 +289,7 @@ class _Run:
         q, rate, t = request.start
         self.t, self.y = np.full(m, float(t)), np.zeros((m, n))
         self.y[:, 0], self.y[:, 1] = q, rate
-        self.most_step, self.longest, self.m, self.n = longest, np.zeros(m), m, n
+        self.plan, self.m, self.n = Track.of((), m) if coarser is None else coarser, m, n
         self.alone = np.zeros(m, bool) if left_out is None else left_out.copy()
         self.over, self.end = np.zeros(m, bool), np.full(m, TIME)
         self.rest, self.stands = np.full(m, np.nan), np.zeros(m, np.int64)
@@ -307,8 +346,8 @@ class _Run:
     def _fleet(self, which: Any, y: Floats, control: Floats, tolerances: Floats, most: int) -> Any:
         """What machine code makes of states (s, n) of some designs: so many steps at most."""
         given, states = self.given[which], (self.t[which], y)
-        slots = self.slots[which]
-        return self.rates.fleet(slots, given, states, control, tolerances, most)
+        slots, plan = self.slots[which], self.plan.plan(which, self.t[which], most + 1)
+        return self.rates.fleet(slots, given, states, control, tolerances, most, *plan)
 
     def _slip(self, which: Any, way: Floats) -> Floats:
         """Set the directions of slip of designs that move in a direction; the row then."""
@@ -361,20 +400,21 @@ class _Run:
         state = self.end, self.t, self.y[:, 0], self.y[:, 1], self.rest, self.stands, taken
         return Motions(self.alone, *state, nothing, nothing, track)
 
-    def _steps(self, which: Any, bound: Floats, h: Floats, longest: Floats, most: int) -> Any:
+    def _steps(self, which: Any, bound: Floats, h: Floats, most: int) -> Any:
         """Steps of designs from where they are."""
         q, control = self.y[which, 0], np.zeros((len(which), 6))
-        control[:, 0], control[:, 1], control[:, 2] = h, bound, longest
-        control[:, 4], control[:, 5] = -math.inf, math.inf
+        control[:, TRY], control[:, BOUND] = h, bound
+        control[:, LOW], control[:, HIGH] = -math.inf, math.inf
+        control[:, WEIGHT] = THIRD if self.system.smooth else 0.0
         for x in self.request.places:
-            control[:, 4] = np.where(x < q, np.maximum(control[:, 4], x), control[:, 4])
-            control[:, 5] = np.where(x > q, np.minimum(control[:, 5], x), control[:, 5])
+            control[:, LOW] = np.where(x < q, np.maximum(control[:, LOW], x), control[:, LOW])
+            control[:, HIGH] = np.where(x > q, np.minimum(control[:, HIGH], x), control[:, HIGH])
         return self._fleet(which, self.y[which], control, self.tolerances[which], most)
 
     def _round(self, which: Any) -> None:
         """Some steps of designs, and what happens in the last of them."""
         bound = np.full(len(which), min(self.request.start.t + self.request.span, 1 / EPS))
-        taken_steps = self._steps(which, bound, self.h[which], self.most_step[which], TOGETHER)
+        taken_steps = self._steps(which, bound, self.h[which], TOGETHER)
         self.spent[which] += taken_steps.tried * len(scheme().C)
         last = np.maximum(taken_steps.made - 1, 0)
         row = np.arange(len(which))
@@ -437,7 +477,6 @@ class _Run:
         if d.size:
             t0, t1 = steps.t[d, s], steps.t[d, s + 1]
             self.pieces.append((which[d], t0, t1, series[:, d, s]))
-            np.maximum.at(self.longest, which[d], t1 - t0)
         row = np.arange(len(which))
         self.t[which], self.y[which] = steps.t[row, count], steps.y[row, count]
 
@@ -446,9 +485,8 @@ class _Run:
         if not len(which):
             return
         to = share * h
-        bound, finer = self.t[which] + to, np.isfinite(self.most_step[which])
-        longest = np.where(finer, SHORTER * to, math.inf)
-        steps = self._steps(which, bound, to, longest, TOGETHER // 4)
+        bound = self.t[which] + to
+        steps = self._steps(which, bound, to, TOGETHER // 4)
         row, made = np.arange(len(which)), steps.made
         reached = (made > 0) & (steps.t[row, made] >= bound)
         self.alone[which] |= ~reached

@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache, cached_property, partial
+from hashlib import sha256
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -46,13 +48,16 @@ from blockmech.dynamics.path_mesh import FINE, LeftToArraysError
 from blockmech.dynamics.place_data import TAU, J
 from blockmech.dynamics.track import Apart, Leg, compared
 from blockmech.engines import loops
-from blockmech.engines.llvm import machine_code
+from blockmech.engines.cost import loops_pay
+from blockmech.engines.llvm import has_code, machine_code
 from blockmech.errors import MissingEngineError
 
 if TYPE_CHECKING:
     from blockmech.dynamics.panel_builder import PathState
     from blockmech.dynamics.path_mesh import PathMesh
 
+SAVED = 1e-3  # [s] that a motion takes longer by arrays
+LINES = 5_100  # of the loops' text
 LOOPS = over_pieces, beside, again, placed, lasting
 SHAPE = PANEL, 2, FINE + 2  # of a panel's record
 
@@ -74,10 +79,26 @@ class PathCode(NamedTuple):
         functions = {f.__name__: partial(f, of=sizes()) for f in LOOPS}
         kinds = [(name, loops.signature(f)) for name, f in functions.items()]
         try:
-            code = machine_code(loops.text(**functions), *kinds)
+            code = machine_code(partial(loops.text, **functions), *kinds, key=PathCode.key())
         except MissingEngineError:
             return None
         return PathCode._make([*code, loops.places_of(nodes())])
+
+    @staticmethod
+    @cache
+    def key() -> str:
+        """What the text is made of: all files of this room and of the engines'."""
+        room = Path(__file__).parent
+        files = sorted([*room.glob("*.py"), *(room.parent / "engines").glob("*.py")])
+        return f"path {sha256(b''.join(x.read_bytes() for x in files)).hexdigest()}"
+
+    @staticmethod
+    def pays(motions: int) -> bool:
+        """Whether it pays for so many motions of a mechanism."""
+        try:
+            return loops_pay(SAVED * motions, LINES, lambda: has_code(PathCode.key()))
+        except MissingEngineError:
+            return False
 
 
 class BothPanels(Panels):

@@ -1,5 +1,8 @@
 """What ends or interrupts a motion: names that all methods share."""
 
+import math
+import time
+from dataclasses import dataclass
 from typing import Final
 
 STANDSTILL: Final = "standstill"
@@ -11,6 +14,7 @@ IMPOSSIBLE: Final = "impossible pose"
 NO_INERTIA: Final = "no inertia"
 UNDEFINED_LOAD: Final = "undefined load"
 INTERRUPTED: Final = "interrupted"  # by the user; what was done is kept
+BUDGET: Final = "budget"  # its processor time is spent; what was done is kept
 TOO_MANY: Final = "more evaluations than allowed"
 SELF_LOCKED: Final = "self-locking in motion"  # no acceleration satisfies Coulomb's law
 AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
@@ -27,5 +31,38 @@ STICKS, SLIPS, REVERSES = "sticking", "slipping", "reversal"  # of a pair, with 
 SIGNAL_KINK, RELEASED = "signal kink", "released"  # from joint friction, by a signal
 
 
+STOPPED = INTERRUPTED, BUDGET  # by who asked
+
+
 class TooMany(Exception):
     """More evaluations than allowed: what ends a run by `TOO_MANY`."""
+
+
+class BudgetSpent(Exception):
+    """No processor time is left: what ends a run by `BUDGET`."""
+
+
+SECONDS = 60.0  # [s] of processor time for a request where none is given
+
+
+@dataclass
+class Budget:
+    """Processor time of a request [s], from when it is looked at first."""
+
+    seconds: float = SECONDS
+    deadline: float | None = None
+
+    def check(self) -> None:
+        """Raise `BudgetSpent`, once, where none is left: what is done is still looked at."""
+        now = time.thread_time()
+        if self.deadline is None:
+            self.deadline = now + self.seconds
+        elif now > self.deadline:
+            self.deadline = math.inf
+            raise BudgetSpent
+
+    @property
+    def advice(self) -> str:
+        """What to do where it is spent."""
+        more = "give more by budget= (--budget), or ask for a shorter time or a coarser accuracy"
+        return f"{self.seconds:g} s of processor time are spent: {more}"

@@ -1,10 +1,10 @@
 """Estimates of errors, one rule for all methods (numerics 14).
 
-A run at the target and a finer one: the finer is returned, their difference is its stated error,
-with what rounding leaves unknown of both. It is refined until that meets the target or nothing
-finer is left: the last two tell it, not the two that agree best. Two runs that end differently,
-or differ as two motions do, did not reach what was asked: the motion is given as far as both
-agree, and says so.
+A run and one by half its steps, so that their errors are not alike: the finer is returned. Of
+their difference halves leave a share at most (`SMOOTH`, `CORNERED`), which with rounding is its
+stated error. It is refined until that meets the target or nothing finer is left. Two runs that end
+differently, or differ as two motions do, did not reach what was asked: the motion is given as far
+as both agree, and says so.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,16 +25,18 @@ from blockmech.series import GOLDEN
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-Setting = TypeVar("Setting")
-
-FINER = 20.0  # a second run is so much finer (numerics 14)
-SHORTER = FINER ** (-1 / 8)  # its longest step, at order 8: equal steps would show no error
+FINER = 20.0  # tolerance of a second run, besides half the steps (numerics 14)
+# What half the steps leave of an error at most: 1/256 of order 8, of order 2, at a kink, a quarter.
+SMOOTH, CORNERED = 1 / 16, 1 / 4
+EASY = 10.0  # times the target is the tolerance of a first run whose control is that of order 5
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy's integrators take
 TARGET = 1e-9  # [rad or m] of the error if none is given
+LEAST = 1e-12  # of a target from which on pairs of runs go down one ladder
 COMPARED = 129  # times spread over a run at which two runs are compared, beside those wanted
 # Of |q| or t: a value is a sum of some fifty terms of a series, which is the integral of one that
 # values were summed to. Roundings of up to EPS / 2 each, added like a random walk, twice that.
 ROUNDING = math.sqrt(3 * 50) * EPS
+UNFINISHED = *ends.STOPPED, ends.TOO_MANY
 PARTED = math.radians(1)  # of its way (of an angle at most a radian) or time: parts two motions
 
 
@@ -42,7 +44,8 @@ class Difference(NamedTuple):
     """How far two runs are apart.
 
     q : [rad or m] largest difference at common times
-    t : [s] difference of the ends
+    t : [s] difference of the ends, at least what the states are apart at the fastest: two ends may
+        be met at one time by chance
     agree : whether they are one motion: the same end, at a time known to a percent or two, and
         nowhere further apart than ``near``
     near : [rad or m] within which each driver's runs are one motion, a number or (k,)
@@ -83,12 +86,15 @@ def difference(
     late = abs(coarse.t_end - fine.t_end)
     span = fine.t_end - fine.t_start
     low, high = q.min(axis=0), q.max(axis=0)
-    size = float(np.max(np.maximum(high, -low))) + abs(fine.t_end) * float(np.abs(qd).max())
+    fastest = float(np.abs(qd).max())
+    size = float(np.max(np.maximum(high, -low))) + abs(fine.t_end) * fastest
     longest = np.where(rotary, 1.0, math.inf) if q.ndim > 1 else 1.0 if rotary[0] else math.inf
     near = one_motion(high - low, longest, size)
     close = bool(np.all(apart <= near)) and late <= PARTED * span
     agree = same and (close or span == 0)
-    return Difference(float(np.max(apart)), late, agree, near, times, State(q, qd))
+    far = float(np.max(apart))
+    late = max(late, far / fastest) if fastest > 0 else late
+    return Difference(far, late, agree, near, times, State(q, qd))
 
 
 def one_motion(way: Any, longest: float | Floats, size: Any) -> Any:
@@ -128,90 +134,105 @@ def rounded(
 
 
 def with_rounding(
-    system: System, motion: Motion, target: float | None, by: Difference | None = None
+    system: System,
+    motion: Motion,
+    target: float | None,
+    by: Difference | None = None,
+    states: int = 0,
 ) -> Motion:
     """The motion; its error with what rounding leaves unknown of all runs alike.
 
     A coordinate is rounded itself. Inertia and loads, known to rounding or to the `noise` of the
     system, set the time of all; where a motion starts with a small inertia, that has the
     rounding of a usual one, and where it starts from rest by a small effort, that of its parts.
-    ``by``: where its states are known already.
+    ``by``: where its states are known already. ``states`` are those that steps in time asked for,
+    a dozen each: each step rounds the state once more, which adds like a random walk.
     """
     if motion.error < math.inf and motion.t_end > motion.t_start:
         if by is None or not by.agree or by.times[-1] < motion.t_end:
             times = spread(motion.t_start, motion.t_end)
-            states = motion.at(times)
+            along = motion.at(times)
         else:
-            times, states = by.times, by.states
+            times, along = by.times, by.states
+        steps = max(0.0, math.sqrt(states / 12) * EPS - ROUNDING)
         share = ROUNDING + system.noise
         if len(system.drivers) == 1:
-            q, qd = (float(x[0]) for x in states)
-            moves = abs(qd) > EPS * float(np.abs(states.qd).max())  # a series' 0 is rounded too
+            q, qd = (float(x[0]) for x in along)
+            moves = abs(qd) > EPS * float(np.abs(along.qd).max())  # a series' 0 is rounded too
             share = rounding_share(system, q, moves, motion.t_start)
-        late, off, unsure = rounded(share, motion.t_start, times, *states)
+        late, off, unsure = rounded(share + steps, motion.t_start, times, *along)
         if unsure:
             inside = times <= motion.t_end  # of speeds without bound
             before = np.clip(times - late, motion.t_start, motion.t_end)
-            off = np.abs(states.q - motion.at(before).q)[inside]
-            states = State(states.q[inside], states.qd[inside])
-        off += ROUNDING * np.abs(states.q)
+            off = np.abs(along.q - motion.at(before).q)[inside]
+            along = State(along.q[inside], along.qd[inside])
+        off += (ROUNDING + steps) * np.abs(along.q)
         clock = motion.time_error + (0.0 if motion.end == "time" else float(late[-1]))
         motion = motion.but(error=motion.error + float(off.max()), time_error=clock)
     return motion if target is None else missed(motion, target)
 
 
-def missed(motion: Motion, target: float) -> Motion:
-    """The motion, with a note if its error is above the target."""
-    if motion.error <= target or motion.status == "failed" or motion.end == ends.INTERRUPTED:
+def missed(motion: Motion, target: float, why: str = "") -> Motion:
+    """The motion, with a note if its error is above the target, and why."""
+    if motion.error <= target or motion.status == "failed" or motion.end in ends.STOPPED:
         return motion
-    note = f"accuracy not reached: {motion.error:.1e} instead of {target:.1e}"
+    note = f"accuracy not reached: {motion.error:.1e} instead of {target:.1e}{why}"
     return replace(motion, notes=(*motion.notes, note))
 
 
 def refined(
-    run: Callable[[Setting], Motion],
-    first: Setting,
-    finer: Callable[[Setting, float], Setting | None],
+    pair: Callable[[float], tuple[Motion, Motion | None]],
+    system: System,
+    first: float,
     target: float,
-    rotary: tuple[bool, ...],
-    wanted: tuple[float, ...] = (),
-) -> tuple[Motion, Difference | None]:
-    """A motion whose error is estimated, and meets the target if a setting does.
+    wanted: tuple[float, ...],
+    remainder: float,
+) -> Motion:
+    """A motion whose error is estimated, and meets the target if a pair of runs does.
 
-    With it what the last two runs said of each other, whose states are those of the finer.
-    ``finer`` gives the next setting from the last one and the difference seen (infinite before
-    there is one), None where there is none. A run that knows its own error needs no other.
+    pair : a run at a tolerance and one by half its steps, which is None where there is no error
+    first : tolerance of the first pair
+    remainder : of the difference of two runs the finer one is off by no more
+
+    Targets below `LEAST` go down one ladder of tolerances: none states more than a looser one.
     """
-    coarse, setting, best = run(first), first, None
-    if math.isfinite(coarse.error):
-        return coarse, None
-    off, by = math.inf, None
+    tolerance, best = first, None
     while True:
-        if coarse.end in (ends.INTERRUPTED, ends.TOO_MANY):
-            return stopped(coarse, best), None
-        following = finer(setting, off)
-        if following is None:
-            break
-        fine = run(following)
-        if fine.end in (ends.INTERRUPTED, ends.TOO_MANY) and fine.t_end < coarse.t_end:
-            return stopped(fine, best or coarse), None
-        apart = difference(coarse, fine, rotary, wanted)
-        off = apart.q
-        if apart.agree or best is None or best.end == ends.UNDECIDED:
-            best, by = judged(coarse, fine, apart, wanted), apart
-        if apart.agree and best.error <= target:
-            break
-        coarse, setting = fine, following
-    if best is None:
-        return replace(coarse, error=math.inf, time_error=math.inf), None
-    return best, by
+        coarse, fine = pair(tolerance)
+        if coarse.end in UNFINISHED:
+            return missed(stopped(coarse, best), target)
+        if fine is None:
+            return coarse
+        if fine.end in UNFINISHED and fine.t_end < coarse.t_end:
+            return missed(stopped(fine, best or coarse), target)
+        apart = difference(coarse, fine, system.rotary, wanted)
+        steps = judged(coarse, fine, apart, wanted, remainder)
+        states = fine.cost.states - coarse.cost.states
+        motion = with_rounding(system, steps, None, apart, states)
+        smaller = best is not None and apart.agree and motion.error < best.error
+        if best is None or best.end == ends.UNDECIDED or smaller:
+            best = motion
+        if apart.agree and motion.error <= target:
+            return best
+        floor = apart.agree and 2 * steps.error <= motion.error
+        if floor or tolerance <= FLOOR:
+            return missed(best, target, ", at the floor of rounding" if floor else "")
+        share = 0.3 * target / motion.error if apart.agree else 0.0
+        share = min(share, 0.5) if target >= LEAST and share > 0 else 1 / FINER
+        tolerance = max(tolerance * share, FLOOR)
 
 
-def judged(coarse: Motion, fine: Motion, apart: Difference, wanted: tuple[float, ...]) -> Motion:
-    """The finer of two runs with its error, or what both know of the motion."""
+def judged(
+    coarse: Motion,
+    fine: Motion,
+    apart: Difference,
+    wanted: tuple[float, ...],
+    remainder: float = 1.0,
+) -> Motion:
+    """The finer of two runs with its error, a share of their difference, or what both know."""
     if apart.agree:
-        late = 0.0 if fine.end == "time" else apart.t
-        return fine.but(error=apart.q, time_error=fine.time_error + late)
+        late = 0.0 if fine.end == "time" else remainder * apart.t
+        return fine.but(error=remainder * apart.q, time_error=fine.time_error + late)
     times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
     off = np.abs(coarse.at(times).q - fine.at(times).q)
     one = off.ndim == 1
@@ -247,6 +268,5 @@ def stopped(motion: Motion, best: Motion | None) -> Motion:
     if motion.end == ends.TOO_MANY:
         return best
     words = "by coarser runs" if judged else "not judged by another run"
-    note = f"interrupted: the error is {words}"
-    notes = (*best.notes, note)
-    return replace(best, status="ended", end=ends.INTERRUPTED, notes=notes)
+    notes = (*best.notes, f"{motion.end}: the error is {words}")
+    return replace(best, status=motion.status, end=motion.end, notes=notes)

@@ -16,6 +16,7 @@ import numpy as np
 
 from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.loads.contract import VELOCITY_READS, Element, Following
+from blockmech.loads.functions import Function
 from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.forward import argument, coordinate_of, link_velocity, marker_velocity
 from blockmech.passes.homotopy import followed, path_of, schedule
@@ -24,6 +25,7 @@ from blockmech.passes.resultants import NOTHING
 from blockmech.plan import NOUGHT, ZERO, Friction, Schedule
 from blockmech.plane import EPS
 from blockmech.series import SCANNED
+from blockmech.signals.functions import Python
 
 FREE = Friction("none")
 RATE_READS = frozenset({*VELOCITY_READS, "qd"})
@@ -47,16 +49,37 @@ def lossless(structure: Structure) -> bool:
     return all(element.conservative for element in structure.elements.values())
 
 
+def smooth(structure: Structure) -> bool:
+    """Whether steps end at all kinks: they do at those in the only driver's place and in time.
+
+    Nobody knows those of a user's function, nor looks for those of a rate.
+    """
+    alone = len(structure.drivers) == 1
+    for element in structure.elements.values():
+        law = _law(element)
+        if isinstance(law, Function):
+            return False
+        rows = law is not None and law.rows()
+        if rows and "time" not in law.variables() and ("rate" in law.variables() or not alone):
+            return False
+        if not alone and element.kinks() is not None:
+            return False
+    if any(isinstance(block, Python) for block in structure.signals.values()):
+        return False
+    return alone or not structure.followers
+
+
 class Nature(NamedTuple):
     """What the loads of a mechanism are: see the functions of these names."""
 
     depends_on: frozenset[str]
     lossless: bool
+    smooth: bool
 
 
 def nature(mechanism: Any) -> Nature:
     """That of a mechanism, which keeps it."""
-    rules = depends_on, lossless
+    rules = depends_on, lossless, smooth
     return Nature(*(rule(mechanism.structure) for rule in rules))  # type: ignore[arg-type]
 
 

@@ -250,7 +250,7 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     unsure |= not motion.reached and motion.error > TARGET
     # A motion that failed because it swings on and on: no other method is quicker.
     swings_on = motion.end == ends.TOO_MANY and motion.status == "failed"
-    if unsure and not swings_on and motion.end != ends.INTERRUPTED:
+    if unsure and not swings_on and motion.end not in ends.STOPPED:
         known = f", error {motion.error:.1e}" if math.isfinite(motion.error) else ""
         other = _stiff_or_not(system, request, f"along the path: {motion.end}{known}")
         if other.error < motion.error or motion.status == "failed":

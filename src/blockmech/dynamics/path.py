@@ -27,6 +27,7 @@ from blockmech.dynamics.estimate import (
     PARTED,
     ROUNDING,
     TARGET,
+    UNFINISHED,
     difference,
     judged,
     missed,
@@ -65,7 +66,6 @@ MOST = 8_000  # panels of a run; ten seconds of work and more
 # Panels in a row, one by one, that cover less than a part of a piece of the path: it crawls. Panels
 # crowd to where something is not smooth as powers of two, a score on either side.
 CROWD, CRAWL = 48, 1 / 64
-WORTH = 200  # motions of a mechanism that take as long as making, or loading, machine code
 
 
 @dataclass
@@ -398,13 +398,13 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     run.run()
     coarse = run.motion()
     given_up = (ends.TOO_MANY,) if request.method == "auto" else ()
-    if coarse.end in (ends.INTERRUPTED, *given_up):
+    if coarse.end in (*ends.STOPPED, *given_up):
         return stopped(coarse, None)
     if not fine.end:
         fine.run()
     motion = fine.motion()
-    if fine.end in (ends.INTERRUPTED, ends.TOO_MANY):
-        return stopped(motion, coarse if fine.end == ends.INTERRUPTED else None)
+    if fine.end in UNFINISHED:
+        return stopped(motion, coarse if fine.end in ends.STOPPED else None)
     if not fine.whole:
         return motion
     if coarse.end == ends.TOO_MANY and coarse.t_end < motion.t_end:
@@ -417,12 +417,12 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
 def worth_machine_code(system: System) -> PathCode | None:
     """What moves both runs by machine code; None where there is none, or not yet.
 
-    `auto` makes some once the mechanism was moved so many times that it pays.
+    `auto` makes or loads some once the mechanism was moved so many times that it pays.
     """
     if system.period is None or system.engine == "scalar":
         return None
     motions = system.kept["motions"] = system.kept.get("motions", 0) + 1
-    return PathCode.made() if motions > WORTH or system.engine == "llvm" else None
+    return PathCode.made() if system.engine == "llvm" or PathCode.pays(motions) else None
 
 
 def judged_in_place(run: PathRun) -> Motion | None:
@@ -434,7 +434,7 @@ def judged_in_place(run: PathRun) -> Motion | None:
         run.run()
     except LeftToArraysError:
         return None
-    if run.end in (ends.INTERRUPTED, ends.TOO_MANY):
+    if run.end in UNFINISHED:
         return stopped(run.motion(), None)
     if not run.whole:
         return run.motion()

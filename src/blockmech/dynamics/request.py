@@ -11,6 +11,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
+from blockmech.dynamics.ends import Budget
 from blockmech.dynamics.roles import Roles, roles_of
 from blockmech.errors import RequestError, close_match, listed, refused
 from blockmech.loads.functions import Function
@@ -410,6 +411,15 @@ def size_of(where: str, given: Any) -> float | None:
     if not (math.isfinite(size) and size > 0):
         raise refused(where, f"{given!r} is not a number above zero", "leave it out, or give one")
     return size
+
+
+def budget_of(budget: Any) -> Budget:
+    """Processor time of a request: a number [s] above zero, perhaps infinite."""
+    if budget is None:
+        return Budget()
+    if not (seconds := _number(budget)) > 0:
+        raise refused("budget", f"{budget!r} is no time above zero", "give seconds, like 60")
+    return Budget(seconds)
 
 
 def _number(given: Any) -> float:

@@ -75,9 +75,12 @@ class Run(ABC):
         try:
             self.over = self.begin()
             while self.over is None:
+                self.system.budget.check()
                 self.over = self.segment()
         except KeyboardInterrupt:
             self.over = RunEnd(ends.INTERRUPTED)
+        except ends.BudgetSpent:
+            self.over = RunEnd(ends.BUDGET, "unfinished", note=self.system.budget.advice)
         except ends.TooMany:
             self.over = RunEnd(ends.TOO_MANY, "failed")
         self.facts |= self.over.facts

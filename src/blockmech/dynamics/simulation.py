@@ -32,6 +32,7 @@ from blockmech.dynamics.request import (
     SimulationRequest,
     Until,
     Watch,
+    budget_of,
     progress_of,
     refuse_memory,
     refuse_no_inertia,
@@ -72,6 +73,7 @@ def simulate(
     tolerance: float | None = None,
     iterations: int | None = None,
     engine: EngineName = "auto",
+    budget: float | None = None,
     progress: Progress | None = None,
 ) -> SimulationResult[M]:
     """Move a mechanism from its start until something ends the run.
@@ -97,6 +99,7 @@ def simulate(
     tolerance, iterations : of ``successive``, as in a run
     engine : "scalar", "llvm" (machine code), or "auto": machine code once the mechanism's motions
         are worth compiling. Without machine code path methods work on NumPy's arrays
+    budget : processor time [s], by default 60, after which the motion is given as far as it came
     progress : called now and then with (what is at work, how far it is, the whole or None)
 
     Returns
@@ -123,7 +126,8 @@ def simulate(
         mechanism.once(refuse_no_inertia)
     refuse_memory(mechanism, starts)
     counted = counted_pairs(mechanism, starts, between)
-    bounds = {"stops": bounds_of(between), "counted": counted, "roles": request.roles}
+    bounds: dict[str, Any] = {"stops": bounds_of(between), "counted": counted}
+    bounds |= {"roles": request.roles, "budget": budget_of(budget)}
     system = system_of(mechanism, method=how, progress=report, engine=engine, **bounds)
     if engine == "llvm" and system.engine_of_states.name != engine:
         compiled_program(system.equation_program)  # says why it cannot be
@@ -143,6 +147,9 @@ def _moved(system: System, request: SimulationRequest) -> Motion:
         steady = request.until.goal == "steady"
         notes = ("interrupted before a steady state was found",) if steady else ()
         return replace(request.standing, status="ended", end=ends.INTERRUPTED, notes=notes)
+    except ends.BudgetSpent:
+        notes = (system.budget.advice,)
+        return replace(request.standing, status="unfinished", end=ends.BUDGET, notes=notes)
 
 
 def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:

@@ -1,6 +1,8 @@
 """SciPy's DOP853 and Radau, many steps at a time by machine code where that is asked.
 
-Coefficients, estimates and control of both are SciPy's own.
+Coefficients, estimates and control of both are SciPy's own, but that DOP853's estimate is that of
+order 5 alone where the equation has corners (`stages`), and that a run may go by half the steps of
+another.
 
 Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.5, II.10;
 Hairer & Wanner, Solving Ordinary Differential Equations II, 1996, IV.8.
@@ -19,9 +21,11 @@ from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.system import REPORTED
 from blockmech.engines.dense import Dense
 from blockmech.engines.radau import radau
-from blockmech.engines.stages import Method, dop853
+from blockmech.engines.stages import THIRD, Method, dop853, halved
 from blockmech.motion import Floats
 from blockmech.plane import EPS
+
+NO_PLAN = np.empty(0)
 
 
 class MachineSteps(ABC):
@@ -51,13 +55,14 @@ class MachineSteps(ABC):
         *,
         rtol: Floats,
         atol: Floats,
-        max_step: float,
         finer: Floats | None = None,
+        plan: Floats = NO_PLAN,
     ) -> None:
-        """See SciPy's; ``finer`` are tolerances of a run to come, see `CompiledStepper`."""
+        """See SciPy's; ``finer`` and ``plan`` as `CompiledStepper.steps` takes them."""
         self.equation, self.t, self.y = equation, t0, y0
-        self.t_bound, self.max_step = bound, max_step
-        self.tolerances, self.finer = np.array([rtol, atol]), finer
+        self.t_bound = bound
+        self.tolerances, self.finer, self.plan = np.array([rtol, atol]), finer, plan
+        self.weight = THIRD if equation.system.smooth else 0.0
         self._own: Any = None
         equation.method = type(self).method
 
@@ -65,9 +70,10 @@ class MachineSteps(ABC):
         """One step, by SciPy."""
         if self._own is None or self._own.t != self.t:
             first = min(self.h_abs, self.t_bound - self.t) or None
-            about = self.equation, self.t, self.y, self.t_bound, self.max_step
+            about = self.equation, self.t, self.y, self.t_bound, math.inf
             self._own = self._made(*about, *self.tolerances, first_step=first)
         own = self._own
+        own.max_step = halved(self.plan, max(len(self.plan) - 1, 0), self.t, math.inf)
         own.step()
         self.t_old, self.t, self.y, self.h_abs = own.t_old, own.t, own.y, own.h_abs
         self.status = own.status
@@ -88,12 +94,14 @@ class MachineSteps(ABC):
         code, by = self.equation.code, self.equation.method()
         if code is None:
             return None
-        begin, ends = (self.t, self.y), (self.t_bound, self.max_step)
+        begin = self.t, self.y
         left = (self.equation.most - self.equation.spent) / by.stages
         most = int(min(REPORTED, left + 1))
         begins = 1 + int(self.h_abs == 0)
-        how, self.finer = (self.tolerances, most, every, self.finer), None
-        made = code.steps(begin, self.h_abs, ends, free_range, *how)
+        first = min(int(self.plan.searchsorted(self.t, "right")) - 1, len(self.plan) - 2)
+        about = self.weight, self.plan[max(first, 0) :]
+        how, self.finer = (self.tolerances, most, every, self.finer, *about), None
+        made = code.steps(begin, self.h_abs, self.t_bound, free_range, *how)
         many = len(made.series)
         self.equation.know(float(made.y[-1, 0]), *made.row[made.y.shape[1] :][:2])
         self.equation.took(begins + made.tried * by.states[0] + many * by.states[1])
@@ -116,7 +124,9 @@ class Dop853(MachineSteps):
     def _made(self, *about: Any, first_step: float | None) -> Any:
         from scipy.integrate import DOP853
 
-        return DOP853(*about, first_step=first_step)
+        solver = DOP853(*about, first_step=first_step)
+        solver.E3 = math.sqrt(self.weight / THIRD) * solver.E3
+        return solver
 
 
 class Radau5(MachineSteps):

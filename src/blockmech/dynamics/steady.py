@@ -107,7 +107,7 @@ def steady_motion(system: System, request: SimulationRequest) -> Motion:
 
 def _conserved(motion: Motion, request: SimulationRequest) -> Motion:
     """The motion by ``energy`` from the start, if it repeats: its first period."""
-    if motion.status == "failed" or motion.end == ends.INTERRUPTED:
+    if motion.status == "failed" or motion.end in ends.STOPPED:
         return motion
     if motion.regime == "rest":
         return replace(motion, status="reached", end="steady")
@@ -222,9 +222,7 @@ class Flow:
         run = TimeIntegration(self.system, request, method, tolerance, self.name, rest)
         run.y = self._whole(x)
         motion = run.motion()
-        if motion.end == ends.INTERRUPTED:
-            raise KeyboardInterrupt
-        return motion
+        return _whole(motion)
 
     def after(self, x: Floats, time: float, tolerance: float = LOOSE) -> Floats:
         """The state some time [s] later."""
@@ -263,9 +261,16 @@ class Flow:
         if self.layout.initial:
             system = replace(system, begin=tuple(x[self.layout.moving :].tolist()))
         motion = in_time(system, replace(request, accuracy=finer), own)
-        if motion.end == ends.INTERRUPTED:
-            raise KeyboardInterrupt
-        return motion
+        return _whole(motion)
+
+
+def _whole(motion: Motion) -> Motion:
+    """A motion; what stopped it stops the search that asked for it."""
+    if motion.end == ends.INTERRUPTED:
+        raise KeyboardInterrupt
+    if motion.end == ends.BUDGET:
+        raise ends.BudgetSpent
+    return motion
 
 
 def _period(system: System) -> float | None:

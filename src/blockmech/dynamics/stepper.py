@@ -184,6 +184,7 @@ class Stepper:
         q, rate = layout.motion(self._y[i])
         request = SimulationRequest(Start(q, rate, t), Until("time", dt), roles=self._system.roles)
         system, counted = self._system, self._counted[i]
+        system.budget = ends.Budget()
         if counted is not None:
             system = replace(system, counted=counted)
         run = TimeIntegration(system, request, "dop853", self._tolerance, "step", 0.0)

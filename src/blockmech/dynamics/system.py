@@ -183,6 +183,7 @@ class System:
     counted: Counted | None = None
     roles: Roles | None = None
     begin: tuple[float, ...] = ()
+    budget: ends.Budget = field(default_factory=ends.Budget)
     samples: int = 0
     calls: int = 0
     singles: int = 0
@@ -259,6 +260,11 @@ class System:
         """Whether the loads have a potential with the period, and no joint has friction."""
         free = self.friction is None and self.period is not None
         return free and self.compiled.once(loads.nature).lossless
+
+    @cached_property
+    def smooth(self) -> bool:
+        """Whether the accelerations are smooth within a step."""
+        return self.friction is None and self.compiled.once(loads.nature).smooth
 
     @property
     def noise(self) -> float:
@@ -567,7 +573,10 @@ class System:
         else:
             self.singles += samples
         after = self.samples + self.singles
-        if self.progress is not None and before // REPORTED != after // REPORTED:
+        if before // REPORTED == after // REPORTED:
+            return
+        self.budget.check()
+        if self.progress is not None:
             self.progress("computing", float(after), None)
 
 

@@ -35,11 +35,11 @@ def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> M
     target = request.accuracy
     run, step = _stepping(system, request, method)
     motion = run(step)
-    if motion.status == "failed" or motion.end == ends.INTERRUPTED:
+    if motion.status == "failed" or motion.end in ends.STOPPED:
         return motion
     finest = TARGET if target is None else min(TARGET, target / FINER)
     exact = in_time(system, replace(request, accuracy=finest), "dop853")
-    if exact.end == ends.INTERRUPTED:
+    if exact.end in ends.STOPPED:
         return stopped(exact, motion)
     while True:
         motion = _measured(motion, exact, system, request)
@@ -48,7 +48,7 @@ def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> M
             return with_rounding(system, motion, target)
         step /= 2
         finer = run(step)
-        if finer.end == ends.INTERRUPTED:
+        if finer.end in ends.STOPPED:
             return stopped(finer, motion)
         if finer.status == "failed":
             return with_rounding(system, motion, target)

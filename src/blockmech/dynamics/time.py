@@ -17,7 +17,17 @@ import numpy as np
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.equation import Equation, scales
-from blockmech.dynamics.estimate import FINER, FLOOR, SHORTER, TARGET, refined, with_rounding
+from blockmech.dynamics.estimate import (
+    CORNERED,
+    EASY,
+    FINER,
+    FLOOR,
+    LEAST,
+    SMOOTH,
+    TARGET,
+    UNFINISHED,
+    refined,
+)
 from blockmech.dynamics.events import (
     PARTS,
     EventDetector,
@@ -36,7 +46,7 @@ from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS, Run, RunEnd
 from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
-from blockmech.dynamics.solvers import AcceptedSteps, Dop853, MachineSteps, Radau5
+from blockmech.dynamics.solvers import NO_PLAN, AcceptedSteps, Dop853, MachineSteps, Radau5
 from blockmech.dynamics.stick_slip import Now, StickSlip, Transition
 from blockmech.dynamics.turns import TurnsInTime
 from blockmech.engines.dense import Dense
@@ -50,10 +60,8 @@ if TYPE_CHECKING:
 SOLVERS = {"dop853": Dop853, "radau": Radau5}
 FIXED = ("rk4", "euler_q")  # steps of the textbooks
 QUICKER = 8  # times as many states may a friction law with a state ask of machine code
-LESS = 0.9  # of the longest step of a coarser run: at order 8 that leaves less than half an error
 CHAIN, CREEP = 4, 1e-6  # blocks in a row that a push may come through; [s] of a step of each
 ANYWHERE = (-math.inf, math.inf)
-UNFINISHED = ends.INTERRUPTED, ends.TOO_MANY
 SILENT = frozenset(
     {
         ends.KINK,
@@ -75,6 +83,7 @@ class Steps:
     solution: Callable[[Floats], Floats]
     roles: tuple[tuple[float, Roles], ...] = ()  # from times [s] on
     jolts: tuple[Impact, ...] = ()
+    standstills: tuple[float, ...] = ()  # [s] of the only driver
 
     @classmethod
     def of(
@@ -91,7 +100,8 @@ class Steps:
         """State at times (m,) [s]; of drivers with a law as that says, and after jolts."""
         y, at = np.asarray(self.solution(t)), self.layout
         if at.drivers == 1:
-            return State(y[0], y[1])
+            still = np.isin(t, self.standstills) if self.standstills else False
+            return State(y[0], np.where(still, 0.0, y[1]))
         q, rate = y[at.q].T, y[at.rate].T
         if self.roles:
             which = np.searchsorted([begin for begin, _ in self.roles], t, "right") - 1
@@ -115,14 +125,15 @@ class TimeIntegration(Run):
     tolerance: float
     name: str  # for those who follow the progress
     rest: float  # [rad or m]: a swing shorter than this is none
+    before: InitVar[TimeIntegration | None] = None  # a run of the same by twice the steps
     step: float = math.nan  # [s], or [rad or m] of euler_q, of the schemes of fixed steps
-    before: InitVar[TimeIntegration | None] = None  # a coarser run of the same
     finer: float | None = None  # tolerance of a run that comes after this
-    max_step: float = math.inf  # [s]
     patient: bool = True  # whether too many steps are made before they are known to be
     scales: Floats | None = None  # typical sizes of the state's components, for the tolerances
     energy: float | None = None  # [J] where it starts
-    longest: float = 0.0  # [s] step so far
+    grid: list[float] = field(default_factory=list)  # [s] where steps begin, and the last ends
+    stepped: bool = False
+    bound: float = math.inf  # [s] of the segment
     y: Floats = field(default_factory=lambda: np.empty(0))
     times: list[float] = field(default_factory=list)
     pieces: list[Any] = field(default_factory=list)
@@ -136,6 +147,8 @@ class TimeIntegration(Run):
     def __post_init__(self, before: TimeIntegration | None) -> None:
         q, rate, self.t = self.request.start
         self.times.append(self.t)
+        self.grid.append(self.t)
+        self.plan = NO_PLAN if before is None else np.array(before.grid)
         self.system.roles = self.request.roles
         if self.request.roles is not None:
             self.roles.append((self.t, self.request.roles))
@@ -146,9 +159,8 @@ class TimeIntegration(Run):
         else:
             self.equation, self.general = before.equation.again(), before.general
             self.scales, self.energy = before.scales, before.energy
-        self.repeats = before is not None
         quick = self.system.remembers and self.system.quick_states
-        self.equation.most = EVALUATIONS * (QUICKER if quick else 1)
+        self.equation.most = EVALUATIONS * (QUICKER if quick else 1) * (1 if before is None else 2)
         self.pairs = StickSlip(self.equation, self.request)
         self.layout = self.equation.layout
         if self.system.counted is not None:
@@ -201,10 +213,12 @@ class TimeIntegration(Run):
     @property
     def stands(self) -> bool:
         """Whether it is over without any step: at a finer tolerance it is the same."""
-        return self.longest == 0 and self.end not in UNFINISHED
+        return not self.stepped and self.end not in UNFINISHED
 
     def _track(self) -> Steps:
-        return Steps.of(self.layout, self.times, self.pieces, tuple(self.roles), tuple(self.jolts))
+        standstills = tuple(e.t for e in self.events if e.kind == ends.STANDSTILL)
+        changes = tuple(self.roles), tuple(self.jolts), standstills
+        return Steps.of(self.layout, self.times, self.pieces, *changes)
 
     def _balance(self, start: Floats) -> None:
         """What the work of loads and friction leaves unexplained of the kinetic energy."""
@@ -397,13 +411,13 @@ class TimeIntegration(Run):
         rtol[self.layout.q] = FLOOR
         return rtol, tol * self.scales
 
-    def _solver(self, bound: float, t: float, y: Floats, longest: float) -> Any:
+    def _solver(self, bound: float, t: float, y: Floats) -> Any:
         if self.method in FIXED:
             from blockmech.dynamics.fixed_steps import STEPPERS
 
             return STEPPERS[self.method](self.equation, t, y, bound, self.step)
         rtol, atol = self._tolerances(self.tolerance)
-        how: dict[str, Any] = {"rtol": rtol, "atol": atol, "max_step": longest}
+        how: dict[str, Any] = {"rtol": rtol, "atol": atol, "plan": self.plan}
         if self.finer is not None and self.method == "dop853" and t == self.request.start.t:
             how["finer"] = np.array(self._tolerances(self.finer))
         return SOLVERS[self.method](self.equation, t, y, bound, **how)
@@ -432,10 +446,11 @@ class TimeIntegration(Run):
         self, bound: float, lookout: EventDetector, own: EventDetector
     ) -> EventHit | RunEnd | None:
         """Steps up to a terminal event, the bound (None), or where the solver gives up."""
+        self.bound = bound
         slope = self.equation(self.t, self.y)
         if not all(map(math.isfinite, slope)):  # from which SciPy's would never come back
             return self._given_up()
-        solver = self._solver(bound, self.t, self.y, self.max_step)
+        solver = self._solver(bound, self.t, self.y)
         every = lookout.ends_at_standstill
         while solver.status == "running":
             steps = self._stepped(solver, lookout.free_range(float(solver.y[0])), every)
@@ -457,16 +472,19 @@ class TimeIntegration(Run):
         if steps.calm < m:
             hits_in += lookout.within(*steps.part(m - 1, m)[:3])
         hits = until_terminal(hits_in)
-        self._note(hits, steps.dense)
         if not (hits and hits[-1].rule.terminal):
+            self._note(hits, steps.dense)
             self._took(steps)
             return None
+        self._note(hits[:-1], steps.dense)
         i = max(int(np.searchsorted(steps.t, hits[-1].t)) - 1, 0)
         if i:
             self._took(steps.part(0, i))
         for taken in self._exactly(hits[-1], steps.part(i, i + 1)):
             self._took(taken)
-        return hits[-1]
+        last = hits[-1]._replace(t=self.t)
+        self._note([last], lambda t: self.y)
+        return last
 
     def _exactly(self, hit: EventHit, step: AcceptedSteps) -> list[AcceptedSteps]:
         """Steps that end at an event in a step.
@@ -477,8 +495,7 @@ class TimeIntegration(Run):
         coarse = [step.until(t, step.dense(t))]
         if not t > t0:
             return coarse
-        longest = SHORTER * (t - t0) if self.repeats else math.inf  # not the same one step again
-        solver = self._solver(t, t0, y0, longest)
+        solver = self._solver(t, t0, y0)
         while solver.status == "running":
             more = self._stepped(solver)
             if more is None:
@@ -488,7 +505,7 @@ class TimeIntegration(Run):
         slope, ahead = np.asarray(self.equation(t, y), dtype=np.float64), AHEAD * (t - t0)
         here = hit.rule.value(t, y)
         rise = (hit.rule.value(t + ahead, y + ahead * slope) - here) / ahead
-        late = min(-here / rise, step.t[1] - t) if rise else math.nan  # not beyond its step
+        late = min(-here / rise, self.bound - t) if rise else math.nan
         moved = y + late * slope
         known = hit.rule.parts > 1 and abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
         return [*steps[:-1], steps[-1].until(t + late, moved)] if known else steps
@@ -500,7 +517,8 @@ class TimeIntegration(Run):
             self.times.append(self.t)
             self.pieces.append(steps.dense)
         self._refuse_stiff()
-        self.longest = max(self.longest, float((steps.t[1:] - steps.t[:-1]).max()))
+        self.stepped |= bool(steps.t[-1] > steps.t[0])
+        self.grid += [t for t in steps.t[1:].tolist() if t > self.grid[-1]]
         self.turned = max(self.turned, float(np.abs(steps.y[1:, self.layout.work]).max()))
         if self.system.progress is not None:
             self.system.progress(self.name, *self._far())
@@ -643,35 +661,23 @@ def in_time(
     system: System, request: SimulationRequest, method: str, patient: bool = True
 ) -> Motion:
     """The motion by an integrator, with its estimated error; see `TimeIntegration.patient`."""
-    target = request.accuracy or TARGET
-    runs, last = 0, None
+    target, smooth = request.accuracy or TARGET, system.smooth and method == "dop853"
+    runs = 0
 
-    def run(tolerance: float) -> Motion:
-        nonlocal runs, last
+    def pair(tolerance: float) -> tuple[Motion, Motion | None]:
+        nonlocal runs
         runs += 1
         name = method if runs == 1 else f"{method}, run {runs}"
-        more = finer(tolerance, math.inf) if last is None else None
-        how = partial(TimeIntegration, system, request, method, tolerance, name, target)
-        how = partial(how, patient=patient)
-        limit = SHORTER * (last.longest or math.inf) if last is not None else math.inf
-        # Steps that an error limits are shorter by themselves; equal ones would show no error.
-        freely = last is None or method == "dop853"
-        one = how(before=last, finer=more, max_step=math.inf if freely else limit)
-        motion = one.motion()
-        if freely and one.longest > limit * LESS / SHORTER and motion.end not in UNFINISHED:
-            one = how(before=last, max_step=limit)
-            motion = one.motion()
-        last = one
-        return motion
+        finer = max(tolerance / FINER, FLOOR)
+        run = partial(TimeIntegration, system, request, method)
+        first_run = run(tolerance, name, target, finer=finer, patient=patient)
+        coarse = first_run.motion()
+        if first_run.stands or coarse.end in UNFINISHED:
+            return coarse, None
+        runs += 1
+        second_run = run(finer, f"{method}, run {runs}", target, first_run, patient=patient)
+        return coarse, second_run.motion()
 
-    def finer(tolerance: float, apart: float) -> float | None:
-        if tolerance <= FLOOR:
-            return None
-        share = min(1 / FINER, 0.3 * target / apart) if 0 < apart < math.inf else 1 / FINER
-        return max(tolerance * share, FLOOR)
-
-    first = max(target / 10, FLOOR * FINER)
-    judged_run, apart = refined(run, first, finer, target, system.rotary, request.times)
-    if last is not None and last.stands:
-        return judged_run
-    return with_rounding(system, judged_run, target, apart)
+    first = max(target, LEAST) * (1.0 if smooth or method == "radau" else EASY)
+    remainder = SMOOTH if smooth else CORNERED
+    return refined(pair, system, first, target, request.times, remainder)

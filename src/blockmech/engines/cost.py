@@ -18,6 +18,7 @@ from __future__ import annotations
 import re
 import sys
 from collections import Counter
+from collections.abc import Callable
 from functools import cache, lru_cache
 from types import CodeType, FunctionType
 
@@ -38,8 +39,21 @@ CALL, ARRAY = (1.5e-6, 50e-6), (1.3e-9, 0.7e-6)
 CODE_CALL, CODE = (5e-9, 2e-6), (0.2e-9, 27e-9)
 BEGIN, ALONE = 25e-6, 5e-6  # of a call of machine code: with several samples, with one
 LINES = 1.75, 60  # of assembly
-COMPILER, COMPILING, LOADING = 0.1, (20e-3, 0.12e-3), (1.7e-3, 0.2e-6)  # all, and with each line
+COMPILER, COMPILING, LOADING = 0.025, (20e-3, 0.12e-3), (1.7e-3, 0.2e-6)  # all, and with each line
 STATE = 60e-6  # of a solver in Python beside each state that it asks for
+
+
+def loops_pay(saved: float, lines: int, is_kept: Callable[[], bool]) -> bool:
+    """Whether machine code of loops pays that would have saved so many seconds so far.
+
+    lines : of its text; is_kept : whether its code needs no compiling, which the compiler must say
+    """
+    loaded = "llvmlite.binding" in sys.modules
+    budget = saved - (0.0 if loaded else COMPILER)
+    if budget <= 0:
+        return False
+    first, line = LOADING if is_kept() else COMPILING
+    return budget > first + line * lines
 
 
 class Account:

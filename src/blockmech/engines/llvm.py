@@ -111,6 +111,11 @@ def is_kept(program: Program) -> bool:
     return key in _CODES or (key is not None and code_cache.has(_on_this_machine(key)))
 
 
+def has_code(key: str) -> bool:
+    """Whether `machine_code` of a key needs no compiling."""
+    return code_cache.has(_on_this_machine(key))
+
+
 def _traced(program: Program) -> tuple[Traced, str]:
     """What the trace of a program says of its structure, and its text."""
     trace = Trace(program)
@@ -368,15 +373,18 @@ class SingleEvaluator:
 
 
 @functools.lru_cache
-def machine_code(text: str, *kinds: tuple[str, Any]) -> tuple[Any, ...]:
+def machine_code(
+    text: str | Callable[[], str], *kinds: tuple[str, Any], key: str = ""
+) -> tuple[Any, ...]:
     """Functions of a module, by name; compiled once for all mechanisms of one structure.
 
-    Once on a machine, as long as `code_cache` keeps what was compiled.
+    Once on a machine, as long as `code_cache` keeps what was compiled, by the text or a ``key`` of
+    one that is made where it is needed.
     """
-    name = _on_this_machine(text)
+    name = _on_this_machine(key or str(text))
     code = code_cache.load(name)
     if code is None:
-        code = _compiled(text)
+        code = _compiled(text() if callable(text) else text)
         code_cache.keep(name, code)
     return _linked(code, *kinds)
 

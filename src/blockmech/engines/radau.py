@@ -27,7 +27,6 @@ from blockmech.engines.loops import Counts, Reals
 from blockmech.engines.stages import (
     BOUND,
     HIGH,
-    LONGEST,
     LOW,
     TRIED,
     TRY,
@@ -41,6 +40,7 @@ from blockmech.engines.stages import (
     States,
     evaluate,
     fitting_step,
+    halved,
     is_calm,
     may_turn,
     tolerated,
@@ -386,7 +386,7 @@ def steps(
 ) -> None:
     """Steps up to the bound, so many, or one in which something may happen: as `stages.steps`.
 
-    The fourth of the controls is how many states were asked for.
+    The third of the controls is how many states were asked for.
     """
     n, K, states, control, now = of.state, rhs.K, run.states, run.controls[0], work.now
     y, allowed = states[0], left_allowed(of, run.tolerances, work.sizes)
@@ -400,7 +400,8 @@ def steps(
         if h == 0.0:
             h = first_step(of, fill, rhs, y, work, control[BOUND] - t)
         slopes(of, fill, rhs, y, control, work)
-        now[WANTED] = max(min(h, control[LONGEST]), 10.0 * EPS * abs(t))
+        h = halved(run.plan, run.planned[0], t, h)
+        now[WANTED] = max(h, 10.0 * EPS * abs(t))
     h = now[WANTED]
     while made < most and t < control[BOUND]:
         later = min(t + h, control[BOUND])
@@ -434,7 +435,8 @@ def steps(
         if slow:
             slopes(of, fill, rhs, y, control, work)
         if slow or factor >= 1.2:
-            h = min(h * min(10.0, factor), control[LONGEST])
+            h = h * min(10.0, factor)
+        h = halved(run.plan, run.planned[0], t, h)
         now[WANTED] = h
         inside = control[LOW] < y[0] and y[0] < control[HIGH]
         if not (inside and calm):

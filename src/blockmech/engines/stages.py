@@ -6,6 +6,11 @@ Of each step, until most are done or the bound is reached:
     off = norm of h sum_j E_j K_j, in tolerances, of two estimates
     the step is taken where off < 1, else it is tried again with a shorter h
 
+Of the two, e5^2 / sqrt(e5^2 + 0.01 e3^2) is the error of order 8 where the rates are smooth. Beside
+a corner it says a hundredth of what a step errs, in a coarse run and a fine one alike: there e5
+alone counts, and the weight of e3 is 0.
+
+A second run goes by a plan, the steps of the first one: none is longer than half of those there.
 Each step leaves a series for the states inside it, see `blockmech.engines.dense`. One in which
 something may happen is the last: its first component leaves the ``free_range``, or
 what is ``watched`` changes its sign at a stage of the step. Of the first two, which may dip to
@@ -44,8 +49,10 @@ from blockmech.plan import Program
 from blockmech.plane import EPS
 
 Floats = NDArray[np.float64]
-LANES = 2  # runs of a motion side by side: two differ in accuracy alone
+LANES = 2  # runs of a motion side by side: the second takes half the steps of the first
+THIRD = 0.01  # weight of the estimate of order 3 where the rates are smooth
 KNOWN = 64  # states looked at last whose rows are kept
+SHORTEST = 1e-99  # [s] a step at time 0 that is tried again and again
 FAR = 0.125  # of a margin, 21 degrees of a transmission angle; and of inertia, in usual ones
 
 
@@ -94,12 +101,13 @@ class Integration(NamedTuple):
 
     states, times : where they begin, and where the last ends
     tolerances : relative and absolute ones
-    controls : the step to try, 0 for one that fits; bound, longest step, how many were tried, the
-        free_range
+    controls : the step to try, 0 for one that fits; bound, how many were tried, the free_range,
+        weight of the estimate of order 3
     series : of each, see `blockmech.engines.dense`
     turns : 1 of a step in which the last number that is watched may change its sign, else 0
     counts : steps made, negative where something may happen in the last one; first what a lane is
         at, `BEGINS` or, where there is nothing to do, `OVER`
+    plan : [s] times of a coarser run, planned : how many steps these are; of the first lane
     """
 
     states: States
@@ -109,6 +117,8 @@ class Integration(NamedTuple):
     series: Series
     turns: Counts
     counts: Counts
+    plan: Reals
+    planned: Counts
 
 
 class Scheme(NamedTuple):
@@ -168,19 +178,18 @@ class Method(NamedTuple):
 
 class Workspace(NamedTuple):
     """Of steps under way: their numbers, states, and highest terms of the series; what lanes are
-    at; and how long a step the error of each one made would have allowed."""
+    at."""
 
     now: Lanes
     y: Lanes
     highest: Lanes
-    fits: Lanes
     is_at: Counts
 
 
 def workspace(of: Sizes, most: int) -> Arrays:
     """Arrays of a `Workspace`."""
     n, lanes = of.state, of.lanes
-    rows = {"now": ROWS, "y": n, "highest": 4 * n, "fits": most}
+    rows = {"now": ROWS, "y": n, "highest": 4 * n}
     reals: Arrays = [(name, np.float64, (k, lanes)) for name, k in rows.items()]
     return [*reals, ("is_at", np.int64, (lanes,))]
 
@@ -192,9 +201,9 @@ def dop853() -> Method:
     return Method(steps, LANES, stages, ends, by, (ends - 1, stages - ends), workspace)
 
 
-TRY, BOUND, LONGEST, TRIED, LOW, HIGH = range(6)  # columns of a control
-TIME, LATER, H, FREE, GROWS, OFF, SHARE, ROWS = range(8)  # of a step under way
-OVER, BEGINS, AGAIN, TAKEN = range(4)  # what a lane is at
+TRY, BOUND, TRIED, LOW, HIGH, WEIGHT = range(6)  # columns of a control
+TIME, LATER, H, FREE, GROWS, OFF, THIRDS, ROWS = range(8)  # of a step under way
+OVER, BEGINS, AGAIN, TAKEN, WAITS = range(5)  # what a lane is at
 
 
 def evaluate(of: Sizes, fill: Fill, rhs: Rhs, s: int) -> None:
@@ -231,8 +240,8 @@ def error_of(of: Sizes, rhs: Rhs, by: Scheme, tolerances: Limits, y: Lanes, now:
         fifth, third = fifth / scale, third / scale
         fifths = fifths + fifth * fifth
         thirds = thirds + third * third
-    whole = fifths / np.sqrt((fifths + 0.01 * thirds) * float(of.state))
-    now[OFF] = now[H] * np.where(fifths + thirds == 0.0, none, whole)
+    whole = fifths / np.sqrt((fifths + now[THIRDS] * thirds) * float(of.state))
+    now[OFF] = now[H] * np.where(fifths == 0.0, none, whole)
 
 
 def highest_terms(
@@ -334,38 +343,47 @@ def first_steps(
             controls[lane, TRY] = fitting_step(h, quick, 8, longest)
 
 
-def as_coarser(
-    of: Sizes, times: Reals, fits: Lanes, made: int, t: float, h: float, share: float
-) -> float:
-    """A step of a run from the steps that a coarser one has made, and what their errors allow.
+def halved(plan: Reals, planned: int, t: float, h: float) -> float:
+    """A step, no longer than half of those that a plan has in its place; any beyond its end.
 
-    It need not find out by errors of its own where steps are to be shorter, by a ``share``.
+    None is as short as rounding of the time: two events may be so near.
     """
-    if made == 0:
+    if planned == 0 or t >= plan[planned]:
         return h
-    at = piece(times, made + 1, t)
-    h = min(h, share * fits[at, 0])
-    if at + 1 < made:
-        h = min(h, max(times[at + 1] - t, share * fits[at + 1, 0]))
-    return h
+    at = piece(plan, planned + 1, t)
+    half = 0.5 * (plan[at + 1] - plan[at])
+    if at + 1 < planned:
+        half = min(half, max(plan[at + 1] - t, 0.5 * (plan[at + 2] - plan[at + 1])))
+    return float(min(h, max(half, abs(t) * EPS * 20.0)))
 
 
-def tries(of: Sizes, run: Integration, work: Workspace, made: int, lane: int) -> int:
-    """1 where a lane tries a step, and how long a one; else 0."""
+def tries(of: Sizes, run: Integration, work: Workspace, lane: int) -> int:
+    """1 where a lane tries a step, and how long a one; else 0.
+
+    The second lane waits for the first, whose steps are its plan, and ends where these do.
+    """
     now, is_at, control = work.now, work.is_at, run.controls[lane]
     t, bound = now[TIME, lane], control[BOUND]
-    shortest = abs(t) * EPS * 10.0
+    made = run.counts[0] if run.counts[0] > 0 else -run.counts[0]
+    if is_at[lane] == WAITS:
+        is_at[lane] = BEGINS
+    if lane > 0 and is_at[lane] == BEGINS and t >= run.times[made]:
+        is_at[lane] = OVER if is_at[0] == OVER else WAITS
+    shortest = max(abs(t) * EPS * 10.0, SHORTEST)
     if is_at[lane] == BEGINS:
-        h = min(control[TRY], control[LONGEST])
+        h = control[TRY]
         if lane > 0:
-            h = as_coarser(of, run.times, work.fits, made, t, h, now[SHARE, lane])
+            h = halved(run.times, made, t, h)
+        else:
+            h = halved(run.plan, run.planned[0], t, h)
         now[FREE, lane] = max(h, shortest)
         now[GROWS, lane] = 10.0
-    if is_at[lane] != OVER and now[FREE, lane] < shortest:
-        is_at[lane] = OVER
-    now[LATER, lane] = t if is_at[lane] == OVER else min(t + now[FREE, lane], bound)
+    goes = is_at[lane] == BEGINS or is_at[lane] == AGAIN
+    if goes and now[FREE, lane] < shortest:
+        is_at[lane], goes = OVER, False
+    now[LATER, lane] = min(t + now[FREE, lane], bound) if goes else t
     now[H, lane] = now[LATER, lane] - t
-    return 0 if is_at[lane] == OVER else 1
+    return 1 if goes else 0
 
 
 def steps(
@@ -392,7 +410,7 @@ def steps(
             y[i, lane] = states[lane * (most + 1), i]
             state[i, lane] = y[i, lane]
         state[of.state, lane] = now[TIME, lane]
-        now[SHARE, lane] = sqrt(sqrt(sqrt(tolerances[1, 0, lane] / tolerances[1, 0, 0])))
+        now[THIRDS, lane] = controls[lane, WEIGHT]
     evaluate(of, fill, rhs, 0)
     if controls[0, TRY] == 0.0 and most > 0:
         first_steps(of, fill, rhs, tolerances, controls, y, now)
@@ -402,14 +420,13 @@ def steps(
             ended = not (now[TIME, lane] < controls[lane, BOUND] and counts[lane] < most)
             if is_at[lane] == BEGINS and ended:
                 is_at[lane] = OVER
-            made = counts[0] if counts[0] > 0 else -counts[0]
-            going += tries(of, run, work, made, lane)
+            going += tries(of, run, work, lane)
         if going == 0:
             return
         rates_at(of, fill, rhs, by, y, now, 1, of.ends)
         error_of(of, rhs, by, tolerances, y, now)
         for lane in range(of.lanes):
-            if is_at[lane] == OVER:
+            if is_at[lane] == OVER or is_at[lane] == WAITS:
                 continue
             h, off = now[H, lane], now[OFF, lane]
             factor = 0.9 / sqrt(sqrt(sqrt(off)))
@@ -422,7 +439,7 @@ def steps(
                 controls[lane, TRY] = h * min(factor, now[GROWS, lane])
                 counts[lane] += 1
                 at = lane * (most + 1) + counts[lane]
-                times[at], work.fits[counts[lane] - 1, lane] = now[LATER, lane], h * factor
+                times[at] = now[LATER, lane]
                 for i in range(of.state):
                     states[at, i] = state[i, lane]
         if taken:
@@ -461,6 +478,7 @@ def fleet(
             Integration(
                 run.states[first:], run.times[first:], run.tolerances[2 * d :], run.controls[d:],
                 run.series[d * most :], run.turns, run.counts[d:],
+                run.plan[d * (most + 2) :], run.planned[d:],
             ),
             work, most, watched,
         )  # fmt: skip
@@ -520,12 +538,15 @@ class CompiledRhs:
         control: Floats,
         tolerances: Floats,
         most: int,
+        plan: Floats,
+        planned: NDArray[np.int64],
     ) -> FleetSteps:
         """Steps of m designs, each from its own ``begin`` (t (m,), y (m, n)), at most so many.
 
         slots : (m, k) numbers of the program, given : (m, p) of the right-hand side
-        control : (m, 6) step to try, bound, longest step, 0, and the free_range (`CompiledStepper`)
+        control : (m, 6) of an `Integration`
         tolerances : (m, 2, n) relative and absolute ones
+        plan : (m, most + 2) [s] steps of a coarser run, planned : (m,) how many
         """
         by, m, n, width = scheme(), len(slots), self.dimension, len(self.rows)
         t, y = np.zeros((m, most + 1)), np.zeros((m, most + 1, n))
@@ -533,13 +554,15 @@ class CompiledRhs:
         K, series = np.empty((m, len(by.C), width)), np.empty((m, most, 8, n))
         counts, turns = np.zeros(m, np.int64), np.zeros(most, np.int64)
         state = np.zeros(self.inputs)
-        slots, given, control, tolerances = map(
-            np.ascontiguousarray, (slots, given, control, tolerances)
+        slots, given, control, tolerances, plan = map(
+            np.ascontiguousarray, (slots, given, control, tolerances, plan)
         )
         work = [np.zeros(shape, kind) for _, kind, shape in workspace(self.sizes(1), most)]
         x, (_, over) = addresses_of(state), self.of_designs
         rhs = loops.places_of(Rhs(np.frombuffer(x), slots, K, state))
-        run = loops.places_of(Integration(y, t, tolerances, control, series, turns, counts))
+        planned = np.ascontiguousarray(planned)
+        about = y, t, tolerances, control, series, turns, counts, plan, planned
+        run = loops.places_of(Integration(*about))
         by_place = rhs, loops.places_of(by), run, loops.places_of(work), given.ctypes.data
         over(slots.shape[1], given.shape[1], *by_place, most, self.watched, m)
         made, h, tried = np.abs(counts), control[:, TRY], control[:, TRIED]
@@ -609,6 +632,8 @@ def buffers(
         ("series", real, (lanes * most, 8, n)),
         ("turns", count, (lanes * most,)),
         ("counts", count, (lanes,)),
+        ("plan", real, (most + 2,)),
+        ("planned", count, (1,)),
         *workspace(of, most),
     ]
     sizes = (8 * math.prod(shape) for *_, shape in arrays)
@@ -627,7 +652,8 @@ class CompiledStepper:
         whole = np.empty((), kind)
         parts = [whole[name] for name in kind.names or ()]
         inputs, self._rows, self._state, self._y, self._t, self._tolerances = parts[:6]
-        self._control, self._series, self._turns, self._counts, self._now = parts[6:11]
+        self._control, self._series, self._turns, self._counts = parts[6:10]
+        self._plan, self._planned, self._now = parts[10:13]
         first, row = int(whole.ctypes.data), 8 * by.lanes
         x, K, state, *more = (first + begin for begin in begins)
         inputs[:] = range(state, state + row * rates.inputs, row)
@@ -651,24 +677,29 @@ class CompiledStepper:
         self,
         begin: tuple[float, Floats],
         h: float,
-        ends: tuple[float, float],
+        bound: float,
         free_range: tuple[float, float],
         tolerances: Floats,
         most: int,
         every: bool = True,
         finer: Floats | None = None,
+        weight: float = THIRD,
+        plan: Floats | tuple[()] = (),
     ) -> Steps:
         """Steps from ``begin`` (t, y), so many at most.
 
         h : [s] the first one to try, 0 for one that fits
-        ends : [s] where they end, and the longest one
+        bound : [s] where they end
         free_range : between which the first component is to stay
         tolerances : (2, n) relative and absolute ones
         every : whether all that is watched is looked at, or all but the last
-        finer : tolerances of a run that will ask the same after this one. It goes along in a lane
-            of its own, which costs next to nothing: both wait for the same latencies
+        finer : tolerances of a run by half the steps that will ask the same after this one. It goes
+            along in a lane of its own, which costs next to nothing: both wait for the same
+            latencies
+        weight : of the estimate of order 3, 0 where the rates have corners
+        plan : (p + 1,) [s] steps of a coarser run from there on
         """
-        key = begin[0], begin[1].tobytes(), h, ends, free_range, every
+        key = begin[0], begin[1].tobytes(), h, bound, free_range, every
         if self._ahead is not None and self._ahead[0] == (*key, tolerances.tobytes()):
             (_, ahead), self._ahead = self._ahead, None
             return ahead
@@ -676,7 +707,10 @@ class CompiledStepper:
         lanes = self._rates.method.lanes
         self._counts[:lanes] = BEGINS
         self._tolerances[:] = tolerances[..., None]
-        self._control[:] = h, *ends, 0.0, *free_range
+        self._control[:] = h, bound, 0.0, *free_range, weight
+        some = plan[: most + 2]
+        self._planned[0] = max(len(some) - 1, 0)
+        self._plan[: len(some)] = some
         if finer is None:
             self._counts[1:lanes] = OVER
         else:
@@ -688,7 +722,7 @@ class CompiledStepper:
 
     def _made(self, lane: int, most: int) -> Steps:
         """The steps of a lane, of so many at most."""
-        count, (h, _, _, tried, *_) = int(self._counts[lane]), self._control[lane].tolist()
+        count, (h, _, tried, *_) = int(self._counts[lane]), self._control[lane].tolist()
         m, k, at = abs(count), lane * most, lane * (most + 1)
         states = self._t[at : at + m + 1], self._y[at : at + m + 1]
         kept: Any = *states, self._series[k : k + m], self._turns[k : k + m]

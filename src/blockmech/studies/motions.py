@@ -237,7 +237,7 @@ class MotionRunner(Runner):
             raise KeyboardInterrupt
         if motion.status == "failed":
             return Moved({}, NO_MOTION, f"{motion.end}, after {motion.t_end:.9g} s")
-        if motion.status == "ended" and motion.end != ends.REST:
+        if motion.status in ("ended", "unfinished") and motion.end != ends.REST:
             return Moved({}, ENDED_EARLY, f"{motion.end}, after {motion.t_end:.9g} s")
         return Moved({w.label: self.value(w, result, motion) for w in self.want})
 
