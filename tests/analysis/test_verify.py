@@ -41,6 +41,7 @@ def test_every_pair_link_load_block_and_drive_has_its_row():
         *(f"closure of {pair}" for pair in ("crank.A", "dyad.B", "dyad.C", "dyad.D")),
         *(f"markers on {link}" for link in ("frame.frame", "crank.crank", "dyad.i", "dyad.j")),
         "value of crank",
+        "law of motion of crank",
         "mode of dyad",
         "load of couple",
         "load of weightlike",

@@ -1,4 +1,4 @@
-"""Checks of signal blocks: outputs from inputs and states, said in NumPy.
+"""Checks of signal blocks: outputs and rates from inputs and states, said in NumPy.
 
 Blocks of other packages, subclasses of these, Python functions and discrete blocks are taken at
 their word.
@@ -9,15 +9,16 @@ Source: Ogata, Modern Control Engineering, 2010, section 2-3 (block diagrams).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Residual, Term
 from blockmech.analysis.free_bodies import Array
-from blockmech.analysis.load_checks import table_of
-from blockmech.model.structure import JointRef
+from blockmech.analysis.laws_of_loads import table_of
+from blockmech.model.structure import JointRef, Structure
 from blockmech.signals.algebra import DeadZone, Gain, Product, Saturation, Sum
-from blockmech.signals.dynamic import DCMotor, Integrator, Pid, StateSpace, TransferFunction
+from blockmech.signals.dynamic import BAND, DCMotor, Integrator, Pid, StateSpace, TransferFunction
 from blockmech.signals.sources import Constant, Table
 
 
@@ -44,21 +45,44 @@ def _pid(b: Pid, e: Array, integral: Array, filtered: Array) -> Term:
     return _within(b.limits, v) if b.limits else v
 
 
-def _linear(C: Sequence[float], D: float, u: Array, x: Sequence[Array]) -> Term:
-    return _sum(*(c * s for c, s in zip(C, x, strict=True)), D * u)
+def _linear(row: Sequence[float] | Array, through: float, u: Array, x: Sequence[Array]) -> Term:
+    return _sum(*(c * s for c, s in zip(row, x, strict=True)), through * u)
 
 
-def _transfer_function(b: TransferFunction, u: Array, *x: Array) -> Term:
-    """By the controller form of `scipy.signal`, whose states are in the other order."""
-    from scipy.signal import tf2ss
+def _state_space(b: Any, u: Array, *x: Array) -> Term:
+    _, _, C, D = _matrices(b)
+    return _linear(C, D, u, x)
 
-    _, _, C, D = tf2ss(b.num, b.den)
-    return _linear(C[0], D[0, 0], u, x[::-1])
+
+def _state_space_rates(b: Any, u: Array, *x: Array) -> list[Term]:
+    A, B, _, _ = _matrices(b)
+    return [_linear(row, through, u, x) for row, through in zip(A, B, strict=True)]
 
 
 def _table(b: Table, x: Array) -> Term:
     y, moved = (table_of(b.law(), x + step * np.abs(x)) for step in (0.0, TOLERANCE))
     return Term(y, np.abs(y) + np.abs(moved - y) / TOLERANCE + max(map(abs, b.values)))
+
+
+def _matrices(b: Any) -> tuple[Array, Array, Array, float]:
+    """A, B, C, D; of a transfer function by `scipy.signal`, whose states are in the other order."""
+    from scipy.signal import tf2ss
+
+    if type(b) is StateSpace:
+        return np.array(b.A), np.array(b.B), np.array(b.C), b.D
+    A, B, C, D = tf2ss(b.num, b.den)
+    return A[::-1, ::-1], B[::-1, 0], C[0, ::-1], D[0, 0]
+
+
+def _pid_rates(b: Pid, e: Array, integral: Array, filtered: Array) -> list[Term]:
+    """Before a limit the integral comes to rest over the last thousandth of the range."""
+    slows: Any = 1.0
+    if b.limits:
+        v = _pid(b.model_copy(update={"limits": None}), e, integral, filtered).value
+        low, high = b.limits
+        room = np.where(b.ki * e > 0, high - v, v - low)
+        slows = np.clip(room / (BAND * (high - low)), 0.0, 1.0)
+    return [Term(e * slows, np.abs(e)), _sum(b.n * e, -b.n * filtered)]
 
 
 SAID: Mapping[type, Callable[..., Term]] = {
@@ -71,11 +95,30 @@ SAID: Mapping[type, Callable[..., Term]] = {
     Table: _table,
     Integrator: lambda b, u, x: _sum(x),
     Pid: _pid,
-    StateSpace: lambda b, u, *x: _linear(b.C, b.D, u, x),
-    TransferFunction: _transfer_function,
+    StateSpace: _state_space,
+    TransferFunction: _state_space,
     DCMotor: lambda b, u, w, i: _sum(b.k * i),
 }
 """Type -> what a block gives for its inputs and states; the time for one without either."""
+
+RATES: Mapping[type, Callable[..., list[Term]]] = {
+    Integrator: lambda b, u, x: [_sum(u)],
+    Pid: _pid_rates,
+    StateSpace: _state_space_rates,
+    TransferFunction: _state_space_rates,
+    DCMotor: lambda b, u, w, i: [_sum(u / b.L, -b.R / b.L * i, -b.k / b.L * w)],
+}
+"""Type -> the rates of its states for its inputs and these."""
+
+
+def sources(s: Structure, name: str) -> list[str]:
+    """What is wired to the inputs of a block."""
+    return [s.signal_wires[JointRef(name, port)] for port in s.signals[name].inputs]
+
+
+def integrated(s: Structure) -> list[str]:
+    """Blocks in continuous time whose states have rates that are said here."""
+    return [name for name, b in s.signals.items() if type(b) in RATES and not b.discrete]
 
 
 def outputs(e: Evidence) -> Iterator[Residual]:
@@ -84,8 +127,8 @@ def outputs(e: Evidence) -> Iterator[Residual]:
     for name, block in s.signals.items():
         if type(block) not in SAID or block.discrete:
             continue
-        sources = [s.signal_wires[JointRef(name, port)] for port in block.inputs]
-        read = [run[source] for source in (*sources, *(f"{name}.{x}" for x in block.own_states))]
+        states = (f"{name}.{x}" for x in block.own_states)
+        read = [run[source] for source in (*sources(s, name), *states)]
         time = np.zeros(run.n) if run.time is None else np.asarray(run.time)
         y = SAID[type(block)](block, *(read or [time]))
         (port,) = block.outputs

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from blockmech.analysis.blow_checks import blows
 from blockmech.analysis.coupling_checks import laws, lines_of_action
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Part, Residual
 from blockmech.analysis.force_checks import (
@@ -27,7 +28,7 @@ from blockmech.analysis.force_checks import (
     whole,
 )
 from blockmech.analysis.load_checks import energies, loads
-from blockmech.analysis.motion_checks import closures, drivers, markers, modes
+from blockmech.analysis.motion_checks import closures, drivers, laws_of_motion, markers, modes
 from blockmech.analysis.signal_checks import outputs
 from blockmech.analysis.trajectory_checks import idle, trajectory
 from blockmech.arguments import declared
@@ -51,6 +52,7 @@ CHECKS: tuple[CheckOf, ...] = (
     closures,
     markers,
     drivers,
+    laws_of_motion,
     modes,
     outputs,
     loads,
@@ -199,9 +201,13 @@ def _of_result(
     t = motion.times(1) if result.time is None else result.time
     run = result_along(blocks, motion, t, EVERYTHING, **how, engine=engine, chunk=chunk)
     judged = _judged(mechanism, run.n, Evidence(run), idle)
-    return replace(
-        judged, rows=(*judged.rows, *(Check(*row) for row in trajectory(result, motion)))
-    )
+    jumps = list(blows(mechanism, motion)) if motion.impacts else []
+    more = [
+        Check(f"{x.what} {_said(mechanism, x.of)}", float(_relative(x.left, x.scale)))
+        for x in jumps
+    ]
+    more += [Check(*row) for row in trajectory(result, motion)]
+    return replace(judged, rows=(*judged.rows, *more))
 
 
 def _judged(mechanism: Compiled, n: int, evidence: Evidence, *more: CheckOf) -> Verification:
