@@ -62,7 +62,9 @@ def blows(mechanism: Compiled, motion: Motion) -> Iterator[Residual]:
             pushes = (impulse != 0) & ~held
             scale = condition * np.sum(np.abs(n) * speeds, axis=0)
             yield Residual("restitution of", name, np.where(pushes, apart, 0.0), scale)
-    for driver, momentum in zip(s.drivers, left, strict=True):
+    touches = [s.pair_name(mesh) for mesh in s.meshes if s.touches(mesh)]  # slip as nobody says
+    told = np.array([not any(hit.friction.get(name) for name in touches) for hit in hits])
+    for driver, momentum in zip(s.drivers, left * told, strict=True):
         yield Residual("blows on", driver, momentum, condition * np.max(sizes, axis=0))
     yield Residual("loss of", "blows", loss, condition * energy)
 
@@ -73,8 +75,8 @@ def _rows(mechanism: Compiled, motion: Motion, bodies: FreeBodies, q: Array) -> 
     rows = dict(zip(s.drivers, np.eye(len(q))[..., None] + 0 * q, strict=True))
     for ref in (JointRef(name, x) for name, block in s.blocks.items() for x in block.joints):
         rows[str(ref)] = bodies.run[f"{ref}.slip"].reshape(q.shape)
-    for driver, follower in s.followers.items():
-        rows[follower.coupling] = bodies.argument(driver).reshape(q.shape)
+    for mesh, driver in s.meshes.items():
+        rows[s.pair_name(mesh)] = (1 - s.separates(mesh)) * bodies.argument(driver).reshape(q.shape)
     stops = stopped_pairs(mechanism, [name for hit in motion.impacts for name in hit.pushes])
     named = () if stops is None else zip(stops.names, stops.pairs, strict=True)
     return rows | {name: sense * rows[str(ref)] for name, (ref, sense) in named}
