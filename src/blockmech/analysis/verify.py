@@ -144,17 +144,18 @@ def verify(
     """Hold a mechanism against the equations of mechanics over some samples.
 
     Every pair closes in places, velocities and accelerations; drivers and assembly modes are
-    those asked for; loads give what they declare; every link and the frame are in balance;
-    friction obeys Coulomb's law; powers and energies add up; the driving effort by reactions is
-    that by reduction.
+    those asked for; laws of motion have the rates and accelerations of their coordinate; loads
+    give what they declare; every link and the frame are in balance; friction obeys Coulomb's law;
+    powers and energies add up; the driving effort by reactions is that by reduction.
 
     Parameters
     ----------
     at, samples, times, rates, accelerations : [rad or m], [s] as in a run; by default 25
         samples of the laws' ranges. Gaps are left out.
         Or an answer of this mechanism: of a run its samples, with its friction; of a simulation
-        the states are also held against one another, and the drives must be idle; of a study
-        some designs are made again, each by itself.
+        the states are also held against one another, blows keep momentum, restitution and loss,
+        and the drives of free drivers must be nothing; of a study some designs are made again,
+        each by itself.
     friction, tolerance, iterations, static, engine, precision, chunk : as in a run
 
     Returns
