@@ -93,12 +93,10 @@ def friction(e: Evidence) -> Iterator[Residual]:
         for joint, law in block.friction.items():
             ref = JointRef(name, joint)
             t, slip = r[f"{ref}.friction"], r[f"{ref}.slip"]
-            if block.joints[joint].kind == "R":
-                load, terms, way = (
-                    np.abs(r[f"{ref}.reaction"]),
-                    size.force,
-                    block.characteristic_length(),
-                )
+            slides = block.joints[joint].kind == "P"
+            if not slides:
+                load, terms = np.abs(r[f"{ref}.reaction"]), size.force
+                way = block.characteristic_length()
             else:
                 edges = 2 / law.edge_distance if law.edge_distance else 0.0
                 load = np.maximum(np.abs(r[f"{ref}.N"]), edges * np.abs(r[f"{ref}.C"]))
@@ -115,7 +113,7 @@ def friction(e: Evidence) -> Iterator[Residual]:
             # a thousand times: the solver measures speed and size of the group alone
             rests = np.abs(slip) * way <= 1e3 * REST_SHARE * np.maximum(speed, turning * way)
             one, other = e.bodies.ends(ref)
-            push = one.parting(other, block.joints[joint].kind == "P")
+            push = one.parting(other, slides)
             starts = rests & (np.abs(push) * way > least)
             rests &= ~starts
             sense = np.where(starts & (slip * push >= 0), np.sign(push), np.sign(slip))

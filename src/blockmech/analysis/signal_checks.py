@@ -45,18 +45,8 @@ def _pid(b: Pid, e: Array, integral: Array, filtered: Array) -> Term:
     return _within(b.limits, v) if b.limits else v
 
 
-def _linear(row: Sequence[float] | Array, through: float, u: Array, x: Sequence[Array]) -> Term:
+def _linear(row: Array, through: float, u: Array, x: Sequence[Array]) -> Term:
     return _sum(*(c * s for c, s in zip(row, x, strict=True)), through * u)
-
-
-def _state_space(b: Any, u: Array, *x: Array) -> Term:
-    _, _, C, D = _matrices(b)
-    return _linear(C, D, u, x)
-
-
-def _state_space_rates(b: Any, u: Array, *x: Array) -> list[Term]:
-    A, B, _, _ = _matrices(b)
-    return [_linear(row, through, u, x) for row, through in zip(A, B, strict=True)]
 
 
 def _table(b: Table, x: Array) -> Term:
@@ -64,14 +54,16 @@ def _table(b: Table, x: Array) -> Term:
     return Term(y, np.abs(y) + np.abs(moved - y) / TOLERANCE + max(map(abs, b.values)))
 
 
-def _matrices(b: Any) -> tuple[Array, Array, Array, float]:
-    """A, B, C, D; of a transfer function by `scipy.signal`, whose states are in the other order."""
+def _system(b: Any) -> tuple[list[tuple[Array, float]], tuple[Array, float]]:
+    """Rows of A beside B, and C beside D; by SciPy states of transfer functions run backwards."""
     from scipy.signal import tf2ss
 
     if type(b) is StateSpace:
-        return np.array(b.A), np.array(b.B), np.array(b.C), b.D
-    A, B, C, D = tf2ss(b.num, b.den)
-    return A[::-1, ::-1], B[::-1, 0], C[0, ::-1], D[0, 0]
+        A, B, C, D = np.array(b.A), b.B, np.array(b.C), b.D
+    else:
+        A, B, C, D = (x[::-1, ::-1] for x in tf2ss(b.num, b.den))
+        B, C, D = B[:, 0], C[0], D[0, 0]
+    return [*zip(A, B, strict=True)], (C, D)
 
 
 def _pid_rates(b: Pid, e: Array, integral: Array, filtered: Array) -> list[Term]:
@@ -95,8 +87,8 @@ SAID: Mapping[type, Callable[..., Term]] = {
     Table: _table,
     Integrator: lambda b, u, x: _sum(x),
     Pid: _pid,
-    StateSpace: _state_space,
-    TransferFunction: _state_space,
+    StateSpace: lambda b, u, *x: _linear(*_system(b)[1], u, x),
+    TransferFunction: lambda b, u, *x: _linear(*_system(b)[1], u, x),
     DCMotor: lambda b, u, w, i: _sum(b.k * i),
 }
 """Type -> what a block gives for its inputs and states; the time for one without either."""
@@ -104,8 +96,8 @@ SAID: Mapping[type, Callable[..., Term]] = {
 RATES: Mapping[type, Callable[..., list[Term]]] = {
     Integrator: lambda b, u, x: [_sum(u)],
     Pid: _pid_rates,
-    StateSpace: _state_space_rates,
-    TransferFunction: _state_space_rates,
+    StateSpace: lambda b, u, *x: [_linear(*row, u, x) for row in _system(b)[0]],
+    TransferFunction: lambda b, u, *x: [_linear(*row, u, x) for row in _system(b)[0]],
     DCMotor: lambda b, u, w, i: [_sum(u / b.L, -b.R / b.L * i, -b.k / b.L * w)],
 }
 """Type -> the rates of its states for its inputs and these."""

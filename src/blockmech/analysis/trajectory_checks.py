@@ -95,8 +95,6 @@ def _instants(mechanism: Compiled, motion: Motion) -> Iterator[float]:
     yield from (event.t for event in motion.events)
     yield from (blow.t for blow in motion.impacts)
     yield from (slips.begin for slips in motion.slips)
-    yield from (roles.begin for roles in motion.roles)
-    yield from (t for lain in motion.lying for t in (lain.begin, lain.end))
     for driver in {d for x in motion.roles for d, role in x.of.items() if role == PRESCRIBED}:
         yield from mechanism.scene.drive[driver].kinks
     for block in mechanism.structure.signals.values():
