@@ -143,8 +143,12 @@ def loads(e: Evidence) -> Iterator[Residual]:
                 yield Residual("load of", name, given[t] - term.value, term.size)
         powers = [plain(-e.run[f"{name}.power"])]
         for t, end in ends.items():
-            point = load.terminals[t].kind == "point"
-            powers.append(power(given[t], end.v) if point else plain(given[t] * end.om))
+            if load.terminals[t].kind == "point":
+                link = e.bodies.link(e.structure.holds[JointRef(name, t)].on)
+                size = np.abs(given[t]) * link.sizes(end)[1]  # its speed may cancel on its link
+                powers.append(power(given[t], end.v)._replace(size=size))
+            else:
+                powers.append(plain(given[t] * end.om))
         whole = total(powers)
         yield Residual("load of", name, whole.value, whole.size)
 
