@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.analysis.quadrature import Stretches
 from blockmech.analysis.verify import TOLERANCE, Verification
 from blockmech.dynamics.equation import Equation
 from blockmech.motion import State
 from blockmech.result import Result
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
-from tests.gallery import document, mechanism
+from tests.gallery import GRAPHS, document, mechanism
 from tests.wiring import chain, changed, ruiz, squeezer, toggle, watt, wire
 
 MECHANISMS = {
@@ -41,6 +42,7 @@ def test_every_pair_link_load_block_and_drive_has_its_row():
         *(f"closure of {pair}" for pair in ("crank.A", "dyad.B", "dyad.C", "dyad.D")),
         *(f"markers on {link}" for link in ("frame.frame", "crank.crank", "dyad.i", "dyad.j")),
         "value of crank",
+        "law of motion of crank",
         "mode of dyad",
         "load of couple",
         "load of weightlike",
@@ -280,6 +282,39 @@ def test_a_simulated_motion_is_verified(name, method):
     assert f"idle drive of {driver}" in names
 
 
+MOVING = [
+    *(f"motions/{path.stem}" for path in (GRAPHS / "motions").glob("*.json")),
+    *(f"control/{path.stem}" for path in (GRAPHS / "control").glob("*.json")),
+    *("hammer", "planetary_hoist", "rack_gripper", "stribeck_slider_crank", "valve_engine"),
+]
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_motions_of_the_gallery_are_verified(name):
+    found = mechanism(name).verify(mechanism(name).simulate("time=0.3", want=()))
+    assert found.ok, str(found)
+
+
+def slides_from_rest(way):
+    """A slider with dry friction on an incline, at rest, which does not hold."""
+    g = bm.Graph("incline", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=way * 0.5)}))
+    rub, own = {"S": bm.Coulomb(coefficient=0.3)}, {"slider": bm.Link(mass=3.0)}
+    g.add("s", bm.SlideDrive(links=own, friction=rub))
+    g.connect("frame.G", "s.S")
+    g.start("s", q=0.0)
+    return g.compile()
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("factor", [0.0, 0.9, 1.0, -1.0])
+def test_what_starts_from_rest_rubs_from_there_on(tampered, way, factor):
+    mech = slides_from_rest(way)
+    motion = mech.simulate("time=0.1", times=[0.0, 0.1])
+    tampered("s.S.friction", lambda x: x * np.where(np.arange(len(x)) == 0, factor, 1.0))
+    assert ("friction in s.S" in failures(mech.verify(motion))) == (factor != 1.0)
+
+
 def test_a_motion_is_verified_up_to_its_dead_centre():
     g = bm.Graph("push", gravity=(0.0, -9.81))
     g.add("frame", bm.Frame(markers={"G": bm.Marker(at=(0.0, 0.0), angle=0.0), "D": (3.0, 0.0)}))
@@ -294,6 +329,19 @@ def test_a_motion_is_verified_up_to_its_dead_centre():
     assert end.end == "dead centre"
     near = mech.simulate("standstill", times=end.t_end * np.array([0.9, 0.999, 0.99999]), want="*")
     assert mech.verify(near).ok, str(mech.verify(near))
+
+
+@pytest.mark.parametrize("power", [0, 1])
+def test_a_quadrature_knows_where_a_rate_jumps_or_bends(power):
+    places = np.random.default_rng(1).uniform(0.0, 1.0, 500)
+    over = Stretches(np.zeros(500), np.ones(500))
+    late = np.maximum(over.nodes - places[:, None], 0.0)
+    rate = (late > 0) * late**power
+    value = late ** (power + 1) / (power + 1)
+    assert over.gap(value, rate).max() == 0.0
+    smooth = np.exp(over.nodes)
+    assert over.gap(smooth, smooth).max() < 1e-14
+    assert over.gap(smooth, (1 + 1e-9) * smooth).min() > 1e-9
 
 
 def falsified(result, change):

@@ -424,6 +424,24 @@ def test_a_push_rubs_in_pairs_that_nothing_else_loads(pins):
     assert without.impulse == pytest.approx(nearly.impulse, rel=1e-7)
 
 
+def test_a_blow_through_teeth_that_lose_power_tells_all_friction():
+    g = bm.Graph("pair")
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "B": (0.15, 0.0)}))
+    rub = {"A": bm.Coulomb(coefficient=0.2, radius=0.02)}
+    for name, inertia in (("one", 0.01), ("two", 0.04)):
+        g.add(name, bm.Crank(links={"crank": bm.Link(inertia=inertia)}, friction=rub))
+        g.connect(f"frame.{'A' if name == 'one' else 'B'}", f"{name}.A")
+    teeth = {"teeth": (20, 40), "pressure_angle": 0.35, "efficiency": 0.8}
+    g.add("mesh", bm.Gear(driver="one", driven="two", **teeth))
+    g.start("one", q=0.0, rate=5.0)
+    g.stop("one", high=0.5, restitution=0.5)
+    mech = g.compile()
+    r = mech.simulate("time=0.2", times=[0.0, 0.2])
+    (blow,) = r.motion.impacts
+    assert mech.verify(r).ok
+    assert mech.impulses(blow)["one.drive"] == pytest.approx(blow.impulse, rel=1e-12)
+
+
 def test_interrupted_between_two_flights_it_keeps_those_before(monkeypatch):
     flights, move = [], simulation.move
 

@@ -1,4 +1,4 @@
-"""Single mistakes in kernels, passes, friction and loads: one sign, term or factor each.
+"""Single mistakes in kernels, passes, friction, loads and motions: one sign, term or factor each.
 
 A mutation replaces a piece of a function's text, which must occur there exactly once, and
 gives the code to the function itself, so that whoever holds the function runs the mistake.
@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from blockmech.engines.binding import Binder
 
@@ -28,20 +28,27 @@ class Mutation(NamedTuple):
     graph: str
 
 
+def plain(function: Any) -> Any:
+    """The function of a property, or itself."""
+    return getattr(function, "fget", None) or getattr(function, "func", function)
+
+
 @contextmanager
 def made(mutation: Mutation) -> Iterator[None]:
     """The package with the mistake in it."""
     name, _, function = mutation.function.rpartition(".")
-    name, _, owner = name.rpartition(".") if name.rpartition(".")[2].istitle() else (name, "", "")
+    name, _, owner = (
+        name.rpartition(".") if name.rpartition(".")[2][0].isupper() else (name, "", "")
+    )
     module = import_module(f"blockmech.{name}")
-    target = getattr(getattr(module, owner) if owner else module, function)
+    target = plain(vars(getattr(module, owner) if owner else module)[function])
     text = textwrap.dedent(inspect.getsource(target))
     assert text.count(mutation.right) == 1, f"{mutation.what}: the text has changed, write it anew"
     flags = __future__.annotations.compiler_flag
     space = dict(vars(module))
     exec(compile(text.replace(mutation.right, mutation.wrong), function, "exec", flags), space)
     right, bound = target.__code__, Binder._kept
-    target.__code__, Binder._kept = space[function].__code__, {}
+    target.__code__, Binder._kept = plain(space[function]).__code__, {}
     try:
         yield
     finally:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from blockmech.analysis.free_bodies import Array, Body, FreeBodies, Together
+from blockmech.analysis.free_bodies import Array, Body, FreeBodies, Together, unit_motions
 from blockmech.model.structure import JointRef, LinkRef
 
 if TYPE_CHECKING:
@@ -141,14 +141,30 @@ class Evidence:
         force = np.sum([total(forces).size for forces, _, _ in own], axis=0)
         reach = np.max([reach for _, _, reach in own], axis=0)
         moment = np.sum([total(moments).size for _, moments, _ in own], axis=0) + force * reach
+        v, om = self._speeds(block, self.bodies)
+        return Sizes(force, moment, total(self.powers(block)).size + force * v + moment * om)
+
+    def _speeds(self, block: str, bodies: FreeBodies) -> tuple[Array, Array]:
+        """Largest speed [m/s] and rate [rad/s] (n,) of a block and those that it hangs on."""
         outer = self.outer(block)
         near = {block, *(self.structure.earlier_link(ref).block for ref in outer)}
-        bodies = [self.bodies.link(link) for link in self.structure.links if link.block in near]
-        wired = [end for ref in outer for end in self.bodies.ends(ref)]
+        moving = [bodies.link(link) for link in self.structure.links if link.block in near]
+        wired = [end for ref in outer for end in bodies.ends(ref)]
         least = float(np.finfo(np.float64).tiny)  # below it digits go, whatever the force
-        v = np.max(np.abs([body.v for body in bodies + wired]), axis=0, initial=least)
-        om = np.max(np.abs([body.om for body in bodies]), axis=0, initial=least)
-        return Sizes(force, moment, total(self.powers(block)).size + force * v + moment * om)
+        v = np.max(np.abs([body.v for body in moving + wired]), axis=0, initial=least)
+        return v, np.max(np.abs([body.om for body in moving]), axis=0, initial=least)
+
+    @cached_property
+    def efforts(self) -> dict[str, Array]:
+        """What the effort (n,) of each driver is made of [N m or N]: powers at its unit rate."""
+        drivers, flow = self.structure.drivers, 0.0
+        places = np.array([self.run[f"{driver}.q"] for driver in drivers])
+        bodies = unit_motions(self.run.mechanism, places)
+        for name in self.structure.blocks:
+            v, om = (x.reshape(places.shape) for x in self._speeds(name, bodies))
+            size = self.sizes(name)
+            flow = flow + (size.force * v + size.moment * om) * self.condition(name)
+        return dict(zip(drivers, np.asarray(flow), strict=True))
 
     @cached_property
     def flow(self) -> Array:

@@ -5,16 +5,19 @@ Sources: [R10] Eqs. 2-16 (balances, friction), [D14] Eqs. 3-6 (reduction).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from blockmech.analysis.evidence import Evidence, Residual, plain, total
+from blockmech.analysis.free_bodies import Array
+from blockmech.couplings.contract import LossyCoupling
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import primitives
 from blockmech.model.structure import JointRef
-from blockmech.plane import REST_SHARE
+from blockmech.plane import EPS, REST_SHARE
 
 
 def links(e: Evidence) -> Iterator[Residual]:
@@ -51,13 +54,14 @@ def couplings(e: Evidence) -> Iterator[Residual]:
     Of what goes in its efficiency comes out, whichever side drives; at rest nothing goes through.
     """
     for driver, follower in e.structure.followers.items():
-        through, lost = total(e.through_coupling(driver)), e.structure.coupling_of(driver).lost
+        through, kind = total(e.through_coupling(driver)), e.structure.coupling_of(driver)
+        lost = 1 - kind.efficiency if isinstance(kind, LossyCoupling) else kind.lost
         scale = through.size + e.sizes(e.structure.driven[driver].block).power
-        taken = e.run[f"{follower.coupling}.loss"] if e.structure.coupling_of(driver).lossy else 0.0
+        taken = e.run[f"{follower.coupling}.loss"] if kind.lossy else 0.0
         yield Residual("power through", follower.coupling, through.value + taken, scale)
         if lost and e.exact.any():
-            x, felt = e.bodies.argument(driver)
-            most = np.maximum(np.abs(felt * x), np.abs(felt * x + taken))
+            given = e.bodies.felt(driver) * e.bodies.argument(driver)
+            most = np.maximum(np.abs(given), np.abs(given + taken))
             left = np.where(e.exact, taken - np.where(e.smooth, 0.0, lost) * most, 0.0)
             yield Residual("efficiency of", follower.coupling, left, scale)
 
@@ -76,23 +80,23 @@ def whole(e: Evidence) -> Iterator[Residual]:
 def friction(e: Evidence) -> Iterator[Residual]:
     """The law of a pair: the size from what it transmits and its slip, the sense against that.
 
+    At rest it is no more than holds; in a motion a pair that starts to slip rubs from there on.
     Iterations that are cut short (``single``, ``successive``) keep the sense alone.
     """
     r = e.run
     moving = [e.bodies.link(link) for link in e.structure.links]
     speed = np.max(np.abs([body.v for body in moving]), axis=0)
     turning = np.max(np.abs([body.om for body in moving]), axis=0)
+    least = math.sqrt(EPS) * _acceleration(e) if r.motion is not None else math.inf
     for name, block in e.structure.blocks.items():
         size = e.sizes(name)
         for joint, law in block.friction.items():
             ref = JointRef(name, joint)
             t, slip = r[f"{ref}.friction"], r[f"{ref}.slip"]
-            if block.joints[joint].kind == "R":
-                load, terms, way = (
-                    np.abs(r[f"{ref}.reaction"]),
-                    size.force,
-                    block.characteristic_length(),
-                )
+            slides = block.joints[joint].kind == "P"
+            if not slides:
+                load, terms = np.abs(r[f"{ref}.reaction"]), size.force
+                way = block.characteristic_length()
             else:
                 edges = 2 / law.edge_distance if law.edge_distance else 0.0
                 load = np.maximum(np.abs(r[f"{ref}.N"]), edges * np.abs(r[f"{ref}.C"]))
@@ -108,12 +112,25 @@ def friction(e: Evidence) -> Iterator[Residual]:
             scale = (np.abs(factor) * terms + np.abs(drag)) * e.condition(name)
             # a thousand times: the solver measures speed and size of the group alone
             rests = np.abs(slip) * way <= 1e3 * REST_SHARE * np.maximum(speed, turning * way)
-            driven = np.where(rests, 0.0, np.maximum(t * np.sign(slip), 0.0))
+            one, other = e.bodies.ends(ref)
+            push = one.parting(other, slides)
+            starts = rests & (np.abs(push) * way > least)
+            rests &= ~starts
+            sense = np.where(starts & (slip * push >= 0), np.sign(push), np.sign(slip))
+            driven = np.where(rests, 0.0, np.maximum(t * sense, 0.0))
             yield Residual("friction in", ref, driven, scale)
             still = law.at_rest()
             most = np.where(e.smooth, 0.0, still.factor * load + still.drag)
             left = np.where(rests, np.maximum(np.abs(t) - most, 0.0), np.abs(np.abs(t) - bound))
             yield Residual("friction in", ref, np.where(e.exact, left, 0.0), scale)
+
+
+def _acceleration(e: Evidence) -> Array:
+    """Acceleration (n,) [m/s2] that all forces and moments would give to all masses at once."""
+    blocks, own = e.structure.blocks, [e.structure.properties(link) for link in e.structure.links]
+    reach = max(block.largest_length() for block in blocks.values()) or 1.0
+    size = np.sum([e.sizes(name).force * reach + e.sizes(name).moment for name in blocks], axis=0)
+    return np.asarray(size * reach / sum(x.mass * reach**2 + x.inertia for x in own))
 
 
 def bound_kernel(kernel: Any) -> Any:
@@ -126,5 +143,5 @@ def reduction(e: Evidence) -> Iterator[Residual]:
     r = e.run
     for driver in e.structure.drivers if e.smooth.any() else ():
         left = r[f"{driver}.drive"] - r[f"{driver}.drive_by_reduction"]
-        left = np.where(e.smooth, left * r[f"{driver}.rate"], 0.0)
-        yield Residual("two routes to", f"{driver}.drive", left, e.flow)
+        left = np.where(e.smooth, left, 0.0)
+        yield Residual("two routes to", f"{driver}.drive", left, e.efforts[driver])

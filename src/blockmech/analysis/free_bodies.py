@@ -21,13 +21,16 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics.pair_stops import lain_against
 from blockmech.model.structure import JointRef, LinkRef, Structure
+from blockmech.samples import Samples
 
 if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
     from blockmech.quality import Quality
     from blockmech.result import Result
 
 Array = NDArray[Any]
 Side = tuple[complex, complex]
+MOTION = ("p", "v", "a", "angle", "omega", "alpha")  # outputs of a link
 
 
 class Body(NamedTuple):
@@ -57,6 +60,11 @@ class Body(NamedTuple):
         spin = 1j * self.al - self.om**2
         b = other.a - self.a - spin * d - 2j * self.om * w
         return d, w, b
+
+    def parting(self, other: Body, slides: bool) -> Array:
+        """Acceleration (n,) of another link along self's direction, or of its turning."""
+        along: Array = (np.conj(self.e) * self.seen(other)[2]).real
+        return along if slides else other.al - self.al
 
     def sizes(self, other: Body) -> tuple[Array, Array, Array]:
         """Sums of the absolute terms of `seen`, from the coordinates on."""
@@ -112,9 +120,8 @@ class FreeBodies:
             still = zero + 0j
             return Body(still, still, still, still + 1, zero, zero)
         r = self.run
-        e = np.exp(1j * r[f"{link}.angle"])
-        o, v, a, om, al = (r[f"{link}.{what}"] for what in ("p", "v", "a", "omega", "alpha"))
-        return Body(o, v, a, e, om, al)
+        o, v, a, angle, om, al = (r[f"{link}.{what}"] for what in MOTION)
+        return Body(o, v, a, np.exp(1j * angle), om, al)
 
     # -- pairs ---------------------------------------------------------------------
 
@@ -201,22 +208,28 @@ class FreeBodies:
                     place = self.ends(ref)[0].p
                     yield sign * r[f"{name}.force"], place, sign * r[f"{name}.moment"]
             elif leader is not None and link in (later, s.earlier_link(leader)):
-                x, felt = self.argument(driver)
+                x, felt = self.argument(driver), self.felt(driver)
                 if f"{name}.loss" in r:
                     felt = felt + r[f"{name}.loss"] / np.where(x == 0, math.inf, x)
                 felt *= 1 if s.couplings[name].meshes else s.coordinate(terms[0][0]).sign
                 t, end = (-felt if link == later else felt), self.ends(leader)[0]
                 yield (zero + 0j, end.p, t) if s.joint(leader).rotary else (t * end.e, end.p, zero)
 
-    def argument(self, driver: str) -> tuple[Array, Array]:
-        """Rate (n,) of what a coupled driver is a function of; effort along it without losses."""
+    def argument(self, driver: str) -> Array:
+        """Rate (n,) of what a coupled driver is a function of."""
         r, s = self.run, self.structure
         name, terms = s.followers[driver][:2]
-        counted = {d: s.coordinate(d).sign for d in (driver, *(d for d, _ in terms))}
-        if s.couplings[name].meshes:
-            x = sum(sign * counted[d] * r[f"{d}.rate"] for d, sign in terms)
-            return np.asarray(x), r[f"{name}.slope"] * r[f"{name}.effort"]
-        return r[f"{terms[0][0]}.rate"], counted[driver] * r[f"{name}.slope"] * r[f"{name}.effort"]
+        if not s.couplings[name].meshes:
+            return r[f"{terms[0][0]}.rate"]
+        rates = (sign * s.coordinate(d).sign * r[f"{d}.rate"] for d, sign in terms)
+        return np.asarray(sum(rates))
+
+    def felt(self, driver: str) -> Array:
+        """Effort (n,) of a coupled driver along what it is a function of, without losses."""
+        r, s = self.run, self.structure
+        name = s.followers[driver].coupling
+        counted = 1 if s.couplings[name].meshes else s.coordinate(driver).sign
+        return np.asarray(counted * r[f"{name}.slope"] * r[f"{name}.effort"])
 
     def held(self, terminal: JointRef) -> Body:
         """Where an element takes hold of a link."""
@@ -267,3 +280,20 @@ class FreeBodies:
         if owner.block != ref.block:
             return self.ends(ref)[0].p
         return self.link(owner).at(block.slider_place(ref.name, owner.link)).p
+
+
+def unit_motions(mechanism: Compiled, q: Array) -> FreeBodies:
+    """The links at places (k, n) of the drivers: (k n) samples, a driver at unit rate in each.
+
+    The first n are of the first driver, the others stand.
+    """
+    (k, n), structure = q.shape, mechanism.structure
+    links = [link for link in structure.links if link != structure.frame_link]
+    want = [f"{link}.{x}" for link in links for x in MOTION]
+    want += [f"{JointRef(name, x)}.slip" for name, b in structure.blocks.items() for x in b.joints]
+    want += [f"{driver}.rate" for driver in structure.driven]
+    inputs: dict[str, Array] = {}
+    for i, rates in enumerate(np.repeat(np.eye(k), n, axis=1)):
+        inputs |= {f"q_{i}": np.tile(q[i], k), f"qd_{i}": rates, f"qdd_{i}": 0 * rates}
+    samples = Samples(k * n, inputs)
+    return FreeBodies(mechanism.answer(samples, want, {"friction": "none", "static": False}))

@@ -15,8 +15,12 @@ import numpy as np
 
 from blockmech.analysis.evidence import Evidence, Residual
 from blockmech.analysis.free_bodies import Array, Body
+from blockmech.analysis.quadrature import Stretches
 from blockmech.blocks.modes import FOLLOW
+from blockmech.model.laws_of_motion import OverRange
 from blockmech.model.structure import JointRef
+
+SHARES = 64  # of the range of a law of motion: half a stretch over which it is looked at
 
 
 def closures(e: Evidence) -> Iterator[Residual]:
@@ -88,6 +92,31 @@ def drivers(e: Evidence) -> Iterator[Residual]:
         for k, (way, size) in enumerate(zip(_along(one, other), one.sizes(other), strict=True)):
             size = (size + np.abs(prescribed[k]) + abs(offset)) * (condition if k else 1.0)
             yield Residual("value of", driver, way - prescribed[k], size)
+
+
+def laws_of_motion(e: Evidence) -> Iterator[Residual]:
+    """Rate and acceleration of each law are its derivatives, here and there over its range."""
+    for driver, law in e.run.mechanism.scene.drive.items():
+        begin, lasts = law.begin(), law.duration()
+        lasts = lasts if 0 < lasts < math.inf else 1.0
+        t = begin + lasts * (np.arange(e.run.n) + 0.4) / e.run.n
+        kinks = np.unique(
+            [begin, *(x for x in law.kinks if begin < x < begin + lasts), begin + lasts]
+        )
+        i, half = np.searchsorted(kinks, t, "right"), lasts / SHARES
+        over = Stretches(np.maximum(t - half, kinks[i - 1]), np.minimum(t + half, kinks[i]))
+        q, rate, acceleration = (
+            x.reshape(over.nodes.shape) for x in law.at_times(over.nodes.ravel())
+        )
+        for value, slope in ((q, rate), (rate, acceleration)):
+            yield Residual(
+                "law of motion of", driver, over.gap(value, slope), over.size(value, slope)
+            )
+        if isinstance(law, OverRange):
+            q, rate = q[:, 0], rate[:, 0]
+            _, along, push = law.at_coordinates(q)
+            size = rate**2 + 2 * np.abs(push) * (np.abs(q) + abs(law.start))
+            yield Residual("law of motion of", driver, along**2 - rate**2, size)
 
 
 def modes(e: Evidence) -> Iterator[Residual]:

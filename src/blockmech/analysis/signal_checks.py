@@ -1,4 +1,4 @@
-"""Checks of signal blocks: outputs from inputs and states, said in NumPy.
+"""Checks of signal blocks: outputs and rates from inputs and states, said in NumPy.
 
 Blocks of other packages, subclasses of these, Python functions and discrete blocks are taken at
 their word.
@@ -9,15 +9,16 @@ Source: Ogata, Modern Control Engineering, 2010, section 2-3 (block diagrams).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Residual, Term
 from blockmech.analysis.free_bodies import Array
-from blockmech.analysis.load_checks import table_of
-from blockmech.model.structure import JointRef
+from blockmech.analysis.laws_of_loads import table_of
+from blockmech.model.structure import JointRef, Structure
 from blockmech.signals.algebra import DeadZone, Gain, Product, Saturation, Sum
-from blockmech.signals.dynamic import DCMotor, Integrator, Pid, StateSpace, TransferFunction
+from blockmech.signals.dynamic import BAND, DCMotor, Integrator, Pid, StateSpace, TransferFunction
 from blockmech.signals.sources import Constant, Table
 
 
@@ -44,21 +45,36 @@ def _pid(b: Pid, e: Array, integral: Array, filtered: Array) -> Term:
     return _within(b.limits, v) if b.limits else v
 
 
-def _linear(C: Sequence[float], D: float, u: Array, x: Sequence[Array]) -> Term:
-    return _sum(*(c * s for c, s in zip(C, x, strict=True)), D * u)
-
-
-def _transfer_function(b: TransferFunction, u: Array, *x: Array) -> Term:
-    """By the controller form of `scipy.signal`, whose states are in the other order."""
-    from scipy.signal import tf2ss
-
-    _, _, C, D = tf2ss(b.num, b.den)
-    return _linear(C[0], D[0, 0], u, x[::-1])
+def _linear(row: Array, through: float, u: Array, x: Sequence[Array]) -> Term:
+    return _sum(*(c * s for c, s in zip(row, x, strict=True)), through * u)
 
 
 def _table(b: Table, x: Array) -> Term:
     y, moved = (table_of(b.law(), x + step * np.abs(x)) for step in (0.0, TOLERANCE))
     return Term(y, np.abs(y) + np.abs(moved - y) / TOLERANCE + max(map(abs, b.values)))
+
+
+def _system(b: Any) -> tuple[list[tuple[Array, float]], tuple[Array, float]]:
+    """Rows of A beside B, and C beside D; by SciPy states of transfer functions run backwards."""
+    from scipy.signal import tf2ss
+
+    if type(b) is StateSpace:
+        A, B, C, D = np.array(b.A), b.B, np.array(b.C), b.D
+    else:
+        A, B, C, D = (x[::-1, ::-1] for x in tf2ss(b.num, b.den))
+        B, C, D = B[:, 0], C[0], D[0, 0]
+    return [*zip(A, B, strict=True)], (C, D)
+
+
+def _pid_rates(b: Pid, e: Array, integral: Array, filtered: Array) -> list[Term]:
+    """Before a limit the integral comes to rest over the last thousandth of the range."""
+    slows: Any = 1.0
+    if b.limits:
+        v = _pid(b.model_copy(update={"limits": None}), e, integral, filtered).value
+        low, high = b.limits
+        room = np.where(b.ki * e > 0, high - v, v - low)
+        slows = np.clip(room / (BAND * (high - low)), 0.0, 1.0)
+    return [Term(e * slows, np.abs(e)), _sum(b.n * e, -b.n * filtered)]
 
 
 SAID: Mapping[type, Callable[..., Term]] = {
@@ -71,11 +87,30 @@ SAID: Mapping[type, Callable[..., Term]] = {
     Table: _table,
     Integrator: lambda b, u, x: _sum(x),
     Pid: _pid,
-    StateSpace: lambda b, u, *x: _linear(b.C, b.D, u, x),
-    TransferFunction: _transfer_function,
+    StateSpace: lambda b, u, *x: _linear(*_system(b)[1], u, x),
+    TransferFunction: lambda b, u, *x: _linear(*_system(b)[1], u, x),
     DCMotor: lambda b, u, w, i: _sum(b.k * i),
 }
 """Type -> what a block gives for its inputs and states; the time for one without either."""
+
+RATES: Mapping[type, Callable[..., list[Term]]] = {
+    Integrator: lambda b, u, x: [_sum(u)],
+    Pid: _pid_rates,
+    StateSpace: lambda b, u, *x: [_linear(*row, u, x) for row in _system(b)[0]],
+    TransferFunction: lambda b, u, *x: [_linear(*row, u, x) for row in _system(b)[0]],
+    DCMotor: lambda b, u, w, i: [_sum(u / b.L, -b.R / b.L * i, -b.k / b.L * w)],
+}
+"""Type -> the rates of its states for its inputs and these."""
+
+
+def sources(s: Structure, name: str) -> list[str]:
+    """What is wired to the inputs of a block."""
+    return [s.signal_wires[JointRef(name, port)] for port in s.signals[name].inputs]
+
+
+def integrated(s: Structure) -> list[str]:
+    """Blocks in continuous time whose states have rates that are said here."""
+    return [name for name, b in s.signals.items() if type(b) in RATES and not b.discrete]
 
 
 def outputs(e: Evidence) -> Iterator[Residual]:
@@ -84,8 +119,8 @@ def outputs(e: Evidence) -> Iterator[Residual]:
     for name, block in s.signals.items():
         if type(block) not in SAID or block.discrete:
             continue
-        sources = [s.signal_wires[JointRef(name, port)] for port in block.inputs]
-        read = [run[source] for source in (*sources, *(f"{name}.{x}" for x in block.own_states))]
+        states = (f"{name}.{x}" for x in block.own_states)
+        read = [run[source] for source in (*sources(s, name), *states)]
         time = np.zeros(run.n) if run.time is None else np.asarray(run.time)
         y = SAID[type(block)](block, *(read or [time]))
         (port,) = block.outputs

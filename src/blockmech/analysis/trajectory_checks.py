@@ -2,118 +2,117 @@
 
 A motion's dense output gives coordinates and rates by itself, and the force pass the accelerations
 at which the drives have nothing to give. So over any stretch of time the coordinate must change by
-the integral of the rate, and the rate by that of the acceleration: whatever method made the motion,
-neither its steps nor its equation of motion are asked.
+the integral of the rate, the rate by that of the acceleration, and the state of a signal by that
+of what its block says: whatever method made the motion, neither its steps nor its equation of
+motion are asked.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from blockmech.analysis.evidence import Evidence, Residual
-from blockmech.analysis.free_bodies import Array
+from blockmech.analysis.quadrature import Stretches
+from blockmech.analysis.signal_checks import RATES, integrated, sources
+from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.loads import largest_length
 from blockmech.dynamics.motion_outputs import result_along
+from blockmech.dynamics.roles import FREE, PRESCRIBED
+from blockmech.model.structure import JointRef
 from blockmech.motion import Motion
-from blockmech.plane import EPS
 from blockmech.result import Result
 
-NODES = 16  # of Gauss' quadrature over half a stretch: exact for degree 31
-ADVANCE = 1 / 32  # of a turn, or of the largest length, by which a stretch moves at most
-STRETCHES = 1024  # at most: of a longer motion as many, evenly spread
-ROUNDINGS = 64.0  # of each term of a quadrature and of a dense output
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
 
-
-class Stretches(NamedTuple):
-    """Stretches of a motion without an event inside."""
-
-    edges: Array  # (m, 2) [s]
-    nodes: Array  # (m, 3, NODES) [s] over the whole stretch, and over each half of it
-    weights: Array  # (m, 3, NODES) [s]
-
-    def change(self, rate: Array) -> tuple[Array, Array]:
-        """Integral (m,) of a rate (m, 3, NODES), and a bound of what the quadrature is off by.
-
-        Rounding, but for a load with a kink inside a stretch: there the whole and its halves
-        differ by about as much as either is wrong, so ten times that is a bound.
-        """
-        whole, *halves = np.moveaxis(np.sum(self.weights * rate, axis=2), 1, 0)
-        return halves[0] + halves[1], 10 * np.abs(whole - halves[0] - halves[1])
+ADVANCE = 1 / 64  # of a turn, or of the largest length, by which a stretch moves at most
+LEAST, MOST = 129, 2048  # stretches; of a longer motion as many, evenly spread
 
 
 def idle(e: Evidence) -> Iterator[Residual]:
-    """The drives of free drivers give nothing, but for what holds them at a standstill."""
-    motion, t = e.run.motion, e.run.time
-    roles = motion.role_at(t) if motion is not None and motion.roles and t is not None else None
-    for i, driver in enumerate(e.structure.drivers):
-        effort, rate = e.run[f"{driver}.drive"], e.run[f"{driver}.rate"]
-        free = 1.0 if roles is None else roles[:, i] == "free"
-        yield Residual("idle drive of", driver, free * effort * rate, e.flow)
+    """The drives of free drivers give nothing; against its own stop, what that pushes with."""
+    motion, t, drivers = e.run.motion, e.run.time, e.structure.drivers
+    assert motion is not None
+    assert t is not None
+    lies = motion.held(t, (*drivers, *(x.stop for x in motion.lying)))
+    free = motion.role_at(t) == FREE if motion.roles else np.ones_like(lies)
+    for i, driver in enumerate(drivers):
+        effort, q = e.run[f"{driver}.drive"], e.run[f"{driver}.q"]
+        low, high = e.run.mechanism.scene.stops[driver].bounds if lies[:, i].any() else (0.0, 0.0)
+        pulls = effort * np.where(q - low < high - q, 1, -1) < 0
+        left = np.where(free[:, i] & (pulls | ~lies[:, i]), effort, 0.0)
+        yield Residual("idle drive of", driver, left, e.efforts[driver])
 
 
 def trajectory(result: Result, motion: Motion) -> Iterator[tuple[str, float, float]]:
-    """For each driver: a check in words, its relative error, and what is allowed.
+    """For each state of a signal and driver: a check, its relative error, and what is allowed.
 
-    Two states, each known to the motion's stated error, may gape by twice that; a rate may by
-    as much as the coordinate does in a time of the motion.
+    Two states, each known to the motion's stated error, may gape by twice that; a rate by as much
+    as the coordinate does in a time of the motion. No error is stated of signals: they may be off
+    by the share that rates are, or that was asked for.
     """
-    mechanism, over = result.mechanism, _stretches(result, motion)
-    if not len(over.edges):
+    if motion.t_end == motion.t_start:
         return
-    names = [mechanism.of_driver(driver, "acceleration") for driver in mechanism.drivers]
+    blocks, over = result.mechanism.of_blocks, _stretches(result.mechanism, motion)
+    s, t, off = blocks.structure, over.nodes, 2 * motion.error
+    want = [f"{driver}.acceleration" for driver in s.drivers]
+    want += [source for name in integrated(s) for source in sources(s, name)]
     how = {key: result.settings[key] for key in ("friction", "tolerance", "iterations")}
-    pushed = result_along(mechanism, motion, over.nodes.ravel(), names, **how)
-    blows = np.isin(over.edges, [blow.t for blow in motion.impacts]) & [False, True]
-    before = np.where(blows, np.nextafter(over.edges, -np.inf), over.edges)
-    ends, inside = motion.at(before), motion.at(over.nodes)
-    for k, driver in enumerate(mechanism.drivers):
-        alone = len(mechanism.drivers) == 1
-        q, qd, rate = (x if alone else x[..., k] for x in (ends.q, ends.qd, inside.qd))
-        acceleration = pushed[names[k]].reshape(over.nodes.shape)
-        speed, push = float(np.abs(rate).max()), float(np.abs(acceleration).max())
-        shortest = float(np.diff(over.edges).min())
-        haste = 1 / shortest + (push / speed if speed else 0.0)  # [1/s] of errors of places
-        place = float(np.abs(q).max()) + speed * shortest
-        for what, state, slope, size, off in (
-            ("rate", q, rate, place, 2 * motion.error),
-            ("acceleration", qd, acceleration, speed + push * shortest, 2 * motion.error * haste),
-        ):
-            change, unsure = over.change(slope)
-            gap = np.maximum(np.abs(np.diff(state)[:, 0] - change) - unsure, 0.0)
-            allowed = off / size if size else 0.0
-            error = float(gap.max()) / (size or 1.0)
-            yield f"{what} of {driver}", error, allowed + ROUNDINGS * NODES * EPS
+    run, states = (
+        result_along(blocks, motion, t.ravel(), want, **how),
+        motion.signal_states(t.ravel()),
+    )
+    rows, most = [], np.full(len(t), motion.accuracy or TARGET)
+    for i, driver in enumerate(s.drivers):
+        q, qd = (x.reshape(*t.shape, -1)[..., i] for x in motion.at(t))
+        qdd = run[f"{driver}.acceleration"].reshape(t.shape)
+        place, speed = over.size(q, qd), over.size(qd, qdd)
+        haste = 1 / over.length + np.abs(qdd).max() / (np.abs(qd).max() or np.inf)  # [1/s]
+        share = off * haste / speed
+        rows.append((f"rate of {driver}", *over.worst(q, qd, place, off / place)))
+        rows.append((f"acceleration of {driver}", *over.worst(qd, qdd, speed, share)))
+        most = np.maximum(most, share)
+    for name in integrated(s):
+        block = s.signals[name]
+        own = [states[:, s.states[JointRef(name, x)]] for x in block.own_states]
+        slopes = RATES[type(block)](block, *(run[source] for source in sources(s, name)), *own)
+        for x, value, slope in zip(block.own_states, own, slopes, strict=True):
+            of_x, rate, terms = (y.reshape(t.shape) for y in (value, *slope))
+            yield (
+                f"state of {name}.{x}",
+                *over.worst(of_x, rate, over.size(of_x, terms).max(), most),
+            )
+    yield from rows
 
 
-def _stretches(result: Result, motion: Motion) -> Stretches:
-    """Stretches between output times and events, each of a small move."""
-    structure = result.mechanism.structure
-    times = [motion.t_start, *(event.t for event in motion.events), motion.t_end]
-    ends = np.unique([*(() if result.time is None else result.time), *times])
-    alike = np.diff(ends) <= 1e-9 * (ends[-1] - ends[0])  # of two but for rounding, an event counts
-    first = alike & (np.diff(np.isin(ends, times).astype(int)) > 0)
-    ends = ends[~(np.append(first, False) | np.append(False, alike & ~first))]
-    if len(ends) < 2:
-        return Stretches(np.empty((0, 2)), *(np.empty((0, 3, NODES)),) * 2)
-    q, rate = (x.reshape(len(ends), -1) for x in motion.at(ends))
+def _instants(mechanism: Compiled, motion: Motion) -> Iterator[float]:
+    """Times [s] at which something may change at once."""
+    yield from (motion.t_start, motion.t_end)
+    yield from (event.t for event in motion.events)
+    yield from (blow.t for blow in motion.impacts)
+    yield from (slips.begin for slips in motion.slips)
+    for driver in {d for x in motion.roles for d, role in x.of.items() if role == PRESCRIBED}:
+        yield from mechanism.scene.drive[driver].kinks
+    for block in mechanism.structure.signals.values():
+        t = motion.t_start
+        while (t := min(block.instant(t, after=True), block.next_kink(t))) < motion.t_end:
+            yield t
+
+
+def _stretches(mechanism: Compiled, motion: Motion) -> Stretches:
+    """Stretches of a motion, each of a small move and without an instant inside."""
+    span, structure = motion.t_end - motion.t_start, mechanism.structure
+    rates = motion.at(motion.times(LEAST)).qd.reshape(LEAST, -1)
     rotary = [structure.driver_joint(driver).rotary for driver in structure.drivers]
-    reach = [math.tau if turns else largest_length(structure) for turns in rotary]
-    speeds = np.maximum(np.abs(rate[1:]), np.abs(rate[:-1])) * np.diff(ends)[:, None]
-    moves = np.maximum(np.abs(np.diff(q, axis=0)), speeds) / (ADVANCE * np.array(reach))
-    counts = np.maximum(np.ceil(moves.max(axis=1)), 1).astype(int)
-    spans = zip(ends[:-1], ends[1:], counts, strict=True)
-    pieces = [np.linspace(a, b, n, endpoint=False) for a, b, n in spans]
-    starts = np.concatenate([*pieces, ends[-1:]])
-    edges = np.stack([starts[:-1], starts[1:]], axis=1)
-    edges = edges[np.unique(np.linspace(0, len(edges) - 1, STRETCHES).round().astype(int))]
-    start, end = edges.T
-    middle = (start + end) / 2
-    x, w = np.polynomial.legendre.leggauss(NODES)
-    parts = [(start, end), (start, middle), (middle, end)]
-    nodes = [(a + b)[:, None] / 2 + (b - a)[:, None] / 2 * x for a, b in parts]
-    weights = [(b - a)[:, None] / 2 * w for a, b in parts]
-    return Stretches(edges, np.stack(nodes, axis=1), np.stack(weights, axis=1))
+    moves = span * np.abs(rates).max(axis=0) / np.where(rotary, math.tau, largest_length(structure))
+    times = motion.times(int(np.clip(moves.max() / ADVANCE, LEAST, MOST)))
+    instants = np.unique([*_instants(mechanism, motion)])
+    instants = instants[(instants >= motion.t_start) & (instants <= motion.t_end)]
+    near = instants[np.minimum(np.searchsorted(instants, times + 1e-9 * span), len(instants)) - 1]
+    ends = np.union1d(instants, times[times - near > 1e-9 * span])
+    some = np.unique(np.linspace(0, len(ends) - 2, MOST).round().astype(int))
+    return Stretches(ends[some], ends[some + 1])

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from blockmech.analysis.blow_checks import blows
 from blockmech.analysis.coupling_checks import laws, lines_of_action
 from blockmech.analysis.evidence import TOLERANCE, Evidence, Part, Residual
 from blockmech.analysis.force_checks import (
@@ -27,7 +28,7 @@ from blockmech.analysis.force_checks import (
     whole,
 )
 from blockmech.analysis.load_checks import energies, loads
-from blockmech.analysis.motion_checks import closures, drivers, markers, modes
+from blockmech.analysis.motion_checks import closures, drivers, laws_of_motion, markers, modes
 from blockmech.analysis.signal_checks import outputs
 from blockmech.analysis.trajectory_checks import idle, trajectory
 from blockmech.arguments import declared
@@ -51,6 +52,7 @@ CHECKS: tuple[CheckOf, ...] = (
     closures,
     markers,
     drivers,
+    laws_of_motion,
     modes,
     outputs,
     loads,
@@ -142,17 +144,18 @@ def verify(
     """Hold a mechanism against the equations of mechanics over some samples.
 
     Every pair closes in places, velocities and accelerations; drivers and assembly modes are
-    those asked for; loads give what they declare; every link and the frame are in balance;
-    friction obeys Coulomb's law; powers and energies add up; the driving effort by reactions is
-    that by reduction.
+    those asked for; laws of motion have the rates and accelerations of their coordinate; loads
+    give what they declare; every link and the frame are in balance; friction obeys Coulomb's law;
+    powers and energies add up; the driving effort by reactions is that by reduction.
 
     Parameters
     ----------
     at, samples, times, rates, accelerations : [rad or m], [s] as in a run; by default 25
         samples of the laws' ranges. Gaps are left out.
         Or an answer of this mechanism: of a run its samples, with its friction; of a simulation
-        the states are also held against one another, and the drives must be idle; of a study
-        some designs are made again, each by itself.
+        the states are also held against one another, blows keep momentum, restitution and loss,
+        and the drives of free drivers must be nothing; of a study some designs are made again,
+        each by itself.
     friction, tolerance, iterations, static, engine, precision, chunk : as in a run
 
     Returns
@@ -199,9 +202,13 @@ def _of_result(
     t = motion.times(1) if result.time is None else result.time
     run = result_along(blocks, motion, t, EVERYTHING, **how, engine=engine, chunk=chunk)
     judged = _judged(mechanism, run.n, Evidence(run), idle)
-    return replace(
-        judged, rows=(*judged.rows, *(Check(*row) for row in trajectory(result, motion)))
-    )
+    jumps = list(blows(mechanism, motion)) if motion.impacts else []
+    more = [
+        Check(f"{x.what} {_said(mechanism, x.of)}", float(_relative(x.left, x.scale)))
+        for x in jumps
+    ]
+    more += [Check(*row) for row in trajectory(result, motion)]
+    return replace(judged, rows=(*judged.rows, *more))
 
 
 def _judged(mechanism: Compiled, n: int, evidence: Evidence, *more: CheckOf) -> Verification:

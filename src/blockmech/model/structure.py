@@ -509,9 +509,9 @@ class Structure:
         return self.separates(ref) or self.friction_law(ref).remembers
 
     def pair_name(self, ref: JointRef) -> str:
-        """Name of a pair in answers: a mesh has that of its coupling."""
+        """Name of a pair in answers: a mesh has that of its coupling, but for what only adds."""
         name, kind, _ = ref.name.partition("/")
-        return name if kind else str(ref)
+        return name if kind and not self.separates(ref) else str(ref)
 
     def touches(self, ref: JointRef) -> bool:
         """Whether a pair is the contact of a coupling, whose links rub on each other there."""
