@@ -17,6 +17,7 @@ AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
 LEAVES_STOP: Final = "leaves its stop"
 IMPACT: Final = "impact"
 LAW_ENDS: Final = "law of motion ends"  # of a driver that is prescribed
+NO_STEP: Final = "the solver's step became too small"
 UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 
 # What an integration stops at, to go on with another equation or because its goal is met.
@@ -25,6 +26,9 @@ REVERSAL, GUIDE_SIDE = "joint reverses", "guide changes side"
 DEFLECTION_KINK = "bristles turn"  # a pair reverses whose friction law has a state
 STICKS, SLIPS, REVERSES = "sticking", "slipping", "reversal"  # of a pair, with several drivers
 SIGNAL_KINK, RELEASED = "signal kink", "released"  # from joint friction, by a signal
+
+
+CHART_ENDS = (DEAD_CENTRE, IMPOSSIBLE, NO_STEP)  # beyond which other joints may lead on
 
 
 class TooMany(Exception):

@@ -182,6 +182,10 @@ def result_along(
     """
     friction = friction or ("newton" if "friction_work" in motion.facts else "none")
     settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+    if motion.legs:
+        from blockmech.dynamics.chart_outputs import charted_result
+
+        return charted_result(mechanism, motion, t, want, engine, settings | STATIC)
     how = friction_asked(friction, tolerance, iterations)
     if how.method != "none":
         how = replace(how, along=True)

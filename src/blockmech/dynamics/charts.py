@@ -1,0 +1,162 @@
+"""Charts: any joint may be the coordinate of a motion.
+
+The class of a mechanism depends on its driving link, and each choice of driving joints gives
+another formation sequence: a chart of the configuration space. Where the coordinates of one stand
+still though the mechanism moves, another one goes on. With the rates of all joints for k
+independent motions that the pairs allow,
+
+    T (joints, k),
+
+joints whose rows of T span the largest volume move most: pivoted Gram-Schmidt picks them, those of
+drivers that must stay first. A joint between moving links counts a fifth, because it makes general
+groups. The state is handed over through the poses of links and their rates.
+
+Source: Wehage & Haug, Generalized coordinate partitioning for dimension reduction in analysis of
+constrained dynamic systems, J. Mech. Design 104, 1982.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from blockmech.model.joints.closing import Closing, coordinate
+from blockmech.model.joints.contents import FRAME, DriverGiven
+from blockmech.model.joints.layout import Layout, Pose, Poses
+from blockmech.model.joints.linkage import Linkage
+from blockmech.model.scene import Initial
+from blockmech.motion import Floats
+from blockmech.values import free_name
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
+
+FLOATING = 0.2  # what a joint between moving links counts
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A formation sequence of a document: the joints of its drivers are the coordinates.
+
+    Attributes
+    ----------
+    mechanism : compiled, with the names of the document
+    joints : those that lead, in the order of the drivers
+    home : the document of the user, whose drivers may be others
+    kept : charts of the document that there are already, by their blocks
+    """
+
+    mechanism: Compiled
+    joints: tuple[str, ...]
+    home: Linkage
+    kept: dict[str, Chart]
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Links and pairs."""
+        return Layout.of(self.home)
+
+    @cached_property
+    def weights(self) -> dict[str, float]:
+        """Pairs that may lead, and what each counts."""
+        return {
+            name: 1.0 if FRAME in c.links else FLOATING
+            for name, c in self.layout.pairs.items()
+            if name in self.home.joints  # of a pin of three links it is not said which two
+        }
+
+    def poses(self, q: Floats) -> list[Poses]:
+        """Poses of all links at coordinates (n, k); NaN where they do not close."""
+        links, at = self.layout.links, dict(zip(self.mechanism.drivers, q.T, strict=True))
+        want = [f"link.{link}.{what}" for link in links for what in ("p", "angle")]
+        still = dict.fromkeys(at, 0.0)
+        found = self.mechanism.run(at, rates=still, want=want, friction="none", on_gap="mark")
+        columns = [
+            map(Pose, *(found[x].tolist() for x in want[i : i + 2])) for i in range(0, len(want), 2)
+        ]
+        rows = zip(*columns, strict=True)
+        return [dict(zip((FRAME, *links), (Pose(), *row), strict=True)) for row in rows]
+
+    def tangent(self, poses: Poses) -> Floats:
+        """Rates (joints, k) of joints that may lead, for k motions of unit size of all links."""
+        pairs, layout = self.layout.pairs, self.layout
+        measured = dict.fromkeys(pairs, 0.0)
+        closing = Closing(layout.links, tuple(pairs.values()), layout.size, measured)
+        rows = closing.conditions(poses)[1]
+        motions = np.linalg.svd(np.delete(rows, np.s_[2::3], axis=0))[2][-len(self.joints) :]
+        leading = [name in self.weights for name in pairs]
+        return np.asarray(rows[2::3][leading] @ motions.T)
+
+    def rows(self, T: Floats, joints: Sequence[str]) -> Floats:
+        """Those (k, k) of some joints."""
+        names = list(self.weights)
+        return T[[names.index(joint) for joint in joints]]
+
+    def volume(self, T: Floats, joints: Sequence[str]) -> float:
+        """What some joints span of all motions, as they count."""
+        counts = math.prod(self.weights[joint] for joint in joints)
+        return counts * abs(float(np.linalg.det(self.rows(T, joints))))
+
+    def largest(self, T: Floats, fixed: Sequence[str], without: Collection[str]) -> list[str]:
+        """The joints that span most, those that are fixed among them; ``without`` some."""
+        names, joints = list(self.weights), list[str]()
+        left = T * np.array([*self.weights.values()])[:, None]
+        left[[name in without for name in names]] = 0.0
+        for n in range(T.shape[1]):
+            sizes = np.linalg.norm(left, axis=1)
+            i = names.index(fixed[n]) if n < len(fixed) else int(sizes.argmax())
+            joints.append(names[i])
+            left -= np.outer(left @ left[i], left[i]) / (sizes[i] ** 2 or 1.0)
+        return joints
+
+    def rates(self, poses: Poses, joints: Sequence[str], qd: Floats) -> Floats:
+        """Rates (k,) of some joints at rates (k,) of those that lead."""
+        T, pairs = self.tangent(poses), self.layout.pairs
+        own, others = (
+            np.array([1.0 if pairs[j].kind == "R" else self.layout.size for j in some])
+            for some in (self.joints, joints)
+        )
+        return others * (
+            self.rows(T, joints) @ np.linalg.solve(self.rows(T, self.joints), qd / own)
+        )
+
+    def coordinates(self, poses: Poses, joints: Sequence[str]) -> list[float]:
+        """Coordinates [rad or m] of some joints."""
+        return [coordinate(poses, self.layout.pairs[joint]) for joint in joints]
+
+    def led_by(self, starts: Mapping[str, tuple[float, float]], poses: Poses) -> Chart:
+        """The chart that some joints lead: joint -> (coordinate, rate), in these poses.
+
+        Joints that a user drives keep their drivers. Raises `GraphError` where the poses tell no
+        assembly mode.
+        """
+        linkage = self.home
+        taken = {*linkage.drivers, *linkage.links, *linkage.loads, *linkage.signals}
+        names = {joint: free_name(joint, taken) for joint in starts} | linkage.driven
+        other: Any = linkage.snapshot()
+        other.links = {
+            name: link.model_copy(update={"pose": _numbers(poses[name])})
+            for name, link in linkage.links.items()
+        }
+        other.drivers = {
+            names[joint]: linkage.drivers.get(names[joint]) or DriverGiven(joint=joint)
+            for joint in starts
+        }
+        other.initial = {names[j]: Initial(q=q, rate=rate) for j, (q, rate) in starts.items()}
+        other.motion = {d: role for d, role in linkage.motion.items() if d in other.drivers}
+        blocks: Any = other.decompose()
+        key = repr(blocks.data["blocks"])  # with the home of general groups, so those are new
+        if key not in self.kept:
+            mechanism = blocks.compile()
+            joints = tuple(other.drivers[d].joint for d in mechanism.drivers)
+            self.kept[key] = Chart(mechanism, joints, linkage, self.kept)
+        return self.kept[key]
+
+
+def _numbers(pose: Pose) -> tuple[float, float, float]:
+    return pose.o.real, pose.o.imag, pose.theta
