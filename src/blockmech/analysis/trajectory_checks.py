@@ -16,8 +16,8 @@ import numpy as np
 
 from blockmech.analysis.evidence import Evidence, Residual
 from blockmech.analysis.free_bodies import Array
+from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.loads import largest_length
-from blockmech.dynamics.motion_outputs import result_along
 from blockmech.motion import Motion
 from blockmech.plane import EPS
 from blockmech.result import Result

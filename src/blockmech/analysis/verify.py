@@ -31,7 +31,7 @@ from blockmech.analysis.motion_checks import closures, drivers, markers, modes
 from blockmech.analysis.signal_checks import outputs
 from blockmech.analysis.trajectory_checks import idle, trajectory
 from blockmech.arguments import declared
-from blockmech.dynamics.motion_outputs import result_along
+from blockmech.dynamics.chart_outputs import result_along
 from blockmech.errors import refused
 from blockmech.model.structure import LinkRef
 from blockmech.passes.signals import STATE

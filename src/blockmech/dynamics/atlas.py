@@ -10,8 +10,9 @@ the coordinates of the user's drivers, which each chart reads as coordinates of 
 
 from __future__ import annotations
 
+import cmath
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
@@ -25,7 +26,8 @@ from blockmech.dynamics.impact import Chain, bounced
 from blockmech.dynamics.pair_stops import Counted, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.time import TimeIntegration
-from blockmech.errors import GraphError
+from blockmech.errors import BlockmechError, GraphError
+from blockmech.model.joints.blocks import SaidByLinks
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.structure import COORDINATE
 from blockmech.motion import Cost, Floats, Motion, State
@@ -33,20 +35,22 @@ from blockmech.motion import Cost, Floats, Motion, State
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.dynamics.system import System
+    from blockmech.model.graph import Graph
 
 Prepare: TypeAlias = Callable[..., tuple["System", SimulationRequest]]
 
 BETTER = 2.0  # times the volume that other joints must span for a chart to be left
+SAME = 1e-9  # [rad] to which a coordinate that counts from elsewhere is off by whole turns
 LOOKS = 96  # places over a leg at which charts are compared, and as many nearer and nearer its end
 HALVED = 26  # times that the way to its end is
 
 
 class Entry(NamedTuple):
-    """From a time [s] on a chart leads, with the coordinates (k,) of its first walk."""
+    """From a time [s] on a chart leads, where the first walk had its joints."""
 
     t: float
     chart: Chart
-    q: Floats
+    q: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -54,16 +58,17 @@ class Leg:
     """A motion in one chart, read in the coordinates of the user's drivers.
 
     motion : in the chart's coordinates
-    counted : those of the user's drivers, from where the leg begins
+    counted : those of the user's drivers, from where the leg begins; None where these lead
     """
 
     chart: Chart
     motion: Motion
-    counted: Counted
+    counted: Counted | None
 
     @cached_property
     def milestones(self) -> tuple[Floats, list[Any]]:
         """Times [s] over the leg, and what is counted there."""
+        assert self.counted is not None
         times = self.motion.times(LOOKS + 1)
         self.counted.again()
         q = self.motion.at(times).q.reshape(len(times), -1)
@@ -71,6 +76,8 @@ class Leg:
 
     def state(self, t: Floats) -> State:
         """State of the user's drivers at times (m,) [s] of the leg."""
+        if self.counted is None:
+            return self.motion.at(t)
         q, qd = (x.reshape(len(t), -1) for x in self.motion.at(t))
         times, last = self.milestones
         places, rates = np.empty_like(q), np.empty_like(q)
@@ -122,7 +129,7 @@ class Atlas:
             leg = Leg(chart, motion, self._counted(chart, request.start.q, users))
             if not planned or motion.end in ends.CHART_ENDS:
                 del self.entries[len(legs) :]
-                if (entry := self._successor(leg, bool(legs))) is None:
+                if (entry := self.successor(leg, bool(legs))) is None:
                     return self._joined([*legs, leg], costs)
                 self.entries.append(entry)
                 leg = replace(leg, motion=until(motion, entry.t))
@@ -131,10 +138,8 @@ class Atlas:
             entry = self.entries[len(legs)]
             legs.append(leg)
             users = np.atleast_1d(leg.state(np.array([leg.motion.t_end])).q[0])
-            chart, request = (
-                entry.chart,
-                replace(self.request, start=self._start(leg, entry.chart, entry.q)),
-            )
+            chart, start = entry.chart, self._start(leg, entry.chart.joints, entry.q)
+            request = replace(self.request, start=start)
 
     def _prepared(self, chart: Chart, request: SimulationRequest) -> Any:
         q, rate, _ = request.start
@@ -168,16 +173,19 @@ class Atlas:
 
         return bounced(system, request, move) if request.stops else move(system, request)
 
-    def _counted(self, chart: Chart, q: Any, users: Floats) -> Counted:
+    def _counted(self, chart: Chart, q: Any, users: Floats) -> Counted | None:
         """Coordinates of the user's drivers in a chart, which are so much where it begins."""
-        names = [f"joint.{joint}.{COORDINATE}" for joint in self.home.joints]
+        if chart is self.home:
+            return None
+        names = [f"{chart.in_outputs(joint=j)}.{COORDINATE}" for j in self.home.joints]
         pairs = stopped_pairs(chart.mechanism, names)
         assert pairs is not None
         at = np.array(np.atleast_1d(q), dtype=np.float64)
-        turns = np.round((users - pairs.places(at)) / math.tau) * math.tau
-        return Counted(pairs, at, np.where(pairs.rotary, turns, 0.0))
+        apart = users - pairs.places(at)
+        turns = np.where(pairs.rotary, math.tau * np.round(apart / math.tau), 0.0)
+        return Counted(pairs, at, np.where(np.abs(apart - turns) < SAME, turns, apart))
 
-    def _successor(self, leg: Leg, later: bool) -> Entry | None:
+    def successor(self, leg: Leg, later: bool) -> Entry | None:
         """The chart that goes on from where the present one gets worse for good; None without."""
         motion, chart = leg.motion, leg.chart
         if motion.end not in ends.CHART_ENDS:
@@ -204,39 +212,31 @@ class Atlas:
         while chart.volume(
             T, joints := chart.largest(T, self.fixed, failed)
         ) > BETTER * chart.volume(T, chart.joints):
-            start = self._start(cut, replace(chart, joints=tuple(joints)))
-            starts = dict(
-                zip(
-                    joints,
-                    zip(np.atleast_1d(start.q), np.atleast_1d(start.rate), strict=True),
-                    strict=True,
-                )
-            )
+            start = self._start(cut, joints, {})
+            states = zip(np.atleast_1d(start.q), np.atleast_1d(start.rate), strict=True)
+            starts = dict(zip(joints, states, strict=True))
             try:
                 made = chart.led_by(starts, at)
             except GraphError:
                 failed.add(joints[-1])
                 continue
-            q = np.array([starts[joint][0] for joint in made.joints])
-            return Entry(t, made, q)
+            return Entry(t, made, {joint: x for joint, (x, _) in starts.items()})
         return None
 
-    def _start(self, leg: Leg, chart: Chart, near: Floats | None = None) -> Start:
-        """Where a chart begins, by the poses and rates with which a leg ends."""
+    def _start(self, leg: Leg, joints: Sequence[str], near: Mapping[str, float]) -> Start:
+        """Coordinates and rates of joints where a leg ends; ``near`` tells the turns of angles."""
         end = leg.motion
-        q, qd = np.atleast_1d(end.q_end), np.atleast_1d(end.qd_end)
-        (poses,) = leg.chart.poses(q[None, :])
-        places = np.array(leg.chart.coordinates(poses, chart.joints))
+        (poses,) = leg.chart.poses(np.reshape(end.q_end, (1, -1)))
         users = np.atleast_1d(leg.state(np.array([end.t_end])).q[0])
-        for joint, x in zip(self.home.joints, users, strict=True):
-            places[[j == joint for j in chart.joints]] = x
-        if near is not None:
-            rotary = [self.home.layout.pairs[j].kind == "R" for j in chart.joints]
-            places += np.where(rotary, math.tau * np.round((near - places) / math.tau), 0.0)
-        rates = leg.chart.rates(poses, chart.joints, qd)
-        if len(q) == 1:
-            return Start(float(places[0]), float(rates[0]), end.t_end)
-        return Start(places, rates, end.t_end)
+        counted = {**near, **dict(zip(self.home.joints, users.tolist(), strict=True))}
+        places = leg.chart.coordinates(poses, joints)
+        for i, joint in enumerate(joints):
+            if joint in counted and self.home.layout.pairs[joint].kind == "R":
+                places[i] += math.tau * round((counted[joint] - places[i]) / math.tau)
+        rates = leg.chart.rates(poses, joints, np.atleast_1d(end.qd_end))
+        if len(joints) == 1:
+            return Start(places[0], float(rates[0]), end.t_end)
+        return Start(np.array(places), rates, end.t_end)
 
     def _joined(self, legs: Sequence[Leg], costs: Sequence[Cost]) -> Motion:
         """The motion of all legs, in the coordinates of the user's drivers."""
@@ -259,7 +259,7 @@ class Atlas:
             notes=tuple(dict.fromkeys(note for leg in legs for note in leg.motion.notes)),
             facts=facts,
             legs=tuple(moving),
-            charts=tuple((leg.motion.t_start, leg.chart.joints) for leg in moving),
+            charts=tuple((leg.motion.t_start, self.home.said(leg.chart.joints)) for leg in moving),
             cost=Cost(*map(sum, zip(*costs, strict=True))),
         )
 
@@ -277,9 +277,32 @@ def until(motion: Motion, t: float) -> Motion:
     )
 
 
-def charts(mechanism: Compiled) -> dict[str, Chart]:
+def kept_charts(mechanism: Compiled) -> dict[str, Chart]:
     """Charts of a mechanism that were made, by their blocks."""
     return {}
+
+
+def home_chart(mechanism: Compiled, q: Floats) -> Chart:
+    """The user's chart: of blocks with the document that says them as links and joints.
+
+    Raises `BlockmechError` where links and joints do not say them.
+    """
+    document, kept = mechanism.document, mechanism.once(kept_charts)
+    if isinstance(document, Linkage):
+        assert mechanism.names is not None
+        joints = tuple(document.drivers[d].joint for d in mechanism.drivers)
+        return Chart(mechanism, joints, document, mechanism.names, kept)
+    s, fixed = mechanism.structure, mechanism.structure.frame_link
+    links = [link for link in s.links if link != fixed]
+    want = [f"{link}.{what}" for link in links for what in ("p", "angle")]
+    at = dict(zip(mechanism.drivers, q.tolist(), strict=True))
+    found = mechanism.run(at, rates=dict.fromkeys(at, 0.0), want=want, friction="none")
+    poses = {
+        x: (complex(found[f"{x}.p"][0]), cmath.rect(1.0, found[f"{x}.angle"][0])) for x in links
+    }
+    said = SaidByLinks(cast("Graph", document).flat().to_data(), s, {fixed: (0j, 1 + 0j), **poses})
+    joints = tuple(said.joints[s.driven[d]] for d in mechanism.drivers)
+    return Chart(mechanism, joints, Linkage.from_data(said.document()), said.names(), kept)
 
 
 def beyond_dead_centres(
@@ -289,17 +312,24 @@ def beyond_dead_centres(
 
     ``prepare`` gives the system of a mechanism for a request and starts by driver.
     """
-    linkage = getattr(system.compiled, "document", None)
-    if not isinstance(linkage, Linkage) or request.until.goal not in ("time", "event"):
+    mechanism = cast("Compiled", system.compiled)
+    try:
+        home = home_chart(mechanism, np.atleast_1d(request.start.q))
+    except BlockmechError as error:
+        note = f"links and joints do not say these blocks, so no other joint leads on: {error}"
+        return motion.but(notes=(*motion.notes, note))
+    linkage = home.home
+    if request.until.goal not in ("time", "event"):
         return motion
     if linkage.couplings or linkage.signals or request.roles is not None or request.stops:
         return motion
-    joints = tuple(linkage.drivers[d].joint for d in system.drivers)
-    home = Chart(cast("Compiled", system.compiled), joints, linkage, system.compiled.once(charts))
     method = "radau" if request.method == "radau" else "dop853"
     followed = {load.driver for load in linkage.loads.values() if load.driver}
-    fixed = tuple(linkage.drivers[d].joint for d in system.drivers if d in followed)
+    fixed = tuple(x.joint for d, x in linkage.drivers.items() if d in followed)
     atlas = Atlas(home, request, prepare, fixed, method)
+    if (entry := atlas.successor(Leg(home, motion, None), False)) is None:
+        return motion
+    atlas.entries.append(entry)
     target = request.accuracy or TARGET
 
     def finer(tolerance: float, apart: float) -> float | None:

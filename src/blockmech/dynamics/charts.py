@@ -19,16 +19,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from blockmech.model.graph import Graph
 from blockmech.model.joints.closing import Closing, coordinate
 from blockmech.model.joints.contents import FRAME, DriverGiven
+from blockmech.model.joints.decompose import decompose
 from blockmech.model.joints.layout import Layout, Pose, Poses
 from blockmech.model.joints.linkage import Linkage
+from blockmech.model.naming import Names
 from blockmech.model.scene import Initial
 from blockmech.motion import Floats
 from blockmech.values import free_name
@@ -48,12 +51,14 @@ class Chart:
     mechanism : compiled, with the names of the document
     joints : those that lead, in the order of the drivers
     home : the document of the user, whose drivers may be others
+    names : where links and joints of the document are in the blocks of the user
     kept : charts of the document that there are already, by their blocks
     """
 
     mechanism: Compiled
     joints: tuple[str, ...]
     home: Linkage
+    names: Names
     kept: dict[str, Chart]
 
     @cached_property
@@ -70,10 +75,21 @@ class Chart:
             if name in self.home.joints  # of a pin of three links it is not said which two
         }
 
+    def in_outputs(self, link: str = "", joint: str = "") -> str:
+        """What names of outputs of a link or joint begin with."""
+        if self.mechanism.names is not None:
+            return f"link.{link}" if link else f"joint.{joint}"
+        return str(self.names.links[link].link if link else self.names.joints[joint].joint)
+
+    def said(self, joints: Sequence[str]) -> tuple[str, ...]:
+        """Joints in the words of outputs."""
+        return tuple(self.in_outputs(joint=j).removeprefix("joint.") for j in joints)
+
     def poses(self, q: Floats) -> list[Poses]:
         """Poses of all links at coordinates (n, k); NaN where they do not close."""
         links, at = self.layout.links, dict(zip(self.mechanism.drivers, q.T, strict=True))
-        want = [f"link.{link}.{what}" for link in links for what in ("p", "angle")]
+        heads = [self.in_outputs(link) for link in links]
+        want = [f"{head}.{what}" for head in heads for what in ("p", "angle")]
         still = dict.fromkeys(at, 0.0)
         found = self.mechanism.run(at, rates=still, want=want, friction="none", on_gap="mark")
         columns = [
@@ -138,9 +154,9 @@ class Chart:
         linkage = self.home
         taken = {*linkage.drivers, *linkage.links, *linkage.loads, *linkage.signals}
         names = {joint: free_name(joint, taken) for joint in starts} | linkage.driven
-        other: Any = linkage.snapshot()
+        other = linkage.snapshot()
         other.links = {
-            name: link.model_copy(update={"pose": _numbers(poses[name])})
+            name: link if name == FRAME else link.model_copy(update={"pose": _pose(poses[name])})
             for name, link in linkage.links.items()
         }
         other.drivers = {
@@ -149,14 +165,14 @@ class Chart:
         }
         other.initial = {names[j]: Initial(q=q, rate=rate) for j, (q, rate) in starts.items()}
         other.motion = {d: role for d, role in linkage.motion.items() if d in other.drivers}
-        blocks: Any = other.decompose()
-        key = repr(blocks.data["blocks"])  # with the home of general groups, so those are new
+        data, named, _, document = decompose(other)
+        key = repr(data["blocks"])  # with the home of general groups, so those are new
         if key not in self.kept:
-            mechanism = blocks.compile()
+            mechanism = type(self.mechanism).of(Graph.from_data(data), named, document)
             joints = tuple(other.drivers[d].joint for d in mechanism.drivers)
-            self.kept[key] = Chart(mechanism, joints, linkage, self.kept)
+            self.kept[key] = replace(self, mechanism=mechanism, joints=joints)
         return self.kept[key]
 
 
-def _numbers(pose: Pose) -> tuple[float, float, float]:
+def _pose(pose: Pose) -> tuple[float, float, float]:
     return pose.o.real, pose.o.imag, pose.theta

@@ -163,7 +163,7 @@ class SimulationResult(Result[M]):
     motion: Motion
 
 
-def result_along(
+def result_in_chart(
     mechanism: Compiled,
     motion: Motion,
     t: Floats,
@@ -174,7 +174,7 @@ def result_along(
     engine: str = "auto",
     chunk: int | None = None,
 ) -> SimulationResult:
-    """The wanted outputs at times (n,) [s] of a motion.
+    """The wanted outputs at times (n,) [s] of a motion in one chart.
 
     Joint friction is that of the motion, if nothing else is said. In a dead centre itself, in
     which a motion ends, there are no rates and forces: there the rate of the driver, mostly
@@ -182,10 +182,6 @@ def result_along(
     """
     friction = friction or ("newton" if "friction_work" in motion.facts else "none")
     settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
-    if motion.legs:
-        from blockmech.dynamics.chart_outputs import charted_result
-
-        return charted_result(mechanism, motion, t, want, engine, settings | STATIC)
     how = friction_asked(friction, tolerance, iterations)
     if how.method != "none":
         how = replace(how, along=True)

@@ -19,12 +19,12 @@ import numpy as np
 from blockmech.compiled import compiled_program
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
+from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.impact import bounced
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion_outputs import (
     SimulationResult,
     frictionless,
-    result_along,
     states_along,
 )
 from blockmech.dynamics.request import (

@@ -11,6 +11,7 @@ from typing import Any
 
 from blockmech.errors import refused
 from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
+from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.spots import guide_spots, marker_place, pin_spot
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.values import xy
@@ -51,6 +52,7 @@ class SaidByLinks:
             ref: ref.name if words.count(ref.name) == 1 else f"{ref.block}_{ref.name}"
             for ref in self.pairs
         }
+        self.flipped = {ref for d, ref in self.s.driven.items() if self.s.coordinate(d).sign < 0}
         self.drivers = {driver: driver.replace(".", "_") for driver in self.s.driven}
 
     def document(self) -> Form:
@@ -82,6 +84,24 @@ class SaidByLinks:
             **{key: part for key, part in zip(OF_DRIVERS[1:], rest, strict=True) if part},
         }
 
+    def names(self) -> Names:
+        """Where links and joints of the document are in the graph."""
+        links = {
+            name: LinkName(ref, MarkerRef(ref.block, ref.link, ref.link), 0.0)
+            for ref, name in self.links.items()
+            if name != FRAME
+        }
+        joints = dict[str, JointName]()
+        for ref, name in self.joints.items():
+            first, second = (self.links[x] for x in self._ends(ref))
+            joints[name] = JointName(ref, ref in self.flipped, False, (), (first, second))
+        return Names(links, joints, {name: (name,) for name in self.s.elements})
+
+    def _ends(self, ref: JointRef) -> list[LinkRef]:
+        """The links of a pair, in the order in which its coordinate counts as a driver's."""
+        ends = [self.s.earlier_link(ref), self.s.later_link(ref)]
+        return ends[::-1] if ref in self.flipped else ends
+
     def _on(self, link: LinkRef, z: complex) -> list[float]:
         o, e = self.poses[link]
         return xy((z - o) / e)
@@ -104,9 +124,8 @@ class SaidByLinks:
             yield name, {**made, **pose, **({"markers": markers} if markers else {})}
 
     def _pairs(self) -> Iterator[tuple[str, Form]]:
-        counted = {ref: self.s.coordinate(d).sign for d, ref in self.s.driven.items()}
         for ref in self.pairs:
-            both = [self.s.earlier_link(ref), self.s.later_link(ref)][:: counted.get(ref, 1)]
+            both = self._ends(ref)
             law = self.form["blocks"][ref.block].get("friction", {}).get(ref.name)
             made: Form = {"type": self.s.joint(ref).kind, "links": [self.links[x] for x in both]}
             if made["type"] == "R":
