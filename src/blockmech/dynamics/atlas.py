@@ -14,7 +14,7 @@ import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
@@ -24,13 +24,15 @@ from blockmech.dynamics.charts import Chart
 from blockmech.dynamics.estimate import FINER, FLOOR, SHORTER, TARGET, refined, with_rounding
 from blockmech.dynamics.impact import Chain, bounced
 from blockmech.dynamics.pair_stops import Counted, stopped_pairs
-from blockmech.dynamics.request import SimulationRequest, Start, Until
-from blockmech.dynamics.time import TimeIntegration
-from blockmech.errors import BlockmechError, GraphError
+from blockmech.dynamics.request import SimulationRequest, Start, Surface, Until, Watch
+from blockmech.dynamics.roles import FREE, Roles
+from blockmech.dynamics.time import FIXED, TimeIntegration
+from blockmech.errors import BlockmechError, GraphError, listed
 from blockmech.model.joints.blocks import SaidByLinks
+from blockmech.model.joints.layout import Poses
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.structure import COORDINATE
-from blockmech.motion import Cost, Floats, Motion, State
+from blockmech.motion import Cost, Floats, Motion, RolesFrom, State
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -41,8 +43,10 @@ Prepare: TypeAlias = Callable[..., tuple["System", SimulationRequest]]
 
 BETTER = 2.0  # times the volume that other joints must span for a chart to be left
 SAME = 1e-9  # [rad] to which a coordinate that counts from elsewhere is off by whole turns
-LOOKS = 96  # places over a leg at which charts are compared, and as many nearer and nearer its end
-HALVED = 26  # times that the way to its end is
+LOOKS = 32  # places over a leg at which charts are compared
+HALVED = 26  # times that the way to its end is, for more of them
+SCOUTING = 1e-7  # tolerance of the walk that finds which joints lead from when on
+MILESTONES = 9  # places over a leg from which turns are counted
 
 
 class Entry(NamedTuple):
@@ -69,7 +73,7 @@ class Leg:
     def milestones(self) -> tuple[Floats, list[Any]]:
         """Times [s] over the leg, and what is counted there."""
         assert self.counted is not None
-        times = self.motion.times(LOOKS + 1)
+        times = self.motion.times(MILESTONES)
         self.counted.again()
         q = self.motion.at(times).q.reshape(len(times), -1)
         return times, [(self.counted.at(x), self.counted.last)[1] for x in q]
@@ -123,9 +127,9 @@ class Atlas:
             goal = self._left(legs, request.start.t)
             if planned:
                 goal = Until("time", self.entries[len(legs)].t - request.start.t)
-            system, asked = self._prepared(chart, replace(request, until=goal))
-            motion = self._integrated(system, asked, tolerance, len(legs))
-            costs.append(system.cost)
+            asked = self._asked(chart, replace(request, until=goal), users)
+            motion, cost = self._integrated(chart, asked, tolerance, len(legs), not planned)
+            costs.append(cost)
             leg = Leg(chart, motion, self._counted(chart, request.start.q, users))
             if not planned or motion.end in ends.CHART_ENDS:
                 del self.entries[len(legs) :]
@@ -139,13 +143,44 @@ class Atlas:
             legs.append(leg)
             users = np.atleast_1d(leg.state(np.array([leg.motion.t_end])).q[0])
             chart, start = entry.chart, self._start(leg, entry.chart.joints, entry.q)
-            request = replace(self.request, start=start)
+            request = replace(self.request, start=start, roles=self._roles(leg))
 
-    def _prepared(self, chart: Chart, request: SimulationRequest) -> Any:
-        q, rate, _ = request.start
-        pairs = zip(np.atleast_1d(q), np.atleast_1d(rate), strict=True)
-        starts = dict(zip(chart.mechanism.drivers, pairs, strict=True))
-        return self.prepare(chart.mechanism, request, starts)
+    def _asked(self, chart: Chart, request: SimulationRequest, users: Floats) -> SimulationRequest:
+        """A request in the words of a chart: its roles, events and places of the goal."""
+        if chart is self.home:
+            return request
+        counted = self._counted(chart, request.start.q, users)
+        assert counted is not None
+
+        def read(surface: Surface) -> Surface:
+            def value(t: float, q: Any, qd: Any) -> float:
+                places = counted.at(np.atleast_1d(q))
+                rates = counted.last[2] @ np.atleast_1d(qd)
+                alone = len(places) == 1
+                return surface(t, *((places[0], rates[0]) if alone else (places, rates)))
+
+            return value
+
+        until, watch = request.until, request.watch
+        if place := replace(request, start=self.request.start).places:
+            until = Until("event")
+            watch += tuple(Watch(request.until.goal, partial(_beyond, x)) for x in place)
+        roles = request.roles
+        if roles is not None:
+            of, drive = roles.by_driver(), chart.mechanism.scene.drive
+            drivers = chart.mechanism.drivers
+            each = tuple(of.get(d, FREE) for d in drivers), tuple(drive.get(d) for d in drivers)
+            roles = Roles(drivers, *each)
+        watch = tuple(replace(w, surface=read(w.surface)) for w in watch)
+        return replace(request, until=until, watch=watch, roles=roles)
+
+    def _roles(self, leg: Leg) -> Roles | None:
+        """The roles with which a leg ends."""
+        roles = self.request.roles
+        if roles is None or not leg.motion.roles:
+            return roles
+        of = leg.motion.roles[-1].of
+        return roles.but({d: role for d, role in of.items() if d in roles.drivers})
 
     def _left(self, legs: Sequence[Leg], t: float) -> Until:
         """What still ends the motion."""
@@ -158,20 +193,28 @@ class Atlas:
         return goal
 
     def _integrated(
-        self, system: System, request: SimulationRequest, tolerance: float, n: int
-    ) -> Motion:
-        target = self.request.accuracy or TARGET
-        limit = SHORTER * self.longest.get(n, math.inf)
+        self, chart: Chart, request: SimulationRequest, tolerance: float, n: int, scouts: bool
+    ) -> tuple[Motion, Cost]:
+        """The n-th leg; where it ``scouts`` a dear chart is left as soon as another is better."""
+        q, rate, _ = request.start
+        pairs = zip(np.atleast_1d(q), np.atleast_1d(rate), strict=True)
+        starts = dict(zip(chart.mechanism.drivers, pairs, strict=True))
+        system, request = self.prepare(chart.mechanism, request, starts)
+        target, limit = self.request.accuracy or TARGET, SHORTER * self.longest.get(n, math.inf)
+        how = {"max_step": limit, "leaves": None}
+        if scouts and chart.is_general:
+            how["leaves"] = lambda q: self.better(chart, *chart.poses(q[None, :])) is not None
 
         def move(system: System, request: SimulationRequest) -> Motion:
             one = TimeIntegration(
-                system, request, self.method, tolerance, self.method, target, max_step=limit
+                system, request, self.method, tolerance, self.method, target, **how
             )
             motion = one.motion()
             self.longest[n] = max(self.longest.get(n, 0.0), one.longest)
             return motion
 
-        return bounced(system, request, move) if request.stops else move(system, request)
+        motion = bounced(system, request, move) if request.stops else move(system, request)
+        return motion, system.cost
 
     def _counted(self, chart: Chart, q: Any, users: Floats) -> Counted | None:
         """Coordinates of the user's drivers in a chart, which are so much where it begins."""
@@ -185,40 +228,42 @@ class Atlas:
         turns = np.where(pairs.rotary, math.tau * np.round(apart / math.tau), 0.0)
         return Counted(pairs, at, np.where(np.abs(apart - turns) < SAME, turns, apart))
 
+    def better(self, chart: Chart, poses: Poses) -> Floats | None:
+        """The rates of all joints in poses where others should lead; None where none should."""
+        if not all(math.isfinite(pose.theta) for pose in poses.values()):
+            return None
+        T = chart.tangent(poses)
+        volume = chart.volume(T, chart.largest(T, self.fixed, ()))
+        return T if volume > BETTER * chart.volume(T, chart.joints) else None
+
     def successor(self, leg: Leg, later: bool) -> Entry | None:
         """The chart that goes on from where the present one gets worse for good; None without."""
         motion, chart = leg.motion, leg.chart
         if motion.end not in ends.CHART_ENDS:
             return None
-        span = motion.t_end - motion.t_start
-        times = motion.t_end - span * np.append(
-            np.linspace(1, 0, LOOKS + 1)[:-1], 0.5 ** np.arange(1, HALVED)
-        )
-        times = np.unique(times)
+        span, looks = motion.t_end - motion.t_start, np.linspace(1.0, 0.0, LOOKS, endpoint=False)
+        times = np.unique(motion.t_end - span * np.append(looks, 0.5 ** np.arange(1, HALVED)))
         poses = chart.poses(motion.at(times).q.reshape(len(times), -1))
-        worse = None
+        where = None
         for t, at in zip(times[::-1].tolist(), poses[::-1], strict=True):
-            if not all(math.isfinite(pose.theta) for pose in at.values()):
-                continue
-            T = chart.tangent(at)
-            joints = chart.largest(T, self.fixed, ())
-            if not chart.volume(T, joints) > BETTER * chart.volume(T, chart.joints):
+            closes = all(math.isfinite(pose.theta) for pose in at.values())
+            T = self.better(chart, at)
+            if closes and T is None:
                 break
-            worse = t, at, T
-        if worse is None or (later and worse[0] == motion.t_start):
+            where = where if T is None else (t, at, T)
+        if where is None or (later and where[0] == motion.t_start):
             return None
-        t, at, T = worse
-        cut, failed = replace(leg, motion=until(motion, t)), set[str]()
-        while chart.volume(
-            T, joints := chart.largest(T, self.fixed, failed)
-        ) > BETTER * chart.volume(T, chart.joints):
+        t, at, T = where
+        cut, without = replace(leg, motion=until(motion, t)), set[str]()
+        least = BETTER * chart.volume(T, chart.joints)
+        while chart.volume(T, joints := chart.largest(T, self.fixed, without)) > least:
             start = self._start(cut, joints, {})
             states = zip(np.atleast_1d(start.q), np.atleast_1d(start.rate), strict=True)
             starts = dict(zip(joints, states, strict=True))
             try:
                 made = chart.led_by(starts, at)
-            except GraphError:
-                failed.add(joints[-1])
+            except GraphError:  # where poses tell no mode, or nothing follows from these joints
+                without.add(joints[-1])
                 continue
             return Entry(t, made, {joint: x for joint, (x, _) in starts.items()})
         return None
@@ -245,6 +290,17 @@ class Atlas:
         track = Chain(np.array([leg.motion.t_start for leg in moving]), tuple(moving))
         end = legs[-1].state(np.array([last.t_end]))
         facts = dict(last.facts)
+        for work in ("friction_work", "drive_work"):
+            if parts := [x.motion.facts[work] for x in legs if work in x.motion.facts]:
+                facts[work] = math.fsum(parts)
+        balances = [x.motion.facts.get("energy_balance", 0.0) for x in legs]
+        if "energy_balance" in facts:
+            facts["energy_balance"] = max(balances)
+        roles = list[RolesFrom]()
+        for x in (x for leg in legs for x in leg.motion.roles):
+            of = {d: x.of.get(d, FREE) for d in self.home.mechanism.drivers}
+            if not roles or roles[-1].of != of:
+                roles.append(RolesFrom(x.begin, of))
         events = []
         for leg in legs:
             for event in leg.motion.events:
@@ -256,12 +312,19 @@ class Atlas:
             qd_end=end.qd[0],
             track=track,
             events=tuple(events),
+            roles=tuple(roles),
+            slips=(),  # each leg has those of its own pairs
             notes=tuple(dict.fromkeys(note for leg in legs for note in leg.motion.notes)),
             facts=facts,
             legs=tuple(moving),
             charts=tuple((leg.motion.t_start, self.home.said(leg.chart.joints)) for leg in moving),
             cost=Cost(*map(sum, zip(*costs, strict=True))),
         )
+
+
+def _beyond(place: float, t: float, q: Any, qd: Any) -> Any:
+    """How far the only driver of the user is beyond a place [rad or m]."""
+    return q - place
 
 
 def until(motion: Motion, t: float) -> Motion:
@@ -305,6 +368,19 @@ def home_chart(mechanism: Compiled, q: Floats) -> Chart:
     return Chart(mechanism, joints, Linkage.from_data(said.document()), said.names(), kept)
 
 
+def _refused(mechanism: Compiled, linkage: Linkage, request: SimulationRequest) -> str:
+    """What a motion has that is not handed over from chart to chart; empty where all is."""
+    reasons = {
+        "it has couplings": linkage.couplings,
+        "signals or friction laws have states": mechanism.structure.states,
+        "signals read the drivers": linkage.signals or mechanism.structure.signal_wires,
+        "end stops let it bounce": request.stops,
+        "a steady state is looked for": request.until.goal == "steady",
+        "its steps are fixed": request.method in FIXED,
+    }
+    return listed([why for why, so in reasons.items() if so])
+
+
 def beyond_dead_centres(
     motion: Motion, system: System, request: SimulationRequest, prepare: Prepare
 ) -> Motion:
@@ -318,14 +394,16 @@ def beyond_dead_centres(
     except BlockmechError as error:
         note = f"links and joints do not say these blocks, so no other joint leads on: {error}"
         return motion.but(notes=(*motion.notes, note))
-    linkage = home.home
-    if request.until.goal not in ("time", "event"):
-        return motion
-    if linkage.couplings or linkage.signals or request.roles is not None or request.stops:
-        return motion
-    method = "radau" if request.method == "radau" else "dop853"
-    followed = {load.driver for load in linkage.loads.values() if load.driver}
-    fixed = tuple(x.joint for d, x in linkage.drivers.items() if d in followed)
+    linkage, method = home.home, "radau" if request.method == "radau" else "dop853"
+    if why := _refused(mechanism, linkage, request):
+        return motion.but(
+            notes=(*motion.notes, f"no other joint than the drivers' leads on: {why}")
+        )
+    named = {load.driver for load in linkage.loads.values() if load.driver}
+    named |= {d for watch in request.watch for d in watch.then}
+    if request.roles is not None:
+        named |= {d for d, role in request.roles.by_driver().items() if role != FREE}
+    fixed = tuple(linkage.drivers[d].joint for d in linkage.drivers if d in named)
     atlas = Atlas(home, request, prepare, fixed, method)
     if (entry := atlas.successor(Leg(home, motion, None), False)) is None:
         return motion
@@ -339,5 +417,6 @@ def beyond_dead_centres(
         return max(tolerance * share, FLOOR)
 
     first = max(target / 10, FLOOR * FINER)
+    atlas.walk(max(first, SCOUTING))
     whole, apart = refined(atlas.walk, first, finer, target, system.rotary, request.times)
     return with_rounding(system, whole, target, apart)

@@ -21,24 +21,28 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from blockmech.blocks.general import GeneralGroup
 from blockmech.model.graph import Graph
 from blockmech.model.joints.closing import Closing, coordinate
 from blockmech.model.joints.contents import FRAME, DriverGiven
 from blockmech.model.joints.decompose import decompose
 from blockmech.model.joints.layout import Layout, Pose, Poses
 from blockmech.model.joints.linkage import Linkage
+from blockmech.model.joints.references import coordinate_of
 from blockmech.model.naming import Names
 from blockmech.model.scene import Initial
+from blockmech.model.structure import COORDINATE
 from blockmech.motion import Floats
 from blockmech.values import free_name
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
+T = TypeVar("T")
 FLOATING = 0.2  # what a joint between moving links counts
 
 
@@ -74,6 +78,11 @@ class Chart:
             for name, c in self.layout.pairs.items()
             if name in self.home.joints  # of a pin of three links it is not said which two
         }
+
+    @cached_property
+    def is_general(self) -> bool:
+        """Whether a group has no closed form: its poses are dear, and known near its home."""
+        return any(isinstance(x, GeneralGroup) for x in self.mechanism.structure.blocks.values())
 
     def in_outputs(self, link: str = "", joint: str = "") -> str:
         """What names of outputs of a link or joint begin with."""
@@ -145,6 +154,18 @@ class Chart:
         """Coordinates [rad or m] of some joints."""
         return [coordinate(poses, self.layout.pairs[joint]) for joint in joints]
 
+    def stops_led_by(self, joints: Collection[str], stops: Mapping[str, T]) -> dict[str, T]:
+        """End stops by the names that they have where some joints lead."""
+        joint_of = {d: x.joint for d, x in self.home.drivers.items()}
+        driver_of = {joint: d for d, joint in joint_of.items()}
+        renamed = dict[str, T]()
+        for name, between in stops.items():
+            joint = joint_of.get(name) or coordinate_of(name) or name
+            renamed[
+                driver_of.get(joint, joint) if joint in joints else f"joint.{joint}.{COORDINATE}"
+            ] = between
+        return renamed
+
     def led_by(self, starts: Mapping[str, tuple[float, float]], poses: Poses) -> Chart:
         """The chart that some joints lead: joint -> (coordinate, rate), in these poses.
 
@@ -164,13 +185,17 @@ class Chart:
             for joint in starts
         }
         other.initial = {names[j]: Initial(q=q, rate=rate) for j, (q, rate) in starts.items()}
+        other.stops = self.stops_led_by(starts, linkage.stops)
         other.motion = {d: role for d, role in linkage.motion.items() if d in other.drivers}
         data, named, _, document = decompose(other)
         key = repr(data["blocks"])  # with the home of general groups, so those are new
         if key not in self.kept:
             mechanism = type(self.mechanism).of(Graph.from_data(data), named, document)
             joints = tuple(other.drivers[d].joint for d in mechanism.drivers)
-            self.kept[key] = replace(self, mechanism=mechanism, joints=joints)
+            made = replace(self, mechanism=mechanism, joints=joints)
+            if made.is_general:
+                return made
+            self.kept[key] = made
         return self.kept[key]
 
 

@@ -28,7 +28,8 @@ STICKS, SLIPS, REVERSES = "sticking", "slipping", "reversal"  # of a pair, with 
 SIGNAL_KINK, RELEASED = "signal kink", "released"  # from joint friction, by a signal
 
 
-CHART_ENDS = (DEAD_CENTRE, IMPOSSIBLE, NO_STEP)  # beyond which other joints may lead on
+LEAVES_CHART: Final = "other joints lead better"
+CHART_ENDS = (DEAD_CENTRE, IMPOSSIBLE, NO_STEP, LEAVES_CHART)  # others may lead beyond
 
 
 class TooMany(Exception):

@@ -120,6 +120,7 @@ class TimeIntegration(Run):
     finer: float | None = None  # tolerance of a run that comes after this
     max_step: float = math.inf  # [s]
     patient: bool = True  # whether too many steps are made before they are known to be
+    leaves: Callable[[Any], bool] | None = None  # whether other joints should lead at coordinates
     scales: Floats | None = None  # typical sizes of the state's components, for the tolerances
     energy: float | None = None  # [J] where it starts
     longest: float = 0.0  # [s] step so far
@@ -444,6 +445,8 @@ class TimeIntegration(Run):
             met = self._over(steps, lookout, own) if solver.t > solver.t_old else None
             if met is not None:
                 return met
+            if self.leaves is not None and self.leaves(self.y[self.layout.q]):
+                return RunEnd(ends.LEAVES_CHART)
         return None
 
     def _over(
