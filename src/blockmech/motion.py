@@ -239,6 +239,9 @@ class Motion(Facts, Report):
             lines.append(f"roles{since}: " + listed(f"{d} {role}" for d, role in of.items()))
         why = f" ({self.why})" if self.why else ""
         by = " by machine code" if self.engine == "llvm" else ""
+        if len(self.charts) > 1:
+            leads = (f"{listed(joints)} from {t:.6g} s on" for t, joints in self.charts)
+            lines.append(f"joints that lead: {listed(leads)}")
         cost = f"{self.cost.evaluations} kernel evaluations{by}"
         lines.append(f"method {self.method}{why}, {cost}")
         if math.isfinite(self.error):

@@ -206,8 +206,12 @@ class ChartedResult(SimulationResult[M]):
     where another one leads.
     """
 
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: x for name, x in super().__getstate__().items() if name != "parts"}
+
     @cached_property
-    def _parts(self) -> list[LegOutputs]:
+    def parts(self) -> list[LegOutputs]:
+        """Legs that have samples, each with the result in its chart."""
         legs, t = self.motion.legs, np.asarray(self.samples.time)
         begins = [leg.motion.t_start for leg in legs]
         which = np.maximum(np.searchsorted(begins, t, "right") - 1, 0)
@@ -225,7 +229,7 @@ class ChartedResult(SimulationResult[M]):
         k = len(self.mechanism.drivers)
         shape = (self.n, k, k) if kind == "matrix" else (self.n,)
         whole: Any = np.full(shape, complex(np.nan, np.nan) if kind == "vector" else np.nan)
-        for part in self._parts:
+        for part in self.parts:
             whole[part.at] = part.read(name)
         return whole
 
@@ -233,7 +237,7 @@ class ChartedResult(SimulationResult[M]):
     def quality(self) -> Quality:
         """Status of each sample and flags, each by the chart that leads there."""
         status, blame, flags = [""] * self.n, dict[int, str](), list[Flag]()
-        for part in self._parts:
+        for part in self.parts:
             own, at = part.result.quality, part.at.tolist()
             for i, word in zip(at, own.status, strict=True):
                 status[i] = word
@@ -246,13 +250,13 @@ class ChartedResult(SimulationResult[M]):
         """Those of the legs."""
         return tuple(
             replace(flag, sample=int(part.at[flag.sample]))
-            for part in self._parts
+            for part in self.parts
             for flag in part.result.digits_lost
         )
 
     def surely_whole(self) -> bool:
         """A cheap sufficient test that every sample has an answer."""
-        return all(part.result.surely_whole() for part in self._parts)
+        return all(part.result.surely_whole() for part in self.parts)
 
     def _again(self, mechanism: Any, want: Sequence[str], settings: Any = None) -> Any:
         t = np.asarray(self.samples.time)

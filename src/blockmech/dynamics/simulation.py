@@ -130,12 +130,20 @@ def simulate(
 
         motion = beyond_dead_centres(motion, system, request, prepare)
     motion = with_undefined_loads(mechanism, motion)
+    if not motion.charts:
+        motion = motion.but(charts=((motion.t_start, mechanism.once(leading_joints)),))
     if request.roles is not None and not motion.roles:  # it did not begin
         motion = replace(motion, roles=(RolesFrom(motion.t_start, request.roles.by_driver()),))
     if remarks := _remarks(system, motion, request.until):
         motion = replace(motion, notes=(*motion.notes, *remarks))
     wanted = None if times is None else np.array(request.times)
     return _at_times(mechanism, motion, wanted, want, settings)
+
+
+def leading_joints(mechanism: Compiled) -> tuple[str, ...]:
+    """The joints of the drivers, in the words of outputs."""
+    driven = (str(mechanism.structure.driven[driver]) for driver in mechanism.drivers)
+    return tuple(mechanism.joint_names.get(x, x).removeprefix("joint.") for x in driven)
 
 
 def prepared(
