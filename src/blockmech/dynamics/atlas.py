@@ -33,6 +33,7 @@ from blockmech.model.joints.layout import Poses
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.structure import COORDINATE
 from blockmech.motion import Cost, Floats, Motion, RolesFrom, State
+from blockmech.plane import EPS
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -46,6 +47,8 @@ SAME = 1e-9  # [rad] to which a coordinate that counts from elsewhere is off by 
 LOOKS = 32  # places over a leg at which charts are compared
 HALVED = 26  # times that the way to its end is, for more of them
 SCOUTING = 1e-7  # tolerance of the walk that finds which joints lead from when on
+WHY = "other joints lead where the drivers' coordinates stand still"
+ROUNDED = 2  # roundings by which two walks differ where the state is handed over
 MILESTONES = 9  # places over a leg from which turns are counted
 
 
@@ -117,10 +120,11 @@ class Atlas:
     method: str
     entries: list[Entry] = field(default_factory=list)
     longest: dict[int, float] = field(default_factory=dict)  # [s] step in each leg of a walk
+    walks: int = 0
 
     def walk(self, tolerance: float) -> Motion:
         """Go on from chart to chart until something else than a dead centre ends the motion."""
-        legs, request = list[Leg](), self.request
+        legs, request, self.walks = list[Leg](), self.request, self.walks + 1
         chart, costs, users = self.home, list[Cost](), np.atleast_1d(request.start.q)
         while True:
             planned = len(legs) < len(self.entries)
@@ -242,7 +246,8 @@ class Atlas:
         if motion.end not in ends.CHART_ENDS:
             return None
         span, looks = motion.t_end - motion.t_start, np.linspace(1.0, 0.0, LOOKS, endpoint=False)
-        times = np.unique(motion.t_end - span * np.append(looks, 0.5 ** np.arange(1, HALVED)))
+        before = span * np.append(looks, 0.5 ** np.arange(1, HALVED))
+        times = np.unique(np.maximum(motion.t_end - before, motion.t_start))
         poses = chart.poses(motion.at(times).q.reshape(len(times), -1))
         where = None
         for t, at in zip(times[::-1].tolist(), poses[::-1], strict=True):
@@ -275,10 +280,19 @@ class Atlas:
         users = np.atleast_1d(leg.state(np.array([end.t_end])).q[0])
         counted = {**near, **dict(zip(self.home.joints, users.tolist(), strict=True))}
         places = leg.chart.coordinates(poses, joints)
+        qd = np.atleast_1d(end.qd_end)
+        rates = leg.chart.rates(poses, joints, qd)
+        states = zip(np.atleast_1d(end.q_end), qd, strict=True)
+        leading = dict(zip(leg.chart.joints, states, strict=True))
+        off = (-1) ** self.walks * ROUNDED * EPS * leg.chart.conditioning(poses)
         for i, joint in enumerate(joints):
             if joint in counted and self.home.layout.pairs[joint].kind == "R":
                 places[i] += math.tau * round((counted[joint] - places[i]) / math.tau)
-        rates = leg.chart.rates(poses, joints, np.atleast_1d(end.qd_end))
+            place, rate = leading.get(joint, (math.inf, 0.0))
+            if abs(place - places[i]) < SAME:  # it leads on
+                places[i], rates[i] = float(place), rate
+            else:
+                places[i], rates[i] = places[i] + off, rates[i] * (1.0 + off)
         if len(joints) == 1:
             return Start(places[0], float(rates[0]), end.t_end)
         return Start(np.array(places), rates, end.t_end)
@@ -404,7 +418,7 @@ def beyond_dead_centres(
     if request.roles is not None:
         named |= {d for d, role in request.roles.by_driver().items() if role != FREE}
     fixed = tuple(linkage.drivers[d].joint for d in linkage.drivers if d in named)
-    atlas = Atlas(home, request, prepare, fixed, method)
+    atlas = Atlas(home, replace(request, why=WHY), prepare, fixed, method)
     if (entry := atlas.successor(Leg(home, motion, None), False)) is None:
         return motion
     atlas.entries.append(entry)

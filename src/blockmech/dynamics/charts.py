@@ -107,15 +107,24 @@ class Chart:
         rows = zip(*columns, strict=True)
         return [dict(zip((FRAME, *links), (Pose(), *row), strict=True)) for row in rows]
 
-    def tangent(self, poses: Poses) -> Floats:
-        """Rates (joints, k) of joints that may lead, for k motions of unit size of all links."""
+    def _slopes(self, poses: Poses) -> tuple[Floats, Floats]:
+        """What poses (3n,) change: conditions that pairs hold, and coordinates of pairs."""
         pairs, layout = self.layout.pairs, self.layout
         measured = dict.fromkeys(pairs, 0.0)
-        closing = Closing(layout.links, tuple(pairs.values()), layout.size, measured)
-        rows = closing.conditions(poses)[1]
-        motions = np.linalg.svd(np.delete(rows, np.s_[2::3], axis=0))[2][-len(self.joints) :]
-        leading = [name in self.weights for name in pairs]
-        return np.asarray(rows[2::3][leading] @ motions.T)
+        rows = Closing(layout.links, tuple(pairs.values()), layout.size, measured).conditions(poses)
+        return np.delete(rows[1], np.s_[2::3], axis=0), rows[1][2::3]
+
+    def tangent(self, poses: Poses) -> Floats:
+        """Rates (joints, k) of joints that may lead, for k motions of unit size of all links."""
+        held, along = self._slopes(poses)
+        motions = np.linalg.svd(held)[2][-len(self.joints) :]
+        return np.asarray(along[[name in self.weights for name in self.layout.pairs]] @ motions.T)
+
+    def conditioning(self, poses: Poses) -> float:
+        """How many times roundings of the coordinates that lead are those of the poses."""
+        held, along = self._slopes(poses)
+        leading = along[[name in self.joints for name in self.layout.pairs]]
+        return float(1.0 / np.linalg.svd(np.vstack([held, leading]), compute_uv=False)[-1])
 
     def rows(self, T: Floats, joints: Sequence[str]) -> Floats:
         """Those (k, k) of some joints."""
