@@ -23,6 +23,7 @@ from blockmech.dynamics import ends
 from blockmech.dynamics.charts import Chart
 from blockmech.dynamics.estimate import FINER, FLOOR, SHORTER, TARGET, refined, with_rounding
 from blockmech.dynamics.impact import Chain, bounced
+from blockmech.dynamics.methods import move
 from blockmech.dynamics.pair_stops import Counted, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Surface, Until, Watch
 from blockmech.dynamics.roles import FREE, Roles
@@ -48,6 +49,7 @@ LOOKS = 32  # places over a leg at which charts are compared
 HALVED = 26  # times that the way to its end is, for more of them
 SCOUTING = 1e-7  # tolerance of the walk that finds which joints lead from when on
 WHY = "other joints lead where the drivers' coordinates stand still"
+FOLLOW = "it passes change points, where its dyads follow the motion"
 ROUNDED = 2  # roundings by which two walks differ where the state is handed over
 MILESTONES = 9  # places over a leg from which turns are counted
 
@@ -395,6 +397,22 @@ def _refused(mechanism: Compiled, linkage: Linkage, request: SimulationRequest) 
     return listed([why for why, so in reasons.items() if so])
 
 
+def _followed(home: Chart, motion: Motion, request: SimulationRequest, prepare: Prepare) -> Motion:
+    """A motion that ended at a change point, where no joints lead: its dyads then follow it."""
+    if len(home.joints) > 1 or (made := home.following(motion, request.start)) is None:
+        return motion
+    q, rate, _ = request.start
+    drivers = made.mechanism.drivers
+    system, asked = prepare(made.mechanism, request, {drivers[0]: (q, rate)})
+    through = move(system, asked)
+    if not through.t_end > motion.t_end:
+        return motion
+    leads = (request.start.t, home.said(home.joints))
+    return through.but(
+        legs=(Leg(made, through, None),), charts=(leads,), notes=(*through.notes, FOLLOW)
+    )
+
+
 def beyond_dead_centres(
     motion: Motion, system: System, request: SimulationRequest, prepare: Prepare
 ) -> Motion:
@@ -420,7 +438,7 @@ def beyond_dead_centres(
     fixed = tuple(linkage.drivers[d].joint for d in linkage.drivers if d in named)
     atlas = Atlas(home, replace(request, why=WHY), prepare, fixed, method)
     if (entry := atlas.successor(Leg(home, motion, None), False)) is None:
-        return motion
+        return _followed(home, motion, request, prepare)
     atlas.entries.append(entry)
     target = request.accuracy or TARGET
 

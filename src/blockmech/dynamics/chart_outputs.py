@@ -149,7 +149,7 @@ class LegOutputs:
     @cached_property
     def recipes(self) -> dict[str, Recipe | None]:
         """Where each output comes from; None of those that are read of the motion."""
-        if self.own is self.of or self.of.names is not None:
+        if self.own is self.of or (self.of.names is None) == (self.own.names is None):
             return {x: ((x,), _same) if x in self.own.outputs else None for x in self.want}
         assert self.leg.chart.names is not None
         recipe = InBlocks(self.of, self.leg.chart.names)

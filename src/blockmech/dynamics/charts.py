@@ -26,6 +26,8 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from blockmech.blocks.general import GeneralGroup
+from blockmech.blocks.modes import TwoModes
+from blockmech.dynamics.request import Start
 from blockmech.model.graph import Graph
 from blockmech.model.joints.closing import Closing, coordinate
 from blockmech.model.joints.contents import FRAME, DriverGiven
@@ -36,13 +38,14 @@ from blockmech.model.joints.references import coordinate_of
 from blockmech.model.naming import Names
 from blockmech.model.scene import Initial
 from blockmech.model.structure import COORDINATE
-from blockmech.motion import Floats
+from blockmech.motion import Floats, Motion
 from blockmech.values import free_name
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
 T = TypeVar("T")
+CHANGE = 1e-4  # of the largest singular value: below, the pairs' conditions lose rank
 FLOATING = 0.2  # what a joint between moving links counts
 
 
@@ -174,6 +177,30 @@ class Chart:
                 driver_of.get(joint, joint) if joint in joints else f"joint.{joint}.{COORDINATE}"
             ] = between
         return renamed
+
+    def following(self, motion: Motion, start: Start) -> Chart | None:
+        """The same chart, its dyads following a motion that ended at a change point.
+
+        There the conditions of the pairs lose rank. None where they do not.
+        """
+        (poses,) = self.poses(np.reshape(motion.q_end, (1, -1)))
+        if all(math.isfinite(pose.theta) for pose in poses.values()):
+            held = np.linalg.svd(self._slopes(poses)[0], compute_uv=False)
+            if held[-1] > CHANGE * held[0]:
+                return None
+        document = self.mechanism.document
+        if isinstance(document, Graph):
+            data, names = document.flat().to_data(), self.mechanism.names
+        else:
+            data, names, *_ = decompose(self.home)
+        driver, blocks = self.mechanism.drivers[0], self.mechanism.structure.blocks
+        for name, block in blocks.items():
+            branch = getattr(block, "branch", None)
+            if isinstance(block, TwoModes) and branch in (-1, 1):
+                home = {"drivers": {driver: float(start.q)}, "branch": branch}
+                data["blocks"][name] |= {"branch": "follow", "home": home}
+        made = type(self.mechanism).of(Graph.from_data(data), names, document)
+        return replace(self, mechanism=made) if made.structure.followed else None
 
     def led_by(self, starts: Mapping[str, tuple[float, float]], poses: Poses) -> Chart:
         """The chart that some joints lead: joint -> (coordinate, rate), in these poses.
