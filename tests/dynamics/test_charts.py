@@ -189,10 +189,16 @@ def test_goals_and_events_count_the_users_driver():
 
 
 def test_stops_of_any_joint_hold_where_others_lead():
+    free = hanging().compile().simulate("time=0.4", want="joint.D.coordinate")
+    place = float(free["joint.D.coordinate"].min())
+    second = free.motion.charts[1]
+    assert second[1] == ("D",)
     linkage = hanging()
-    linkage.stop("joint.C.coordinate", low=-3.0, high=-1.3)
-    alone = linkage.compile().simulate("time=1", want=()).motion
-    assert alone.end == "end stop"
+    linkage.stop("joint.D.coordinate", low=place + 1e-3)
+    motion = linkage.compile().simulate("time=1", want=()).motion
+    assert motion.end == "end stop"
+    at_stop = hanging().compile().simulate(times=[motion.t_end], want="joint.D.coordinate")
+    assert at_stop["joint.D.coordinate"] == pytest.approx([place + 1e-3], abs=1e-8)
 
 
 def test_joint_friction_goes_along():

@@ -14,7 +14,7 @@ import cmath
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
@@ -22,8 +22,8 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.charts import Chart
 from blockmech.dynamics.estimate import FINER, FLOOR, SHORTER, TARGET, refined, with_rounding
-from blockmech.dynamics.impact import Chain, bounced
-from blockmech.dynamics.methods import move
+from blockmech.dynamics.impact import Chain, Move, bounced
+from blockmech.dynamics.legs import Leg
 from blockmech.dynamics.pair_stops import Counted, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Surface, Until, Watch
 from blockmech.dynamics.roles import FREE, Roles
@@ -33,7 +33,7 @@ from blockmech.model.joints.blocks import SaidByLinks
 from blockmech.model.joints.layout import Poses
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.structure import COORDINATE
-from blockmech.motion import Cost, Floats, Motion, RolesFrom, State
+from blockmech.motion import Cost, Floats, Motion, RolesFrom
 from blockmech.plane import EPS
 
 if TYPE_CHECKING:
@@ -51,7 +51,6 @@ SCOUTING = 1e-7  # tolerance of the walk that finds which joints lead from when 
 WHY = "other joints lead where the drivers' coordinates stand still"
 FOLLOW = "it passes change points, where its dyads follow the motion"
 ROUNDED = 2  # roundings by which two walks differ where the state is handed over
-MILESTONES = 9  # places over a leg from which turns are counted
 
 
 class Entry(NamedTuple):
@@ -60,47 +59,6 @@ class Entry(NamedTuple):
     t: float
     chart: Chart
     q: Mapping[str, float]
-
-
-@dataclass(frozen=True)
-class Leg:
-    """A motion in one chart, read in the coordinates of the user's drivers.
-
-    motion : in the chart's coordinates
-    counted : those of the user's drivers, from where the leg begins; None where these lead
-    """
-
-    chart: Chart
-    motion: Motion
-    counted: Counted | None
-
-    @cached_property
-    def milestones(self) -> tuple[Floats, list[Any]]:
-        """Times [s] over the leg, and what is counted there."""
-        assert self.counted is not None
-        times = self.motion.times(MILESTONES)
-        self.counted.again()
-        q = self.motion.at(times).q.reshape(len(times), -1)
-        return times, [(self.counted.at(x), self.counted.last)[1] for x in q]
-
-    def state(self, t: Floats) -> State:
-        """State of the user's drivers at times (m,) [s] of the leg."""
-        if self.counted is None:
-            return self.motion.at(t)
-        q, qd = (x.reshape(len(t), -1) for x in self.motion.at(t))
-        times, last = self.milestones
-        places, rates = np.empty_like(q), np.empty_like(q)
-        nearest = np.maximum(np.searchsorted(times, t, "right") - 1, 0)
-        for i, (x, rate, near) in enumerate(zip(q, qd, nearest.tolist(), strict=True)):
-            self.counted.last = last[near]
-            places[i] = self.counted.at(x)
-            rates[i] = self.counted.last[2] @ rate
-        alone = q.shape[1] == 1
-        return State(places[:, 0], rates[:, 0]) if alone else State(places, rates)
-
-    def signal_states(self, t: Floats) -> Floats:
-        """States (m, n) of signal blocks at times (m,) [s]."""
-        return self.motion.signal_states(t)
 
 
 @dataclass
@@ -397,7 +355,9 @@ def _refused(mechanism: Compiled, linkage: Linkage, request: SimulationRequest) 
     return listed([why for why, so in reasons.items() if so])
 
 
-def _followed(home: Chart, motion: Motion, request: SimulationRequest, prepare: Prepare) -> Motion:
+def _followed(
+    home: Chart, motion: Motion, request: SimulationRequest, prepare: Prepare, move: Move
+) -> Motion:
     """A motion that ended at a change point, where no joints lead: its dyads then follow it."""
     if len(home.joints) > 1 or (made := home.following(motion, request.start)) is None:
         return motion
@@ -414,11 +374,12 @@ def _followed(home: Chart, motion: Motion, request: SimulationRequest, prepare: 
 
 
 def beyond_dead_centres(
-    motion: Motion, system: System, request: SimulationRequest, prepare: Prepare
+    motion: Motion, system: System, request: SimulationRequest, prepare: Prepare, move: Move
 ) -> Motion:
     """A motion that ended at a dead centre of its drivers, through other charts; else itself.
 
-    ``prepare`` gives the system of a mechanism for a request and starts by driver.
+    ``prepare`` gives the system of a mechanism for a request and starts by driver, ``move`` the
+    motion in one chart.
     """
     mechanism = cast("Compiled", system.compiled)
     try:
@@ -438,7 +399,7 @@ def beyond_dead_centres(
     fixed = tuple(linkage.drivers[d].joint for d in linkage.drivers if d in named)
     atlas = Atlas(home, replace(request, why=WHY), prepare, fixed, method)
     if (entry := atlas.successor(Leg(home, motion, None), False)) is None:
-        return _followed(home, motion, request, prepare)
+        return _followed(home, motion, request, prepare, move)
     atlas.entries.append(entry)
     target = request.accuracy or TARGET
 

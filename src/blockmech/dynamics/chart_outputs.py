@@ -32,7 +32,7 @@ from blockmech.typing import M
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
-    from blockmech.dynamics.atlas import Leg
+    from blockmech.dynamics.legs import Leg
 
 Recipe: TypeAlias = tuple[tuple[str, ...], Callable[..., Any]]
 """Names of outputs, and what is made of them (n,)."""

@@ -128,7 +128,7 @@ def simulate(
     if motion.end in ends.CHART_ENDS:
         from blockmech.dynamics.atlas import beyond_dead_centres  # few motions need it
 
-        motion = beyond_dead_centres(motion, system, request, prepare)
+        motion = beyond_dead_centres(motion, system, request, prepare, move)
     motion = with_undefined_loads(mechanism, motion)
     if not motion.charts:
         motion = motion.but(charts=((motion.t_start, mechanism.once(leading_joints)),))
