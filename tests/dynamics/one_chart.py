@@ -12,7 +12,10 @@ from blockmech.motion import Motion
 from blockmech.settings import friction_asked
 
 
-def in_one_chart(mechanism: Compiled, until: str, **asked: Any) -> Motion:
+def in_one_chart(
+    mechanism: Compiled, until: str, engine: str = "auto", friction: Any = None, **asked: Any
+) -> Motion:
     """The motion that `simulate` has as long as one chart serves."""
     request, _ = request_of(mechanism.scene, mechanism.drivers, until, **asked)
-    return move(system_of(mechanism, method=friction_asked(None, None, None)), request)
+    how = friction_asked(friction, None, None)
+    return move(system_of(mechanism, method=how, engine=engine), request)
