@@ -164,6 +164,9 @@ class Motion(Facts, Report):
     lying : while it lies against which stops
     slips : with joint friction, which pairs stick and slip from when on
     roles : what each driver does from when on; empty where all are free at all times
+    charts : which joints lead from when [s] on: those of the drivers, or others where the drivers'
+        coordinates stand still though the mechanism moves
+    legs : what it does in each of several charts, in that chart's coordinates
     error : estimated bound of the error of q over the run [rad or m]
     time_error : the same of ``t_end`` [s], where an event and not a time ends the run
     accuracy : the target of ``error``, None if none was given
@@ -198,6 +201,8 @@ class Motion(Facts, Report):
     lying: tuple[Lying, ...] = ()
     slips: tuple[Slips, ...] = ()
     roles: tuple[RolesFrom, ...] = ()
+    charts: tuple[tuple[float, tuple[str, ...]], ...] = ()
+    legs: tuple[Any, ...] = ()
     error: float = 0.0
     time_error: float = 0.0
     cost: Cost = field(default_factory=Cost)
@@ -235,6 +240,9 @@ class Motion(Facts, Report):
             lines.append(f"roles{since}: " + listed(f"{d} {role}" for d, role in of.items()))
         why = f" ({self.why})" if self.why else ""
         by = " by machine code" if self.engine == "llvm" else ""
+        if len(self.charts) > 1:
+            leads = (f"{listed(joints)} from {t:.6g} s on" for t, joints in self.charts)
+            lines.append(f"joints that lead: {listed(leads)}")
         cost = f"{self.cost.evaluations} kernel evaluations{by}"
         lines.append(f"method {self.method}{why}, {cost}")
         if math.isfinite(self.error):

@@ -7,8 +7,9 @@ import pytest
 
 import blockmech as bm
 from blockmech.draw.mechanism import draw_mechanism
-from blockmech.draw.motion import Spot, moves
+from blockmech.draw.motion import moves
 from blockmech.draw.sketch import sketch_of
+from blockmech.model.spots import Spot
 from blockmech.model.structure import LinkRef
 from tests.gallery import GRAPHS
 

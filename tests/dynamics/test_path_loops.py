@@ -19,6 +19,7 @@ from blockmech.dynamics.system import System
 from blockmech.engines.loops import places_of
 from blockmech.series import tail
 from tests.dynamics.honesty import GRAPHS, mechanism
+from tests.dynamics.one_chart import in_one_chart
 
 MOTIONS = [  # from rest and from a rate, with the coordinate and against it, all ways to end
     ("watt_sixbar", (math.pi / 3, 0.0), "time=2"),
@@ -71,10 +72,9 @@ def test_a_motion_by_machine_code_is_that_by_arrays(llvm, name, start, until):
 def test_what_machine_code_leaves_goes_by_arrays(llvm, name, start, end):
     """Dead centres and pieces that are made on the way, as ever."""
     mech = mechanism(name)
-    request = {"start": {mech.drivers[0]: start}, "method": "energy", "want": []}
-    request["friction"] = "none"
+    request = {"start": {mech.drivers[0]: start}, "method": "energy", "friction": "none"}
     arrays, code = (
-        mech.simulate("swings=3", engine=engine, **request).motion for engine in ("scalar", "llvm")
+        in_one_chart(mech, "swings=3", engine=engine, **request) for engine in ("scalar", "llvm")
     )
     assert code.end == arrays.end == end
     assert code.engine == "numpy"

@@ -18,6 +18,7 @@ from blockmech.engines.scalar import ScalarEngine
 from blockmech.errors import RequestError
 from tests.analysis.linkages import fourbar
 from tests.dynamics import machines, scenes
+from tests.dynamics.one_chart import in_one_chart
 from tests.gallery import GRAPHS, mechanism
 from tests.wiring import recorded
 
@@ -230,12 +231,14 @@ def pendulum_four_bar():
 def test_a_dead_centre_ends_the_run_by_name(method):
     mech = pendulum_four_bar()
     start = from_angle(0.7, 2.0)
-    r = mech.simulate("time=5", method=method, accuracy=1e-6, start=start)
-    assert r.motion.end == "dead centre"
-    assert r.motion.status == "ended"
+    motion = in_one_chart(mech, "time=5", method=method, accuracy=1e-6, start=start)
+    assert motion.end == "dead centre"
+    assert motion.status == "ended"
     limit = mech.limits().arcs[0].end.q
-    assert r.motion.q_end == pytest.approx(limit, abs=1e-5)
-    assert np.isfinite(r["crank.q"][:-1]).all()
+    assert motion.q_end == pytest.approx(limit, abs=1e-5)
+    assert np.isfinite(motion.at(motion.times(50)).q).all()
+    beyond = mech.simulate("time=5", method=method, accuracy=1e-6, start=start).motion
+    assert (beyond.end, len(beyond.charts) > 1) == ("time", True)
 
 
 def test_a_start_that_does_not_close_is_called_an_impossible_pose():

@@ -18,9 +18,9 @@ import numpy as np
 from blockmech.analysis.evidence import Evidence, Residual
 from blockmech.analysis.quadrature import Stretches
 from blockmech.analysis.signal_checks import RATES, integrated, sources
+from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.loads import largest_length
-from blockmech.dynamics.motion_outputs import result_along
 from blockmech.dynamics.roles import FREE, PRESCRIBED
 from blockmech.model.structure import JointRef
 from blockmech.motion import Motion

@@ -9,7 +9,7 @@ Of a simulation the states are held against one another as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -32,7 +32,7 @@ from blockmech.analysis.motion_checks import closures, drivers, laws_of_motion, 
 from blockmech.analysis.signal_checks import outputs
 from blockmech.analysis.trajectory_checks import idle, trajectory
 from blockmech.arguments import declared
-from blockmech.dynamics.motion_outputs import result_along
+from blockmech.dynamics.chart_outputs import ChartedResult, result_along
 from blockmech.errors import refused
 from blockmech.model.structure import LinkRef
 from blockmech.passes.signals import STATE
@@ -192,6 +192,8 @@ def _of_result(
     """A result's own samples, and what a simulation says of itself."""
     if result.mechanism is not mechanism:
         raise refused("at", f"it is a result of another mechanism, {result.mechanism.name}")
+    if isinstance(result, ChartedResult):
+        return _together([_of_result(leg.own, leg.result, engine, chunk) for leg in result.parts])
     motion = result.motion
     blocks = mechanism.of_blocks
     how = {key: result.settings[key] for key in ("friction", "tolerance", "iterations")}
@@ -209,6 +211,15 @@ def _of_result(
     ]
     more += [Check(*row) for row in trajectory(result, motion)]
     return replace(judged, rows=(*judged.rows, *more))
+
+
+def _together(legs: Sequence[Verification]) -> Verification:
+    """The worst of each check over legs of a motion, each in its own chart."""
+    worst: dict[str, Check] = {}
+    for row in (row for leg in legs for row in leg.rows):
+        worst[row.name] = max(worst.get(row.name, row), row, key=lambda r: r.value / r.allowed)
+    conditioning = max(leg.conditioning for leg in legs)
+    return Verification(tuple(worst.values()), sum(leg.samples for leg in legs), conditioning)
 
 
 def _judged(mechanism: Compiled, n: int, evidence: Evidence, *more: CheckOf) -> Verification:

@@ -14,13 +14,14 @@ from blockmech.compiled import Compiled
 from blockmech.draw import palette as ink
 from blockmech.draw import shapes
 from blockmech.draw.labels import Label
-from blockmech.draw.motion import Complex, Motion, marker_place, moves
+from blockmech.draw.motion import Complex, Motion, moves
 from blockmech.draw.page import Page, Paths, unit_of
 from blockmech.draw.palette import MOST, SIZES
 from blockmech.draw.paper import scaled_unit, shown_name, styled
 from blockmech.draw.shapes import Stage
 from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of
 from blockmech.errors import among
+from blockmech.model.spots import marker_place
 from blockmech.model.structure import MarkerRef
 from blockmech.report import DEGREES
 

@@ -5,27 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
 from blockmech.errors import Problem, RequestError
-from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
+from blockmech.model.spots import Spot
+from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.quality import Quality
 from blockmech.result import Result
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]
 SAME_PLACE = 1e-6  # [-] of the mechanism's size, and [rad]: far below a line's width
-
-
-class Spot(NamedTuple):
-    """A place on a link, in the link's frame [m]."""
-
-    link: LinkRef
-    at: complex
 
 
 @dataclass(frozen=True)
@@ -131,11 +125,6 @@ class Motion:
         axes = np.array([*self.axis.values()])
         apart = [places[:, -1] - places[:, 0], size * (axes[:, -1] - axes[:, 0])]
         return bool(np.abs(apart).max() <= SAME_PLACE * size)
-
-
-def marker_place(structure: Structure, ref: MarkerRef) -> complex:
-    """Place [m] of a marker in the frame of its link."""
-    return structure.block(ref.block).place_of(structure.marker(ref))
 
 
 def moves(mechanism: Compiled, at: Any = None, samples: int | None = None) -> Motion:

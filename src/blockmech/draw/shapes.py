@@ -16,10 +16,11 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from blockmech.draw import palette as ink
-from blockmech.draw.motion import Complex, Motion, Spot
+from blockmech.draw.motion import Complex, Motion
 from blockmech.draw.page import Shape
 from blockmech.draw.palette import SIZES
-from blockmech.draw.sketch import LoadMark, Sketch, Slider, pin_spot
+from blockmech.draw.sketch import LoadMark, Sketch, Slider
+from blockmech.model.spots import Spot, pin_spot
 
 Vector: TypeAlias = tuple[Spot, Complex]
 """Where something acts, and its values (n,)."""

@@ -28,7 +28,7 @@ from blockmech.draw.paper import (
     styled,
     write_figure,
 )
-from blockmech.dynamics.motion_outputs import result_along
+from blockmech.dynamics.chart_outputs import result_along
 from blockmech.files import AnyPath
 from blockmech.files import folder as whole_folder
 from blockmech.motion import Motion

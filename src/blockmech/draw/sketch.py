@@ -13,7 +13,8 @@ from typing import Literal
 import numpy as np
 
 from blockmech.compiled import Compiled
-from blockmech.draw.motion import SAME_PLACE, Motion, Spot, marker_place
+from blockmech.draw.motion import SAME_PLACE, Motion
+from blockmech.model.spots import Spot, guide_spots, marker_place, pin_spot
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 
 CYLINDER = {"barrel": 1.7, "rod": 0.7}  # [-] widths, in usual bars
@@ -181,13 +182,6 @@ def _name(motion: Motion, ref: JointRef, refs: Sequence[JointRef]) -> str:
     return ref.name if [r.name for r in refs].count(ref.name) == 1 else str(ref)
 
 
-def pin_spot(s: Structure, ref: JointRef) -> Spot | None:
-    """Where a revolute pair is: its wired marker, or the own marker of its name."""
-    own = (m for m in s.markers(ref.block) if m.name == ref.name)
-    marker = s.feeds[ref] if ref in s.feeds else next(own, None)
-    return None if marker is None else Spot(marker.on, marker_place(s, marker))
-
-
 def _merged(motion: Motion, pins: Sequence[tuple[JointRef, Spot]]) -> tuple[Pin, ...]:
     """Pins that stay at one place become one; a name is short where that is clear."""
     s = motion.structure
@@ -209,28 +203,7 @@ def _merged(motion: Motion, pins: Sequence[tuple[JointRef, Spot]]) -> tuple[Pin,
 
 
 def _slider(motion: Motion, ref: JointRef, name: str, inside: bool) -> Slider:
-    s = motion.structure
-    block = s.blocks[ref.block]
-    joint = block.joints[ref.name]
-    later = block.slider_owner(ref.name) == "later"
-
-    def own_point(link: str) -> Spot:
-        return Spot(LinkRef(ref.block, link), block.slider_place(ref.name, link))
-
-    def own_line(link: str) -> tuple[Spot, complex]:
-        foot, direction = block.guide_line(ref.name, link)
-        return Spot(LinkRef(ref.block, link), foot), direction
-
-    if joint.outer:
-        marker = s.feeds[ref]
-        other = Spot(marker.on, marker_place(s, marker))
-        along = complex(getattr(s.marker(marker), "direction", 1 + 0j))
-        point = own_point(joint.link) if later else other
-        guide, direction = (other, along) if later else own_line(joint.link)
-    else:
-        mover, holder = joint.links[::-1] if later else joint.links
-        point = own_point(mover)
-        guide, direction = own_line(holder)
+    point, guide, direction = guide_spots(motion.structure, ref)
     travel = ((motion.seen(guide.link, point) - guide.at) * np.conj(direction)).real
     reach = (float(travel.min()), float(travel.max()))
     return Slider(name, point, guide, direction, reach, inside)

@@ -21,6 +21,7 @@ AMBIGUOUS: Final = "ambiguous start"  # from rest it may move either way
 LEAVES_STOP: Final = "leaves its stop"
 IMPACT: Final = "impact"
 LAW_ENDS: Final = "law of motion ends"  # of a driver that is prescribed
+NO_STEP: Final = "the solver's step became too small"
 UNDECIDED: Final = "not decided"  # two runs that should agree end differently
 
 # What an integration stops at, to go on with another equation or because its goal is met.
@@ -32,6 +33,8 @@ SIGNAL_KINK, RELEASED = "signal kink", "released"  # from joint friction, by a s
 
 
 STOPPED = INTERRUPTED, BUDGET  # by who asked
+LEAVES_CHART: Final = "other joints lead better"
+CHART_ENDS = (DEAD_CENTRE, IMPOSSIBLE, NO_STEP, LEAVES_CHART)  # others may lead beyond
 
 
 class TooMany(Exception):

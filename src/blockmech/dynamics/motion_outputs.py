@@ -163,7 +163,7 @@ class SimulationResult(Result[M]):
     motion: Motion
 
 
-def result_along(
+def result_in_chart(
     mechanism: Compiled,
     motion: Motion,
     t: Floats,
@@ -174,7 +174,7 @@ def result_along(
     engine: str = "auto",
     chunk: int | None = None,
 ) -> SimulationResult:
-    """The wanted outputs at times (n,) [s] of a motion.
+    """The wanted outputs at times (n,) [s] of a motion in one chart.
 
     Joint friction is that of the motion, if nothing else is said. In a dead centre itself, in
     which a motion ends, there are no rates and forces: there the rate of the driver, mostly

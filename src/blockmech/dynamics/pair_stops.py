@@ -54,6 +54,10 @@ class PairStops:
     names: tuple[str, ...]  # of the outputs that are the coordinates
     pairs: tuple[tuple[JointRef, int], ...]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled without its programs."""
+        return type(self), (self.mechanism, self.names, self.pairs)
+
     @property
     def refs(self) -> tuple[JointRef, ...]:
         """The pairs."""
@@ -68,9 +72,11 @@ class PairStops:
         return schedule(self.mechanism.structure, self.mechanism.scene, Friction("none"))
 
     @cached_property
-    def _of_places(self) -> tuple[ScalarEngine, list[Output]]:
+    def _of_places(self) -> tuple[ScalarEngine, list[tuple[Output, int]]]:
         s, outputs = self._schedule(), [self.mechanism.outputs[name] for name in self.names]
-        return ScalarEngine(s.program([x for o in outputs for x in o.ask(s)])), outputs
+        values = [list(output.ask(s)) for output in outputs]
+        engine = ScalarEngine(s.program([x for some in values for x in some]))
+        return engine, list(zip(outputs, map(len, values), strict=True))
 
     @cached_property
     def _of_rows(self) -> ScalarEngine:
@@ -82,8 +88,8 @@ class PairStops:
         """Coordinates (p,), angles between -pi and pi."""
         engine, outputs = self._of_places
         values, places = _values(engine, q, 0 * q), []
-        for output in outputs:
-            columns = [np.asarray(values.pop(0)) for _ in output.ask(self._schedule())]
+        for output, count in outputs:
+            columns = [np.asarray(values.pop(0)) for _ in range(count)]
             places.append(float(output.read(*columns)))
         return np.array(places)
 

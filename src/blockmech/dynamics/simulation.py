@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,12 +19,12 @@ import numpy as np
 from blockmech.compiled import compiled_program
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
+from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.impact import bounced
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.motion_outputs import (
     SimulationResult,
     frictionless,
-    result_along,
     states_along,
 )
 from blockmech.dynamics.request import (
@@ -119,25 +120,49 @@ def simulate(
     given = (until, method, accuracy, step, times, start, stops, watch)
     last = prescribed, locked, engine
     request, starts = request_of(mechanism.scene, mechanism.drivers, *given, *last)
-    between = stops_of(mechanism, starts, stops)
-    if bouncing(between):
-        request = replace(request, stops=between)
+    bounds: dict[str, Any] = {"progress": report, "engine": engine, "budget": budget_of(budget)}
+    prepare = partial(prepared, stops=stops, method=how, **bounds)
+    system, request = prepare(mechanism, request, starts)
     if request.roles is None:
         mechanism.once(refuse_no_inertia)
     refuse_memory(mechanism, starts)
-    counted = counted_pairs(mechanism, starts, between)
-    bounds: dict[str, Any] = {"stops": bounds_of(between), "counted": counted}
-    bounds |= {"roles": request.roles, "budget": budget_of(budget)}
-    system = system_of(mechanism, method=how, progress=report, engine=engine, **bounds)
     if engine == "llvm" and system.engine_of_states.name != engine:
         compiled_program(system.equation_program)  # says why it cannot be
-    motion = with_undefined_loads(mechanism, _moved(system, request))
+    motion = _moved(system, request)
+    if motion.end in ends.CHART_ENDS:
+        from blockmech.dynamics.atlas import beyond_dead_centres  # few motions need it
+
+        motion = beyond_dead_centres(motion, system, request, prepare, move)
+    motion = with_undefined_loads(mechanism, motion)
+    if not motion.charts:
+        motion = motion.but(charts=((motion.t_start, mechanism.once(leading_joints)),))
     if request.roles is not None and not motion.roles:  # it did not begin
         motion = replace(motion, roles=(RolesFrom(motion.t_start, request.roles.by_driver()),))
     if remarks := _remarks(system, motion, request.until):
         motion = replace(motion, notes=(*motion.notes, *remarks))
     wanted = None if times is None else np.array(request.times)
     return _at_times(mechanism, motion, wanted, want, settings)
+
+
+def leading_joints(mechanism: Compiled) -> tuple[str, ...]:
+    """The joints of the drivers, in the words of outputs."""
+    driven = (str(mechanism.structure.driven[driver]) for driver in mechanism.drivers)
+    return tuple(mechanism.joint_names.get(x, x).removeprefix("joint.") for x in driven)
+
+
+def prepared(
+    mechanism: Compiled, request: SimulationRequest, starts: Pairs, stops: Pairs | None, **how: Any
+) -> tuple[System, SimulationRequest]:
+    """The system of a mechanism that begins somewhere, and the request with its end stops.
+
+    Raises `RequestError` for stops that cannot be.
+    """
+    between = stops_of(mechanism, starts, stops)
+    if bouncing(between):
+        request = replace(request, stops=between)
+    counted = counted_pairs(mechanism, starts, between)
+    bounds = {"stops": bounds_of(between), "counted": counted, "roles": request.roles}
+    return system_of(mechanism, **bounds, **how), request
 
 
 def _moved(system: System, request: SimulationRequest) -> Motion:

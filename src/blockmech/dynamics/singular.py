@@ -53,7 +53,7 @@ def what_is_ahead(equation: Equation, t: float, y: Floats) -> RunEnd:
     if equation.sides and equation.resisted(later, ahead).locked:
         return RunEnd(ends.SELF_LOCKED)
     if np.isfinite(np.asarray(equation(later, ahead), dtype=float)).all():
-        return RunEnd("the solver's step became too small", "failed")
+        return RunEnd(ends.NO_STEP, "failed")
     rate, places = float(np.abs(rates[0])), PAST * max(1.0, float(np.abs(y[0])))
     left = PAST * max(abs(t), EPS)  # it comes so near, and steps so short
     return RunEnd(ends.IMPOSSIBLE, left=left + (places / rate if rate else 0.0))

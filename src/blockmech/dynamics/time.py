@@ -129,6 +129,7 @@ class TimeIntegration(Run):
     step: float = math.nan  # [s], or [rad or m] of euler_q, of the schemes of fixed steps
     finer: float | None = None  # tolerance of a run that comes after this
     patient: bool = True  # whether too many steps are made before they are known to be
+    leaves: Callable[[Any], bool] | None = None  # whether other joints should lead at coordinates
     scales: Floats | None = None  # typical sizes of the state's components, for the tolerances
     energy: float | None = None  # [J] where it starts
     grid: list[float] = field(default_factory=list)  # [s] where steps begin, and the last ends
@@ -459,6 +460,8 @@ class TimeIntegration(Run):
             met = self._over(steps, lookout, own) if solver.t > solver.t_old else None
             if met is not None:
                 return met
+            if self.leaves is not None and self.leaves(self.y[self.layout.q]):
+                return RunEnd(ends.LEAVES_CHART)
         return None
 
     def _over(

@@ -16,7 +16,7 @@ import numpy as np
 
 from blockmech.arguments import declared
 from blockmech.compiled import Compiled
-from blockmech.dynamics.friction import margins
+from blockmech.dynamics.pair_program import margins
 from blockmech.engines.arrays import ArrayEngine
 from blockmech.engines.numpy import leaves
 from blockmech.errors import Problem, RequestError, as_names, close_match, listed, needed, refused

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.batch import Motions, moved, rates_for
-from blockmech.dynamics.motion_outputs import result_along
+from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.request import (
     OUTPUTS,
     SimulationRequest,

@@ -13,7 +13,8 @@ import param
 from bokeh.models import Div
 
 from blockmech.draw.motion import Motion, moves_of_result
-from blockmech.dynamics.motion_outputs import SimulationResult, result_along
+from blockmech.dynamics.chart_outputs import result_along
+from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.dynamics.simulation import simulate
 from blockmech.errors import BlockmechError
 from blockmech.result import Result

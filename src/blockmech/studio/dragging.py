@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.draw.motion import SAME_PLACE, Motion, Spot, marker_place
+from blockmech.draw.motion import SAME_PLACE, Motion
 from blockmech.draw.sketch import Sketch, shown_markers
+from blockmech.model.spots import Spot, marker_place
 from blockmech.model.structure import LinkRef, MarkerRef
 from blockmech.values import Place, xy
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import param
 
-from blockmech.draw.motion import Motion, Spot
+from blockmech.draw.motion import Motion
 from blockmech.errors import BlockmechError
+from blockmech.model.spots import Spot
 from blockmech.model.structure import Structure
 from blockmech.studio.component import Component, script, style
 from blockmech.studio.dragging import handles_of

@@ -18,12 +18,13 @@ from blockmech.draw import shapes
 from blockmech.draw.animation import SEEN
 from blockmech.draw.labels import DIRECTIONS, DISTANCES, LEADER, LINE, NEAR, cheapest
 from blockmech.draw.mechanism import paths_of, places_of
-from blockmech.draw.motion import SAME_PLACE, Complex, Motion, Spot, marker_place
+from blockmech.draw.motion import SAME_PLACE, Complex, Motion
 from blockmech.draw.page import Paths, Shape
 from blockmech.draw.palette import MOST, SIZES, SMALL
 from blockmech.draw.paper import shown_name, text_width
 from blockmech.draw.shapes import Stage
-from blockmech.draw.sketch import Outline, Sketch, pin_spot, sketch_of
+from blockmech.draw.sketch import Outline, Sketch, sketch_of
+from blockmech.model.spots import Spot, marker_place, pin_spot
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.studio.plots import PIXELS, coloured
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import blockmech
-from blockmech.draw.motion import SAME_PLACE, marker_place, moves
+from blockmech.draw.motion import SAME_PLACE, moves
 from blockmech.draw.palette import LINK_FILLS
 from blockmech.draw.sketch import sketch_of
 from blockmech.errors import close_match, listed, refused
@@ -25,6 +25,7 @@ from blockmech.exchange.c.program import poses
 from blockmech.exchange.formats import Order, Writer
 from blockmech.exchange.page.script import HERE, Script, numbers
 from blockmech.files import refuse_spared, writing
+from blockmech.model.spots import marker_place
 from blockmech.model.structure import LinkRef
 from blockmech.quality import WORDS
 from blockmech.runnable import EVERYTHING

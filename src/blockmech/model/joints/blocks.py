@@ -1,0 +1,167 @@
+"""Blocks said again as links and joints: the same links in the same poses, joined alike.
+
+Links keep the frames of their blocks, and a driven pair counts as its driver does.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from blockmech.errors import refused
+from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
+from blockmech.model.naming import JointName, LinkName, Names
+from blockmech.model.spots import guide_spots, marker_place, pin_spot
+from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
+from blockmech.values import xy
+
+Form = dict[str, Any]
+COUPLED = ("driver", "driven")
+OF_LINKS = ("mass", "inertia", "cm")
+OF_DRIVERS = ("drive", "initial", "stops", "motion")  # sections of the scene
+
+
+class SaidByLinks:
+    """Names and places of what a graph's form holds, in a pose.
+
+    Attributes
+    ----------
+    links : link of the graph -> its name in the document, the fixed one among them
+    joints : pair of the graph -> its name
+    drivers : driver -> its name
+    """
+
+    def __init__(
+        self,
+        form: Mapping[str, Any],
+        structure: Structure,
+        poses: Mapping[LinkRef, tuple[complex, complex]],
+    ) -> None:
+        """``poses`` : link -> its origin [m] and x axis [-], the fixed one among them."""
+        self.form, self.s, self.poses = form, structure, poses
+        several = {ref.block for ref in self.s.links if ref.link != ref.block}
+        self.links = {
+            ref: f"{ref.block}_{ref.link}" if ref.block in several else ref.block
+            for ref in self.s.links
+        }
+        self.links[self.s.frame_link] = FRAME
+        self.pairs = [JointRef(name, j) for name, b in self.s.blocks.items() for j in b.joints]
+        words = [ref.name for ref in self.pairs]
+        self.joints = {
+            ref: ref.name if words.count(ref.name) == 1 else f"{ref.block}_{ref.name}"
+            for ref in self.pairs
+        }
+        self.flipped = {ref for d, ref in self.s.driven.items() if self.s.coordinate(d).sign < 0}
+        self.drivers = {driver: driver.replace(".", "_") for driver in self.s.driven}
+
+    def document(self) -> Form:
+        """The joint-based form. Raises `RequestError` for blocks that are neither."""
+        form, scene = self.form, self.form.get("scene", {})
+        known = {ref.block for ref in self.s.links}
+        for name, raw in form["blocks"].items():
+            if name not in known and not raw["type"].startswith((LOADS, COUPLINGS)):
+                found = f"{raw['type']} has no place among links and joints"
+                raise refused(name, found, "draw a mechanism without it")
+        head = {key: form[key] for key in ("name", "title", "source", "notes") if key in form}
+        drive, *rest = (
+            {self.drivers[driver]: x for driver, x in scene.get(part, {}).items()}
+            for part in OF_DRIVERS
+        )
+        return {
+            "format": "blockmech/joints",
+            "version": form["version"],
+            **head,
+            "gravity": scene.get("gravity", [0.0, 0.0]),
+            "links": dict(self._links()),
+            "joints": dict(self._pairs()),
+            "drivers": {
+                self.drivers[d]: {"joint": self.joints[ref], **drive.get(self.drivers[d], {})}
+                for d, ref in self.s.driven.items()
+            },
+            "couplings": dict(self._couplings()),
+            "loads": dict(self._loads()),
+            **{key: part for key, part in zip(OF_DRIVERS[1:], rest, strict=True) if part},
+        }
+
+    def names(self) -> Names:
+        """Where links and joints of the document are in the graph."""
+        links = {
+            name: LinkName(ref, MarkerRef(ref.block, ref.link, ref.link), 0.0)
+            for ref, name in self.links.items()
+            if name != FRAME
+        }
+        joints = dict[str, JointName]()
+        for ref, name in self.joints.items():
+            first, second = (self.links[x] for x in self._ends(ref))
+            joints[name] = JointName(ref, ref in self.flipped, False, (), (first, second))
+        return Names(links, joints, {name: (name,) for name in self.s.elements})
+
+    def _ends(self, ref: JointRef) -> list[LinkRef]:
+        """The links of a pair, in the order in which its coordinate counts as a driver's."""
+        ends = [self.s.earlier_link(ref), self.s.later_link(ref)]
+        return ends[::-1] if ref in self.flipped else ends
+
+    def _on(self, link: LinkRef, z: complex) -> list[float]:
+        o, e = self.poses[link]
+        return xy((z - o) / e)
+
+    def _links(self) -> Iterator[tuple[str, Form]]:
+        taken = {*self.joints.values()}
+        joined = {*self.s.feeds.values()}
+        for ref, name in self.links.items():
+            raw = self.form["blocks"][ref.block]
+            own = raw if name == FRAME else raw.get("links", {}).get(ref.link, {})
+            made = {key: own[key] for key in OF_LINKS if key in own}
+            markers = {}
+            for marker, given in own.get("markers", {}).items():
+                if MarkerRef(ref.block, ref.link, marker) not in joined:
+                    called = marker if marker not in taken else f"{name}_{marker}"
+                    markers[called] = given
+                    taken.add(called)
+            o, e = self.poses[ref]
+            pose = {} if name == FRAME else {"pose": [o.real, o.imag, cmath.phase(e)]}
+            yield name, {**made, **pose, **({"markers": markers} if markers else {})}
+
+    def _pairs(self) -> Iterator[tuple[str, Form]]:
+        for ref in self.pairs:
+            both = self._ends(ref)
+            law = self.form["blocks"][ref.block].get("friction", {}).get(ref.name)
+            made: Form = {"type": self.s.joint(ref).kind, "links": [self.links[x] for x in both]}
+            if made["type"] == "R":
+                spot = pin_spot(self.s, ref)
+                if spot is None:
+                    raise refused(str(ref), "no marker says where it is", "draw it anew")
+                o, e = self.poses[spot.link]
+                z = o + e * spot.at
+                made["at"] = [self._on(link, z) for link in both]
+            else:
+                point, guide, direction = guide_spots(self.s, ref)
+                along = direction * self.poses[guide.link][1]
+                places = {spot.link: xy(spot.at) for spot in (guide, point)}
+                made["at"] = [places[link] for link in both]
+                made["angle"] = [cmath.phase(along / self.poses[link][1]) for link in both]
+                made["slider"] = both.index(point.link)
+            yield self.joints[ref], {**made, **({"friction": law} if law else {})}
+
+    def _couplings(self) -> Iterator[tuple[str, Form]]:
+        for name, raw in self.form["blocks"].items():
+            if raw["type"].startswith(COUPLINGS):
+                ends = {end: self.drivers.get(raw[end], raw[end]) for end in COUPLED}
+                yield name, {**raw, "type": raw["type"].removeprefix(COUPLINGS), **ends}
+
+    def _loads(self) -> Iterator[tuple[str, Form]]:
+        for name, element in self.s.elements.items():
+            raw = self.form["blocks"][name]
+            held = [self.s.holds[JointRef(name, terminal)] for terminal in element.terminals]
+            names = [self.links[marker.on] for marker in held]
+            places = [xy(marker_place(self.s, marker)) for marker in held]
+            made = {**raw, "type": raw["type"].removeprefix(LOADS)}
+            if "driver" in raw:
+                made["driver"] = self.drivers[raw["driver"]]
+            points = [kind.kind == "point" for kind in element.terminals.values()]
+            if len(names) == 1:
+                made |= {"link": names[0], **({"at": places[0]} if points[0] else {})}
+            else:
+                made |= {"links": names, **({"at": places} if any(points) else {})}
+            yield name, made

@@ -1,0 +1,68 @@
+"""Random motions through dead centres of their drivers, beside absolute coordinates: a script.
+
+    python -m tests.campaigns.charts [--cases 100] [--five-bars 30] [--first 0] [--accuracy 1e-11]
+
+Double rockers and four-bars at or near a change point that start at +-2 rad/s, and five-bars with
+two drivers released at rest, all with random masses under gravity, from documents of links and as
+graphs of blocks in turn. The truth is `tests.independent.released.truth`, which shares no code with
+the package. A line is a case: the true error of the drivers' coordinates, the stated one, how
+often another chart led, and what ended the motion.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from typing import Any
+
+import numpy as np
+
+import blockmech as bm
+from tests.independent.released import five_bar, four_bar, truth
+
+SPAN = 1.5  # [s] of a motion
+LOOKED_AT = 16  # times
+
+
+def compared(case: dict[str, Any], accuracy: float, times: Any) -> tuple[float, Any]:
+    """The true error of a motion, and the motion."""
+    want = truth(case, times)
+    mechanism = bm.Linkage.from_data(case).compile()
+    motion = mechanism.simulate(times=times, want=(), accuracy=accuracy).motion
+    there = times <= motion.t_end
+    q = motion.at(times[there]).q.reshape(there.sum(), -1)
+    return float(np.abs(q - want[there]).max()), motion
+
+
+def main() -> None:
+    """Run the cases."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--cases", type=int, default=100)
+    parser.add_argument("--five-bars", type=int, default=30)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--accuracy", type=float, default=1e-11)
+    asked = parser.parse_args()
+    times = np.linspace(0.0, SPAN, LOOKED_AT)
+    kinds = ["rocker", "near"] * asked.cases
+    some = [(kind, i) for i, kind in enumerate(kinds[: asked.cases])]
+    some += [("fivebar", i) for i in range(asked.five_bars)]
+    for kind, i in some[asked.first :]:
+        rng = np.random.default_rng([i, len(kind)])
+        case = five_bar(rng) if kind == "fivebar" else four_bar(rng, kind)
+        begin = time.process_time()
+        try:
+            error, motion = compared(case, asked.accuracy, times)
+        except Exception as failure:  # a case of its own
+            print(kind, i, "RAISED", repr(failure)[:200], flush=True)
+            continue
+        word = "" if error <= motion.error else "ABOVE"
+        spent = time.process_time() - begin
+        print(
+            f"{kind} {i} error {error:.1e} stated {motion.error:.1e} {word} charts "
+            f"{len(motion.charts)} end {motion.end} at {motion.t_end:.6g} s in {spent:.1f} s",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

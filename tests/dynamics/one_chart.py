@@ -1,0 +1,21 @@
+"""Motions in the chart of their drivers alone: up to its dead centre, where others lead on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from blockmech.compiled import Compiled
+from blockmech.dynamics.change_points import system_of
+from blockmech.dynamics.methods import move
+from blockmech.dynamics.request import request_of
+from blockmech.motion import Motion
+from blockmech.settings import friction_asked
+
+
+def in_one_chart(
+    mechanism: Compiled, until: str, engine: str = "auto", friction: Any = None, **asked: Any
+) -> Motion:
+    """The motion that `simulate` has as long as one chart serves."""
+    request, _ = request_of(mechanism.scene, mechanism.drivers, until, **asked)
+    how = friction_asked(friction, None, None)
+    return move(system_of(mechanism, method=how, engine=engine), request)

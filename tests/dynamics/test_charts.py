@@ -1,0 +1,297 @@
+"""Motions through dead centres of their drivers: other joints lead, nothing else changes.
+
+Numbers of the hanging four-bar are those of absolute coordinates (DOP853 in all poses, projected
+onto the joints), eight digits.
+"""
+
+from __future__ import annotations
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import blockmech as bm
+from blockmech.dynamics.request import Watch
+from tests.dynamics.one_chart import in_one_chart
+from tests.independent.released import document, five_bar, four_bar, link, pin, truth
+
+TIMES = [0.1, 0.5, 1.0]  # [s]
+LEFT = [0.26861746, -0.05290324, -0.18957268]  # [rad] of the left rocker then
+SIDE, COUPLER, APART = 0.25, 0.1, 0.3  # [m]
+
+
+def hanging(**joints):
+    """The hanging four-bar; joints take more keys."""
+    x = (APART - COUPLER) / 2
+    h = math.sqrt(SIDE**2 - x**2)
+    B, C, D = complex(x, -h), complex(APART - x, -h), complex(APART)
+    places = {"A": (0j, ("frame", "l")), "B": (B, ("l", "m")), "C": (C, ("m", "r"))}
+    places["D"] = D, ("frame", "r")
+    linkage = bm.Linkage("hanging", gravity=(0.0, -9.81))
+    bars = {
+        "l": (0.0025, SIDE, B / 2),
+        "m": (0.01, COUPLER, (B + C) / 2),
+        "r": (0.0025, SIDE, (C + D) / 2),
+    }
+    for name, (mass, length, cm) in bars.items():
+        linkage.add_link(name, mass=mass, inertia=mass * length**2 / 12, cm=(cm.real, cm.imag))
+    for name, (z, links) in places.items():
+        linkage.add_pin(name, links, (z.real, z.imag), **joints.get(name, {}))
+    linkage.add_driver("motor", "A")
+    linkage.start("motor", q=0.5)
+    return linkage
+
+
+def of_blocks():
+    """The same as a graph of blocks: its crank counts from the x axis."""
+    graph = bm.Graph("hanging", gravity=(0.0, -9.81))
+    bar = {"mass": 0.0025, "inertia": 0.0025 * SIDE**2 / 12, "cm": (SIDE / 2, 0.0)}
+    middle = {"mass": 0.01, "inertia": 0.01 * COUPLER**2 / 12, "cm": (COUPLER / 2, 0.0)}
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (APART, 0.0)}))
+    graph.add("left", bm.Crank(length=SIDE, links={"crank": bm.Link(**bar)}))
+    links = {"i": bm.Link(**middle), "j": bm.Link(**bar)}
+    graph.add("loop", bm.RRR(l_i=COUPLER, l_j=SIDE, branch=-1, links=links))
+    for wire in ("frame.A left.A", "left.B loop.B", "frame.D loop.D"):
+        graph.connect(*wire.split())
+    hangs = math.atan2(-math.sqrt(SIDE**2 - 0.01), 0.1)
+    graph.start("left", q=hangs + 0.5)
+    return graph, hangs
+
+
+@pytest.fixture(scope="module")
+def falling():
+    """All outputs of the hanging four-bar over a second."""
+    mechanism = hanging().compile()
+    times = np.union1d(np.linspace(0.0, 1.0, 401), TIMES)
+    return mechanism.simulate(times=times, want="*", accuracy=1e-11)
+
+
+def test_a_hanging_four_bar_swings_through_the_dead_centres_of_its_driver(falling):
+    motion = falling.motion
+    assert (motion.status, motion.end) == ("reached", "time")
+    assert motion.at(TIMES).q == pytest.approx(LEFT, abs=5e-9)
+    assert [joints for _, joints in motion.charts] == [("A",), ("D",), ("A",), ("D",)]
+    assert motion.charts[0][0] == 0.0
+    assert motion.error < 1e-10
+    assert "joints that lead: A from 0 s on, D from" in str(motion)
+
+
+def test_all_outputs_go_through(falling):
+    """Energy stays, rates are those of places, drives are idle, and each leg is in balance."""
+    energy = falling["mechanism.kinetic_energy"] + falling["mechanism.potential_energy"]
+    assert np.ptp(energy) < 1e-13 * falling["mechanism.kinetic_energy"].max() / 1e-3
+    t, q, rate = (falling[f"driver.motor.{x}"] if x else falling.time for x in ("", "q", "rate"))
+    h = t[1] - t[0]
+    even = slice(0, 40)
+    between = (q[even][2:] - q[even][:-2]) / (2 * h)
+    assert between == pytest.approx(rate[even][1:-1], abs=5e-3)
+    slope = np.gradient(rate, t)[2:-2]
+    assert slope == pytest.approx(falling["driver.motor.acceleration"][2:-2], rel=0.02, abs=0.3)
+    assert falling["driver.motor.acceleration"] == pytest.approx(falling["link.l.alpha"], abs=1e-9)
+    assert np.abs(falling["driver.motor.drive"]).max() < 1e-15
+    places = falling["joint.B.p"], falling["joint.C.p"]
+    assert np.abs(np.abs(places[1] - places[0]) - COUPLER).max() < 1e-14
+    for name in ("joint.B.reaction", "link.r.a", "joint.D.reaction"):
+        assert np.isfinite(falling[name]).all()
+    assert falling.mechanism.verify(falling).ok
+
+
+def test_where_a_driver_does_not_lead_nothing_is_reduced_to_it(falling):
+    reduced = falling["driver.motor.J_red"]
+    begins = [begin for begin, _ in falling.motion.charts]
+    second = (falling.time >= begins[1]) & (falling.time < begins[2])
+    assert np.isnan(reduced[second]).all()
+    assert (reduced[falling.time < begins[1]] > 0).all()
+
+
+def test_a_charted_result_is_cut_pickled_and_asked_for_more(falling):
+    again = pickle.loads(pickle.dumps(falling))
+    assert again["joint.C.p"] == pytest.approx(falling["joint.C.p"], abs=0)
+    some = falling.at(np.array([3, 300]))
+    assert some["link.m.angle"] == pytest.approx(falling["link.m.angle"][[3, 300]], abs=0)
+    assert falling.rerun("link.r.p")["link.r.p"] == pytest.approx(falling["link.r.p"], abs=0)
+
+
+def test_blocks_move_as_their_links_and_joints(falling):
+    graph, hangs = of_blocks()
+    result = graph.compile().simulate(times=TIMES, want="*", accuracy=1e-11)
+    assert result["left.q"] - hangs == pytest.approx(LEFT, abs=5e-9)
+    assert [joints for _, joints in result.motion.charts][:2] == [("left.A",), ("loop.D",)]
+    at = np.searchsorted(falling.time, TIMES)
+    same = {
+        "loop.C.p": "joint.C.p",
+        "loop.C.v": "joint.C.v",
+        "left.B.a": "joint.B.a",
+        "loop.B.reaction": "joint.B.reaction",
+        "loop.D.reaction": "joint.D.reaction",
+        "left.acceleration": "driver.motor.acceleration",
+        "mechanism.shaking_force": "mechanism.shaking_force",
+    }
+    for block, joint in same.items():
+        size = np.abs(falling[joint]).max()
+        assert result[block] == pytest.approx(falling[joint][at], abs=1e-8 * size), block
+    assert result["loop.C.coordinate"] == pytest.approx(
+        np.angle(np.exp(1j * (result["loop.j.angle"] - result["loop.i.angle"]))), abs=1e-12
+    )
+
+
+def test_one_chart_changes_nothing():
+    """To the bit: the motion of a system, and that of `simulate`."""
+    mechanism = hanging().compile()
+    motion = mechanism.simulate("time=0.2", want=()).motion
+    plain = in_one_chart(mechanism, "time=0.2")
+    times = np.linspace(0.0, 0.2, 50)
+    assert np.array_equal(motion.at(times).q, plain.at(times).q)
+    assert (motion.error, motion.legs) == (plain.error, ())
+    assert motion.charts == ((0.0, ("A",)),)
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("rocker", 2), ("near", 5)])
+def test_random_four_bars_move_as_absolute_coordinates_say(kind, seed):
+    case = four_bar(np.random.default_rng([seed, len(kind)]), kind)
+    times = np.linspace(0.0, 0.8, 5)
+    motion = (
+        bm.Linkage.from_data(case).compile().simulate(times=times, want=(), accuracy=1e-11).motion
+    )
+    assert len(motion.charts) > 1
+    off = np.abs(motion.at(times).q - truth(case, times)[:, 0]).max()
+    assert off < min(1e-9, motion.error + 1e-11)  # what the truth leaves open
+
+
+def test_two_drivers_go_through_a_stretched_dyad():
+    """Beside absolute coordinates; a chart with a general group leads while it is straight."""
+    case = five_bar(np.random.default_rng([1, 7]))
+    times = np.linspace(0.0, 0.55, 4)
+    motion = (
+        bm.Linkage.from_data(case).compile().simulate(times=times, want=(), accuracy=1e-8).motion
+    )
+    assert len(motion.charts) == 3
+    assert np.abs(motion.at(times).q - truth(case, times)).max() < motion.error < 1e-8
+
+
+def test_goals_and_events_count_the_users_driver():
+    mechanism = hanging().compile()
+    turn = mechanism.simulate(want=()).motion
+    assert (turn.end, len(turn.charts)) == ("standstill", 2)
+    assert turn.t_end == pytest.approx(0.34416456, abs=1e-8)  # half of a period of 0.68832912 s
+    assert mechanism.simulate("swings=3", want=()).motion.t_end == pytest.approx(3 * turn.t_end)
+    watch = [Watch("mine", lambda t, q, rate: q + 0.18, terminal=False)]
+    motion = mechanism.simulate("time=0.5", watch=watch, want=()).motion
+    crossed = [(event.t, event.q) for event in motion.events if event.kind == "mine"]
+    assert [q for _, q in crossed] == pytest.approx([-0.18] * 4, abs=1e-9)
+    assert crossed[0][0] + crossed[3][0] == pytest.approx(2 * turn.t_end)  # the swing is symmetric
+    there = mechanism.simulate("angle=-0.15", start={"motor": (-0.2, 1.0)}, want=()).motion
+    assert there.end == "angle"
+    assert there.q_end == pytest.approx(-0.15, abs=1e-9)
+
+
+def test_stops_of_any_joint_hold_where_others_lead():
+    free = hanging().compile().simulate("time=0.4", want="joint.D.coordinate")
+    place = float(free["joint.D.coordinate"].min())
+    second = free.motion.charts[1]
+    assert second[1] == ("D",)
+    linkage = hanging()
+    linkage.stop("joint.D.coordinate", low=place + 1e-3)
+    motion = linkage.compile().simulate("time=1", want=()).motion
+    assert motion.end == "end stop"
+    at_stop = hanging().compile().simulate(times=[motion.t_end], want="joint.D.coordinate")
+    assert at_stop["joint.D.coordinate"] == pytest.approx([place + 1e-3], abs=1e-8)
+
+
+def test_joint_friction_goes_along():
+    """Its work is what the energy loses, and pairs rub by their law in every chart."""
+    law = {"friction": bm.Coulomb(coefficient=0.1, radius=0.005)}
+    mechanism = hanging(A=law, B=law, C=law, D=law).compile()
+    want = ["mechanism.*_energy", "joint.B.*", "driver.motor.drive"]
+    result = mechanism.simulate("time=0.5", want=want)
+    assert len(result.motion.charts) == 2
+    energy = result["mechanism.kinetic_energy"] + result["mechanism.potential_energy"]
+    taken = result.motion.facts["friction_work"]
+    assert taken == pytest.approx(energy[0] - energy[-1], rel=1e-9)
+    assert taken > 1e-4
+    load = np.abs(result["joint.B.reaction"])
+    rubs = np.abs(result["joint.B.friction"])
+    assert rubs[1:-1] == pytest.approx(0.1 * 0.005 * load[1:-1], rel=1e-9)
+    assert np.abs(result["driver.motor.drive"]).max() < 1e-14
+
+
+def test_a_locked_driver_is_a_frame():
+    """A five-bar with one crank locked is a four-bar; its other crank goes through dead centres."""
+    rng = np.random.default_rng([2, 6])
+    four = four_bar(rng, "rocker")
+    a, (*_, theta) = 0.3, four["links"]["l"]["pose"]
+    pivot = a * np.exp(0.7j)
+    links = {"post": link(rng, -pivot, 0j), **four["links"]}
+    joints = {
+        "P": pin("frame", "post", [-pivot.real, -pivot.imag], [0.0, 0.0]),
+        **four["joints"],
+        "A": pin("post", "l", [a, 0.0], [0.0, 0.0]),
+    }
+    start = {"base": (0.7, 0.0), "motor": (theta - 0.7, four["initial"]["motor"]["rate"])}
+    five = document(links, joints, {"base": "P", "motor": "A"}, start, "five")
+    times = np.linspace(0.0, 0.8, 9)
+    locked = (
+        bm.Linkage.from_data(five)
+        .compile()
+        .simulate(
+            times=times, locked=["base"], want=["driver.*.q", "driver.*.drive"], accuracy=1e-10
+        )
+    )
+    free = (
+        bm.Linkage.from_data(four).compile().simulate(times=times, want=(), accuracy=1e-10).motion
+    )
+    assert len(locked.motion.charts) > 1
+    assert all("P" in joints for _, joints in locked.motion.charts)
+    assert locked["driver.motor.q"] + 0.7 == pytest.approx(free.at(times).q, abs=1e-8)
+    assert locked["driver.base.q"] == pytest.approx(np.full(9, 0.7), abs=1e-12)
+    assert np.abs(locked["driver.base.drive"]).min() > 1e-3
+    assert np.abs(locked["driver.motor.drive"]).max() < 1e-12
+
+
+def test_what_is_not_handed_over_ends_with_its_reason():
+    linkage = hanging()
+    linkage.stop("motor", low=-1.0, high=1.0, restitution=0.5)
+    motion = linkage.compile().simulate("time=1", want=()).motion
+    assert motion.end == "dead centre"
+    assert "no other joint than the drivers' leads on: end stops let it bounce" in motion.notes
+    linkage = hanging()
+    linkage.add_load(
+        "motor_load",
+        "motor",
+        joint="A",
+        driver="motor",
+        law={"kind": "polynomial", "of": "rate", "coefficients": [0.0, -1e-4]},
+    )
+    motion = linkage.compile().simulate("time=1", want=()).motion
+    assert motion.end == "dead centre"
+
+
+def test_dyads_follow_through_change_points_that_a_document_does_not_tell():
+    """Two four-bars in a row (IFToMM A02): bars of 1 m and 1 kg, so the chain is a pendulum.
+
+    M q'' = -m g cos q with M = (N + 1) / 3 + N and m = (N + 1) / 2 + N for N = 2.
+    """
+    graph = bm.Graph("two_four_bars", gravity=(0.0, -9.81))
+    bar = bm.Link(mass=1.0, inertia=1 / 12, cm=(0.5, 0.0))
+    graph.add("frame", bm.Frame(markers={"A": (0.0, 0.0), "D": (1.0, 0.0), "E": (2.0, 0.0)}))
+    graph.add("crank", bm.Crank(length=1.0, links={"crank": bar}))
+    for name in ("one", "two"):
+        graph.add(name, bm.RRR(l_i=1.0, l_j=1.0, branch=1, links={"i": bar, "j": bar}))
+    wires = "frame.A crank.A", "crank.B one.B", "frame.D one.D", "one.C two.B", "frame.E two.D"
+    for wire in wires:
+        graph.connect(*wire.split())
+    graph.start("crank", q=math.pi / 2, rate=-1.0)
+    result = graph.compile().simulate("time=3", want=["crank.q", "two.j.angle"])
+
+    def slope(t, y):
+        return [y[1], -9.81 * 3.5 / 3.0 * math.cos(y[0])]
+
+    how = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-13, "t_eval": result.time}
+    right = solve_ivp(slope, (0.0, 3.0), [math.pi / 2, -1.0], **how).y[0]
+    assert result.motion.end == "time"
+    assert any("its dyads follow the motion" in note for note in result.motion.notes)
+    assert np.abs(result["crank.q"] - right).max() < 1e-9
+    assert np.abs(np.exp(1j * result["two.j.angle"]) - np.exp(1j * right)).max() < 1e-9
