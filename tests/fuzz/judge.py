@@ -51,7 +51,7 @@ class Findings:
         """Make a mutant and see what becomes of it."""
         made = mutant(seed, number)
         try:
-            with _soon(LONGEST), warnings.catch_warnings(record=True) as warned:
+            with soon(LONGEST), warnings.catch_warnings(record=True) as warned:
                 warnings.simplefilter("always")
                 for stage, kind, detail in judged(made.text):
                     self.reached[stage] += 1
@@ -60,7 +60,7 @@ class Findings:
                 for said in sorted({f"{w.filename}:{w.lineno}: {w.message}" for w in warned}):
                     self.problems.append((made, "warning", said))
         except Hang:
-            self.problems.append((made, "hang", _last_lines()))
+            self.problems.append((made, "hang", last_lines()))
         except Exception:
             self.problems.append((made, "traceback", traceback.format_exc()))
 
@@ -146,7 +146,7 @@ def _numbers(result: Result) -> tuple[str, str]:
 
 
 @contextmanager
-def _soon(longest: float) -> Iterator[None]:
+def soon(longest: float) -> Iterator[None]:
     """Raise `Hang` after so much processor time [s] of this thread, and again until it ends.
 
     Threads of linear algebra that wait for each other on a busy machine do not count.
@@ -170,5 +170,5 @@ def _soon(longest: float) -> Iterator[None]:
 _STOPPED: list[str] = []
 
 
-def _last_lines() -> str:
+def last_lines() -> str:
     return "".join(_STOPPED)

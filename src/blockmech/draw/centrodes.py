@@ -36,8 +36,8 @@ def centrodes(mechanism: Compiled, link: str, at: Any = None) -> Paths:
     name = link if mechanism.names is None else f"link.{link}"
     run = mechanism.run(at=at, want=[f"{name}.p", f"{name}.angle"], on_gap="mark")
     o, e = run[f"{name}.p"], np.exp(1j * run[f"{name}.angle"])
-    moving = o[0] + e[0] * np.conj(e) * (centre - o)
     with np.errstate(invalid="ignore"):
+        moving = o[0] + e[0] * np.conj(e) * (centre - o)
         sizes = (block.largest_length() for block in mechanism.structure.blocks.values())
         near = np.abs(centre - np.nanmean(o)) <= WINDOW * (max(sizes) or 1.0)
     return {

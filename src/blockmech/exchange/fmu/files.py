@@ -29,6 +29,7 @@ from blockmech.errors import listed, printable, refused, shown
 from blockmech.exchange.c.program import CProgram, filled
 from blockmech.exchange.fmu.states import States
 from blockmech.exchange.formats import Order, Writer, one_file
+from blockmech.plan import Output
 from blockmech.runnable import EVERYTHING
 
 COMPILERS = ("cc", "gcc", "clang")
@@ -39,6 +40,7 @@ PLATFORMS = {  # version of FMI -> system -> folder of its binaries
 }
 MACHINES = {"AMD64": "x86_64", "arm64": "aarch64", "ARM64": "aarch64"}  # names of FMI 3
 TIME = 0x7FFFFFFF  # value reference of FMI 3's independent variable, as in unit.h
+ATTRIBUTES = "unit", "start", "derivative"  # of the type of a variable, in FMI 2
 STEP = 1e-3  # [s] of the co-simulation's own integration
 
 
@@ -207,7 +209,15 @@ class Unit:
                 attributes["start"] = repr(variable.start)
             if variable.derivative is not None:
                 attributes["derivative"] = str(variable.derivative)
+            if (output := self._output(variable.name)) is not None:
+                attributes["description"] = printable(output.about)
+                attributes |= {"unit": output.unit} if output.unit else {}
             yield attributes
+
+    def _output(self, name: str) -> Output | None:
+        """What a variable is a part of; an effort from outside is like the drive in its place."""
+        outputs, (head, _, last) = self.mechanism.outputs, name.rpartition(".")
+        return outputs.get(f"{head}.drive" if last == "effort" else name) or outputs.get(head)
 
     def description(self) -> str:
         """Text of ``modelDescription.xml``."""
@@ -230,12 +240,15 @@ class Unit:
             f"{_open(kind, own | more)}{inside}</{kind}>"
             for kind, more in (("ModelExchange", {}), ("CoSimulation", steps))
         ]
-        lines.append("<ModelVariables>")
+        units = dict.fromkeys(v["unit"] for v in self._attributes() if "unit" in v)
+        declared = "".join(_open("Unit", {"name": unit}, "/>") for unit in units)
+        lines += [f"<UnitDefinitions>{declared}</UnitDefinitions>", "<ModelVariables>"]
         for variable in self._attributes():
             if not two:
                 lines.append(_open("Float64", variable, "/>"))
                 continue
-            real = {str(x): variable.pop(x) for x in ("start", "derivative") if x in variable}
+            moved = [x for x in ATTRIBUTES if x in variable]
+            real = {x: variable.pop(x) for x in moved}
             if "derivative" in real:
                 real["derivative"] = str(int(real["derivative"]) + 1)  # counts from 1
             inner = _open("Real", real, "/>")
