@@ -43,6 +43,7 @@ from blockmech.dynamics.system import System
 from blockmech.errors import listed
 from blockmech.motion import Event, Floats, Motion, RolesFrom
 from blockmech.samples import Samples
+from blockmech.series import EPS
 from blockmech.settings import friction_asked
 from blockmech.typing import EngineName, FrictionMethod, M, MotionMethod, Numbers, Progress
 
@@ -192,6 +193,8 @@ def _at_times(
     """The result at the wanted times, those after the end left out."""
     if wanted is None:
         wanted = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
+    ending = np.abs(wanted - motion.t_end) <= 64 * EPS * abs(motion.t_end)
+    wanted = np.where(ending, motion.t_end, wanted)
     inside = (wanted >= motion.t_start) & (wanted <= motion.t_end)
     late = len(wanted) - np.count_nonzero(inside)
     if late:
