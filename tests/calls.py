@@ -48,11 +48,15 @@ def gallery_files() -> list[str]:
 class Subject:
     """A document with what its calls are asked about: poses, outputs and numbers that it has."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.document = opened(path)
-        self.document.extras.pop("expect", None)
-        self.mechanism = self.document.compile()
+    def __init__(self, document: Any, mechanism: Any = None) -> None:
+        self.document, self.mechanism = document, mechanism or document.compile()
+
+    @classmethod
+    def of(cls, path: Path) -> Subject:
+        """What stands in a file, without the numbers that it expects."""
+        document = opened(path)
+        document.extras.pop("expect", None)
+        return cls(document)
 
     @cached_property
     def places(self) -> dict[str, Any]:
@@ -357,7 +361,7 @@ def _commanded(name: str, more: list[str], s: Subject) -> None:
     with tempfile.TemporaryDirectory() as home:
         number, value = next(iter(s.numbers.items()), ("", 0.0))
         said = {"home": home, "output": s.output, "number": number, "value": repr(value)}
-        words = [name, str(s.path), *(word.format(**said) for word in more)]
+        words = [name, s.document.file, *(word.format(**said) for word in more)]
         out, err = StringIO(), StringIO()
         with redirect_stdout(out), redirect_stderr(err):
             code = main(words)

@@ -26,7 +26,7 @@ def campaign(files: Sequence[str], calls: Sequence[str], patience: float) -> int
     count = 0
     for file in files:
         begun = time.process_time()
-        subject = Subject(GRAPHS / file)
+        subject = Subject.of(GRAPHS / file)
         for call in calls:
             clock = time.process_time()
             try:
