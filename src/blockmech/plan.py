@@ -415,7 +415,8 @@ class Output(NamedTuple):
     @property
     def about(self) -> str:
         """What it is, in words."""
-        words = self.words or QUANTITIES[self.name.rpartition(".")[2]]
+        named = (QUANTITIES[x] for x in reversed(self.name.split(".")) if x in QUANTITIES)
+        words = self.words or next(named)  # of a part of a vector its whole
         return words.format(by=self.by, on=self.on)
 
 

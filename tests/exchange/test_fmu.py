@@ -61,6 +61,20 @@ def test_fmpy_finds_no_problem(name, fmi, unit):
         assert any(n.startswith("binaries/") for n in archive.namelist())
 
 
+@pytest.mark.parametrize("fmi", ["2", "3"])
+def test_variables_have_units_and_say_what_they_are(fmi, tmp_path):
+    want = ["crank.drive", "dyad.C.reaction"]
+    (path,) = bm.write(mechanism("ruiz_fourbar"), tmp_path / "m.fmu", want=want, fmi=fmi)
+    model = fmpy.read_model_description(str(path))
+    variables = {v.name: (v.unit, v.description) for v in model.modelVariables}
+    assert variables["crank.q"] == ("rad", "coordinate of the driver")
+    assert variables["crank.effort"][0] == "N m"
+    unit, about = variables["dyad.C.reaction.x"]
+    assert (unit, about[:25]) == ("N", "force of dyad.i on dyad.j")
+    units = {unit for unit, _ in variables.values() if unit}
+    assert units <= {unit.name for unit in model.unitDefinitions}
+
+
 @NEEDS_C
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("fmi", ["2", "3"])

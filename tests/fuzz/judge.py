@@ -1,13 +1,14 @@
 """What may not happen to a document, whatever stands in it.
 
-It is read, compiled, run, verified and simulated. A `BlockmechError` is an answer; any other
-exception, a hang, a number that is none in a sample with an answer, and an answer beside a failing
-`verify` are findings.
+It is read, compiled, run, verified and simulated, and asked a few of all public calls. A
+`BlockmechError` is an answer; any other exception, a hang, a number that is none in a sample with
+an answer, and an answer beside a failing `verify` are findings.
 """
 
 from __future__ import annotations
 
 import json
+import random
 import signal
 import time
 import traceback
@@ -18,20 +19,21 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-import numpy as np
-
 import blockmech as bm
 from blockmech.builders import Graph, Linkage, Opened
 from blockmech.mechanism import Mechanism
 from blockmech.model.document import read
-from blockmech.quality import OK
 from blockmech.result import Result
+from tests.calls import METHODS, MORE, Subject, faults, silent
 from tests.codes import FILE_CODES, LINKAGE_CODES
 from tests.fuzz.mutants import Mutant, mutant
 
-LONGEST = 10.0  # [s] of the thread's processor time for one document
+LONGEST = 30.0  # [s] of the thread's processor time for one document
 SAMPLES = 7
 MOVES = "time=0.3"
+EACH = 2  # of all calls, on each document
+SLOW = {"trade", "enclose", "tolerance", "trade of a motion", "replace", "mode shapes"}
+ASKED = [call for call in (*METHODS, *MORE, "write c", "write svg") if call not in SLOW]
 
 T = TypeVar("T")
 
@@ -51,7 +53,7 @@ class Findings:
         """Make a mutant and see what becomes of it."""
         made = mutant(seed, number)
         try:
-            with _soon(LONGEST), warnings.catch_warnings(record=True) as warned:
+            with soon(LONGEST), warnings.catch_warnings(record=True) as warned:
                 warnings.simplefilter("always")
                 for stage, kind, detail in judged(made.text):
                     self.reached[stage] += 1
@@ -60,7 +62,7 @@ class Findings:
                 for said in sorted({f"{w.filename}:{w.lineno}: {w.message}" for w in warned}):
                     self.problems.append((made, "warning", said))
         except Hang:
-            self.problems.append((made, "hang", _last_lines()))
+            self.problems.append((made, "hang", last_lines()))
         except Exception:
             self.problems.append((made, "traceback", traceback.format_exc()))
 
@@ -93,6 +95,10 @@ def judged(text: str) -> Iterator[tuple[str, str, str]]:
     moved = _answer(lambda: mechanism.simulate(MOVES))
     if moved is not None:
         yield f"moved: {moved.motion.status}", *_numbers(moved)
+    subject = Subject(found, mechanism)
+    for call in random.Random(text).sample(ASKED, EACH):
+        for fault in faults(subject, call):
+            yield call, fault.kind, f"{call}: {fault.detail}"
 
 
 def _kind(raw: dict[str, Any]) -> type[Opened]:
@@ -134,19 +140,13 @@ def _numbers(result: Result) -> tuple[str, str]:
     """A finding if a sample with an answer holds a number that is none, or data are not JSON."""
     json.dumps(result.to_dict(), allow_nan=False)
     repr(result)
-    good = np.array([s == OK for s in result.quality.status])
-    known = {flag.where for flag in result.quality.flags if flag.code == "infinite"}
-    for name in result:
-        if result.output(name).kind == "number" or name in known:
-            continue
-        values = np.asarray(result[name])
-        if len(values) == len(good) and not np.isfinite(values[good]).all():
-            return "silent NaN", name
+    for name in silent(result):
+        return "silent NaN", name
     return "", ""
 
 
 @contextmanager
-def _soon(longest: float) -> Iterator[None]:
+def soon(longest: float) -> Iterator[None]:
     """Raise `Hang` after so much processor time [s] of this thread, and again until it ends.
 
     Threads of linear algebra that wait for each other on a busy machine do not count.
@@ -170,5 +170,5 @@ def _soon(longest: float) -> Iterator[None]:
 _STOPPED: list[str] = []
 
 
-def _last_lines() -> str:
+def last_lines() -> str:
     return "".join(_STOPPED)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from tests.gallery import GRAPHS
 
-FOLDERS = ("", "joints", "motions", "legacy")
+FOLDERS = ("", "joints", "motions", "legacy", "couplings", "control", "control/joints")
 MOST_CHANGES = 3
 EXTREME = (
     *(0, -0.0, 1, -1, 1e-300, 5e-324, 1e-16, 1e-9, 1e9, 1e16, 9e18, 1e154, -1e154, 1e300, -1e308),

@@ -11,7 +11,7 @@ import pytest
 import blockmech as bm
 from blockmech.errors import FormatError, GraphError, RequestError
 from blockmech.model.flat import renamed
-from blockmech.model.subgraph import within
+from blockmech.model.subgraph import Resolver, resolving
 from blockmech.testing.strategies import Options, random_mechanism
 
 BAR = bm.Link(mass=7.2, inertia=5.5, cm=(1.5, 0.3))
@@ -252,9 +252,9 @@ def test_each_mistake_is_one_message_that_says_where_inside(tmp_path):
     assert refused(part(graph=bad)) == [f"wrong-value {where}.graph.blocks.dyad.l_i"]
     bad = knee()
     bad.parameters["hip"] = "dyad.hip"
-    assert refused(part(graph=bad)) == [f"unknown-parameter {where}.parameters.hip"]
+    assert refused(part(graph=bad)) == [f"unknown-parameter {where}.graph.parameters.hip"]
     bad.parameters["hip"] = ["dyad.l_i", "dyad.links.j.mass"]
-    assert refused(part(graph=bad)) == [f"wrong-value {where}.parameters.hip"]
+    assert refused(part(graph=bad)) == [f"wrong-value {where}.graph.parameters.hip"]
     graph = two_knees(knee(), knee())
     graph.add("arm", bm.Subgraph(graph=arm(), on="a.dyad.X"))
     assert [f"{p.code} {p.where}" for p in graph.check()] == ["unknown-marker arm.on"]
@@ -285,11 +285,77 @@ def test_within_a_folder_no_file_outside_of_it_is_read(tmp_path):
     (tmp_path / "in").mkdir()
     knee().save(tmp_path / "in" / "knee.json")
     (tmp_path / "in" / "link.json").symlink_to(tmp_path / "knee.json")
-    with within(tmp_path / "in"):
+    with resolving(Resolver(str(tmp_path / "in"))):
         two_knees(knee(), bm.Subgraph(file=str(tmp_path / "in" / "knee.json")))
         for file in ("in/../knee.json", "in/link.json", "knee.json"):
             with pytest.raises(FormatError, match="outside of the folder"):
                 two_knees(knee(), bm.Subgraph(file=f"{tmp_path}/{file}"))
+
+
+def nested(folder, files, times):
+    """Files of a graph each, in which the next one stands several times; the first is given."""
+    knee().save(folder / f"{files}.json")
+    for level in range(files - 1, 0, -1):
+        part = {"type": "graph", "file": f"{level + 1}.json"}
+        data = {"format": "blockmech/graph", "version": 1, "name": "g"}
+        data["blocks"] = {f"k{i}": part for i in range(times)}
+        (folder / f"{level}.json").write_text(json.dumps(data), "utf-8")
+    return folder / "1.json"
+
+
+def test_more_blocks_than_a_mechanism_has_are_one_message(tmp_path):
+    with pytest.raises(FormatError, match=r"9\.json: blocks: 64000 blocks .* 10000") as told:
+        bm.Graph.load(nested(tmp_path, 12, 40)).compile()
+    assert [p.code for p in told.value.problems] == ["too-large"]
+    outer = bm.Graph("outer")
+    for name in "ab":
+        outer.add(name, bm.Subgraph(file=str(tmp_path / "11.json")))
+    assert outer.size == len(outer.flat().blocks) == 80
+    with resolving(Resolver(blocks=79)), pytest.raises(GraphError, match="80 blocks"):
+        outer.flat()
+
+
+def test_whoever_opens_bounds_depth_and_size_of_what_is_read(tmp_path):
+    with pytest.raises(FormatError, match="nested more than 20 deep") as told:
+        bm.Graph.load(nested(tmp_path, 30, 2))
+    assert [p.code for p in told.value.problems] == ["too-deep"]
+    first = nested(tmp_path, 3, 2)
+    for bounds in ({"depth": 1}, {"size": first.stat().st_size + 100}, {"blocks": 3}):
+        with resolving(Resolver(**bounds)), pytest.raises(bm.BlockmechError) as told:
+            bm.Graph.load(first)
+        assert [p.code.partition("-")[0] for p in told.value.problems] == ["too"]
+    with resolving(Resolver(blocks=4, depth=2)):
+        assert bm.Graph.load(first).size == 4
+
+
+def test_a_file_is_read_once_and_many_parts_take_time_like_few(tmp_path, monkeypatch):
+    from blockmech.model import document, graph
+
+    knee().save(tmp_path / "knee.json")
+    crowd = bm.Graph("crowd")
+    crowd.add("frame", bm.Frame(markers={"A": (0, 0), "D": (5.5, 0)}))
+    crowd.add("crank", bm.Crank(length=2))
+    crowd.connect("frame.A", "crank.A")
+    data = crowd.to_data()
+    data["blocks"] |= {f"k{i}": {"type": "graph", "file": "knee.json"} for i in range(60)}
+    for i in range(60):
+        data["wires"].append({"from": "crank.B", "to": f"k{i}.dyad.B"})
+        data["wires"].append({"from": "frame.D", "to": f"k{i}.dyad.D"})
+    (tmp_path / "crowd.json").write_text(json.dumps(data), "utf-8")
+    reads, sizes = [], []
+    text_of, flattened = document.text_of, graph.flattened
+    monkeypatch.setattr(document, "text_of", lambda path: reads.append(path) or text_of(path))
+    monkeypatch.setattr(graph, "flattened", lambda g: sizes.append(g.size) or flattened(g))
+    loaded = bm.Graph.load(tmp_path / "crowd.json")
+    assert len(reads) == 2
+    assert sum(sizes) < 3 * loaded.size
+    sizes.clear()
+    for i in range(60):
+        crowd.add(f"k{i}", knee())
+        crowd.connect("crank.B", f"k{i}.dyad.B")
+        crowd.connect("frame.D", f"k{i}.dyad.D")
+    assert sum(sizes) < 20 * loaded.size  # the square is 60 times as much
+    assert crowd.structure().formula == loaded.structure().formula
 
 
 def test_what_is_unknown_inside_is_kept_and_told_where_it_is(tmp_path):

@@ -139,7 +139,7 @@ class _Margin:
         if self.whole:
             return
         others = np.concatenate([cuts, series.extrema(at_zero=True)])
-        x, _ = places(series, piece.span, others)
+        x = places(series, piece.span, others)
         y = self._row(x)
         noise = np.full(len(x), ROUNDED)  # a margin is a share of one
         near = np.flatnonzero(~(np.abs(y) > DOUBLE_ROOT))

@@ -88,12 +88,10 @@ class Scan(NamedTuple):
     ----------
     x : (m,) rising
     y : (m,) values there
-    rough : (m,) whether there is no series here, so that extrema are known as samples only
     """
 
     x: Floats
     y: Floats
-    rough: NDArray[np.bool_]
 
 
 def scan(
@@ -111,25 +109,19 @@ def scan(
     value : values with extrema at the same places, to be returned in place of the function's
     """
     series = fit(lambda u: function(span.place(u)), edges, n=NODES)
-    x, panel = places(series, span, series.extrema())
-    y = np.asarray((value or function)(x), dtype=float)
-    return Scan(x, y, ~series.resolved[panel])
+    x = places(series, span, series.extrema())
+    return Scan(x, np.asarray((value or function)(x), dtype=float))
 
 
-def places(series: Series, span: Span, others: Floats) -> tuple[Floats, NDArray[np.intp]]:
-    """Where to look, rising, and on which panels: ends of panels, and where there is no series
-    all samples; ``others`` are shares of the span."""
+def places(series: Series, span: Span, others: Floats) -> Floats:
+    """Where to look, rising: ends of panels, and where there is no series all samples; ``others``
+    are shares of the span."""
     inner = (series.edges[:-1, None] + series.edges[1:, None]) / 2
     inner = inner + np.diff(series.edges)[:, None] / 2 * nodes(NODES)
     kept = np.zeros(inner.shape, dtype=bool)
     kept[:, [0, -1]] = True
     kept[~series.resolved] = True
-    u = np.concatenate([series.edges[[0, -1]], inner[kept], others])
-    own = np.nonzero(kept)[0]
-    last = len(series.c) - 1
-    at = np.clip(np.searchsorted(series.edges, others, "right") - 1, 0, last)
-    x, first = np.unique(span.place(u), return_index=True)
-    return x, np.concatenate([[0, last], own, at]).astype(np.intp)[first]
+    return np.unique(span.place(np.concatenate([series.edges[[0, -1]], inner[kept], others])))
 
 
 def shown_place(q: float) -> float:

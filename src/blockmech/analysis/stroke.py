@@ -72,7 +72,7 @@ class Stroke(Facts, Report):
     @property
     def time_ratio(self) -> float | None:
         """Time of the slow stroke over that of the quick one at constant driver rate [-]."""
-        if self.out is None or self.back is None:
+        if not (self.out and self.back):
             return None
         return max(self.out, self.back) / min(self.out, self.back)
 

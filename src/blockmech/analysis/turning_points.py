@@ -20,7 +20,8 @@ from blockmech.failures import without_gaps
 from blockmech.series import EPS, Floats, panels
 
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
-NOISY = 0.1  # extrema a sample, above which a signal is rounding only
+NEAR = 1e-9  # of the cycle: so near by a signal hardly changes
+NOISY = 1e-4  # of its range, mean change near by above which a signal is rounding only
 BESIDE = np.geomspace(1e-7, 1.0, 8)  # of the way to the next place: looked at around an extremum
 ALIKE = 1e-9  # relative, of values that count as the same: outputs lose some digits
 
@@ -112,6 +113,10 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
     ends: list[Turn] = []
     if good.all() and np.ptp(values) <= ROUNDING * largest:
         ends = [Turn(cycle.low, float(values[0]), 1, True)]
+    elif good.all() and _is_noise(signal, places, values):  # there is nothing to close in on
+        ends = [
+            Turn(float(places[i]), float(values[i]), 1) for i in (values.argmax(), values.argmin())
+        ]
     else:
         for low, high in cycle.stretches(signal.value):
             aside = ASIDE * closed
@@ -123,18 +128,21 @@ def turns_of(cycle: Cycle, signal: Signal) -> Turns:
     return Turns(least._replace(sign=-1), most._replace(sign=1), tuple(sorted(inner)), closed)
 
 
+def _is_noise(signal: Signal, places: Floats, values: Floats) -> bool:
+    """Whether a signal changes at random from one place to one beside it."""
+    beside = signal.value(places[:-1] + NEAR * np.ptp(places))
+    return bool(np.mean(np.abs(beside - values[:-1])) > NOISY * np.ptp(values))
+
+
 def _inner(cycle: Cycle, signal: Signal, span: Span) -> list[Turn]:
     """Extrema inside a stretch, in order."""
     part = (span.high - span.low) / (cycle.high - cycle.low)
     edges = panels(0.0, 1.0, max(2, math.ceil(part * cycle.panels)))
     curve = scan(signal.smooth, span, edges, signal.value)
     good = np.isfinite(curve.y)
-    x, y, rough = curve.x[good], curve.y[good], curve.rough[good]
-    turning = _turning(y, span.turn)
-    if len(turning) > NOISY * len(x) and rough.all():  # there is nothing to close in on
-        return [Turn(float(x[i]), float(y[i]), s) for i, s in ((y.argmax(), 1), (y.argmin(), -1))]
+    x, y = curve.x[good], curve.y[good]
     made = []
-    for i, sign in turning:
+    for i, sign in _turning(y, span.turn):
         s = float(x[i])
         if 0 < i < len(x) - 1:
             s = _cornered(signal, s, min(s - float(x[i - 1]), float(x[i + 1]) - s), sign)

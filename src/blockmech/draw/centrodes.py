@@ -13,6 +13,7 @@ import numpy as np
 
 from blockmech.analysis.instant_centres import instant_centre
 from blockmech.compiled import Compiled
+from blockmech.draw.curves import reach
 from blockmech.draw.page import Paths
 
 WINDOW = 2.0  # sizes of the mechanism, beyond which a centrode is not drawn
@@ -36,10 +37,9 @@ def centrodes(mechanism: Compiled, link: str, at: Any = None) -> Paths:
     name = link if mechanism.names is None else f"link.{link}"
     run = mechanism.run(at=at, want=[f"{name}.p", f"{name}.angle"], on_gap="mark")
     o, e = run[f"{name}.p"], np.exp(1j * run[f"{name}.angle"])
-    moving = o[0] + e[0] * np.conj(e) * (centre - o)
     with np.errstate(invalid="ignore"):
-        sizes = (block.largest_length() for block in mechanism.structure.blocks.values())
-        near = np.abs(centre - np.nanmean(o)) <= WINDOW * (max(sizes) or 1.0)
+        moving = o[0] + e[0] * np.conj(e) * (centre - o)
+        near = np.abs(centre - np.nanmean(o)) <= WINDOW * reach(mechanism)
     return {
         "fixed centrode": np.where(near, centre, np.nan),
         "moving centrode": np.where(near, moving, np.nan),

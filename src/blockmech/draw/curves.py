@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from blockmech.draw.palette import MOST
 from blockmech.draw.panels import Abscissa, Array, Panel
 from blockmech.draw.paper import shown_name
 from blockmech.errors import refused
+from blockmech.export.columns import without_noise
 from blockmech.report import DEGREES
 from blockmech.result import Result
 
@@ -70,7 +71,7 @@ def drive_panels(result: Result, twin: Result | None) -> Panels:
             bare = {} if twin is None else {"": values(twin, name)}
             panels.append(Panel(what + of, unit, drive, bare))
             if bare:  # often too small to be seen between the two
-                panels.append(Panel(f"due to friction{of}", unit, {"": drive[""] - bare[""]}))
+                panels.append(Panel(f"due to friction{of}", unit, _differences(drive, bare)))
     return tuple(panels)
 
 
@@ -90,10 +91,18 @@ def reaction_panels(result: Result, twin: Result | None) -> Panels:
     panels = _split("reaction", "N", _alive(_named(result, ".reaction")), bare)
     # Often too small to be seen between two curves, as with the drive.
     return panels + tuple(
-        Panel("due to friction", panel.unit, {n: panel.curves[n] - y for n, y in lines.items()})
+        Panel("due to friction", panel.unit, _differences(panel.curves, lines))
         for panel in panels
         if (lines := panel.without)
     )
+
+
+def _differences(curves: Mapping[str, Array], bare: Mapping[str, Array]) -> dict[str, Array]:
+    """What friction adds to curves; what is rounding of them is zero."""
+    return {
+        name: without_noise(curves[name] - y, float(np.nanmax(np.abs(y), initial=0.0)))
+        for name, y in bare.items()
+    }
 
 
 def kinematic_panels(result: Result) -> Panels:
@@ -135,10 +144,26 @@ def chosen_panels(result: Result, names: Iterable[str]) -> Panels:
 
 
 def values(result: Result, name: str) -> Array:
-    """An output (n,) as it is drawn: real numbers, of vectors their size; NaN in gaps."""
-    column = np.asarray(result[name])
+    """An output (n,) as it is drawn: real numbers, of vectors their size; NaN in gaps.
+
+    What is rounding beside others of its unit, or moments beside forces at a link's length, is 0.
+    """
+    size, unit = _sizes(result, name), result.unit(name)
+    terms = {unit: 1.0, **({"N": reach(result.mechanism)} if unit == "N m" else {})}
+    names = [n for n in result if result.unit(n) in terms and result.output(n).kind != "matrix"]
+    sizes = [terms[result.unit(n)] * np.abs(_sizes(result, n)) for n in names]
+    return without_noise(size, float(np.nanmax(np.concatenate(sizes), initial=0.0)))
+
+
+def _sizes(result: Result, name: str) -> Array:
+    column = np.atleast_1d(np.asarray(result[name]))
     size = np.abs(column) if np.iscomplexobj(column) else column
     return np.where(np.isfinite(size), size, np.nan).astype(float)
+
+
+def reach(mechanism: Any) -> float:
+    """The largest length [m] of a block; 1 without lengths."""
+    return max((b.largest_length() for b in mechanism.structure.blocks.values()), default=0) or 1.0
 
 
 def _named(result: Result, suffix: str) -> dict[str, Array]:

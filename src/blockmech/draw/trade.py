@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from blockmech.analysis.trade import Point, Trade
 from blockmech.analysis.trade import front as front_of
 from blockmech.draw import palette as ink
@@ -82,7 +84,7 @@ def _panel(axes: Any, trade: Trade, cost: str) -> None:
         x, y = [_spent(p, cost) for p in row], [p.error for p in row]
         bars = [[0.0 for _ in row], [p.slowest - p.seconds for p in row]]
         axes.errorbar(
-            x, y, xerr=bars if cost == "seconds" else None, elinewidth=0.5, lw=0.9,
+            x, y, xerr=bars if cost == "seconds" and np.any(bars) else None, elinewidth=0.5, lw=0.9,
             marker=MARKS[i % len(MARKS)], ms=MARK, mfc=ink.PAPER, mew=0.8, label=name, **style,
         )  # fmt: skip
     errors = [p.error for p in trade.points if math.isfinite(p.error)]

@@ -45,6 +45,7 @@ from blockmech.dynamics.system import System
 from blockmech.errors import listed
 from blockmech.motion import Event, Floats, Motion, RolesFrom
 from blockmech.samples import Samples
+from blockmech.series import EPS
 from blockmech.settings import friction_asked
 from blockmech.typing import EngineName, FrictionMethod, M, MotionMethod, Numbers, Progress
 
@@ -120,8 +121,9 @@ def simulate(
     given = (until, method, accuracy, step, times, start, stops, watch)
     last = prescribed, locked, engine
     request, starts = request_of(mechanism.scene, mechanism.drivers, *given, *last)
-    bounds: dict[str, Any] = {"progress": report, "engine": engine, "budget": budget_of(budget)}
-    prepare = partial(prepared, stops=stops, method=how, **bounds)
+    spent = budget_of(budget)
+    asked = {"method": how, "progress": report, "engine": engine, "budget": spent}
+    prepare = partial(prepared, stops=stops, asked=asked)
     system, request = prepare(mechanism, request, starts)
     if request.roles is None:
         mechanism.once(refuse_no_inertia)
@@ -151,7 +153,11 @@ def leading_joints(mechanism: Compiled) -> tuple[str, ...]:
 
 
 def prepared(
-    mechanism: Compiled, request: SimulationRequest, starts: Pairs, stops: Pairs | None, **how: Any
+    mechanism: Compiled,
+    request: SimulationRequest,
+    starts: Pairs,
+    stops: Pairs | None,
+    asked: Mapping[str, Any],
 ) -> tuple[System, SimulationRequest]:
     """The system of a mechanism that begins somewhere, and the request with its end stops.
 
@@ -162,7 +168,7 @@ def prepared(
         request = replace(request, stops=between)
     counted = counted_pairs(mechanism, starts, between)
     bounds = {"stops": bounds_of(between), "counted": counted, "roles": request.roles}
-    return system_of(mechanism, **bounds, **how), request
+    return system_of(mechanism, **bounds, **asked), request
 
 
 def _moved(system: System, request: SimulationRequest) -> Motion:
@@ -224,6 +230,8 @@ def _at_times(
     """The result at the wanted times, those after the end left out."""
     if wanted is None:
         wanted = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
+    ending = np.abs(wanted - motion.t_end) <= 64 * EPS * abs(motion.t_end)
+    wanted = np.where(ending, motion.t_end, wanted)
     inside = (wanted >= motion.t_start) & (wanted <= motion.t_end)
     late = len(wanted) - np.count_nonzero(inside)
     if late:

@@ -19,6 +19,7 @@ from blockmech.typing import Named
 __all__ = ["AnyPath", "Array", "Column", "Labelled", "columns", "driver_columns", "output_columns"]
 
 Array = NDArray[np.float64]
+NOISE = 1e-12  # of the largest term of a unit: smaller ones are shown as zero
 
 
 class Labelled(Mapping[str, NDArray[Any]]):
@@ -116,6 +117,12 @@ def columns(result: Labelled, degrees: bool = False) -> list[Column]:
         if name not in first:
             table += output_columns(result, name, degrees)
     return table
+
+
+def without_noise(values: Any, largest: float) -> Array:
+    """Values in which what is rounding beside the largest term is zero."""
+    with np.errstate(invalid="ignore"):
+        return np.where(np.abs(values) < NOISE * largest, 0.0, values)
 
 
 def driver_columns(result: Labelled, degrees: bool = False) -> list[Column]:

@@ -6,13 +6,19 @@ import html
 import io
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.export.columns import Column, Labelled, driver_columns, output_columns
+from blockmech.export.columns import (
+    Column,
+    Labelled,
+    driver_columns,
+    output_columns,
+    without_noise,
+)
 from blockmech.plan import Output, Undefined
 from blockmech.quality import OK
 from blockmech.report import DEGREES
@@ -147,7 +153,16 @@ def _select(result: Labelled, degrees: bool, width: int, of: Collection[str]) ->
             shown_any = True
         else:
             more.append(name)
-    return Selection(chosen, rows, gaps, numbers, more)
+    largest: dict[str, float] = {}
+    for c in chosen:
+        largest[c.unit] = max(largest.get(c.unit, 0.0), _largest(c.values))
+    shown = [replace(c, values=without_noise(c.values, largest[c.unit])) for c in chosen]
+    return Selection(shown, rows, gaps, numbers, more)
+
+
+def _largest(values: Any) -> float:
+    finite = np.abs(values[np.isfinite(values)])
+    return float(finite.max(initial=0.0))
 
 
 def _rank(name: str) -> int:

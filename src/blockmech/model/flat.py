@@ -97,6 +97,8 @@ def open_ports(block: Subgraph) -> Iterator[tuple[str, str]]:
 def with_parameters(block: Subgraph) -> Content:
     """The graph inside of a block with the numbers that the block gives it, unchecked."""
     assert block.content is not None
+    if not block.given:
+        return block.content
     known = interface(block.content)
     numbers = {
         path: int(x) if isinstance(p.value, int) and float(x).is_integer() else x
@@ -104,7 +106,7 @@ def with_parameters(block: Subgraph) -> Content:
         for p, paths in [known[address]]
         for path in paths
     }
-    return block.content.with_numbers(numbers) if numbers else block.content
+    return block.content.with_numbers(numbers)
 
 
 def _inside_of(name: str, part: Flat, flat: Flat) -> Callable[[str], str]:

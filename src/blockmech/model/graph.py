@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from contextvars import ContextVar
 from dataclasses import replace
 from itertools import islice
 from operator import itemgetter
@@ -15,7 +14,7 @@ from blockmech.arguments import declared
 from blockmech.blocks.contract import Moving
 from blockmech.blocks.frame import Frame
 from blockmech.couplings.contract import Coupling
-from blockmech.errors import MOST, FormatError, GraphError, Problem, RequestError
+from blockmech.errors import MOST, FormatError, GraphError, Problem, RequestError, in_file
 from blockmech.loads.contract import Element
 from blockmech.model import checks
 from blockmech.model.diagram import GRAPH_FILE, AnyBlock, UnknownBlock, Wire, WireEnds, python_keys
@@ -27,16 +26,12 @@ from blockmech.model.parameters import Path, interface, named
 from blockmech.model.scene import Initial, Locked, Scene, Stops
 from blockmech.model.signals import signal_wire
 from blockmech.model.structure import JointRef, MarkerRef, Structure
-from blockmech.model.subgraph import Subgraph, found_file
+from blockmech.model.subgraph import Subgraph, resolving
 from blockmech.signals.contract import Signal
 from blockmech.values import Vector
 
 if TYPE_CHECKING:
     import networkx as nx
-
-NO_GRAPH = {"empty-file", "not-an-object", "syntax", "truncated", "wrong-encoding", "wrong-format"}
-"""Codes of texts that are no graph: of one that a document names nothing is quoted."""
-_OPEN: ContextVar[tuple[str, ...]] = ContextVar("files whose graphs are being read", default=())
 
 
 class Graph(Document):
@@ -84,16 +79,17 @@ class Graph(Document):
         self.parameters = dict(draft.said.parameters)
         draft.note(python_keys(self.scene, draft.raw))
         unread = set()
-        for name, block in draft.items("blocks"):
-            if isinstance(block, Subgraph):
-                try:
-                    block = self._opened(name, block)
-                except (FormatError, GraphError) as error:
-                    draft.note(error.problems)
-                    block = None
-            if block is None:  # a stand-in, so that wires to it are no problem
-                unread.add(name)
-            self.blocks[name] = block or UnknownBlock("")
+        with resolving():
+            for name, block in draft.items("blocks"):
+                if isinstance(block, Subgraph):
+                    try:
+                        block = self._opened(name, block)
+                    except (FormatError, GraphError) as error:
+                        draft.note(error.problems)
+                        block = None
+                if block is None:  # a stand-in, so that wires to it are no problem
+                    unread.add(name)
+                self.blocks[name] = block or UnknownBlock("")
         if not (draft.wrong & {"blocks", "wires"} or draft.doubled):
             wiring = self._wire_up(draft.said.wires, unread, bool(draft.content))
             draft.fit += islice(wiring, MOST + 1)
@@ -150,10 +146,20 @@ class Graph(Document):
         copied.blocks, copied.wires, copied.scene = flat.blocks, flat.wires, flat.scene
         return copied
 
+    @property
+    def size(self) -> int:
+        """Number of blocks written out."""
+        return sum(b.size if isinstance(b, Subgraph) else 1 for b in self.blocks.values())
+
     def _flattened(self) -> Flat:
-        for name, block in self.blocks.items():
-            if isinstance(block, Subgraph) and block.content is None:
-                self.blocks[name] = self._opened(name, block)
+        with resolving() as files:
+            for name, block in self.blocks.items():
+                if isinstance(block, Subgraph) and block.content is None:
+                    self.blocks[name] = self._opened(name, block)
+            if self.size > files.blocks:
+                found = f"{self.size:.6g} blocks with those of graphs inside"
+                valid = f"a mechanism has at most {files.blocks}"
+                raise GraphError(Problem("too-large", "blocks", found, valid))
         return flattened(self)
 
     def _opened(self, name: str, block: Subgraph) -> Subgraph:
@@ -161,39 +167,14 @@ class Graph(Document):
 
         Raises `FormatError`, `GraphError`, which say where inside.
         """
-        where, folder = f"blocks.{name}", os.path.dirname(self.file)
-        if block.content is None and block.file:
-            path = found_file(block.file, folder, f"{where}.file")
-            way = (*_OPEN.get(), *([os.path.abspath(self.file)] if self.file else []))
-            if _one_file(path) in map(_one_file, way):
-                files = [os.path.basename(p) for p in (*way, path)]
-                found = f"it holds itself: {' -> '.join(files)}"
-                valid = "a graph is no part of itself"
-                raise FormatError(Problem("cycle", f"{where}.file", found, valid))
-            token = _OPEN.set(way)
-            try:
-                block = block.holding(Graph.load(path))
-            except FormatError as error:
-                if NO_GRAPH.isdisjoint(p.code for p in error.problems):
-                    raise
-                place, found = error.problems[0].where, f'"{block.file}" is no graph'
-                found += f" ({place})" if place.startswith("line") else ""
-                remedy = "open it by itself to see what is wrong"
-                wrong = Problem("no-graph", f"{where}.file", found, "", remedy)
-                raise FormatError(wrong) from None
-            finally:
-                _OPEN.reset(token)
-        elif block.content is None:
-            data = {"format": self.form.format, "version": VERSION, **(block.graph or {})}
-            try:
-                block = block.holding(Graph.from_data(data, (), self.file))
-            except (FormatError, GraphError) as error:
-                raise type(error)(
-                    p if p.file else replace(p, where=f"{where}.graph.{p.where}".rstrip("."))
-                    for p in error.problems
-                ) from None
-        problems = list(_misfits(block, where))
-        if problems:
+        where = f"blocks.{name}"
+        if block.content is None:
+            with resolving() as files, files.inside(self.file):
+                if block.file:
+                    block = block.holding(files.read(block.file, f"{where}.file", _part))
+                else:
+                    block = block.holding(_inline(block, self.file, where))
+        if block.given and (problems := list(_misfits(block, where))):
             raise GraphError(problems)
         return block
 
@@ -264,12 +245,28 @@ class Graph(Document):
 
     def problems_of(self, wire: Wire) -> list[Problem]:
         """What is locally wrong with a wire that is to be added; see `connect`."""
-        heads = (str(end).partition(".")[0] for end in wire.ends)
-        inside = any(isinstance(self.blocks.get(head), Subgraph) for head in heads)
-        flat = self._flattened() if inside else Flat(self.blocks)
         fed = next((w for w in self.wires if w.target == wire.target), None)
-        there = Wire(*map(flat.address, wire.ends)) if inside else wire
-        return list(checks.wire_problems(flat.blocks, there, there.apart(flat.blocks), fed))
+        near = self._near({str(end).partition(".")[0] for end in wire.ends})
+        problems: list[Problem] = []
+        for graph in (near, self):  # for messages all there is
+            flat = graph._flattened()
+            there = Wire(*map(flat.address, wire.ends))
+            problems = list(checks.wire_problems(flat.blocks, there, there.apart(flat.blocks), fed))
+            if not problems:
+                break
+        return problems
+
+    def _near(self, names: set[str]) -> Self:
+        """The same with no more blocks than these, those that they stand on, and the frame."""
+        near = copy.copy(self)
+        near.wires, near.blocks = [], {}
+        waiting = {*names, *(n for n, b in self.blocks.items() if isinstance(b, Frame))}
+        while waiting:
+            name = waiting.pop()
+            if name in self.blocks and name not in near.blocks:
+                near.blocks[name] = block = self.blocks[name]
+                waiting.add(getattr(block, "on", "").partition(".")[0])
+        return near
 
     def drive(self, driver: str, law: LawOfMotion) -> None:
         """Give a driver its law of motion; replaces an earlier one.
@@ -396,24 +393,49 @@ def _formed(flat: Flat, found: checks.Checked) -> Structure:
     )
 
 
-def _one_file(path: str) -> str:
-    """A path by which the same file is known, whatever links and capitals lead to it."""
-    return os.path.normcase(os.path.realpath(path))
+def _part(path: str) -> Graph:
+    """The graph in a file as a part of another one. Raises `FormatError`, `GraphError`."""
+    content = Graph.load(path)
+    if problems := in_file(_unfit(content), path):
+        raise GraphError(problems)
+    return content
 
 
-def _misfits(block: Subgraph, where: str) -> Iterator[Problem]:
-    """What is wrong with a graph as a part, and with the numbers that its block gives it."""
-    content: Any = block.content
+def _inline(block: Subgraph, file: str, where: str) -> Graph:
+    """The graph in a block as a part of another one. Raises `FormatError`, `GraphError`."""
+    data = {"format": GRAPH_FILE.format, "version": VERSION, **(block.graph or {})}
+    try:
+        content = Graph.from_data(data, (), file)
+        if problems := list(_unfit(content)):
+            raise GraphError(problems)
+    except (FormatError, GraphError) as error:
+        raise type(error)(
+            p if p.file else replace(p, where=f"{where}.graph.{p.where}".rstrip("."))
+            for p in error.problems
+        ) from None
+    return content
+
+
+def _unfit(content: Graph) -> Iterator[Problem]:
+    """What is wrong with a graph as a part of another one."""
     frames = [n for n, b in content.blocks.items() if isinstance(b, Frame)]
     if len(frames) > 1:
         found = f"it has two frames: {frames[0]} and {frames[1]}"
         valid = "a graph has one fixed link"
-        yield Problem("two-frames", where, found, valid, f"move the markers to {frames[0]}")
-    yield from (replace(p, where=f"{where}.{p.where}") for p in content._flattened().problems)
-    inside, known = where, {}
+        yield Problem("two-frames", "", found, valid, f"move the markers to {frames[0]}")
+    yield from content._flattened().problems
+    if content.parameters:
+        try:
+            interface(content)
+        except RequestError as error:
+            yield from error.problems
+
+
+def _misfits(block: Subgraph, where: str) -> Iterator[Problem]:
+    """What is wrong with the numbers that a block gives the graph inside."""
+    content: Any = block.content
+    inside, known = f"{where}.parameters", interface(content)
     try:
-        known = interface(content)
-        inside = f"{where}.parameters"
         given = named({address: p for address, (p, _) in known.items()}, block.given)
     except RequestError as error:
         yield from (replace(p, where=f"{inside}.{p.where}") for p in error.problems)

@@ -11,16 +11,18 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Protocol, Self
 
 from pydantic import Field, PrivateAttr, WithJsonSchema, field_validator, model_validator
 
 from blockmech.blocks.block import Block
-from blockmech.errors import FormatError, Problem
+from blockmech.errors import BlockmechError, FormatError, GraphError, Problem
 from blockmech.values import Number, mistake
 
 
@@ -35,6 +37,10 @@ class Content(Protocol):
     def scene(self) -> Any:
         """Gravity, drives, starts and stops."""
 
+    @property
+    def size(self) -> int:
+        """Number of blocks written out."""
+
     def sections(self) -> dict[str, Any]:
         """What stands in its file between head and extras."""
 
@@ -47,8 +53,9 @@ class Content(Protocol):
 
 HEAD = ("format", "version")  # of a file, which a graph inside of another need not have
 FOLDERS = "BLOCKMECH_PATH"  # environment variable: folders with libraries
-ROOT: ContextVar[str] = ContextVar("root", default="")
 LIBRARIES = "blockmech.libraries"  # group of entry points: name of a library -> package
+NO_GRAPH = {"empty-file", "not-an-object", "syntax", "truncated", "wrong-encoding", "wrong-format"}
+"""Codes of texts that are no graph: of one that a document names nothing is quoted."""
 
 INLINE = {"type": "object", "required": ["blocks"]}  # what is inside, the whole schema says
 
@@ -85,6 +92,7 @@ class Subgraph(Block, type="graph"):
     given: dict[str, Number] = Field(default={}, alias="parameters")
 
     _content: Content | None = PrivateAttr(None)
+    _size: int = PrivateAttr(1)
 
     @field_validator("graph", mode="before")
     @classmethod
@@ -105,10 +113,15 @@ class Subgraph(Block, type="graph"):
         """The graph inside as its file has it; None before it is read."""
         return self._content
 
+    @property
+    def size(self) -> int:
+        """Number of blocks that it stands for, written out."""
+        return self._size
+
     def holding(self, content: Content) -> Subgraph:
         """The same block with its graph read."""
         block = self.model_copy()
-        block._content = content
+        block._content, block._size = content, content.size
         return block
 
     def seen_from(self, old: str, new: str) -> Subgraph:
@@ -120,34 +133,111 @@ class Subgraph(Block, type="graph"):
         return self.model_copy(update={"graph": data})
 
 
-@contextmanager
-def within(folder: str | os.PathLike[str]) -> Iterator[None]:
-    """Inside, files of graphs are read from a folder and from libraries alone, links followed."""
-    before = ROOT.set(os.path.realpath(folder))
-    try:
-        yield
-    finally:
-        ROOT.reset(before)
+@dataclass
+class Resolver:
+    """Where the files of graphs inside of graphs are, and how much of them is read, each once.
 
-
-def found_file(file: str, folder: str, where: str) -> str:
-    """Path of a graph's file. Raises `FormatError` with the places where it was looked for.
-
-    Beside the document comes first, then the folders of ``BLOCKMECH_PATH``, then the packages
-    whose entry points in ``blockmech.libraries`` have the first part of the path as their name.
+    Attributes
+    ----------
+    root : folder that files beside documents do not leave, links followed; "" is any
+    depth : most graphs inside of one another
+    blocks : most blocks of a document written out
+    size : most bytes of all files
     """
-    places = [folder, *filter(None, os.environ.get(FOLDERS, "").split(os.pathsep))]
-    beside, root = os.path.realpath(os.path.join(folder, file)), ROOT.get()
-    if root and not Path(beside).is_relative_to(root):
-        found = f'"{file}" is outside of the folder whose files are read'
-        raise FormatError(Problem("not-inside", where, found, "", "put the file into the folder"))
-    for path in (*(os.path.join(place, file) for place in places), *_in_packages(file)):
-        if os.path.isfile(path):
-            return os.path.normpath(path)
-    found = f'there is no file "{file}"'
-    nearby = "beside the document" if folder else "in the working folder"
-    valid = f"looked for {nearby}, in the folders of {FOLDERS} and in installed libraries"
-    raise FormatError(Problem("no-file", where, found, valid, "check the name and the folder"))
+
+    root: str = ""
+    depth: int = 20
+    blocks: int = 10_000
+    size: int = 16_000_000
+    documents: list[str] = field(default_factory=list)  # being read, the outermost first
+    graphs: dict[str, Content | BlockmechError] = field(default_factory=dict)  # by `_one_file`
+
+    @contextmanager
+    def inside(self, document: str) -> Iterator[None]:
+        """Inside, graphs are parts of a document. Raises `FormatError` for too many in a row."""
+        if len(self.documents) == self.depth:
+            found = f"graphs are nested more than {self.depth} deep"
+            raise FormatError(Problem("too-deep", "blocks", found, "", "write some of them out"))
+        self.documents.append(os.path.abspath(document) if document else "")
+        try:
+            yield
+        finally:
+            self.documents.pop()
+
+    def read(self, file: str, where: str, load: Callable[[str], Content]) -> Content:
+        """The graph in a file that the innermost document names there.
+
+        Raises `FormatError`, `GraphError`.
+        """
+        path = self._path(file, os.path.dirname(self.documents[-1]), where)
+        same = _one_file(path)
+        if same in map(_one_file, filter(None, self.documents)):
+            files = (*dict.fromkeys(filter(None, self.documents)), path)
+            found = f"it holds itself: {' -> '.join(map(os.path.basename, files))}"
+            raise FormatError(Problem("cycle", where, found, "a graph is no part of itself"))
+        if same not in self.graphs:
+            try:
+                self.graphs[same] = self._loaded(path, file, where, load)
+            except (FormatError, GraphError) as error:
+                self.graphs[same] = error
+        graph = self.graphs[same]
+        if isinstance(graph, BlockmechError):
+            raise graph
+        return graph
+
+    def _loaded(self, path: str, file: str, where: str, load: Callable[[str], Content]) -> Content:
+        self.size -= os.path.getsize(path)
+        if self.size < 0:
+            found = "the files of graphs inside are too large together"
+            raise FormatError(Problem("too-large", "blocks", found))
+        try:
+            return load(path)
+        except FormatError as error:
+            if NO_GRAPH.isdisjoint(p.code for p in error.problems):
+                raise
+            place, found = error.problems[0].where, f'"{file}" is no graph'
+            found += f" ({place})" if place.startswith("line") else ""
+            remedy = "open it by itself to see what is wrong"
+            raise FormatError(Problem("no-graph", where, found, "", remedy)) from None
+
+    def _path(self, file: str, folder: str, where: str) -> str:
+        """Path of a graph's file. Raises `FormatError` with the places where it was looked for.
+
+        Beside the document comes first, then the folders of ``BLOCKMECH_PATH``, then the packages
+        whose entry points in ``blockmech.libraries`` have the first part of the path as their name.
+        """
+        places = [folder, *filter(None, os.environ.get(FOLDERS, "").split(os.pathsep))]
+        beside = os.path.realpath(os.path.join(folder, file))
+        if self.root and not Path(beside).is_relative_to(os.path.realpath(self.root)):
+            found = f'"{file}" is outside of the folder whose files are read'
+            remedy = "put the file into the folder"
+            raise FormatError(Problem("not-inside", where, found, "", remedy))
+        for path in chain((os.path.join(place, file) for place in places), _in_packages(file)):
+            if os.path.isfile(path):
+                return os.path.normpath(path)
+        found = f'there is no file "{file}"'
+        nearby = "beside the document" if folder else "in the working folder"
+        valid = f"looked for {nearby}, in the folders of {FOLDERS} and in installed libraries"
+        raise FormatError(Problem("no-file", where, found, valid, "check the name and the folder"))
+
+
+_CURRENT: ContextVar[Resolver | None] = ContextVar("resolver", default=None)
+
+
+@contextmanager
+def resolving(resolver: Resolver | None = None) -> Iterator[Resolver]:
+    """Inside, files are read by this resolver, without one by that of outside, or by a new one."""
+    current = resolver or _CURRENT.get() or Resolver()
+    token = _CURRENT.set(current)
+    try:
+        yield current
+    finally:
+        _CURRENT.reset(token)
+
+
+def _one_file(path: str) -> str:
+    """A path by which the same file is known, whatever links and capitals lead to it."""
+    return os.path.normcase(os.path.realpath(path))
 
 
 def _in_packages(file: str) -> Iterator[str]:

@@ -185,6 +185,7 @@ def available(
     taken = mechanism.samples(at, samples, None, rates, None)
     plan = family.general.plan([name], friction=friction, static=static)
     refuse_deflections(mechanism, plan, "designs")
+    mechanism.refuse_states(plan, taken.inputs)
     engine, n = DualEngine(plan.program), taken.n
     given = {k: np.broadcast_to(np.asarray(x, float), n) for k, x in _inputs(taken, plan).items()}
     forces = np.full(n, np.nan)

@@ -169,8 +169,9 @@ def _passed_on(
     mechanism: Compiled, parameters: tuple[Parameter, ...]
 ) -> dict[Parameter, tuple[Path, ...]]:
     """Where numbers of a document go in its graph, if they go there unchanged."""
+    varied = [p for p in parameters if "pose" not in p.path]
     try:
-        near = Variation.of(mechanism, (p for p in parameters if "pose" not in p.path))
+        near = Variation.of(mechanism, varied)
     except GraphError:
         near = Variation(mechanism, {})
     own, there = (parameters_of(graph_sections(m)).keys() for m in (mechanism, near.base))
@@ -178,8 +179,8 @@ def _passed_on(
         return {
             p: places for one in parameters for p, places in _passed_on(mechanism, (one,)).items()
         }
-    followers = {}
-    for p, seed in zip(parameters, np.eye(len(parameters)), strict=True):
+    followers: dict[Parameter, tuple[Path, ...]] = dict.fromkeys(parameters, ())
+    for p, seed in zip(varied, np.eye(len(varied)), strict=True):
         follow = {path: x for path, x in near.numbers.items() if (x.d @ seed).any()}
         same = all(x == Varied(p.value, seed) for x in follow.values())
         followers[p] = tuple(follow) if same and own == there else ()

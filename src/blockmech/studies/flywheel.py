@@ -79,6 +79,8 @@ class _Turn(NamedTuple):
         from scipy.optimize import brentq
 
         J = self.J + flywheel
+        if not J.all():
+            return np.full(self.q.shape, np.nan)
         least = float(np.max(-self.energy))
 
         def late(E0: float) -> float:
@@ -137,6 +139,8 @@ def flywheel(mechanism: Compiled, speed: float, fluctuation: float) -> Flywheel:
     q = (fine[:-1, None] + half[:, None] * (1 + nodes)).ravel()
     share = (half[:, None] * weights).ravel() / period
     turn = _Turn(q, share, system.sample(q, speed).J, work(q) + moment * q)
+    if not (turn.J.any() or np.ptp(turn.energy)):
+        raise refused("flywheel", "nothing has inertia, and no load works", "give links a mass")
     alone = turn.speeds(0.0, speed)
     without = fluctuation_of(alone, speed)
     if without <= fluctuation:

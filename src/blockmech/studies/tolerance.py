@@ -114,8 +114,9 @@ class Tolerance(Pictured, Mapping[str, Array]):
         shares = self.shares(output)[:, k]
         order = np.argsort(-np.nan_to_num(shares), kind="stable")
         names, laws = list(numbers), list(self.laws.values())
+        percents = ["-" if np.isnan(share) else f"{share:.1%}" for share in shares]
         rows = [
-            (names[j], f"{laws[j].deviation:.4g} {numbers[names[j]].unit}", f"{shares[j]:.1%}")
+            (names[j], f"{laws[j].deviation:.4g} {numbers[names[j]].unit}", percents[j])
             for j in order.tolist()
         ]
         yield from aligned(("number", "deviation", "share"), rows)

@@ -10,7 +10,7 @@ from pathlib import Path
 from blockmech.builders import Opened, opened
 from blockmech.errors import FormatError, refused
 from blockmech.model.reading import text_of
-from blockmech.model.subgraph import within
+from blockmech.model.subgraph import Resolver, resolving
 from blockmech.studio.sheet import Sheet
 
 
@@ -47,7 +47,7 @@ class Filed(Sheet):
     def open(self, name: str) -> None:
         """Show a file of the folder. Raises `FormatError`, `GraphError`, `RequestError`."""
         path = inside(self.folder, name)
-        with within(self.folder):
+        with resolving(Resolver(str(self.folder))):
             document = opened(path)
         self.stamp = _stamp(path)
         self.begin(document, path)
@@ -71,7 +71,7 @@ class Filed(Sheet):
         self.stamp = _stamp(path)
         moved = document.in_folder(str(path.parent))
         if moved.to_json() != document.to_json():  # paths to files inside are others there
-            with within(self.folder):
+            with resolving(Resolver(str(self.folder))):
                 self.begin(opened(path), path)
         self.keep(path)
 

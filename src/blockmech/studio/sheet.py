@@ -17,7 +17,7 @@ from blockmech.builders import Graph, Opened, from_data
 from blockmech.draw.boxes import graph_of
 from blockmech.errors import GraphError, Problem
 from blockmech.model.graph import Graph as Blocks
-from blockmech.model.subgraph import within
+from blockmech.model.subgraph import Resolver, resolving
 from blockmech.model.writing import canonical_text
 
 
@@ -114,7 +114,7 @@ class Sheet(param.Parameterized):  # type: ignore[misc]  # param's own types say
 
     def _read(self, form: dict[str, Any]) -> Opened:
         """The document of a form; of other files it takes those of the folder alone."""
-        with within(self.folder):
+        with resolving(Resolver(str(self.folder))):
             return from_data(form, self.path)
 
     def _step(self, back: list[Step], forth: list[Step], least: int) -> str:

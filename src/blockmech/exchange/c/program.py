@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 import blockmech
+from blockmech.analysis.deflections import refuse_deflections
 from blockmech.compiled import Compiled
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.numpy import Planar, leaves
@@ -106,7 +107,8 @@ class CProgram:
         self.plan: Plan = catalogue.plan(mechanism.scene, names, friction_asked(*how), static)
         self._settings = settings
         if rates is None:
-            self._refuse_states()
+            mechanism.refuse_states(self.plan, ())
+            refuse_deflections(mechanism, self.plan, "C text")
         eps = EPS if real == DOUBLE else float(np.finfo(np.float32).eps)
         try:
             self._trace = ClosedTrace(self.plan.program, eps)
@@ -131,16 +133,6 @@ class CProgram:
         refs = list(self.mechanism.structure.states)
         inputs = self.plan.program.inputs
         return {x: refs[int(x[len(STATE) :])] for x in inputs if x.startswith(STATE)}
-
-    def _refuse_states(self) -> None:
-        """Raise `RequestError` where numbers follow states, which only a motion knows."""
-        if self.states:
-            of = listed(self.mechanism.structure.signals)
-            found = f"what is wanted follows the signals {of}, which have states of their own"
-            if not of:
-                pairs = listed(map(str, self.states.values()))
-                found = f"friction in {pairs} has states of its own"
-            raise refused("--to c", found, "want outputs that do not, e.g. positions")
 
     @property
     def _blocks(self) -> Mapping[str, frozenset[str]]:

@@ -31,6 +31,7 @@ from blockmech.errors import listed, printable, refused, shown
 from blockmech.exchange.c.program import CProgram, filled
 from blockmech.exchange.fmu.states import States
 from blockmech.exchange.formats import Order, Writer, one_file
+from blockmech.plan import Output
 from blockmech.runnable import EVERYTHING
 
 COMPILERS = ("cc", "gcc", "clang")
@@ -44,6 +45,7 @@ BASES = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")
 DERIVED = {"N": "kg m s-2", "J": "kg m2 s-2", "W": "kg m2 s-3", "Pa": "kg m-1 s-2", "Hz": "s-1"}
 DERIVED |= {"V": "kg m2 s-3 A-1"}
 TIME = 0x7FFFFFFF  # value reference of FMI 3's independent variable, as in unit.h
+ATTRIBUTES = "unit", "start", "derivative"  # of the type of a variable, in FMI 2
 STEP = 1e-3  # [s] of the co-simulation's own integration
 
 
@@ -224,7 +226,14 @@ class Unit:
                 attributes["unit"] = variable.unit
             if variable.derivative is not None:
                 attributes["derivative"] = str(variable.derivative)
+            if (output := self._output(variable.name)) is not None:
+                attributes["description"] = printable(output.about)
             yield attributes
+
+    def _output(self, name: str) -> Output | None:
+        """What a variable is a part of; an effort from outside is like the drive in its place."""
+        outputs, (head, _, last) = self.mechanism.outputs, name.rpartition(".")
+        return outputs.get(f"{head}.drive" if last == "effort" else name) or outputs.get(head)
 
     def description(self) -> str:
         """Text of ``modelDescription.xml``."""
@@ -254,9 +263,8 @@ class Unit:
             if not two:
                 lines.append(_open("Float64", variable, "/>"))
                 continue
-            real = {
-                str(x): variable.pop(x) for x in ("unit", "start", "derivative") if x in variable
-            }
+            moved = [x for x in ATTRIBUTES if x in variable]
+            real = {x: variable.pop(x) for x in moved}
             if "derivative" in real:
                 real["derivative"] = str(int(real["derivative"]) + 1)  # counts from 1
             inner = _open("Real", real, "/>")

@@ -1,0 +1,53 @@
+"""Pictures and films of a mechanism, as `blockmech.draw` makes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from blockmech.draw import KINDS, animate, draw, plot
+from blockmech.draw.animation import MOVING
+from blockmech.draw.paper import STILL
+from blockmech.exchange.formats import Order, Writer
+
+POSED = ("mechanism", "centrodes", "tile")
+TRACE = {"trace": "markers whose paths are drawn"}
+
+
+def _places(order: Order) -> dict[str, Any] | None:
+    """Coordinates of the drivers at the poses that are asked for."""
+    if not order.at:
+        return None
+    at, samples, times = (order.at.get(name) for name in ("at", "samples", "times"))
+    taken = order.mechanism.samples(at, samples, times, None, None)
+    return {d: taken.coordinate(i) for i, d in enumerate(order.mechanism.drivers)}
+
+
+def _trace(order: Order) -> Any:
+    names = order.options.get("trace")
+    return names.split(",") if isinstance(names, str) else names
+
+
+def write_picture(order: Order, path: Path) -> list[Path]:
+    """A picture of the kind that is asked for; curves are of the wanted outputs."""
+    kind = order.options.get("kind", "mechanism")
+    if kind == "curves":
+        return [plot(order.result(), path)]
+    at = _places(order) if kind in POSED else None
+    return [draw(order.mechanism, path, kind, at, trace=_trace(order), want=order.want)]
+
+
+def write_film(order: Order, path: Path) -> list[Path]:
+    """An animation over the poses, or the range of the laws of motion."""
+    animate(order.mechanism, path, _places(order), trace=_trace(order))
+    return [path]
+
+
+PICTURE = Writer(
+    "picture: the mechanism at poses, or another kind",
+    tuple(s for s in STILL if s != ".svg"),
+    write_picture,
+    {"kind": f"curves, {', '.join(k for k in KINDS if k != 'animation')}; default mechanism"}
+    | TRACE,
+)
+FILM = Writer("animation over poses", tuple(s for s in MOVING if s != ".html"), write_film, TRACE)
