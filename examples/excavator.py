@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 import blockmech as bm
-from blockmech.result import Result
+from blockmech.result.result import Result
 
 FILE = Path(__file__).parents[1] / "graphs" / "excavator.json"
 PUSH = {"boom": 590e3, "arm": 480e3, "curl": 360e3}  # [N] that the cylinders can push or hold

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import pytest
 
+from blockmech.ground.runnable import LazyMethod
 from blockmech.mechanism import Mechanism
-from blockmech.runnable import LazyMethod
 from tests.calls import CALLS, METHODS, MORE, Subject, faults, gallery_files
 from tests.gallery import GRAPHS
 

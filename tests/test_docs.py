@@ -15,7 +15,7 @@ import blockmech as bm
 from blockmech.blocks.contract import Block
 from blockmech.blocks.registry import REGISTRY
 from blockmech.cli import COMMANDS
-from blockmech.values import StrictModel
+from blockmech.ground.values import StrictModel
 from docs.snippets import BrokenPage, run, workplace
 from tests.source import MODULES, trees
 

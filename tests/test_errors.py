@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 import blockmech
 from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import problems_in
-from blockmech.errors import LONGEST, MOST, BlockmechError, FormatError, GraphError, listed
+from blockmech.ground.errors import LONGEST, MOST, BlockmechError, FormatError, GraphError, listed
 from blockmech.model.reading import LARGEST
 from tests.codes import FILE_CODES
 from tests.doors import graph_of as loads

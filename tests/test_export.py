@@ -18,9 +18,16 @@ import pytest
 from jsonschema import Draft202012Validator
 
 import blockmech as bm
-from blockmech.export import csv_chunks, html_table, json_chunks, result_schema, table, write_csv
-from blockmech.files import folder, writing
-from blockmech.motion import fact_unit
+from blockmech.ground.files import folder, writing
+from blockmech.result.exported import (
+    csv_chunks,
+    html_table,
+    json_chunks,
+    result_schema,
+    table,
+    write_csv,
+)
+from blockmech.result.motion import fact_unit
 from examples.wire_ruiz import fourbar
 from tests.analysis.linkages import fivebar, short_fourbar
 

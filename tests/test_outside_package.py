@@ -20,7 +20,7 @@ from typing import Literal
 from blockmech.blocks import crank
 from blockmech.blocks.contract import BuiltIn, DrivingLink, Kernels, outer_joint
 from blockmech.friction.laws import FrictionLaw, FrictionTerms
-from blockmech.values import Angle, Length, NotNegative
+from blockmech.ground.values import Angle, Length, NotNegative
 
 
 def fan(speed, p):

@@ -12,7 +12,7 @@ import pytest
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.dynamics.request import Watch
-from blockmech.result import Result
+from blockmech.result.result import Result
 from tests.wiring import ruiz, same_bits
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -8,7 +8,7 @@ from importlib import import_module
 import pytest
 
 import blockmech as bm
-from blockmech.pictured import Pictured
+from blockmech.ground.pictured import Pictured
 from tests.source import MODULES
 
 for name in MODULES:

@@ -12,7 +12,7 @@ import pytest
 
 import blockmech as bm
 from blockmech import synthesis
-from blockmech.report import Facts, as_json, sections
+from blockmech.ground.report import Facts, as_json, sections
 
 GRAPHS = Path(__file__).resolve().parents[1] / "graphs"
 

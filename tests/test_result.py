@@ -9,8 +9,8 @@ import pytest
 
 import blockmech as bm
 from blockmech.analysis.reference_errors import WIDER
-from blockmech.errors import NotComputedError
-from blockmech.values import Marker
+from blockmech.ground.errors import NotComputedError
+from blockmech.ground.values import Marker
 from tests.gallery import GRAPHS
 from tests.wiring import EPS, off, ruiz, toggle, watt, wire
 

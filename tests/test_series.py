@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from blockmech.series import (
+from blockmech.functions.series import (
     NODES,
     TOLERANCE,
     coefficients,

@@ -15,8 +15,8 @@ import blockmech as bm
 from blockmech import Graph
 from blockmech.blocks.contract import Block, Moving
 from blockmech.friction.continuation import course_from_zero, end_of
+from blockmech.ground.values import Marker
 from blockmech.testing.strategies import Case
-from blockmech.values import Marker
 from tests.gallery import GRAPHS
 
 DATA = Path(__file__).resolve().parent / "data"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from blockmech import sigint as _sigint  # noqa: F401 (before all that takes time)
+from blockmech.ground import sigint as _sigint  # noqa: F401
 
 # isort: split
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from blockmech.garbage import grown_old, uncollected
+from blockmech.ground.garbage import grown_old, uncollected
 
 with uncollected():  # all that is made here is kept
     from blockmech import signals as signals
@@ -25,17 +25,6 @@ with uncollected():  # all that is made here is kept
         SlideDrive,
     )
     from blockmech.builders import Graph, Linkage, read
-    from blockmech.errors import (
-        AssemblyError,
-        BlockmechError,
-        FormatError,
-        FrictionError,
-        GraphError,
-        MissingEngineError,
-        Problem,
-        RequestError,
-        SingularError,
-    )
     from blockmech.friction.laws import (
         Coulomb,
         Dahl,
@@ -49,6 +38,18 @@ with uncollected():  # all that is made here is kept
         Stribeck,
         Viscous,
     )
+    from blockmech.ground.errors import (
+        AssemblyError,
+        BlockmechError,
+        FormatError,
+        FrictionError,
+        GraphError,
+        MissingEngineError,
+        Problem,
+        RequestError,
+        SingularError,
+    )
+    from blockmech.ground.values import Link, Marker
     from blockmech.loads import Couple, Force, Motor, Spring, Thrust, TorsionSpring, laws
     from blockmech.model.laws_of_motion import (
         ConstantRate,
@@ -59,7 +60,6 @@ with uncollected():  # all that is made here is kept
     )
     from blockmech.model.subgraph import Subgraph
     from blockmech.studies.sampling import normal, uniform
-    from blockmech.values import Link, Marker
 
     grown_old()
 
@@ -70,7 +70,7 @@ if TYPE_CHECKING:
     from blockmech.dynamics.request import Until, Watch
     from blockmech.exchange.writing import write
     from blockmech.mechanism import Mechanism
-    from blockmech.result import Result
+    from blockmech.result.result import Result
 
 __all__ = [
     "PRP",
@@ -149,7 +149,7 @@ _LATER = {  # loaded when they are first asked for
         ("Belt", "Cam", "Gear", "Geneva", "Rack", "Ratio"), "blockmech.couplings.kinds"
     ),
     "Mechanism": "blockmech.mechanism",
-    "Result": "blockmech.result",
+    "Result": "blockmech.result.result",
     "SimulationResult": "blockmech.dynamics.motion_outputs",
     "Until": "blockmech.dynamics.request",
     "Watch": "blockmech.dynamics.request",

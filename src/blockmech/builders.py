@@ -12,13 +12,13 @@ from functools import cached_property
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from blockmech.errors import FormatError, GraphError, Problem, in_file
-from blockmech.garbage import uncollected
+from blockmech.ground.errors import FormatError, GraphError, Problem, in_file
+from blockmech.ground.garbage import uncollected
+from blockmech.ground.runnable import LazyMethod, Runnable
 from blockmech.model import document, graph
 from blockmech.model.joints import linkage
 from blockmech.model.naming import Names
 from blockmech.model.reading import decoded, text_of
-from blockmech.runnable import LazyMethod, Runnable
 
 if TYPE_CHECKING:
     from blockmech.assur.formation import Formation
@@ -133,7 +133,7 @@ class Linkage(linkage.Linkage, Uncompiled):
         made = Decomposition(*decompose(self, general))
         if not self.wires:
             return made
-        from blockmech.sensors_by_link import with_sensors_of_blocks
+        from blockmech.outputs.sensors_by_link import with_sensors_of_blocks
 
         return replace(made, data=with_sensors_of_blocks(made.data, made.names))
 

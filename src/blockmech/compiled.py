@@ -20,22 +20,22 @@ from blockmech.blocks.modes import TwoModes
 from blockmech.engines.cost import account
 from blockmech.engines.numpy import PRECISIONS, NumpyEngine, each_part
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.errors import BlockmechError, GraphError, Problem, as_names, listed, refused
-from blockmech.failures import without_gaps
-from blockmech.garbage import uncollected
+from blockmech.ground.errors import BlockmechError, GraphError, Problem, as_names, listed, refused
+from blockmech.ground.garbage import uncollected
+from blockmech.ground.runnable import EVERYTHING, Runnable
 from blockmech.model.document import Document
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene, SceneOfLinks
 from blockmech.model.structure import Structure
-from blockmech.outputs import Catalogue, in_program
+from blockmech.outputs.by_block import Catalogue, in_program
 from blockmech.passes.signals import STATE
-from blockmech.plan import Friction, Plan, Program
-from blockmech.quality import Flag
-from blockmech.result import Result
-from blockmech.runnable import EVERYTHING, Runnable
-from blockmech.samples import Samples, make_samples
-from blockmech.settings import check_chunk, check_switch, friction_asked
+from blockmech.plan.plan import Friction, Plan, Program
+from blockmech.plan.settings import check_chunk, check_switch, friction_asked
+from blockmech.result.failures import without_gaps
+from blockmech.result.quality import Flag
+from blockmech.result.result import Result
+from blockmech.result.samples import Samples, make_samples
 from blockmech.typing import (
     Coordinates,
     EngineName,
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from blockmech.engines.llvm import LlvmEngine
 
 T = TypeVar("T")
-CONTRACTION = 2  # place among the reports on a group's friction, see `blockmech.quality.assess`
+CONTRACTION = 2  # place among the reports on a group's friction, see `result.quality.assess`
 CERTAIN = 1 - 1e-3  # of single precision: there it still tells on which side of 1 it is
 PLANS = 64  # kept with their engines, those asked for last; each is some 100 kB
 
@@ -499,7 +499,7 @@ def _with_sensors(structure: Structure, scene: Scene) -> Structure:
     """The structure with what its signal blocks read of it."""
     if structure.sensors or not (structure.signals or structure.signal_wires):
         return structure
-    from blockmech.sensors import with_sensors  # few mechanisms need it
+    from blockmech.outputs.sensors import with_sensors  # few mechanisms need it
 
     return with_sensors(structure, scene, Catalogue(structure), in_program)
 

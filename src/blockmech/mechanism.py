@@ -11,10 +11,10 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from blockmech.compiled import Compiled
-from blockmech.errors import BlockmechError
-from blockmech.quality import Flag
-from blockmech.result import Result
-from blockmech.runnable import LazyMethod
+from blockmech.ground.errors import BlockmechError
+from blockmech.ground.runnable import LazyMethod
+from blockmech.result.quality import Flag
+from blockmech.result.result import Result
 
 if TYPE_CHECKING:
     import blockmech.analysis.accuracy
@@ -27,20 +27,20 @@ if TYPE_CHECKING:
     import blockmech.analysis.limits
     import blockmech.analysis.stroke
     import blockmech.analysis.trade
+    import blockmech.design.balance
+    import blockmech.design.drives
+    import blockmech.design.floquet
+    import blockmech.design.flywheel
+    import blockmech.design.identify
+    import blockmech.design.linearize
     import blockmech.dynamics.impact
     import blockmech.dynamics.simulation
     import blockmech.dynamics.stepper
     import blockmech.modes.listing
-    import blockmech.studies.balance
     import blockmech.studies.differentiate
-    import blockmech.studies.drives
     import blockmech.studies.enclose
     import blockmech.studies.family
-    import blockmech.studies.floquet
-    import blockmech.studies.flywheel
     import blockmech.studies.function
-    import blockmech.studies.identify
-    import blockmech.studies.linearize
     import blockmech.studies.objective
     import blockmech.studies.study
     import blockmech.studies.tolerance
@@ -56,24 +56,24 @@ class Mechanism(Compiled["Mechanism"]):
     """
 
     if TYPE_CHECKING:
-        available = blockmech.studies.drives.available
-        balance = blockmech.studies.balance.balance
+        available = blockmech.design.drives.available
+        balance = blockmech.design.balance.balance
         enclose = blockmech.studies.enclose.enclose
         equilibria = blockmech.analysis.equilibria.equilibria
         explain = blockmech.analysis.explain.explain
         extremes = blockmech.analysis.extremes.extremes
         friction_solutions = blockmech.analysis.friction_solutions.friction_solutions
-        floquet = blockmech.studies.floquet.floquet
-        flywheel = blockmech.studies.flywheel.flywheel
+        floquet = blockmech.design.floquet.floquet
+        flywheel = blockmech.design.flywheel.flywheel
         function = blockmech.studies.function.function
-        identify = blockmech.studies.identify.identify
+        identify = blockmech.design.identify.identify
         impulses = blockmech.dynamics.impact.impulses
         instant_centre = blockmech.analysis.instant_centres.instant_centre
         limits = blockmech.analysis.limits.limits
-        linearize = blockmech.studies.linearize.linearize
+        linearize = blockmech.design.linearize.linearize
         mechanical_advantage = blockmech.analysis.instant_centres.mechanical_advantage
         modes = blockmech.modes.listing.modes
-        motor = blockmech.studies.drives.motor
+        motor = blockmech.design.drives.motor
         objective = blockmech.studies.objective.objective
         parameters = blockmech.studies.family.parameters
         path_radius = blockmech.analysis.instant_centres.path_radius
@@ -90,24 +90,24 @@ class Mechanism(Compiled["Mechanism"]):
         verify = blockmech.studies.verify.verify
         with_deflections = blockmech.analysis.deflections.with_deflections
     else:
-        available = LazyMethod("blockmech.studies.drives")
-        balance = LazyMethod("blockmech.studies.balance")
+        available = LazyMethod("blockmech.design.drives")
+        balance = LazyMethod("blockmech.design.balance")
         enclose = LazyMethod("blockmech.studies.enclose")
         equilibria = LazyMethod("blockmech.analysis.equilibria")
         explain = LazyMethod("blockmech.analysis.explain")
         extremes = LazyMethod("blockmech.analysis.extremes")
         friction_solutions = LazyMethod("blockmech.analysis.friction_solutions")
-        floquet = LazyMethod("blockmech.studies.floquet")
-        flywheel = LazyMethod("blockmech.studies.flywheel")
+        floquet = LazyMethod("blockmech.design.floquet")
+        flywheel = LazyMethod("blockmech.design.flywheel")
         function = LazyMethod("blockmech.studies.function")
-        identify = LazyMethod("blockmech.studies.identify")
+        identify = LazyMethod("blockmech.design.identify")
         impulses = LazyMethod("blockmech.dynamics.impact")
         instant_centre = LazyMethod("blockmech.analysis.instant_centres")
         limits = LazyMethod("blockmech.analysis.limits")
-        linearize = LazyMethod("blockmech.studies.linearize")
+        linearize = LazyMethod("blockmech.design.linearize")
         mechanical_advantage = LazyMethod("blockmech.analysis.instant_centres")
         modes = LazyMethod("blockmech.modes.listing")
-        motor = LazyMethod("blockmech.studies.drives")
+        motor = LazyMethod("blockmech.design.drives")
         objective = LazyMethod("blockmech.studies.objective")
         parameters = LazyMethod("blockmech.studies.family")
         path_radius = LazyMethod("blockmech.analysis.instant_centres")

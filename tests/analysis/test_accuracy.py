@@ -15,7 +15,7 @@ from blockmech.analysis import accuracy
 from blockmech.analysis.trade import trade
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.mechanism import Mechanism
-from blockmech.samples import make_samples
+from blockmech.result.samples import make_samples
 from blockmech.testing.strategies import KINDS, Options, Seeded, random_mechanism
 from tests.analysis.linkages import fourbar
 from tests.gallery import JOINTS, SHORT, mechanism

@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 import blockmech as bm
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.system import System
-from blockmech.plan import Friction
+from blockmech.plan.plan import Friction
 from tests.gallery import GRAPHS, document
 from tests.independent import multibody as mb
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from tests.gallery import GRAPHS, JOINTS, mechanism
 
 RANGES = {

@@ -9,8 +9,8 @@ import blockmech as bm
 from blockmech.analysis.quadrature import Stretches
 from blockmech.analysis.verify import TOLERANCE, Verification
 from blockmech.dynamics.equation import Equation
-from blockmech.motion import State
-from blockmech.result import Result
+from blockmech.result.motion import State
+from blockmech.result.result import Result
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.gallery import GRAPHS, document, mechanism
 from tests.wiring import chain, changed, ruiz, squeezer, toggle, watt, wire

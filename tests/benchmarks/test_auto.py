@@ -15,7 +15,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics.method_table import METHODS
-from blockmech.errors import BlockmechError
+from blockmech.ground.errors import BlockmechError
 from tests.dynamics.honesty import DEAR, RUNS, apart, mechanism
 
 from .results import NOTES

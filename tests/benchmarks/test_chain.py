@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from blockmech.plan import Plan
+from blockmech.plan.plan import Plan
 from tests.doors import linkage_of as loads
 from tests.proof import chain
 

@@ -19,7 +19,7 @@ from blockmech.engines import code_cache, cost, llvm
 from blockmech.engines.llvm import LlvmEngine
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.plan import Program
+from blockmech.plan.plan import Program
 from tests.engines.test_llvm import request_of
 from tests.gallery import SHORT, mechanism
 

@@ -12,7 +12,7 @@ import blockmech as bm
 from blockmech.compiled import compiled_program
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.mechanism import Mechanism
-from blockmech.samples import make_samples
+from blockmech.result.samples import make_samples
 from tests.engines.test_designs import design
 
 from . import c_bounds

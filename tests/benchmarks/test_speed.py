@@ -18,7 +18,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.mechanism import Mechanism
-from blockmech.result import Result
+from blockmech.result.result import Result
 
 from . import c_bounds
 from .results import ROWS, Row, python

@@ -15,11 +15,11 @@ from blockmech.blocks.rrp import velocity as rrp_velocity
 from blockmech.blocks.rrr import position as rrr_position
 from blockmech.blocks.rrr import reactions as rrr_reactions
 from blockmech.blocks.rrr import velocity as rrr_velocity
+from blockmech.ground.plane import hyp, maximum, mul, where
+from blockmech.ground.values import Number
 from blockmech.loads.contract import Element, Terminal
-from blockmech.plane import hyp, maximum, mul, where
 from blockmech.testing.conformance import ConformanceError, conformance
 from blockmech.typing import LinkPosition, Slide
-from blockmech.values import Number
 
 RATE = {"kind": "polynomial", "of": "rate", "coefficients": [1.0, -2.0]}
 LINE = {"kind": "polynomial", "coefficients": [0.0, 1.0]}

@@ -20,7 +20,7 @@ import numpy as np
 
 from blockmech.exchange.c.program import CProgram
 from blockmech.passes.homotopy import followed
-from blockmech.quality import WORDS
+from blockmech.result.quality import WORDS
 from tests.exchange.compiled_c import Called, scalar, states
 from tests.gallery import GRAPHS, mechanism
 

@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.errors import BlockmechError
 from blockmech.friction.laws import Coulomb
+from blockmech.ground.errors import BlockmechError
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.campaigns.honesty import TooLong, impatient
 

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 import blockmech as bm
-from blockmech.errors import BlockmechError
+from blockmech.ground.errors import BlockmechError
 from blockmech.mechanism import Mechanism
 from tests.dynamics.honesty import DEAR
 

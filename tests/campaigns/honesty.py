@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 import blockmech as bm
-from blockmech.errors import BlockmechError
+from blockmech.ground.errors import BlockmechError
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.dynamics.honesty import DEAR, GRAPHS, RUNS, apart, mechanism
 

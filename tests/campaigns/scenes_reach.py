@@ -23,7 +23,7 @@ def play() -> None:
     """Every scene once."""
     import blockmech as bm
     from blockmech.cli import command
-    from blockmech.errors import BlockmechError
+    from blockmech.ground.errors import BlockmechError
     from tests.dynamics.honesty import DEAR, RUNS, mechanism
 
     command()(["test", str(GRAPHS)], standalone_mode=False)

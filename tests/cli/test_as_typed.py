@@ -6,9 +6,9 @@ import math
 import pytest
 
 from blockmech.cli.numbers import SECONDS, UNITS, row
-from blockmech.errors import RequestError
-from blockmech.units import UNITS as TABLE
-from blockmech.units import number_in, units_of
+from blockmech.ground.errors import RequestError
+from blockmech.ground.units import UNITS as TABLE
+from blockmech.ground.units import number_in, units_of
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from jsonschema import Draft202012Validator
 
 import blockmech as bm
 from blockmech.blocks import REGISTRY
-from blockmech.quantities import QUANTITIES
+from blockmech.plan.quantities import QUANTITIES
 from tests.gallery import GRAPHS, JOINTS, mechanism
 from tests.model.documents import DOCUMENTS
 

@@ -10,7 +10,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.cli.new import gallery
-from blockmech.graph_files import LEFT_OUT
+from blockmech.testing.graph_files import LEFT_OUT
 
 
 def spoiled(file, path, change):

@@ -14,7 +14,7 @@ import pytest
 
 from blockmech.cli import output, terminal
 from blockmech.cli.output import NUMBERS
-from blockmech.export import csv_chunks
+from blockmech.result.exported import csv_chunks
 from tests.gallery import GRAPHS
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="Windows sends Ctrl-C to a console")
@@ -35,7 +35,7 @@ def ctrl_c():
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.parametrize("seen", ["blockmech.sigint", "pydantic", "blockmech.builders"])
+@pytest.mark.parametrize("seen", ["blockmech.ground.sigint", "pydantic", "blockmech.builders"])
 @pytest.mark.parametrize("called", ["module", "script"])
 def test_ctrl_c_while_modules_are_loaded(called, seen, tmp_path):
     """That takes most of the first half second."""

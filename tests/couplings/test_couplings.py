@@ -12,7 +12,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.couplings import laws
-from blockmech.errors import GraphError
+from blockmech.ground.errors import GraphError
 from blockmech.testing.expectations import check_expectations
 from tests.gallery import GRAPHS, JOINTS
 from tests.independent import newton

@@ -15,7 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import blockmech as bm
-from blockmech.errors import GraphError
+from blockmech.ground.errors import GraphError
 from tests.gallery import GRAPHS
 
 ROUNDING = 1e-12  # [-] some thousand roundings

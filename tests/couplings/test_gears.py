@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import GraphError
+from blockmech.ground.errors import GraphError
 from tests.gallery import GRAPHS, mechanism
 from tests.independent import newton
 

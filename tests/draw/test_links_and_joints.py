@@ -12,7 +12,7 @@ from blockmech.draw.mechanism import draw_mechanism, paths_of
 from blockmech.draw.motion import moves
 from blockmech.draw.shapes import Stage, drive_ways
 from blockmech.draw.sketch import sketch_of
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from tests.model.documents import DOCUMENTS, flipped, linkage
 
 

@@ -18,8 +18,8 @@ from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.paper import styled
 from blockmech.draw.shapes import Stage, load_ways
 from blockmech.draw.sketch import hull, sketch_of
-from blockmech.export import table
-from blockmech.report import DEGREES
+from blockmech.ground.report import DEGREES
+from blockmech.result.exported import table
 from tests.draw.scenes import fourbar, quick_return, rocking_slide, slider_crank
 from tests.gallery import GRAPHS
 from tests.wiring import chain, ruiz, toggle, watt

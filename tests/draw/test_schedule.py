@@ -4,7 +4,7 @@ import pytest
 
 from blockmech.draw import draw
 from blockmech.draw.schedule import draw_schedule
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from tests.wiring import watt
 
 

@@ -6,7 +6,7 @@ import pytest
 from blockmech.draw import draw
 from blockmech.draw.centrodes import centrodes
 from blockmech.draw.structural import draw_structural_graph, structural_graph
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from tests.gallery import GRAPHS, mechanism
 from tests.wiring import ruiz, watt
 

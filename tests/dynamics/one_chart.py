@@ -8,8 +8,8 @@ from blockmech.compiled import Compiled
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.methods import move
 from blockmech.dynamics.request import request_of
-from blockmech.motion import Motion
-from blockmech.settings import friction_asked
+from blockmech.plan.settings import friction_asked
+from blockmech.result.motion import Motion
 
 
 def in_one_chart(

@@ -7,7 +7,7 @@ import math
 import pytest
 
 import blockmech as bm
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 
 TURN = 2 * math.pi
 LONG = 1e-9  # agreement with a long integration, which is no better itself

@@ -13,7 +13,7 @@ from blockmech.dynamics.equation import Equation, kept_rates
 from blockmech.dynamics.solvers import Dop853
 from blockmech.dynamics.system import System
 from blockmech.engines.cost import Account
-from blockmech.settings import friction_asked
+from blockmech.plan.settings import friction_asked
 from tests.dynamics.test_friction import pendulum, rubbing
 from tests.gallery import changed, document, mechanism
 

@@ -10,7 +10,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics.change_points import system_of
-from blockmech.plan import Friction
+from blockmech.plan.plan import Friction
 from tests.gallery import changed, document
 
 G = 9.81  # [m/s2]

@@ -18,7 +18,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics.change_points import system_of
-from blockmech.errors import FormatError, GraphError, SingularError
+from blockmech.ground.errors import FormatError, GraphError, SingularError
 from tests.doors import graph_of as loads
 from tests.dynamics import machines
 

@@ -9,7 +9,7 @@ import pytest
 from mpmath import mp, mpf
 
 import blockmech as bm
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from tests.dynamics.motions import PIN_START, pin_swings
 from tests.dynamics.one_chart import in_one_chart
 from tests.gallery import changed, document

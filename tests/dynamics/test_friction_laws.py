@@ -12,7 +12,7 @@ import blockmech as bm
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.pair_program import pair_program
 from blockmech.dynamics.system import System
-from blockmech.settings import friction_asked
+from blockmech.plan.settings import friction_asked
 from tests.gallery import changed, document
 
 G = 9.81  # [m/s2]

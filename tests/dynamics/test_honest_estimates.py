@@ -16,7 +16,7 @@ import pytest
 import blockmech as bm
 from blockmech.dynamics.estimate import refined
 from blockmech.dynamics.system import System
-from blockmech.motion import Cost, Motion, State
+from blockmech.result.motion import Cost, Motion, State
 from tests.campaigns.honesty import scene
 from tests.dynamics.honesty import (
     DEAR,

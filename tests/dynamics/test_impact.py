@@ -11,7 +11,7 @@ import pytest
 import blockmech as bm
 from blockmech.dynamics import simulation
 from blockmech.dynamics.contacts import pushing
-from blockmech.errors import GraphError, RequestError
+from blockmech.ground.errors import GraphError, RequestError
 from tests.gallery import GRAPHS
 from tests.independent import newton
 from tests.independent.bouncing import hammer

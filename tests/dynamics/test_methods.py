@@ -9,7 +9,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics.request import Start, Until
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from tests.dynamics.linkages import motored, pendulum, watt
 from tests.dynamics.synthetic import move
 from tests.dynamics.test_integrators import double_pendulum

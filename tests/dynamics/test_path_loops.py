@@ -17,7 +17,7 @@ from blockmech.dynamics.path_mesh import FINE, PathMesh
 from blockmech.dynamics.place_data import RESOLVED
 from blockmech.dynamics.system import System
 from blockmech.engines.loops import places_of
-from blockmech.series import tail
+from blockmech.functions.series import tail
 from tests.dynamics.honesty import GRAPHS, mechanism
 from tests.dynamics.one_chart import in_one_chart
 

@@ -11,7 +11,7 @@ import blockmech as bm
 from blockmech.dynamics import time
 from blockmech.dynamics.motion_outputs import result_in_chart
 from blockmech.dynamics.request import Until, Watch
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from tests.dynamics import scenes
 from tests.dynamics.one_chart import in_one_chart
 from tests.dynamics.scenes import at_rest, motor, of_rate, rod

@@ -15,7 +15,7 @@ import pytest
 import blockmech as bm
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from tests.analysis.linkages import fourbar
 from tests.dynamics import machines, scenes
 from tests.dynamics.one_chart import in_one_chart

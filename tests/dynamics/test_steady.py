@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from blockmech.dynamics import forcing
 from blockmech.dynamics.request import Start
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from tests.dynamics.linkages import fourbar
 from tests.dynamics.scenes import (
     JUDGE,

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from blockmech.dynamics.request import Start
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from tests.dynamics.linkages import fourbar, motored, pendulum
 from tests.dynamics.scenes import (
     JUDGE,

@@ -11,8 +11,8 @@ import pytest
 import blockmech as bm
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.patterns import affine_patterns, patterns
-from blockmech.errors import RequestError
-from blockmech.plan import Friction
+from blockmech.ground.errors import RequestError
+from blockmech.plan.plan import Friction
 from tests.dynamics.motions import PIN_START
 from tests.gallery import changed, document
 

@@ -16,7 +16,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics.request import Start, Until
-from blockmech.errors import FormatError, GraphError, RequestError
+from blockmech.ground.errors import FormatError, GraphError, RequestError
 from tests.doors import graph_of as loads
 from tests.dynamics.linkages import FourBar, guided, reduced
 from tests.dynamics.scenes import of_rate, rod

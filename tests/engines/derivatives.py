@@ -17,8 +17,8 @@ import blockmech as bm
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual
 from blockmech.engines.numpy import Planar
+from blockmech.ground.plane import EPS
 from blockmech.mechanism import Mechanism
-from blockmech.plane import EPS
 from tests.extremes.precise import DIGITS, Precise, moved
 
 STEP = mpmath.mpf(10) ** -20  # its square is far below the 16 digits that are compared

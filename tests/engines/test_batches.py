@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blockmech.engines.numpy import primitives
-from blockmech.plane import SCALAR_PRIMITIVES
+from blockmech.ground.plane import SCALAR_PRIMITIVES
 from blockmech.testing.strategies import Options, Seeded, mechanisms, random_mechanism
 from tests.wiring import ruiz, same_bits, swept, toggle, watt
 

@@ -8,9 +8,9 @@ import pytest
 from blockmech.compiled import compiled_program
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.friction import solvers
-from blockmech.plane import apply
-from blockmech.samples import make_samples
-from blockmech.values import Marker, Place
+from blockmech.ground.plane import apply
+from blockmech.ground.values import Marker, Place
+from blockmech.result.samples import make_samples
 from tests import gallery
 
 L, M, X, F = (5.5, 6.0, 6.5), (0.3, 2.0, 0.0), (5.0, 5.5, 5.25), (0.0, 0.1, 120.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from blockmech.engines import linear
-from blockmech.plane import SCALAR_PRIMITIVES
+from blockmech.ground.plane import SCALAR_PRIMITIVES
 
 LONG = np.longdouble
 EPS = float(np.finfo(LONG).eps)

@@ -12,8 +12,18 @@ from blockmech.engines.llvm import LlvmEngine, SingleEvaluator
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.numpy import Whole
 from blockmech.engines.scalar import ScalarEngine
-from blockmech.plan import Program
-from blockmech.plane import angle, maximum, minimum, modulo, piecewise, planar, repeat, sign, sqrt
+from blockmech.ground.plane import (
+    angle,
+    maximum,
+    minimum,
+    modulo,
+    piecewise,
+    planar,
+    repeat,
+    sign,
+    sqrt,
+)
+from blockmech.plan.plan import Program
 from tests.engines.test_agreement import assert_agreement
 from tests.gallery import SHORT, mechanism
 from tests.loads.test_functions import arm

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from blockmech.exchange.c.program import poses
-from blockmech.result import Result
+from blockmech.result.result import Result
 
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 FLAGS = ["-Wall", "-Wextra", "-Werror", "-std=c99", "-ffp-contract=off"]

@@ -6,7 +6,7 @@ import math
 import pytest
 
 import blockmech as bm
-from blockmech.errors import FormatError
+from blockmech.ground.errors import FormatError
 
 EYE = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import RequestError
 from blockmech.exchange.c.program import CProgram, identifier
+from blockmech.ground.errors import RequestError
+from blockmech.ground.plane import EPS
 from blockmech.passes.homotopy import followed
-from blockmech.plane import EPS
-from blockmech.quality import WORDS
+from blockmech.result.quality import WORDS
 from tests.exchange.compiled_c import COMPILERS, NEEDS_C, Called, compiled, scalar, states
 from tests.gallery import GRAPHS, JOINTS, SHORT, mechanism
 

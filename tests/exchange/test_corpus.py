@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import FormatError
 from blockmech.exchange.reading import imported
+from blockmech.ground.errors import FormatError
 from tests.exchange.corpus import FOLDER, MACHINES, drawings
 from tests.exchange.distances import turn
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import FormatError, RequestError
 from blockmech.exchange.pmks_plus import DIGITS, code_of
+from blockmech.ground.errors import FormatError, RequestError
 from tests.exchange import drawings
 from tests.exchange.distances import Distances, turn
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import blockmech as bm
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from tests.gallery import GRAPHS
 
 BEGIN = {

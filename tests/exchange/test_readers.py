@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import FormatError, RequestError
 from blockmech.exchange.expressions import Formula, law_of
+from blockmech.ground.errors import FormatError, RequestError
 from tests.exchange.corpus import MACHINES, digits, joint, pmks_plus
 from tests.exchange.test_corpus import stamped
 

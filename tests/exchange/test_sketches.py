@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import FormatError
+from blockmech.ground.errors import FormatError
 from tests.gallery import mechanism
 
 

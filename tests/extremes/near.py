@@ -13,7 +13,7 @@ from typing import Any
 from mpmath import mp, mpf
 
 import blockmech as bm
-from blockmech.errors import BlockmechError
+from blockmech.ground.errors import BlockmechError
 from tests.wiring import wire
 
 DIGITS = 60

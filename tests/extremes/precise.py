@@ -16,10 +16,10 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from blockmech import plane
 from blockmech.engines.binding import bind
+from blockmech.ground import plane
 from blockmech.mechanism import Mechanism
-from blockmech.plan import Plan
+from blockmech.plan.plan import Plan
 
 DIGITS = 60
 

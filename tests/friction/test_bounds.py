@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from blockmech.quality import left_undone
+from blockmech.result.quality import left_undone
 from tests.gallery import changed, document
 
 HOW = {

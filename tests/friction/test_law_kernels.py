@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import FormatError, GraphError
 from blockmech.friction.laws import LAWS, FrictionLaw, FrictionTerms
+from blockmech.ground.errors import FormatError, GraphError
+from blockmech.ground.values import NotNegative
 from blockmech.model.schema import joints_schema
 from blockmech.testing import ConformanceError, conformance
-from blockmech.values import NotNegative
 from tests.gallery import document
 
 STRIBECK = {"static": 0.3, "kinetic": 0.2, "stribeck_speed": 0.5, "viscous": 0.01}

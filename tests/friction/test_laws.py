@@ -3,7 +3,7 @@
 import pytest
 
 import blockmech as bm
-from blockmech.errors import GraphError
+from blockmech.ground.errors import GraphError
 
 
 def test_worn_in_pins_take_four_thirds_of_the_materials_coefficient():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.values import Marker
+from blockmech.ground.values import Marker
 from tests.blocks.twin import Twin
 from tests.wiring import COEFFICIENT, EPS, off, ruiz, wire
 

@@ -23,7 +23,7 @@ import blockmech as bm
 from blockmech.builders import Graph, Linkage, Opened
 from blockmech.mechanism import Mechanism
 from blockmech.model.document import read
-from blockmech.result import Result
+from blockmech.result.result import Result
 from tests.calls import METHODS, MORE, Subject, faults, silent
 from tests.codes import FILE_CODES, LINKAGE_CODES
 from tests.fuzz.mutants import Mutant, mutant

@@ -60,7 +60,7 @@ def test_half_a_turn_from_rest_counts_as_positive(engine):
     # exactly opposite directions: cos(pi) = -1, sin(pi) = 1e-16
     run = mech.run(at=[math.pi, -math.pi], want="e.b.couple", engine=engine)
     assert run["e.b.couple"] == pytest.approx([-math.pi, math.pi])
-    from blockmech.plane import angle
+    from blockmech.ground.plane import angle
 
     assert angle(1 + 0j, -1 + 0j) == angle(-1 + 0j, 1 + 0j) == math.pi
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import FormatError, GraphError, RequestError
+from blockmech.ground.errors import FormatError, GraphError, RequestError
 from blockmech.loads.functions import Function
 from tests.wiring import wire
 

@@ -11,10 +11,10 @@ import blockmech as bm
 from blockmech.blocks.registry import REGISTRY
 from blockmech.dynamics import loads
 from blockmech.dynamics.request import Watch
+from blockmech.ground.values import Angle, Number
 from blockmech.loads import Element, Terminal
 from blockmech.loads.contract import Kinks
 from blockmech.loads.springs import pull, stored, turn_back, twist
-from blockmech.values import Angle, Number
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import GraphError
+from blockmech.ground.errors import GraphError
 
 G = -9.81
 

@@ -10,7 +10,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import problems_in
-from blockmech.errors import FormatError, GraphError, RequestError
+from blockmech.ground.errors import FormatError, GraphError, RequestError
 from blockmech.model.diagram import UnknownBlock, Wire
 from blockmech.model.expect import Expectation
 from blockmech.model.form import VERSION

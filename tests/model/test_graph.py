@@ -7,8 +7,8 @@ import networkx as nx
 import pytest
 
 import blockmech as bm
+from blockmech.ground.values import Marker
 from blockmech.model.diagram import UnknownBlock, Wire
-from blockmech.values import Marker
 from tests.wiring import ruiz, toggle, watt, wire
 
 GRAPHS = Path(__file__).parents[2] / "graphs"

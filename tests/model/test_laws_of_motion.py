@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import blockmech as bm
-from blockmech.errors import BlockmechError
+from blockmech.ground.errors import BlockmechError
 
 EPS = float(np.finfo(float).eps)
 rates = st.floats(0.1, 20.0)

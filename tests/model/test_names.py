@@ -14,7 +14,7 @@ import math
 import numpy as np
 import pytest
 
-from blockmech.errors import AssemblyError, RequestError
+from blockmech.ground.errors import AssemblyError, RequestError
 from tests.model.documents import (
     DOCUMENTS,
     flipped,

@@ -9,7 +9,7 @@ import pytest
 import blockmech as bm
 from blockmech import Graph
 from blockmech.builders import opened, problems_in
-from blockmech.errors import FormatError
+from blockmech.ground.errors import FormatError
 from tests.model.documents import slider_crank
 from tests.wiring import ruiz
 

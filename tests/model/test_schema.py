@@ -8,9 +8,9 @@ import jsonschema
 import pytest
 
 from blockmech.blocks.registry import REGISTRY
+from blockmech.ground.values import Length
 from blockmech.loads import Element, Terminal
 from blockmech.model.schema import graph_schema
-from blockmech.values import Length
 from tests.gallery import GRAPHS
 
 GOOD = [*sorted(GRAPHS.glob("*.json")), *sorted((GRAPHS / "legacy").glob("*.json"))]

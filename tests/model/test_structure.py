@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import blockmech as bm
+from blockmech.ground.values import Marker
 from blockmech.model.structure import JointRef
 from blockmech.testing.strategies import mechanisms
-from blockmech.values import Marker
 from tests.wiring import rewired, ruiz, squeezer, toggle, watt, wire
 
 

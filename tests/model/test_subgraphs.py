@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import FormatError, GraphError, RequestError
+from blockmech.ground.errors import FormatError, GraphError, RequestError
 from blockmech.model.flat import renamed
 from blockmech.model.subgraph import Resolver, resolving
 from blockmech.testing.strategies import Options, random_mechanism

@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from blockmech.modes.circuits import connect
 from blockmech.modes.closing import triad_modes
 from blockmech.modes.triad import Triad

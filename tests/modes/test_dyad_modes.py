@@ -5,7 +5,7 @@ import pytest
 
 from blockmech import PRP, RPP, RPR, RRP, RRR
 from blockmech.blocks.modes import dyad_modes
-from blockmech.plane import cross, dot
+from blockmech.ground.plane import cross, dot
 from blockmech.typing import Guide
 from tests.modes import chance
 

@@ -12,7 +12,7 @@ import pytest
 import blockmech as bm
 from blockmech.analysis import arcs
 from blockmech.blocks.general import GeneralGroup
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from blockmech.modes.closing import triad_modes
 from blockmech.modes.groups import outline
 from blockmech.typing import Guide

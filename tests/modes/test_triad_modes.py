@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pytest
 
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from blockmech.modes.closing import triad_modes
 from blockmech.modes.elimination import eliminant
 from blockmech.modes.triad import Triad, placed

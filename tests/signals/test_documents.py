@@ -9,7 +9,7 @@ import pytest
 
 import blockmech as bm
 from blockmech import signals
-from blockmech.errors import FormatError, GraphError, RequestError
+from blockmech.ground.errors import FormatError, GraphError, RequestError
 from blockmech.loads import laws
 from tests.doors import linkage_of
 from tests.gallery import JOINTS

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 import blockmech as bm
 from blockmech import signals
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from blockmech.loads import laws
 from tests.signals.machines import compiled, data_of, flywheel
 

@@ -12,7 +12,7 @@ from scipy.linalg import expm
 
 import blockmech as bm
 from blockmech import signals
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from blockmech.loads import laws
 from tests.independent.controlled import Continuous, Sampled
 from tests.signals.machines import CONTROL, compiled, data_of, flywheel, speed_control

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from blockmech import signals
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
 from tests.gallery import mechanism
 from tests.signals.machines import compiled, data_of, flywheel
 

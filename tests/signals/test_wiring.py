@@ -9,7 +9,7 @@ import pytest
 import blockmech as bm
 from blockmech import signals
 from blockmech.draw.diagram import draw_diagram
-from blockmech.errors import FormatError, GraphError
+from blockmech.ground.errors import FormatError, GraphError
 from blockmech.loads import laws
 from tests.signals.machines import compiled, data_of, flywheel, speed_control
 

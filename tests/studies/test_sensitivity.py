@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import RequestError
+from blockmech.ground.errors import RequestError
+from blockmech.ground.plane import primitives_of
 from blockmech.model.joints.varied import Varied, settled
-from blockmech.plane import primitives_of
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.family import Family
 from tests.campaigns.derivatives import documents_from

@@ -8,10 +8,10 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
-from blockmech.graph_files import gallery
 from blockmech.studio import edits
 from blockmech.studio.files import Filed
 from blockmech.studio.looks import DARK, LIGHT
+from blockmech.testing.graph_files import gallery
 from tests.studio.page import (
     add,
     blocks,

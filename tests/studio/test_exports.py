@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from blockmech.builders import from_data, opened
-from blockmech.errors import BlockmechError
+from blockmech.ground.errors import BlockmechError
 from blockmech.studio.answers import Answers
 from blockmech.studio.exports import exported, kinds
 from blockmech.studio.mechanism import MechanismView

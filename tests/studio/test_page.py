@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from blockmech.builders import Graph
-from blockmech.errors import BlockmechError
+from blockmech.ground.errors import BlockmechError
 from blockmech.studio.edits import renamed
 from blockmech.studio.sharing import KEY, packed, unpacked
 from tests.studio.page import (

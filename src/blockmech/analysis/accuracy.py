@@ -46,11 +46,11 @@ from blockmech.analysis.reference_errors import (
 from blockmech.analysis.trade.derived import run_off_by_a_digit
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import Compiled
-from blockmech.errors import as_names, listed, refused
-from blockmech.quality import Accuracy
-from blockmech.result import Result
-from blockmech.samples import Samples
-from blockmech.values import is_number
+from blockmech.ground.errors import as_names, listed, refused
+from blockmech.ground.values import is_number
+from blockmech.result.quality import Accuracy
+from blockmech.result.result import Result
+from blockmech.result.samples import Samples
 
 PROBE = 65  # samples
 SAFETY = 4.0  # of a maximum over the probe against one over all samples: 3 has been seen

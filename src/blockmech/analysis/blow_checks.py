@@ -22,7 +22,7 @@ from blockmech.analysis.free_bodies import Array, FreeBodies, unit_motions
 from blockmech.dynamics.pair_stops import stopped_pairs
 from blockmech.dynamics.roles import FREE
 from blockmech.model.structure import JointRef
-from blockmech.motion import Motion
+from blockmech.result.motion import Motion
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

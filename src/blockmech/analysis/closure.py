@@ -14,12 +14,12 @@ from blockmech.analysis.scan import ASIDE, SEAM, TURN, Span
 from blockmech.blocks.contract import BuiltIn, Moving
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
+from blockmech.functions.series import Floats
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction
-from blockmech.series import Floats
+from blockmech.plan.plan import Friction
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

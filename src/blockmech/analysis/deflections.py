@@ -33,15 +33,15 @@ from numpy.typing import NDArray
 from blockmech.compiled import Compiled
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import NumpyEngine, primitives
-from blockmech.errors import refused
 from blockmech.friction.laws.contract import FrictionLaw
+from blockmech.functions.series import Series, fit, panels
+from blockmech.ground.errors import refused
 from blockmech.model.laws_of_motion import ConstantRate, Harmonic
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
 from blockmech.passes.signals import STATE
-from blockmech.plan import Friction, Plan
-from blockmech.samples import Samples
-from blockmech.series import Series, fit, panels
+from blockmech.plan.plan import Friction, Plan
+from blockmech.result.samples import Samples
 
 Floats: TypeAlias = NDArray[np.float64]
 PANELS = 16  # of a motion to begin with

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 from blockmech.analysis.equilibria_one import Line, equilibria_of_one
 from blockmech.analysis.equilibria_several import STARTS, equilibria_of_several
 from blockmech.analysis.equilibrium import Equilibria
-from blockmech.arguments import declared
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import refuse_signals
-from blockmech.errors import refused
-from blockmech.settings import friction_asked
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import refused
+from blockmech.plan.settings import friction_asked
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ The effort becomes a series on each arc on which the mechanism closes, in a shar
 what grows like the root at a dead centre is smooth, and all its roots are found. Its integral is
 the potential where the loads follow the coordinate alone.
 
-Source: numerics of `blockmech.series`.
+Source: numerics of `blockmech.functions.series`.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ from blockmech.analysis.scan import NODES, TURN, Span, bisect
 from blockmech.dynamics import loads
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import tangents
-from blockmech.plane import DOUBLE_ROOT, EPS
-from blockmech.series import SCANNED, Floats, Series, fit, panels
+from blockmech.functions.series import SCANNED, Floats, Series, fit, panels
+from blockmech.ground.plane import DOUBLE_ROOT, EPS
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

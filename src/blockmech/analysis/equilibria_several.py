@@ -23,8 +23,8 @@ from blockmech.analysis.equilibrium import NONE, Equilibria, equilibrium_of
 from blockmech.dynamics import loads
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import Tangents, tangents
-from blockmech.plane import EPS
-from blockmech.series import Floats
+from blockmech.functions.series import Floats
+from blockmech.ground.plane import EPS
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -16,10 +16,10 @@ from typing import Any, Literal, NamedTuple, overload
 import numpy as np
 
 from blockmech.dynamics.tangents import Tangents
-from blockmech.pictured import Pictured
-from blockmech.plane import EPS
-from blockmech.report import DEGREES, Facts, Report, as_json, places, with_unit
-from blockmech.series import Floats
+from blockmech.functions.series import Floats
+from blockmech.ground.pictured import Pictured
+from blockmech.ground.plane import EPS
+from blockmech.ground.report import DEGREES, Facts, Report, as_json, places, with_unit
 
 Kind = Literal["stable", "unstable", "indifferent"]
 

@@ -18,7 +18,7 @@ from blockmech.analysis.free_bodies import Array, Body, FreeBodies, Together, un
 from blockmech.model.structure import JointRef, LinkRef
 
 if TYPE_CHECKING:
-    from blockmech.result import Result
+    from blockmech.result.result import Result
 
 TOLERANCE = 2.0**-43  # of the sum of absolute terms times the conditioning: 1024 roundings
 

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from blockmech.arguments import declared
 from blockmech.compiled import Compiled
-from blockmech.errors import as_names, listed
-from blockmech.plan import Plan
-from blockmech.runnable import EVERYTHING
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import as_names, listed
+from blockmech.ground.runnable import EVERYTHING
+from blockmech.plan.plan import Plan
 from blockmech.typing import FrictionMethod
 
 GROUPS = 12  # wanted outputs above which they are told by quantity

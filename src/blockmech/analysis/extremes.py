@@ -16,13 +16,13 @@ from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import shown_place
 from blockmech.analysis.turning_points import Turn, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
-from blockmech.errors import held, listed, refused, shown
-from blockmech.report import DEGREES, Facts, Report, places, with_unit
+from blockmech.ground.errors import held, listed, refused, shown
+from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
-    from blockmech.result import Result
+    from blockmech.result.result import Result
 
 PARTS = ("x", "y", "magnitude")
 

@@ -16,8 +16,8 @@ from blockmech.analysis.free_bodies import Array
 from blockmech.couplings.contract import LossyCoupling
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import primitives
+from blockmech.ground.plane import EPS, REST_SHARE
 from blockmech.model.structure import JointRef
-from blockmech.plane import EPS, REST_SHARE
 
 
 def links(e: Evidence) -> Iterator[Residual]:

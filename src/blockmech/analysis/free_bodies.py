@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics.pair_stops import lain_against
 from blockmech.model.structure import JointRef, LinkRef, Structure
-from blockmech.samples import Samples
+from blockmech.result.samples import Samples
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
-    from blockmech.quality import Quality
-    from blockmech.result import Result
+    from blockmech.result.quality import Quality
+    from blockmech.result.result import Result
 
 Array = NDArray[Any]
 Side = tuple[complex, complex]

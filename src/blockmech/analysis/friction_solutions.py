@@ -22,24 +22,24 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.arguments import declared
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
-from blockmech.errors import listed, refused
-from blockmech.export import Column, CsvTable, aligned, counted
-from blockmech.export.columns import output_columns
 from blockmech.friction import enumeration, solvers
 from blockmech.friction.continuation import Outcome
 from blockmech.friction.equations import load_norm
 from blockmech.friction.existence import existence
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import listed, refused
+from blockmech.ground.pictured import Pictured
+from blockmech.ground.report import DEGREES, Facts, as_json, places
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
-from blockmech.pictured import Pictured
-from blockmech.plan import Friction, Schedule
-from blockmech.report import DEGREES, Facts, as_json, places
-from blockmech.result import Result
-from blockmech.samples import Samples
+from blockmech.plan.plan import Friction, Schedule
+from blockmech.result.columns import output_columns
+from blockmech.result.exported import Column, CsvTable, aligned, counted
+from blockmech.result.result import Result
+from blockmech.result.samples import Samples
 from blockmech.typing import Coordinates, Numbers
 
 if TYPE_CHECKING:

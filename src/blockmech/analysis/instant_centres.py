@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.arguments import declared
-from blockmech.errors import close_match, listed, refused
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import close_match, listed, refused
 from blockmech.typing import Coordinates
 
 if TYPE_CHECKING:

@@ -27,14 +27,14 @@ from typing import TYPE_CHECKING, Any
 from blockmech.analysis.arcs import Bound, Known, Nearest, Piece, closed_pieces
 from blockmech.analysis.closure import Closure, one_turn, travel
 from blockmech.analysis.scan import TURN, shown_place
-from blockmech.arguments import declared
-from blockmech.errors import Problem, RequestError, among, listed, refused
+from blockmech.functions.series import SCANNED
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import Problem, RequestError, among, listed, refused
+from blockmech.ground.pictured import Pictured
+from blockmech.ground.plane import DOUBLE_ROOT
+from blockmech.ground.report import DEGREES, Facts
 from blockmech.model.structure import Structure
-from blockmech.pictured import Pictured
-from blockmech.plane import DOUBLE_ROOT
-from blockmech.report import DEGREES, Facts
-from blockmech.series import SCANNED
-from blockmech.shortfall import shortfall
+from blockmech.result.shortfall import shortfall
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -6,7 +6,7 @@ may miss. Panels are halved until that is nothing, or until they cannot hold mor
 a corner or a jump down to rounding.
 
 Source: Piyavskii, USSR Computational Mathematics 12 (1972), of bounds by which panels are left out;
-those are the ends of the panels' series, as in `blockmech.series`.
+those are the ends of the panels' series, as in `blockmech.functions.series`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from blockmech.series import EPS, Floats
+from blockmech.functions.series import EPS, Floats
 
 Indices: TypeAlias = NDArray[np.intp]
 Truths: TypeAlias = NDArray[np.bool_]

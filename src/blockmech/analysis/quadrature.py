@@ -16,7 +16,7 @@ import numpy as np
 from numpy.polynomial.legendre import Legendre, legvander
 
 from blockmech.analysis.free_bodies import Array
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
 
 NODES = 16  # of a stretch: exact for degree 29
 LAST = 4  # coefficients that tell what is left of a rate

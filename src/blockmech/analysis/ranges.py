@@ -16,7 +16,7 @@ from blockmech.analysis.working_cycle import (
     cycle_through,
     no_range,
 )
-from blockmech.result import Result
+from blockmech.result.result import Result
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

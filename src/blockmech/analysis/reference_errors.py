@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.result import Result
+from blockmech.result.result import Result
 
 Array = NDArray[Any]
 DOUBLE = float(np.finfo(np.float64).eps)

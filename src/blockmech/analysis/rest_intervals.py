@@ -13,8 +13,8 @@ import numpy as np
 
 from blockmech.analysis.scan import TURN, Span
 from blockmech.dynamics.system import System
-from blockmech.plane import EPS
-from blockmech.series import SCANNED, Floats
+from blockmech.functions.series import SCANNED, Floats
+from blockmech.ground.plane import EPS
 
 Effort = Callable[[Floats], Floats]
 

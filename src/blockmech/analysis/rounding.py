@@ -15,9 +15,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from blockmech.analysis.reference_errors import DOUBLE, WIDER, comparable, reference_errors
-from blockmech.export.tables import ROWS
-from blockmech.quality import DIGITS_LOST, Flag
-from blockmech.result import Result
+from blockmech.result.quality import DIGITS_LOST, Flag
+from blockmech.result.result import Result
+from blockmech.result.tables import ROWS
 from blockmech.typing import Precision
 
 

@@ -1,6 +1,6 @@
 """A function of one coordinate looked through for its extrema, and a search to rounding.
 
-The function becomes a series (`blockmech.series`); its extrema are roots of the series'
+The function becomes a series (`blockmech.functions.series`); its extrema are roots of the series'
 derivative, good to rounding over the curvature. Where there is no series (a corner, a jump,
 the edge of what exists) panels are halved until they are tiny, and their own samples stand
 for the extrema there.
@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.plane import DOUBLE_ROOT
-from blockmech.series import EPS, Floats, Series, fit, nodes, panels
+from blockmech.functions.series import EPS, Floats, Series, fit, nodes, panels
+from blockmech.ground.plane import DOUBLE_ROOT
 
 TURN = 2 * math.pi
 # Turns are cut just before -90 degrees: arcs of symmetric mechanisms lie about 0 or pi, and what

@@ -24,14 +24,14 @@ from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.scan import NODES, TURN, Span, scan
 from blockmech.analysis.turning_points import ALIKE, Signal, Turn, Turns, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
-from blockmech.errors import refused
-from blockmech.report import DEGREES, Facts, Report, with_unit
-from blockmech.series import EPS, Floats, fit, panels
+from blockmech.functions.series import EPS, Floats, fit, panels
+from blockmech.ground.errors import refused
+from blockmech.ground.report import DEGREES, Facts, Report, with_unit
 from blockmech.typing import FrictionMethod
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
-    from blockmech.result import Result
+    from blockmech.result.result import Result
 
 STANDS = 1e-6  # of the largest speed: below it a marker may reverse
 

@@ -23,8 +23,8 @@ from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.loads import largest_length
 from blockmech.dynamics.roles import FREE, PRESCRIBED
 from blockmech.model.structure import JointRef
-from blockmech.motion import Motion
-from blockmech.result import Result
+from blockmech.result.motion import Motion
+from blockmech.result.result import Result
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

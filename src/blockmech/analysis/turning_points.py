@@ -15,9 +15,9 @@ import numpy as np
 from blockmech.analysis.peaks import Search
 from blockmech.analysis.scan import ASIDE, Span, runs, scan
 from blockmech.analysis.working_cycle import Cycle
-from blockmech.errors import refused
-from blockmech.failures import without_gaps
-from blockmech.series import EPS, Floats, panels
+from blockmech.functions.series import EPS, Floats, panels
+from blockmech.ground.errors import refused
+from blockmech.result.failures import without_gaps
 
 ROUNDING = 64 * EPS  # of the value: smaller ups and downs are noise
 NEAR = 1e-9  # of the cycle: so near by a signal hardly changes

@@ -31,15 +31,15 @@ from blockmech.analysis.load_checks import energies, loads
 from blockmech.analysis.motion_checks import closures, drivers, laws_of_motion, markers, modes
 from blockmech.analysis.signal_checks import outputs
 from blockmech.analysis.trajectory_checks import idle, trajectory
-from blockmech.arguments import declared
 from blockmech.dynamics.chart_outputs import ChartedResult, result_along
-from blockmech.errors import refused
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import refused
+from blockmech.ground.report import DEGREES, Facts, Report
+from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.structure import LinkRef
 from blockmech.passes.signals import STATE
-from blockmech.report import DEGREES, Facts, Report
-from blockmech.result import Result
-from blockmech.runnable import EVERYTHING
-from blockmech.samples import Samples
+from blockmech.result.result import Result
+from blockmech.result.samples import Samples
 from blockmech.typing import Coordinates, EngineName, FrictionMethod, Numbers, Precision
 
 if TYPE_CHECKING:

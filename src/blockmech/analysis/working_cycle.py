@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from blockmech.analysis.scan import NODES, TURN, bisect, runs
-from blockmech.errors import RequestError, refused
-from blockmech.result import Result
-from blockmech.samples import Samples
-from blockmech.series import SCANNED, Floats
+from blockmech.functions.series import SCANNED, Floats
+from blockmech.ground.errors import RequestError, refused
+from blockmech.result.result import Result
+from blockmech.result.samples import Samples
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 import networkx as nx
 import numpy as np
 
-from blockmech.errors import refused
+from blockmech.ground.errors import refused
 
 Chain: TypeAlias = "nx.Graph[int]"
 MOST = 10  # links: of 12 there are 6,856 chains, which take hours

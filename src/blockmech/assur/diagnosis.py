@@ -14,7 +14,7 @@ import networkx as nx
 
 from blockmech.assur.pairs import Pair, sorted_parts
 from blockmech.assur.rigidity import rigidity
-from blockmech.errors import listed
+from blockmech.ground.errors import listed
 
 TEXTS: Mapping[str, str] = {
     "unconnected-links": "no {pair} leads from {links} to {rest}",

@@ -16,9 +16,9 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from blockmech.blocks.joints import BuiltIn, Joint, Kernels
 from blockmech.blocks.registry import REGISTRY
-from blockmech.errors import close_match, listed
-from blockmech.plane import has_arithmetic
-from blockmech.values import NAME_RULE, Link, Marker, Pair, StrictModel, is_name, mistake
+from blockmech.ground.errors import close_match, listed
+from blockmech.ground.plane import has_arithmetic
+from blockmech.ground.values import NAME_RULE, Link, Marker, Pair, StrictModel, is_name, mistake
 
 Mistake: TypeAlias = tuple[tuple[str, ...], PydanticCustomError]
 """Where in a model, and what is wrong there."""

@@ -47,10 +47,10 @@ from blockmech.blocks.joints import (
     inner_joint,
     outer_joint,
 )
-from blockmech.errors import listed
 from blockmech.friction.laws.contract import AnyFriction, FrictionLaw
-from blockmech.plane import apply, largest
-from blockmech.values import Axis, Clearance, Link, mistake
+from blockmech.ground.errors import listed
+from blockmech.ground.plane import apply, largest
+from blockmech.ground.values import Axis, Clearance, Link, mistake
 
 __all__ = [
     "AssurGroup",

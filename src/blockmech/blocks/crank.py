@@ -13,7 +13,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from blockmech.blocks.contract import BuiltIn, DrivingLink, Kernels, outer_joint
-from blockmech.plane import expi
+from blockmech.ground.plane import expi
+from blockmech.ground.values import Angle, Length, Marker, Sign
 from blockmech.typing import (
     Complex,
     Guide,
@@ -23,7 +24,6 @@ from blockmech.typing import (
     Load,
     Real,
 )
-from blockmech.values import Angle, Length, Marker, Sign
 
 
 class CrankPose(NamedTuple):

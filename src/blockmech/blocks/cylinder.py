@@ -20,7 +20,8 @@ from typing import Literal, NamedTuple
 from blockmech.blocks.contract import AssurGroup, BuiltIn, Kernels, Line, inner_joint, outer_joint
 from blockmech.blocks.points import Point
 from blockmech.blocks.rrr import bent, pin_forces, rates, transmission, triangle
-from blockmech.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
+from blockmech.ground.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
+from blockmech.ground.values import Branch, Distance, Length, Sign
 from blockmech.typing import (
     Complex,
     LinkAcceleration,
@@ -30,7 +31,6 @@ from blockmech.typing import (
     Real,
     Slide,
 )
-from blockmech.values import Branch, Distance, Length, Sign
 
 
 class CylinderPose(NamedTuple):

@@ -25,9 +25,9 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from blockmech.blocks.block import refuse
 from blockmech.blocks.contract import AssurGroup
-from blockmech.errors import shown
+from blockmech.ground.errors import shown
+from blockmech.ground.values import Axis, Branch, Number, StrictModel, Units, mistake
 from blockmech.typing import LinkPosition
-from blockmech.values import Axis, Branch, Number, StrictModel, Units, mistake
 
 FOLLOW = "follow"
 

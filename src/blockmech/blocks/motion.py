@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from blockmech.plane import imul, mul
+from blockmech.ground.plane import imul, mul
 from blockmech.typing import Complex, LinkAcceleration, LinkVelocity, Real
 
 

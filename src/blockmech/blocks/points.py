@@ -7,8 +7,8 @@ from typing import TypeAlias
 
 from pydantic_core import PydanticCustomError
 
-from blockmech.errors import GraphError, Problem
-from blockmech.values import Vector
+from blockmech.ground.errors import GraphError, Problem
+from blockmech.ground.values import Vector
 
 Point: TypeAlias = complex | tuple[float, float]
 """A place [m] or a direction, as ``x + iy`` or ``(x, y)``."""

@@ -21,7 +21,8 @@ from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer
 from blockmech.blocks.modes import OneMode
 from blockmech.blocks.motion import DyadAcceleration, acceleration_at, velocity_at
 from blockmech.blocks.points import Point, dead_centre, given_points, unit
-from blockmech.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
+from blockmech.ground.plane import NAN, cross, dot, hyp, imul, maximum, mul, where
+from blockmech.ground.values import Distance
 from blockmech.typing import (
     Complex,
     Guide,
@@ -32,7 +33,6 @@ from blockmech.typing import (
     Real,
     Slide,
 )
-from blockmech.values import Distance
 
 
 class PRPPose(NamedTuple):

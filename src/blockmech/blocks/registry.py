@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from blockmech.registry import Registry
+from blockmech.ground.registry import Registry
 
 REGISTRY = Registry(
     "block type",

@@ -32,7 +32,8 @@ from blockmech.blocks.points import (
     given_points,
     unit,
 )
-from blockmech.plane import EPS, cross, dot, expi, hyp, imul, maximum, mul
+from blockmech.ground.plane import EPS, cross, dot, expi, hyp, imul, maximum, mul
+from blockmech.ground.values import Angle, Distance, mistake
 from blockmech.typing import (
     Complex,
     Guide,
@@ -43,7 +44,6 @@ from blockmech.typing import (
     Real,
     Slide,
 )
-from blockmech.values import Angle, Distance, mistake
 
 Owner = Literal["later", "earlier", "j", "i"]
 

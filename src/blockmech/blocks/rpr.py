@@ -25,7 +25,8 @@ from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer
 from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
 from blockmech.blocks.motion import DyadAcceleration, SlidingVelocity
 from blockmech.blocks.points import Point, branch_of, given_points, unit
-from blockmech.plane import cross, dot, hyp, imul, mul, sqrt
+from blockmech.ground.plane import cross, dot, hyp, imul, mul, sqrt
+from blockmech.ground.values import Distance
 from blockmech.typing import (
     Complex,
     LinkAcceleration,
@@ -35,7 +36,6 @@ from blockmech.typing import (
     Real,
     Slide,
 )
-from blockmech.values import Distance
 
 
 class RPRPose(NamedTuple):

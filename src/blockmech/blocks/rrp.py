@@ -25,7 +25,8 @@ from blockmech.blocks.contract import BuiltIn, Kernels, Line, inner_joint, outer
 from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
 from blockmech.blocks.motion import DyadAcceleration, SlidingVelocity, acceleration_at, velocity_at
 from blockmech.blocks.points import Point, branch_of, given_points, unit
-from blockmech.plane import cross, dot, imul, mul, sqrt
+from blockmech.ground.plane import cross, dot, imul, mul, sqrt
+from blockmech.ground.values import Distance, Length
 from blockmech.typing import (
     Complex,
     Guide,
@@ -36,7 +37,6 @@ from blockmech.typing import (
     Real,
     Slide,
 )
-from blockmech.values import Distance, Length
 
 
 class RRPPose(NamedTuple):

@@ -21,9 +21,9 @@ from blockmech.blocks.contract import BuiltIn, Kernels, inner_joint, outer_joint
 from blockmech.blocks.modes import AnyBranch, BranchHome, TwoModes
 from blockmech.blocks.motion import DyadAcceleration, DyadVelocity
 from blockmech.blocks.points import Point, branch_of, given_points
-from blockmech.plane import cross, dot, hyp, imul, mul, sqrt
+from blockmech.ground.plane import cross, dot, hyp, imul, mul, sqrt
+from blockmech.ground.values import Length
 from blockmech.typing import Complex, LinkAcceleration, LinkPosition, LinkVelocity, Load, Real
-from blockmech.values import Length
 
 Bent: TypeAlias = Any
 """A pose of two pinned links: u = C - B, w = C - D [m], det = cross(u, w) [m2]."""

@@ -14,7 +14,8 @@ from typing import Literal, NamedTuple
 
 from blockmech.blocks.contract import BuiltIn, DrivingLink, Kernels, Line, outer_joint
 from blockmech.blocks.motion import acceleration_at, velocity_at
-from blockmech.plane import dot, imul, mul
+from blockmech.ground.plane import dot, imul, mul
+from blockmech.ground.values import Distance, Sign
 from blockmech.typing import (
     Complex,
     Guide,
@@ -25,7 +26,6 @@ from blockmech.typing import (
     Real,
     Slide,
 )
-from blockmech.values import Distance, Sign
 
 
 class SlidePose(NamedTuple):

@@ -45,8 +45,8 @@ from blockmech.cli.terminal import (
 )
 from blockmech.cli.test import test
 from blockmech.cli.trade import trade
-from blockmech.errors import BlockmechError, SampleError
-from blockmech.files import sparing
+from blockmech.ground.errors import BlockmechError, SampleError
+from blockmech.ground.files import sparing
 
 COMMANDS = (
     *(run, simulate, check, decompose, draw, verify, limits, solutions, modes, extremes),

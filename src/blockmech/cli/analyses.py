@@ -13,7 +13,7 @@ from blockmech.cli.numbers import coordinates
 from blockmech.cli.options import AsJson, At, GraphFile, option, switch
 from blockmech.cli.output import Drawn, Several, Shown
 from blockmech.cli.terminal import NO_ANSWER, WRONG, answer, note, progress_bar, reading
-from blockmech.errors import (
+from blockmech.ground.errors import (
     BlockmechError,
     FormatError,
     GraphError,

@@ -11,10 +11,10 @@ import typer
 from blockmech.builders import Graph, opened
 from blockmech.cli.options import FILE_OR_NAME, AsJson
 from blockmech.cli.terminal import answer, reading
-from blockmech.errors import refused
-from blockmech.export import aligned
+from blockmech.ground.errors import refused
 from blockmech.model.naming import JointName
 from blockmech.model.structure import Structure
+from blockmech.result.exported import aligned
 
 if TYPE_CHECKING:
     from blockmech.builders import Decomposition

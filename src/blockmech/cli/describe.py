@@ -16,11 +16,11 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import compiled
 from blockmech.cli.options import AsJson, GraphFile
 from blockmech.cli.terminal import answer, reading, say
-from blockmech.errors import RequestError
-from blockmech.export import result_schema
-from blockmech.export.tables import aligned
+from blockmech.ground.errors import RequestError
+from blockmech.ground.runnable import EVERYTHING
 from blockmech.loads.contract import Element, Following
-from blockmech.runnable import EVERYTHING
+from blockmech.result.exported import result_schema
+from blockmech.result.tables import aligned
 from blockmech.signals.contract import Signal
 
 

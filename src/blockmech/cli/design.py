@@ -12,8 +12,8 @@ from blockmech.cli.numbers import coordinates, rates_of
 from blockmech.cli.options import At, Friction, GraphFile, Static, names_of, option, quantity
 from blockmech.cli.output import Drawn, Shown
 from blockmech.cli.terminal import note, progress_bar
-from blockmech.errors import refused
-from blockmech.files import refuse_spared
+from blockmech.ground.errors import refused
+from blockmech.ground.files import refuse_spared
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism

@@ -11,9 +11,9 @@ from blockmech.builders import compiled, opened
 from blockmech.cli.numbers import coordinates
 from blockmech.cli.options import At, GraphFile, names_of, option, switch
 from blockmech.cli.terminal import progress_bar, reading, say
-from blockmech.files import refuse_spared
-from blockmech.report import DEGREES
-from blockmech.runnable import EVERYTHING
+from blockmech.ground.files import refuse_spared
+from blockmech.ground.report import DEGREES
+from blockmech.ground.runnable import EVERYTHING
 
 Picture = Annotated[
     str,

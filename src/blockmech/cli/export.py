@@ -10,8 +10,8 @@ import typer
 from blockmech.builders import compiled_of, opened
 from blockmech.cli.options import Friction, GraphFile, Poses, Static, Want, names_of, option
 from blockmech.cli.terminal import progress_bar, reading, say
-from blockmech.errors import refused
-from blockmech.runnable import EVERYTHING
+from blockmech.ground.errors import refused
+from blockmech.ground.runnable import EVERYTHING
 
 
 def export(

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from blockmech.motion import Event
-    from blockmech.result import Result
+    from blockmech.result.motion import Event
+    from blockmech.result.result import Result
 
 LINES = 8  # events shown
 DIGITS = 12  # significant ones of a number

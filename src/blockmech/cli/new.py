@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from blockmech.cli.terminal import say
-from blockmech.errors import close_match, listed, refused
-from blockmech.files import writing
-from blockmech.graph_files import gallery
+from blockmech.ground.errors import close_match, listed, refused
+from blockmech.ground.files import writing
+from blockmech.testing.graph_files import gallery
 
 
 def new(

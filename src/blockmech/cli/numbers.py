@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, TypeAlias, TypeVar
 import numpy as np
 
 from blockmech.cli.terminal import note
-from blockmech.errors import Problem, RequestError, close_match, listed
-from blockmech.samples import DEFAULT_SAMPLES
-from blockmech.units import has_unit, number_in, units_of
+from blockmech.ground.errors import Problem, RequestError, close_match, listed
+from blockmech.ground.units import has_unit, number_in, units_of
+from blockmech.result.samples import DEFAULT_SAMPLES
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 import typer
 
 from blockmech.cli.numbers import MOST, coordinates, times
-from blockmech.errors import close_match, listed, refused
-from blockmech.graph_files import gallery
+from blockmech.ground.errors import close_match, listed, refused
+from blockmech.ground.units import number_in, units_of
+from blockmech.testing.graph_files import gallery
 from blockmech.typing import MotionMethod
-from blockmech.units import number_in, units_of
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -21,13 +21,13 @@ from blockmech.cli.terminal import (
     saving,
     say,
 )
-from blockmech.errors import refused
-from blockmech.export import csv_chunks, json_chunks, table, write_csv
-from blockmech.files import folder, refuse_spared, writing
-from blockmech.report import DEGREES, Facts, Report, as_json
+from blockmech.ground.errors import refused
+from blockmech.ground.files import folder, refuse_spared, writing
+from blockmech.ground.report import DEGREES, Facts, Report, as_json
+from blockmech.result.exported import csv_chunks, json_chunks, table, write_csv
 
 if TYPE_CHECKING:
-    from blockmech.result import Result
+    from blockmech.result.result import Result
 
 Pictures: TypeAlias = Callable[..., list[Path]]  # (result, folder, degrees=) -> files drawn
 

@@ -9,7 +9,7 @@ import typer
 from blockmech.builders import opened
 from blockmech.cli.options import Friction, GraphFile, Poses, Static, Want, names_of, option
 from blockmech.cli.terminal import progress_bar, reading, say
-from blockmech.runnable import EVERYTHING
+from blockmech.ground.runnable import EVERYTHING
 
 Page = Annotated[str, typer.Option("--output", "-o", metavar="PAGE", help="The page, PAGE.html.")]
 

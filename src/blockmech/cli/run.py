@@ -21,11 +21,11 @@ from blockmech.cli.options import (
 )
 from blockmech.cli.output import Output
 from blockmech.cli.terminal import NO_ANSWER, note, progress_bar, say
-from blockmech.export import gap_lines, leading
-from blockmech.runnable import EVERYTHING
+from blockmech.ground.runnable import EVERYTHING
+from blockmech.result.exported import gap_lines, leading
 
 if TYPE_CHECKING:
-    from blockmech.result import Result
+    from blockmech.result.result import Result
 
 Accuracy = Annotated[
     float | None, option("Wanted relative error; chooses friction method and precision.", "X")
@@ -63,7 +63,7 @@ def run(
         everything = mechanism.outputs
         request["want"] = leading(mechanism.outputs)  # the table has no room for more
     request |= poses.of(mechanism) | {"engine": engine, "precision": precision}
-    from blockmech.failures import why_not, without_gaps  # brings what runs
+    from blockmech.result.failures import why_not, without_gaps  # brings what runs
 
     with progress_bar("computing"):
         result = mechanism.run(**request, accuracy=accuracy, on_gap="mark")

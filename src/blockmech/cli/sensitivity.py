@@ -8,7 +8,7 @@ from blockmech.builders import compiled
 from blockmech.cli.options import Friction, GraphFile, Poses, Static, names_of, option
 from blockmech.cli.output import Tabled
 from blockmech.cli.terminal import progress_bar
-from blockmech.runnable import EVERYTHING
+from blockmech.ground.runnable import EVERYTHING
 
 Wants = Annotated[list[str], option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")]
 To = Annotated[

@@ -28,11 +28,11 @@ from blockmech.cli.options import (
 )
 from blockmech.cli.output import Output
 from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
-from blockmech.export import gap_lines
-from blockmech.runnable import EVERYTHING
+from blockmech.ground.runnable import EVERYTHING
+from blockmech.result.exported import gap_lines
 
 if TYPE_CHECKING:
-    from blockmech.result import Result
+    from blockmech.result.result import Result
 
 Step = Annotated[
     float | None,

@@ -23,10 +23,10 @@ from blockmech.cli.options import (
 )
 from blockmech.cli.output import check_places, write_answer
 from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
-from blockmech.errors import needed, refused
+from blockmech.ground.errors import needed, refused
+from blockmech.ground.units import units_of
 from blockmech.model.parameters import named
 from blockmech.studies.sampling import Distribution, normal, uniform
-from blockmech.units import units_of
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -15,9 +15,9 @@ from typing import IO, Any, TypeVar
 
 import typer
 
-from blockmech.errors import printable
-from blockmech.files import cannot_write, spare
-from blockmech.sigint import leave
+from blockmech.ground.errors import printable
+from blockmech.ground.files import cannot_write, spare
+from blockmech.ground.sigint import leave
 
 T = TypeVar("T")
 DONE, NO_ANSWER, WRONG, FAULT, INTERRUPTED = 0, 1, 2, 3, 130  # exit codes

@@ -20,8 +20,8 @@ from blockmech.cli.terminal import (
     saving,
     say,
 )
-from blockmech.errors import refused
-from blockmech.files import folder, refuse_spared, writing
+from blockmech.ground.errors import refused
+from blockmech.ground.files import folder, refuse_spared, writing
 
 if TYPE_CHECKING:
     from blockmech.analysis.trade import Trade

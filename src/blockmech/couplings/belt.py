@@ -29,10 +29,10 @@ from blockmech.couplings.contract import (
     circle,
 )
 from blockmech.couplings.laws import SHARES, Radius
-from blockmech.errors import Problem
-from blockmech.plane import dot, imul, mul, sqrt
+from blockmech.ground.errors import Problem
+from blockmech.ground.plane import dot, imul, mul, sqrt
+from blockmech.ground.values import Angle, NotNegative, in_unit
 from blockmech.typing import Complex, Load, Real
-from blockmech.values import Angle, NotNegative, in_unit
 
 
 class BeltNumbers(NamedTuple):

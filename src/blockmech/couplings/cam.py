@@ -51,10 +51,18 @@ from blockmech.couplings.laws import (
     repeated,
     spline,
 )
-from blockmech.errors import Problem
-from blockmech.plane import angle, apply, cross, dot, hyp, imul, mul
+from blockmech.ground.errors import Problem
+from blockmech.ground.plane import angle, apply, cross, dot, hyp, imul, mul
+from blockmech.ground.values import (
+    NotNegative,
+    Number,
+    Place,
+    PlaceGiven,
+    default,
+    in_unit,
+    mistake,
+)
 from blockmech.typing import Complex, Real
-from blockmech.values import NotNegative, Number, Place, PlaceGiven, default, in_unit, mistake
 
 DEAD = 1e-6  # cosine of a push that is square to the motion, within rounding of its square root
 SPREAD = 1e-9  # [rad] between rows of a spline

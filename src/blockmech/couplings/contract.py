@@ -49,10 +49,10 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 from pydantic import Field
 
 from blockmech.blocks.block import Block
-from blockmech.errors import Problem
-from blockmech.plane import cross, dot, imul, mul
+from blockmech.ground.errors import Problem
+from blockmech.ground.plane import cross, dot, imul, mul
+from blockmech.ground.values import Axis, Number, Units, in_unit
 from blockmech.typing import Complex, Guide, Load, Real
-from blockmech.values import Axis, Number, Units, in_unit
 
 ROUND = 72  # straight pieces of a drawn circle
 
@@ -87,7 +87,7 @@ class Reading(NamedTuple):
     kernel : of (here, p), or where it is of the forces of (here, load, p); see rule 4
     of_load : whether it is of the forces
     flag : code of the remark where the number is below zero; "" for none
-    about : what it is, in words, where its name is none of `blockmech.quantities`
+    about : what it is, in words, where its name is none of `blockmech.plan.quantities`
     """
 
     unit: str

@@ -29,10 +29,10 @@ from blockmech.couplings.contract import (
     circle,
     concentric,
 )
-from blockmech.errors import Problem
-from blockmech.plane import apply, dot, imul, mul
+from blockmech.ground.errors import Problem
+from blockmech.ground.plane import apply, dot, imul, mul
+from blockmech.ground.values import Angle, in_unit, mistake
 from blockmech.typing import Load, Real
-from blockmech.values import Angle, in_unit, mistake
 
 Teeth = Annotated[int, Field(strict=True, ge=1)]
 

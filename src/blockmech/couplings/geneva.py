@@ -35,10 +35,10 @@ from blockmech.couplings.contract import (
     circle,
     concentric,
 )
-from blockmech.errors import Problem
-from blockmech.plane import angle, apply, dot, expi, imul, modulo, mul, planar, sign, where
+from blockmech.ground.errors import Problem
+from blockmech.ground.plane import angle, apply, dot, expi, imul, modulo, mul, planar, sign, where
+from blockmech.ground.values import Angle
 from blockmech.typing import Load, Real
-from blockmech.values import Angle
 
 Slots = Annotated[int, Field(strict=True, ge=3)]
 

@@ -21,9 +21,8 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 from pydantic import Field, model_validator
 
 from blockmech.couplings.contract import Transmission
-from blockmech.plane import apply, expi, modulo, piecewise
-from blockmech.typing import Real
-from blockmech.values import (
+from blockmech.ground.plane import apply, expi, modulo, piecewise
+from blockmech.ground.values import (
     Axis,
     Number,
     NumbersGiven,
@@ -34,6 +33,7 @@ from blockmech.values import (
     in_unit,
     mistake,
 )
+from blockmech.typing import Real
 
 Rows: TypeAlias = tuple[tuple[float, ...], ...]
 SAME = 1e-12  # relative distance of two periods that are one

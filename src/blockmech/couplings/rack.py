@@ -21,9 +21,9 @@ from pydantic import Field
 
 from blockmech.couplings.contract import Curve, LossyCoupling, Meshing, Transmission, Where, circle
 from blockmech.couplings.laws import Radius
-from blockmech.plane import apply, cross, imul, mul
+from blockmech.ground.plane import apply, cross, imul, mul
+from blockmech.ground.values import Angle, Number, in_unit, no_boolean
 from blockmech.typing import Load, Real
-from blockmech.values import Angle, Number, in_unit, no_boolean
 
 Side = Annotated[Literal[-1, 1], no_boolean(-1, 1)]
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from blockmech.couplings.contract import LossyCoupling, Meshing
 from blockmech.couplings.laws import AnyLaw, LawNumbers
-from blockmech.values import Number
+from blockmech.ground.values import Number
 
 
 class Ratio(LossyCoupling, type="coupling.ratio"):

@@ -11,7 +11,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from blockmech.arguments import declared
 from blockmech.compiled import Compiled
 from blockmech.draw.animation import MOVING, Animation
 from blockmech.draw.boxes import graph_of
@@ -24,13 +23,14 @@ from blockmech.draw.panels import draw_panels
 from blockmech.draw.paper import STILL, rendered, suffix_of, write_figure
 from blockmech.draw.schedule import draw_schedule
 from blockmech.draw.structural import draw_structural_graph
-from blockmech.errors import Problem, RequestError, as_names, close_match, listed, refused
-from blockmech.files import AnyPath
-from blockmech.files import folder as whole_folder
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import Problem, RequestError, as_names, close_match, listed, refused
+from blockmech.ground.files import AnyPath
+from blockmech.ground.files import folder as whole_folder
+from blockmech.ground.report import DEGREES
+from blockmech.ground.runnable import Runnable
 from blockmech.model.graph import Graph
-from blockmech.report import DEGREES
-from blockmech.result import Result
-from blockmech.runnable import Runnable
+from blockmech.result.result import Result
 
 __all__ = [
     "Animation",

@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.arguments import declared
 from blockmech.draw import palette as ink
 from blockmech.draw.mechanism import caption, joint_labels, load_text, page_of, paths_of, worded
 from blockmech.draw.motion import Complex, Motion
@@ -31,10 +30,11 @@ from blockmech.draw.page import Page, Shape, move
 from blockmech.draw.paper import scaled_unit, shown_name, styled, suffix_of
 from blockmech.draw.shapes import Stage, shapes_of
 from blockmech.draw.sketch import Sketch, sketch_of
-from blockmech.errors import needed, refused
-from blockmech.files import AnyPath, writing
-from blockmech.report import DEGREES
-from blockmech.result import Result
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import needed, refused
+from blockmech.ground.files import AnyPath, writing
+from blockmech.ground.report import DEGREES
+from blockmech.result.result import Result
 
 MOVING = (".gif", ".html", ".mp4")
 FPS = 30  # of a film

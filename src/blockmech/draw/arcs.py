@@ -10,7 +10,7 @@ from blockmech.analysis.limits import Limits
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, shown_name
 from blockmech.draw.sensitivity import THICK
-from blockmech.errors import refused
+from blockmech.ground.errors import refused
 from blockmech.modes.report import Arc, GroupModes, Modes
 
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.design.balance import Balance
+from blockmech.design.drives import MotorDemand
+from blockmech.design.flywheel import Flywheel
 from blockmech.draw import palette as ink
 from blockmech.draw.curves import abscissa, values
 from blockmech.draw.paper import axis_label, captioned, legend_above, scaled_unit, shown_name
-from blockmech.studies.balance import Balance
-from blockmech.studies.drives import MotorDemand
-from blockmech.studies.flywheel import Flywheel
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel
 OUTPUTS = 4  # that one picture can hold

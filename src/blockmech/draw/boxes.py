@@ -18,7 +18,8 @@ from blockmech.couplings.contract import Coupling
 from blockmech.draw.layout import Box
 from blockmech.draw.palette import MOST, SIZES, SMALL, TEXT
 from blockmech.draw.paper import shown_name, text_width
-from blockmech.errors import listed
+from blockmech.ground.errors import listed
+from blockmech.ground.values import split_address
 from blockmech.loads.contract import Element, Following
 from blockmech.model.couplings import couplings_of, driven_joints
 from blockmech.model.diagram import Ends, UnknownBlock, Wire
@@ -29,7 +30,6 @@ from blockmech.model.signals import signal_ports, signal_wire
 from blockmech.model.structure import LinkRef, Structure
 from blockmech.model.subgraph import Subgraph
 from blockmech.signals.contract import Signal
-from blockmech.values import split_address
 
 
 @dataclass(frozen=True)

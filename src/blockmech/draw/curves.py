@@ -16,10 +16,10 @@ import numpy as np
 from blockmech.draw.palette import MOST
 from blockmech.draw.panels import Abscissa, Array, Panel
 from blockmech.draw.paper import shown_name
-from blockmech.errors import refused
-from blockmech.export.columns import without_noise
-from blockmech.report import DEGREES
-from blockmech.result import Result
+from blockmech.ground.errors import refused
+from blockmech.ground.report import DEGREES
+from blockmech.result.columns import without_noise
+from blockmech.result.result import Result
 
 Axis = Literal["auto", "coordinate", "time"]
 Panels = tuple[Panel, ...]

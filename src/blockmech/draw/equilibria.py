@@ -9,7 +9,7 @@ import numpy as np
 from blockmech.analysis.equilibrium import Equilibria
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, scaled_unit, shown_name
-from blockmech.errors import refused
+from blockmech.ground.errors import refused
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel
 MARKS = {"stable": "o", "unstable": "^", "indifferent": "s"}

@@ -9,7 +9,7 @@ import numpy as np
 from blockmech.analysis.friction_solutions import UNDECIDED, FrictionSolutions
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, legend_above, scaled_unit, shown_name
-from blockmech.errors import refused
+from blockmech.ground.errors import refused
 
 HEIGHT = 17 * ink.TEXT  # [pt] of the axes
 FILLS = (ink.GREY, ink.PAPER, ink.LINK_FILLS[0], ink.LINK_FILLS[1])

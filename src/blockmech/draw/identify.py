@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.design.identify import Identification
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import captioned, scaled_unit, shown_name
-from blockmech.studies.identify import Identification
 
 PANEL = 9.0 * ink.TEXT  # [pt] height of a panel
 COLUMNS = 6  # that one picture can hold

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from blockmech.design.linearize import Linearization
 from blockmech.draw import palette as ink
 from blockmech.draw.animation import MOVING, Animation
 from blockmech.draw.motion import moves
 from blockmech.draw.paper import captioned, legend_above, shown_name, suffix_of
 from blockmech.draw.trade import log_ticks
-from blockmech.errors import refused
-from blockmech.files import AnyPath
-from blockmech.studies.linearize import Linearization
+from blockmech.ground.errors import refused
+from blockmech.ground.files import AnyPath
 
 PANEL = 13.0 * ink.TEXT  # [pt] height of a panel
 CURVES = 8  # that one diagram can hold

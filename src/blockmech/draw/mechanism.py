@@ -20,10 +20,10 @@ from blockmech.draw.palette import MOST, SIZES
 from blockmech.draw.paper import scaled_unit, shown_name, styled
 from blockmech.draw.shapes import Stage
 from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of
-from blockmech.errors import among
+from blockmech.ground.errors import among
+from blockmech.ground.report import DEGREES
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import MarkerRef
-from blockmech.report import DEGREES
 
 SWEEP = 241  # samples of a path
 PATHS = 8  # that are drawn if none are named

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
-from blockmech.errors import Problem, RequestError
+from blockmech.ground.errors import Problem, RequestError
 from blockmech.model.spots import Spot
 from blockmech.model.structure import JointRef, LinkRef, Structure
-from blockmech.quality import Quality
-from blockmech.result import Result
+from blockmech.result.quality import Quality
+from blockmech.result.result import Result
 
 Complex = NDArray[np.complex128]
 Real = NDArray[np.float64]

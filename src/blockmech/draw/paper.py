@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from blockmech.draw.palette import COLUMN, DPI, ROW, SMALL, STYLE, TEXT
-from blockmech.errors import listed, refused
-from blockmech.files import AnyPath, writing
+from blockmech.ground.errors import listed, refused
+from blockmech.ground.files import AnyPath, writing
 
 STILL = (".png", ".svg", ".pdf")
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from blockmech.draw.palette import BACK, DRIVE, GREY, INK, SERIES, SMALL, TEXT
 from blockmech.draw.paper import new_page, shown_name, styled
-from blockmech.plan import Node, Plan
+from blockmech.plan.plan import Node, Plan
 
 COLUMN, ROW = 11.5 * TEXT, 3.75 * TEXT  # [pt] of a call
 LANE, MARGIN = 1.75 * TEXT, 3 * TEXT  # [pt] what parts two blocks, and what is around all

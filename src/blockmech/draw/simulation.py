@@ -29,11 +29,11 @@ from blockmech.draw.paper import (
     write_figure,
 )
 from blockmech.dynamics.chart_outputs import result_along
-from blockmech.files import AnyPath
-from blockmech.files import folder as whole_folder
-from blockmech.motion import Motion
-from blockmech.report import DEGREES
-from blockmech.result import Result
+from blockmech.ground.files import AnyPath
+from blockmech.ground.files import folder as whole_folder
+from blockmech.ground.report import DEGREES
+from blockmech.result.motion import Motion
+from blockmech.result.result import Result
 
 CURVE = 721  # times of a curve
 FRAME = 0.04  # [s] on the screen

@@ -13,8 +13,8 @@ import numpy as np
 
 from blockmech.draw import palette as ink
 from blockmech.draw.paper import axis_label, captioned, scaled_unit, shown_name
-from blockmech.errors import refused
-from blockmech.export import Column
+from blockmech.ground.errors import refused
+from blockmech.result.exported import Column
 from blockmech.studies.table import Study
 
 PANEL = 14.0 * ink.TEXT  # [pt] height of a panel

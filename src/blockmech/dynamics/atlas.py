@@ -38,13 +38,13 @@ from blockmech.dynamics.pair_stops import Counted, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Surface, Until, Watch
 from blockmech.dynamics.roles import FREE, Roles
 from blockmech.dynamics.time import FIXED, TimeIntegration
-from blockmech.errors import BlockmechError, GraphError, listed
+from blockmech.ground.errors import BlockmechError, GraphError, listed
+from blockmech.ground.plane import EPS
 from blockmech.model.joints.blocks import SaidByLinks
 from blockmech.model.joints.layout import Poses
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.structure import COORDINATE
-from blockmech.motion import Cost, Floats, Motion, RolesFrom
-from blockmech.plane import EPS
+from blockmech.result.motion import Cost, Floats, Motion, RolesFrom
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

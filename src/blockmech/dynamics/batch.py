@@ -50,9 +50,9 @@ from blockmech.engines.stages import (
     FleetSteps,
     scheme,
 )
-from blockmech.motion import Floats
-from blockmech.plane import EPS
-from blockmech.quality import NEAR as LEAST_MARGIN
+from blockmech.ground.plane import EPS
+from blockmech.result.motion import Floats
+from blockmech.result.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest

@@ -24,7 +24,7 @@ import numpy as np
 
 from blockmech.dynamics.contacts import DEPENDENT, SETTLED, STILL, Held, constrained, pushing
 from blockmech.dynamics.sticking import Instant, JointFriction
-from blockmech.motion import Floats
+from blockmech.result.motion import Floats
 
 STAGES = 64  # of a blow at most: each ends with a slip
 SUDDEN = 2.0**20  # [1/s]: a blow takes a microsecond for laws that are not linear in the load

@@ -22,7 +22,7 @@ from numpy.polynomial import chebyshev
 from blockmech.dynamics.panels import basis, rule
 from blockmech.dynamics.place_data import MARGIN, TAU, J, PlaceData, place
 from blockmech.dynamics.system import One, Sample, Source, System
-from blockmech.motion import Floats
+from blockmech.result.motion import Floats
 
 SIZES = (8, 12, 16, 20, 24)  # poses of a series: 8, as two tell its end; even: none at its middle
 REACH = 1.2  # [rad] or that share of a driver's span / 2 pi: of a series, on either side

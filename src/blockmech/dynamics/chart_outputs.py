@@ -21,13 +21,13 @@ from blockmech.dynamics.motion_outputs import STATIC, SimulationResult, result_i
 from blockmech.model.naming import Names
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import LinkRef
-from blockmech.motion import Floats, Motion
-from blockmech.outputs import PARTS
-from blockmech.outputs_by_link import readings
-from blockmech.quality import Flag, Quality
-from blockmech.result import FREE
-from blockmech.samples import Samples
-from blockmech.settings import friction_asked
+from blockmech.outputs.by_block import PARTS
+from blockmech.outputs.by_link import readings
+from blockmech.plan.settings import friction_asked
+from blockmech.result.motion import Floats, Motion
+from blockmech.result.quality import Flag, Quality
+from blockmech.result.result import FREE
+from blockmech.result.samples import Samples
 from blockmech.typing import M
 
 if TYPE_CHECKING:

@@ -28,6 +28,7 @@ import numpy as np
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import TwoModes
 from blockmech.dynamics.request import Start
+from blockmech.ground.values import free_name
 from blockmech.model.graph import Graph
 from blockmech.model.joints.closing import Closing, coordinate
 from blockmech.model.joints.contents import FRAME, DriverGiven
@@ -38,8 +39,7 @@ from blockmech.model.joints.references import coordinate_of
 from blockmech.model.naming import Names
 from blockmech.model.scene import Initial
 from blockmech.model.structure import COORDINATE
-from blockmech.motion import Floats, Motion
-from blockmech.values import free_name
+from blockmech.result.motion import Floats, Motion
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

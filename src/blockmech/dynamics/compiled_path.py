@@ -50,7 +50,7 @@ from blockmech.dynamics.track import Apart, Leg, compared
 from blockmech.engines import loops
 from blockmech.engines.cost import loops_pay
 from blockmech.engines.llvm import has_code, machine_code
-from blockmech.errors import MissingEngineError
+from blockmech.ground.errors import MissingEngineError
 
 if TYPE_CHECKING:
     from blockmech.dynamics.panel_builder import PathState

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.motion import Floats
+from blockmech.result.motion import Floats
 
 DEPENDENT = 1e-10  # [-] of the largest singular value of rows: below it they depend on others
 SETTLED = 1e-9  # [-] by which a law may be missed where things start, stay or part: rounding

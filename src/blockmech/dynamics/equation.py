@@ -25,7 +25,7 @@ from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.rates import LEAST_INERTIA, rates_of
 from blockmech.dynamics.system import REPORTED, System
 from blockmech.engines.stages import CompiledRhs, CompiledStepper, Method, dop853
-from blockmech.motion import Floats
+from blockmech.result.motion import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import FrictionState

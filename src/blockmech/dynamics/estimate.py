@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.motion import Floats, Motion, State
-from blockmech.plane import EPS
-from blockmech.series import GOLDEN
+from blockmech.functions.series import GOLDEN
+from blockmech.ground.plane import EPS
+from blockmech.result.motion import Floats, Motion, State
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

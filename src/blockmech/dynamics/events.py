@@ -21,9 +21,9 @@ from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.rates import LEAST_INERTIA, bearing
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.engines.dense import Dense
-from blockmech.motion import Event, Floats, Motion
-from blockmech.plane import EPS
-from blockmech.quality import NEAR as LEAST_MARGIN
+from blockmech.ground.plane import EPS
+from blockmech.result.motion import Event, Floats, Motion
+from blockmech.result.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import PairProgram

@@ -12,12 +12,12 @@ import numpy as np
 
 from blockmech.dynamics import loads
 from blockmech.dynamics.periodic import FLOWS, NONE, FixedPoint, fixed_point
-from blockmech.errors import RequestError, refused
+from blockmech.ground.errors import RequestError, refused
+from blockmech.ground.plane import EPS
 from blockmech.loads.contract import Following
 from blockmech.loads.laws import Polynomial
 from blockmech.model.structure import Structure
-from blockmech.motion import Floats
-from blockmech.plane import EPS
+from blockmech.result.motion import Floats
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

@@ -20,7 +20,7 @@ from blockmech.engines.numpy import NumpyEngine, primitives
 from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.friction import solvers
 from blockmech.passes.signals import STATE
-from blockmech.plan import Friction, Program
+from blockmech.plan.plan import Friction, Program
 
 Floats: TypeAlias = NDArray[np.float64]
 Vectors: TypeAlias = NDArray[np.complex128]

@@ -34,15 +34,15 @@ from blockmech.dynamics.run import Run, RunEnd
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.stops import Stop
 from blockmech.dynamics.system import System, solved
-from blockmech.errors import refused
+from blockmech.ground.errors import refused
+from blockmech.ground.values import Vector
 from blockmech.model.structure import JointRef
-from blockmech.motion import Event, Floats, Impact, Lying, Motion, State, Track
 from blockmech.passes.friction import given_joints
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction
-from blockmech.result import Result
-from blockmech.samples import Samples
-from blockmech.values import Vector
+from blockmech.plan.plan import Friction
+from blockmech.result.motion import Event, Floats, Impact, Lying, Motion, State, Track
+from blockmech.result.result import Result
+from blockmech.result.samples import Samples
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -16,8 +16,8 @@ from blockmech.dynamics.contacts import STILL
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.pair_stops import held_by
 from blockmech.dynamics.roles import Roles
-from blockmech.errors import refused
-from blockmech.motion import Floats, Impact
+from blockmech.ground.errors import refused
+from blockmech.result.motion import Floats, Impact
 
 SAME = 1e-9  # [-] by which a driver may be beside where its law of motion says
 

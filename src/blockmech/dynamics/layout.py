@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.motion import Floats
+from blockmech.result.motion import Floats
 
 
 @dataclass(frozen=True)

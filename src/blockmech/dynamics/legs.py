@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.dynamics.pair_stops import Counted
-from blockmech.motion import Floats, Motion, State
+from blockmech.result.motion import Floats, Motion, State
 
 MILESTONES = 9  # places over a leg from which turns are counted
 

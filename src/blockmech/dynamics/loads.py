@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.engines.scalar import AdaptiveEvaluator
+from blockmech.functions.series import SCANNED
+from blockmech.ground.plane import EPS
 from blockmech.loads.contract import VELOCITY_READS, Element, Following
 from blockmech.loads.functions import Function
 from blockmech.model.structure import JointRef, Structure
@@ -22,9 +24,7 @@ from blockmech.passes.forward import argument, coordinate_of, link_velocity, mar
 from blockmech.passes.homotopy import followed, path_of, schedule
 from blockmech.passes.loads import cm_velocity, kernel_on, terminal_term, weight_on
 from blockmech.passes.resultants import NOTHING
-from blockmech.plan import NOUGHT, ZERO, Friction, Schedule
-from blockmech.plane import EPS
-from blockmech.series import SCANNED
+from blockmech.plan.plan import NOUGHT, ZERO, Friction, Schedule
 from blockmech.signals.functions import Python
 
 FREE = Friction("none")

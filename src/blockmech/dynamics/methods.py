@@ -23,8 +23,8 @@ from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS
 from blockmech.dynamics.signals import felt
 from blockmech.dynamics.system import System
-from blockmech.errors import RequestError, listed, refused
-from blockmech.motion import Event, Floats, Motion, Status
+from blockmech.ground.errors import RequestError, listed, refused
+from blockmech.result.motion import Event, Floats, Motion, Status
 
 LOOKED_AT = 31  # states of a motion at which iterations of friction are judged
 WITHOUT = 'leave it out with friction="none" (--friction none)'

@@ -16,12 +16,12 @@ from blockmech.dynamics.pair_stops import held_by, lain_against
 from blockmech.dynamics.roles import FREE, PRESCRIBED
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.system import System, solved
-from blockmech.motion import Floats, Motion
 from blockmech.passes.signals import STATE
-from blockmech.plan import Friction
-from blockmech.result import Result
-from blockmech.samples import Samples
-from blockmech.settings import friction_asked
+from blockmech.plan.plan import Friction
+from blockmech.plan.settings import friction_asked
+from blockmech.result.motion import Floats, Motion
+from blockmech.result.result import Result
+from blockmech.result.samples import Samples
 from blockmech.typing import M
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs, signals
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction, Schedule
+from blockmech.plan.plan import Friction, Schedule
 
 GIVEN = Friction(friction.GIVEN)
 

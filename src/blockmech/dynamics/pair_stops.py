@@ -13,14 +13,14 @@ import numpy as np
 
 from blockmech.dynamics.contacts import Held
 from blockmech.engines.scalar import ScalarEngine
+from blockmech.ground.values import split_address
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import COORDINATE, JointRef, Structure
-from blockmech.motion import Floats, Lying
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction, Output, Schedule
-from blockmech.values import split_address
+from blockmech.plan.plan import Friction, Output, Schedule
+from blockmech.result.motion import Floats, Lying
 
 SLIPPED = forward.slip_acceleration
 SURE = 1.0  # [rad] by which an angle may differ from what its row foretells, over one way

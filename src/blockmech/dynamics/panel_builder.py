@@ -27,7 +27,7 @@ from blockmech.dynamics.panels import (
 from blockmech.dynamics.path_mesh import CLOSE, PathMesh, Piece
 from blockmech.dynamics.place_data import SHORT, TAU, J
 from blockmech.dynamics.run import RunEnd
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
 
 ROUGH = 1 / 64  # of a piece's inertia: what is below has two digits less
 

@@ -31,7 +31,7 @@ from blockmech.dynamics.panels import (
 )
 from blockmech.dynamics.path_mesh import CLOSE, Course
 from blockmech.dynamics.place_data import SHORT, TAU, J
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
 
 NEXT = EPS ** (2 / 3)  # relative, of a step of Newton's whose square is below rounding
 

@@ -24,8 +24,8 @@ from numpy.polynomial import chebyshev, legendre
 from numpy.typing import NDArray
 
 from blockmech.engines.loops import Reals
-from blockmech.plane import EPS
-from blockmech.series import ended, largest
+from blockmech.functions.series import ended, largest
+from blockmech.ground.plane import EPS
 
 Floats: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.intp]

@@ -55,8 +55,8 @@ from blockmech.dynamics.run import Run, RunEnd
 from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.singular import time_left
 from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, apart
-from blockmech.motion import Event, Motion, Still
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
+from blockmech.result.motion import Event, Motion, Still
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest

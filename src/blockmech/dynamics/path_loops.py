@@ -31,8 +31,8 @@ from blockmech.dynamics.panels import (
 from blockmech.dynamics.path_mesh import COARSE, FINE, KEPT
 from blockmech.dynamics.place_data import SHORT, TAU, J
 from blockmech.engines.loops import Counts, Reals
-from blockmech.plane import EPS
-from blockmech.series import LEVEL, NOISE
+from blockmech.functions.series import LEVEL, NOISE
+from blockmech.ground.plane import EPS
 
 LONG = 1 - 4 * EPS  # of a piece: a panel over all of it
 TRIES = 8  # of Newton's method for the place of a standstill
@@ -128,7 +128,7 @@ def largest(c: Reals, begin: int, end: int) -> float:
 
 
 def ending(c: Reals, n: int) -> float:
-    """What ends a series, as `blockmech.series.tail` says it."""
+    """What ends a series, as `blockmech.functions.series.tail` says it."""
     q, size = n >> 2, largest(c, 0, n)
     last, before = largest(c, n - q, n), largest(c, n - 2 * q, n - q)
     if size == 0.0 or (last > LEVEL * before and last / size < NOISE):

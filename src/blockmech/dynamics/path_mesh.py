@@ -32,7 +32,7 @@ from blockmech.dynamics.place_data import (
     possible,
     sampled,
 )
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

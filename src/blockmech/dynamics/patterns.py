@@ -17,7 +17,7 @@ from itertools import combinations
 
 import numpy as np
 
-from blockmech.motion import Floats
+from blockmech.result.motion import Floats
 
 ZERO = 1e-9  # of the length of a row and of a unit vector: their product is nothing
 

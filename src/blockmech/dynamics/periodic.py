@@ -17,9 +17,9 @@ from scipy.optimize import root
 
 from blockmech.dynamics.estimate import ROUNDING, missed
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.motion import Event, Floats, Motion, Slips, State, Still, Track
-from blockmech.plane import EPS
-from blockmech.series import SCANNED
+from blockmech.functions.series import SCANNED
+from blockmech.ground.plane import EPS
+from blockmech.result.motion import Event, Floats, Motion, Slips, State, Still, Track
 
 QUOTIENT = 1e-3  # step of fourth-order differences: its fourth power is their error, 1e-12
 NEUTRAL = 1e-6  # distance of a multiplier from 1 that is none: what differences leave of it

@@ -17,8 +17,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from blockmech.dynamics.panels import Floats, basis, node_places, roots, rule
-from blockmech.plane import EPS
-from blockmech.series import tail
+from blockmech.functions.series import tail
+from blockmech.ground.plane import EPS
 
 RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
 NOTHING = 64 * EPS  # of a margin or of the usual inertia: what rounding of a pose leaves of zero

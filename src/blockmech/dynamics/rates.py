@@ -20,17 +20,17 @@ from blockmech.engines.binding import bind_functions
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.stages import CompiledRhs, Method
 from blockmech.engines.trace import PRIMITIVES
-from blockmech.errors import MissingEngineError
 from blockmech.friction.equations import loads
 from blockmech.friction.solvers import balanced
-from blockmech.plane import NAN, minimum, mul, where
-from blockmech.quality import NEAR as LEAST_MARGIN
+from blockmech.ground.errors import MissingEngineError
+from blockmech.ground.plane import NAN, minimum, mul, where
+from blockmech.result.quality import NEAR as LEAST_MARGIN
 from blockmech.typing import Real
 
 if TYPE_CHECKING:
     from blockmech.dynamics.friction import PairFriction
     from blockmech.dynamics.signals import SignalProgram
-    from blockmech.plan import Program
+    from blockmech.plan.plan import Program
 
 LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
 

@@ -19,7 +19,7 @@ from blockmech.dynamics.panels import Floats
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.track import AT_ONCE, RepeatedSegment
-from blockmech.series import tail
+from blockmech.functions.series import tail
 
 FIRST = 4  # turns that are counted at once: as quick as one
 MOST_TURNS = 2**21  # that gain energy, in a run; some seconds of work

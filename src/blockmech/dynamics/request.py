@@ -13,13 +13,13 @@ import numpy as np
 
 from blockmech.dynamics.ends import Budget
 from blockmech.dynamics.roles import Roles, roles_of
-from blockmech.errors import RequestError, close_match, listed, refused
+from blockmech.ground.errors import RequestError, close_match, listed, refused
+from blockmech.ground.units import number_in, units_of
 from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
-from blockmech.motion import Floats, Motion, Still
+from blockmech.result.motion import Floats, Motion, Still
 from blockmech.signals.functions import Python
 from blockmech.typing import MotionMethod, Numbers, Progress
-from blockmech.units import number_in, units_of
 
 Goal: TypeAlias = Literal["standstill", "swings", "turns", "time", "angle", "steady", "event"]
 Surface: TypeAlias = Callable[[float, Any, Any], float]  # (t, q, q') -> value

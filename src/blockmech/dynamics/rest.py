@@ -12,8 +12,8 @@ import numpy as np
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.estimate import COMPARED
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.motion import Motion
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
+from blockmech.result.motion import Motion
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

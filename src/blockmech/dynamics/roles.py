@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 
 from blockmech.dynamics.contacts import Held
-from blockmech.errors import close_match, listed, refused
+from blockmech.ground.errors import close_match, listed, refused
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Locked, Scene
-from blockmech.motion import Floats
+from blockmech.result.motion import Floats
 
 FREE, PRESCRIBED, LOCKED = "free", "prescribed", "locked"
 END = 1e-9  # [s] after which a law is looked for beyond its last time

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from blockmech.dynamics import ends
-from blockmech.motion import Event, Motion, Status
+from blockmech.result.motion import Event, Motion, Status
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest

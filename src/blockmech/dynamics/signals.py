@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from blockmech.engines.llvm import SingleEvaluator
 from blockmech.passes import friction, signals
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction
+from blockmech.plan.plan import Friction
 from blockmech.signals.contract import Signal
 
 FREE = Friction("none")

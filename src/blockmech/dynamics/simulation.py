@@ -42,11 +42,11 @@ from blockmech.dynamics.request import (
 from blockmech.dynamics.roles import unused_laws
 from blockmech.dynamics.stops import bouncing, bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
-from blockmech.errors import listed
-from blockmech.motion import Event, Floats, Motion, RolesFrom
-from blockmech.samples import Samples
-from blockmech.series import EPS
-from blockmech.settings import friction_asked
+from blockmech.functions.series import EPS
+from blockmech.ground.errors import listed
+from blockmech.plan.settings import friction_asked
+from blockmech.result.motion import Event, Floats, Motion, RolesFrom
+from blockmech.result.samples import Samples
 from blockmech.typing import EngineName, FrictionMethod, M, MotionMethod, Numbers, Progress
 
 if TYPE_CHECKING:

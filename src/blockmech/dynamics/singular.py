@@ -10,9 +10,9 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.run import RunEnd
-from blockmech.motion import Floats
-from blockmech.plane import EPS
-from blockmech.quality import NEAR as LEAST_MARGIN
+from blockmech.ground.plane import EPS
+from blockmech.result.motion import Floats
+from blockmech.result.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

@@ -22,8 +22,8 @@ from blockmech.dynamics.system import REPORTED
 from blockmech.engines.dense import Dense
 from blockmech.engines.radau import radau
 from blockmech.engines.stages import THIRD, Method, dop853, halved
-from blockmech.motion import Floats
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
+from blockmech.result.motion import Floats
 
 NO_PLAN = np.empty(0)
 

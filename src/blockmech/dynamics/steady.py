@@ -60,8 +60,8 @@ from blockmech.dynamics.rest import failed_start
 from blockmech.dynamics.run import INTEGRATORS
 from blockmech.dynamics.singular import what_is_ahead
 from blockmech.dynamics.time import TimeIntegration, in_time
-from blockmech.errors import listed
-from blockmech.motion import Floats, Motion
+from blockmech.ground.errors import listed
+from blockmech.result.motion import Floats, Motion
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

@@ -33,17 +33,17 @@ from blockmech.dynamics.roles import roles_of
 from blockmech.dynamics.stops import bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
 from blockmech.dynamics.time import TimeIntegration
-from blockmech.errors import as_names, close_match, listed, refused
+from blockmech.ground.errors import as_names, close_match, listed, refused
+from blockmech.ground.values import is_count, is_number
 from blockmech.model.structure import JointRef
-from blockmech.motion import Floats
 from blockmech.passes.signals import STATE
-from blockmech.plan import Friction
-from blockmech.samples import Samples
-from blockmech.settings import friction_asked
+from blockmech.plan.plan import Friction
+from blockmech.plan.settings import friction_asked
+from blockmech.result.motion import Floats
+from blockmech.result.samples import Samples
 from blockmech.signals.contract import HELD
 from blockmech.signals.sources import Input
 from blockmech.typing import EngineName, FrictionMethod
-from blockmech.values import is_count, is_number
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled

@@ -20,8 +20,8 @@ from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import first_beyond
 from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.sticking import Instant, JointFriction, Settled
-from blockmech.motion import Event, Floats, Slips
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
+from blockmech.result.motion import Event, Floats, Slips
 
 SOON = 1e-6  # [s] after which a law that begins to move shows in which sense
 WITHIN = 4 * EPS  # [-] of a time, to which an event is found in it

@@ -40,9 +40,9 @@ from blockmech.dynamics.friction import (
 from blockmech.dynamics.patterns import affine_patterns, rays, signs
 from blockmech.engines.numpy import Planar
 from blockmech.friction.continuation import Outcome
-from blockmech.motion import Floats
-from blockmech.plane import EPS
-from blockmech.quality import left_undone
+from blockmech.ground.plane import EPS
+from blockmech.result.motion import Floats
+from blockmech.result.quality import left_undone
 
 States: TypeAlias = tuple[Floats, Floats, Floats, Any]  # (n, k), (n, k), (n,), (n, states)
 Against: TypeAlias = Callable[[Floats, Floats, Floats, Any], Held]

@@ -40,13 +40,13 @@ from blockmech.dynamics.sticking import JointFriction
 from blockmech.engines.cost import account
 from blockmech.engines.llvm import LlvmEngine, SingleEvaluator
 from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine
+from blockmech.ground.plane import EPS
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, Structure
-from blockmech.motion import Cost, Floats
 from blockmech.passes import friction, reduction, signals
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction, Program
-from blockmech.plane import EPS
+from blockmech.plan.plan import Friction, Program
+from blockmech.result.motion import Cost, Floats
 
 if TYPE_CHECKING:
     from blockmech.engines.stages import CompiledStepper

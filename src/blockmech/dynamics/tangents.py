@@ -27,11 +27,11 @@ import numpy as np
 from blockmech.dynamics.pair_program import margins
 from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
 from blockmech.engines.dual import Dual, value
-from blockmech.errors import refused
-from blockmech.motion import Floats
+from blockmech.ground.errors import refused
 from blockmech.passes import forces, reduction
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction, Schedule
+from blockmech.plan.plan import Friction, Schedule
+from blockmech.result.motion import Floats
 
 INPUTS = ("q", "qd", "qdd")
 

@@ -17,8 +17,8 @@ from blockmech.dynamics.fixed_steps import STEP
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.run import EVALUATIONS
 from blockmech.dynamics.time import TimeIntegration, in_time
-from blockmech.errors import refused
-from blockmech.motion import Motion
+from blockmech.ground.errors import refused
+from blockmech.result.motion import Motion
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System

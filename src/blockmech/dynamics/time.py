@@ -50,8 +50,8 @@ from blockmech.dynamics.solvers import NO_PLAN, AcceptedSteps, Dop853, MachineSt
 from blockmech.dynamics.stick_slip import Now, StickSlip, Transition
 from blockmech.dynamics.turns import TurnsInTime
 from blockmech.engines.dense import Dense
-from blockmech.motion import Event, Floats, Impact, Motion, RolesFrom, Slips, State, Still
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
+from blockmech.result.motion import Event, Floats, Impact, Motion, RolesFrom, Slips, State, Still
 from blockmech.signals.contract import at_once
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import numpy as np
 
 from blockmech.dynamics.estimate import ROUNDING, rounded
 from blockmech.dynamics.panels import TO_REST, Floats, Panels, rule
-from blockmech.motion import State
+from blockmech.result.motion import State
 
 FEW = 3  # times that are read one by one as quickly as together
 AT_ONCE = 1024  # turns, times or steps that are worked on together: a megabyte or two

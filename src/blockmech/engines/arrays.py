@@ -23,15 +23,23 @@ from blockmech.engines.binding import bind, bind_functions
 from blockmech.engines.derivatives import underivable_table
 from blockmech.engines.numpy import Planar, cast, each_part, imul, leaves, mul
 from blockmech.engines.numpy import each as each_of
-from blockmech.plan import Output, Program
-from blockmech.plane import REST_SHARE, cross, dot, has_arithmetic, implicit, primitives_of, times
+from blockmech.ground.plane import (
+    REST_SHARE,
+    cross,
+    dot,
+    has_arithmetic,
+    implicit,
+    primitives_of,
+    times,
+)
+from blockmech.plan.plan import Output, Program
 
 ARITHMETIC = ("sqrt", "exp", "sign", "hypot", "where", "minimum", "maximum")
 STANDARD_NAMES = {"absolute": "abs", "arctan2": "atan2", "rint": "round"}  # of NumPy's functions
 
 
 def piecewise(xp: Any, x: Any, knots: Any, rows: Any) -> Any:
-    """See `blockmech.plane.piecewise`."""
+    """See `blockmech.ground.plane.piecewise`."""
     inside = (knots[0] <= x) & (x <= knots[-1])
     k = xp.searchsorted(knots, x, side="right")
     k = xp.where(inside, xp.clip(k, None, knots.shape[0] - 1) - 1, xp.zeros_like(k))
@@ -46,7 +54,7 @@ def piecewise(xp: Any, x: Any, knots: Any, rows: Any) -> Any:
 
 
 def spread(xp: Any, a: Any) -> Any:
-    """See `blockmech.plane.spread`."""
+    """See `blockmech.ground.plane.spread`."""
     entries = xp.broadcast_arrays(*map(xp.asarray, chain.from_iterable(a)))
     stacked = xp.reshape(xp.stack(entries, axis=-1), (*entries[0].shape, len(a), len(a)))
     good = xp.all(xp.isfinite(stacked), axis=(-2, -1))

@@ -6,7 +6,7 @@
             for each block of its n samples:
                 sines and cosines of inputs alone, of the first design: they are kept for the others
                 flat arithmetic on LANES samples side by side
-                a loop for each `blockmech.plane.repeat`, until every lane has stopped
+                a loop for each `blockmech.ground.plane.repeat`, until every lane has stopped
                 rows of out, a design's samples behind those of the one before
     returns a sum of all that it wrote: finite only where every number is
 

@@ -1,7 +1,7 @@
 """Binding: the same kernel text on another number type.
 
 A kernel is a function whose global names are the primitives of
-`blockmech.plane`. Binding copies the kernel's module namespace, puts an engine's
+`blockmech.ground.plane`. Binding copies the kernel's module namespace, puts an engine's
 primitives in their place and re-makes the module's functions over the copy. The
 text stays one; only the meaning of ``sqrt`` or ``mul`` changes.
 """
@@ -81,7 +81,7 @@ def bind(
     constants: Mapping[str, Any],
     foreign: Callable[[Any], Any] = lambda function: function,
 ) -> Callable[..., tuple[Any, ...]]:
-    """A `blockmech.plan.Program` as a function of its inputs and parameters, on one number type.
+    """A `plan.plan.Program` as a function of its inputs and parameters, on one number type.
 
     ``foreign`` says what stands for a function that is no kernel.
     """

@@ -22,8 +22,8 @@ from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 
-from blockmech.errors import RequestError
-from blockmech.files import writing
+from blockmech.ground.errors import RequestError
+from blockmech.ground.files import writing
 
 FOLDER = "BLOCKMECH_CACHE"
 SIZE = sha256().digest_size  # bytes of a signature, and of the key

@@ -23,9 +23,9 @@ from functools import cache, lru_cache
 from types import CodeType, FunctionType
 
 from blockmech.engines.numpy import leaves
-from blockmech.errors import BlockmechError
-from blockmech.plan import Program
-from blockmech.plane import SCALAR_PRIMITIVES
+from blockmech.ground.errors import BlockmechError
+from blockmech.ground.plane import SCALAR_PRIMITIVES
+from blockmech.plan.plan import Program
 
 CALLED = re.compile(r"\b([A-Za-z_]\w*)\(", re.ASCII)
 SYSTEMS = ("solve", "solve_transposed", "spread")

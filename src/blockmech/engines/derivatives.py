@@ -2,7 +2,7 @@
 
 The kernels are the same, so every derivative is exact to rounding. Loops run on the values;
 then one step of Newton's method on dual numbers differentiates the equations that they
-solved, not the way to the solution (`blockmech.plane.implicit`).
+solved, not the way to the solution (`blockmech.ground.plane.implicit`).
 
 Source: Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM 2008, ch. 15 (implicit
 functions).
@@ -21,9 +21,9 @@ from blockmech.engines import numpy as plain
 from blockmech.engines.binding import bind
 from blockmech.engines.dual import TANGENTS, Dual, slope, value, values
 from blockmech.engines.numpy import CHUNK, Planar, each_part
-from blockmech.errors import RequestError, refused
-from blockmech.plan import Program
-from blockmech.plane import EPS, REST_SHARE, cross, dot, primitives_of, times
+from blockmech.ground.errors import RequestError, refused
+from blockmech.ground.plane import EPS, REST_SHARE, cross, dot, primitives_of, times
+from blockmech.plan.plan import Program
 
 Array = NDArray[Any]
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from blockmech.engines.numpy import each_part
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
 
 
 class Dual(NDArrayOperatorsMixin):

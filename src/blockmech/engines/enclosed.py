@@ -4,7 +4,7 @@ A number is an affine form c + sum d_i e_i with unknown e_i in [-1, 1]: one for 
 design within its tolerance, one for each rounding and each curvature. Where that fails, at branches
 and knots, bounds alone are left. Where no bound is proved they are infinite: never a wrong bound.
 
-What solvers find is proved by their own step of Newton's method N (`blockmech.plane.implicit`):
+What solvers find is proved by their own step of Newton's method N (`ground.plane.implicit`):
 with N(x0) + N'(X) (X - x0) inside the box X, X holds a solution (Brouwer), and only one, as N is
 then a contraction. Loops themselves run on the numbers of the planned design.
 
@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 
 from blockmech.engines.binding import Binder, bind
 from blockmech.engines.numpy import Planar, each_part
-from blockmech.plan import Program
-from blockmech.plane import (
+from blockmech.ground.plane import (
     EPS,
     NAN,
     REST_SHARE,
@@ -37,6 +36,7 @@ from blockmech.plane import (
     dot,
     primitives_of,
 )
+from blockmech.plan.plan import Program
 from blockmech.typing import LinkPosition
 
 Array = NDArray[Any]
@@ -446,7 +446,7 @@ def either(open_: Doubt, a: Any, b: Any) -> Any:
 
 
 def where(condition: Any, a: Any, b: Any) -> Any:
-    """See `blockmech.plane.where`, and so on."""
+    """See `blockmech.ground.plane.where`, and so on."""
     return either(condition, a, b) if isinstance(condition, Doubt) else a if condition else b
 
 

@@ -1,7 +1,7 @@
 """The engine of JAX: a program as a pure function that JAX compiles and differentiates.
 
 Loops run on values, and no derivative goes through them: a step of Newton's method at their end
-differentiates the equations that they solved (`blockmech.plane.implicit`), to any order.
+differentiates the equations that they solved (`blockmech.ground.plane.implicit`), to any order.
 
 Source: Griewank & Walther, Evaluating Derivatives, 2nd ed., SIAM 2008, ch. 15 (implicit
 functions).
@@ -26,8 +26,8 @@ from blockmech.engines.derivatives import underivable
 from blockmech.engines.numpy import Planar, leaves
 from blockmech.engines.numpy import each as each_of
 from blockmech.engines.trace import answer_of, filled
-from blockmech.plan import Program
-from blockmech.plane import cross, dot, primitives_of
+from blockmech.ground.plane import cross, dot, primitives_of
+from blockmech.plan.plan import Program
 
 jax.tree_util.register_pytree_node(
     Planar, lambda z: ((z.real, z.imag), None), lambda _, parts: Planar(*parts)
@@ -60,7 +60,7 @@ def shape_of(nested: Any) -> tuple[int, ...]:
 
 
 def implicit(step: Any, state: Any, *data: Any) -> Any:
-    """See `blockmech.plane.implicit`: the derivative of the step by the data is the state's.
+    """See `blockmech.ground.plane.implicit`: the derivative of the step by the data is the state's.
 
     By the state itself it has none wherever the state solves the equations, so this holds for
     derivatives of derivatives too.

@@ -35,9 +35,9 @@ from blockmech.engines.numpy import CHUNK, Planar, Whole, leaves
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.engines.structure import key_of
 from blockmech.engines.trace import Trace, filled
-from blockmech.errors import MissingEngineError
-from blockmech.errors import needed as package
-from blockmech.plan import Program
+from blockmech.ground.errors import MissingEngineError
+from blockmech.ground.errors import needed as package
+from blockmech.plan.plan import Program
 
 Array = NDArray[np.float64]
 LONGEST = 50_000  # lines of assembly, some ten seconds of compiling: others run longer programs

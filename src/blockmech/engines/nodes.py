@@ -1,7 +1,7 @@
 """Operations: what a traced program is made of, and in which order they are done.
 
 A `Node` is one operation on earlier nodes. What it depends on says where it has to be worked
-out: parameters alone once for all samples, a `blockmech.plane.repeat` in its loop, all else
+out: parameters alone once for all samples, a `blockmech.ground.plane.repeat` in its loop, all else
 once a sample.
 """
 
@@ -84,7 +84,7 @@ def is_truth(x: Any) -> bool:
 
 
 class Loop:
-    """A `blockmech.plane.repeat`: its state before, in, and after a step, and its cap."""
+    """A `blockmech.ground.plane.repeat`: its state before, in, and after a step, and its cap."""
 
     def __init__(self, trace: Any, cap: int, first: list[Any]) -> None:
         trace.loops.append(self)

@@ -19,8 +19,16 @@ from numpy.typing import NDArray
 
 from blockmech.engines import linear
 from blockmech.engines.binding import bind
-from blockmech.plan import Program
-from blockmech.plane import REST_SHARE, cross, dot, has_arithmetic, implicit, primitives_of, times
+from blockmech.ground.plane import (
+    REST_SHARE,
+    cross,
+    dot,
+    has_arithmetic,
+    implicit,
+    primitives_of,
+    times,
+)
+from blockmech.plan.plan import Program
 
 PRECISIONS: dict[str, Any] = {
     "complex64": np.float32,
@@ -103,7 +111,7 @@ def modulo(x: Any, period: Any) -> Any:
 
 
 def piecewise(x: Any, knots: Any, rows: Any) -> Any:
-    """A piecewise polynomial; see `blockmech.plane.piecewise`.
+    """A piecewise polynomial; see `blockmech.ground.plane.piecewise`.
 
     Tables of m designs have columns (k, m, 1), and are read one by one.
     """
@@ -123,7 +131,7 @@ def piecewise(x: Any, knots: Any, rows: Any) -> Any:
 
 
 def repeat(step: Any, state: Any, cap: int, *data: Any) -> Any:
-    """Step samples until each has stopped by itself; see `blockmech.plane.repeat`.
+    """Step samples until each has stopped by itself; see `blockmech.ground.plane.repeat`.
 
     Those that go on do so apart from the others once they are few.
     """
@@ -159,7 +167,7 @@ def _apart(step: Any, state: Any, cap: int, data: tuple[Any, ...]) -> Any:
 
 
 def each(function: Any, *x: Any) -> Any:
-    """Ask a function sample by sample; see `blockmech.plane.each`."""
+    """Ask a function sample by sample; see `blockmech.ground.plane.each`."""
     columns = np.broadcast_arrays(*x)
     rows = zip(*(map(float, column.ravel()) for column in columns), strict=True)
     values = [function(*row) for row in rows]
@@ -202,7 +210,7 @@ def cast(value: Any, number: Any, column: Any) -> Any:
 
 @cache
 def primitives(dtype: Any) -> dict[str, Any]:
-    """The primitives of the plane on arrays of one precision; see `blockmech.plane`."""
+    """The primitives of the plane on arrays of one precision; see `blockmech.ground.plane`."""
 
     def expi(t: Any) -> Planar:
         # Sine and cosine are taken in (at least) double before the cast.
@@ -225,7 +233,7 @@ def primitives(dtype: Any) -> dict[str, Any]:
 
 
 def one_by_one(function: Any, *x: Any) -> tuple[Any, ...]:
-    """A function of numbers, design after design; see `blockmech.plane`."""
+    """A function of numbers, design after design; see `blockmech.ground.plane`."""
     columns = np.broadcast_arrays(*x)
     rows = zip(*(column.ravel().tolist() for column in columns), strict=True)
     values = np.array([function(*row) for row in rows])

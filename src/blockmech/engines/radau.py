@@ -46,7 +46,7 @@ from blockmech.engines.stages import (
     tolerated,
     trial_step,
 )
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
 
 ITERATIONS = 6
 SLOW = 1e-3  # share of a correction that is left by the next one

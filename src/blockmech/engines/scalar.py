@@ -14,8 +14,8 @@ import numpy as np
 
 from blockmech.engines.binding import bind
 from blockmech.engines.numpy import NumpyEngine, Planar
-from blockmech.plan import Program
-from blockmech.plane import SCALAR_CONSTANTS, SCALAR_PRIMITIVES
+from blockmech.ground.plane import SCALAR_CONSTANTS, SCALAR_PRIMITIVES
+from blockmech.plan.plan import Program
 
 
 class ScalarEngine:

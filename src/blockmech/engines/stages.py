@@ -45,8 +45,8 @@ from blockmech.engines.llvm import FILL, addresses_of, machine_code, row_of
 from blockmech.engines.loops import Counts, Reals
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.trace import FOLLOWED, Body, Trace
-from blockmech.plan import Program
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
+from blockmech.plan.plan import Program
 
 Floats = NDArray[np.float64]
 LANES = 2  # runs of a motion side by side: the second takes half the steps of the first

@@ -17,7 +17,7 @@ from typing import Any
 
 from blockmech.engines.binding import OWN
 from blockmech.engines.numpy import Planar
-from blockmech.plan import Program
+from blockmech.plan.plan import Program
 
 
 class _Foreign(Exception):

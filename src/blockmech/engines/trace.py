@@ -20,8 +20,8 @@ from blockmech.engines.binding import bind
 from blockmech.engines.nodes import PARAMETER, SAMPLE, AsksPython, Loop, Node, Untraceable
 from blockmech.engines.numpy import Planar, imul, leaves, mul
 from blockmech.engines.numpy import each as each_of
-from blockmech.plan import Program
-from blockmech.plane import EPS, REST_SHARE, SCALAR_PRIMITIVES, cross, dot
+from blockmech.ground.plane import EPS, REST_SHARE, SCALAR_PRIMITIVES, cross, dot
+from blockmech.plan.plan import Program
 
 CONSTANTS = {"ZERO": Planar(0.0, 0.0), "ONE": Planar(1.0, 0.0)}
 Body = Callable[..., tuple[Any, ...]]
@@ -173,7 +173,7 @@ _remainder, _is_nan = _flat("fmod", math.fmod), _flat("is nan", math.isnan)
 
 
 def where(condition: Any, a: Any, b: Any) -> Any:
-    """See `blockmech.plane.where`, and so on."""
+    """See `blockmech.ground.plane.where`, and so on."""
     if not isinstance(condition, Node):
         return a if condition else b
     return condition.trace.node("where", condition, a, b)
@@ -326,12 +326,12 @@ def _is_zero(x: Any) -> bool:
 
 
 def solve_transposed(a: Any, right: Any) -> tuple[Any, ...]:
-    """See `blockmech.plane.solve_transposed`."""
+    """See `blockmech.ground.plane.solve_transposed`."""
     return solve(tuple(zip(*a, strict=True)), right)
 
 
 def spread(a: Any) -> Any:
-    """See `blockmech.plane.spread`."""
+    """See `blockmech.ground.plane.spread`."""
     entries = [x for column in zip(*a, strict=True) for x in column]
     trace = _trace_of(tuple(entries))
     assert trace is not None  # pairs close at places of the sample
@@ -347,7 +347,7 @@ PRIMITIVES: dict[str, Any] = {
     "planar": Planar,
     "EPS": EPS,
 }
-"""The primitives on symbolic numbers; see `blockmech.plane`."""
+"""The primitives on symbolic numbers; see `blockmech.ground.plane`."""
 
 
 @cache

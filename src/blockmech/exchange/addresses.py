@@ -13,7 +13,6 @@ from __future__ import annotations
 import cmath
 from typing import IO
 
-from blockmech.errors import listed, refused
 from blockmech.exchange.drawing import Inertia
 from blockmech.exchange.formats import Order, Writer, one_file
 from blockmech.exchange.pmks_plus import (
@@ -29,6 +28,7 @@ from blockmech.exchange.pmks_plus import (
     WELDED,
 )
 from blockmech.exchange.standing import Standing
+from blockmech.ground.errors import listed, refused
 from blockmech.model.structure import JointRef
 
 CM = 100.0

@@ -17,12 +17,12 @@ import re
 
 import numpy as np
 
-from blockmech.errors import FormatError
 from blockmech.exchange.drawing import FRAME, Drawing, Spring, Wheels
 from blockmech.exchange.expressions import Formula, law_of
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import DEEPEST, MOST, Record, wrong
 from blockmech.exchange.spatial import Assembly, Joint, Mass, Pose, orthonormal
+from blockmech.ground.errors import FormatError
 
 KINDS = {
     "RevoluteJoint": "pin",

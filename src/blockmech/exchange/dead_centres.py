@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from blockmech.errors import BlockmechError, GraphError
+from blockmech.ground.errors import BlockmechError, GraphError
 
 STEP = 0.05  # [rad], and of the size of a linkage
 MOST = 60  # joints that are tried

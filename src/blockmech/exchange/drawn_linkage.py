@@ -22,7 +22,6 @@ from typing import Any
 
 from blockmech.assur.pairs import Pair as AssurPair
 from blockmech.assur.rigidity import rigidity
-from blockmech.errors import FormatError, Problem, listed
 from blockmech.exchange.drawing import (
     FRAME,
     FREE,
@@ -34,7 +33,8 @@ from blockmech.exchange.drawing import (
     Wheels,
     scaled,
 )
-from blockmech.values import free_name, numbered_name
+from blockmech.ground.errors import FormatError, Problem, listed
+from blockmech.ground.values import free_name, numbered_name
 
 MOST_JOINTS = 50  # of a linkage whose drives are chosen by what can move
 BOUNDLESS = 1e10  # what a limit is that is none

@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import IO, Any, Generic, NamedTuple, TypeVar
 
 from blockmech.compiled import Compiled
-from blockmech.errors import Problem, RequestError, close_match, listed, refused, shown
 from blockmech.exchange.drawing import Drawing
-from blockmech.files import writing
-from blockmech.result import Result
-from blockmech.runnable import EVERYTHING
-from blockmech.units import number_in, units_of
+from blockmech.ground.errors import Problem, RequestError, close_match, listed, refused, shown
+from blockmech.ground.files import writing
+from blockmech.ground.runnable import EVERYTHING
+from blockmech.ground.units import number_in, units_of
+from blockmech.result.result import Result
 
 
 @dataclass(frozen=True)

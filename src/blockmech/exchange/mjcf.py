@@ -16,9 +16,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from blockmech.errors import listed, printable, refused
 from blockmech.exchange.formats import Order, Writer, one_file
 from blockmech.exchange.standing import Standing
+from blockmech.ground.errors import listed, printable, refused
 from blockmech.model.structure import JointRef, LinkRef
 
 LEAST = 1e-9  # kg and kg m2: MuJoCo moves nothing without mass

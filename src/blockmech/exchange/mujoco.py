@@ -16,13 +16,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from blockmech.errors import listed
 from blockmech.exchange.drawing import FRAME, FREE, Drawing, Ratio
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Record, number, record_of, wrong, xml_of
 from blockmech.exchange.shapes import solid
 from blockmech.exchange.spatial import Array, Assembly, Joint, Mass, Pose, along, turned, unit
-from blockmech.values import free_name
+from blockmech.ground.errors import listed
+from blockmech.ground.values import free_name
 
 ACTUATORS = ("motor", "position", "velocity", "general", "intvelocity", "damper", "cylinder")
 DENSITY = 1000.0  # [kg/m3] of a geom that names none

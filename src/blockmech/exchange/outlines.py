@@ -15,10 +15,10 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 from xml.sax.saxutils import quoteattr
 
-from blockmech.errors import printable, refused
 from blockmech.exchange.formats import Order, Writer, one_file
 from blockmech.exchange.standing import Standing
-from blockmech.values import numbered_name
+from blockmech.ground.errors import printable, refused
+from blockmech.ground.values import numbered_name
 
 MM = 1e3
 OPTIONS = {

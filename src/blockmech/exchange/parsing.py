@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
-from blockmech.errors import FormatError, Problem, shown
+from blockmech.ground.errors import FormatError, Problem, shown
 
 DEEPEST = 100  # elements in each other
 MOST = 100_000  # elements of a file

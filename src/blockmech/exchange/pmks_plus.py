@@ -25,7 +25,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 from urllib.parse import unquote
 
-from blockmech.errors import listed
 from blockmech.exchange.drawing import (
     FRAME,
     Drawing,
@@ -37,6 +36,7 @@ from blockmech.exchange.drawing import (
 )
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import number, wrong
+from blockmech.ground.errors import listed
 
 DIGITS = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_-"
 COUNTED = DIGITS[:62]  # what the last character may be

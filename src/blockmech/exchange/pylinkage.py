@@ -13,11 +13,11 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from blockmech.errors import listed
 from blockmech.exchange.drawing import FRAME, Drawing, Drive, Pair, Slot, direction
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Fields, fields, items, json_of, number, wrong
-from blockmech.values import free_name
+from blockmech.ground.errors import listed
+from blockmech.ground.values import free_name
 
 STEP = "rates of pylinkage are radians a step: a step was taken as a second"
 LOOKS: tuple[str, ...] = (

@@ -8,12 +8,20 @@ import re
 from contextlib import suppress
 from typing import Any
 
-from blockmech.errors import FormatError, Problem, close_match, in_file, listed, refused, shown
 from blockmech.exchange import pylinkage
 from blockmech.exchange.drawing import UNITS
 from blockmech.exchange.drawn_linkage import document
 from blockmech.exchange.formats import READERS, Reader
 from blockmech.exchange.parsing import wrong
+from blockmech.ground.errors import (
+    FormatError,
+    Problem,
+    close_match,
+    in_file,
+    listed,
+    refused,
+    shown,
+)
 
 LARGEST = 10_000_000  # bytes of a drawing
 BAD_CONTENT = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)

@@ -23,7 +23,7 @@ from blockmech.draw.paper import image
 from blockmech.exchange.formats import Order, Writer, one_file
 from blockmech.exchange.page.files import samples_of, wanted_of
 from blockmech.model.parameters import parameters_of
-from blockmech.result import Result
+from blockmech.result.result import Result
 
 ROWS = 13  # of the table: every 30 degrees of a turn
 POSES = 4  # in the drawing

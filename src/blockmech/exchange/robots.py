@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from blockmech.errors import listed
 from blockmech.exchange.drawing import FRAME, FREE, Drawing, Ratio, Wheels
 from blockmech.exchange.formats import Reader
 from blockmech.exchange.parsing import Record, record_of, wrong, xml_of
 from blockmech.exchange.spatial import Assembly, Joint, Mass, Pose, along, roll_pitch_yaw, unit
-from blockmech.values import free_name
+from blockmech.ground.errors import listed
+from blockmech.ground.values import free_name
 
 KINDS = {
     "revolute": "pin",

@@ -15,8 +15,8 @@ from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes.forward import guide_direction
 from blockmech.passes.homotopy import schedule
 from blockmech.passes.pairs import slider_point
-from blockmech.plan import Friction, Schedule
-from blockmech.samples import Samples
+from blockmech.plan.plan import Friction, Schedule
+from blockmech.result.samples import Samples
 
 
 class Standing:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import IO
 
-from blockmech.errors import needed
 from blockmech.exchange.formats import Order, Writer, one_file
-from blockmech.export import csv_chunks, json_chunks, write_csv
+from blockmech.ground.errors import needed
+from blockmech.result.exported import csv_chunks, json_chunks, write_csv
 
 
 def write_table(order: Order, path: Path) -> list[Path]:

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from blockmech.errors import as_names, close_match, listed, refused
 from blockmech.exchange.formats import Order, writer_for
-from blockmech.files import AnyPath, refuse_spared
-from blockmech.runnable import EVERYTHING, Runnable
+from blockmech.ground.errors import as_names, close_match, listed, refused
+from blockmech.ground.files import AnyPath, refuse_spared
+from blockmech.ground.runnable import EVERYTHING, Runnable
 
 POSES = ("at", "samples", "times")
 SETTINGS = ("friction", "tolerance", "iterations", "static")

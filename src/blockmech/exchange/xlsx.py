@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import IO, Any
 
-from blockmech.errors import needed, printable
 from blockmech.exchange.formats import Order, Writer, one_file
-from blockmech.export import columns
-from blockmech.result import Result
+from blockmech.ground.errors import needed, printable
+from blockmech.result.exported import columns
+from blockmech.result.result import Result
 
 LONGEST = 1_048_000  # rows of a sheet
 CHARTED = 6  # columns in the chart

@@ -40,7 +40,7 @@ from blockmech.friction.equations import (
     misfit,
     norms,
 )
-from blockmech.plane import (
+from blockmech.ground.plane import (
     EPS,
     NAN,
     maximum,

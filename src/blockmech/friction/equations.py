@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from blockmech.plane import NAN, dot, hyp, maximum, mul, planar, sqrt, where
+from blockmech.ground.plane import NAN, dot, hyp, maximum, mul, planar, sqrt, where
 from blockmech.typing import Complex, Real
 
 SETTLED = 4500.0  # [ulps] corrections and residuals of size one: Newton's next step is rounding

@@ -29,7 +29,7 @@ from __future__ import annotations
 from typing import Any
 
 from blockmech.friction.equations import load_norm
-from blockmech.plane import EPS, hyp, maximum, mul, sqrt, where
+from blockmech.ground.plane import EPS, hyp, maximum, mul, sqrt, where
 from blockmech.typing import Real
 
 ROUNDING = 16.0  # [ulps] of an eigenvalue

@@ -37,7 +37,7 @@ from blockmech.friction.equations import (
     norms,
     slope,
 )
-from blockmech.plane import EPS, NAN, implicit, maximum, minimum, repeat, times, where
+from blockmech.ground.plane import EPS, NAN, implicit, maximum, minimum, repeat, times, where
 from blockmech.typing import Real
 
 CAP = 100  # iterations of `successive`: enough for P up to 0.85, whose 100th power is 1e-7

@@ -16,10 +16,10 @@ from typing import Any
 
 from pydantic import field_validator
 
+from blockmech.ground.plane import angle, dot, hyp, imul, mul
+from blockmech.ground.values import Vector, VectorOrNoneGiven, default, mistake
 from blockmech.loads.contract import Following, Terminal
-from blockmech.plane import angle, dot, hyp, imul, mul
 from blockmech.typing import Complex, Real
-from blockmech.values import Vector, VectorOrNoneGiven, default, mistake
 
 
 def push(p_a: Complex, p_b: Complex, F: Real, p: Thrust) -> tuple[Complex, Complex]:

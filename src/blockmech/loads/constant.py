@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
+from blockmech.ground.values import Number, VectorGiven, in_unit
 from blockmech.loads.contract import Element, Terminal
 from blockmech.typing import Complex, Real
-from blockmech.values import Number, VectorGiven, in_unit
 
 
 def ground_force(p: Force) -> tuple[Complex]:

@@ -35,16 +35,16 @@ from pydantic import (
 )
 
 from blockmech.blocks.block import Block, Mistake, refuse
-from blockmech.errors import listed
+from blockmech.ground.errors import listed
+from blockmech.ground.values import Axis, mistake
 from blockmech.loads.functions import Function
 from blockmech.loads.laws import AnyLaw
-from blockmech.values import Axis, mistake
 
 Reads: TypeAlias = Mapping[str, tuple[str, ...]]
 """What is read at each terminal, or under the keys "driver", "time" and "law"."""
 
 if TYPE_CHECKING:
-    from blockmech.values import Given
+    from blockmech.ground.values import Given
 
     LawGiven = Given[AnyLaw | Function, AnyLaw | Function | Mapping[str, Any] | Callable[..., Any]]
 else:

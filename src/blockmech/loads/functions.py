@@ -13,10 +13,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, get_args
 
-from blockmech.errors import RequestError, refused, shown
-from blockmech.plane import each
+from blockmech.ground.errors import RequestError, refused, shown
+from blockmech.ground.plane import each
+from blockmech.ground.values import mistake
 from blockmech.typing import Argument, Real
-from blockmech.values import mistake
 
 ARGUMENTS = get_args(Argument)
 VALID = 'parameters named "coordinate", "rate" or "time"'

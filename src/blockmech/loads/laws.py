@@ -18,9 +18,8 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
-from blockmech.plane import angle, apply, expi, imul, modulo, mul, piecewise, where
-from blockmech.typing import Argument, Real
-from blockmech.values import (
+from blockmech.ground.plane import angle, apply, expi, imul, modulo, mul, piecewise, where
+from blockmech.ground.values import (
     Axis,
     Number,
     NumbersGiven,
@@ -32,6 +31,7 @@ from blockmech.values import (
     in_unit,
     mistake,
 )
+from blockmech.typing import Argument, Real
 
 Turns = Annotated[int, Field(strict=True, gt=0)]
 

@@ -15,10 +15,10 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any
 
+from blockmech.ground.plane import angle, dot, expi, hyp, mul, where
+from blockmech.ground.values import Angle, Axis, NotNegative, Number, Units, in_unit
 from blockmech.loads.contract import Element, Kinks, Terminal, acts
-from blockmech.plane import angle, dot, expi, hyp, mul, where
 from blockmech.typing import Complex, Real
-from blockmech.values import Angle, Axis, NotNegative, Number, Units, in_unit
 
 
 def pull(p_a: Complex, p_b: Complex, p: Spring) -> tuple[Complex, Complex]:

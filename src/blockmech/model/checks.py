@@ -16,7 +16,8 @@ from blockmech.blocks.general.block import SUPPORTS
 from blockmech.blocks.modes import TwoModes
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
-from blockmech.errors import Problem, close_match, listed
+from blockmech.ground.errors import Problem, close_match, listed
+from blockmech.ground.values import NAME_RULE, Marker, is_name, split_address
 from blockmech.loads.contract import LAW, Element, Following
 from blockmech.model.couplings import add_couplings, coupling_problems, loop_problems
 from blockmech.model.diagram import AnyBlock, Ends, UnknownBlock, Wire
@@ -24,7 +25,6 @@ from blockmech.model.scene import Scene
 from blockmech.model.signals import signal_ports, signal_wire, signal_wire_problems
 from blockmech.model.structure import COORDINATE
 from blockmech.signals.contract import Signal
-from blockmech.values import NAME_RULE, Marker, is_name, split_address
 
 if TYPE_CHECKING:
     import networkx as nx

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, TypeAlias
 from blockmech.blocks.contract import DrivingLink, Joint, Moving
 from blockmech.blocks.joints import PAIRS
 from blockmech.couplings.contract import Coupling
-from blockmech.errors import Problem, close_match, listed
+from blockmech.ground.errors import Problem, close_match, listed
+from blockmech.ground.values import split_address
 from blockmech.model.diagram import AnyBlock
 from blockmech.model.scene import Scene
-from blockmech.values import split_address
 
 if TYPE_CHECKING:
     import networkx as nx

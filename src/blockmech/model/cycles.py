@@ -21,9 +21,9 @@ from blockmech.assur.rank import TooTangledError
 from blockmech.assur.rigidity import Overconstraint, rigidity
 from blockmech.blocks.contract import Block, Joint, Moving
 from blockmech.blocks.general import GeneralGroup
-from blockmech.errors import Problem, listed
+from blockmech.ground.errors import Problem, listed
+from blockmech.ground.values import split_address
 from blockmech.model.diagram import AnyBlock, Wire
-from blockmech.values import split_address
 
 MOST_LINKS = 1000
 """Links that are diagnosed in one graph, so that any file is answered soon."""

@@ -10,12 +10,12 @@ from pydantic import Field
 
 from blockmech.blocks.contract import Block
 from blockmech.blocks.registry import REGISTRY
-from blockmech.errors import Problem, path_text, unknown_key
+from blockmech.ground.errors import Problem, path_text, unknown_key
+from blockmech.ground.validation_errors import field_order
+from blockmech.ground.values import StrictModel, split_address
 from blockmech.model.expect import Expectation
 from blockmech.model.form import VERSION, Form, Section
 from blockmech.model.scene import Scene
-from blockmech.validation_errors import field_order
-from blockmech.values import StrictModel, split_address
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
-from blockmech.arguments import declared
-from blockmech.errors import FormatError, GraphError, Problem, close_match, in_file, listed
-from blockmech.garbage import uncollected
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import FormatError, GraphError, Problem, close_match, in_file, listed
+from blockmech.ground.garbage import uncollected
 from blockmech.model.form import Draft, Form
 from blockmech.model.parameters import Path, named, parameters_of, replaced
 from blockmech.model.reading import data_of, text_of
@@ -85,7 +85,7 @@ class Document:
         FormatError, GraphError for what could not be read again; nothing is written
         RequestError where the place cannot be written
         """
-        from blockmech.files import writing
+        from blockmech.ground.files import writing
 
         where = os.fspath(path)
         text = self.in_folder(os.path.dirname(where)).to_json()

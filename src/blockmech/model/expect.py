@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from blockmech.values import NotNegative, Number, Positive, StrictModel, mistake
+from blockmech.ground.values import NotNegative, Number, Positive, StrictModel, mistake
 
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Series = Annotated[list[Number] | list[Pair], Field(min_length=1)]

@@ -17,14 +17,14 @@ from typing import Any
 
 from blockmech.blocks.block import Block
 from blockmech.blocks.frame import Frame
-from blockmech.errors import Problem, close_match, listed
+from blockmech.ground.errors import Problem, close_match, listed
+from blockmech.ground.values import Marker, Place, StrictModel, Vector, split_address
 from blockmech.model.checks import driver_names
 from blockmech.model.diagram import AnyBlock, Wire
 from blockmech.model.parameters import interface
 from blockmech.model.scene import Scene
 from blockmech.model.signals import signal_ports
 from blockmech.model.subgraph import Content, Subgraph
-from blockmech.values import Marker, Place, StrictModel, Vector, split_address
 
 PER_DRIVER = ("drive", "initial", "stops", "motion")  # sections of a scene
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-from blockmech.errors import (
+from blockmech.ground.errors import (
     MOST,
     FormatError,
     GraphError,
@@ -23,9 +23,9 @@ from blockmech.errors import (
     said_already,
     shown,
 )
+from blockmech.ground.validation_errors import validated
+from blockmech.ground.values import NAME_RULE, StrictModel, is_name
 from blockmech.model.writing import plain
-from blockmech.validation_errors import validated
-from blockmech.values import NAME_RULE, StrictModel, is_name
 
 VERSION = 1
 """The version of files that this blockmech reads and writes."""

@@ -10,11 +10,12 @@ from itertools import islice
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Self
 
-from blockmech.arguments import declared
 from blockmech.blocks.contract import Moving
 from blockmech.blocks.frame import Frame
 from blockmech.couplings.contract import Coupling
-from blockmech.errors import MOST, FormatError, GraphError, Problem, RequestError, in_file
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import MOST, FormatError, GraphError, Problem, RequestError, in_file
+from blockmech.ground.values import Vector
 from blockmech.loads.contract import Element
 from blockmech.model import checks
 from blockmech.model.diagram import GRAPH_FILE, AnyBlock, UnknownBlock, Wire, WireEnds, python_keys
@@ -28,7 +29,6 @@ from blockmech.model.signals import signal_wire
 from blockmech.model.structure import JointRef, MarkerRef, Structure
 from blockmech.model.subgraph import Subgraph, resolving
 from blockmech.signals.contract import Signal
-from blockmech.values import Vector
 
 if TYPE_CHECKING:
     import networkx as nx

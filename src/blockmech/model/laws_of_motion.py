@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
-from blockmech.values import (
+from blockmech.ground.values import (
     Angle,
     Axis,
     Number,

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 from pydantic.fields import FieldInfo
 
 from blockmech.blocks.contract import Moving
-from blockmech.errors import (
+from blockmech.ground.errors import (
     Problem,
     RequestError,
     as_names,
@@ -24,11 +24,11 @@ from blockmech.errors import (
     path_text,
     refused,
 )
+from blockmech.ground.plane import apply
+from blockmech.ground.validation_errors import field_order
+from blockmech.ground.values import Axis, Marker, Pair, StrictModel
 from blockmech.model.scene import Scene
 from blockmech.model.subgraph import Subgraph
-from blockmech.plane import apply
-from blockmech.validation_errors import field_order
-from blockmech.values import Axis, Marker, Pair, StrictModel
 
 Path = tuple[str | int, ...]
 BLOCKS = "blocks"  # the section whose items an address names without it

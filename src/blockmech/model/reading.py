@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from blockmech.errors import MOST, FormatError, Problem, in_file, path_text
-from blockmech.validation_errors import number_in
+from blockmech.ground.errors import MOST, FormatError, Problem, in_file, path_text
+from blockmech.ground.validation_errors import number_in
 
 LARGEST = 4_000_000  # bytes; thousands of blocks, and read in a second or two
 HIGHEST = 1e75  # of a number: a term of mechanics is the product of at most four

@@ -7,8 +7,7 @@ from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from blockmech.model.laws_of_motion import AnyLaw, OverRange
-from blockmech.values import (
+from blockmech.ground.values import (
     Axis,
     Number,
     StrictModel,
@@ -19,6 +18,7 @@ from blockmech.values import (
     in_unit,
     mistake,
 )
+from blockmech.model.laws_of_motion import AnyLaw, OverRange
 
 
 class Initial(StrictModel):

@@ -14,11 +14,11 @@ from pydantic.json_schema import models_json_schema
 from blockmech.blocks.contract import Moving
 from blockmech.friction.laws.contract import LAWS, PLAIN, FrictionLaw
 from blockmech.friction.laws.coulomb import DryFriction
+from blockmech.ground.validation_errors import InWrittenOrder
 from blockmech.model.diagram import GRAPH_FILE
 from blockmech.model.form import Form, Section
 from blockmech.model.joints.contents import FRAME, LINKAGE_FILE
 from blockmech.model.subgraph import HEAD, Subgraph
-from blockmech.validation_errors import InWrittenOrder
 
 NAME = {"pattern": r"^[^./]+$"}
 OUTPUT = {"type": "string", "pattern": r"^[^./]+(\.[^./]+)+$"}

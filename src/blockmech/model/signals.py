@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from typing import TypeAlias
 
-from blockmech.errors import Problem, close_match, listed
+from blockmech.ground.errors import Problem, close_match, listed
+from blockmech.ground.values import split_address
 from blockmech.loads.contract import LAW, Element, Following
 from blockmech.model.diagram import AnyBlock, Ends, Wire
 from blockmech.signals.contract import Signal
-from blockmech.values import split_address
 
 Blocks: TypeAlias = Mapping[str, AnyBlock]
 VALID = "a signal goes from an output to an input of a signal block, or to the law of a load"

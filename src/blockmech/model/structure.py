@@ -15,13 +15,13 @@ from typing import Any, NamedTuple
 
 from blockmech.blocks.contract import Block, BuiltIn, Coordinate, Joint, Moving
 from blockmech.couplings.contract import Coupling, Meshing, Transmission, Where
-from blockmech.errors import GraphError, Problem, listed
 from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.friction.laws.coulomb import Coulomb
+from blockmech.ground.errors import GraphError, Problem, listed
+from blockmech.ground.values import Link, Marker, split_address
 from blockmech.loads.contract import Element
 from blockmech.signals.contract import Signal
 from blockmech.typing import Guide, LinkPosition
-from blockmech.values import Link, Marker, split_address
 
 COORDINATE = "coordinate"  # last word of the outputs that are coordinates of pairs
 MESH = "/mesh"  # after the name of a coupling: what no user can name, its mesh as a pair
@@ -119,7 +119,7 @@ class Structure:
     signals : the signal blocks, each after those that it reads at once
     signal_wires : input of a signal block, or law of an element -> address of what it reads
     sensors : address of what signals read of the mechanism -> the rule that answers it; see
-        `blockmech.sensors`
+        `blockmech.outputs.sensors`
     """
 
     frame: str

@@ -22,8 +22,8 @@ from typing import Annotated, Any, ClassVar, Protocol, Self
 from pydantic import Field, PrivateAttr, WithJsonSchema, field_validator, model_validator
 
 from blockmech.blocks.block import Block
-from blockmech.errors import BlockmechError, FormatError, GraphError, Problem
-from blockmech.values import Number, mistake
+from blockmech.ground.errors import BlockmechError, FormatError, GraphError, Problem
+from blockmech.ground.values import Number, mistake
 
 
 class Content(Protocol):

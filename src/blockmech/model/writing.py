@@ -12,10 +12,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from blockmech.errors import FormatError, Problem, path_text
+from blockmech.ground.errors import FormatError, Problem, path_text
+from blockmech.ground.validation_errors import field_order
+from blockmech.ground.values import Pair, StrictModel
 from blockmech.loads.functions import Function
-from blockmech.validation_errors import field_order
-from blockmech.values import Pair, StrictModel
 
 WIDTH = 100  # characters of a line
 SECTIONS = 2  # levels that are always open: the document and its sections

@@ -28,7 +28,9 @@ import networkx as nx
 import numpy as np
 
 from blockmech.analysis.scan import Span
-from blockmech.errors import refused
+from blockmech.functions.series import GOLDEN, NOISE, fit
+from blockmech.ground.errors import refused
+from blockmech.ground.plane import EPS
 from blockmech.modes.closing import (
     DELTA,
     LONGEST,
@@ -44,8 +46,6 @@ from blockmech.modes.closing import (
 )
 from blockmech.modes.report import DEAD, LOST, RANGE, TURN, WHOLE, Arc, ArcEnd
 from blockmech.modes.triad import Floats, Placed, Support, Triad, placed
-from blockmech.plane import EPS
-from blockmech.series import GOLDEN, NOISE, fit
 
 Outer: TypeAlias = Callable[[Floats], Sequence[Support]]
 TriadAt: TypeAlias = Callable[[Floats], Triad]

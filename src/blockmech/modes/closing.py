@@ -23,9 +23,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.ground.plane import EPS
 from blockmech.modes.elimination import coefficients, directions, shifts
 from blockmech.modes.triad import Floats, Placed, Support, Triad, placed
-from blockmech.plane import EPS
 
 STEPS = 40  # of Newton's method; halving its distance from a dead centre takes one each
 LONGEST = 0.3  # step, in sizes and radians; no dead centre is looked for further away

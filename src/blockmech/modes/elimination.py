@@ -31,9 +31,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.errors import refused
+from blockmech.ground.errors import refused
+from blockmech.ground.plane import EPS, cross, dot
 from blockmech.modes.triad import Floats, Placed, Vectors
-from blockmech.plane import EPS, cross, dot
 
 CIRCLE = np.exp(2j * np.pi * np.arange(16) / 16)  # 7 samples are needed, more halve rounding
 NEGLIGIBLE = 32 * EPS  # of the largest coefficient: a leading one below it is rounding

@@ -13,13 +13,13 @@ from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import Mode
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
+from blockmech.ground.plane import angle
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.report import TURN
 from blockmech.modes.triad import Support
 from blockmech.passes.forward import joint_position, link_position
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction
-from blockmech.plane import angle
+from blockmech.plan.plan import Friction
 from blockmech.typing import Guide, LinkPosition
 
 if TYPE_CHECKING:

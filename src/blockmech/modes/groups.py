@@ -18,8 +18,8 @@ import numpy as np
 from blockmech.assur.groups import classify
 from blockmech.blocks.general import GeneralGroup, InnerPair
 from blockmech.blocks.general.block import SUPPORTS
+from blockmech.ground.plane import cross
 from blockmech.modes.triad import LegKind, Support, Triad
-from blockmech.plane import cross
 from blockmech.typing import Guide, LinkPosition
 
 Body = Mapping[str, LinkPosition]

@@ -17,10 +17,10 @@ import numpy as np
 
 from blockmech.analysis.arcs import Known
 from blockmech.analysis.limits import Limits, limits_of
-from blockmech.arguments import declared
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import Mode, branches, dyad_modes
-from blockmech.errors import Problem, RequestError, among, refused
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import Problem, RequestError, among, refused
 from blockmech.model.joints.layout import Pose
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.modes.circuits import CHECKS, Connections, connect
@@ -41,7 +41,7 @@ from blockmech.modes.report import (
 )
 from blockmech.modes.search import NOTE, searched
 from blockmech.modes.triad import Support
-from blockmech.samples import make_samples
+from blockmech.result.samples import make_samples
 from blockmech.typing import Coordinates, LinkPosition
 
 if TYPE_CHECKING:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from blockmech.analysis.scan import shown_place
-from blockmech.errors import among
-from blockmech.pictured import Pictured
-from blockmech.report import DEGREES, Facts, with_unit
+from blockmech.ground.errors import among
+from blockmech.ground.pictured import Pictured
+from blockmech.ground.report import DEGREES, Facts, with_unit
 
 TURN = 2 * math.pi
 DEAD, RANGE, WHOLE, LOST, EARLIER = "dead centre", "range", "turn", "lost", "earlier group"

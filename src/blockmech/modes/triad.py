@@ -28,7 +28,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.plane import cross, dot
+from blockmech.ground.plane import cross, dot
 from blockmech.typing import Guide
 
 LegKind: TypeAlias = Literal["RR", "RP", "PR"]

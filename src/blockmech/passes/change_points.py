@@ -20,14 +20,14 @@ import numpy as np
 
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines.numpy import NumpyEngine
-from blockmech.errors import GraphError, Problem
+from blockmech.functions.series import GOLDEN, NODES, SCANNED, Floats, Series, fit, panels
+from blockmech.ground.errors import GraphError, Problem
+from blockmech.ground.plane import DOUBLE_ROOT
 from blockmech.model.scene import Scene
 from blockmech.model.structure import FollowedBranch, Structure
 from blockmech.passes.forward import position
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction, Schedule
-from blockmech.plane import DOUBLE_ROOT
-from blockmech.series import GOLDEN, NODES, SCANNED, Floats, Series, fit, panels
+from blockmech.plan.plan import Friction, Schedule
 
 SEAM = -math.pi / 2  # where the scan of a turn begins
 # Spacings on either side that a series covers. From further away larger misses look like rounding:

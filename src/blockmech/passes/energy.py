@@ -12,7 +12,7 @@ import numpy as np
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import forces, forward, friction, loads
 from blockmech.passes.forward import ACTUAL
-from blockmech.plan import NOUGHT, ZERO, Schedule, Undefined
+from blockmech.plan.plan import NOUGHT, ZERO, Schedule, Undefined
 
 ROUNDINGS = 8  # of the sum of absolute powers; one at most in whole turns of rough four-bars
 

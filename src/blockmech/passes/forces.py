@@ -37,7 +37,7 @@ from blockmech.passes.pairs import (
     transmitted,
 )
 from blockmech.passes.resultants import NOTHING, Resultant, active, at_arm, later_blocks
-from blockmech.plan import NOUGHT, ZERO, Entry, Schedule
+from blockmech.plan.plan import NOUGHT, ZERO, Entry, Schedule
 from blockmech.typing import Load
 
 

@@ -15,11 +15,11 @@ from typing import Any, NamedTuple, TypeAlias
 
 from blockmech.blocks.contract import BuiltIn
 from blockmech.couplings.contract import Meshing
+from blockmech.ground.plane import EPS, cross, expi, sign, sqrt
+from blockmech.ground.values import Marker
 from blockmech.model.structure import FollowedBranch, JointRef, LinkRef, MarkerRef, Structure
-from blockmech.plan import NOUGHT, ONE, ZERO, Entry, Formula, Schedule
-from blockmech.plane import EPS, cross, expi, sign, sqrt
+from blockmech.plan.plan import NOUGHT, ONE, ZERO, Entry, Formula, Schedule
 from blockmech.typing import Complex, Guide, LinkAcceleration, LinkVelocity, Real
-from blockmech.values import Marker
 
 ACTUAL = ""
 BIAS = "bias"

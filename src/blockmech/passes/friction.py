@@ -5,6 +5,7 @@ Sources: [R10] Eqs. 8-10; prismatic pairs by analogy.
 
 from __future__ import annotations
 
+from blockmech.ground.plane import EPS, maximum, sign, where
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forward import (
     ACTUAL,
@@ -17,8 +18,7 @@ from blockmech.passes.forward import (
 )
 from blockmech.passes.resultants import active
 from blockmech.passes.signals import STATE
-from blockmech.plan import NOUGHT, REST, ZERO, Schedule
-from blockmech.plane import EPS, maximum, sign, where
+from blockmech.plan.plan import NOUGHT, REST, ZERO, Schedule
 from blockmech.typing import Real
 
 GIVEN = "given"  # method: the friction of every pair is an input of the program

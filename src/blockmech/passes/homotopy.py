@@ -32,12 +32,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.blocks.general import GeneralGroup
-from blockmech.errors import GraphError, Problem, listed
+from blockmech.ground.errors import GraphError, Problem, listed
+from blockmech.ground.plane import DOUBLE_ROOT, EPS
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes.tracking import GroupPose, Tracker
-from blockmech.plan import Friction, Schedule
-from blockmech.plane import DOUBLE_ROOT, EPS
+from blockmech.plan.plan import Friction, Schedule
 
 Array = NDArray[Any]
 CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of `extent`

@@ -29,7 +29,7 @@ from blockmech.passes.forward import (
 )
 from blockmech.passes.resultants import NOTHING, Resultant, at_arm
 from blockmech.passes.signals import signal
-from blockmech.plan import NOUGHT, ZERO, Schedule
+from blockmech.plan.plan import NOUGHT, ZERO, Schedule
 
 # -- mass ------------------------------------------------------------------------
 

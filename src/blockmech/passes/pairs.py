@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from typing import Any, TypeAlias, cast
 
 from blockmech.couplings.contract import LOSSES, relief, rubbed
+from blockmech.ground.plane import dot
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forward import (
     ACTUAL,
@@ -36,8 +37,7 @@ from blockmech.passes.forward import (
     transmission,
 )
 from blockmech.passes.resultants import NOTHING, Resultant, at_arm
-from blockmech.plan import NOUGHT, ZERO, Formula, Schedule
-from blockmech.plane import dot
+from blockmech.plan.plan import NOUGHT, ZERO, Formula, Schedule
 from blockmech.typing import Load
 
 Loads: TypeAlias = dict[str, Resultant]

@@ -15,10 +15,10 @@ Sources: Earles & Wu 1973 for the massless link; the principle of virtual work.
 
 from __future__ import annotations
 
+from blockmech.ground.plane import dot, hyp, mul, planar, where
 from blockmech.model.structure import JointRef, MarkerRef, Structure
 from blockmech.passes import forces
-from blockmech.plan import ZERO, Schedule, UnitLoad
-from blockmech.plane import dot, hyp, mul, planar, where
+from blockmech.plan.plan import ZERO, Schedule, UnitLoad
 from blockmech.typing import Complex, Real
 
 

@@ -25,7 +25,7 @@ from blockmech.passes.loads import (
     mass_of,
     weight_on,
 )
-from blockmech.plan import NOUGHT, ZERO, Schedule
+from blockmech.plan.plan import NOUGHT, ZERO, Schedule
 
 Motion = tuple[Callable[..., str], Callable[..., Moved]]
 VELOCITY: Motion = (cm_velocity, link_velocity)

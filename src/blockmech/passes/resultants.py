@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from blockmech.model.structure import LinkRef
-from blockmech.plan import Schedule
+from blockmech.plan.plan import Schedule
 
 
 class Resultant(NamedTuple):

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import re
 
+from blockmech.ground.values import split_address
 from blockmech.model.structure import JointRef
-from blockmech.plan import Schedule
+from blockmech.plan.plan import Schedule
 from blockmech.signals.contract import HELD, Kernel, arguments
-from blockmech.values import split_address
 
 NO_NAME = re.compile(r"\W")
 UNKNOWN = "signal_"  # before the name of an input that stands for a signal that is not known

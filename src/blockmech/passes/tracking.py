@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.ground.plane import SCALAR_CONSTANTS, SCALAR_PRIMITIVES
 from blockmech.model.scene import Scene
 from blockmech.model.structure import LinkRef, Structure
 from blockmech.passes.forward import ACTUAL, link_position, link_velocity, moves, position
-from blockmech.plan import Friction, Schedule
-from blockmech.plane import SCALAR_CONSTANTS, SCALAR_PRIMITIVES
+from blockmech.plan.plan import Friction, Schedule
 
 if TYPE_CHECKING:
     from blockmech.engines.numpy import NumpyEngine

@@ -10,10 +10,10 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, StrictBool, field_validator
 
-from blockmech.plane import maximum, minimum, modulo
+from blockmech.ground.plane import maximum, minimum, modulo
+from blockmech.ground.values import Number, NumbersGiven, mistake
 from blockmech.signals.contract import Kernel, Signal
 from blockmech.typing import Real
-from blockmech.values import Number, NumbersGiven, mistake
 
 Signs = Annotated[str, Field(pattern=r"^[+-]+$", description="one + or - for each input")]
 

@@ -27,7 +27,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 from blockmech.blocks.block import Block
-from blockmech.plane import EPS
+from blockmech.ground.plane import EPS
 
 Kernel: TypeAlias = Callable[..., Any]
 HELD = "held_"  # before the name of an output: the state of a discrete block that holds it

@@ -25,11 +25,11 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
-from blockmech.plane import maximum, minimum, where
+from blockmech.ground.plane import maximum, minimum, where
+from blockmech.ground.values import Number, NumbersGiven, Positive, in_unit, mistake
 from blockmech.signals.algebra import in_order
 from blockmech.signals.contract import Kernel, Signal, State
 from blockmech.typing import Real
-from blockmech.values import Number, NumbersGiven, Positive, in_unit, mistake
 
 BAND = 1e-3  # of the range between limits, over which a continuous integral comes to rest
 Sample = Annotated[Positive, in_unit("s")]

@@ -9,11 +9,11 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import WithJsonSchema, field_validator, model_validator
 
-from blockmech.errors import RequestError, refused, shown
-from blockmech.plane import each
+from blockmech.ground.errors import RequestError, refused, shown
+from blockmech.ground.plane import each
+from blockmech.ground.values import Number, Positive, default, in_unit, mistake
 from blockmech.signals.contract import Kernel, Signal, State
 from blockmech.typing import Real
-from blockmech.values import Number, Positive, default, in_unit, mistake
 
 TIME = "t"
 

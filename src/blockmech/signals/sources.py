@@ -10,11 +10,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from blockmech.ground.values import NotNegative, Number, NumbersGiven, Positive, in_unit
 from blockmech.loads import laws
 from blockmech.loads.laws import table, table_over_period
 from blockmech.signals.contract import Kernel, Signal, at_once
 from blockmech.typing import Real
-from blockmech.values import NotNegative, Number, NumbersGiven, Positive, in_unit
 
 
 def constant(p: Any) -> tuple[Real]:

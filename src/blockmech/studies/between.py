@@ -20,9 +20,9 @@ from blockmech.analysis.peaks import Function, Peaks, Search
 from blockmech.analysis.working_cycle import Cycle, cycle_through
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import each_part
-from blockmech.errors import RequestError
-from blockmech.plan import Plan
-from blockmech.samples import Samples, make_samples
+from blockmech.ground.errors import RequestError
+from blockmech.plan.plan import Plan
+from blockmech.result.samples import Samples, make_samples
 from blockmech.studies.reductions import EXTREMES, SIMPLE, Wanted
 
 Array = NDArray[Any]

@@ -19,12 +19,12 @@ from blockmech.compiled import Compiled
 from blockmech.dynamics.pair_program import margins
 from blockmech.engines.derivatives import WITH_DIFFERENCES, DualEngine
 from blockmech.engines.dual import Dual, slope, value
-from blockmech.errors import refused
+from blockmech.functions.series import Floats
+from blockmech.ground.errors import refused
 from blockmech.model.parameters import Parameter
 from blockmech.passes import forces, reduction, signals
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction
-from blockmech.series import Floats
+from blockmech.plan.plan import Friction
 from blockmech.signals.contract import HELD
 from blockmech.studies.variation import Variation
 

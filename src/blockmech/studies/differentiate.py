@@ -24,17 +24,17 @@ from numpy.typing import NDArray
 from blockmech.analysis.deflections import Course
 from blockmech.analysis.ranges import cycle_of
 from blockmech.analysis.turning_points import signal_of, turns_of
-from blockmech.arguments import declared
 from blockmech.compiled import Compiled
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual, slope
-from blockmech.errors import Problem, RequestError, refused
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import Problem, RequestError, refused
+from blockmech.ground.plane import REST_SHARE
+from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.parameters import Parameter, named
 from blockmech.passes.signals import STATE
-from blockmech.plan import Output, Plan
-from blockmech.plane import REST_SHARE
-from blockmech.result import Result
-from blockmech.runnable import EVERYTHING
+from blockmech.plan.plan import Output, Plan
+from blockmech.result.result import Result
 from blockmech.studies.family import parameters, remade
 from blockmech.studies.reductions import (
     EXTREMES,

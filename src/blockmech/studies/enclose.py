@@ -15,16 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.arguments import declared
 from blockmech.compiled import CONTRACTION, Compiled
 from blockmech.engines.enclosed import SYMBOLS, EnclosedEngine, Form, form, within
-from blockmech.errors import Problem, RequestError, listed
-from blockmech.export import aligned
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import Problem, RequestError, listed
+from blockmech.ground.report import DEGREES, Facts, Report, sections
+from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.parameters import Parameter, Path
-from blockmech.plan import Plan
-from blockmech.report import DEGREES, Facts, Report, sections
-from blockmech.result import Result
-from blockmech.runnable import EVERYTHING
+from blockmech.plan.plan import Plan
+from blockmech.result.exported import aligned
+from blockmech.result.result import Result
 from blockmech.studies.differentiate import chosen_numbers
 from blockmech.studies.variation import (
     designed,

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.compiled import Compiled
-from blockmech.errors import FormatError, GraphError, Problem
-from blockmech.export import aligned
+from blockmech.ground.errors import FormatError, GraphError, Problem
 from blockmech.model.graph import Graph
 from blockmech.model.joints.varied import Varied
 from blockmech.model.parameters import Parameter, Path, named, parameters_of
@@ -25,7 +24,8 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes.forward import position
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction
+from blockmech.plan.plan import Friction
+from blockmech.result.exported import aligned
 from blockmech.studies.variation import (
     Variation,
     designed,

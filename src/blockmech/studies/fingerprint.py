@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.errors import refused
+from blockmech.ground.errors import refused
 from blockmech.loads.functions import Function
 from blockmech.model.document import EXTRAS
 from blockmech.model.graph import Graph

@@ -14,21 +14,29 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from blockmech.arguments import declared
 from blockmech.compiled import Compiled
 from blockmech.dynamics.pair_program import margins
 from blockmech.engines.arrays import ArrayEngine
 from blockmech.engines.numpy import leaves
-from blockmech.errors import Problem, RequestError, as_names, close_match, listed, needed, refused
 from blockmech.friction.continuation import Outcome
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import (
+    Problem,
+    RequestError,
+    as_names,
+    close_match,
+    listed,
+    needed,
+    refused,
+)
+from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.laws_of_motion import ConstantRate
 from blockmech.model.parameters import Parameter, Path
 from blockmech.passes import reduction
 from blockmech.passes.homotopy import schedule
 from blockmech.passes.signals import STATE
-from blockmech.plan import NOUGHT, Friction, Plan, Program
-from blockmech.result import ADVANTAGE
-from blockmech.runnable import EVERYTHING
+from blockmech.plan.plan import NOUGHT, Friction, Plan, Program
+from blockmech.result.result import ADVANTAGE
 from blockmech.studies import family
 from blockmech.studies.differentiate import INPUTS, fitting, without_derivative
 from blockmech.studies.sampling import as_sequence

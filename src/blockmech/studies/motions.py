@@ -27,12 +27,12 @@ from blockmech.dynamics.request import (
 from blockmech.dynamics.stops import stops_of
 from blockmech.dynamics.system import System
 from blockmech.engines.stages import CompiledRhs
-from blockmech.errors import BlockmechError, close_match, listed, refused
+from blockmech.ground.errors import BlockmechError, close_match, listed, refused
 from blockmech.model.parameters import Parameter
-from blockmech.motion import FACT_UNITS, Motion, fact_unit
-from blockmech.quality import OK
-from blockmech.result import Result
-from blockmech.settings import friction_asked
+from blockmech.plan.settings import friction_asked
+from blockmech.result.motion import FACT_UNITS, Motion, fact_unit
+from blockmech.result.quality import OK
+from blockmech.result.result import Result
 from blockmech.studies.between import extremes_of
 from blockmech.studies.family import Family, document_value, remade
 from blockmech.studies.reductions import (

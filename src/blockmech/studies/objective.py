@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.arguments import declared
 from blockmech.compiled import Compiled
-from blockmech.errors import Problem, RequestError, listed, refused
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import Problem, RequestError, listed, refused
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.family import Family, remade
 from blockmech.studies.motions import MotionRunner, runner_of

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import Problem, RequestError, close_match, listed, refused
-from blockmech.outputs import Catalogue
-from blockmech.plan import Output
-from blockmech.plane import REST_SHARE
-from blockmech.samples import Samples
+from blockmech.ground.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.ground.plane import REST_SHARE
+from blockmech.outputs.by_block import Catalogue
+from blockmech.plan.plan import Output
+from blockmech.result.samples import Samples
 from blockmech.studies.sampling import as_sequence
 
 Array = NDArray[Any]

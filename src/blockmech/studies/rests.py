@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import refused
-from blockmech.samples import Samples
-from blockmech.series import Floats
+from blockmech.functions.series import Floats
+from blockmech.ground.errors import refused
+from blockmech.result.samples import Samples
 
 Array = NDArray[Any]
 

@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import needed, refused
-from blockmech.files import AnyPath, cannot_write, folder, writing
-from blockmech.quality import WORDS
+from blockmech.ground.errors import needed, refused
+from blockmech.ground.files import AnyPath, cannot_write, folder, writing
+from blockmech.result.quality import WORDS
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.studies.sampling import Designs
 

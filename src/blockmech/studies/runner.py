@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import CHUNK, Planar, Whole
-from blockmech.errors import (
+from blockmech.ground.errors import (
     AssemblyError,
     BlockmechError,
     FormatError,
@@ -29,12 +29,12 @@ from blockmech.errors import (
     SingularError,
     refused,
 )
-from blockmech.export import counted
 from blockmech.model.parameters import Parameter
-from blockmech.plan import Plan
-from blockmech.quality import NO_ASSEMBLY, Failures, at_most_one, failures
-from blockmech.samples import Samples, make_samples
-from blockmech.settings import check_switch, friction_asked
+from blockmech.plan.plan import Plan
+from blockmech.plan.settings import check_switch, friction_asked
+from blockmech.result.exported import counted
+from blockmech.result.quality import NO_ASSEMBLY, Failures, at_most_one, failures
+from blockmech.result.samples import Samples, make_samples
 from blockmech.studies.between import STATED, Range, doubt, some_of
 from blockmech.studies.family import Family, document_value, remade
 from blockmech.studies.reductions import EXTREMES, POSES, REST, STROKE, WHOLE, Wanted, wanted
@@ -54,7 +54,7 @@ class Runner:
     ----------
     family : the designs
     want : what is kept of them
-    over : the poses, as `blockmech.samples.make_samples` takes them
+    over : the poses, as `blockmech.result.samples.make_samples` takes them
     settings : friction, tolerance, iterations and static, as those of a run
     engine : name of the engine, or "auto"
     """

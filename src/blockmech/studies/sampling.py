@@ -19,8 +19,8 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import Problem, RequestError, as_names, listed, refused
-from blockmech.values import is_count, is_number
+from blockmech.ground.errors import Problem, RequestError, as_names, listed, refused
+from blockmech.ground.values import is_count, is_number
 
 Floats = NDArray[np.float64]
 Sampling = Literal["grid", "paired", "latin", "sobol", "random"]

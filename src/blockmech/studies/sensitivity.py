@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import held, listed
-from blockmech.export import Column, CsvTable, aligned, counted, flag_lines
-from blockmech.export.columns import driver_columns
+from blockmech.ground.errors import held, listed
+from blockmech.ground.pictured import Pictured
+from blockmech.ground.plane import EPS
+from blockmech.ground.report import DEGREES, as_json, sections
 from blockmech.model.parameters import Parameter
-from blockmech.pictured import Pictured
-from blockmech.plane import EPS
-from blockmech.report import DEGREES, as_json, sections
-from blockmech.result import Result
+from blockmech.result.columns import driver_columns
+from blockmech.result.exported import Column, CsvTable, aligned, counted, flag_lines
+from blockmech.result.result import Result
 from blockmech.studies.reductions import POSES, Wanted, components
 
 Array = NDArray[Any]

@@ -10,10 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from blockmech.arguments import declared
 from blockmech.compiled import Compiled
-from blockmech.errors import needed
-from blockmech.files import AnyPath
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import needed
+from blockmech.ground.files import AnyPath
 from blockmech.studies.family import Family
 from blockmech.studies.fingerprint import fingerprint
 from blockmech.studies.motions import runner_of

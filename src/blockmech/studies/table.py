@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.arguments import declared
-from blockmech.errors import held, listed, needed
-from blockmech.export import Column, CsvTable, aligned, counted
-from blockmech.export.data import dataframe
-from blockmech.files import AnyPath
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import held, listed, needed
+from blockmech.ground.files import AnyPath
+from blockmech.ground.pictured import Pictured
+from blockmech.ground.report import DEGREES
 from blockmech.model.parameters import Parameter
-from blockmech.pictured import Pictured
-from blockmech.report import DEGREES
+from blockmech.result.data import dataframe
+from blockmech.result.exported import Column, CsvTable, aligned, counted
 from blockmech.studies.reductions import POSES, Wanted, components
 from blockmech.studies.rows import REASONS, WITHOUT, Parts, Rows, write_parquet
 from blockmech.studies.sampling import Designs

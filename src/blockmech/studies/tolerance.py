@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
-from blockmech.errors import Problem, RequestError
-from blockmech.export import aligned
+from blockmech.ground.errors import Problem, RequestError
+from blockmech.ground.pictured import Pictured
+from blockmech.ground.report import DEGREES, sections
 from blockmech.model.parameters import named
-from blockmech.pictured import Pictured
-from blockmech.report import DEGREES, sections
+from blockmech.result.exported import aligned
 from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.family import Family, parameters, remade
 from blockmech.studies.runner import Runner

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
 from blockmech.engines.dual import Dual
+from blockmech.functions.series import GOLDEN
 from blockmech.model.graph import Graph
 from blockmech.model.joints.varied import Varied, settled
 from blockmech.model.parameters import (
@@ -30,9 +31,8 @@ from blockmech.model.parameters import (
 )
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
-from blockmech.outputs import Catalogue
+from blockmech.outputs.by_block import Catalogue
 from blockmech.passes.homotopy import path_of
-from blockmech.series import GOLDEN
 
 ASIDE = 1e-6  # of a number, how far aside the design is planned that stands for all: not zero
 GIVEN = "driver"  # first key of the path of a driver's coordinate, rate or acceleration

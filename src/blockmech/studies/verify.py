@@ -13,7 +13,7 @@ import numpy as np
 from blockmech.analysis.verify import Check, Verification
 from blockmech.analysis.verify import verify as verified
 from blockmech.compiled import Compiled
-from blockmech.errors import refused
+from blockmech.ground.errors import refused
 from blockmech.studies.family import document_value, remade
 from blockmech.studies.motions import MotionRunner
 from blockmech.studies.table import Study

@@ -21,11 +21,11 @@ from functools import cached_property, lru_cache
 from multiprocessing import get_context, parent_process
 from typing import Any
 
-from blockmech.errors import needed, refused
+from blockmech.ground.errors import needed, refused
+from blockmech.ground.values import is_count
 from blockmech.studies.rows import Parts, Rows, Span
 from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs
-from blockmech.values import is_count
 
 Answers = Generator[tuple[Span, Rows | None], None, None]
 

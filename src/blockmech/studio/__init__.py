@@ -12,7 +12,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-from blockmech.errors import needed
+from blockmech.ground.errors import needed
 
 
 def page() -> Any:

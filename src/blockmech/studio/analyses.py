@@ -13,8 +13,8 @@ import panel as pn
 from blockmech.draw.curves import chosen_panels
 from blockmech.draw.panels import Abscissa, Panel, draw_panels
 from blockmech.draw.paper import image
-from blockmech.errors import BlockmechError
-from blockmech.samples import Samples
+from blockmech.ground.errors import BlockmechError
+from blockmech.result.samples import Samples
 from blockmech.studies.differentiate import without_derivative
 from blockmech.studies.family import remade
 from blockmech.studies.sampling import normal

@@ -16,9 +16,10 @@ from blockmech.draw.motion import Motion, moves_of_result
 from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.dynamics.simulation import simulate
-from blockmech.errors import BlockmechError
-from blockmech.result import Result
-from blockmech.samples import DEFAULT_SAMPLES
+from blockmech.ground.errors import BlockmechError
+from blockmech.result.result import Result
+from blockmech.result.samples import DEFAULT_SAMPLES
+from blockmech.result.wires import on_wires, wires_of
 from blockmech.studio.analyses import Analyses, Asked, answered
 from blockmech.studio.candidates import Candidates
 from blockmech.studio.curves import WIDE, Plots, panels_of
@@ -27,7 +28,6 @@ from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.work import OnProgress, Work
 from blockmech.typing import FrictionMethod
-from blockmech.wires import on_wires, wires_of
 
 FINDS = {"search_strategy": "includes", "case_sensitive": False, "min_characters": 1}
 ACCURACIES = ("1e-3", "1e-6", "1e-9", "1e-12")

@@ -14,8 +14,7 @@ import param
 from bokeh.models import Tooltip
 
 from blockmech.builders import Graph, Linkage, Opened, opened, read_text
-from blockmech.errors import BlockmechError
-from blockmech.graph_files import gallery
+from blockmech.ground.errors import BlockmechError
 from blockmech.studio.answers import Answers
 from blockmech.studio.component import Component, script
 from blockmech.studio.diagram import Diagram
@@ -30,6 +29,7 @@ from blockmech.studio.mechanism import MechanismView
 from blockmech.studio.server import DRAWING, serve
 from blockmech.studio.session import follow, together
 from blockmech.studio.sharing import packed, unpacked
+from blockmech.testing.graph_files import gallery
 
 UNITS = "blockmech_units"  # the cookie in which the browser keeps the units that a user chose
 

@@ -17,7 +17,7 @@ from blockmech.draw.curves import chosen_panels, without_friction
 from blockmech.draw.motion import Motion
 from blockmech.draw.panels import WITHOUT, Abscissa, Panel
 from blockmech.draw.paper import scaled_unit, shown_name
-from blockmech.result import Result
+from blockmech.result.result import Result
 from blockmech.studio.plots import FONT, coloured, dress
 from blockmech.studio.session import heard
 

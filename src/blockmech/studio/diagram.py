@@ -15,7 +15,7 @@ import param
 from blockmech.blocks.registry import REGISTRY
 from blockmech.draw.boxes import content_of
 from blockmech.draw.palette import ROW
-from blockmech.errors import BlockmechError, Problem
+from blockmech.ground.errors import BlockmechError, Problem
 from blockmech.model import graph
 from blockmech.model.diagram import Wire
 from blockmech.studio import edits

@@ -15,9 +15,9 @@ import numpy as np
 
 from blockmech.draw.motion import SAME_PLACE, Motion
 from blockmech.draw.sketch import Sketch, shown_markers
+from blockmech.ground.values import Place, xy
 from blockmech.model.spots import Spot, marker_place
 from blockmech.model.structure import LinkRef, MarkerRef
-from blockmech.values import Place, xy
 
 Move = Callable[[complex], complex]
 

@@ -12,7 +12,7 @@ from typing import Any
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.draw.palette import ROW
-from blockmech.errors import GraphError
+from blockmech.ground.errors import GraphError
 from blockmech.loads.contract import Element
 from blockmech.model import checks
 from blockmech.studio.fields import schema_of, starter, with_item

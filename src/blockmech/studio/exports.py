@@ -17,9 +17,9 @@ from blockmech.draw.animation import MOVING, Animation
 from blockmech.draw.mechanism import draw_mechanism
 from blockmech.draw.paper import STILL, rendered
 from blockmech.draw.simulation import FRAME
-from blockmech.errors import refused
 from blockmech.exchange.formats import WRITERS, Order
-from blockmech.runnable import EVERYTHING
+from blockmech.ground.errors import refused
+from blockmech.ground.runnable import EVERYTHING
 
 NUMBERS = ("csv", "xlsx", "mat", "npz", "parquet", "json")
 OUTLINES = ("dxf", "svg")

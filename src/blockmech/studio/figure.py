@@ -10,7 +10,8 @@ import numpy as np
 import param
 
 from blockmech.draw.motion import Motion
-from blockmech.errors import BlockmechError
+from blockmech.ground.errors import BlockmechError
+from blockmech.ground.values import xy
 from blockmech.model.spots import Spot
 from blockmech.model.structure import Structure
 from blockmech.studio.component import Component, script, style
@@ -18,7 +19,6 @@ from blockmech.studio.dragging import handles_of
 from blockmech.studio.fields import Shown
 from blockmech.studio.film import Layer, Scene, scene_of
 from blockmech.studio.plots import PIXELS
-from blockmech.values import xy
 
 SIZE = 560, 300  # [px] of the drawing before the browser says how large it is
 SAME = 0.02  # of the scale, within which symbols count as large enough

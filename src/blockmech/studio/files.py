@@ -8,7 +8,7 @@ import secrets
 from pathlib import Path
 
 from blockmech.builders import Opened, opened
-from blockmech.errors import FormatError, refused
+from blockmech.ground.errors import FormatError, refused
 from blockmech.model.reading import text_of
 from blockmech.model.subgraph import Resolver, resolving
 from blockmech.studio.sheet import Sheet

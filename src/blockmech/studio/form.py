@@ -13,7 +13,7 @@ import param
 
 from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import Graph
-from blockmech.errors import BlockmechError, Problem
+from blockmech.ground.errors import BlockmechError, Problem
 from blockmech.model.parameters import parameters_of
 from blockmech.studio.component import Component, script, style
 from blockmech.studio.edits import markers_of, ports_of, renamed, wired

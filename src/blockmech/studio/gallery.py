@@ -12,8 +12,8 @@ import panel as pn
 
 from blockmech.builders import opened
 from blockmech.draw.paper import rendered
-from blockmech.graph_files import gallery
 from blockmech.studio.component import style
+from blockmech.testing.graph_files import gallery
 
 
 @cache

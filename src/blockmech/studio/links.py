@@ -16,7 +16,8 @@ import param
 
 from blockmech.builders import Linkage
 from blockmech.draw import palette as ink
-from blockmech.errors import BlockmechError, GraphError, refused
+from blockmech.ground.errors import BlockmechError, GraphError, refused
+from blockmech.ground.values import Place, xy
 from blockmech.model.joints.contents import FRAME
 from blockmech.studio import sketching
 from blockmech.studio.component import Component, script, style
@@ -28,7 +29,6 @@ from blockmech.studio.session import follow, heard
 from blockmech.studio.sheet import Sheet, Step
 from blockmech.studio.sketching import Drawn, Form, outlines_of, sides_of
 from blockmech.studio.turn import shown_motion
-from blockmech.values import Place, xy
 
 PAIRS = ["Link", "Cylinder", "Gears", "Rack", "Cam", "Belt", "Spring"]
 """What is drawn from one pin to another."""

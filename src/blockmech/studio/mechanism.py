@@ -18,7 +18,7 @@ from blockmech.draw.mechanism import caption
 from blockmech.draw.motion import Motion
 from blockmech.draw.panels import Abscissa
 from blockmech.draw.simulation import screen_time
-from blockmech.errors import BlockmechError, refused
+from blockmech.ground.errors import BlockmechError, refused
 from blockmech.studio.curves import Plots, margins_of
 from blockmech.studio.dragging import dragged
 from blockmech.studio.fields import Shown

@@ -14,7 +14,7 @@ import numpy as np
 
 from blockmech.builders import Linkage
 from blockmech.draw.motion import Motion
-from blockmech.errors import BlockmechError, RequestError, refused
+from blockmech.ground.errors import BlockmechError, RequestError, refused
 from blockmech.model.joints.blocks import Form, SaidByLinks
 from blockmech.model.joints.contents import FRAME
 

@@ -14,9 +14,9 @@ from tornado.ioloop import IOLoop
 from tornado.routing import Matcher, PathMatches, Rule
 from tornado.web import OutputTransform, RequestHandler
 
-from blockmech.errors import refused
-from blockmech.graph_files import gallery
+from blockmech.ground.errors import refused
 from blockmech.studio.gallery import picture_of
+from blockmech.testing.graph_files import gallery
 
 HOST = "127.0.0.1"
 DRAWING = ThreadPoolExecutor(1, "pictures")  # one after the other: each is drawn once

@@ -11,7 +11,7 @@ import binascii
 import zlib
 
 from blockmech.builders import Opened, read_text
-from blockmech.errors import refused
+from blockmech.ground.errors import refused
 
 KEY = "#doc="
 MOST = 4 << 20  # bytes of a document that is unpacked

@@ -15,7 +15,7 @@ import param
 
 from blockmech.builders import Graph, Opened, from_data
 from blockmech.draw.boxes import graph_of
-from blockmech.errors import GraphError, Problem
+from blockmech.ground.errors import GraphError, Problem
 from blockmech.model.graph import Graph as Blocks
 from blockmech.model.subgraph import Resolver, resolving
 from blockmech.model.writing import canonical_text

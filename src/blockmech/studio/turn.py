@@ -16,11 +16,11 @@ from blockmech.analysis.limits import Limits, limits
 from blockmech.builders import Graph
 from blockmech.compiled import Compiled
 from blockmech.draw.motion import Motion, moves, moves_of_result
-from blockmech.errors import BlockmechError, Problem
-from blockmech.failures import why_not
+from blockmech.ground.errors import BlockmechError, Problem
 from blockmech.mechanism import Mechanism
 from blockmech.model.laws_of_motion import OverRange
-from blockmech.samples import DEFAULT_SAMPLES
+from blockmech.result.failures import why_not
+from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.studio.edits import without
 
 MOST_GROUPS = 24  # of which dead centres are named: `limits` takes up to 50 ms for each

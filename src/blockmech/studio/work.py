@@ -8,7 +8,7 @@ from typing import Any
 
 import panel as pn
 
-from blockmech.errors import BlockmechError
+from blockmech.ground.errors import BlockmechError
 from blockmech.studio.looks import button
 
 OnProgress = Callable[..., None]

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from blockmech.builders import Graph
-from blockmech.export import aligned
-from blockmech.report import DEGREES, Facts, Report
-from blockmech.series import Floats
+from blockmech.functions.series import Floats
+from blockmech.ground.report import DEGREES, Facts, Report
+from blockmech.result.exported import aligned
 from blockmech.synthesis.fourbar import SHAPE, coupler_point
 from blockmech.synthesis.search import Task, search
 from blockmech.typing import Progress

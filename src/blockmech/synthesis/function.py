@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.arguments import declared
-from blockmech.errors import refused
-from blockmech.series import Floats
+from blockmech.functions.series import Floats
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import refused
 from blockmech.synthesis.designs import Design, Synthesis, fourbar, proposed
 from blockmech.synthesis.fourbar import SHAPE, angles_and_point
 from blockmech.synthesis.search import STARTS, Task, monotonic

@@ -24,17 +24,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from blockmech.arguments import declared
 from blockmech.builders import Graph
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual, slope, value
-from blockmech.errors import BlockmechError
-from blockmech.export import aligned
-from blockmech.files import AnyPath, writing
+from blockmech.functions.series import Floats
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import BlockmechError
+from blockmech.ground.files import AnyPath, writing
+from blockmech.ground.report import DEGREES, Facts, Report
 from blockmech.model.joints.varied import Varied
-from blockmech.plan import Plan
-from blockmech.report import DEGREES, Facts, Report
-from blockmech.series import Floats
+from blockmech.plan.plan import Plan
+from blockmech.result.exported import aligned
 from blockmech.studies.variation import Variation
 from blockmech.synthesis.designs import MET, Design
 from blockmech.synthesis.fourbar import Points

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.arguments import declared
+from blockmech.ground.arguments import declared
 from blockmech.synthesis.designs import Synthesis, design_of_path, proposed
 from blockmech.synthesis.search import STARTS, Task, path_of
 from blockmech.typing import Progress

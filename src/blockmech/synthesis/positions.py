@@ -24,9 +24,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.arguments import declared
-from blockmech.errors import refused
-from blockmech.series import Floats
+from blockmech.functions.series import Floats
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import refused
 from blockmech.synthesis.designs import (
     ALIKE,
     Design,

@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.errors import refused
-from blockmech.series import Floats
+from blockmech.functions.series import Floats
+from blockmech.ground.errors import refused
 from blockmech.synthesis.fourbar import (
     SHAPE,
     Points,

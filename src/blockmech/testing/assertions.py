@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from blockmech.arguments import declared
 from blockmech.builders import Opened, opened, problems_in
-from blockmech.errors import Problem, RequestError, refused
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import Problem, RequestError, refused
 from blockmech.testing.expectations import as_numbers, compared, failure_table, misfits
 
 if TYPE_CHECKING:

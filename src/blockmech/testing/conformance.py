@@ -13,12 +13,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from blockmech.arguments import declared
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
-from blockmech.errors import RequestError
 from blockmech.friction.laws import LAWS, FrictionLaw
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import RequestError
 from blockmech.loads.contract import Element
 from blockmech.signals.contract import Signal
 from blockmech.testing.block_rules import BlockRules

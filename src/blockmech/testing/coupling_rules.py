@@ -16,12 +16,12 @@ from blockmech.blocks.frame import Frame
 from blockmech.blocks.slide_drive import SlideDrive
 from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws import Coulomb
+from blockmech.ground.values import Link, Marker, Place, Vector
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import Harmonic
 from blockmech.model.structure import Structure
 from blockmech.testing.rules import DERIVATIVE, Array, Checks, derivative, same_bits
-from blockmech.values import Link, Marker, Place, Vector
 
 TIMES = np.linspace(0.3, 2.3, 9)  # [s]
 COORDINATE = ("second.q", "second.rate", "second.acceleration")

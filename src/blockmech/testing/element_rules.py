@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from blockmech.blocks.frame import Frame
+from blockmech.ground.values import Link, Marker, Place
 from blockmech.loads.contract import POSITION_READS, Element, Following
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import Harmonic
 from blockmech.testing.rig import add_turntable
 from blockmech.testing.rules import DERIVATIVE, Array, Checks, derivative, same_bits
-from blockmech.values import Link, Marker, Place
 
 TIMES = np.linspace(0.3, 2.3, 9)  # [s]
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.errors import (
+from blockmech.ground.errors import (
     BlockmechError,
     FormatError,
     Problem,
@@ -27,14 +27,14 @@ from blockmech.errors import (
     refused,
     shown,
 )
-from blockmech.export import aligned
+from blockmech.ground.report import Facts
+from blockmech.ground.validation_errors import validated
 from blockmech.model.expect import Expectation
-from blockmech.report import Facts
-from blockmech.validation_errors import validated
+from blockmech.result.exported import aligned
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
-    from blockmech.result import Result
+    from blockmech.result.result import Result
     from blockmech.typing import FrictionMethod
 
 NO_SIZE = "every expected number is 0, so only an atol allows an error"

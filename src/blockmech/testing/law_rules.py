@@ -15,11 +15,11 @@ from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
 from blockmech.blocks.rrp import RRP
 from blockmech.friction.laws import FrictionLaw
+from blockmech.ground.values import Link, Marker, Place, Vector
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import Harmonic
 from blockmech.testing.rules import Array, Checks, same_bits
-from blockmech.values import Link, Marker, Place, Vector
 
 TIMES = np.linspace(0.3, 2.3, 9)  # [s]
 SPEEDS = np.array([0.0, *np.logspace(-6, 3, 37)])  # [rad/s or m/s]

@@ -20,14 +20,14 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from blockmech.builders import Opened, opened
-from blockmech.errors import BlockmechError
-from blockmech.graph_files import is_graph_of
+from blockmech.ground.errors import BlockmechError
 from blockmech.testing.expectations import (
     check_closing,
     check_expectation,
     expectations_of,
     failure_table,
 )
+from blockmech.testing.graph_files import is_graph_of
 from pytest_blockmech import FOLDERS
 
 if TYPE_CHECKING:

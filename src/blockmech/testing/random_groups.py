@@ -19,9 +19,9 @@ from blockmech.assur.rigidity import rigidity
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.general.equations import ends
 from blockmech.blocks.general.kernels import jacobian
-from blockmech.plane import cross, dot, spread
+from blockmech.ground.plane import cross, dot, spread
+from blockmech.ground.values import Link
 from blockmech.typing import Guide, LinkPosition
-from blockmech.values import Link
 
 Spot = tuple[complex, complex]
 

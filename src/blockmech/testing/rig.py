@@ -20,12 +20,12 @@ from blockmech.blocks.slide_drive import SlideDrive
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import Planar, primitives
 from blockmech.friction.laws import Coulomb
+from blockmech.ground.values import Link, Marker, Place, Vector
 from blockmech.loads.constant import Couple, Force
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.testing.rules import Array, planar, vectors
 from blockmech.typing import Guide, LinkAcceleration, LinkVelocity, Load
-from blockmech.values import Link, Marker, Place, Vector
 
 STAGES = {"position": 0, "velocity": 1, "acceleration": 2, "reactions": 1}
 """Each kernel, and how many of its arguments come from earlier kernels."""

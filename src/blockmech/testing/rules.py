@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from blockmech.engines.nodes import AsksPython, Untraceable
 from blockmech.engines.numpy import Planar
 from blockmech.engines.trace import Trace
-from blockmech.plan import Program
-from blockmech.report import DEGREES, Report
+from blockmech.ground.report import DEGREES, Report
+from blockmech.plan.plan import Program
 
 Array = NDArray[Any]
 Leaves = Mapping[str, Array]

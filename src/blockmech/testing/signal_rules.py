@@ -13,14 +13,14 @@ from blockmech.blocks.crank import Crank
 from blockmech.blocks.frame import Frame
 from blockmech.engines.numpy import NumpyEngine
 from blockmech.engines.scalar import ScalarEngine
+from blockmech.ground.values import Link, Marker, Place
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.passes import signals
 from blockmech.passes.homotopy import schedule
-from blockmech.plan import Friction
+from blockmech.plan.plan import Friction
 from blockmech.signals.contract import Signal, arguments
 from blockmech.testing.rules import Checks, same_bits
-from blockmech.values import Link, Marker, Place
 
 SENSORS = ("wheel.q", "wheel.rate")
 SAMPLES = 9

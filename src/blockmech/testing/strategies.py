@@ -26,10 +26,10 @@ from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
 from blockmech.builders import Graph
 from blockmech.friction.laws import Coulomb
+from blockmech.ground.values import Link, Marker, Place, Vector
 from blockmech.loads import Couple, Force, Spring, TorsionSpring
 from blockmech.model.structure import LinkRef
 from blockmech.testing.random_groups import PLACERS, SIZES, Placed, place_group, random_shape
-from blockmech.values import Link, Marker, Place, Vector
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy

@@ -10,9 +10,9 @@ import math
 import numpy as np
 import pytest
 
+from blockmech.ground.plane import EPS
 from blockmech.model.joints.closing import Closing
 from blockmech.model.joints.decompose import sequence
-from blockmech.plane import EPS
 from tests.doors import linkage_of as loads
 from tests.model.joints import machines
 from tests.model.joints.chance import shuffled

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.errors import FormatError, GraphError
+from blockmech.ground.errors import FormatError, GraphError
 from tests.gallery import GRAPHS
 
 STOPS = {

@@ -19,7 +19,7 @@ from blockmech.analysis.trade.measure import (
 from blockmech.analysis.trade.report import Trade
 from blockmech.analysis.trade.sweep import Sweep
 from blockmech.dynamics.request import Until
-from blockmech.errors import Problem, RequestError, as_names, close_match, listed, refused
+from blockmech.ground.errors import Problem, RequestError, as_names, close_match, listed, refused
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 __all__ = ["Point", "Reference", "Skipped", "Trade", "front", "trade"]

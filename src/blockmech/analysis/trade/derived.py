@@ -13,8 +13,8 @@ from typing import Any
 from blockmech.analysis.reference_errors import DOUBLE
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import NumpyEngine, each_part
-from blockmech.result import Result
-from blockmech.samples import Samples
+from blockmech.result.result import Result
+from blockmech.result.samples import Samples
 
 
 def run_off_by_a_digit(

@@ -18,9 +18,9 @@ from blockmech.analysis.trade.measure import USELESS, Clock, Question, Reference
 from blockmech.dynamics.ends import INTERRUPTED, TOO_MANY
 from blockmech.dynamics.method_table import METHODS
 from blockmech.dynamics.motion_outputs import SimulationResult
-from blockmech.errors import RequestError, refused
-from blockmech.motion import Motion
-from blockmech.result import Result
+from blockmech.ground.errors import RequestError, refused
+from blockmech.result.motion import Motion
+from blockmech.result.result import Result
 
 FINEST = (  # references and checks, best first; coarser ones where those do not end in time
     ("auto", 1e-14),

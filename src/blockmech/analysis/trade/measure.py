@@ -12,8 +12,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from blockmech.errors import BlockmechError
-from blockmech.result import Result
+from blockmech.ground.errors import BlockmechError
+from blockmech.result.result import Result
 
 FEWEST = 5  # warm repeats: of fewer the least time says little
 LONG_ENOUGH = 0.1  # [s] of repeats after which more of them say little

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from blockmech.analysis.trade.measure import Point, Reference, Skipped, cheaper, front
-from blockmech.export import CsvTable, aligned
-from blockmech.pictured import Pictured
-from blockmech.report import DEGREES, Facts, as_json
+from blockmech.ground.pictured import Pictured
+from blockmech.ground.report import DEGREES, Facts, as_json
+from blockmech.result.exported import CsvTable, aligned
 
 USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster

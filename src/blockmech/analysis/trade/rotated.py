@@ -19,12 +19,12 @@ from blockmech.blocks.contract import Moving
 from blockmech.blocks.general.block import GeneralGroup
 from blockmech.compiled import Compiled
 from blockmech.engines.numpy import NumpyEngine, Planar
+from blockmech.ground.values import Marker, Place, Vector
 from blockmech.loads import Force, Thrust
 from blockmech.loads.contract import Element
 from blockmech.model.structure import JointRef, Structure
-from blockmech.result import Result
-from blockmech.samples import Samples
-from blockmech.values import Marker, Place, Vector
+from blockmech.result.result import Result
+from blockmech.result.samples import Samples
 
 ANGLE = 0.7  # [rad] no symmetry of anything
 E = cmath.rect(1.0, ANGLE)

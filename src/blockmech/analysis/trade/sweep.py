@@ -25,9 +25,9 @@ from blockmech.analysis.reference_errors import (
 from blockmech.analysis.trade.measure import USELESS, Question, Reference, Setting
 from blockmech.analysis.trade.rotated import rotated_run
 from blockmech.compiled import Compiled
-from blockmech.errors import listed, refused
-from blockmech.result import Result
-from blockmech.runnable import EVERYTHING
+from blockmech.ground.errors import listed, refused
+from blockmech.ground.runnable import EVERYTHING
+from blockmech.result.result import Result
 
 NUMPY = {"engine": "numpy"}
 SINGLE = NUMPY | {"precision": "complex64"}

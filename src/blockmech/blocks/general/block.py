@@ -35,8 +35,8 @@ from blockmech.blocks.contract import (
 from blockmech.blocks.general.equations import PairPlan
 from blockmech.blocks.general.kernels import kernels_of
 from blockmech.friction.laws.contract import FrictionLaw
-from blockmech.plane import largest
-from blockmech.values import (
+from blockmech.ground.plane import largest
+from blockmech.ground.values import (
     POSE,
     Angle,
     Axis,

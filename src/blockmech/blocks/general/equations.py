@@ -24,7 +24,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from blockmech.blocks.motion import acceleration_at, velocity_at
-from blockmech.plane import angle, cross, dot, expi, imul, mul, planar
+from blockmech.ground.plane import angle, cross, dot, expi, imul, mul, planar
 from blockmech.typing import Complex, LinkAcceleration, LinkPosition, LinkVelocity, Real
 
 Entries = dict[int, Real]

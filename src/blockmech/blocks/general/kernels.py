@@ -28,7 +28,7 @@ from blockmech.blocks.general.equations import (
     rows,
     slide,
 )
-from blockmech.plane import (
+from blockmech.ground.plane import (
     EPS,
     NAN,
     dot,

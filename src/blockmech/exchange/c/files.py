@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from blockmech.errors import refused
 from blockmech.exchange.c.program import CProgram, identifier, poses
 from blockmech.exchange.c.statements import DOUBLE
 from blockmech.exchange.formats import Order, Writer
-from blockmech.files import refuse_spared, writing
+from blockmech.ground.errors import refused
+from blockmech.ground.files import refuse_spared, writing
 
 
 def write_c(order: Order, path: Path) -> list[Path]:

@@ -25,18 +25,18 @@ from blockmech.analysis.deflections import refuse_deflections
 from blockmech.compiled import Compiled
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.numpy import Planar, leaves
-from blockmech.errors import BlockmechError, as_names, listed, printable, refused
 from blockmech.exchange.c.statements import DOUBLE, FLOAT, Statements, language_c, literal
 from blockmech.exchange.c.tracing import ClosedTrace, status
+from blockmech.ground.errors import BlockmechError, as_names, listed, printable, refused
+from blockmech.ground.plane import EPS
+from blockmech.ground.runnable import EVERYTHING
+from blockmech.ground.values import numbered_name
 from blockmech.model.structure import JointRef
 from blockmech.passes.signals import STATE
-from blockmech.plan import Output, Plan
-from blockmech.plane import EPS
-from blockmech.quality import WORDS
-from blockmech.runnable import EVERYTHING
-from blockmech.samples import Samples
-from blockmech.settings import friction_asked
-from blockmech.values import numbered_name
+from blockmech.plan.plan import Output, Plan
+from blockmech.plan.settings import friction_asked
+from blockmech.result.quality import WORDS
+from blockmech.result.samples import Samples
 
 VECTORS = 24  # poses of the test program
 INPUTS = {"q": ("q", ""), "qd": ("rate", "/s"), "qdd": ("acceleration", "/s2")}
@@ -267,7 +267,7 @@ class CProgram:
 
     def test(self, samples: Samples) -> str:
         """Text of ``NAME_test.c``: what blockmech has for some samples."""
-        from blockmech.result import Result
+        from blockmech.result.result import Result
 
         given = samples.given(self.plan.program.inputs)
         values, _ = self.mechanism.evaluate(self.plan, samples)

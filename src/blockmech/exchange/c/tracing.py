@@ -19,10 +19,10 @@ from blockmech.engines.nodes import PARAMETER, Node, Untraceable
 from blockmech.engines.numpy import leaves
 from blockmech.engines.trace import Trace, maximum, minimum, where
 from blockmech.friction.continuation import Outcome
+from blockmech.ground.plane import EPS
 from blockmech.passes.homotopy import BEFORE, MODES, Path, cubics, slopes
-from blockmech.plan import Plan, Program
-from blockmech.plane import EPS
-from blockmech.quality import (
+from blockmech.plan.plan import Plan, Program
+from blockmech.result.quality import (
     CHANGE_POINT,
     DEAD_CENTRE,
     JAMMED,
@@ -156,7 +156,7 @@ def status(
 ) -> Any:
     """The number of `WORDS` that says whether a sample has an answer, as a node.
 
-    As `blockmech.quality.failures` decides: the first block that fails is blamed. ``judged``
+    As `blockmech.result.quality.failures` decides: the first block that fails is blamed. ``judged``
     are the wanted numbers; ``of`` has the blocks ``prismatic`` and ``following``.
     """
     bad: Any = False

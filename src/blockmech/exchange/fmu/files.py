@@ -27,12 +27,12 @@ from xml.sax.saxutils import quoteattr
 
 import blockmech
 from blockmech.dynamics.request import refuse_no_inertia
-from blockmech.errors import listed, printable, refused, shown
 from blockmech.exchange.c.program import CProgram, filled
 from blockmech.exchange.fmu.states import States
 from blockmech.exchange.formats import Order, Writer, one_file
-from blockmech.plan import Output
-from blockmech.runnable import EVERYTHING
+from blockmech.ground.errors import listed, printable, refused, shown
+from blockmech.ground.runnable import EVERYTHING
+from blockmech.plan.plan import Output
 
 COMPILERS = ("cc", "gcc", "clang")
 SUFFIXES = {"Linux": ".so", "Darwin": ".dylib", "Windows": ".dll"}

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from blockmech.compiled import Compiled
 from blockmech.model.structure import JointRef
 from blockmech.passes import friction, signals
-from blockmech.plan import Output, Schedule
+from blockmech.plan.plan import Output, Schedule
 from blockmech.signals.sources import Input
 
 

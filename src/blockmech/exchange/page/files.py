@@ -20,16 +20,16 @@ import blockmech
 from blockmech.draw.motion import SAME_PLACE, moves
 from blockmech.draw.palette import LINK_FILLS
 from blockmech.draw.sketch import sketch_of
-from blockmech.errors import close_match, listed, refused
 from blockmech.exchange.c.program import poses
 from blockmech.exchange.formats import Order, Writer
 from blockmech.exchange.page.script import HERE, Script, numbers
-from blockmech.files import refuse_spared, writing
+from blockmech.ground.errors import close_match, listed, refused
+from blockmech.ground.files import refuse_spared, writing
+from blockmech.ground.runnable import EVERYTHING
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import LinkRef
-from blockmech.quality import WORDS
-from blockmech.runnable import EVERYTHING
-from blockmech.samples import Samples
+from blockmech.result.quality import WORDS
+from blockmech.result.samples import Samples
 
 FRAMES = 181  # poses of the range
 SECONDS = 3.0  # that they are played

@@ -13,8 +13,8 @@ import numpy as np
 
 from blockmech.exchange.c.program import CProgram
 from blockmech.exchange.c.statements import DOUBLE, Language, Statements, literal
-from blockmech.result import Result
-from blockmech.samples import Samples
+from blockmech.result.result import Result
+from blockmech.result.samples import Samples
 
 HERE = Path(__file__).parent
 OWN = {"fmod": "rest", "rint": "even"} | {x: f"Math.{x}" for x in ("sqrt", "abs", "exp", "pow")}

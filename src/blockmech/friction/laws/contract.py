@@ -9,7 +9,7 @@ revolute pair, max(|N|, 2 |C| / guide length) of a prismatic one) the friction o
  1. The kernel is ``kernel(speed, p)``, or ``kernel(p)`` of a law that does not ask for the speed,
     and returns `FrictionTerms`: factor [m] of a revolute pair or [-] of a prismatic one, and drag
     [N m] or [N]. ``speed`` >= 0 is the magnitude of the relative rate [rad/s] or [m/s], ``p`` the
-    law's numbers. It obeys the rules of kernels: primitives of `blockmech.plane` alone, no branch
+    law's numbers. It obeys the rules of kernels: primitives of `ground.plane` alone, no branch
     on a number, NaN in, NaN out.
  2. Neither factor nor drag is negative: friction does not drive.
  3. At rest the kernel counts at speed 0, unless ``kernel_at_rest`` gives another one, of ``p``.
@@ -46,11 +46,11 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlia
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
 from pydantic_core import InitErrorDetails, core_schema
 
-from blockmech.errors import close_match, listed, shown
-from blockmech.plane import has_arithmetic
-from blockmech.registry import Registry
+from blockmech.ground.errors import close_match, listed, shown
+from blockmech.ground.plane import has_arithmetic
+from blockmech.ground.registry import Registry
+from blockmech.ground.values import StrictModel, mistake
 from blockmech.typing import Real
-from blockmech.values import StrictModel, mistake
 
 LAWS = Registry("friction law", code="unknown-friction-law")
 """Every friction law by the name that files give it."""

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any, ClassVar, Literal
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
-from blockmech.values import Length, NotNegative, mistake
+from blockmech.ground.values import Length, NotNegative, mistake
 
 
 class DryFriction(FrictionLaw):

@@ -17,9 +17,9 @@ from typing import Any, ClassVar, Literal
 
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.coulomb import DryFriction
-from blockmech.plane import sign
+from blockmech.ground.plane import sign
+from blockmech.ground.values import Axis, Positive, Units
 from blockmech.typing import Real
-from blockmech.values import Axis, Positive, Units
 
 
 def bending(slip: Real, deflection: Real, p: Any) -> Real:

@@ -26,9 +26,9 @@ from pydantic import model_validator
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.lugre import BristleFriction, resisting
 from blockmech.friction.laws.stribeck import falling
-from blockmech.plane import expi, maximum, minimum, where
+from blockmech.ground.plane import expi, maximum, minimum, where
+from blockmech.ground.values import Positive, mistake
 from blockmech.typing import Real
-from blockmech.values import Positive, mistake
 
 
 def slipping(slip: Real, deflection: Real, p: Any) -> Real:

@@ -30,9 +30,17 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 from pydantic import Field, model_validator
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
-from blockmech.plane import apply, minimum, piecewise, where
+from blockmech.ground.plane import apply, minimum, piecewise, where
+from blockmech.ground.values import (
+    Length,
+    Number,
+    NumbersGiven,
+    check_table,
+    default,
+    in_unit,
+    mistake,
+)
 from blockmech.typing import Real
-from blockmech.values import Length, Number, NumbersGiven, check_table, default, in_unit, mistake
 
 THICKEST = 0.01  # [-] of the radius: a film of journal bearings is a thousandth of it
 

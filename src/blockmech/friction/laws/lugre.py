@@ -22,9 +22,9 @@ from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.coulomb import DryFriction
 from blockmech.friction.laws.stiction import check_static
 from blockmech.friction.laws.stribeck import falling
-from blockmech.plane import sign
+from blockmech.ground.plane import sign
+from blockmech.ground.values import Axis, NotNegative, Positive, Units
 from blockmech.typing import Real
-from blockmech.values import Axis, NotNegative, Positive, Units
 
 
 def bending(slip: Real, deflection: Real, p: Any) -> Real:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
-from blockmech.values import Axis, NotNegative, Units
+from blockmech.ground.values import Axis, NotNegative, Units
 
 
 def preload(p: Any) -> FrictionTerms:

@@ -23,9 +23,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
-from blockmech.plane import power, where
+from blockmech.ground.plane import power, where
+from blockmech.ground.values import Length, NotNegative, Number, in_unit, mistake
 from blockmech.typing import Real
-from blockmech.values import Length, NotNegative, Number, in_unit, mistake
 
 SLOW = 2000.0  # nu n [mm2/s/min], below which the oil's part does not depend on the speed
 SLOW_PART = 160.0  # and what stands for (nu n)^(2/3) there

@@ -13,7 +13,7 @@ from pydantic import model_validator
 
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.coulomb import DryFriction
-from blockmech.values import NotNegative, mistake
+from blockmech.ground.values import NotNegative, mistake
 
 
 def kinetic(p: Any) -> FrictionTerms:

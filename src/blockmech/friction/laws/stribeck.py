@@ -16,9 +16,9 @@ from pydantic import model_validator
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.coulomb import DryFriction
 from blockmech.friction.laws.stiction import check_static
-from blockmech.plane import exp, power
+from blockmech.ground.plane import exp, power
+from blockmech.ground.values import Axis, NotNegative, Positive, Units
 from blockmech.typing import Real
-from blockmech.values import Axis, NotNegative, Positive, Units
 
 
 def falling(speed: Real, p: Any) -> Real:

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
+from blockmech.ground.values import Axis, NotNegative, Units
 from blockmech.typing import Real
-from blockmech.values import Axis, NotNegative, Units
 
 
 def viscous(speed: Real, p: Any) -> FrictionTerms:

@@ -9,12 +9,12 @@ import cmath
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from blockmech.errors import refused
+from blockmech.ground.errors import refused
+from blockmech.ground.values import xy
 from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
 from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.spots import guide_spots, marker_place, pin_spot
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
-from blockmech.values import xy
 
 Form = dict[str, Any]
 COUPLED = ("driver", "driven")

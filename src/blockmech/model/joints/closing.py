@@ -25,9 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.assur.formation import formation
+from blockmech.ground.plane import dot
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Pose, Poses
-from blockmech.plane import dot
 
 Floats: TypeAlias = NDArray[np.float64]
 

@@ -16,14 +16,7 @@ from blockmech.blocks.block import refuse
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws.contract import AnyFriction
-from blockmech.loads.contract import Element
-from blockmech.model.diagram import WireEnds
-from blockmech.model.expect import Expectation
-from blockmech.model.form import VERSION, Form, Section
-from blockmech.model.laws_of_motion import AnyLaw
-from blockmech.model.scene import Initial, Role, Stops
-from blockmech.signals.contract import Signal
-from blockmech.values import (
+from blockmech.ground.values import (
     POSE,
     Angle,
     Axis,
@@ -39,6 +32,13 @@ from blockmech.values import (
     mistake,
     no_boolean,
 )
+from blockmech.loads.contract import Element
+from blockmech.model.diagram import WireEnds
+from blockmech.model.expect import Expectation
+from blockmech.model.form import VERSION, Form, Section
+from blockmech.model.laws_of_motion import AnyLaw
+from blockmech.model.scene import Initial, Role, Stops
+from blockmech.signals.contract import Signal
 
 FRAME = "frame"
 """Name of the fixed link."""

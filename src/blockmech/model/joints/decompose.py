@@ -20,7 +20,8 @@ import numpy as np
 
 from blockmech.assur.formation import Formation, formation
 from blockmech.assur.groups import DYADS, Unit, classify
-from blockmech.errors import GraphError, Problem, in_file
+from blockmech.ground.errors import GraphError, Problem, in_file
+from blockmech.ground.plane import EPS
 from blockmech.model.joints.closing import Closing, coordinate
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.diagnosis import (
@@ -38,7 +39,6 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.varied import settled
 from blockmech.model.naming import Names
-from blockmech.plane import EPS
 
 General: TypeAlias = Literal["", "groups", "one"]
 Parts: TypeAlias = tuple[dict[str, Any], Names, Formation, Linkage | None]

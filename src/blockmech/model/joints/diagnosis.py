@@ -17,11 +17,11 @@ from blockmech.assur.formation import formation
 from blockmech.assur.groups import Unit
 from blockmech.assur.rank import TooTangledError
 from blockmech.assur.rigidity import Rigidity, rigidity
-from blockmech.errors import Problem, listed, path_text
+from blockmech.ground.errors import Problem, listed, path_text
+from blockmech.ground.values import MILLI
 from blockmech.model.joints.closing import MOST_LINKS, Closing, Gap, gaps, special_geometry
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.joints.layout import Connection, Layout, Poses
-from blockmech.values import MILLI
 
 EACH = "the mechanism needs one driver per degree of freedom"
 FORMULA = "3n - 2p is {counted}, but the mobility is {mobility}"

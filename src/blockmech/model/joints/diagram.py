@@ -13,7 +13,8 @@ import numpy as np
 from blockmech.assur.formation import Formation
 from blockmech.assur.groups import Unit
 from blockmech.blocks.registry import REGISTRY
-from blockmech.errors import GraphError, Problem, listed, path_text
+from blockmech.ground.errors import GraphError, Problem, listed, path_text
+from blockmech.ground.values import Place, free_name, xy
 from blockmech.model.diagram import GRAPH_FILE
 from blockmech.model.joints.closing import coordinate
 from blockmech.model.joints.contents import FRAME, LinkGiven
@@ -27,7 +28,6 @@ from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.structure import COORDINATE, JointRef, LinkRef, MarkerRef
 from blockmech.model.writing import plain
-from blockmech.values import Place, free_name, xy
 
 MOST_IN_NAME = 3  # links that a group is named after
 

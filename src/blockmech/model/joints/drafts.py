@@ -20,12 +20,12 @@ from blockmech.assur.groups import DYADS, Unit
 from blockmech.blocks.contract import AssurGroup, Joint
 from blockmech.blocks.modes import branches, dyad_modes
 from blockmech.blocks.registry import REGISTRY
+from blockmech.ground.plane import EPS, dot
+from blockmech.ground.values import free_name, xy
 from blockmech.model.joints.closing import CLOSED
 from blockmech.model.joints.layout import Connection, Connections, Pose, Poses
 from blockmech.model.joints.varied import phase, settled
-from blockmech.plane import EPS, dot
 from blockmech.typing import Guide
-from blockmech.values import free_name, xy
 
 GENERAL = "group.general"
 DEAD = 64 * EPS

@@ -10,12 +10,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
+from blockmech.ground.values import xy
 from blockmech.model.joints.contents import FRAME, HOLDS
 from blockmech.model.joints.drafts import LinkPlacement
 from blockmech.model.joints.layout import Connection, Connections
 from blockmech.model.joints.varied import phase, remainder
 from blockmech.model.writing import plain
-from blockmech.values import xy
 
 Hold: TypeAlias = tuple[str, str, complex | None]
 """A terminal of an element, and the link and place that it takes hold of; None: the link."""

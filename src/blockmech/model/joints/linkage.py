@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from blockmech.arguments import declared
 from blockmech.couplings.contract import Coupling
-from blockmech.errors import GraphError, Problem, as_names, close_match, listed, path_text
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import GraphError, Problem, as_names, close_match, listed, path_text
+from blockmech.ground.values import Marker, Place, Vector, is_name
 from blockmech.loads.contract import Element
 from blockmech.model.diagram import Wire
 from blockmech.model.document import Document
@@ -29,11 +30,10 @@ from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Initial, Locked, Role, Scene, Stops
 from blockmech.model.writing import plain
 from blockmech.signals.contract import Signal
-from blockmech.values import Marker, Place, Vector, is_name
 
 if TYPE_CHECKING:
     from blockmech.friction.laws.contract import FrictionLaw
-    from blockmech.values import AnyMarker, AnyPlace, Two
+    from blockmech.ground.values import AnyMarker, AnyPlace, Two
 
 
 class Linkage(Document):

@@ -6,13 +6,13 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
-from blockmech.errors import Problem, close_match, listed, path_text
+from blockmech.ground.errors import Problem, close_match, listed, path_text
+from blockmech.ground.values import is_name
 from blockmech.model.diagram import Wire
 from blockmech.model.form import bad_name
 from blockmech.model.joints.contents import FRAME
 from blockmech.model.signals import signal_wire_problems
 from blockmech.model.structure import COORDINATE
-from blockmech.values import is_name
 
 Known: TypeAlias = Mapping[str, Collection[str]]
 """Section -> names in it, those of parts that are wrong by themselves included."""

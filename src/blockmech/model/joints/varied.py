@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.plane import angle, apply, primitives_of
+from blockmech.ground.plane import angle, apply, primitives_of
 
 
 class Varied(complex):

@@ -1,0 +1,1 @@
+"""Questions of design: linear models, identification, balance, drives, flywheels."""

@@ -1,0 +1,208 @@
+"""Balancing: the springs or counterweights that leave the least of some outputs.
+
+Outputs such as the effort of the loads are linear in stiffnesses, preloads and masses, so the best
+ones are a least-squares problem over the poses; with exact derivatives also where they are not
+linear (free lengths, places). SciPy's `least_squares`, with bounds.
+
+Source: Norton, Design of Machinery, 6th ed., ch. 12 (balancing).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from blockmech.compiled import Compiled
+from blockmech.functions.series import Floats
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import BlockmechError, listed, refused
+from blockmech.ground.pictured import Pictured
+from blockmech.ground.plane import EPS
+from blockmech.ground.report import DEGREES, Facts, with_unit
+from blockmech.result.exported import aligned
+from blockmech.result.result import Result
+from blockmech.studies.differentiate import chosen_numbers, sensitivity
+from blockmech.studies.family import remade
+from blockmech.studies.sampling import as_sequence
+from blockmech.studies.sensitivity import size_of
+from blockmech.typing import Coordinates, FrictionMethod, Numbers
+
+FAR = 1e9  # times the size of the outputs: a design that cannot be
+
+
+class Left(NamedTuple):
+    """What is left of an output over the poses: its rms, its largest size, and where that is."""
+
+    rms: float
+    largest: float
+    sample: int
+
+
+def left_of(y: Any) -> Left:
+    """What is left of an output (n,)."""
+    size = np.abs(np.asarray(y))
+    k = int(np.argmax(size))
+    return Left(float(np.sqrt(np.mean(size**2))), float(size[k]), k)
+
+
+@dataclass(frozen=True, repr=False)
+class Balance(Facts, Pictured):
+    """Numbers that balance a mechanism best.
+
+    Attributes
+    ----------
+    mechanism : with these numbers
+    numbers : address -> value
+    before, after : output -> what is left of it
+    runs : the two runs whose outputs these are
+    units : address or output -> unit
+    linear : whether the outputs are linear in the numbers, so that no better ones exist
+    at_bounds : numbers that their bounds hold
+    """
+
+    PICTURE = "blockmech.draw.balance:balance_figure"
+
+    FACTS = ("numbers", "units", "linear", "at_bounds", "before", "after")
+
+    mechanism: Compiled
+    numbers: Mapping[str, float]
+    before: Mapping[str, Left]
+    after: Mapping[str, Left]
+    runs: tuple[Result, Result]
+    units: Mapping[str, str]
+    linear: bool
+    at_bounds: tuple[str, ...]
+
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+        """The numbers, then what is left of each output, and where most."""
+        rows = [(a, with_unit(x, self.units[a])) for a, x in self.numbers.items()]
+        yield from aligned(("number", "value"), rows)
+        run = self.runs[1]
+        for name, left in self.after.items():
+            was, unit = self.before[name], self.units[name]
+            at = run.place(left.sample, degrees)
+            yield (
+                f"{name}: rms {left.rms:.4g} {unit} of {was.rms:.4g}, "
+                f"largest {left.largest:.4g} of {was.largest:.4g}, at {at}"
+            )
+        if self.at_bounds:
+            yield f"at their bounds: {listed(self.at_bounds)}"
+        if not self.linear:
+            yield "not linear in these numbers: the best near the start"
+
+
+@declared
+def balance(
+    mechanism: Compiled,
+    numbers: Iterable[str] | str,
+    want: Iterable[str] | str | None = None,
+    at: Coordinates | None = None,
+    *,
+    samples: int | None = None,
+    times: Numbers | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    friction: FrictionMethod | None = "none",
+    static: bool | None = None,
+) -> Balance:
+    """The springs or counterweights that leave the least of some outputs over the poses.
+
+    Parameters
+    ----------
+    numbers : addresses, e.g. ``spring.stiffness``, ``crank.links.crank.mass``
+    want : outputs whose sum of squares is to be least, each by its size before; by default the
+        efforts of the loads on the drivers, ``crank.tau_red``
+    at, samples, times : the poses, as those of a run
+    bounds : address -> (lowest, highest); by default what the file takes
+    friction : as that of a run; by default left out
+    static : without inertia; by default so where ``want`` is
+
+    Returns
+    -------
+    Balance, with the mechanism that has these numbers
+
+    Raises
+    ------
+    RequestError for unknown names, or numbers that no output follows
+    AssemblyError at poses that cannot be
+    """
+    from scipy.optimize import least_squares
+
+    chosen = chosen_numbers(mechanism, as_sequence("numbers", numbers))
+    drivers = mechanism.drivers
+    names = as_sequence("want", want if want is not None else
+                        tuple(mechanism.of_driver(d, "tau_red") for d in drivers))  # fmt: skip
+    poses: dict[str, Any] = {"samples": samples, "times": times}
+    how: dict[str, Any] = {
+        "friction": friction,
+        "static": want is None if static is None else static,
+    }
+    before = mechanism.run(at, want=names, **poses, **how)
+    outputs = [n for n in before if before.output(n).kind in ("real", "vector")]
+    scale = {n: left_of(before[n]).rms or 1.0 for n in outputs}
+    start = np.array([float(p.value) for p in chosen.values()])
+    sizes = np.array([size_of(p, chosen.values()) for p in chosen.values()])
+    kept: dict[str, Any] = {}
+
+    def evaluated(u: Floats) -> tuple[Floats, Floats]:
+        if kept.get("u") != u.tobytes():
+            other = remade(mechanism, dict(zip(chosen, (u * sizes).tolist(), strict=True)))
+            derivatives = sensitivity(other, outputs, tuple(chosen), at, **poses, **how)
+            y = np.concatenate([_real(derivatives.result[n]) / scale[n] for n in outputs])
+            J = np.hstack([_real(derivatives[n]) / scale[n] for n in outputs]).T * sizes
+            kept.update(u=u.tobytes(), y=y, J=J)
+        return kept["y"], kept["J"]
+
+    def residual(u: Floats) -> Floats:
+        try:
+            return evaluated(u)[0]
+        except BlockmechError:
+            return np.full(first.shape, FAR)
+
+    first, J = evaluated(start / sizes)
+    unseen = [a for a, c in zip(chosen, np.abs(J).max(axis=0), strict=True) if not c > 0]
+    if unseen:
+        raise refused(unseen[0], f"none of {listed(outputs)} follows it", "leave it out")
+    ends = np.array([_bounds(mechanism, a, bounds or {}) for a in chosen])
+    u = np.clip(start, *ends.T) / sizes
+    derivatives = least_squares(
+        residual, u, lambda v: evaluated(v)[1], bounds=(ends[:, 0] / sizes, ends[:, 1] / sizes),
+        xtol=EPS, ftol=EPS, gtol=EPS, x_scale="jac",
+    )  # fmt: skip
+    x = derivatives.x * sizes
+    values = dict(zip(chosen, x.tolist(), strict=True))
+    best = remade(mechanism, values)
+    after = best.run(at, want=names, **poses, **how)
+    straight = first + J @ (derivatives.x - start / sizes)
+    linear = np.abs(derivatives.fun - straight).max() <= 1e-9 * max(np.abs(first).max(), 1.0)
+    units = {a: p.unit for a, p in chosen.items()} | {n: before.unit(n) for n in outputs}
+    held = tuple(a for a, side in zip(chosen, derivatives.active_mask, strict=True) if side)
+    return Balance(
+        best, values, {n: left_of(before[n]) for n in outputs},
+        {n: left_of(after[n]) for n in outputs}, (before, after), units, bool(linear), held,
+    )  # fmt: skip
+
+
+def _real(y: Any) -> Floats:
+    """An output (..., n) as real numbers: of a vector its parts beside each other."""
+    y = np.asarray(y)
+    return np.concatenate([y.real, y.imag], axis=-1) if np.iscomplexobj(y) else y
+
+
+def _bounds(
+    mechanism: Compiled, address: str, given: Mapping[str, tuple[float, float]]
+) -> tuple[float, float]:
+    """Lowest and highest value of a number: as asked, and not below zero where the file says so."""
+    if address in given:
+        low, high = given[address]
+        if not low < high:
+            raise refused(f"bounds[{address}]", f"got ({low!r}, {high!r})", "lowest, then highest")
+        return float(low), float(high)
+    try:
+        remade(mechanism, {address: -1.0})
+    except BlockmechError:
+        return 0.0, math.inf
+    return -math.inf, math.inf

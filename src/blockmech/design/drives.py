@@ -1,0 +1,223 @@
+r"""What a motor must give, and what it can hold.
+
+**Motor**: behind a gear of ratio n and efficiency eta a rotor of inertia J_r needs
+T/(n eta) + J_r n q''; the rms moment is least at n^4 = mean (T/eta)^2 / mean (J_r q'')^2.
+
+**Force at hand**: the inverse of the drive: which load a given driving moment holds at a pose, by
+Newton's method with exact derivatives, joint friction included.
+
+Source: van de Straete et al., Servo motor selection criterion for mechatronic applications,
+IEEE/ASME Trans. Mechatronics 3 (1998).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from blockmech.analysis.deflections import refuse_deflections
+from blockmech.compiled import Compiled
+from blockmech.engines.derivatives import DualEngine
+from blockmech.engines.dual import Dual
+from blockmech.functions.series import Floats
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import listed, refused
+from blockmech.ground.pictured import Pictured
+from blockmech.ground.plane import EPS
+from blockmech.ground.report import DEGREES, Facts
+from blockmech.plan.plan import Plan
+from blockmech.result.samples import Samples
+from blockmech.studies.differentiate import chosen_numbers
+from blockmech.studies.family import Family
+from blockmech.typing import Coordinates, FrictionMethod, Numbers
+
+BLOCK = 4096  # samples of a force at hand at a time
+STEPS = 40  # of Newton's method for a force at hand; from afar, friction included, ten do
+
+
+@dataclass(frozen=True, repr=False)
+class MotorDemand(Facts, Pictured):
+    """What a driver asks of its motor over the samples of a run.
+
+    Attributes
+    ----------
+    driver, unit : of the effort, "N m" or "N"
+    ratio : motor turns (or metres) per unit of the driver's coordinate; the best one if not given
+    moment, speed : (n,) at the motor [N m or N, rad/s or m/s]
+    rms, peak, fastest, power : of them; power is the largest [W]
+    limits : what the motor can: rms, peak, speed
+    fits : whether all of them hold
+    """
+
+    PICTURE = "blockmech.draw.balance:motor_figure"
+
+    FACTS = ("driver", "unit", "ratio", "rms", "peak", "fastest", "power", "limits", "fits")
+
+    driver: str
+    unit: str
+    ratio: float
+    moment: Floats
+    speed: Floats
+    rms: float
+    peak: float
+    fastest: float
+    power: float
+    limits: Mapping[str, float]
+
+    @property
+    def margins(self) -> Mapping[str, float]:
+        """Limit -> what is asked over what the motor can [-]; above 1 it cannot."""
+        demand = {"rms": self.rms, "peak": self.peak, "speed": self.fastest}
+        return {name: demand[name] / x for name, x in self.limits.items()}
+
+    @property
+    def fits(self) -> bool:
+        """Whether the motor can do it."""
+        return all(x <= 1.0 for x in self.margins.values())
+
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+        """What is asked, and whether the motor can."""
+        per = "rad/s" if self.unit == "N m" else "m/s"
+        yield (
+            f"ratio {self.ratio:.6g}: rms {self.rms:.6g} {self.unit}, peak {self.peak:.6g} "
+            f"{self.unit}, {self.fastest:.6g} {per}, {self.power:.6g} W"
+        )
+        yield from (f"{name}: {x:.1%} of the motor's" for name, x in self.margins.items())
+        if self.limits:
+            yield "the motor fits" if self.fits else "the motor does not fit"
+
+
+@declared
+def motor(
+    mechanism: Compiled,
+    driver: str | None = None,
+    at: Coordinates | None = None,
+    *,
+    samples: int | None = None,
+    times: Numbers | None = None,
+    rates: Coordinates | None = None,
+    accelerations: Coordinates | None = None,
+    ratio: float | None = None,
+    inertia: float = 0.0,
+    efficiency: float = 1.0,
+    limits: Mapping[str, float] | None = None,
+    friction: FrictionMethod | None = None,
+) -> MotorDemand:
+    """What a driver asks of its motor over a run: rms and peak moment, speed, gear ratio.
+
+    Samples count alike in time: name them by ``times``, or at a constant rate.
+
+    Parameters
+    ----------
+    driver : not needed if there is one
+    at, samples, times, rates, accelerations, friction : as those of a run
+    ratio : of the gear; by default 1 without inertia of the rotor, else that of the least rms
+    inertia : [kg m2 or kg] of the rotor
+    efficiency : of the gear [-]; it costs where the motor gives work, and helps where it brakes
+    limits : what the motor can: "rms", "peak" [N m or N], "speed" [rad/s or m/s]
+
+    Raises `RequestError` for unknown names or values that do not fit.
+    """
+    own = _driver(mechanism, driver)
+    given = dict(limits or {})
+    odd = [n for n, x in given.items() if n not in ("rms", "peak", "speed") or not x > 0]
+    if odd or not 0 < efficiency <= 1 or not inertia >= 0 or (ratio is not None and not ratio > 0):
+        valid = "limits: rms, peak, speed > 0; 0 < efficiency <= 1, inertia >= 0, ratio > 0"
+        raise refused(odd[0] if odd else "motor", "a value does not fit", valid)
+    names = [mechanism.of_driver(own, x) for x in ("drive", "rate", "acceleration")]
+    run = mechanism.run(at, samples=samples, times=times, rates=rates, accelerations=accelerations,
+                        want=names, friction=friction)  # fmt: skip
+    effort, rate, acceleration = (np.asarray(run[n], float) for n in names)
+    loss = np.where(effort * rate > 0, 1 / efficiency, efficiency)
+    load, rotor = effort * loss, inertia * acceleration
+    if ratio is None:
+        turning = float(np.mean(rotor**2))
+        ratio = (float(np.mean(load**2)) / turning) ** 0.25 if turning > 0 else 1.0
+    moment, speed = load / ratio + rotor * ratio, rate * ratio
+    return MotorDemand(
+        own, run.unit(names[0]), float(ratio), moment, speed, float(np.sqrt(np.mean(moment**2))),
+        float(np.abs(moment).max()), float(np.abs(speed).max()),
+        float(np.abs(moment * speed).max()), given,
+    )  # fmt: skip
+
+
+# -- force at hand -------------------------------------------------------------------------
+
+
+@declared
+def available(
+    mechanism: Compiled,
+    number: str,
+    effort: float,
+    at: Coordinates | None = None,
+    *,
+    driver: str | None = None,
+    samples: int | None = None,
+    rates: Coordinates | None = None,
+    friction: FrictionMethod | None = None,
+    static: bool = True,
+) -> Floats:
+    """The load that a given driving effort holds, pose by pose: the inverse of the drive.
+
+    Parameters
+    ----------
+    number : address of the load, e.g. ``work.force.x``
+    effort : [N m or N] of the driver
+    at, samples, rates, friction, static : as those of a run; friction counts in the sense of the
+        rates
+    driver : whose effort it is; not needed if there is one
+
+    Returns
+    -------
+    (n,) in the unit of the number; NaN where no load makes the drive that, e.g. at a dead centre
+
+    Raises `RequestError` for unknown names, or a number that the drive does not follow.
+    """
+    own = _driver(mechanism, driver)
+    (p,) = chosen_numbers(mechanism, (number,)).values()
+    family = Family(mechanism, [p.address])
+    if family.alone:
+        raise refused(p.address, family.alone, "name a load")
+    name = mechanism.of_driver(own, "drive")
+    taken = mechanism.samples(at, samples, None, rates, None)
+    plan = family.general.plan([name], friction=friction, static=static)
+    refuse_deflections(mechanism, plan, "designs")
+    mechanism.refuse_states(plan, taken.inputs)
+    engine, n = DualEngine(plan.program), taken.n
+    given = {k: np.broadcast_to(np.asarray(x, float), n) for k, x in _inputs(taken, plan).items()}
+    forces = np.full(n, np.nan)
+    for start in range(0, n, BLOCK):
+        part = slice(start, min(start + BLOCK, n))
+        inputs = {k: x[part] for k, x in given.items()}
+        x = np.full(part.stop - part.start, float(p.value) or 1.0)
+        for _ in range(STEPS):
+            design = family.design({p: Dual(x, np.ones((1, x.size)))})
+            values = engine.run(inputs, plan.program.values(*design), x.size, 1)
+            drive = values[plan.layout[name][0]]
+            with np.errstate(all="ignore"):
+                step = (effort - drive.x) / drive.d[0]
+            done = np.abs(step) <= 64 * EPS * np.maximum(np.abs(x), np.abs(p.value) or 1.0)
+            x = x + np.where(np.isfinite(step), step, np.nan)
+            if (done | ~np.isfinite(x)).all():
+                break
+        forces[part] = np.where(done, x, np.nan)
+    if not np.isfinite(forces).any():
+        raise refused(p.address, f"no value of it makes {name} {effort:.6g}", "name a load")
+    return forces
+
+
+def _driver(mechanism: Compiled, driver: str | None) -> str:
+    """The driver that is meant. Raises `RequestError` where there is no such one."""
+    drivers = mechanism.drivers
+    own = drivers[0] if driver is None and len(drivers) == 1 else driver
+    if own is None or own not in drivers:
+        raise refused("driver", f"no driver {own!r}", f"drivers: {listed(drivers)}")
+    return own
+
+
+def _inputs(taken: Samples, plan: Plan) -> Mapping[str, Any]:
+    inputs = taken.given(plan.program.inputs)
+    return {name: inputs[name] for name in plan.program.inputs}

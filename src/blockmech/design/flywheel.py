@@ -1,0 +1,159 @@
+r"""The flywheel that keeps a machine's speed within a fluctuation.
+
+A constant moment T gives over a turn what the loads take; then the kinetic energy follows the
+loads, (J(q) + J_f) w^2 / 2 = E0 + int (tau + T) dq, and J_f is the root of the wanted fluctuation
+(w_max - w_min) / w_mean. Loads of the rate count at the mean speed.
+
+Source: Norton, Design of Machinery, 6th ed., 11.11 (flywheels).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from blockmech.analysis.limits import limits
+from blockmech.analysis.scan import NODES, TURN
+from blockmech.compiled import Compiled
+from blockmech.dynamics.system import System
+from blockmech.dynamics.tangents import refuse_signals
+from blockmech.functions.series import SCANNED, Floats, Series, fit, panels
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import refused
+from blockmech.ground.pictured import Pictured
+from blockmech.ground.plane import EPS
+from blockmech.ground.report import DEGREES, Facts
+
+
+@dataclass(frozen=True, repr=False)
+class Flywheel(Facts, Pictured):
+    """A flywheel on the driving crank, and the turn that it makes even.
+
+    Attributes
+    ----------
+    inertia : [kg m2] of the flywheel; 0 where none is needed
+    moment : [N m] of the motor, constant over the turn
+    fluctuation : (w_max - w_min) / w_mean [-] with it
+    without : that of the mechanism alone; infinite where it does not get round
+    speed : mean [rad/s]
+    q : (n,) [rad] over the period
+    speeds, speeds_without : (n,) [rad/s]
+    """
+
+    PICTURE = "blockmech.draw.balance:flywheel_figure"
+
+    FACTS = ("inertia", "moment", "fluctuation", "without", "speed")
+
+    inertia: float
+    moment: float
+    fluctuation: float
+    without: float
+    speed: float
+    q: Floats
+    speeds: Floats
+    speeds_without: Floats
+
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+        """The flywheel as a sentence."""
+        alone = f"{self.without:.4g}" if math.isfinite(self.without) else "it does not get round"
+        yield (
+            f"flywheel {self.inertia:.6g} kg m2 for a fluctuation of {self.fluctuation:.4g} at "
+            f"{self.speed:.6g} rad/s, motor {self.moment:.6g} N m; without it {alone}"
+        )
+
+
+class _Turn(NamedTuple):
+    """Inertia and energy over a turn as the loads and a constant moment leave it."""
+
+    q: Floats
+    share: Floats  # (n,) weights of the mean over q
+    J: Floats
+    energy: Floats  # [J] from the first place
+
+    def speeds(self, flywheel: float, mean: float) -> Floats:
+        """Speeds (n,) with a flywheel, by their mean in time; NaN where it does not get round."""
+        from scipy.optimize import brentq
+
+        J = self.J + flywheel
+        if not J.all():
+            return np.full(self.q.shape, np.nan)
+        least = float(np.max(-self.energy))
+
+        def late(E0: float) -> float:
+            w = np.sqrt(2 * np.maximum(E0 + self.energy, 0.0) / J)
+            return 1 / float(self.share @ (1 / np.maximum(w, math.sqrt(EPS)))) - mean
+
+        size = float(np.max(J)) * mean**2 + float(np.ptp(self.energy))
+        low = least + EPS * size
+        if late(low) > 0:  # it turns faster than that at least, or it would stand
+            return np.full(self.q.shape, np.nan)
+        E0 = brentq(late, low, least + 10 * size, xtol=EPS * size, rtol=8 * EPS)
+        return np.asarray(np.sqrt(2 * (E0 + self.energy) / J))
+
+
+def fluctuation_of(speeds: Floats, mean: float) -> float:
+    """(w_max - w_min) / w_mean [-]; infinite where it does not get round."""
+    return float(np.ptp(speeds)) / mean if np.isfinite(speeds).all() else math.inf
+
+
+@declared
+def flywheel(mechanism: Compiled, speed: float, fluctuation: float) -> Flywheel:
+    """The flywheel on the only crank that keeps its speed within a fluctuation.
+
+    The motor gives a constant moment. Loads of the rate count at the mean speed; joint friction
+    is left out.
+
+    Parameters
+    ----------
+    speed : mean [rad/s]
+    fluctuation : (w_max - w_min) / w_mean [-] that is allowed, e.g. 0.02
+
+    Raises `RequestError` unless there is one crank that turns fully, and for loads of the time.
+    """
+    from scipy.optimize import brentq
+
+    drivers = mechanism.drivers
+    if len(drivers) != 1 or not (
+        mechanism.driver_joint(drivers[0]).rotary and limits(mechanism).whole_turn
+    ):
+        raise refused("flywheel", "there is not one crank that turns fully", "a flywheel turns")
+    if not (speed > 0 and 0 < fluctuation < 2):
+        raise refused("fluctuation", f"got {fluctuation!r} at {speed!r} rad/s", "both are positive")
+    refuse_signals(mechanism)
+    system = System(mechanism)
+    if "time" in system.depends_on:
+        raise refused("flywheel", "loads follow the time", "let them follow the crank")
+    period = system.period or TURN
+    knots = [x for x in system.knots if 0 < x < period]
+    edges = np.unique([*panels(0.0, period, max(4, round(4 * period / TURN))), *knots])
+    load: Series = fit(lambda q: system.sample(q, speed).tau, edges, n=NODES)
+    work = load.integral()
+    moment = -float(work(np.array([period]))[0]) / period
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    fine = np.unique([*np.linspace(0.0, period, SCANNED // 8 + 1), *knots])
+    half = np.diff(fine) / 2
+    q = (fine[:-1, None] + half[:, None] * (1 + nodes)).ravel()
+    share = (half[:, None] * weights).ravel() / period
+    turn = _Turn(q, share, system.sample(q, speed).J, work(q) + moment * q)
+    if not (turn.J.any() or np.ptp(turn.energy)):
+        raise refused("flywheel", "nothing has inertia, and no load works", "give links a mass")
+    alone = turn.speeds(0.0, speed)
+    without = fluctuation_of(alone, speed)
+    if without <= fluctuation:
+        return Flywheel(0.0, moment, without, without, speed, q, alone, alone)
+
+    def beyond(log: float) -> float:
+        return min(fluctuation_of(turn.speeds(math.exp(log), speed), speed), 1e3) - fluctuation
+
+    guess = math.log(
+        (float(np.ptp(turn.energy)) + float(np.ptp(turn.J)) * speed**2) / (fluctuation * speed**2)
+    )
+    inertia = math.exp(brentq(beyond, guess - 12, guess + 3, xtol=1e-13, rtol=8 * EPS))
+    speeds = turn.speeds(inertia, speed)
+    return Flywheel(
+        inertia, moment, fluctuation_of(speeds, speed), without, speed, q, speeds, alone
+    )

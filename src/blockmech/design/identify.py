@@ -1,0 +1,411 @@
+r"""Identification: numbers of a mechanism from what was measured on it.
+
+Measured are coordinates of the drivers (with rates and accelerations where they matter) and any
+outputs: driving efforts, reactions, places, angles; of a free motion, that the driving effort is
+zero. The numbers p minimise
+
+    sum over columns and samples of ((measured - output(p)) / noise of the column)^2
+
+by SciPy's `least_squares` on exact derivatives, joint friction included. The noise of a column
+is estimated from its own residual. A long record is fitted by a part of its samples first; then
+Gauss-Newton steps on all of it follow until they are below the numbers' own scatter.
+
+Columns of the Jacobian that depend on each other are numbers that the data cannot tell apart.
+By QR with pivoting the rest are taken as base numbers, each with the share of those that depend
+on it: what the data tell is the sum, and the sum is what is given. A number that nothing
+depends on, or that scatters by more than its own size, is named and never given a value.
+
+Deviations are the robust ones (HC3), which hold also where the noise follows the size of what is
+measured.
+
+Sources: Gautier, Numerical calculation of the base inertial parameters of robots, J. Robotic
+Systems 8 (1991); MacKinnon & White, J. Econometrics 29 (1985): HC3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.analysis.deflections import refuse_deflections
+from blockmech.compiled import Compiled
+from blockmech.design.measurements import Record, part_of, record_of
+from blockmech.engines.derivatives import DualEngine
+from blockmech.engines.dual import slope, value
+from blockmech.functions.series import Floats
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import BlockmechError, listed, refused
+from blockmech.ground.pictured import Pictured
+from blockmech.ground.report import DEGREES, Facts
+from blockmech.model.joints.varied import Varied
+from blockmech.model.parameters import Parameter
+from blockmech.plan.plan import Plan
+from blockmech.result.exported import aligned
+from blockmech.studies.differentiate import chosen_numbers, program_numbers
+from blockmech.studies.family import remade
+from blockmech.studies.sensitivity import size_of
+from blockmech.studies.variation import Variation, is_written_out, of_links
+from blockmech.typing import FrictionMethod
+
+PART = 512  # samples of a long record that are fitted first
+FULL = 8  # steps on all samples at most; after the first fit one or two are enough
+ENOUGH = 1e-2  # of a number's standard deviation: a step that changes nothing any more
+SAME = 1e-8  # relative: what rounding leaves of columns that depend on each other
+FAR = 1e9  # times the noise: the residual of a design that cannot be
+NOISE = 1e-12  # of the largest value of a column: the least noise that it is taken to have
+START = 1e-3  # of the largest value of a column: the least that it is first weighed by
+PATTERN = 5.0  # standard deviations of how often neighbours agree: a residual is no noise
+
+
+class Combination(NamedTuple):
+    """What the data tell of numbers that they cannot tell apart.
+
+    weights : address -> factor; the first one's is 1
+    value : of the sum, in the unit of the first number
+    deviation : its standard deviation
+    """
+
+    weights: Mapping[str, float]
+    value: float
+    deviation: float
+
+    def __str__(self) -> str:
+        terms = []
+        for a, w in self.weights.items():
+            size = f"{abs(w):.6g}"
+            terms.append(f"{'-' if w < 0 else '+'} {a if size == '1' else f'{size} {a}'}")
+        return " ".join(terms).removeprefix("+ ")
+
+
+@dataclass(frozen=True, repr=False)
+class Identification(Facts, Pictured):
+    """Numbers that were identified.
+
+    Attributes
+    ----------
+    mechanism : with the numbers that were identified
+    values : address -> value, of the numbers that the data tell
+    deviations : address -> standard deviation
+    combinations : what the data tell of numbers that they cannot tell apart
+    unseen : numbers that no measured column depends on, or that scatter by more than themselves
+    noise : column -> standard deviation of its residual
+    residuals : column -> measured less computed (n,)
+    coordinate : (n,) of the first driver, over which residuals are drawn
+    units : column or address -> unit
+    doubts : columns whose residual is no noise: the model misses something there
+    notes : what should be known
+    """
+
+    PICTURE = "blockmech.draw.identify:identification_figure"
+
+    FACTS = ("values", "deviations", "unseen", "noise", "units", "doubts", "combinations")
+
+    mechanism: Compiled
+    values: Mapping[str, float]
+    deviations: Mapping[str, float]
+    combinations: tuple[Combination, ...]
+    unseen: tuple[str, ...]
+    noise: Mapping[str, float]
+    residuals: Mapping[str, Floats]
+    coordinate: Floats
+    units: Mapping[str, str]
+    doubts: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, address: str) -> float:
+        if address not in self.values:
+            found = (
+                "the data do not tell it" if address in self.not_apart else "it was not asked for"
+            )
+            raise refused(address, found, f"identified: {listed(self.values)}")
+        return self.values[address]
+
+    @property
+    def not_apart(self) -> frozenset[str]:
+        """Numbers without a value of their own."""
+        return frozenset([*self.unseen, *(a for c in self.combinations for a in c.weights)])
+
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+        """The numbers with their scatter, then what the data do not tell."""
+        rows = [
+            (a, f"{x:.7g} {self.units[a]}".rstrip(), f"± {self.deviations[a]:.2g}")
+            for a, x in self.values.items()
+        ]
+        if rows:
+            yield from aligned(("number", "value", "standard deviation"), rows)
+        for c in self.combinations:
+            yield f"only together: {c} = {c.value:.7g} ± {c.deviation:.2g}"
+        if self.unseen:
+            yield f"not seen in the data: {listed(self.unseen)}"
+        for name, sigma in self.noise.items():
+            yield f"residual of {name}: {sigma:.4g} {self.units[name]}".rstrip()
+        for name in self.doubts:
+            yield f"{name} leaves a pattern, not noise: the model misses something there"
+        yield from self.notes
+
+
+# -- fitting -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Outputs and their derivatives by some numbers, at the samples of a record."""
+
+    mechanism: Compiled
+    chosen: Mapping[str, Parameter]
+    record: Record
+    settings: Mapping[str, Any]
+
+    @cached_property
+    def _near(self) -> tuple[Variation, Plan]:
+        """The mechanism as these numbers vary, and its plan."""
+        near = Variation.of(self.mechanism, self.chosen.values())
+        outputs = (part_of(self.mechanism, n)[0] for n in self.record.columns)
+        return near, near.general.plan(tuple(dict.fromkeys(outputs)), **self.settings)
+
+    def _about(self, x: Floats) -> tuple[Variation, Plan, dict[str, Parameter]]:
+        """The same about other numbers, whatever the file says of them by themselves.
+
+        Of links and joints it is the document that is decomposed again.
+        """
+        numbers = dict(zip(self.chosen, x.tolist(), strict=True))
+        chosen = {a: p._replace(value=numbers[a]) for a, p in self.chosen.items()}
+        if of_links(self.mechanism) or is_written_out(self.mechanism):
+            other = replace(self, mechanism=remade(self.mechanism, numbers), chosen=chosen)
+            return *other._near, chosen
+        near, plan = self._near
+        seeds = zip(chosen.values(), np.eye(len(chosen)), strict=True)
+        return replace(near, numbers={p.path: Varied(p.value, e) for p, e in seeds}), plan, chosen
+
+    def at(self, x: Floats, rows: Any = slice(None)) -> tuple[Floats, NDArray[Any]]:
+        """Residuals (c, n) and derivatives (c, n, k) of the outputs at numbers (k,).
+
+        Raises `BlockmechError` for a design that does not assemble.
+        """
+        near, plan, chosen = self._about(x)
+        parts = [part_of(self.mechanism, n) for n in self.record.columns]
+        sizes = np.array([size_of(p, chosen.values()) for p in chosen.values()])
+        seeds = np.diag(sizes)
+        taken = self.record.samples.at(rows) if not isinstance(rows, slice) else self.record.samples
+        refuse_deflections(self.mechanism, plan, "derivatives")
+        given = {k: np.asarray(v) for k, v in taken.given(plan.program.inputs).items()}
+        shape = len(chosen), taken.n
+        values = DualEngine(plan.program).run(
+            given, program_numbers(plan, near, seeds), *shape[::-1]
+        )
+        outputs, residuals, slopes = near.outputs(seeds), [], []
+        with np.errstate(all="ignore"):
+            for (output, part), measured in zip(parts, self.record.columns.values(), strict=True):
+                made = outputs[output].read(*(values[i] for i in plan.layout[output]))
+                made = {"x": lambda m: m.real, "y": lambda m: m.imag, "": lambda m: m}[part](made)
+                residuals.append(measured[rows] - np.broadcast_to(value(made), shape[1:]))
+                slopes.append((np.broadcast_to(slope(made), shape) / sizes[:, None]).T)
+        return np.array(residuals), np.array(slopes)
+
+
+def _solved(fit: _Fit, kept: list[int], start: Floats, sizes: Floats) -> Floats:
+    """Numbers that fit best, those not kept where they are."""
+    from scipy.optimize import least_squares
+
+    n = fit.record.samples.n
+    rows = np.unique(np.linspace(0, n - 1, min(n, PART)).astype(int))
+    measured = np.array([*fit.record.columns.values()])
+    largest = np.abs(measured).max(axis=1)
+    largest = np.where(largest > 0, largest, 1.0)
+    least = NOISE * largest
+    weight = 1.0 / np.maximum(np.std(measured, axis=1), START * largest)
+    last: dict[str, Any] = {}
+
+    def evaluated(u: Floats) -> tuple[Floats, NDArray[Any]]:
+        if last.get("u") != u.tobytes():
+            x = start.copy()
+            x[kept] = u * sizes[kept]
+            try:
+                r, d = fit.at(x, rows)
+            except BlockmechError:
+                r = np.full((len(weight), len(rows)), FAR / weight[:, None])
+                d = np.zeros((*r.shape, len(start)))
+            last.update(u=u.tobytes(), r=r, d=d)
+        return last["r"], last["d"]
+
+    def residual(u: Floats) -> Floats:
+        r = np.nan_to_num(evaluated(u)[0] * weight[:, None], nan=FAR, posinf=FAR, neginf=-FAR)
+        return np.asarray(r).ravel()
+
+    def jacobian(u: Floats) -> Floats:
+        d = evaluated(u)[1] * weight[:, None, None]
+        return np.asarray(-np.nan_to_num(d[..., kept] * sizes[kept]).reshape(-1, len(kept)))
+
+    x = start.copy()
+    for _ in range(2):  # by the size of the columns first, then by their noise
+        optimum = least_squares(
+            residual, x[kept] / sizes[kept], jacobian, method="lm", xtol=1e-10, ftol=1e-10
+        )
+        x[kept] = optimum.x * sizes[kept]
+        noise = np.sqrt(np.mean(evaluated(optimum.x)[0] ** 2, axis=1))
+        weight = 1.0 / np.maximum(noise, least)
+    return x
+
+
+def _covariance(r: Floats, J: Floats) -> Floats:
+    """HC3 covariance of numbers from weighted residuals (n,) and their Jacobian (n, k)."""
+    bread = np.linalg.inv(J.T @ J)
+    leverage = np.minimum(np.einsum("ij,jk,ik->i", J, bread, J), 1 - 1e-6)
+    meat = J * (r / (1 - leverage))[:, None]
+    return np.asarray(bread @ (meat.T @ meat) @ bread)
+
+
+def dependent(J: Floats) -> tuple[list[int], list[int], Floats]:
+    """Base columns of a matrix (n, k), those that depend on them, and how (base, dependent).
+
+    By QR with pivoting: J[:, dependent] = J[:, base] @ how.
+    """
+    from scipy.linalg import qr, solve_triangular
+
+    if not J.shape[1]:
+        return [], [], np.zeros((0, 0))
+    _, R, order = qr(J, mode="economic", pivoting=True)
+    size = np.abs(np.diag(R))
+    rank = int((size > SAME * size.max(initial=0.0)).sum()) if size.size else 0
+    how = solve_triangular(R[:rank, :rank], R[:rank, rank:]) if rank else np.zeros((0, J.shape[1]))
+    how = np.where(np.abs(how) > math.sqrt(SAME), how, 0.0)
+    return order[:rank].tolist(), order[rank:].tolist(), how
+
+
+@declared
+def identify(
+    mechanism: Compiled,
+    numbers: Iterable[str] | str,
+    data: Any,
+    *,
+    friction: FrictionMethod | None = None,
+    static: bool = False,
+) -> Identification:
+    """Numbers of a mechanism from measured coordinates, efforts, reactions or places.
+
+    Parameters
+    ----------
+    numbers : addresses of what is to be identified (`Mechanism.parameters`); the search starts
+        from the mechanism's own values
+    data : a CSV file, a DataFrame, or a mapping column -> (n,)
+        Columns are called as outputs: ``crank.q`` of every driver, and ``crank.rate``,
+        ``crank.acceleration`` where they are not the law's; the others are what was measured,
+        e.g. ``crank.drive``, ``dyad.C.p.x``, ``dyad.D.reaction.y``. Heads may have a unit,
+        ``crank.q [deg]``. Of a free motion ``crank.drive`` is zero.
+    friction, static : as those of a run
+
+    Returns
+    -------
+    Identification, with standard deviations; a number that the data do not tell is named and
+    has no value
+
+    Raises
+    ------
+    RequestError for unknown numbers or columns, data that are none, or fewer rows than numbers
+
+    >>> import numpy as np
+    >>> import blockmech as bm
+    >>> mech = bm.Graph.load("graphs/ruiz_fourbar.json").compile()  # doctest: +SKIP
+    >>> run = mech.run(at=np.linspace(0, 6, 50), want="crank.drive")  # doctest: +SKIP
+    >>> mech.identify("dyad.links.j.mass", run.to_dataframe())  # doctest: +SKIP
+    """
+    chosen = chosen_numbers(mechanism, (numbers,) if isinstance(numbers, str) else tuple(numbers))
+    record = record_of(mechanism, data)
+    if record.samples.n * len(record.columns) <= len(chosen):
+        found = f"{record.samples.n} rows for {len(chosen)} numbers"
+        raise refused("data", found, "measure more, or identify less")
+    settings = {"friction": friction, "static": static or record.samples.at_rest}
+    fit = _Fit(mechanism, chosen, record, settings)
+    start = np.array([float(p.value) for p in chosen.values()])
+    sizes = np.array([size_of(p, chosen.values()) for p in chosen.values()])
+    names, k = [*chosen], len(chosen)
+    n = record.samples.n
+    rows = np.unique(np.linspace(0, n - 1, min(n, PART)).astype(int))
+    _, d = fit.at(start, rows)
+    scale = np.abs([*record.columns.values()]).max(axis=1)
+    scale = np.where(scale > 0, scale, 1.0)
+    J = (d * sizes / scale[:, None, None]).reshape(-1, k)
+    seen = [i for i in range(k) if np.abs(J[:, i]).max() > SAME * np.abs(J).max(initial=0.0)]
+    columns, others, how = dependent(J[:, seen])
+    base, rest = [seen[i] for i in columns], [seen[i] for i in others]
+    x = _solved(fit, base, start, sizes) if base else start
+    cov = np.empty((0, 0))
+    for _ in range(FULL):
+        r, d = fit.at(x)
+        noise = np.maximum(np.sqrt(np.mean(r**2, axis=1)), NOISE * scale)
+        if not base:
+            break
+        weighted = (r / noise[:, None]).ravel()
+        J = (d[..., base] * sizes[base] / noise[:, None, None]).reshape(-1, len(base))
+        cov = _covariance(weighted, J)
+        step = np.linalg.lstsq(J, weighted, rcond=None)[0]
+        if n <= PART or np.abs(step / np.sqrt(np.diag(cov))).max() <= ENOUGH:
+            break
+        x[base] += step * sizes[base]
+    return _made(fit, names, x, (base, rest, how, seen), sizes, cov, r, noise)
+
+
+def _made(
+    fit: _Fit,
+    names: list[str],
+    x: Floats,
+    parts: tuple[list[int], list[int], Floats, list[int]],
+    sizes: Floats,
+    cov: Floats,
+    r: Floats,
+    noise: Floats,
+) -> Identification:
+    base, rest, how, seen = parts
+    values: dict[str, float] = {}
+    deviations: dict[str, float] = {}
+    together: list[Combination] = []
+    unseen = [names[i] for i in range(len(names)) if i not in seen]
+    for row, i in enumerate(base):
+        deviation = math.sqrt(cov[row, row]) * sizes[i]
+        if deviation > max(sizes[i], abs(x[i])):
+            unseen.append(names[i])
+            continue
+        weights = {names[i]: 1.0}
+        weights |= {
+            names[j]: w * sizes[i] / sizes[j] for j, w in zip(rest, how[row], strict=True) if w
+        }
+        if len(weights) == 1:
+            values[names[i]], deviations[names[i]] = float(x[i]), float(deviation)
+        else:
+            total = sum(w * x[names.index(a)] for a, w in weights.items())
+            together.append(Combination(weights, float(total), float(deviation)))
+    lone = [names[j] for n, j in enumerate(rest) if not how[:, n].any()]
+    known = {a: p.unit for a, p in fit.chosen.items()}
+    columns = [*fit.record.columns]
+    outputs = fit.mechanism.outputs
+    units = known | {c: outputs[part_of(fit.mechanism, c)[0]].unit for c in columns}
+    order = np.argsort(fit.record.coordinate, kind="stable")
+    doubts = [c for c, row in zip(columns, r, strict=True) if _is_pattern(row[order])]
+    shown = dict(sorted(values.items(), key=lambda kv: names.index(kv[0])))
+    notes = []
+    try:
+        made = remade(fit.mechanism, values) if values else fit.mechanism
+    except BlockmechError as error:
+        made, notes = fit.mechanism, [f"no mechanism has these numbers: {error.problems[0].found}"]
+    return Identification(
+        made, shown, deviations, tuple(together), tuple(dict.fromkeys([*unseen, *lone])),
+        dict(zip(columns, noise.tolist(), strict=True)), dict(zip(columns, r, strict=True)),
+        fit.record.coordinate, units, tuple(doubts), tuple(notes),
+    )  # fmt: skip
+
+
+def _is_pattern(r: Floats) -> bool:
+    """Whether neighbours of a residual (n,) have the same sign more often than noise has.
+
+    Signs, as noise that follows the size of what is measured is no pattern.
+    """
+    if len(r) <= 8:
+        return False
+    signs = np.sign(r)
+    return bool(np.mean(signs[1:] * signs[:-1]) > PATTERN / math.sqrt(len(r)))

@@ -1,0 +1,406 @@
+r"""Linear models: how a mechanism vibrates about rest or a steady motion.
+
+About a state q0, q0', q0'' that the drivers keep up with the effort u0, small disturbances x obey
+
+    M x'' + C x' + K x = f
+
+with M, C, K the derivatives of the driving effort (`blockmech.dynamics.tangents`), exact to
+rounding, and f what is added to u0. From them natural frequencies and modes, the state space
+
+    z' = A z + B f,    y = C z + D f,    z = (x, x'),
+
+with outputs and inputs by name, and its frequency response. Where signal blocks drive loads,
+z = (x, x', s) has their states s, too: closed loops are in A, and what a block without inputs
+holds, ``setpoint.y``, is an input by its name.
+
+Sources: Shabana, Dynamics of Multibody Systems, 4th ed.; Meirovitch, Fundamentals of Vibrations,
+2001, ch. 7; Ogata, Modern Control Engineering, 2010, section 2-7.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.analysis.equilibrium import Equilibrium, natural_frequencies
+from blockmech.dynamics.tangents import refuse_friction_states
+from blockmech.functions.series import Floats
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import close_match, listed, needed, refused
+from blockmech.ground.files import AnyPath
+from blockmech.ground.pictured import Pictured, drawing
+from blockmech.ground.report import DEGREES, Facts, places, with_unit
+from blockmech.studies.derivatives_at import (
+    Derivatives,
+    derivatives_at,
+    initial_states,
+    refuse_sampled,
+    sources_of,
+    states_of,
+)
+from blockmech.studies.differentiate import chosen_numbers
+from blockmech.typing import Coordinates, FrictionMethod
+
+if TYPE_CHECKING:
+    from blockmech.compiled import Compiled
+
+DECADES = 2.0  # of frequency below the lowest and above the highest mode that are shown
+SHOWN = 400  # frequencies of a response
+SAME = 1e-9  # relative: no oscillation, no growth
+NOUGHT = 1e-13  # relative: what eigenvalues leave of no damping
+SWING = 0.2  # [rad] or share of a metre: amplitude of a mode that is shown
+ROUNDS = 25  # of Newton's method for states of signals at rest
+
+
+class Mode(NamedTuple):
+    """One mode of vibration.
+
+    value : eigenvalue [1/s]
+    frequency : its magnitude [rad/s], the natural frequency
+    damping : ratio [-], 1 and above where it does not swing, negative where it grows
+    shape : (k,) complex amplitudes of the drivers' coordinates, the largest 1; 0 of signals alone
+    """
+
+    value: complex
+    frequency: float
+    damping: float
+    shape: NDArray[np.complex128]
+
+    @property
+    def damped_frequency(self) -> float:
+        """At which it swings [rad/s]: the natural one times sqrt(1 - damping^2)."""
+        return abs(self.value.imag)
+
+
+@dataclass(frozen=True, repr=False)
+class Linearization(Facts, Pictured):
+    """A mechanism about a state, as a linear system.
+
+    Attributes
+    ----------
+    mechanism : the mechanism
+    at, rates : driver -> coordinate [rad or m] and rate, about which it is linear
+    effort : (k,) [N m or N] that keeps up the state: zero at an equilibrium
+    M, damping, K : (k, k) by accelerations, rates and coordinates
+    A, B, C, D : of the state space, for z = (x, x', s), inputs and outputs
+    states : state of a signal block, ``pid.integral`` -> its value; their disturbances are s
+    inputs, outputs : their names
+    units : name of an input or output -> unit
+    notes : what should be known
+    """
+
+    PICTURE = "blockmech.draw.linearize:bode_figure"
+
+    FACTS = (
+        *("effort", "M", "damping", "K", "A", "B", "C", "D", "frequencies", "eigenvalues"),
+        *("at", "rates", "states", "inputs", "outputs", "units", "notes"),
+    )
+
+    mechanism: Compiled
+    at: Mapping[str, float]
+    rates: Mapping[str, float]
+    effort: Floats
+    M: Floats
+    damping: Floats
+    K: Floats
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: Mapping[str, str]
+    notes: tuple[str, ...] = ()
+    states: Mapping[str, float] = field(default_factory=dict)
+
+    def animate(
+        self, mode: int = 0, path: AnyPath | None = None, *, amplitude: float = SWING
+    ) -> Any:
+        """One mode in motion: its shape, swinging about the pose.
+
+        Parameters
+        ----------
+        mode : which of `modes`
+        path : a .gif, .html or .mp4 file
+        amplitude : [rad or m] of the driver that swings most
+
+        Returns a `blockmech.draw.Animation`. Raises `RequestError` for a mode that there is not,
+        and the errors of a run where the amplitude leaves the range in which the mechanism closes.
+        """
+        return drawing("blockmech.draw.linearize:animate_mode")(self, mode, path, amplitude)
+
+    @property
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Eigenvalues (2k + n,) [1/s] of A, the least damped first."""
+        values = np.linalg.eigvals(self.A).astype(complex)
+        return np.asarray(values[np.argsort(-values.real, kind="stable")])
+
+    @property
+    def frequencies(self) -> Floats:
+        """Natural frequencies [rad/s] without damping, rising."""
+        return natural_frequencies(self.M, self.K)
+
+    @property
+    def stable(self) -> bool:
+        """Whether no disturbance grows."""
+        values = self.eigenvalues
+        return bool(values[0].real <= SAME * np.abs(values).max())
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes, slowest first; of a conjugate pair the one with a positive frequency."""
+        values, vectors = np.linalg.eig(self.A)
+        values = np.where(np.abs(values.real) <= NOUGHT * np.abs(values), 1j * values.imag, values)
+        k, modes = len(self.M), []
+        for value, vector in zip(values.tolist(), vectors.T, strict=True):
+            value = complex(value)
+            if value.imag < -SAME * abs(value):
+                continue
+            shape = np.asarray(vector[:k], complex)
+            largest = shape[np.argmax(np.abs(shape))]
+            shape = shape / largest if abs(largest) > NOUGHT else np.zeros(k, complex)
+            size = abs(value)
+            modes.append(Mode(value, size, 0.0 - value.real / size if size else 0.0, shape))
+        return tuple(sorted(modes, key=lambda m: (m.frequency, m.value.real)))
+
+    def response(self, frequencies: Any) -> NDArray[np.complex128]:
+        """Frequency response (n, outputs, inputs) at angular frequencies (n,) [rad/s].
+
+        C (iw - A)^-1 B + D; infinite where it resonates without damping.
+        """
+        w = np.atleast_1d(np.asarray(frequencies, float))
+        whole = 1j * w[:, None, None] * np.eye(len(self.A)) - self.A
+        with np.errstate(all="ignore"):
+            try:
+                z = np.linalg.solve(whole, np.broadcast_to(self.B, (len(w), *self.B.shape)))
+            except np.linalg.LinAlgError:
+                z = np.linalg.pinv(whole) @ self.B
+        return np.asarray(self.C @ z + self.D)
+
+    def around(self) -> Floats:
+        """Angular frequencies [rad/s] about all modes, as a picture shows them."""
+        sizes = [m.frequency for m in self.modes if m.frequency > 0] or [1.0]
+        low, high = math.log10(min(sizes)) - DECADES / 2, math.log10(max(sizes)) + DECADES / 2
+        return np.logspace(low, high, SHOWN)
+
+    def to_statespace(self) -> Any:
+        """The system as a `scipy.signal.StateSpace`."""
+        from scipy.signal import StateSpace
+
+        return StateSpace(self.A, self.B, self.C, self.D)
+
+    def to_control(self) -> Any:
+        """The system as a `control.StateSpace`; its names have _ for the dots it does not take.
+
+        Raises `MissingEngineError` without the package control (extra ``control``).
+        """
+        control: Any = needed("control", "to_control", "control", "to_statespace() needs SciPy")
+        inputs, outputs = ([n.replace(".", "_") for n in x] for x in (self.inputs, self.outputs))
+        return control.ss(self.A, self.B, self.C, self.D, inputs=inputs, outputs=outputs)
+
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+        """The state and the modes, one a line."""
+        m = self.mechanism
+        at = {m.of_driver(d, "q"): q for d, q in self.at.items()}
+        yield f"about {places(at, {name: m.outputs[name].unit for name in at}, degrees)}"
+        if self.states:
+            yield f"with {', '.join(f'{n} = {x:.9g}' for n, x in self.states.items())}"
+        for d, x in zip(self.at, self.effort.tolist(), strict=True):
+            drive = m.of_driver(d, "drive")
+            yield f"{drive} = {with_unit(x, m.outputs[drive].unit)} keeps it up"
+        for mode in self.modes:
+            ways = ", ".join(
+                f"{abs(z):.3g} at {math.degrees(cmath.phase(z)):.0f}°" for z in mode.shape
+            )
+            if mode.damped_frequency > SAME * mode.frequency:
+                hertz = mode.frequency / math.tau
+                row = f"mode: natural frequency {mode.frequency:.9g} rad/s ({hertz:.6g} Hz)"
+                if abs(mode.damping) > SAME:
+                    row += f", damped {mode.damped_frequency:.9g} rad/s"
+                row += f", damping ratio {mode.damping:.4g}"
+                yield row + (f", shape {ways}" if len(mode.shape) > 1 else "")
+            else:
+                yield f"no oscillation: exp({mode.value.real:.9g} t)"
+        yield from self.notes
+
+
+@declared
+def linearize(
+    mechanism: Compiled,
+    at: Coordinates | Equilibrium | None = None,
+    *,
+    rates: Coordinates | None = None,
+    states: Mapping[str, float] | None = None,
+    time: float = 0.0,
+    inputs: Iterable[str] | str = (),
+    outputs: Iterable[str] | str = (),
+    friction: FrictionMethod | None = None,
+) -> Linearization:
+    """The linear system of small disturbances about a pose or a steady motion.
+
+    Parameters
+    ----------
+    at : driver -> coordinate [rad or m], or one of `equilibria`; by default the only stable
+        equilibrium
+    rates : driver -> rate [rad/s or m/s] of a motion that the drivers keep up; default rest
+    states : ``pid.integral`` -> value, of signal blocks; those that are not given are such that
+        signals rest and the loads balance as far as they can
+    time : [s], where loads or signals follow the time
+    inputs : besides the efforts of the drivers (``crank.drive``), which are always inputs:
+        addresses of numbers, e.g. ``push.force.x`` (`Mechanism.parameters`), and outputs of
+        signal blocks that are held from outside, e.g. ``setpoint.y`` of a step
+    outputs : names of outputs that are a number, e.g. ``dyad.C.p.x``; by default the
+        coordinates of the drivers
+    friction : as that of a run, for joints that slip at the rates; at rest joint friction has no
+        linear part and is left out
+
+    Returns
+    -------
+    Linearization
+
+    Raises
+    ------
+    RequestError for unknown names, a pose that is not given, drivers that move no mass, or
+    signal blocks that are sampled
+    AssemblyError where the pose cannot be
+    """
+    refuse_sampled(mechanism)
+    q, qd = _state(mechanism, at, rates)
+    slips = bool(qd.any()) and bool(mechanism.frictional_joints) and friction != "none"
+    if slips:
+        refuse_friction_states(mechanism)
+    drivers = dict(zip(mechanism.drivers, q.tolist(), strict=True))
+    efforts = [mechanism.of_driver(d, "drive") for d in mechanism.drivers]
+    wanted = _outputs(mechanism, _names(outputs))
+    sources, own = sources_of(mechanism), states_of(mechanism)
+    extra = _names(inputs)
+    known = chosen_numbers(mechanism, [n for n in extra if n not in sources])
+    motion = q, qd, np.zeros_like(q)
+    x, notes = _signals(mechanism, motion, time, states or {}, slips)
+    of = derivatives_at(mechanism, motion, x, time, outputs=wanted, numbers=known, friction=slips)
+    if not of.margin > 0:  # the run's own error says which group fails
+        mechanism.run(drivers, want=[mechanism.of_driver(d, "tau_red") for d in drivers])
+    fed = [(n in sources, sources[n] if n in sources else [*known].index(n)) for n in extra]
+    space = _space(of, len(q), [*own.values()], fed)
+    k = len(q)
+    K, damping, M = (of.by[:k, i * k : (i + 1) * k] for i in range(3))
+    units = {n: mechanism.outputs[n].unit for n in (*efforts, *wanted)}
+    units |= {n: mechanism.outputs[n].unit if n in sources else known[n].unit for n in extra}
+    if mechanism.frictional_joints and not slips:
+        notes.append("friction of joints is left out: what rests by it does not vibrate")
+    speeds = dict(zip(mechanism.drivers, qd.tolist(), strict=True))
+    return Linearization(
+        mechanism, drivers, speeds, of.effort, M, damping, K, *space, (*efforts, *extra), wanted,
+        units, tuple(notes), {n: float(x[i]) for n, i in own.items()},
+    )  # fmt: skip
+
+
+def _signals(
+    mechanism: Compiled,
+    motion: tuple[Floats, Floats, Floats],
+    t: float,
+    given: Mapping[str, float],
+    slips: bool,
+) -> tuple[Floats, list[str]]:
+    """States (n,) of all signal blocks, those that are not given at rest, and what to know."""
+    own, x = states_of(mechanism), initial_states(mechanism, t)
+    for name, number in given.items():
+        if name not in own:
+            remedy = close_match(name, [*own])
+            raise refused(f"states[{name}]", "no state has that name", remedy, listed(own))
+        x[own[name]] = float(number)
+    free = [i for n, i in own.items() if n not in given]
+    k = len(motion[0])
+    of: Derivatives | None = None
+    for _ in range(ROUNDS if free else 0):
+        of = derivatives_at(mechanism, motion, x, t, numbers={}, friction=slips)
+        y = np.concatenate([of.effort, of.rates])
+        step = np.linalg.lstsq(of.by[: len(y), [3 * k + i for i in free]], -y, rcond=None)[0]
+        x[free] += step
+        if np.abs(step).max() <= SAME * np.abs(x[free]).max(initial=SAME):
+            break
+    notes = []
+    if of is not None and np.abs(of.rates).max(initial=0.0) > SAME * (1 + np.abs(x).max()):
+        notes.append("signals do not rest in this state: the model holds while they stay near it")
+    return x, notes
+
+
+def _space(
+    of: Derivatives, k: int, own: list[int], extra: list[tuple[bool, int]]
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """A, B, C, D of z = (x, x', s) from derivatives by motion, signals and numbers.
+
+    With M x'' = f - K x - C x' - U s - V v of inputs f and v, accelerations go into all rows.
+    """
+    n = len(of.rates)
+    q, qd, qdd = (slice(i * k, (i + 1) * k) for i in range(3))
+    s = [3 * k + i for i in own]
+    v = [3 * k + i if held else 3 * k + n + i for held, i in extra]
+    u = of.by[:k]
+    if np.linalg.matrix_rank(u[:, qdd]) < k:
+        raise refused("linearize", "a driver moves no mass here", "give its links mass or inertia")
+    inverse = np.linalg.inv(u[:, qdd])
+    by_z = -inverse @ np.hstack([u[:, q], u[:, qd], u[:, s]])  # of the accelerations
+    by_in = inverse @ np.hstack([np.eye(k), -u[:, v]])
+
+    def rows(of_rows: Floats) -> tuple[Floats, Floats]:
+        direct = np.hstack([of_rows[:, q], of_rows[:, qd], of_rows[:, s]])
+        fed = np.hstack([np.zeros((len(of_rows), k)), of_rows[:, v]])
+        return direct + of_rows[:, qdd] @ by_z, fed + of_rows[:, qdd] @ by_in
+
+    size = 2 * k + len(s)
+    signals, fed = rows(of.by[k + np.array(own, int)])
+    A = np.vstack([np.eye(k, size, k), by_z, signals])
+    B = np.vstack([np.zeros_like(by_in), by_in, fed])
+    return A, B, *rows(of.by[k + n :])
+
+
+def _outputs(mechanism: Compiled, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of outputs, by default the coordinates. Raises `RequestError` for what is no number."""
+    if not names:
+        return tuple(mechanism.of_driver(d, "q") for d in mechanism.drivers)
+    matched = tuple(mechanism.outputs.match(names))
+    for name in matched:
+        kind = mechanism.outputs[name].kind
+        if kind == "vector":
+            raise refused(name, "it is a vector", f"name {name}.x or {name}.y")
+        if kind != "real":
+            raise refused(name, f"it is a {kind}", "name an output that is a number a pose")
+    return matched
+
+
+def _names(given: Iterable[str] | str) -> tuple[str, ...]:
+    return (given,) if isinstance(given, str) else tuple(given)
+
+
+def _state(mechanism: Compiled, at: Any, rates: Any) -> tuple[Floats, Floats]:
+    """Coordinates and rates (k,) of a request."""
+    if not mechanism.drivers:
+        raise refused("linearize", "the mechanism has no driver", "what does not move has no modes")
+    if at is None:
+        stable = [
+            e
+            for e in mechanism.equilibria(friction="none")  # type: ignore[attr-defined]
+            if e.kind == "stable" and not e.stop
+        ]
+        if len(stable) != 1:
+            words = f"there are {len(stable)} stable equilibria"
+            remedy = "give at=, a pose or one of equilibria()"
+            valid = listed(e.text() for e in stable) if stable else ""
+            raise refused("at", words, remedy, valid)
+        at = stable[0]
+    if isinstance(at, Equilibrium):
+        at = dict(zip(mechanism.drivers, at.q.tolist(), strict=True))
+    none = dict.fromkeys(mechanism.drivers, 0.0)
+    taken = mechanism.samples(at, None, None, none if rates is None else rates, none)
+    if taken.n != 1:
+        raise refused("at", f"it names {taken.n} poses", "give one number for each driver")
+    k = len(mechanism.drivers)
+    q, qd = ([float(np.ravel(taken.inputs[f"{x}_{i}"])[0]) for i in range(k)] for x in ("q", "qd"))
+    return np.array(q), np.array(qd)

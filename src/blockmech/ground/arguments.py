@@ -1,0 +1,111 @@
+"""What a call is given, against what its signature says: one message for all that does not fit.
+
+The signature is the declaration; nothing is said twice. Numbers in arrays, names and values are
+checked where they are used, which knows what is valid there.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+import types
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Integral, Real
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin
+
+import numpy as np
+
+from blockmech.ground.errors import Problem, RequestError
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+WORDS: Mapping[Any, str] = {
+    str: "a text",
+    bool: "True or False",
+    int: "a whole number",
+    float: "a number",
+    os.PathLike: "a path",
+    Mapping: "a mapping",
+    dict: "a mapping",
+}
+"""What an argument of a type is called. A class of our own says it itself, as ``called``."""
+
+
+def declared(function: F) -> F:
+    """Refuse arguments that are not of the types in the signature, before anything is done.
+
+    The call then raises `RequestError` with one problem for each of them. A given thing of
+    ours says what to do with it, as ``instead``.
+    """
+    signature = functools.cache(lambda: inspect.signature(function))
+    hint = functools.cache(lambda name: _hint(signature().parameters[name].annotation, function))
+
+    def several(name: str, value: Any) -> Any:
+        kind = signature().parameters[name].kind
+        return {"VAR_POSITIONAL": value, "VAR_KEYWORD": ()}.get(kind.name, (value,))
+
+    @functools.wraps(function)
+    def asked(*args: Any, **kwargs: Any) -> Any:
+        try:
+            given = signature().bind(*args, **kwargs).arguments
+        except TypeError:  # Python says itself what is missing or too much
+            return function(*args, **kwargs)
+        each = ((name, x) for name, value in given.items() for x in several(name, value))
+        if wrong := [_problem(name, x, hint(name)) for name, x in each if not _fits(x, hint(name))]:
+            raise RequestError(wrong)
+        return function(*args, **kwargs)
+
+    return cast(F, asked)
+
+
+def _problem(name: str, given: Any, hint: Any) -> Problem:
+    words = list(dict.fromkeys(w for part in _parts(hint) if (w := _called(part))))
+    meant = f"{' or '.join(words)} is meant" if words else ""
+    found = f"got {given!r:.60}"
+    return Problem("wrong-type", name, found, meant, getattr(given, "instead", ""))
+
+
+def _hint(annotation: Any, function: Any) -> Any:
+    """The type that an annotation stands for; any where it is only known to type checkers."""
+    if not isinstance(annotation, str):
+        return Any
+    try:
+        return eval(annotation, function.__globals__)
+    except NameError:
+        return Any
+
+
+def _parts(hint: Any) -> tuple[Any, ...]:
+    """The alternatives of a type."""
+    return get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
+
+
+def _called(hint: Any) -> str:
+    """What a type is called in a message; None is left out, and what is not checked."""
+    kind = get_origin(hint) or hint
+    if kind in WORDS or hint in (None, type(None)):
+        return WORDS.get(kind, "")
+    if kind is Literal:
+        return " or ".join(dict.fromkeys(WORDS[type(x)] for x in get_args(hint)))
+    return str(getattr(kind, "called", kind.__name__.lower()))
+
+
+def _fits(given: Any, hint: Any) -> bool:
+    """Whether an argument is of a type, as far as its type tells."""
+    kind = get_origin(hint) or hint
+    if kind in (Union, types.UnionType):
+        return any(_fits(given, part) for part in get_args(hint))
+    if hint is None or hint is type(None):
+        return given is None
+    if kind is Literal:
+        return any(_fits(given, type(x)) for x in get_args(hint))
+    if kind is bool:
+        return isinstance(given, bool | np.bool_)
+    if kind in (int, float):
+        of = Integral if kind is int else Real
+        one = given.item() if getattr(given, "ndim", None) == 0 else given  # an array of one
+        return isinstance(one, of) and not isinstance(one, bool)
+    if hint is Any or kind in (np.ndarray, Iterable, Sequence):  # what is in it tells
+        return True
+    return isinstance(given, kind) if isinstance(kind, type) else True

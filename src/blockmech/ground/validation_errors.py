@@ -1,0 +1,300 @@
+"""Data against a pydantic model: the model, or one problem per mistake in the trade's words.
+
+Pydantic says where and what kind; the model's JSON Schema knows units and keys there.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+from pydantic.json_schema import GenerateJsonSchema
+
+from blockmech.ground.errors import (
+    MOST,
+    Path,
+    Problem,
+    close_match,
+    listed,
+    path_text,
+    shown,
+    unknown_key,
+)
+
+Model = TypeVar("Model", bound=BaseModel)
+
+LAST = ("links", "markers", "friction", "clearance", "slider", "useful")
+"""Fields that many blocks share; they follow the block's own, in this order."""
+
+
+def field_order(model: type[BaseModel]) -> list[str]:
+    """Names of a model's fields as they are written: its own, then inherited, then `LAST`."""
+    names: list[str] = []
+    for cls in model.__mro__:
+        if issubclass(cls, BaseModel):
+            inherited = {n for base in cls.__bases__ for n in getattr(base, "model_fields", ())}
+            names += [n for n in cls.model_fields if n not in inherited and n not in names]
+    return sorted(names, key=lambda n: LAST.index(n) if n in LAST else -1)
+
+
+class InWrittenOrder(GenerateJsonSchema):
+    """A JSON Schema whose keys stand in the order in which they are written."""
+
+    def model_schema(self, schema: Any) -> dict[str, Any]:
+        """The schema of a model, its properties in the order of the fields."""
+        core_schema = super().model_schema(schema)
+        if "properties" in core_schema:
+            model = schema["cls"]
+            names = field_order(model)
+            if self.by_alias:
+                names = [model.model_fields[n].alias or n for n in names]
+            core_schema["properties"] = {n: core_schema["properties"][n] for n in names}
+        return core_schema
+
+
+def validated(
+    model: type[Model], raw: Any, what: str, at: Path = ()
+) -> tuple[Model | None, list[Problem]]:
+    """The data as a model, or one problem per mistake.
+
+    Parameters
+    ----------
+    model : what the data should be
+    raw : the data
+    what : what the data is called, e.g. "dyad.rrr"
+    at : path of the data in the document
+    """
+    try:
+        return model.model_validate(raw), []
+    except ValidationError as error:
+        return None, _problems(error, model, raw, what, at)
+
+
+def problems_of(error: ValidationError, model: type[BaseModel], given: Any) -> list[Problem]:
+    """What is wrong with a model made in Python, where keys are the names of its fields."""
+    return _problems(error, model, given, model.__name__, (model.__name__,), by_alias=False)
+
+
+def _problems(
+    error: ValidationError,
+    model: type[BaseModel],
+    raw: Any,
+    what: str,
+    at: Path,
+    by_alias: bool = True,
+) -> list[Problem]:
+    schema = model.model_json_schema(by_alias, schema_generator=InWrittenOrder)
+    problems = []
+    for line in error.errors(include_url=False)[: MOST + 1]:
+        problems.append(_problem(_Place(schema, raw, _path_in(raw, line), what, at), line))
+    return list(_united(problems))
+
+
+def _path_in(raw: Any, line: Any) -> list[str | int]:
+    """Pydantic's location without what is not in the data: tags of unions and the like."""
+    path: list[str | int] = []
+    for k, part in enumerate(line["loc"], start=1):
+        is_key = isinstance(raw, dict) and part in raw
+        is_index = isinstance(raw, list) and isinstance(part, int) and part < len(raw)
+        if is_key or is_index or (line["type"] == "missing" and k == len(line["loc"])):
+            path.append(part)
+        if is_key or is_index:
+            raw = raw[part]
+    return path
+
+
+def _united(problems: list[Problem]) -> Iterator[Problem]:
+    """Problems with one sentence where a value fits none of several types."""
+    for problem in problems:
+        if problem.code != "wrong-type":
+            yield problem
+            continue
+        inside = (f"{problem.where}.", f"{problem.where}[")
+        same = [p for p in problems if p.code == problem.code and p.where == problem.where]
+        if problem is same[0] and not any(p.where.startswith(inside) for p in problems):
+            types = [p.found.split(" must be ", 1)[-1].rsplit(", got ", 1)[0] for p in same]
+            text = problem.found.replace(types[0], " or ".join(dict.fromkeys(types)), 1)
+            yield replace(problem, found=text)
+
+
+class _Place:
+    """A place in data that do not fit: what stands there, and what its schema says."""
+
+    def __init__(
+        self, schema: Mapping[str, Any], raw: Any, path: list[str | int], what: str, at: Path
+    ) -> None:
+        self.where = path_text([*at, *path])
+        self.owner = what if len(path) < 2 else path_text([*at, *path[:-1]])
+        tail = path[-2:] if path and isinstance(path[-1], int) else path[-1:]
+        self.name = path_text(tail) or self.owner  # as a sentence calls the value
+        parent = _schema_at(schema, raw, path[:-1])
+        self.keys = list(
+            dict.fromkeys(k for m in _members(schema, parent) for k in m.get("properties", ()))
+        )
+        self.here = _schema_at(schema, raw, path)
+        units = [m["unit"] for m in _members(schema, self.here) if "unit" in m]
+        self.unit = units[0] if units else ""
+
+
+MUST: Mapping[str, tuple[str, str]] = {
+    "greater_than": ("wrong-value", "> {gt:g}{unit}"),
+    "greater_than_equal": ("wrong-value", ">= {ge:g}{unit}"),
+    "less_than": ("wrong-value", "< {lt:g}{unit}"),
+    "less_than_equal": ("wrong-value", "<= {le:g}{unit}"),
+    "finite_number": ("non-finite", "a finite number{in_unit}"),
+    "float_type": ("wrong-type", "a number{in_unit}"),
+    "int_type": ("wrong-type", "a whole number"),
+    "string_type": ("wrong-type", "a text"),
+    "bool_type": ("wrong-type", "true or false"),
+    "dict_type": ("wrong-type", "an object {{...}}"),
+    "model_type": ("wrong-type", "an object {{...}}"),
+    "model_attributes_type": ("wrong-type", "an object {{...}}"),
+    "list_type": ("wrong-type", "a list [...]"),
+    "tuple_type": ("wrong-type", "a list [...]"),
+}
+"""Pydantic's type -> our code, and what a value must be."""
+
+
+def _problem(place: _Place, line: Any) -> Problem:
+    """One of pydantic's mistakes as a problem."""
+    kind, value, more = line["type"], line["input"], line.get("ctx", {})
+    where, name = place.where, place.name
+    if kind in MUST:
+        code, rule = MUST[kind]
+        unit = f" {place.unit}" if place.unit else ""
+        text = rule.format(unit=unit, in_unit=unit and f" in{unit}", **more)
+        number = number_in(value, place.unit) if kind == "float_type" else ""
+        remedy = f"write {number}" if number else ""
+        if "discriminator" in place.here and kind.startswith(("model", "dict")):
+            key, tags = _choice(place)
+            word = value if value in tags else tags[0]
+            remedy = f'write {{"{key}": "{word}", ...}}; {key}s: {listed(tags)}'
+        return Problem(code, where, f"{name} must be {text}, got {shown(value)}", "", remedy)
+    if kind == "missing":
+        unit = f" [{place.unit}]" if place.unit else ""
+        return Problem("missing-key", where, f'{place.owner} needs "{name}"{unit}', "", "add it")
+    if kind == "extra_forbidden":
+        key = str(line["loc"][-1])
+        if key == "rpm" and "rate" in place.keys:
+            rate = number_in(f"{value} rpm", "rad/s") if value else ""
+            remedy = 'write "rate" in rad/s' + (f": {rate}" if rate else "")
+            return replace(unknown_key(where, place.owner, key, place.keys), remedy=remedy)
+        return unknown_key(where, place.owner, key, place.keys)
+    if kind in ("too_short", "too_long"):
+        most = f"at most {more.get('max_length')}"
+        most = f"at least {more['min_length']}" if kind == "too_short" else most
+        found = f"{name} must have {most} values, has {more['actual_length']}"
+        return Problem("wrong-value", where, found)
+    if kind == "literal_error":
+        allowed = more["expected"].replace("'", '"')
+        words = re.findall(r'"([^"]*)"', allowed)
+        if line["loc"][-1] == "[key]":
+            return unknown_key(where, place.owner, str(value), words)
+        remedy = close_match(value, words) if isinstance(value, str) else ""
+        found = f"{name} must be {allowed}, got {shown(value)}"
+        return Problem("wrong-value", where, found, "", remedy)
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        return _no_such_kind(place, line)
+    # mistakes that models name themselves have a hyphen; then whatever else pydantic may say
+    plain = str(line["msg"]).removeprefix("Value error, ").removeprefix("Assertion failed, ")
+    found = str(more.get("found", plain))
+    found = f"{name} {found}" if found.startswith("must ") else found
+    code = kind if "-" in kind else "wrong-value"
+    return Problem(code, where, found, more.get("valid", ""), more.get("remedy", ""))
+
+
+UNITS = {
+    "m": ("m", 1.0),
+    "mm": ("m", 1000.0),
+    "cm": ("m", 100.0),
+    "inch": ("m", 1 / 0.0254),
+    "rad": ("rad", 1.0),
+    "deg": ("rad", 180 / math.pi),
+    "°": ("rad", 180 / math.pi),
+    "rpm": ("rad/s", 30 / math.pi),
+    "rad/s": ("rad/s", 1.0),
+    "s": ("s", 1.0),
+    "kg": ("kg", 1.0),
+    "g": ("kg", 1000.0),
+    "N": ("N", 1.0),
+    "kN": ("N", 1e-3),
+    "lbf": ("N", 1 / 4.4482216152605),
+}
+"""Units that people write behind numbers -> the SI unit, and how many make one of it."""
+
+
+def number_in(said: Any, unit: str) -> str:
+    """The number that a text holds, perhaps with a unit, as a file says it; empty if none."""
+    number = re.fullmatch(r"\s*([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)\s*(\S*)\s*", str(said))
+    if not isinstance(said, str) or number is None:
+        return ""
+    si, many = UNITS.get(number[2], (unit, 0.0)) if number[2] else (unit, 1.0)
+    fits = many and unit in ("", si)
+    return repr(float(number[1].replace(",", ".")) / many) if fits else ""
+
+
+def _choice(place: _Place) -> tuple[str, list[str]]:
+    """The key by which kinds are told there, and their words."""
+    choice = place.here.get("discriminator", {"propertyName": "law", "mapping": {}})
+    return choice["propertyName"], list(choice["mapping"])
+
+
+def _no_such_kind(place: _Place, line: Any) -> Problem:
+    """The problem of a value that says its kind wrongly or not at all."""
+    key, tags = _choice(place)
+    where, known = f"{place.where}.{key}", f"{key}s: {listed(tags)}"
+    if line["type"] == "union_tag_not_found":
+        return Problem("missing-key", where, f'{place.where} needs "{key}"', known, "add it")
+    given = line["input"]
+    value = given.get(key) if isinstance(given, dict) else given
+    remedy = close_match(value, tags) if isinstance(value, str) else ""
+    return Problem("wrong-value", where, f"no {key} {shown(value)}", known, remedy)
+
+
+# A JSON Schema, followed along a path.
+
+
+def _members(root: Mapping[str, Any], node: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """A schema, or its alternatives, with references resolved."""
+    if "$ref" in node:
+        return _members(root, root["$defs"][node["$ref"].rsplit("/", 1)[-1]])
+    for key in ("anyOf", "oneOf"):
+        if key in node:
+            return [node] + [m for option in node[key] for m in _members(root, option)]
+    return [node]
+
+
+def _schema_at(root: Mapping[str, Any], raw: Any, path: Path) -> Mapping[str, Any]:
+    """The schema of the value at a path, {} where it says nothing."""
+    node = _chosen(root, root, raw)
+    for part in path:
+        within = [_step(m, part) for m in _members(root, node)]
+        node = next((n for n in within if n), {})
+        try:
+            raw = raw[part]
+        except (LookupError, TypeError):
+            raw = None
+        node = _chosen(root, node, raw)
+    return node
+
+
+def _chosen(root: Mapping[str, Any], node: Mapping[str, Any], raw: Any) -> Mapping[str, Any]:
+    """Of several kinds, the one that the data names."""
+    if "discriminator" in node and isinstance(raw, dict):
+        tag = raw.get(node["discriminator"]["propertyName"])
+        option = node["discriminator"]["mapping"].get(tag) if isinstance(tag, str) else None
+        if option:
+            return _members(root, {"$ref": option})[0]
+    return node
+
+
+def _step(node: Mapping[str, Any], part: str | int) -> Mapping[str, Any]:
+    if isinstance(part, int):
+        schema = node.get("items", {})
+    else:
+        schema = node.get("properties", {}).get(part) or node.get("additionalProperties", {})
+    return schema if isinstance(schema, dict) else {}

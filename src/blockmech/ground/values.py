@@ -1,0 +1,474 @@
+"""Numbers and places as users write them, validated once at the border."""
+
+from __future__ import annotations
+
+import cmath
+import math
+import sys
+from collections.abc import Container, Mapping, Sequence
+from itertools import chain, count, pairwise
+from numbers import Integral, Real
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    Generic,
+    Literal,
+    LiteralString,
+    NamedTuple,
+    NoReturn,
+    Self,
+    TypeAlias,
+    TypeVar,
+)
+
+from pydantic import (
+    AllowInfNan,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Strict,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError, core_schema
+
+from blockmech.ground.errors import GraphError, Problem, listed, shown
+from blockmech.ground.plane import apply
+from blockmech.ground.validation_errors import problems_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def no_boolean(one: int, other: int) -> BeforeValidator:
+    """Refuse true and false for one of two numbers."""
+
+    def checked(raw: Any) -> Any:
+        if isinstance(raw, bool):  # in Python True equals 1, in a file it is a slip
+            raise mistake("wrong-value", f"must be {one} or {other}, got {shown(raw)}")
+        return raw
+
+    return BeforeValidator(checked)
+
+
+Number = Annotated[float, Strict(), AllowInfNan(False)]
+"""A finite number; text and booleans are refused."""
+
+
+def in_unit(unit: str) -> Any:
+    """What a field's annotation says of its unit: for messages, the schema and addresses."""
+    return Field(json_schema_extra={"unit": unit})
+
+
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Length = Annotated[Number, Field(gt=0, json_schema_extra={"unit": "m"})]
+Distance = Annotated[Number, Field(json_schema_extra={"unit": "m"})]
+Angle = Annotated[Number, Field(json_schema_extra={"unit": "rad"})]
+Clearance = Annotated[NotNegative, Field(json_schema_extra={"unit": "m"})]
+Mass = Annotated[NotNegative, Field(json_schema_extra={"unit": "kg"})]
+Inertia = Annotated[NotNegative, Field(json_schema_extra={"unit": "kg m2"})]
+Branch = Annotated[Literal[-1, 1], Field(description="assembly mode"), no_boolean(-1, 1)]
+Sign = Annotated[
+    Literal[-1, 1], Field(description="which way the driver counts"), no_boolean(-1, 1)
+]
+
+
+MILLI = {1e3: "1000 times as large", 1e-3: "1000 times smaller"}
+"""What puts a length in mm, or in m among mm, right."""
+
+
+def is_number(x: Any) -> bool:
+    """Whether ``x`` is a finite real number and not a boolean."""
+    size: Any = x
+    if not isinstance(x, int | float | Real) or isinstance(x, bool):
+        return False
+    return bool(abs(size) <= sys.float_info.max)  # whole numbers may be too large for a float
+
+
+def is_count(x: object) -> bool:
+    """Whether ``x`` is a whole number, at least 1, and not a boolean."""
+    return isinstance(x, Integral) and not isinstance(x, bool) and int(x) >= 1
+
+
+class Axis(NamedTuple):
+    """Units of a coordinate and of the effort along it: of a turn, unless it is a way.
+
+    ``known`` are the axes of drivers by name, and of a document's joints as ``"joint.name"``.
+    """
+
+    coordinate: str = "rad"
+    effort: str = "N m"
+    known: Mapping[str, Axis] = {}
+
+    @classmethod
+    def of(cls, kind: str) -> Axis:
+        """That of a pair, "R" or "P"."""
+        return cls("m", "N") if kind == "P" else cls()
+
+    @property
+    def coordinates(self) -> Mapping[str, str]:
+        """Units of the coordinates that are known, by name."""
+        return {name: axis.coordinate for name, axis in self.known.items()}
+
+    def argument(self, of: str, power: str = "") -> str:
+        """Unit of an argument of a law: "coordinate", "rate" or "time"; or of a power of it."""
+        above, _, below = {"rate": f"{self.coordinate}/s", "time": "s"}.get(
+            of, self.coordinate
+        ).partition("/")
+        return above + power + (f"/{below}{power}" if below else "")
+
+    def coefficient(self, of: str, power: int = 1) -> str:
+        """Unit of the effort over a power of an argument: "N m s2/rad2" over a rate squared."""
+        below, _, above = self.argument(of, str(power) if power > 1 else "").partition("/")
+        return f"{self.effort} {above}".rstrip() + f"/{below}" if power else self.effort
+
+
+Units: TypeAlias = Mapping[str, Any]
+"""Field -> unit of its numbers, or one for each place or name in it."""
+POSE = ("m", "m", "rad")
+
+
+class Pair:
+    """Two numbers [x, y] with the author's spelling kept; the base of `Place` and `Vector`.
+
+    ``z`` is the value as a complex number, ``written`` what the file says.
+    """
+
+    __slots__ = ("written", "z")
+    what = "a vector"
+    polar = False
+    unit: ClassVar[str] = ""  # of its components, where the field says none
+
+    def __init__(self, z: complex, written: Any = None) -> None:
+        self.z = z
+        self.written = [z.real, z.imag] if written is None else written
+
+    @classmethod
+    def parse(cls, raw: Any) -> Pair:
+        """Read ``[x, y]``, a complex number or ``{"polar": [r, angle]}``."""
+        if isinstance(raw, cls):
+            return raw
+        if isinstance(raw, complex) and cmath.isfinite(raw):
+            return cls(raw)
+        if isinstance(raw, list | tuple) and len(raw) == 2 and all(map(is_number, raw)):
+            return cls(complex(*raw), [float(x) for x in raw])
+        if cls.polar and isinstance(raw, dict) and set(raw) == {"polar"}:
+            r = raw["polar"]
+            if isinstance(r, list | tuple) and len(r) == 2 and all(map(is_number, r)):
+                z = complex(r[0] * math.cos(r[1]), r[0] * math.sin(r[1]))
+                return cls(z, {"polar": [float(x) for x in r]})
+        spelling = ' or {"polar": [r, angle]}' if cls.polar else ""
+        raise PydanticCustomError(
+            "bad-place",
+            "must be {what} [x, y]{spelling} of finite numbers, got {got}",
+            {"what": cls.what, "spelling": spelling, "got": shown(raw)},
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Pair) and self.z == other.z
+
+    def __hash__(self) -> int:
+        return hash(self.z)
+
+    def __repr__(self) -> str:
+        return f"{self.z.real:g}{self.z.imag:+g}j"
+
+    @classmethod
+    def __get_pydantic_core_schema__(
+        cls, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(
+            cls.parse,
+            serialization=core_schema.plain_serializer_function_ser_schema(lambda p: p.written),
+        )
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        two = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+        if not cls.polar:
+            return two
+        polar = {
+            "type": "object",
+            "properties": {"polar": two},
+            "required": ["polar"],
+            "additionalProperties": False,
+        }
+        return {"anyOf": [two, polar]}
+
+
+class Place(Pair):
+    """A place on a link [m], in the link's frame."""
+
+    __slots__ = ()
+    what = "a place in m,"
+    polar = True
+    unit = "m"
+
+
+class Vector(Pair):
+    """A vector in the plane, e.g. a force [N]."""
+
+    __slots__ = ()
+    what = "a vector"
+
+
+NAME_RULE = 'a name is not empty and has no "." or "/"'
+"""The rule for names of blocks and markers, which stand in addresses."""
+
+
+def xy(z: complex) -> list[float]:
+    """Two numbers as they stand in a file, without -0."""
+    return [z.real + 0.0, z.imag + 0.0]
+
+
+def is_name(name: str) -> bool:
+    """Whether a name can stand in an address."""
+    return bool(name) and "." not in name and "/" not in name
+
+
+def free_name(name: str, taken: Container[str]) -> str:
+    """The name, with underscores behind it until it is free."""
+    while name in taken:
+        name += "_"
+    return name
+
+
+def numbered_name(name: str, taken: Container[str]) -> str:
+    """The first of name, name_2, name_3, ... that is free."""
+    return next(x for x in chain([name], (f"{name}_{i}" for i in count(2))) if x not in taken)
+
+
+def split_address(address: str, blocks: Container[str]) -> tuple[str, str]:
+    """Block and port of an address: blocks inside of others have names with dots.
+
+    Without such a block the name before the first dot, whatever that is.
+
+    >>> split_address("leg.dyad.C", {"leg.dyad"})
+    ('leg.dyad', 'C')
+    """
+    name, _, port = first = address.partition(".")
+    while name not in blocks:
+        if "." not in port:
+            return first[0], first[2]
+        more, _, port = port.partition(".")
+        name = f"{name}.{more}"
+    return name, port
+
+
+def mistake(
+    code: LiteralString, found: str, valid: str = "", remedy: str = ""
+) -> PydanticCustomError:
+    """A mistake in a model, with the parts of a `Problem`."""
+    parts = {"found": found, "valid": valid, "remedy": remedy}
+    message = "; ".join(filter(None, parts.values()))
+    return PydanticCustomError(code, "{said}", {"said": message, **parts})
+
+
+def check_table(
+    what: str, x: Sequence[float], values: Sequence[float], called: str = "values"
+) -> None:
+    """Refuse a table whose values are not one for each x, or whose x, called ``what``, fall."""
+    if len(x) != len(values):
+        raise mistake("bad-table", f'"{what}" and "{called}" must have the same length')
+    if any(b <= a for a, b in pairwise(x)):
+        raise mistake("bad-table", f'"{what}" must increase')
+
+
+class FrozenDict(dict[Any, Any]):
+    """A mapping inside a model, which does not change either."""
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        found, remedy = "it does not change once it is made", "make a new one"
+        raise GraphError(Problem("frozen", "mapping of a model", found, "", remedy))
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return FrozenDict, (dict(self),)
+
+
+class StrictModel(BaseModel):
+    """Base of all models: frozen, mappings too, unknown keys refused, finite numbers only.
+
+    Made in Python, a model refuses with a `GraphError`, one problem per mistake.
+    """
+
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        arbitrary_types_allowed=True,
+        defer_build=True,  # importing the package builds no validators
+    )
+
+    kind_key: ClassVar[str] = ""  # the key by which a file tells this kind from others
+    plain_kind: ClassVar[str] = ""  # the kind of data without that key
+    remade: ClassVar[str] = "make a new one"  # what to do instead of setting a field
+    refers: ClassVar[tuple[str, ...]] = ()  # fields that name, or are keyed by, drivers or markers
+
+    if not TYPE_CHECKING:  # type checkers read the fields instead
+
+        def __init__(self, /, *nameless: Any, **given: Any) -> None:
+            if nameless:
+                name, fields = type(self).__name__, type(self).model_fields
+                needed = ", ".join(f"{n}=..." for n, field in fields.items() if field.is_required())
+                found, valid = "its numbers have names", f"names: {listed(fields)}"
+                remedy = f"write {name}({needed})" if needed else "say which is meant"
+                raise GraphError(Problem("wrong-type", name, found, valid, remedy))
+            raw = _plain(given)
+            try:
+                super().__init__(**raw)
+            except ValidationError as error:
+                raise GraphError(problems_of(error, type(self), raw)) from None
+
+        __init__.__pydantic_base_init__ = True  # what is inside a model is validated without it
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            try:
+                super().__setattr__(name, value)
+            except ValidationError:
+                where, found = f"{type(self).__name__}.{name}", "it does not change once it is made"
+                raise GraphError(Problem("frozen", where, found, "", self.remade)) from None
+
+    def model_post_init(self, context: Any) -> None:
+        """Close the mappings."""
+        for name, x in vars(self).items():
+            if type(x) is dict:
+                vars(self)[name] = FrozenDict(x)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with some fields replaced; see pydantic."""
+        copied = super().model_copy(update=update, deep=deep)
+        copied.model_post_init(None)
+        return copied
+
+    def axis(self, outside: Axis) -> Axis:
+        """Units along the coordinate of the model, and of what is inside it."""
+        return outside
+
+    def units(self, axis: Axis) -> Units:
+        """Units of the fields that depend on what the model is of; the others declare theirs."""
+        return {}
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """What was given; what was found from it, kernels perhaps, is found again."""
+        given = {name: x for name, x in vars(self).items() if name in type(self).model_fields}
+        return super().__getstate__() | {"__dict__": given}
+
+    def __copy__(self) -> Self:
+        copied = super().__copy__()
+        for name in vars(copied).keys() - type(self).model_fields.keys():
+            del vars(copied)[name]
+        return copied
+
+
+def _plain(raw: Any, name: str = "") -> Any:
+    """Numbers and arrays of NumPy as Python's, pairs for markers as tuples; all else as it is."""
+    if hasattr(raw, "tolist"):
+        items = raw.tolist()
+        return tuple(items) if isinstance(items, list) else items
+    if isinstance(raw, dict):
+        fields = {key: _plain(item, key) for key, item in raw.items()}
+        return {k: _pair(item) for k, item in fields.items()} if name == "markers" else fields
+    return type(raw)(map(_plain, raw)) if type(raw) in (list, tuple) else raw
+
+
+def _pair(raw: Any) -> Any:
+    return tuple(raw) if isinstance(raw, list) else raw
+
+
+if TYPE_CHECKING:
+    Read = TypeVar("Read", covariant=True)
+    Said = TypeVar("Said", contravariant=True)
+
+    class Given(Generic[Read, Said]):
+        """What type checkers see of a field that may be given in several spellings."""
+
+        def __get__(self, instance: object, owner: Any = None) -> Read: ...
+        def __set__(self, instance: object, said: Said) -> None: ...
+
+    Two: TypeAlias = tuple[float, float] | list[float] | NDArray[Any] | complex
+    AnyMarker: TypeAlias = "Marker | tuple[float, float] | list[float] | complex"
+    AnyPlace: TypeAlias = Place | Two | dict[str, tuple[float, float]]
+    PlaceGiven = Given[Place, AnyPlace]
+    VectorGiven = Given[Vector, Vector | Two]
+    VectorOrNoneGiven = Given[Vector | None, Vector | Two | None]
+    NumbersGiven = Given[list[float], Sequence[float] | NDArray[Any]]
+    MarkersGiven = Given[dict[str, "Marker"], Mapping[str, AnyMarker]]
+else:
+    PlaceGiven, VectorGiven, VectorOrNoneGiven = Place, Vector, Vector | None
+    NumbersGiven, MarkersGiven = list[Number], dict[str, "Marker"]
+
+
+def default(value: Any) -> Any:
+    """The default of such a field."""
+    return value
+
+
+class Marker(StrictModel):
+    """A named place and direction on a link.
+
+    ``at`` is in the link's frame; a guide adds ``angle`` [rad] or, exact for
+    vertical guides, ``dir`` [dx, dy]. The default direction is the link's x axis.
+    """
+
+    at: PlaceGiven
+    angle: Angle | None = None
+    dir: VectorOrNoneGiven = default(None)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_place(cls, raw: Any) -> Any:
+        # In Python a bare (x, y) or complex number is a marker without direction.
+        if isinstance(raw, list):  # only a file has these here
+            place = len(raw) == 2 and all(map(is_number, raw))
+            remedy = f'write {{"at": {shown(raw)}}}' if place else ""
+            raise mistake("wrong-type", f"must be an object {{...}}, got {shown(raw)}", "", remedy)
+        return {"at": raw} if isinstance(raw, tuple | complex) else raw
+
+    @model_validator(mode="after")
+    def _one_direction(self) -> Marker:
+        if self.angle is not None and self.dir is not None:
+            raise mistake(
+                "bad-direction", "the direction is given twice", "", 'keep "angle" or "dir"'
+            )
+        if self.dir is not None and self.dir.z == 0:
+            raise mistake("bad-direction", '"dir" must not be [0, 0]')
+        return self
+
+    @property
+    def direction(self) -> complex:
+        """Unit direction in the link's frame [-]."""
+        if self.dir is not None:
+            z = self.dir.z
+            r = abs(z)
+            unit: complex = apply("planar", z.real / r, z.imag / r)
+            return unit
+        along: complex = 1 + 0j if self.angle is None else apply("expi", self.angle)
+        return along
+
+
+class Link(StrictModel):
+    """What a user says of a link: mass properties and further markers.
+
+    mass [kg], inertia [kg m2] about the centre of mass, cm [m] in the link's frame.
+    """
+
+    mass: Mass = 0.0
+    inertia: Inertia = 0.0
+    cm: PlaceGiven = default(Place(0j))
+    markers: MarkersGiven = default({})
+
+    @property
+    def massive(self) -> bool:
+        """Whether the link has mass or inertia."""
+        return self.mass > 0 or self.inertia > 0

@@ -1,0 +1,1 @@
+"""Outputs and sensors, by block and by link."""

@@ -1,0 +1,525 @@
+"""Outputs: every name that can be wanted, its unit and its rule; and the plan for some.
+
+Names are those of the graph, so the outputs of a mechanism are derived from its
+blocks, joints and markers. An output asks rules for the values that it needs and
+says how to read them; nothing is computed for outputs that nobody wants.
+"""
+
+from __future__ import annotations
+
+import copy
+import fnmatch
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from blockmech.blocks.contract import Joint
+from blockmech.ground.errors import Problem, RequestError, as_names, close_match, listed
+from blockmech.ground.garbage import uncollected
+from blockmech.model.naming import Names
+from blockmech.model.scene import Scene
+from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
+from blockmech.outputs.by_link import outputs_by_link, readings
+from blockmech.outputs.by_owner import ByOwner, Part
+from blockmech.passes import (
+    energy,
+    forces,
+    forward,
+    friction,
+    homotopy,
+    loads,
+    pairs,
+    play,
+    reduction,
+    signals,
+)
+from blockmech.plan.plan import NOUGHT, STAGES, ZERO, Friction, Output, Plan, Reader, Schedule
+from blockmech.result.quality import at_most_one
+from blockmech.signals.contract import Signal
+
+PARTS = {"x": "real", "y": "imag"}
+WILD = re.compile(r"[*?[]")
+
+
+def _same(x: Any) -> Any:
+    return x
+
+
+def _part(read: Reader, which: str, *columns: Any) -> Any:
+    return getattr(read(*columns), which)
+
+
+def _angle(e: Any) -> Any:
+    return np.arctan2(e.imag, e.real)
+
+
+def _ratio_angle(sine: Any, cosine: Any) -> Any:
+    return np.arctan2(sine, cosine)
+
+
+def _real(name: str, unit: str, rule: Callable[..., str], *key: Any, **more: str) -> Output:
+    """An output whose only value is the answer of one rule."""
+    return Output(name, unit, "real", lambda s: (s.ask(rule, *key),), _same, **more)
+
+
+def _vector(name: str, unit: str, rule: Callable[..., str], *key: Any, **more: str) -> Output:
+    return Output(name, unit, "vector", lambda s: (s.ask(rule, *key),), _same, **more)
+
+
+def in_program(output: Output) -> Callable[..., str] | None:
+    """How a program reads an output: (schedule, *values) -> a value; None where it cannot."""
+    read, part = output.read, ""
+    if isinstance(read, partial) and read.func is _part:
+        read, which = read.args
+        part = f".{which}"
+    texts = {
+        _same: "{0}",
+        _angle: "angle(ONE, {0})",
+        _ratio_angle: "angle(ONE, planar({1}, {0}))",
+        at_most_one: "minimum(1.0, {0})",
+    }
+    if output.kind != "real" or read not in texts:
+        return None
+
+    def reading(s: Schedule, *values: str) -> str:
+        return s.line(texts[read].format(*values) + part, output.name)
+
+    return reading
+
+
+# -- block by block ------------------------------------------------
+
+
+def outputs_of(structure: Structure) -> Iterator[Part[Output]]:
+    """Every output of a mechanism, in formation order, by what it belongs to."""
+    loose = {name for name, block in structure.blocks.items() if block.clearance}
+    for name, block in structure.blocks.items():
+        plays = bool(loose) and not loose.isdisjoint(structure.ancestors(name))
+        for driver in structure.drivers_of(name):
+            yield driver, _driver_outputs, (structure, driver)
+        for link in block.link_names:
+            yield f"{name}.{link}", _link_outputs, (LinkRef(name, link),)
+        for marker in structure.markers(name):
+            yield f"{name}.{marker.name}", _marker_outputs, (marker, plays)
+        for joint in block.joints.values():
+            ref = JointRef(name, joint.name)
+            yield f"{name}.{joint.name}", _joint_outputs, (structure, ref, joint)
+        if block.closes:
+            yield name, _group_outputs, (structure, name)
+    for marker in structure.markers(structure.frame):
+        yield str(marker), _marker_outputs, (marker, False)
+    for name in structure.elements:
+        yield name, _element_outputs, (structure, name)
+    for driver, follower in structure.followers.items():
+        yield follower.coupling, _coupling_outputs, (structure, driver)
+    for name, signal in structure.signals.items():
+        yield name, _signal_outputs, (name, signal)
+    yield "mechanism", _mechanism_outputs, (structure,)
+
+
+def _signal_outputs(name: str, signal: Signal) -> Iterator[Output]:
+    for port in signal.ports:
+        words = f"{'output' if port in signal.outputs else 'state'} of the signal block"
+        unit = signal.port_unit(port)
+        yield _real(f"{name}.{port}", unit, signals.output, name, port, words=words)
+
+
+def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
+    """What a coupling does to the driven link, and how fast that follows."""
+    ref, name = structure.driven[driver], structure.followers[driver].coupling
+    joint, leader = structure.joint(ref), structure.followers[driver].leader
+    leading = structure.joint(leader).coordinate_unit if leader is not None else "rad"
+    unit = f"{joint.coordinate_unit}/{leading}" if joint.coordinate_unit != leading else ""
+    by = str(structure.later_link(leader) if leader else structure.followers[driver].centre.on)
+    ends = {"by": by, "on": str(structure.later_link(ref))}
+
+    def slope(s: Schedule) -> tuple[str]:
+        return (f"{s.ask(forward.transmission, driver)}.slope",)
+
+    yield Output(f"{name}.slope", unit, "real", slope, _same)
+    yield _real(f"{name}.effort", joint.effort_unit, forces.effort_in, ref, **ends)
+    for mesh in structure.meshes_of(driver):
+        if not structure.separates(mesh):
+            yield _real(f"{name}.loss", "W", energy.friction_power, mesh)
+    if structure.contact(driver) is not None:
+
+        def part(field: str, zero: str) -> Callable[[Schedule], tuple[str]]:
+            def ask(s: Schedule) -> tuple[str]:
+                return (f"{s.ask(forces.meshing, driver)}.{field}",) if _acts(s, ref) else (zero,)
+
+            return ask
+
+        yield Output(f"{name}.force", "N", "vector", part("F", ZERO), _same, by, ends["on"])
+        yield Output(f"{name}.moment", "N m", "real", part("M", NOUGHT), _same, by, ends["on"])
+        readings = structure.couplings[name].readings(structure.coupled_pair(name))
+        for what, read in readings.items():
+            more = {**ends, "words": read.about}
+            yield _real(f"{name}.{what}", read.unit, forces.coupling_reading, driver, read, **more)
+
+
+def _acts(s: Schedule, ref: JointRef) -> bool:
+    return s.ask(forces.smooth, ref.block) is not None
+
+
+def _element_outputs(structure: Structure, name: str) -> Iterator[Output]:
+    """What an element gives at each terminal, and its power."""
+    for terminal, declared in structure.elements[name].terminals.items():
+        ref = JointRef(name, terminal)
+        ends = {"by": name, "on": str(structure.holds[ref].on)}
+        if declared.kind == "point":
+            yield _vector(f"{ref}.force", declared.unit, loads.terminal_term, ref, **ends)
+        else:
+            yield _real(f"{ref}.couple", declared.unit, loads.terminal_term, ref, **ends)
+    yield _real(f"{name}.power", "W", energy.element_power, name)
+
+
+def _driver_outputs(structure: Structure, name: str) -> Iterator[Output]:
+    ref, joint = structure.driven[name], structure.driver_joint(name)
+    q, effort = joint.coordinate_unit, joint.effort_unit
+    inertia = "kg m2" if joint.rotary else "kg"
+    ends = {"by": str(structure.earlier_link(ref)), "on": str(structure.later_link(ref))}
+    yield _real(f"{name}.q", q, forward.coordinate_of, name)
+    yield _real(f"{name}.rate", f"{q}/s", forward.rate_of, name)
+    yield _real(f"{name}.acceleration", f"{q}/s2", forward.acceleration_of, name)
+    if name in structure.followers:
+        return
+    yield _real(f"{name}.drive", effort, forces.drive, name, **ends)
+    yield _real(f"{name}.drive_by_reduction", effort, reduction.drive_by_reduction, name)
+    yield Output(
+        f"{name}.power",
+        "W",
+        "real",
+        lambda s: (s.ask(forces.drive, name), s.input("qd", name)),
+        lambda a, b: a * b,
+    )
+    yield _real(f"{name}.J_red", inertia, reduction.inertia, name, name)
+    yield _real(f"{name}.tau_red", effort, reduction.reduced_load, name)
+    if len(structure.drivers) == 1:
+        yield _real(f"{name}.dJ_red", f"{inertia}/{q}", reduction.inertia_slope, name)
+
+
+def _link_outputs(link: LinkRef) -> Iterator[Output]:
+    rules = (
+        ("angle", "rad", forward.link_position, _angle),
+        ("omega", "rad/s", forward.link_velocity, _same),
+        ("alpha", "rad/s2", forward.link_acceleration, _same),
+    )
+    for what, unit, rule, read in rules:
+        yield Output(f"{link}.{what}", unit, "real", _scalar(rule, link), read)
+
+
+def _scalar(rule: Any, link: LinkRef) -> Callable[[Schedule], tuple[str]]:
+    """What a rule says of a link's turning."""
+    return lambda s: (s.ask(rule, link).scalar,)
+
+
+def _marker_outputs(marker: MarkerRef, plays: bool) -> Iterator[Output]:
+    yield _vector(f"{marker}.p", "m", forward.marker_place, marker)
+    yield _vector(f"{marker}.v", "m/s", forward.marker_velocity, marker)
+    yield _vector(f"{marker}.a", "m/s2", forward.marker_acceleration, marker)
+    if plays:
+        yield _vector(f"{marker}.play", "m", play.play, marker)
+        yield _vector(f"{marker}.play_bound", "m", play.play_bound, marker)
+
+
+def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterator[Output]:
+    by, on = str(structure.earlier_link(ref)), str(structure.later_link(ref))
+
+    def pair(s: Schedule, what: str) -> str:
+        reaction = s.ask(forces.reaction, ref)
+        return NOUGHT if reaction is None else f"{reaction}.{what}"
+
+    def vector(s: Schedule) -> tuple[str]:
+        reaction = s.ask(forces.reaction, ref)
+        return (ZERO if reaction is None else pairs.statics(s, ref).force(s, ref, reaction),)
+
+    def wrench(k: int) -> Callable[[Schedule], tuple[str]]:
+        return lambda s: (s.ask(forces.wrench, ref)[k],)
+
+    yield Output(f"{ref}.reaction", "N", "vector", vector, _same, by, on)
+    if joint.pair.reads == "guide":
+        yield Output(f"{ref}.N", "N", "real", lambda s: (pair(s, "real"),), _same, by, on)
+        yield Output(f"{ref}.C", "N m", "real", lambda s: (pair(s, "imag"),), _same, by, on)
+    if joint.outer:
+        yield Output(f"{ref}.wrench_F", "N", "vector", wrench(0), _same, on, by)
+        yield Output(f"{ref}.wrench_M", "N m", "real", wrench(1), _same, on, by)
+    yield _real(f"{ref}.friction", joint.effort_unit, forces.resisting, ref, by=by, on=on)
+    yield _coordinate(structure, ref, by, on)
+    yield _real(f"{ref}.slip", f"{joint.coordinate_unit}/s", forward.slip, ref)
+    yield _real(f"{ref}.friction_power", "W", energy.friction_power, ref)
+    if ref in structure.remembering:
+        yield _real(f"{ref}.deflection", joint.coordinate_unit, friction.deflection, ref)
+        yield _real(f"{ref}.stored_power", "W", energy.stored_power, ref)
+
+
+def _coordinate(structure: Structure, ref: JointRef, by: str, on: str) -> Output:
+    """Coordinate of a pair: of a driven one the driver's, else from the places of both links."""
+    joint, name = structure.joint(ref), f"{ref}.coordinate"
+    if joint.driven:
+        driver = structure.blocks[ref.block].driver_name(*ref)
+        ask = forward.joint_coordinate, driver
+        return _real(name, joint.coordinate_unit, *ask, by=by, on=on)
+    if not joint.rotary:
+        return _real(name, joint.coordinate_unit, pairs.position_along, ref, by=by, on=on)
+
+    def directions(s: Schedule) -> tuple[str, str]:
+        ends = structure.earlier_link(ref), structure.later_link(ref)
+        one, other = (s.ask(forward.link_position, link).scalar for link in ends)
+        return one, other
+
+    return Output(name, "rad", "real", directions, _between, by, on)
+
+
+def _between(one: Any, other: Any) -> Any:
+    """Angle [rad] from one direction to the other, between -pi and pi."""
+    cross = one.real * other.imag - one.imag * other.real
+    return np.arctan2(cross, one.real * other.real + one.imag * other.imag)
+
+
+def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
+    yield _real(f"{name}.margin", "", forward.margin, name)._replace(read=at_most_one)
+    if structure.blocks[name].kernels.transmission is not None:
+        yield Output(
+            f"{name}.transmission_angle",
+            "rad",
+            "real",
+            lambda s: energy.transmission(s, name),
+            _ratio_angle,
+        )
+    joints = [JointRef(name, joint) for joint in structure.blocks[name].joints]
+    rubbing = tuple(ref for ref in joints if friction.rubs(structure, ref))
+    if friction.knows_existence(structure, name, rubbing):
+        yield _real(f"{name}.existence", "", _existence, name)
+    if len(structure.drivers) != 1 or name in structure.drivers:
+        return  # under a driver's name stands its sum over all blocks
+    driver = structure.drivers[0]
+    head = structure.driver_joint(driver)
+    inertia = "kg m2" if head.rotary else "kg"
+    words = f"share of this block in {driver}.{{}}; those of all blocks add up to it"
+    yield _real(
+        f"{name}.J_red",
+        inertia,
+        reduction.share_of_inertia,
+        name,
+        driver,
+        driver,
+        words=words.format("J_red"),
+    )
+    yield _real(
+        f"{name}.tau_red",
+        head.effort_unit,
+        reduction.share_of_load,
+        name,
+        driver,
+        words=words.format("tau_red"),
+    )
+
+
+def _existence(s: Schedule, block: str) -> str:
+    return s.ask(forces.existence, block) or NOUGHT
+
+
+def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
+    def of(what: str, unit: str, kind: Any, ask: Any, read: Reader) -> Output:
+        return Output(f"mechanism.{what}", unit, kind, ask, read)
+
+    yield _real("mechanism.kinetic_energy", "J", energy.kinetic)
+    yield _real("mechanism.potential_energy", "J", energy.potential)
+    yield _real("mechanism.friction_power", "W", energy.total_friction_power)
+    yield _real("mechanism.drive_power", "W", energy.drive_power)
+    yield _real("mechanism.useful_power", "W", energy.useful_power)
+    yield _real("mechanism.shaking_moment", "N m", energy.shaking_moment)
+    yield _vector("mechanism.shaking_force", "N", energy.shaking_force)
+    useful = [e for e in structure.elements.values() if e.useful]
+    drivers = structure.drivers
+    if len(useful) == 1 and len(drivers) == 1:
+        # Unit of the mechanical advantage: useful load per driving effort.
+        effort = structure.driver_joint(structure.drivers[0]).effort_unit
+        load = next(iter(useful[0].terminals.values())).unit
+        unit = "" if load == effort else f"{load}/({effort})"
+        yield of("mechanical_advantage", unit, "real", energy.advantage, energy.read_advantage)
+    if useful and drivers:
+        yield of("efficiency", "", "number", energy.efficiency, energy.read_efficiency)
+    if drivers:
+        ask, read = energy.friction_efficiency, energy.read_friction_efficiency
+        yield of("friction_efficiency", "", "number", ask, read)
+    if len(drivers) > 1:
+
+        def inertias(s: Schedule) -> list[str]:
+            return [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
+
+        def efforts(s: Schedule) -> list[str]:
+            return [s.ask(reduction.reduced_load, k) for k in drivers]
+
+        yield of("M", "SI", "matrix", inertias, _same)
+        yield of("Q", "SI", "matrix", efforts, _same)
+
+
+# -- by name, and planned ---------------------------------------------------------------
+
+
+def near(pattern: str, names: Iterable[str]) -> list[str]:
+    """Names of the same block, link or joint as an unknown one; all where there is none."""
+    head, every = pattern.split(".")[0] + ".", list(names)
+    return [n for n in every if n.startswith(head)] or every
+
+
+class Catalogue(Mapping[str, Output]):
+    """All outputs of a mechanism by name, each made once and on first use.
+
+    by_owner : those of the graph, or how those of a document are read of them
+    """
+
+    def __init__(self, structure: Structure, names: Names | None = None) -> None:
+        """With ``names`` the outputs are those of a joint-based document, and no others."""
+        self.structure = structure
+        self.by_owner: ByOwner[Any] = ByOwner(outputs_of(structure))
+        self._made: dict[str, Output] = {}  # those that were asked for, and parts of vectors
+        self._more: dict[str, Output] = {}
+        self._of_document = None
+        if names is not None:
+            self._of_document = outputs_by_link(structure, names, self.by_owner)
+            self.by_owner = ByOwner(readings(structure, names, self.by_owner), narrow=True)
+
+    def __getitem__(self, name: str) -> Output:
+        """An output by its name; ``.x`` or ``.y`` behind that of a vector is a part of it."""
+        output = self._made.get(name) or self._more.get(name)
+        if output is None:
+            output = self._made[name] = self._output(name)
+        return output
+
+    def _output(self, name: str) -> Output:
+        if name in self.by_owner:
+            known = self.by_owner[name]
+            return known if self._of_document is None else self._of_document(known)
+        whole, _, end = name.rpartition(".")
+        if end not in PARTS or (of := self[whole]).kind != "vector":
+            raise KeyError(name)
+        return of._replace(name=name, kind="real", read=partial(_part, of.read, PARTS[end]))
+
+    def __iter__(self) -> Iterator[str]:
+        return chain(self.by_owner, self._more)
+
+    def __len__(self) -> int:
+        return len(self.by_owner) + len(self._more)
+
+    def __repr__(self) -> str:
+        return f"<outputs {listed(self, 8)}>"
+
+    def extended(self, more: Iterable[Output]) -> Catalogue:
+        """The catalogue with more outputs behind its own."""
+        other = copy.copy(self)
+        other._more = {**self._more, **{output.name: output for output in more}}
+        return other
+
+    def match(self, want: Iterable[str]) -> tuple[str, ...]:
+        """Names that the patterns ask for, in their order, those of one in the catalogue's.
+
+        Raises `RequestError` for a pattern that matches nothing, all at once.
+        """
+        matched: dict[str, None] = {}
+        problems = []
+        for pattern in as_names("want", want):
+            if pattern in self:
+                matched[pattern] = None
+                continue
+            fits = re.compile(fnmatch.translate(pattern)).match
+            start, last = WILD.split(pattern, maxsplit=1)[0], pattern.rpartition(".")[2]
+            last = "" if WILD.search(last) else last
+            names = [n for n in chain(self.by_owner.beginning(start, last), self._more) if fits(n)]
+            if not names:
+                known = f"outputs there: {listed(near(pattern, self), 16)}"
+                reason, remedy = "no output has that name", close_match(pattern, self)
+                problems.append(Problem("unknown-output", pattern, reason, known, remedy))
+            matched.update(dict.fromkeys(names))
+        if problems:
+            raise RequestError(problems)
+        return tuple(matched)
+
+    def plan(
+        self,
+        scene: Scene,
+        want: Iterable[str],
+        how: Friction,
+        static: bool = False,
+        quality: bool = True,
+    ) -> Plan:
+        """The plan for some outputs: rules are asked in name order, once each."""
+        names = self.match(want)
+        with uncollected():
+            return self._plan(scene, names, how, static, quality)
+
+    def _plan(
+        self, scene: Scene, names: tuple[str, ...], how: Friction, static: bool, quality: bool
+    ) -> Plan:
+        schedule = homotopy.schedule(self.structure, scene, how, static)
+        values: dict[str, int] = {}  # the same value under two names is returned once
+        layout: dict[str, tuple[int, ...]] = {}
+
+        def place(name: str, names_of_values: Iterable[str]) -> None:
+            layout[name] = tuple(values.setdefault(v, len(values)) for v in names_of_values)
+
+        for name in sorted(names):
+            place(name, self[name].ask(schedule))
+        if quality:
+            for name, names_of_values in _quality(schedule):
+                place(name, names_of_values)
+        order = {b: i for i, b in enumerate(self.structure.blocks)}
+        entries = sorted(
+            schedule.entries, key=lambda e: (STAGES.index(e.stage), order[e.block], e.driver)
+        )
+        steps = schedule.lines, schedule.calls
+        return Plan(names, tuple(entries), steps, schedule.program(values), layout)
+
+
+def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Margins and friction reports of what the plan computes anyway."""
+    for entry in list(s.entries):
+        if entry.stage == "position" and s.structure.blocks[entry.block].closes:
+            yield f"margin/{entry.block}", (s.ask(forward.margin, entry.block),)
+            if s.structure.blocks[entry.block].own_form:
+                yield f"path/{entry.block}", (f"{s.ask(forward.position, entry.block)}.reached",)
+        if entry.stage == "force":
+            for joint in s.structure.blocks[entry.block].clearance:
+                ref = JointRef(entry.block, joint)
+                R = s.ask(play.pressing, ref)
+                yield f"pressing/{ref}", (f"{R}.real", f"{R}.imag")
+        if entry.stage == "force" and not entry.driver:
+            yield from _friction_quality(s, entry.block)
+            yield from _contact_quality(s, entry.block)
+
+
+def _contact_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """What must push in the couplings by which a block is driven."""
+    structure = s.structure
+    for driver in structure.drivers_of(block):
+        if driver not in structure.followers or structure.contact(driver) is None:
+            continue
+        name = structure.followers[driver].coupling
+        for read in structure.couplings[name].readings(structure.coupled_pair(name)).values():
+            if read.flag:
+                yield f"push/{name}/{read.flag}", (s.ask(forces.coupling_reading, driver, read),)
+
+
+def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """How the friction of a block was solved, and which of its pairs rest."""
+    structure, joints = s.structure, s.ask(friction.friction_joints, block)
+    pairs_here = [
+        (ref, *at) for ref in joints if (at := s.ask(forces.friction_at, ref)) is not None
+    ]
+    if not pairs_here:
+        return
+    solved = s.ask(forces.solution, block) or pairs_here[0][1]
+    what = ("iterations", "residual", "contraction", "outcome", "limit")
+    yield f"friction/{block}", tuple(f"{solved}.{x}" for x in what)
+    if (c := s.ask(forces.existence, block)) is not None:
+        yield f"existence/{block}", (c,)
+    for ref, by, i in pairs_here:
+        if structure.separates(ref):
+            continue
+        held = s.ask(friction.held, ref, f"{by}.g[{i}]")
+        yield f"rest/{s.structure.pair_name(ref)}", (s.ask(friction.rest, ref), held)

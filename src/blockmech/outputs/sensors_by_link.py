@@ -1,0 +1,106 @@
+"""Sensors of a joint-based document: its outputs, read of the blocks that it became.
+
+What a document calls ``joint.C.reaction.x`` is an output of a block, perhaps with the other
+sign, or a sum of several: then a block ``signal.sum`` gives it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from blockmech.ground.errors import GraphError, Problem, close_match, listed
+from blockmech.ground.values import free_name, split_address
+from blockmech.model.graph import Graph
+from blockmech.model.joints.varied import settled
+from blockmech.model.naming import Names
+from blockmech.outputs.by_block import PARTS, Catalogue, near
+from blockmech.outputs.by_link import Reading, readings
+from blockmech.outputs.by_owner import ByOwner
+
+IDLE = {"kind": "constant", "value": 0.0}
+
+
+def with_sensors_of_blocks(data: dict[str, Any], names: Names) -> dict[str, Any]:
+    """The data of a graph whose wires read outputs of its blocks in place of the document's.
+
+    Raises `GraphError` with what is read and is no output of the document, or no number that
+    blocks give.
+    """
+    blocks, own = dict(data["blocks"]), set(names.signals.values())
+    structure = Graph.from_data(_without_signals(settled(data), own)).structure()
+    known = Catalogue(structure)
+    table = ByOwner(readings(structure, names, known.by_owner), narrow=True)
+    wires, found, problems = [], dict[str, str](), list[Problem]()
+    for wire in data["wires"]:
+        source, target = wire["from"], wire["to"]
+        to_signal = _of_signals(blocks, own, target)
+        if not to_signal or split_address(source, own)[0] in own:
+            wires.append(wire)
+            continue
+        if source not in found:
+            reading = _reading(table, known, source)
+            if isinstance(reading, Problem):
+                problems.append(reading)
+                continue
+            found[source], more = _block_output(blocks, source, reading)
+            wires += more
+        wires.append({"from": found[source], "to": target})
+    if problems:
+        raise GraphError(problems)
+    return {**data, "blocks": blocks, "wires": wires}
+
+
+def _of_signals(blocks: Mapping[str, Any], own: set[str], target: str) -> bool:
+    """Whether a wire ends at a signal block or a law."""
+    name, port = split_address(target, blocks)
+    return name in own or (port == "law" and "law" in blocks[name])
+
+
+def _without_signals(data: dict[str, Any], own: set[str]) -> dict[str, Any]:
+    """The same mechanism, with loads that do nothing where they follow signals."""
+    blocks = {
+        name: {**block, "law": IDLE} if block.get("law") == {"kind": "signal"} else block
+        for name, block in data["blocks"].items()
+        if name not in own
+    }
+    wires = [w for w in data["wires"] if not _of_signals(data["blocks"], own, w["to"])]
+    return {**data, "blocks": blocks, "wires": wires}
+
+
+def _reading(table: Mapping[str, Reading], known: Catalogue, source: str) -> Reading | Problem:
+    """How an output of the document is read of blocks; the parts of a vector are numbers."""
+    whole, _, part = source.rpartition(".")
+    ends = ""
+    reading = table.get(source)
+    if reading is None and part in PARTS and whole in table:
+        reading, ends = table[whole], f".{part}"
+    parts = [] if reading is None else [(n + ends, s) for n, s in reading.parts]
+    if reading is None or not all(name in known for name, _ in parts):
+        there = near(source, table)
+        valid, remedy = f"outputs there: {listed(there, 16)}", close_match(source, there)
+        return Problem("unknown-output", source, "no output has that name", valid, remedy)
+    if known[parts[0][0]].kind == "vector":
+        valid, remedy = "a signal is one number", f"take {source}.x or {source}.y"
+        return Problem("no-sensor", source, "a vector is no signal", valid, remedy)
+    return reading._replace(parts=tuple(parts))
+
+
+def _block_output(
+    blocks: dict[str, Any], source: str, reading: Reading
+) -> tuple[str, list[dict[str, str]]]:
+    """An output of a block that is a reading, and the wires to a block that is added for it."""
+    parts = list(reading.parts)
+    if len(parts) == 1 and parts[0][1] > 0 and not reading.turn:
+        return parts[0][0], []
+    name = free_name(source.replace(".", "_"), blocks)
+    if reading.turn:
+        turn = free_name(f"{name}_turn", blocks)
+        blocks[turn] = {"type": "signal.constant", "value": reading.turn}
+        parts.append((f"{turn}.y", 1))
+    signs = "".join("+" if sign > 0 else "-" for _, sign in parts)
+    blocks[name] = {"type": "signal.sum", "signs": signs}
+    if reading.wrapped or reading.turn:
+        blocks[name]["wrap"] = True
+    wires = [{"from": n, "to": f"{name}.u{k}"} for k, (n, _) in enumerate(parts)]
+    return f"{name}.y", wires

@@ -1,0 +1,1 @@
+"""What a run is: its program, what can be wanted, its settings."""

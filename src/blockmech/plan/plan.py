@@ -1,0 +1,522 @@
+"""The plan: wanted outputs become one short straight-line program.
+
+A pass is a set of *rules*. A rule answers one question ("velocity of this
+block", "load on that link") by asking other rules and emitting calls. Every
+question is answered at most once, so what nobody asks for costs nothing: the
+pruning is the asking. The answers are names of values in the program.
+
+    want ──> rules ask rules ──> Schedule: lines + kernel entries ──> Program
+                                                                   (bound by an engine)
+
+The program is readable Python; ``print(plan.program.source)`` shows what runs.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import re
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import chain
+from types import CodeType
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
+
+from blockmech.ground.errors import listed
+from blockmech.ground.plane import SCALAR_PRIMITIVES
+from blockmech.model.scene import Scene
+from blockmech.model.structure import MarkerRef, Structure
+from blockmech.plan.quantities import QUANTITIES
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+ZERO, ONE, REST = "ZERO", "ONE", "REST"  # constants that every engine names: 0j, 1, rest's share
+NOUGHT = "0.0"  # a number that is known to be zero: nothing is computed with it
+LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
+NO_LETTER = re.compile(r"\W", re.ASCII)
+NAMES = re.compile(r"\.?[A-Za-z_]\w*", re.ASCII)  # in an expression; fields keep their dot
+STAGES = ("position", "velocity", "acceleration", "unit velocity", "unit acceleration", "force")
+
+TRAVELS = {  # stage -> what it hands on
+    "position": "place",
+    "velocity": "velocity",
+    "unit velocity": "velocity",
+    "acceleration": "acceleration",
+    "unit acceleration": "acceleration",
+    "force": "force and moment",
+    "reduction": "reduced inertia and effort",
+}
+BACK = ("force and moment", "reduced inertia and effort")
+
+T = TypeVar("T")
+Formula: TypeAlias = Callable[[Structure, Scene], Any]
+"""What a parameter is of a design: a number or a named tuple of numbers."""
+
+Node: TypeAlias = tuple[str, ...]
+Guess: TypeAlias = "Callable[[Schedule, str], str]"
+"""What gives a group without closed form the guess of its pose: the value's name."""
+
+
+class Entry(NamedTuple):
+    """One kernel call of the plan."""
+
+    block: str
+    stage: str  # one of STAGES
+    driver: str = ""  # of the unit-rate stages: which driver moves; of a unit load: where it acts
+
+    @property
+    def node(self) -> Node:
+        """The call in the graph of the plan: (block, stage), of unit rates with the driver."""
+        return tuple(self) if self.driver else self[:2]
+
+
+class Call(NamedTuple):
+    """A call of the plan's graph as it came into the program.
+
+    node : the call
+    value : name of the value that it gives
+    line : number of lines that stand before what uses it
+    head : of a share in what is reduced to a driver, that driver's block, which adds them up
+    """
+
+    node: Node
+    value: str
+    line: int
+    head: str = ""
+
+
+@dataclass(frozen=True)
+class Friction:
+    """How the friction equations are solved: the user's trade of speed for accuracy.
+
+    method : "none" | "single" | "successive" | "newton"
+    tolerance [N] : largest change of a reaction at which ``successive`` stops; by default
+        1e-7 of the largest one
+    iterations : fixed number of iterations of ``successive``, or None
+    along : whether the samples are those of a motion, of which the friction of each pair is known:
+        an input ``friction_j`` [N m or N]. Of several solutions it is the one to give. With several
+        drivers ``sticks_j`` is 1 where the pair sticks and has it whatever its load, else 0
+    pushed : pairs (`JointRef`) along whose coordinates something else pushes, such as an end stop:
+        ``push_j`` is an input [N m or N], on the later link
+    """
+
+    method: str = "newton"
+    tolerance: float | None = None
+    iterations: int | None = None
+    along: bool = False
+    pushed: tuple[Any, ...] = ()
+
+
+class UnitLoad(NamedTuple):
+    """A force of 1 N at a marker, along x or along y."""
+
+    marker: MarkerRef
+    along: Literal["x", "y"]
+
+    @property
+    def force(self) -> str:
+        """The force in a program."""
+        return ONE if self.along == "x" else f"imul({ONE}, 1.0)"
+
+    @property
+    def name(self) -> str:
+        """Where it acts, and along what."""
+        return f"{self.marker}.{self.along}"
+
+
+@dataclass(frozen=True)
+class Program:
+    """A straight-line program: what an engine binds and runs.
+
+    Attributes
+    ----------
+    source : text of ``program(inputs, P)``; returns the tuple ``outputs``
+    inputs : names of the inputs, e.g. ``q_0``, ``qd_0``, ``qdd_0`` of the first driver
+    angles : those inputs that are angles [rad] and keep double precision
+    functions : name in the text -> the kernel (to be bound by the engine)
+    formulas : name in the text -> what the parameter is of a design, in the order of ``P``
+    parameters : the same of the design that was planned
+    outputs : expressions returned, in this order
+    """
+
+    source: str
+    inputs: tuple[str, ...]
+    angles: frozenset[str]
+    functions: Mapping[str, Callable[..., Any]]
+    formulas: Mapping[str, Formula] = field(compare=False)
+    parameters: Mapping[str, Any]
+    outputs: tuple[str, ...]
+
+    def values(self, structure: Structure, scene: Scene) -> tuple[Any, ...]:
+        """The parameters ``P`` of another design of the same structure.
+
+        The numbers of its blocks, links and elements may be of any type with arithmetic
+        (`blockmech.ground.plane`). What is zero in the planned design has no slot.
+        """
+        return tuple(formula(structure, scene) for formula in self.formulas.values())
+
+    @cached_property
+    def code(self) -> CodeType:
+        """The source compiled, once for all engines and all mechanisms of one structure."""
+        return _compiled(self.source)
+
+
+@functools.lru_cache
+def _compiled(source: str) -> CodeType:
+    """A program's code: numbers are parameters, so designs of one structure share it."""
+    return compile(source, "<plan>", "exec")
+
+
+class Schedule:
+    """A program under construction: asks, remembers, emits.
+
+    A rule asks for what it needs before it emits, so the order of asking is a topological order
+    of the kernel calls (`Plan.graph`), and the program is emitted in it.
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        scene: Scene,
+        friction: Friction,
+        static: bool = False,
+        *,
+        guess: Guess,
+    ) -> None:
+        """``guess`` serves groups without closed form; see `passes.homotopy.schedule`."""
+        self.structure = structure
+        self.scene = scene
+        self.friction = friction
+        self.static = static
+        self.guess = guess
+        self.entries: list[Entry] = []
+        self.calls: list[Call] = []
+        self.lines: list[tuple[str, str]] = []  # name of a value and the expression for it
+        self.functions: dict[str, Callable[..., Any]] = {}
+        self.formulas: dict[str, Formula] = {}
+        self.inputs: set[str] = set()
+        self.angles: set[str] = set()
+        self.unit_load: UnitLoad | None = None
+        self._loaded: Schedule | None = None  # of unit loads, the schedule that `under` is of
+        self._answers: dict[Hashable, Any] = {}
+        self._by_text: dict[str, str] = {}  # expression -> name of its value
+        self._names: dict[str, int] = {}
+        self._taken = {"P", ZERO, ONE, REST, "t", "program", "abs", *SCALAR_PRIMITIVES}
+        self._slots: dict[Hashable, str] = {}
+        self._order = {name: i for i, name in enumerate(structure.blocks)}
+
+    def ask(self, rule: Callable[..., T], *key: Hashable) -> T:
+        """The answer of a rule; worked out once."""
+        question = (rule, *key)
+        if question not in self._answers:
+            self._answers[question] = rule(self, *key)
+        answer: T = self._answers[question]
+        return answer
+
+    def copied(self) -> Schedule:
+        """The same so far; what is asked of one is not known to the other."""
+        other = copy.copy(self)
+        own = {k: v.copy() for k, v in vars(self).items() if isinstance(v, list | dict | set)}
+        vars(other).update(own)
+        return other
+
+    def under(self, load: UnitLoad) -> Schedule:
+        """The same program, asked about the mechanism at rest under a unit load alone.
+
+        No friction acts, and drivers are held. Poses are those of this schedule, and what leans
+        on one side or the other in it (teeth, chains) does so there.
+        """
+        other = copy.copy(self)
+        other.unit_load, other.static, other.friction = load, True, Friction("none")
+        other._answers, other._loaded = {}, self.loaded
+        return other
+
+    @property
+    def loaded(self) -> Schedule:
+        """The schedule of the loads that there are; see `under`."""
+        return self._loaded or self
+
+    def ask_first(
+        self,
+        rule: Callable[..., Any],
+        block: str,
+        neighbours: Callable[[str], Iterable[str]],
+        *more: Hashable,
+    ) -> None:
+        """Ask the same of everything a block waits for, nearest to the answered ones first.
+
+        Rules call each other along the wires; this keeps that recursion one block
+        deep, so a chain of a thousand groups needs no deep stack.
+        """
+        order = self._order
+        waiting, stack = {block}, [block]
+        while stack:
+            for other in neighbours(stack.pop()):
+                if other in order and other not in waiting:
+                    if (rule, other, *more) in self._answers:
+                        continue
+                    waiting.add(other)
+                    stack.append(other)
+        waiting.discard(block)
+        upstream = sorted(waiting, key=lambda b: order[b])
+        down = bool(upstream) and order[upstream[0]] > order[block]
+        for other in reversed(upstream) if down else upstream:
+            self.ask(rule, other, *more)
+
+    def emit(self, function: Callable[..., Any], *args: str, name: str) -> str:
+        """Emit a call of a pure function; the same call twice is one line."""
+        return self.line(f"{self._function(function)}({', '.join(args)})", name)
+
+    def line(self, text: str, name: str) -> str:
+        """Emit an expression of values and primitives of the plane; the same twice is one line."""
+        if text not in self._by_text:
+            self._by_text[text] = self._add(text, name)
+        return self._by_text[text]
+
+    def sum(self, terms: Iterable[str], name: str, nothing: str = NOUGHT) -> str:
+        """Emit a sum in the order given, without zeros; ``nothing`` is the sum of no terms."""
+        kept = [x for x in terms if x not in (NOUGHT, ZERO)]
+        if not kept:
+            return nothing
+        total = kept[0]
+        for start in range(1, len(kept), LONGEST_SUM):
+            total = self._add(" + ".join((total, *kept[start : start + LONGEST_SUM])), name)
+        return total
+
+    def kernel(self, entry: Entry, function: Callable[..., Any], *args: str, name: str) -> str:
+        """Emit the call that an entry of the plan stands for."""
+        before = len(self.lines)
+        value = self.emit(function, *args, name=name)
+        if self.unit_load is not None and len(self.lines) == before:
+            return value  # a pose that is there
+        self.entries.append(entry)
+        self.calls.append(Call(entry.node, value, len(self.lines)))
+        return value
+
+    def share(self, block: str, driver: str, value: str) -> str:
+        """Note a value as a block's share of what is reduced to a driver."""
+        head = self.structure.driven[driver].block
+        self.calls.append(Call((block, "reduction", driver), value, len(self.lines), head))
+        return value
+
+    def parameter(self, key: Hashable, formula: Formula, name: str) -> str:
+        """Name of a parameter slot, whose value a formula says of any design."""
+        if key not in self._slots:
+            self._slots[key] = self._fresh(name)
+            self.formulas[self._slots[key]] = formula
+        return self._slots[key]
+
+    def here(self, formula: Formula) -> Any:
+        """What a formula says of the planned design: rules leave out what is zero there."""
+        return formula(self.structure, self.scene)
+
+    def input(self, quantity: str, driver: str) -> str:
+        """Name of an input: "q", "qd" or "qdd" of a driver."""
+        name = f"{quantity}_{self.structure.drivers.index(driver)}"
+        self.inputs.add(name)
+        if quantity == "q" and self.structure.driver_joint(driver).rotary:
+            self.angles.add(name)
+        return name
+
+    def unknown(self, name: str) -> str:
+        """Name of an input that is neither a driver's nor the time."""
+        self.inputs.add(name)
+        self._taken.add(name)
+        return name
+
+    def time(self) -> str:
+        """Name of the input "t", the time [s]."""
+        self.inputs.add("t")
+        return "t"
+
+    def program(self, outputs: Iterable[str]) -> Program:
+        """The finished program that returns these values."""
+        wanted = tuple(outputs)
+        inputs = tuple(sorted(self.inputs))
+        body = [f"    {name} = {text}" for name, text in self.lines]
+        head = [f"def program({', '.join((*inputs, 'P'))}):"]
+        if self.formulas:
+            head.append(f"    {', '.join(self.formulas)}, = P")
+        result = f"    return ({', '.join(wanted)}{',' if wanted else ''})"
+        source = "\n".join([*head, *body, result]) + "\n"
+        parameters = {name: self.here(formula) for name, formula in self.formulas.items()}
+        return Program(
+            source,
+            inputs,
+            frozenset(self.angles),
+            dict(self.functions),
+            dict(self.formulas),
+            parameters,
+            wanted,
+        )
+
+    def _add(self, text: str, name: str) -> str:
+        value = self._fresh(name)
+        self.lines.append((value, text))
+        return value
+
+    def _function(self, function: Callable[..., Any]) -> str:
+        name = _identifier(f"{function.__module__.rsplit('.', 1)[-1]}_{function.__name__}")
+        while name in self._taken and self.functions.get(name) is not function:
+            name += "_"
+        self._taken.add(name)
+        self.functions[name] = function
+        return name
+
+    def _fresh(self, name: str) -> str:
+        base = value = _identifier(name)
+        while value in self._taken:  # by a block of a like name, or by a function
+            count = self._names[base] = self._names.get(base, 1) + 1
+            value = f"{base}_{count}"
+        self._taken.add(value)
+        return value
+
+
+Reader = Callable[..., Any]
+
+
+class Undefined(float):
+    """NaN for a number that a run does not define, with the reason in words."""
+
+    why: str
+
+    def __new__(cls, why: str) -> Undefined:
+        made = super().__new__(cls, "nan")
+        made.why = why
+        return made
+
+
+class Output(NamedTuple):
+    """One thing that can be wanted.
+
+    Attributes
+    ----------
+    name : e.g. ``"dyad.B.reaction"``
+    unit : SI, ``""`` where dimensionless
+    kind : "real", "vector" (complex x + iy), "matrix" (square over the drivers) or
+        "number" (one per run)
+    ask : the rule's answer in a schedule: names of program values
+    read : arrays of those values -> the output's array
+    by, on : for what one link exerts on another, the two links
+    words : what it is, where its last name does not say it
+    """
+
+    name: str
+    unit: str
+    kind: Literal["real", "vector", "matrix", "number"]
+    ask: Callable[[Schedule], Iterable[str]]
+    read: Reader
+    by: str = ""
+    on: str = ""
+    words: str = ""
+
+    @property
+    def about(self) -> str:
+        """What it is, in words."""
+        named = (QUANTITIES[x] for x in reversed(self.name.split(".")) if x in QUANTITIES)
+        words = self.words or next(named)  # of a part of a vector its whole
+        return words.format(by=self.by, on=self.on)
+
+
+@functools.cache
+def _identifier(name: str) -> str:
+    word = NO_LETTER.sub("_", name)
+    return f"_{word}" if not word or word[0].isdigit() else word
+
+
+def _counted(n: int, what: str) -> str:
+    return f"{n} {what}" if n == 1 else f"{n} {what}s"
+
+
+@dataclass(frozen=True, repr=False)
+class Plan:
+    """What is computed for a request, and the program that does it.
+
+    Attributes
+    ----------
+    want : names of the wanted outputs
+    entries : the kernel calls, by stage and formation order
+    steps : lines of the program and the calls in them; see `graph`
+    program : the straight-line program
+    layout : wanted output -> indices of the program's values
+    engines : (engine, precision) -> the program made ready for it, when it was first run
+    """
+
+    want: tuple[str, ...]
+    entries: tuple[Entry, ...]
+    steps: tuple[Sequence[tuple[str, str]], Sequence[Call]] = field(compare=False)
+    program: Program
+    layout: Mapping[str, tuple[int, ...]]
+    engines: dict[tuple[str, str], Any] = field(default_factory=dict, compare=False)
+
+    def __repr__(self) -> str:
+        return f"<Plan of {listed(self.want, 3)}: {self.calls} kernel calls a sample>"
+
+    @cached_property
+    def verdicts(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Indices of the values that judge a sample: margins, outcomes of friction."""
+        margins = [i[0] for name, i in self.layout.items() if name.startswith("margin/")]
+        outcomes = [i[3] for name, i in self.layout.items() if name.startswith("friction/")]
+        return tuple(margins), tuple(outcomes)
+
+    @property
+    def calls(self) -> int:
+        """Number of kernel calls per sample."""
+        return len(self.entries)
+
+    def count(self, stage: str) -> int:
+        """Number of kernel calls of one stage."""
+        return sum(e.stage == stage for e in self.entries)
+
+    def graph(self) -> nx.DiGraph:
+        """The calls and what travels between them, as a directed graph without cycles.
+
+        Nodes are calls: (block, stage), of the stages at unit rate (block, stage, driver), in
+        the program's order; the stage "reduction" are a block's shares of the reduced inertia
+        and effort. An edge goes from a call to one that needs what it gives, ``kind`` says
+        what that is ("place", "velocity", "acceleration", "force and moment", "reduced inertia
+        and effort"), and ``way`` whether it travels "forward" from the drivers or "back".
+        """
+        import networkx as nx
+
+        graph = nx.DiGraph()
+        behind: dict[str, tuple[Node, ...]] = {}  # value -> the calls that it comes from
+
+        def add(call: Node, needed: Iterable[Node]) -> None:
+            graph.add_node(call, block=call[0], stage=call[1])
+            for other in needed:
+                if other != call:
+                    kind = TRAVELS[other[1]]
+                    way = "back" if kind in BACK else "forward"
+                    graph.add_edge(other, call, kind=kind, way=way)
+
+        lines, calls = self.steps
+        start = 0
+        for call, value, line, head in calls:
+            for name, text in lines[start:line]:
+                parts = (behind.get(part, ()) for part in NAMES.findall(text))
+                behind[name] = tuple(dict.fromkeys(chain.from_iterable(parts)))
+            start = line
+            add(call, behind.get(value, ()))
+            if head:
+                add((head, *call[1:]), (call,))
+            else:
+                behind[value] = (call,)
+        return graph
+
+    def explain(self) -> str:
+        """The schedule as text: per stage the blocks in order, and the kernel calls."""
+        calls, outputs = _counted(self.calls, "kernel call"), _counted(len(self.want), "output")
+        rows = [f"{calls} for {outputs}"]
+        for stage in STAGES:
+            what = "load at" if stage == "force" else "rate of"
+            blocks = [
+                e.block + (f" (unit {what} {e.driver})" if e.driver else "")
+                for e in self.entries
+                if e.stage == stage
+            ]
+            if blocks:
+                rows.append(f"  {stage:<18}{len(blocks):>4}  {', '.join(blocks)}")
+        return "\n".join(rows)

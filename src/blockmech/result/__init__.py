@@ -1,0 +1,1 @@
+"""Results: samples, motions, quality, tables, and why samples have no answer."""

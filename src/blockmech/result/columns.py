@@ -1,0 +1,165 @@
+"""A result as columns of real numbers with a name and a unit: one per component."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.ground.files import AnyPath
+from blockmech.plan.plan import Output
+from blockmech.result.motion import Motion
+from blockmech.result.quality import Accuracy, Quality
+from blockmech.typing import Named
+
+__all__ = ["AnyPath", "Array", "Column", "Labelled", "columns", "driver_columns", "output_columns"]
+
+Array = NDArray[np.float64]
+NOISE = 1e-12  # of the largest term of a unit: smaller ones are shown as zero
+
+
+class Labelled(Mapping[str, NDArray[Any]]):
+    """What the exports need of a result: outputs by name, and what they are.
+
+    ``motion`` is that of a simulation, ``accuracy`` what was chosen for a wanted one; of other
+    results they are None. Both rooms lie above this one, so their types are for checkers alone.
+    """
+
+    mechanism: Named
+    settings: dict[str, Any]
+    motion: Motion | None
+    accuracy: Accuracy | None
+
+    @property
+    @abstractmethod
+    def n(self) -> int:
+        """Number of samples."""
+
+    @property
+    @abstractmethod
+    def time(self) -> Array | None:
+        """Times (n,) [s] of the samples, where the request says them."""
+
+    @property
+    @abstractmethod
+    def drivers(self) -> dict[str, Array]:
+        """Driver coordinates by name of the output."""
+
+    @property
+    @abstractmethod
+    def quality(self) -> Quality:
+        """Status of each sample, margins, friction reports and flags."""
+
+    @property
+    @abstractmethod
+    def judged(self) -> Quality:
+        """The same with the flags that take a second computation, those of digits lost."""
+
+    @abstractmethod
+    def output(self, name: str) -> Output:
+        """Declaration of an output: unit, kind, and who acts on whom."""
+
+    @abstractmethod
+    def notes(self) -> list[str]:
+        """What a reader must know of the model to read the numbers."""
+
+    @property
+    def friction_error(self) -> Array | None:
+        """Bound (n,) [-] of what an iteration of friction leaves undone, where it is cut short."""
+        return None
+
+    @abstractmethod
+    def unit_of_driver(self, name: str) -> str:
+        """Unit of a driver coordinate."""
+
+    def known_time(self) -> Array | None:
+        """Times (n,) [s], or None where the request does not say them."""
+        time = self.time
+        return time if time is not None and np.isfinite(time).any() else None
+
+
+@dataclass(frozen=True)
+class Column:
+    """One real component of an output.
+
+    Attributes
+    ----------
+    name : the output's name, with ``.x`` and ``.y`` for the parts of a vector
+    unit : ``""`` where dimensionless
+    values : (n,) in ``unit``, NaN where a sample has no answer
+    output : the output that the column is a part of
+    """
+
+    name: str
+    unit: str
+    values: Array
+    output: str
+
+    @property
+    def head(self) -> str:
+        """Name and unit as a heading, e.g. ``crank.drive [N m]``."""
+        return f"{self.name} [{self.unit or '-'}]"
+
+
+def columns(result: Labelled, degrees: bool = False) -> list[Column]:
+    """All columns: driver coordinates, time if it is known, then the wanted outputs.
+
+    A number of the whole run, e.g. an efficiency, is repeated at every sample.
+    ``degrees`` gives angles in deg in place of rad.
+    """
+    table = driver_columns(result, degrees)
+    first = {column.output for column in table}
+    for name in result:
+        if name not in first:
+            table += output_columns(result, name, degrees)
+    return table
+
+
+def without_noise(values: Any, largest: float) -> Array:
+    """Values in which what is rounding beside the largest term is zero."""
+    with np.errstate(invalid="ignore"):
+        return np.where(np.abs(values) < NOISE * largest, 0.0, values)
+
+
+def driver_columns(result: Labelled, degrees: bool = False) -> list[Column]:
+    """Driver coordinates [rad or m], and time [s] if the request says it."""
+    table = [
+        _column(name, result.unit_of_driver(name), q, name, degrees)
+        for name, q in result.drivers.items()
+    ]
+    time = result.known_time()
+    return table if time is None else [*table, Column("time", "s", time, "time")]
+
+
+def output_columns(result: Labelled, name: str, degrees: bool = False) -> list[Column]:
+    """The columns of one output: one, two of a vector, or all entries of a matrix."""
+    unit = result.output(name).unit
+    return [
+        _column(part, unit, values, name, degrees) for part, values in _components(result, name)
+    ]
+
+
+def _components(result: Labelled, name: str) -> Iterator[tuple[str, Any]]:
+    values, kind = result[name], result.output(name).kind
+    if kind == "vector":
+        yield from ((f"{name}.x", values.real), (f"{name}.y", values.imag))
+    elif kind == "matrix":
+        drivers = result.mechanism.drivers
+        for index in np.ndindex(values.shape[1:]):
+            entry = ".".join(drivers[i] for i in index)
+            yield f"{name}.{entry}", values[:, *index]
+    elif kind == "number":
+        yield name, np.full(result.n, float(values))
+    else:
+        yield name, values
+
+
+def _column(name: str, unit: str, values: Any, output: str, degrees: bool) -> Column:
+    real = np.asarray(values, dtype=np.float64)
+    if degrees and unit == "rad":
+        return Column(name, "deg", np.degrees(real), output)
+    return Column(name, unit, real, output)

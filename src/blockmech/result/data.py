@@ -1,0 +1,175 @@
+"""A result as data: JSON, NumPy file, pandas."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic_core import to_json
+
+from blockmech.ground.errors import needed
+from blockmech.ground.files import AnyPath, writing
+from blockmech.ground.report import as_json
+from blockmech.result.columns import Column, Labelled, columns
+from blockmech.result.motion import Motion
+
+FORMAT, VERSION = "blockmech/result", 1
+
+
+def to_dict(result: Labelled) -> dict[str, Any]:
+    """The whole result as JSON data; its schema is `result_schema`.
+
+    SI units. Vectors are [x, y] pairs, matrices nested lists, a number of the whole
+    run a list of one; a sample without an answer is None, with its reason in
+    ``quality``. ``time`` [s] stands beside ``drivers`` where the request says it.
+    """
+    return {
+        **_head(result),
+        "outputs": {name: _output(result, name) for name in result},
+        "quality": result.judged.to_dict(),
+    }
+
+
+def json_chunks(result: Labelled) -> Iterator[str]:
+    """The JSON text of `to_dict` in pieces, one output after the other, in ASCII."""
+    yield "{"
+    for key, value in _head(result).items():
+        yield f"{_text(key)}: {_text(value)},\n "
+    yield '"outputs": {'
+    for i, name in enumerate(result):
+        yield (",\n  " if i else "\n  ") + f"{_text(name)}: {_text(_output(result, name))}"
+    yield f'}},\n "quality": {_text(result.judged.to_dict())}}}\n'
+
+
+def to_npz(result: Labelled, path: AnyPath) -> None:
+    """Write all arrays to one NumPy file, atomically.
+
+    The arrays have the outputs' names and the shapes of `Result`; ``time``, the
+    driver coordinates, ``quality.status`` and ``quality.margin.<block>`` are beside
+    them, ``units`` (k, 2) lists names and units. Nothing needs pickle.
+
+    Raises `RequestError` where the place cannot be written.
+    """
+    arrays: dict[str, Any] = dict(result.drivers)
+    units = {name: result.unit_of_driver(name) for name in arrays}
+    time = result.known_time()
+    if time is not None:
+        arrays["time"], units["time"] = time, "s"
+    for name in result:
+        arrays[name], units[name] = np.asarray(result[name]), result.output(name).unit
+    quality = result.quality
+    arrays["quality.status"] = np.array(quality.status, dtype=str)
+    for block, margin in quality.margin.items():
+        arrays[f"quality.margin.{block}"] = margin
+    arrays["units"] = np.array(list(units.items()), dtype=str)
+    with writing(path) as stream:
+        np.savez(stream, **arrays)
+
+
+def to_dataframe(result: Labelled) -> Any:
+    """The columns of the CSV as a pandas DataFrame; units are in ``attrs["units"]``.
+
+    Raises `MissingEngineError` without pandas.
+    """
+    return dataframe(columns(result), result.quality.status)
+
+
+def to_xarray(result: Labelled) -> Any:
+    """The result as an `xarray.Dataset` over the samples, with units.
+
+    The dimension is the coordinate of the only driver, else "sample"; drivers' coordinates and
+    the time are coordinates of the set; vectors are complex, x + iy. Raises
+    `MissingEngineError` without xarray (extra ``study``).
+    """
+    xarray = needed("xarray", "to_xarray", "study", "to_npz needs nothing")
+    drivers, time = dict(result.drivers), result.known_time()
+    rising = len(drivers) == 1 and len(np.unique(next(iter(drivers.values())))) == result.n
+    dim = next(iter(drivers)) if rising else "sample"
+    data = {name: result[name] for name in result}
+    rows = {n: x for n, x in data.items() if np.ndim(x) == 1 and len(x) == result.n}
+    coords = drivers | ({} if time is None else {"time": time})
+    dataset = xarray.Dataset(
+        {n: (dim, x) for n, x in rows.items() if n not in coords},
+        {n: (dim, x) for n, x in coords.items()},
+        {n: x for n, x in data.items() if np.ndim(x) == 0},
+    )
+    for name in rows:
+        dataset[name].attrs["units"] = result.output(name).unit
+    for name in drivers:
+        dataset[name].attrs["units"] = result.unit_of_driver(name)
+    return dataset
+
+
+def dataframe(table: Sequence[Column], status: Sequence[str]) -> Any:
+    """Columns and a last one of words as a pandas DataFrame; see `to_dataframe`."""
+    pandas = needed("pandas", "to_dataframe", "study", "to_csv needs nothing")
+    frame = pandas.DataFrame({column.name: column.values for column in table})
+    frame["status"] = list(status)
+    frame.attrs["units"] = {column.name: column.unit for column in table}
+    return frame
+
+
+def _head(result: Labelled) -> dict[str, Any]:
+    head: dict[str, Any] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "graph": result.mechanism.name,
+        "samples": result.n,
+        "drivers": {name: _values(q) for name, q in result.drivers.items()},
+    }
+    time = result.known_time()
+    if time is not None:
+        head["time"] = _values(time)
+    if result.motion is not None:
+        head |= _motion(result, result.motion)
+    if result.accuracy is not None:
+        head["accuracy"] = result.accuracy.to_dict()
+    return head
+
+
+def _motion(result: Labelled, motion: Motion) -> dict[str, Any]:
+    """How a simulation moved: its events, and method, error and what ended it."""
+    names = list(result.drivers)
+    events = []
+    for event in motion.events:
+        q, qd = np.atleast_1d(event.q), np.atleast_1d(event.qd)
+        states = {
+            name.replace(".q", ending): x
+            for values, ending in ((q, ".q"), (qd, ".rate"))
+            for name, x in zip(names, values, strict=True)
+        }
+        events.append(as_json({"kind": event.kind, "time": event.t, **states}))
+    return {"events": events, "motion": motion.to_dict()}
+
+
+def _output(result: Labelled, name: str) -> dict[str, Any]:
+    output = result.output(name)
+    data = {"unit": output.unit, "values": _values(result[name])}
+    if output.on:
+        data |= {"by": output.by, "on": output.on}
+    return data
+
+
+def _values(raw: Any) -> list[Any]:
+    """Samples as JSON data; a sample that is not finite in any part is None."""
+    table: NDArray[Any] = np.atleast_1d(np.asarray(raw))
+    if np.iscomplexobj(table):
+        table = np.stack([table.real, table.imag], axis=-1)
+    table = table.astype(np.float64, copy=False)
+    values: list[Any] = table.tolist()
+    whole = np.isfinite(table).all(axis=tuple(range(1, table.ndim)))
+    for i in np.flatnonzero(~whole):
+        values[i] = None
+    return values
+
+
+def _text(value: Any) -> str:
+    # The standard library takes seven times as long for long lists of numbers.
+    text = to_json(value, inf_nan_mode="null").decode()
+    if text.isascii():
+        return text
+    return re.sub(r"[^\x00-\x7f]", lambda match: json.dumps(match[0])[1:-1], text)

@@ -1,0 +1,302 @@
+"""Quality of a result: which samples have an answer, how good it is, and why not.
+
+Everything is worked out from the plan's own reports (margins, friction) and from
+the values themselves, so no sample without a reason is handed out as an answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.friction.continuation import Outcome
+from blockmech.ground.report import Facts, as_json
+
+OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED = (
+    "ok",
+    "no-assembly",
+    "not-converged",
+    "self-locked",
+    "jammed",
+)
+DEAD_CENTRE, CHANGE_POINT, DIGITS_LOST = "dead-centre", "change-point", "digits-lost"
+UNDEFINED = "undefined"
+WORDS = (
+    *(OK, NO_ASSEMBLY, NOT_CONVERGED, SELF_LOCKED, JAMMED),
+    *(DEAD_CENTRE, CHANGE_POINT, UNDEFINED),
+)
+REACTION_REVERSAL = "reaction-reversal"  # of a pin with clearance
+OTHER_SOLUTIONS = "other-solutions"  # of the friction equations, beside the one that is given
+TOUCH = 1e-12  # margin below zero that is rounding where a margin touches zero
+NEAR = 1e-6  # margin below which a surviving doubt is flagged
+NEAR_CHANGE = 1e-4  # the same near a change point, where reactions lose eps/margin^1.5
+DETAIL = {
+    Outcome.BY_CONTINUATION: "by-continuation",
+    Outcome.NOT_CONVERGED: "slow",
+    Outcome.FOLD: "fold",
+    Outcome.ASYMPTOTE: "asymptote",
+}
+
+
+@dataclass(frozen=True)
+class Flag(Facts):
+    """One remark on one sample: code, the block or joint, and its numbers."""
+
+    sample: int
+    code: str
+    where: str
+    interval: tuple[float, float] | None = None
+    value: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The flag as a JSON object."""
+        return {name: x for name, x in super().to_dict().items() if x is not None}
+
+
+@dataclass(frozen=True)
+class Quality(Facts):
+    """Quality of n samples.
+
+    Attributes
+    ----------
+    status : n words: "ok", "no-assembly", "not-converged", "self-locked", "jammed",
+        "dead-centre", "change-point", "undefined" (a wanted value, at a pose that can be)
+    blame : sample without an answer -> the block that has none
+    margin, iterations, residual, contraction : block -> (n,) [-]
+    existence : block -> (n,) [-], below 1 where its friction has a solution for every load; of
+        the blocks of which it is known (`blockmech.friction.existence`)
+    flags : remarks, by sample
+    """
+
+    FACTS = ("status", "margin", "residual", "friction_error", "contraction", "existence", "flags")
+
+    status: tuple[str, ...]
+    blame: Mapping[int, str]
+    margin: Mapping[str, NDArray[Any]]
+    iterations: Mapping[str, NDArray[Any]]
+    residual: Mapping[str, NDArray[Any]]
+    contraction: Mapping[str, NDArray[Any]]
+    flags: tuple[Flag, ...] = field(default=())
+    existence: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+    @property
+    def gaps(self) -> tuple[int, ...]:
+        """Samples without an answer."""
+        return tuple(sorted(self.blame))
+
+    @property
+    def friction_error(self) -> dict[str, NDArray[Any]]:
+        """Block -> bound (n,) [-] of what its pairs miss their laws by, of its largest friction."""
+        residuals = self.residual.items()
+        return {name: left_undone(x, self.contraction[name]) for name, x in residuals}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The ``quality`` section of a result."""
+        counts = {block: [int(x) for x in row] for block, row in self.iterations.items()}
+        return {**super().to_dict(), "iterations": counts}
+
+
+class Failures(NamedTuple):
+    """Which samples have no answer, and why.
+
+    word : (...) index in `WORDS`, 0 where there is an answer
+    block : (...) index in ``blocks`` of the block that has none; 0 where it is not one's
+    """
+
+    word: NDArray[np.int8]
+    block: NDArray[np.int64]
+    blocks: tuple[str, ...]
+
+
+def failures(
+    margin: Mapping[str, Any],
+    outcome: Mapping[str, Any],
+    wanted_bad: NDArray[np.bool_],
+    prismatic: frozenset[str],
+    following: frozenset[str],
+) -> Failures:
+    """Samples (...) without an answer: the first block that fails is blamed.
+
+    Arguments as those of `assess`; margins and outcomes of friction by block.
+    """
+    blocks = ("", *dict.fromkeys((*margin, *outcome)))
+    word, blame = np.zeros(wanted_bad.shape, np.int8), np.zeros(wanted_bad.shape, np.int64)
+
+    def note(failing: NDArray[np.bool_], failure: str, block: str) -> None:
+        new = failing & (word == 0)
+        if new.any():
+            word[new], blame[new] = WORDS.index(failure), blocks.index(block)
+
+    for block, m in margin.items():
+        if block not in following and m.min(initial=np.inf) > 0:  # not of NaN
+            continue
+        failing = ~(m > 0) & ~((m == 0) & ~wanted_bad)
+        if block in following:
+            failing |= (m > 0) & (m < NEAR_CHANGE) & wanted_bad
+            note(failing & ~(m < -TOUCH), CHANGE_POINT, block)
+        note(failing & (m >= -TOUCH), DEAD_CENTRE, block)
+        note(failing, NO_ASSEMBLY, block)
+    for block, ended in outcome.items():
+        locked = JAMMED if block in prismatic else SELF_LOCKED
+        for how in Outcome if np.any(ended) else ():
+            if not how.solved:
+                failure = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
+                note((ended == how) & np.ones_like(wanted_bad), failure, block)
+    note(wanted_bad, UNDEFINED, "")
+    return Failures(word, blame, blocks)
+
+
+def assess(
+    n: int,
+    values: Mapping[str, tuple[NDArray[Any], ...]],
+    wanted_bad: NDArray[np.bool_],
+    prismatic: frozenset[str],
+    following: frozenset[str] = frozenset(),
+) -> Quality:
+    """Work out the quality of a run.
+
+    Parameters
+    ----------
+    n : number of samples
+    values : report name (``margin/block``, ``path/block``, ``friction/block``,
+        ``existence/block``, ``rest/joint``, ``pressing/joint``,
+        ``push/coupling/code``) -> its arrays
+    wanted_bad : (n,) whether a wanted value is not finite
+    prismatic : blocks with friction in a prismatic pair
+    following : dyads whose branch follows the motion: it runs on where their margin is zero
+    """
+    margin = {k[7:]: at_most_one(v[0]) for k, v in values.items() if k.startswith("margin/")}
+    friction = {k[9:]: v for k, v in values.items() if k.startswith("friction/")}
+    paths = {k[5:]: v[0] for k, v in values.items() if k.startswith("path/")}
+    rest = {k[5:]: v for k, v in values.items() if k.startswith("rest/")}
+    existence = {k[10:]: v[0] for k, v in values.items() if k.startswith("existence/")}
+    outcomes = {k: v[3] for k, v in friction.items()}
+    failed = failures(margin, outcomes, wanted_bad, prismatic, following)
+    gaps = np.flatnonzero(failed.word).tolist()
+    status = tuple(np.array(WORDS, object)[failed.word].tolist()) if gaps else (OK,) * n
+    blame = {i: failed.blocks[failed.block[i]] for i in gaps}
+    flags: list[Flag] = []
+    for k, (block, m) in enumerate(margin.items(), 1):
+        name = CHANGE_POINT if block in following else DEAD_CENTRE
+        near = NEAR_CHANGE if block in following else NEAR
+        if m.min(initial=np.inf) >= near:  # the commonest case at once; not of NaN
+            continue
+        mine = (failed.word == 0) | (failed.block >= k) | (failed.block == 0)  # no earlier one's
+        for i in np.flatnonzero(~(m > 0)):
+            if m[i] == 0 or (mine[i] and failed.word[i] == WORDS.index(name)):
+                flags.append(Flag(int(i), name, block, value=0.0))
+        for i in np.flatnonzero((m > 0) & (m < near)):
+            lost = failed.word[i] > 0 and failed.block[i] == k
+            flags.append(Flag(int(i), name if lost else f"near-{name}", block, value=float(m[i])))
+    for block, share in paths.items():  # followed from home, and lost on the way
+        for i in np.flatnonzero(share < 1.0):
+            flags.append(Flag(int(i), "path-ended", block, value=float(share[i])))
+    for block, (_, _, _, outcome, limit) in friction.items():
+        for i in np.flatnonzero(outcome > 0):
+            how = Outcome(int(outcome[i]))
+            flags.append(Flag(int(i), DETAIL[how], block, value=as_json(limit[i])))
+    for block, c in existence.items():
+        for i in np.flatnonzero((c > 1) & (failed.word == 0)):
+            flags.append(Flag(int(i), OTHER_SOLUTIONS, block, value=float(c[i])))
+    for joint, (resting, held) in rest.items():
+        for i in np.flatnonzero(resting > 0):
+            reach = float(held[i])
+            if np.isfinite(reach):
+                flags.append(Flag(int(i), "zero-relative-speed", joint, interval=(-reach, reach)))
+    for name, (push,) in ((k, v) for k, v in values.items() if k.startswith("push/")):
+        _, coupling, code = name.split("/")
+        low = np.flatnonzero(push < 0.0).tolist()
+        flags += [Flag(int(i), code, coupling, value=float(push[i])) for i in low]
+    for name, (x, y) in ((k, v) for k, v in values.items() if k.startswith("pressing/")):
+        R = np.broadcast_to(x + 1j * y, n)
+        where = name.removeprefix("pressing/")
+        flags += [Flag(i, REACTION_REVERSAL, where, value=float(abs(R[i]))) for i in reversals(R)]
+    flags += [Flag(i, UNDEFINED, "mechanism") for i, block in blame.items() if not block]
+    flags.sort(key=lambda f: (f.sample, f.code, f.where))
+    return Quality(
+        status,
+        blame,
+        margin,
+        {k: np.nan_to_num(v[0]) for k, v in friction.items()},
+        {k: v[1] for k, v in friction.items()},
+        {k: v[2] for k, v in friction.items()},
+        tuple(flags),
+        existence,
+    )
+
+
+def reversals(R: NDArray[Any]) -> list[int]:
+    """Samples at which a reaction (n,) passes near zero, so that a journal crosses its bush.
+
+    It does where it is zero, and where it turns by a right angle or more from one sample to the
+    next: there the smaller one of the two is the sample. Samples count in the order of the run.
+    """
+    size, ahead = np.abs(R), (R[1:] * np.conj(R[:-1])).real <= 0.0
+    k = np.flatnonzero(ahead)
+    near = np.where(size[k] <= size[k + 1], k, k + 1)
+    return sorted({*near.tolist(), *np.flatnonzero(size == 0.0).tolist()})
+
+
+def left_undone(residual: Any, contraction: Any) -> Any:
+    """Bound [-] of what iterations of friction left undone, of a group's largest friction.
+
+    The residual over 1 - P; the ratio of changes stands for P where that is observed. Infinite
+    where P is 1 or more.
+    """
+    P = np.asarray(contraction, float)
+    with np.errstate(all="ignore"):
+        return np.where(P < 1.0, np.asarray(residual, float) / (1.0 - P), np.inf)
+
+
+def at_most_one(margin: Any) -> Any:
+    """A margin [-] without the last bit by which rounding may pass its bound, 1."""
+    return np.minimum(margin, 1.0)
+
+
+@dataclass(frozen=True)
+class Accuracy(Facts):
+    """What was chosen for a wanted accuracy, and the error that it is estimated to have.
+
+    Attributes
+    ----------
+    target : wanted error [- or rad]
+    estimate : estimated error of the worst output at the worst sample that has an answer
+    friction, iterations, precision : the settings taken
+    why : the reason in words
+    """
+
+    FACTS = ("target", "estimate", "friction", "iterations", "precision", "why", "reached", "word")
+
+    target: float
+    estimate: float
+    friction: str
+    iterations: int | None
+    precision: str
+    why: str
+
+    @property
+    def reached(self) -> bool:
+        """Whether the estimate is within the target."""
+        return self.estimate <= self.target
+
+    @property
+    def word(self) -> Literal["reached", "missed", "not judged"]:
+        """What is known of the target; nothing where the estimate leaves no digit."""
+        if self.reached:
+            return "reached"
+        return "missed" if self.estimate < 1 else "not judged"
+
+    def __str__(self) -> str:
+        method = f"friction {self.friction}"
+        if self.iterations is not None:
+            method += f", {self.iterations} iterations"
+        words = {"reached": "", "missed": "; accuracy not reached"}
+        reached = words.get(self.word, f"; accuracy {self.word}")
+        return (
+            f"accuracy {self.target:.1g}: {method}, {self.precision}; "
+            f"estimated error {self.estimate:.1g}, {self.why}{reached}"
+        )

@@ -1,0 +1,434 @@
+"""The result: labelled arrays with units and quality."""
+
+from __future__ import annotations
+
+from cmath import isfinite
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, Generic, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.engines.numpy import Planar, Whole
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import held, listed, refused
+from blockmech.ground.report import DEGREES, places
+from blockmech.plan.plan import Output, Plan, Undefined
+from blockmech.result.exported import Exported
+from blockmech.result.motion import Motion
+from blockmech.result.quality import OK, Flag, Quality, assess
+from blockmech.result.samples import Samples
+from blockmech.result.wires import on_wires
+from blockmech.typing import M
+
+ADVANTAGE = "mechanism.mechanical_advantage"
+BY_DRIVES = ADVANTAGE, "mechanism.efficiency", "mechanism.friction_efficiency"
+FREE = Undefined("in a free motion the drives give nothing")  # their effort there is rounding
+
+
+class Result(Exported, Generic[M]):
+    """Outputs of a run by name.
+
+    ``result["dyad.B.reaction"]`` is an array (n,): complex x + iy for vectors,
+    float else, (n, drivers, drivers) for matrices, a float for one number a run.
+    Samples without an answer are NaN; ``result.quality`` says why.
+
+    It can be pickled, for other processes or a cache of the same version of blockmech; to
+    keep numbers for long, export them.
+    """
+
+    called = "a result"
+    instead = "draw.plot draws its outputs; the mechanism is its .mechanism"
+
+    mechanism: M  # a `Compiled`, which makes results
+    _planned: tuple[tuple[str, ...], Mapping[str, tuple[int, ...]]]  # of an unpickled one
+
+    def __init__(
+        self,
+        mechanism: M,
+        plan: Plan,
+        samples: Samples,
+        values: tuple[Any, ...],
+        engine: str,
+        settings: Mapping[str, Any],
+        motion: Motion | None = None,
+    ) -> None:
+        self.mechanism = mechanism
+        self.plan = plan
+        self.samples = samples
+        self.engine = engine
+        self.settings = dict(settings)
+        self.motion = motion
+        self.accuracy = None
+        self._values = values
+        self._read: dict[str, Any] = {}
+
+    # -- pickling ---------------------------------------------------------------
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The numbers and where they stand; the program and what was read are made again."""
+        again = {"plan", "quality", "_read"}
+        return {
+            **{name: x for name, x in vars(self).items() if name not in again},
+            "_planned": (self.plan.want, self.plan.layout),
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, _read={})
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What was computed; of an unpickled result planned again when it is first asked for.
+
+        Raises `RequestError` where another version of blockmech plans otherwise.
+        """
+        want, layout = self._planned
+        again: Plan = self._compiled.plan(want, **self.settings)
+        if again.layout != layout:
+            what = "it was pickled by a version of blockmech that orders its numbers otherwise"
+            remedy = "run it again; to keep numbers, export them: to_csv, to_npz, to_dict"
+            raise refused(self.mechanism.name, what, remedy, code="other-version")
+        return again
+
+    # -- reading ----------------------------------------------------------------
+
+    def __getitem__(self, name: str) -> Any:
+        if not isinstance(name, str) or name not in self._read:
+            made = self._make(name)  # refuses what is no name
+            self._read[name] = made
+        return self._read[name]
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and name in self.plan.layout and name in self.plan.want
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.plan.want)
+
+    def __len__(self) -> int:
+        return len(self.plan.want)
+
+    @property
+    def _compiled(self) -> Any:
+        """The mechanism as what it is, a `Compiled`, which stands above results: it makes them."""
+        return self.mechanism
+
+    @property
+    def n(self) -> int:
+        """Number of samples."""
+        return self.samples.n
+
+    @property
+    def time(self) -> NDArray[np.float64] | None:
+        """Times (n,) [s] of the samples, where the request says them."""
+        return self.samples.time
+
+    @property
+    def drivers(self) -> dict[str, NDArray[np.float64]]:
+        """Driver coordinates: ``"crank.q"`` -> (n,) [rad or m]."""
+        names = self.mechanism.drivers
+        name = self._compiled.of_driver
+        return {name(d, "q"): self.samples.coordinate(i) for i, d in enumerate(names)}
+
+    def place(self, sample: int, degrees: bool = DEGREES) -> str:
+        """Where the drivers stand at a sample, in words: ``crank.q = 0.5 rad``."""
+        at = {name: float(q[sample]) for name, q in self.drivers.items()}
+        return places(at, {name: self.unit_of_driver(name) for name in at}, degrees)
+
+    def output(self, name: str) -> Output:
+        """Declaration of an output: unit, kind, and who acts on whom."""
+        declared_output: Output = held(
+            self._compiled.outputs, name, "no output has that name", "outputs"
+        )
+        return declared_output
+
+    def unit(self, name: str) -> str:
+        """Unit of an output; empty where dimensionless."""
+        return self.output(name).unit
+
+    @np.errstate(all="ignore")  # what is not finite is reported by the quality
+    def _make(self, name: str) -> Any:
+        if name not in self:
+            known = dict.fromkeys(self.plan.want)
+            held(known, name, "the run did not compute it", "computed", "name it in want=")
+        output = self.output(name)
+        columns = [self._column(i) for i in self.plan.layout[name]]
+        if self.motion is not None and name in BY_DRIVES:
+            return FREE if output.kind == "number" else np.full(self.n, np.nan)
+        if output.kind == "number":
+            return output.read(*columns, self.samples.weights(len(self.mechanism.drivers)))
+        if output.kind == "matrix":
+            m = len(self.mechanism.drivers)
+            table = np.stack(columns, axis=-1)
+            table = table.reshape(self.n, m, m) if len(columns) == m * m else table
+            return output.read(table)
+        made = output.read(*columns)
+        if output.kind == "vector":
+            return _as_complex(made)
+        made = np.array(made)  # its own: the columns of a run share one block of memory
+        if not np.isfinite(made).all():
+            made[~np.isfinite(made)] = np.nan
+        return made
+
+    def unwrapped(self, name: str) -> NDArray[np.float64]:
+        """An angle (n,) [rad] without its jumps of a turn along the row of samples.
+
+        Samples without an answer stay NaN, and count no turn.
+
+        Raises `RequestError` for an output that was not computed.
+        """
+        angle = np.array(self[name], dtype=np.float64)
+        known = np.isfinite(angle)
+        angle[known] = np.unwrap(angle[known])
+        return angle
+
+    def _column(self, index: int) -> Any:
+        """One value of the program as a batch, whatever engine made it."""
+        value = self._values[index]
+        if isinstance(value, Planar | np.ndarray):
+            return value
+        column = value if isinstance(value, list) else [value]
+        if any(isinstance(x, complex) for x in column):
+            z = np.array([complex(x) for x in column])
+            return Planar(z.real, z.imag)
+        return np.array([float(x) for x in column])
+
+    # -- quality ----------------------------------------------------------------
+
+    @cached_property
+    def quality(self) -> Quality:
+        """Status of each sample, margins, friction reports and flags."""
+        reports = {
+            name: tuple(np.atleast_1d(_real(self._column(i))) for i in where)
+            for name, where in self.plan.layout.items()
+            if "/" in name  # reserved in names of blocks
+        }
+        blocks = self._compiled.structure.blocks
+        prismatic = frozenset(
+            name for name, b in blocks.items() if any(b.joints[j].kind == "P" for j in b.friction)
+        )
+        following = frozenset(self._compiled.structure.followed)
+        quality = assess(self.n, reports, self._not_finite(), prismatic, following)
+        flags, joints = quality.flags, self._compiled.joint_names
+        if joints:
+            flags = tuple(replace(f, where=joints.get(f.where, f.where)) for f in flags)
+        return replace(quality, flags=flags + self._without_effort(quality))
+
+    def _without_effort(self, quality: Quality) -> tuple[Flag, ...]:
+        """Answered samples at which the drive rests, so that no mechanical advantage exists."""
+        if ADVANTAGE not in self.plan.want:
+            return ()
+        gaps = np.flatnonzero(~np.isfinite(np.atleast_1d(self[ADVANTAGE])))
+        there = (i for i in gaps.tolist() if i not in quality.blame)
+        return tuple(Flag(i, "infinite", ADVANTAGE) for i in there)
+
+    def _not_finite(self) -> NDArray[np.bool_]:
+        """(n,) whether a wanted value is not finite."""
+        bad = np.zeros(self.n, dtype=bool)
+        if isinstance(self._values, Whole):
+            return bad
+        judged = [
+            name
+            for name in self.plan.want
+            if self.output(name).kind != "number" and name != ADVANTAGE
+        ]
+        for i in {i for name in judged for i in self.plan.layout[name]}:
+            column = self._column(i)
+            for part in (column.real, column.imag) if isinstance(column, Planar) else (column,):
+                with np.errstate(all="ignore"):
+                    whole = bool(np.isfinite(part.sum()))  # quicker than each by itself
+                if not whole:
+                    bad |= ~np.isfinite(part)
+        return bad
+
+    def surely_whole(self) -> bool:
+        """A cheap sufficient test that every sample has an answer, so that it needs no report."""
+        values, (margins, outcomes) = self._values, self.plan.verdicts
+        if isinstance(values, Whole):
+            closed = all(values[i].min(initial=np.inf) > 0 for i in margins)
+            return closed and not any(values[i].any() for i in outcomes)
+        if self.n > 1 or self.engine == "numpy":
+            return False
+        try:
+            if not isfinite(sum(values)):
+                return False
+            return all(values[i] > 0 for i in margins) and not any(values[i] for i in outcomes)
+        except TypeError:  # the guarded program's answer to a division by zero
+            return False
+
+    def unit_of_driver(self, name: str) -> str:
+        """Unit of a driver coordinate ``"crank.q"``."""
+        return self.output(name).unit
+
+    @declared
+    def first(self, n: int) -> Self:
+        """The first n samples."""
+        return self.at(np.arange(self.n)[:n])
+
+    def at(self, index: NDArray[np.intp]) -> Self:
+        """The samples of these indices."""
+        values = tuple(_cut(self._column(i), index) for i in range(len(self._values)))
+        taken = self.samples.at(index)
+        cut = type(self)(
+            self.mechanism, self.plan, taken, values, self.engine, self.settings, self.motion
+        )
+        cut.accuracy = self.accuracy
+        return cut
+
+    def notes(self) -> list[str]:
+        """What a reader must know: digits that are rounding, links that turn without inertia."""
+        lost = [f"{flag.where} (error {flag.value:.1g})" for flag in self.digits_lost]
+        why = "; numbers of very different size cancel: are all in the same unit?"
+        notes = [f"digits lost to rounding: {listed(lost, 4)}{why}"] if lost else []
+        return notes + self._left_of_friction() + self._without_inertia()
+
+    @property
+    def friction_error(self) -> NDArray[np.float64] | None:
+        """Bound (n,) [-] of what pairs miss their laws by, of the largest friction of their group.
+
+        Of iterations that are cut short, ``single`` and ``successive``; None of others. Infinite
+        where the certificate of a group is 1 or more.
+        """
+        if self.motion is not None and "friction_misfit" in self.motion.facts:
+            return np.full(self.n, self.motion.facts["friction_misfit"])
+        errors = self.quality.friction_error
+        if self.settings["friction"] in ("none", "newton") or not errors:
+            return None
+        worst: NDArray[np.float64] = np.max(
+            [np.broadcast_to(x, self.n) for x in errors.values()], axis=0
+        )
+        return worst
+
+    def _left_of_friction(self) -> list[str]:
+        """What a reader must know of iterations that are cut short: how far off they may be."""
+        bounds = self.friction_error
+        if bounds is None:
+            return []
+        good = np.array([status == OK for status in self.quality.status])
+        most = np.max(bounds[good], initial=0.0)
+        notes = f"pairs are within about {most:.1e} of the largest friction of their group"
+        notes = notes if np.isfinite(most) else "it has no bound where its certificate is 1"
+        return [f'friction "{self.settings["friction"]}": {notes}']
+
+    def _without_inertia(self) -> list[str]:
+        """What a reader of forces must know: that links which turn have no inertia."""
+        forces = {"N", "N m"} & {self.output(name).unit for name in self}
+        if not (forces and self.n) or self.settings["static"]:
+            return []
+        structure = self._compiled.structure
+        given = {link: structure.properties(link) for link in structure.links}
+        if not any(link.massive for link in given.values()):
+            of = "forces are those of the loads alone" if structure.elements else "forces are zero"
+            return [f"no link has mass or inertia: {of}"]
+        points = [link for link, x in given.items() if x.mass > 0 and x.inertia == 0]
+        one = self.first(1).inside(*(f"{link}.omega" for link in points))
+        names = {} if self._compiled.names is None else self._compiled.names.links
+        link_names = {where.link: name for name, where in names.items()}
+        turning = [str(link_names.get(x, x)) for x in points if abs(one[f"{x}.omega"][0]) > 0]
+        what = "mass and no inertia: they count as points at their cm"
+        return [f"{listed(turning, 4)} turn with {what}"] if turning else []
+
+    @cached_property
+    def digits_lost(self) -> tuple[Flag, ...]:
+        """A flag for each output that is rounding for more than half of its digits.
+
+        Found by computing a few samples once more with longer numbers, when first asked for.
+        """
+        return tuple(self._compiled.digits_lost(self))
+
+    @cached_property
+    def judged(self) -> Quality:
+        """The quality with all flags, those of digits lost among them."""
+        return replace(self.quality, flags=self.quality.flags + self.digits_lost)
+
+    # -- more of the same run -----------------------------------------------------
+
+    @declared
+    def rerun(self, *want: str) -> Result:
+        """Other outputs at the same samples with the same settings; gaps are marked."""
+        return self._again(self.mechanism, want)
+
+    def inside(self, *want: str) -> Result:
+        """Outputs of the graph's blocks at the same samples; gaps are marked.
+
+        For a mechanism made from a graph, these are its own outputs.
+        """
+        return self._again(self._compiled.of_blocks, want)
+
+    @declared
+    def with_friction(self, method: str, *want: str) -> Result:
+        """Outputs at the same samples with another method of friction; gaps are marked."""
+        how = {"friction": method, "tolerance": None, "iterations": None}
+        return self._again(self.mechanism, want, self.settings | how)
+
+    def _again(
+        self, mechanism: Any, want: tuple[str, ...], settings: Mapping[str, Any] | None = None
+    ) -> Self:
+        settings = self.settings if settings is None else settings
+        plan = mechanism.plan(want, **settings)
+        values, engine = mechanism.evaluate(plan, self.samples, self.engine)
+        return type(self)(mechanism, plan, self.samples, values, engine, settings, self.motion)
+
+    @declared
+    def wire(self, source: str, target: str | None = None) -> dict[str, Any]:
+        """What travels along a wire: motion forward, force and reduced inertia back.
+
+        ``wire("crank.B", "dyad.B")`` or ``wire("crank.B -> dyad.B")``; see `result.wires`.
+        """
+        name = source if target is None else f"{source} -> {target}"
+        return on_wires(self._compiled.structure, self.inside, self.n, name)[name]
+
+    @declared
+    def compare(self, other: Mapping[str, Any]) -> dict[str, float]:
+        """Largest difference of each common output, relative to its largest size.
+
+        Infinite where only one of the two has an answer. Raises `RequestError` where the
+        runs have different numbers of samples.
+        """
+        differences = {}
+        for name in self:
+            if name in other:
+                mine, theirs = np.atleast_1d(self[name]), np.atleast_1d(other[name])
+                if mine.shape != theirs.shape:
+                    what = f"has shape {mine.shape} here and {theirs.shape} there"
+                    remedy = "compare runs of the same samples"
+                    raise refused(name, what, remedy)
+                scale = float(np.nanmax(np.abs(mine), initial=0.0)) or 1.0
+                off = float(np.nanmax(np.abs(mine - theirs), initial=0.0)) / scale
+                one_sided = (np.isnan(mine) != np.isnan(theirs)).any()
+                differences[name] = float("inf") if one_sided else off
+        return differences
+
+    def _repr_html_(self) -> str:
+        picture = "" if self.motion is None else str(self._compiled.motion_svg(self))
+        return super()._repr_html_() + picture
+
+    def __repr__(self) -> str:
+        gaps = len(self.quality.gaps)
+        holes = f", {gaps} without an answer" if gaps else ""
+        return (
+            f"<Result of {self.mechanism.name}: {self.n} samples{holes}, {len(self)} outputs, "
+            f"{self.plan.calls} kernel calls a sample, {self.engine} engine>"
+        )
+
+
+def _as_complex(z: Any) -> NDArray[Any]:
+    """Complex array of a batch of vectors; infinite becomes NaN."""
+    x, y = np.asarray(z.real), np.asarray(z.imag)
+    made = np.empty(np.broadcast_shapes(x.shape, y.shape), np.result_type(x.dtype, np.complex64))
+    made.real, made.imag = x, y
+    good = np.isfinite(made)
+    if not good.all():
+        made[~good] = complex("nan+nanj")
+    return made
+
+
+def _real(column: Any) -> Any:
+    return column.real if isinstance(column, Planar) else column
+
+
+def _cut(value: Any, index: NDArray[np.intp]) -> Any:
+    if isinstance(value, Planar):
+        return Planar(value.real[index], value.imag[index])
+    return value[index]

@@ -1,0 +1,300 @@
+"""Samples of a request: driver coordinates, rates and accelerations, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from blockmech.ground.errors import Problem, RequestError, listed, refused
+from blockmech.ground.values import is_count, is_number
+from blockmech.model.laws_of_motion import ConstantRate, LawOfMotion, RateAcceleration
+from blockmech.model.scene import Scene
+
+Array = NDArray[np.float64]
+DEFAULT_SAMPLES = 361  # of a turn: every degree, and the end
+
+
+@dataclass(frozen=True)
+class Samples:
+    """n samples of all drivers.
+
+    Attributes
+    ----------
+    n : number of samples
+    inputs : program input -> (n,), see `Schedule.input`
+    times : (n,) [s] where the request is by time
+    clock : the only driver's law, which tells the time of a coordinate
+    """
+
+    n: int
+    inputs: Mapping[str, Any]
+    times: Array | None = None
+    clock: ConstantRate | RateAcceleration | None = None
+
+    @property
+    def time(self) -> Array | None:
+        """Times (n,) [s], or None where the request does not say."""
+        if self.times is None and self.clock is not None:
+            return self.clock.times(self.coordinate(0))
+        return self.times
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no driver moves or accelerates at any sample."""
+        motions = (x for name, x in self.inputs.items() if name[:2] == "qd")
+        return not any(x[0] or np.any(x) for x in motions)  # the first mostly tells
+
+    def spread(self, count: int) -> NDArray[np.intp]:
+        """Indices of at most so many samples, equally spread and ends included."""
+        if self.n <= count:
+            return np.arange(self.n)
+        return np.unique(np.linspace(0, self.n - 1, count).round().astype(np.intp))
+
+    def at(self, index: NDArray[np.intp]) -> Samples:
+        """The samples of these indices."""
+        times = None if self.times is None else self.times[index]
+        return Samples(len(index), _Some(self.inputs, index), times, self.clock)
+
+    def given(self, names: Iterable[str]) -> Mapping[str, Any]:
+        """The inputs of a program.
+
+        Raises `RequestError` where it needs the time and the request does not say it.
+        """
+        if "t" not in names:
+            return self.inputs
+        if self.time is None or not np.isfinite(self.time).all():
+            raise refused(
+                "times",
+                "a load follows the time, and the request does not say it",
+                "name the samples with times=, or give the driver a law with a rate",
+            )
+        return {**self.inputs, "t": self.time}
+
+    def coordinate(self, i: int) -> Array:
+        """Coordinates (n,) of the driver number i [rad or m]."""
+        return np.asarray(self.inputs[f"q_{i}"], dtype=float)
+
+    def weights(self, drivers: int) -> Array:
+        """Trapezoidal weights (n,) [s] for integrals over time; NaN where time is unknown."""
+        if self.n < 2:
+            return np.full(self.n, np.nan)
+        time = self.time
+        if time is not None and np.isfinite(time).all():
+            return _forward(_trapezoids(time))
+        if drivers == 1:
+            rate = np.asarray(self.inputs["qd_0"], dtype=float)
+            rate = np.where(rate == 0.0, np.nan, rate)  # at rest no time passes that is known
+            return _forward(_trapezoids(self.coordinate(0)) / rate)
+        return np.full(self.n, np.nan)
+
+
+class _Some(Mapping[str, Any]):
+    """Inputs at some samples, each taken when it is asked for: accelerations may cost much."""
+
+    def __init__(self, inputs: Mapping[str, Any], index: NDArray[np.intp]) -> None:
+        self.inputs, self.index = inputs, index
+
+    def __getitem__(self, name: str) -> Array:
+        return np.ascontiguousarray(np.asarray(self.inputs[name])[self.index])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.inputs)
+
+    def __len__(self) -> int:
+        return len(self.inputs)
+
+
+def _trapezoids(x: Array) -> Array:
+    steps: Array = np.diff(x)
+    return np.append(steps, 0) / 2 + np.append(0, steps) / 2
+
+
+def _forward(weights: Array) -> Array:
+    """The weights; samples named against the motion are summed in its sense all the same."""
+    return -weights if weights.sum() < 0 else weights
+
+
+def make_samples(
+    drivers: Sequence[str],
+    scene: Scene,
+    at: Any = None,
+    samples: int | None = None,
+    times: Any = None,
+    rates: Any = None,
+    accelerations: Any = None,
+) -> Samples:
+    """The samples that a request names; see `Mechanism.run`.
+
+    Raises `RequestError` where drivers are unknown or missing, lengths differ,
+    numbers are not finite, or the law of motion does not fit the way of asking.
+    """
+    given = [n for n, x in (("at", at), ("samples", samples), ("times", times)) if x is not None]
+    if len(given) > 1:
+        raise refused(listed(given), "name the samples in one way only", "at, samples or times")
+    if isinstance(at, int | float) and is_number(at) and rates is None and accelerations is None:
+        one = _one_pose(drivers, scene, at)
+        if one is not None:
+            return one
+    with np.errstate(all="ignore"):  # inputs that are not finite have no answer
+        return _of_many(drivers, scene, at, samples, times, rates, accelerations)
+
+
+def _of_many(
+    drivers: Sequence[str],
+    scene: Scene,
+    at: Any,
+    samples: int | None,
+    times: Any,
+    rates: Any,
+    accelerations: Any,
+) -> Samples:
+    if at is not None:
+        return _by_coordinate(drivers, scene, at, rates, accelerations)
+    if rates is not None or accelerations is not None:
+        raise refused("rates", "rates need coordinates", "give at= as well")
+    laws = _laws(drivers, scene)
+    if times is not None:
+        return _by_time(scene, laws, _column("times", times))
+    n = DEFAULT_SAMPLES if samples is None else samples
+    if not is_count(n):
+        raise refused("samples", f"must be a positive whole number, got {n!r}", "")
+    try:
+        return _by_range(scene, laws, int(n))
+    except (MemoryError, IndexError, ValueError):  # what NumPy makes of so many
+        raise refused("samples", f"{n} are more than memory holds", "ask for fewer") from None
+
+
+def _one_pose(drivers: Sequence[str], scene: Scene, q: float) -> Samples | None:
+    """The commonest request without arrays: one coordinate of one driver at constant rate."""
+    if len(drivers) != 1:
+        return None
+    law = scene.drive.get(drivers[0])
+    if type(law) is ConstantRate:
+        return Samples(1, {"q_0": [float(q)], "qd_0": [law.rate], "qdd_0": [0.0]}, clock=law)
+    return Samples(1, {"q_0": [float(q)], "qd_0": [0.0], "qdd_0": [0.0]}) if law is None else None
+
+
+def _by_coordinate(
+    drivers: Sequence[str], scene: Scene, at: Any, rates: Any, accelerations: Any
+) -> Samples:
+    q = _per_driver(drivers, "at", at)
+    qd = _per_driver(drivers, "rates", rates) if rates is not None else {}
+    qdd = _per_driver(drivers, "accelerations", accelerations) if accelerations is not None else {}
+    n = max((len(x) for part in (q, qd, qdd) for x in part.values()), default=1)
+    motions, clock = {}, None
+    for driver in drivers:
+        column = _stretched(driver, q[driver], n)
+        law = scene.drive.get(driver)
+        rate = acceleration = np.zeros(n)
+        if isinstance(law, ConstantRate | RateAcceleration):
+            _, rate, acceleration = law.at_coordinates(column)
+            if driver not in qd and len(drivers) == 1:
+                clock = law
+        elif law is not None and driver not in qd:
+            raise refused(
+                scene.address("drive", driver),
+                f'the law "{law.law}" is sampled by time, not by coordinate',
+                "use times=, or give rates= and accelerations=",
+            )
+        motions[driver] = (
+            column,
+            _stretched(driver, qd[driver], n) if driver in qd else rate,
+            _stretched(driver, qdd[driver], n) if driver in qdd else acceleration,
+        )
+    return _collected(scene, n, motions, clock=clock)
+
+
+def _by_time(scene: Scene, laws: Mapping[str, LawOfMotion], t: Array) -> Samples:
+    return _collected(scene, len(t), {d: law.at_times(t) for d, law in laws.items()}, t)
+
+
+def _by_range(scene: Scene, laws: Mapping[str, LawOfMotion], n: int) -> Samples:
+    ranged = {d: x for d, x in laws.items() if isinstance(x, ConstantRate | RateAcceleration)}
+    if len(ranged) < len(laws):
+        begin = max(x.begin() for x in laws.values())
+        end = max(x.begin() + x.duration() for x in laws.values() if np.isfinite(x.duration()))
+        return _by_time(scene, laws, np.linspace(begin, end, n))
+    if all(x.start == x.end for x in ranged.values()):
+        n = 1
+    motions = {d: x.at_coordinates(np.linspace(*x.travelled, n)) for d, x in ranged.items()}
+    clock = next(iter(ranged.values())) if len(ranged) == 1 else None
+    return _collected(scene, n, motions, clock=clock)
+
+
+def _collected(
+    scene: Scene,
+    n: int,
+    motions: Mapping[str, tuple[Array, Array, Array]],
+    times: Array | None = None,
+    clock: ConstantRate | RateAcceleration | None = None,
+) -> Samples:
+    """Samples of coordinates, rates and accelerations by driver, in the drivers' order."""
+    inputs = {}
+    for i, (driver, motion) in enumerate(motions.items()):
+        for name, column in zip(("q", "qd", "qdd"), motion, strict=True):
+            inputs[f"{name}_{i}"] = column
+            good = np.isfinite(column)
+            if not good.all():
+                raise refused(
+                    scene.address("drive", driver),
+                    f"the law of motion never gets to sample {good.argmin()}",
+                    "give samples inside its range",
+                )
+    return Samples(n, inputs, times, clock)
+
+
+def _laws(drivers: Sequence[str], scene: Scene) -> dict[str, LawOfMotion]:
+    missing = [d for d in drivers if d not in scene.drive]
+    if missing:
+        found = "the driver has no law of motion"
+        remedy = "give it one, or name the samples with at="
+        places = (scene.address("drive", d) for d in missing)
+        raise RequestError(Problem("no-law", where, found, "", remedy) for where in places)
+    return {d: scene.drive[d] for d in drivers}
+
+
+def _per_driver(drivers: Sequence[str], what: str, raw: Any) -> dict[str, Array]:
+    if not isinstance(raw, Mapping):
+        if len(drivers) != 1:
+            raise refused(
+                what,
+                f"the mechanism has {len(drivers)} drivers",
+                f"give a mapping driver -> values for: {listed(drivers)}",
+            )
+        raw = {drivers[0]: raw}
+    unknown = [d for d in raw if d not in drivers]
+    missing = [d for d in drivers if d not in raw] if what == "at" else []
+    if unknown or missing:
+        problems = [f"unknown: {listed(map(str, unknown))}"] if unknown else []
+        problems += [f"missing: {listed(missing)}"] if missing else []
+        raise refused(what, "; ".join(problems), f"drivers: {listed(drivers)}")
+    return {d: _column(f"{what}[{d}]", x) for d, x in raw.items()}
+
+
+def _column(where: str, raw: Any) -> Array:
+    try:
+        given = np.asarray(raw)
+        if given.dtype.kind not in "iuf" or np.ma.is_masked(raw):  # text, complex, holes: slips
+            raise TypeError
+        column = np.atleast_1d(given.astype(np.float64, order="C"))
+    except (TypeError, ValueError):
+        raise refused(where, "not a row of numbers", "give a number or a sequence") from None
+    if column.ndim != 1 or len(column) == 0:
+        raise refused(where, f"has shape {column.shape}", "give one row of numbers")
+    good = np.isfinite(column)
+    if not good.all():
+        bad = good.argmin()
+        raise refused(f"{where}[{bad}]", f"not a finite number: {column[bad]}", "")
+    return column
+
+
+def _stretched(driver: str, column: Array, n: int) -> Array:
+    if len(column) == n:
+        return column
+    if len(column) == 1:
+        return np.full(n, column[0])
+    raise refused(driver, f"has {len(column)} samples where others have {n}", "give equal numbers")

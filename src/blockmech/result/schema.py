@@ -1,0 +1,14 @@
+"""JSON Schema of a result file; it stands beside this file as ``result.schema.json``."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from typing import Any
+
+
+def result_schema() -> dict[str, Any]:
+    """JSON Schema (2020-12) of what `to_dict` gives."""
+    text = resources.files("blockmech.result").joinpath("result.schema.json").read_text("utf-8")
+    schema: dict[str, Any] = json.loads(text)
+    return schema

@@ -1,0 +1,117 @@
+"""By how much a group misses closing, which way, and whether a slip of units explains it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from math import inf, isfinite
+from typing import Any, TypeAlias, cast
+
+from blockmech.blocks.contract import Block, Moving
+from blockmech.blocks.modes import TwoModes
+from blockmech.ground.values import MILLI, Marker, Place
+from blockmech.model.structure import JointRef, Structure
+
+Places: TypeAlias = Mapping[str, float]
+MOST_TRIED = 8  # slips of units, the likeliest first; a millisecond or two each
+
+
+def shortfall(mechanism: Any, block: str, drivers: Places, margin: float) -> str:
+    """By how much a group misses closing at a place of the drivers [rad or m], in words.
+
+    ``mechanism`` is a `Compiled`, which stands above; ``margin`` [-] is the group's there.
+    """
+    reason = _missed(mechanism, block, drivers, margin)
+    reason = reason or f"its margin is {margin:.4g}, 0 at a dead centre and negative beyond it"
+    slip = _slip(mechanism, block, drivers)
+    return f"{reason}; {slip}" if slip else reason
+
+
+def _missed(mechanism: Any, block: str, drivers: Places, margin: float) -> str:
+    structure: Structure = mechanism.structure
+    dyad = structure.blocks[block]
+    if not isinstance(dyad, TwoModes):
+        return ""
+    pins = [j.name for j in dyad.joints.values() if j.outer and j.kind == "R"]
+    ends = [f"{structure.feeds[JointRef(block, pin)]}.p" for pin in pins]
+    run = _at(mechanism.of_blocks, drivers, ends)
+    apart = abs(complex(run[ends[0]][0]) - complex(run[ends[-1]][0]))
+    what, x, low, high = dyad.reach(apart, margin)
+    if not isfinite(x) or low <= x <= high:
+        return ""
+    names = [mechanism.joint_names.get(f"{block}.{pin}", pin) for pin in pins]
+    reach = f"at least {low:.6g} m" if high == inf else f"at most {high:.6g} m"
+    reach = f"{low:.6g} to {high:.6g} m" if low > 0 and high < inf else reach
+    by, way = (x - high, "large") if x > high else (low - x, "small")
+    return f"{what.format(*names)} is {x:.6g} m, {by:.4g} m too {way}: its lengths allow {reach}"
+
+
+def _at(mechanism: Any, drivers: Places, want: list[str]) -> Any:
+    still = dict.fromkeys(drivers, 0.0)
+    return mechanism.run(at=drivers, rates=still, want=want, friction="none", on_gap="mark")
+
+
+def _slip(mechanism: Any, block: str, drivers: Places) -> str:
+    """The one length, or lengths of one block, that let the group close in mm or m instead.
+
+    A slip shows in that the lengths of a mechanism are more alike without it. Groups that are
+    followed from a home are as they are: their homes are lengths as well.
+    """
+    structure: Structure = mechanism.structure
+    above = {n: b for n, b in structure.blocks.items() if n in structure.ancestors(block)}
+    blocks: dict[str, Block] = {structure.frame: structure.fixed, **above}
+    tried = []
+    for name, own in blocks.items():
+        if not (isinstance(own, Moving) and own.own_form):
+            for factor, times in MILLI.items():
+                for what, other in _scaled(own, factor):
+                    spread = _spread({**blocks, name: other}.values())
+                    tried.append(
+                        (spread, f"{mechanism.block_name(name)}{what} {times}", name, other)
+                    )
+    alike = sorted((x for x in tried if x[0] < _spread(blocks.values())), key=lambda x: x[0])
+    followed = any(b.own_form for b in above.values())  # which takes longer
+    for _, what, name, other in alike[: 1 if followed else MOST_TRIED]:
+        if name == structure.frame:
+            made = replace(structure, fixed=other)
+        else:
+            made = replace(structure, blocks={**structure.blocks, name: cast(Moving, other)})
+        there = type(mechanism)(made, mechanism.of_blocks.scene, mechanism.name)
+        if float(_at(there, drivers, [f"{block}.margin"])[f"{block}.margin"][0]) > 0:
+            return f"it would close with {what}: is that in mm? Lengths are in m"
+    return ""
+
+
+def _scaled(block: Block, factor: float) -> Iterator[tuple[str, Block]]:
+    """A block with one of its lengths by a factor, and with all, its markers among them."""
+    own = _lengths(block)
+    for name, x in own.items() if len(own) > 1 else ():
+        yield f".{name}", block.model_copy(update={name: factor * x})
+    update: dict[str, Any] = {name: factor * x for name, x in own.items()}
+    if isinstance(block, Moving):
+        links = block.links.items()
+        update["links"] = {k: link.model_copy(update=_moved(link, factor)) for k, link in links}
+    else:
+        update |= _moved(block, factor)
+    what = " and ".join(own) or "markers"
+    yield f".{what}", block.model_copy(update=update)
+
+
+def _lengths(block: Block) -> dict[str, float]:
+    names = block.lengths if isinstance(block, Moving) else ()
+    return {name: x for name in names if (x := getattr(block, name))}
+
+
+def _moved(owner: Any, factor: float) -> dict[str, Any]:
+    markers = owner.markers.items()
+    return {"markers": {k: m.model_copy(update={"at": Place(factor * m.at.z)}) for k, m in markers}}
+
+
+def _spread(blocks: Iterable[Block]) -> float:
+    """The largest length of some blocks and markers by the smallest that is none of zero."""
+    sizes: list[float] = []
+    for block in blocks:
+        placed = [m for _, m in block.all_markers.values() if isinstance(m, Marker)]
+        sizes += [abs(x) for x in _lengths(block).values()] + [abs(m.at.z) for m in placed]
+    sizes = [x for x in sizes if x]
+    return max(sizes, default=1.0) / min(sizes, default=1.0)

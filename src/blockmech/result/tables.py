@@ -1,0 +1,271 @@
+"""A short table of a result for people: a few samples, the outputs that matter most."""
+
+from __future__ import annotations
+
+import html
+import io
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from blockmech.ground.report import DEGREES
+from blockmech.plan.plan import Output, Undefined
+from blockmech.result.columns import (
+    Column,
+    Labelled,
+    driver_columns,
+    output_columns,
+    without_noise,
+)
+from blockmech.result.quality import OK
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+ROWS = 13  # of a turn in 361 samples these are steps of 30 degrees
+WIDTH = 100  # characters of a terminal line
+NARROWEST = len("[N m]  ")  # of the columns of a table: the unit, and the gap to the next
+LINES = 4  # remarks of one kind, names of further outputs
+FIRST = (".drive", "mechanism.friction_power", ".reaction")
+"""What a reader looks for first, by the end of the name; then the order of the result."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What a short table shows.
+
+    Attributes
+    ----------
+    columns : the columns that fit
+    rows : indices of the samples shown
+    gaps : whether one of them has no answer
+    numbers : outputs that are one number a run
+    more : names of the wanted outputs that are not shown
+    """
+
+    columns: list[Column]
+    rows: list[int]
+    gaps: bool
+    numbers: list[str]
+    more: list[str]
+
+
+def leading(outputs: Mapping[str, Output]) -> tuple[str, ...]:
+    """Of all outputs those that a table has room for, and what it says of each run.
+
+    Where nothing is asked for by name, no others need to be computed. The margins are among
+    them: a group that does not close is reported, whatever depends on it.
+    """
+    ranked = sorted((n for n, o in outputs.items() if o.kind != "number"), key=_rank)
+    others = (n for n, o in outputs.items() if o.kind == "number" or n.endswith(".margin"))
+    return (*ranked[: WIDTH // NARROWEST], *others)
+
+
+def table(
+    result: Labelled, degrees: bool = DEGREES, width: int = WIDTH, of: Collection[str] = ()
+) -> str:
+    """A text table: drivers and the outputs that fit, units in the head, gaps named.
+
+    Parameters
+    ----------
+    degrees : angles in deg in place of rad
+    width : characters of a line
+    of : names of all outputs, where only the `leading` ones were computed
+    """
+    shown = _select(result, degrees, width, of or tuple(result))
+    console = _console(width)
+    console.print(_grid(shown.columns, shown.rows, result.quality.status if shown.gaps else ()))
+    assert isinstance(console.file, io.StringIO)
+    lines = [line.rstrip() for line in console.file.getvalue().splitlines()]
+    footer = list(_footer(result, shown, degrees))
+    return "\n".join(
+        [_title(result, len(of or result)), "", *lines, *([""] if footer else []), *footer]
+    )
+
+
+def html_table(result: Labelled, degrees: bool = DEGREES) -> str:
+    """The same table as HTML, for notebooks; every name is escaped."""
+    shown = _select(result, degrees, WIDTH, tuple(result))
+    status = result.quality.status
+    heads = [*(column.head for column in shown.columns), "status"]
+    lines = [
+        "<table>",
+        f"<caption>{html.escape(_title(result, len(result)))}</caption>",
+        _html_row("th", heads),
+    ]
+    for i in shown.rows:
+        lines.append(_html_row("td", [*(_cell(c.values[i]) for c in shown.columns), status[i]]))
+    lines.append("</table>")
+    lines += [f"<p>{html.escape(line)}</p>" for line in _footer(result, shown, degrees)]
+    return "\n".join(lines)
+
+
+def gap_lines(result: Labelled, degrees: bool = DEGREES) -> list[str]:
+    """One line for neighbouring samples without an answer: why, how many, where."""
+    quality = result.quality
+    gaps = quality.gaps
+    if not gaps:
+        return []
+    drivers = [c for c in driver_columns(result, degrees) if c.output in result.drivers]
+    lines = [f"no answer at {len(gaps)} of {counted(result.n, 'sample')}:"]
+    groups = groupby(
+        enumerate(gaps), lambda g: (g[1] - g[0], quality.status[g[1]], quality.blame[g[1]])
+    )
+    runs = [(word, block, [i for _, i in run]) for (_, word, block), run in groups]
+    for word, block, run in runs[:LINES]:
+        places = [
+            " ... ".join(dict.fromkeys(_cell(c.values[i]) for i in (run[0], run[-1])))
+            for c in drivers
+        ]
+        coordinates = [f"{c.name} = {at} {c.unit}" for c, at in zip(drivers, places, strict=True)]
+        place = f" at {result.mechanism.block_name(block)}" if block else ""
+        lines.append(f"  {word}{place}, {counted(len(run), 'sample')}: {', '.join(coordinates)}")
+    if len(runs) > LINES:
+        lines.append(f"  and {counted(len(runs) - LINES, 'stretch', 'stretches')} more")
+    return lines
+
+
+# -- what is shown ---------------------------------------------------------------------
+
+
+def _select(result: Labelled, degrees: bool, width: int, of: Collection[str]) -> Selection:
+    chosen = driver_columns(result, degrees)
+    first = {column.output for column in chosen}
+    numbers = [name for name in result if result.output(name).kind == "number"]
+    rest = [name for name in of if name not in first and name not in numbers]
+    step = max(1, -(-(result.n - 1) // (ROWS - 1)))
+    rows = sorted({*range(0, result.n, step), *range(result.n)[-1:]})
+    quality = result.quality
+    gaps = any(quality.status[i] != OK for i in rows)
+    status = quality.status if gaps else ()
+    more: list[str] = []
+    shown_any = False
+    everything = len(of) == len(result.mechanism.outputs)
+    for name in sorted(rest, key=_rank) if everything else rest:  # else as they were asked for
+        # Once one does not fit, smaller ones must not jump the queue.
+        parts = output_columns(result, name, degrees) if name in result and not more else []
+        if parts and (not shown_any or _wide([*chosen, *parts], rows, status) <= width):
+            chosen += parts
+            shown_any = True
+        else:
+            more.append(name)
+    largest: dict[str, float] = {}
+    for c in chosen:
+        largest[c.unit] = max(largest.get(c.unit, 0.0), _largest(c.values))
+    shown = [replace(c, values=without_noise(c.values, largest[c.unit])) for c in chosen]
+    return Selection(shown, rows, gaps, numbers, more)
+
+
+def _largest(values: Any) -> float:
+    finite = np.abs(values[np.isfinite(values)])
+    return float(finite.max(initial=0.0))
+
+
+def _rank(name: str) -> int:
+    return next((i for i, end in enumerate(FIRST) if name.endswith(end)), len(FIRST))
+
+
+# -- text --------------------------------------------------------------------------------
+
+
+def aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Lines of text in columns under their heads."""
+    from rich.table import Table
+
+    grid = Table(*head, box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
+    for column in grid.columns:
+        column.no_wrap = True
+    for row in rows:
+        grid.add_row(*row)
+    console = _console(100 * WIDTH)  # wider than any row
+    console.print(grid)
+    assert isinstance(console.file, io.StringIO)
+    return [line.rstrip() for line in console.file.getvalue().splitlines()]
+
+
+def _console(width: int) -> Console:
+    from rich.console import Console
+
+    plain: dict[str, Any] = dict.fromkeys(("markup", "emoji", "highlight", "legacy_windows"), False)
+    return Console(file=io.StringIO(), width=max(width, WIDTH), color_system=None, **plain)
+
+
+def _grid(columns: list[Column], rows: list[int], status: tuple[str, ...]) -> Any:
+    """The table, each column under a head of block, quantity and unit."""
+    from rich.table import Table
+
+    grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
+    for column in columns:
+        block, _, quantity = column.output.rpartition(".")
+        quantity += column.name[len(column.output) :]
+        head = f"{block}\n{quantity}\n[{column.unit or '-'}]"
+        grid.add_column(head, justify="right", no_wrap=True)
+    if status:
+        grid.add_column("\nstatus\n", no_wrap=True)
+    for i in rows:
+        cells = [_cell(column.values[i]) for column in columns]
+        grid.add_row(*cells, *([status[i]] if status else []))
+    return grid
+
+
+def _wide(columns: list[Column], rows: list[int], status: tuple[str, ...]) -> int:
+    """Characters of a line of the table."""
+    from rich.measure import Measurement
+
+    console = _console(WIDTH)
+    wide = console.options.update(width=100 * WIDTH)
+    return int(Measurement.get(console, wide, _grid(columns, rows, status)).maximum)
+
+
+def _cell(x: float) -> str:
+    # Adding zero turns -0.0 into 0.0.
+    return f"{x + 0.0:.6g}" if np.isfinite(x) else "-"
+
+
+def _title(result: Labelled, outputs: int) -> str:
+    settings = result.settings
+    name, rubs = result.mechanism.name, bool(result.mechanism.frictional_joints)
+    how = f"; friction {settings['friction']}" * rubs + "; static" * bool(settings["static"])
+    return f"{name}: {counted(result.n, 'sample')}, {counted(outputs, 'output')}{how}"
+
+
+def _footer(result: Labelled, shown: Selection, degrees: bool) -> Iterator[str]:
+    for name in shown.numbers:
+        x, unit = result[name], result.output(name).unit
+        if isinstance(x, Undefined):
+            yield f"{name}: not defined for this run: {x.why}"
+        else:
+            yield f"{name} = {_cell(float(x))} {unit}".rstrip()
+    if len(shown.rows) < result.n:
+        yield f"{len(shown.rows)} of {result.n} samples shown"
+    yield from gap_lines(result, degrees)
+    yield from flag_lines(result)
+    yield from (f"note: {text}" for text in result.notes())
+    if shown.more:
+        rest = ", ..." if len(shown.more) > LINES else ""
+        yield f"{counted(len(shown.more), 'more output')}: {', '.join(shown.more[:LINES])}{rest}"
+
+
+def flag_lines(result: Labelled) -> Iterator[str]:
+    """The flags of a result by kind and place."""
+    flags = result.quality.flags
+    counts = Counter((flag.code, flag.where) for flag in flags)
+    for (code, where), count in list(counts.items())[:LINES]:
+        first = next(f.sample for f in flags if (f.code, f.where) == (code, where))
+        yield f"flag {code} at {where}: {counted(count, 'sample')}, first {first}"
+    if len(counts) > LINES:
+        yield f"and flags of {len(counts) - LINES} more kinds, see quality"
+
+
+def counted(n: int, one: str, many: str = "") -> str:
+    """So many of something, in words."""
+    return f"{n} {one if n == 1 else many or one + 's'}"
+
+
+def _html_row(tag: str, cells: list[str]) -> str:
+    inner = "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells)
+    return f"<tr>{inner}</tr>"
