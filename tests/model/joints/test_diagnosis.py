@@ -99,6 +99,23 @@ def parallel_guides():
     return joints_file(dict.fromkeys(("crank", "a", "b"), (0, 0, 0.3)), joints, {"motor": "O"})
 
 
+def lifted(angle=0.6):
+    """A platform pinned at both ends on two equal Scott-Russell lifts, drawn where it stands."""
+    links = dict.fromkeys(("bar_1", "half_1", "foot_1"), (0.0, 0.0, 0.0))
+    links |= dict.fromkeys(("bar_2", "half_2", "foot_2", "platform"), (0.0, 0.0, 0.0))
+    x, y, joints = 2 * np.cos(angle), 2 * np.sin(angle), {}
+    for k, begin in ((1, 0.0), (2, 4.0)):
+        foot, middle, top = (begin + x, 0.0), (begin + x / 2, y / 2), (begin, y)
+        joints |= {
+            f"F{k}": pin(f"foot_{k}", f"bar_{k}", foot, foot),
+            f"M{k}": pin(f"bar_{k}", f"half_{k}", middle, middle),
+            f"O{k}": pin("frame", f"half_{k}", (begin, 0.0), (begin, 0.0)),
+            f"T{k}": pin(f"bar_{k}", "platform", top, top),
+            f"G{k}": guide("frame", f"foot_{k}", foot, foot),
+        }
+    return joints_file(links, joints, {"motor": "G1"})
+
+
 WRONG = {  # what it is: document, code, place, texts of the message
     "a missing joint leaves loose links": (
         lambda: without(fourbar(), "D"),
@@ -177,6 +194,14 @@ WRONG = {  # what it is: document, code, place, texts of the message
     "a pose at a dead centre": (
         stretched,
         ("dead-centre", "links.rocker", "rocker, rod stand at a dead centre"),
+    ),
+    "a structure at a dead centre in every pose": (
+        lifted,
+        ("dead-centre", "links.bar_2", "at a dead centre for every driver value", "T1, T2"),
+    ),
+    "the same in another pose": (
+        lambda: lifted(0.9),
+        ("dead-centre", "links.bar_2", "one of their joints is redundant"),
     ),
     "no links": (lambda: joints_file({}, {}, {}), ("no-links", "links")),
 }

@@ -18,7 +18,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -114,6 +114,11 @@ class Closing:
     size: float
     held: Mapping[str, float]
 
+    @classmethod
+    def of(cls, layout: Layout) -> Closing:
+        """All of a document, no driver held."""
+        return cls(layout.links, tuple(layout.pairs.values()), layout.size, {})
+
     def _rows(self, poses: Poses) -> Iterator[tuple[Connection, _Condition]]:
         for c in self.pairs:
             one, two, (value, by_a, by_b) = _conditions(c, poses, self.size)
@@ -198,6 +203,20 @@ class Closing:
         )
         return min(float(np.linalg.norm(ahead - behind)) / (2 * step), 1.0)
 
+    def stays_weak(self, poses: Poses, drivers: Iterable[str]) -> bool:
+        """Whether the conditions hold some motion weakly at other places of driven pairs, too.
+
+        Joints that close to `CLOSED` tell a double root to the square root of it.
+        """
+        at = {c.name: coordinate(poses, c, self.size) for c in self.pairs if c.name in {*drivers}}
+        for way in (LONGEST_STEP / 3, -LONGEST_STEP / 3):
+            beside = replace(self, held={name: place + way for name, place in at.items()})
+            there = beside.refine(poses)
+            if beside.closed(there):
+                weights = np.linalg.svd(beside.conditions(there)[1], compute_uv=False)
+                return bool(weights.min() < 10 * math.sqrt(CLOSED) * weights.max())
+        return False
+
     def stressed(self, poses: Poses) -> tuple[str, ...]:
         """Joints that can press against each other."""
         idle = np.abs(_kernel(self.conditions(poses)[1].T)).max(axis=0, initial=0.0)
@@ -242,7 +261,7 @@ class Special(NamedTuple):
 
 def special_geometry(layout: Layout, mobility: int) -> Special | None:
     """What is special, or None where links move no better than other lengths let them."""
-    closing = Closing(layout.links, tuple(layout.pairs.values()), layout.size, {})
+    closing = Closing.of(layout)
     poses = closing.refine(layout.given)
     if not closing.closed(poses):
         return None

@@ -54,8 +54,19 @@ def why_not(layout: Layout, unplaced: Iterable[str]) -> list[Problem]:
 
 def why_stuck(layout: Layout, stuck: Iterable[Unit]) -> list[Problem]:
     """Why groups that are sound by count cannot be placed in the given pose."""
-    why = "their joints do not hold them there"
-    return _special(layout) or [dead_centre(unit.links, why) for unit in stuck]
+    why, stuck = "their joints do not hold them there", list(stuck)
+    special = _special(layout)
+    if not special and Closing.of(layout).stays_weak(layout.given, layout.drivers):
+        return [_redundant(unit) for unit in stuck]
+    return special or [dead_centre(unit.links, why) for unit in stuck]
+
+
+def _redundant(unit: Unit) -> Problem:
+    """The problem of a group that its joints hold weakly wherever its drivers stand."""
+    found = f"{listed(unit.links)} stand at a dead centre for every driver value: two ways to put "
+    found += "them together are one everywhere, so one of their joints is redundant"
+    remedy = f"remove one of {listed(sorted(p.name for p in unit.pairs))}, or make a pin a slider"
+    return Problem("dead-centre", _first_of(unit.links), found, "", remedy)
 
 
 def _undriven(layout: Layout) -> Rigidity:
