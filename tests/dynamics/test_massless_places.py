@@ -10,11 +10,13 @@ with the slide again (q = -pi): the driver has no inertia there, and runs end by
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
 import pytest
 
+import blockmech as bm
 from tests.gallery import changed, document, mechanism
 
 MASS, RADIUS, FORCE = 2.0, 0.1, 100.0  # [kg], [m], [N], as in the graph
@@ -117,3 +119,27 @@ def test_steps_of_the_coordinate_stop_before_it_whatever_lies_behind_the_start(y
     t = np.linspace(0.0, found.t_end, 65)
     assert np.abs(found.at(t).q - exact(-0.0136, 0.0, t)).max() <= found.error < math.inf
     assert abs(found.t_end - time_to_the_place(-0.0136, 0.0)) <= found.time_error
+
+
+@pytest.mark.parametrize("coefficient", [0.0, 0.1])
+@pytest.mark.parametrize("rate", [0.0, 1.0])
+def test_freedoms_that_move_no_mass_together_end_at_the_start(coefficient, rate):
+    """One point mass on three arms: three drivers, each of which moves it, and two ways to go."""
+    angles, at, links, joints = (0.3, 0.9, 1.7), 0j, {}, {}
+    friction = {"law": "coulomb", "coefficient": coefficient, "radius": 0.01}
+    for before, name, angle in zip(("frame", "a", "b"), "abc", angles, strict=True):
+        links[name] = {"pose": [at.real, at.imag, angle]}
+        end = [0.0 if before == "frame" else 1.0, 0.0]
+        joints[name.upper()] = {"type": "R", "links": [before, name], "at": [end, [0.0, 0.0]]}
+        if coefficient:
+            joints[name.upper()]["friction"] = friction
+        at += cmath.rect(1.0, angle)
+    links["c"] |= {"mass": 1.0, "cm": [1.0, 0.0]}
+    drivers = {name: {"joint": name.upper()} for name in "abc"}
+    data = {"format": "blockmech/joints", "version": 1, "name": "arms", "links": links}
+    arms = bm.Linkage.from_data(data | {"joints": joints, "drivers": drivers}).compile()
+    start = {"a": (0.3, 0.0), "b": (0.6, rate), "c": (0.8, 0.0)}
+    motion = arms.simulate("time=0.1", start=start).motion
+    assert (motion.status, motion.end) == ("failed", "no inertia")
+    one = arms.simulate("time=0.1", start=start, locked=["a"]).motion
+    assert one.status == "reached"

@@ -11,9 +11,10 @@ import numpy as np
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.estimate import COMPARED
+from blockmech.dynamics.place_data import NOTHING
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Motion
+from blockmech.result.motion import Floats, Motion
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
@@ -25,11 +26,13 @@ STEP = EPS ** (1 / 5)
 def failed_start(system: System, request: SimulationRequest) -> Motion | None:
     """The motion that cannot start, with the reason; None where it can.
 
-    Of several drivers only the pose is looked at.
+    Of several drivers the loads are not looked at.
     """
     q, rate, t = request.start
     if len(system.drivers) > 1:
-        J, tau, margin = 1.0, 0.0, system.terms(q, rate, t).margin
+        bound = [] if request.roles is None else request.roles.bound
+        terms, free = system.terms(q, rate, t), np.delete(np.arange(len(system.drivers)), bound)
+        J, tau, margin = least_inertia(terms.M[np.ix_(free, free)]), 0.0, terms.margin
     else:
         J, tau, margin = (float(x[0]) for x in system.at(q, rate, t)[:3])
     if not (margin > 0 and math.isfinite(J)):
@@ -41,6 +44,18 @@ def failed_start(system: System, request: SimulationRequest) -> Motion | None:
     notes, unknown = (f"{end} at the start",), math.inf
     still = replace(request.standing, error=unknown, time_error=unknown, notes=notes)
     return replace(still, status="failed", end=end)
+
+
+def least_inertia(M: Floats) -> float:
+    """Least eigenvalue of a mass matrix whose diagonal is made 1; 0 where that is rounding.
+
+    Freedoms that together move no mass have none, though each of them alone moves some.
+    """
+    own = np.sqrt(np.diagonal(M))
+    if not M.size or not (own > 0).all():
+        return float(np.min(own, initial=1.0))
+    least = float(np.linalg.eigvalsh(M / np.outer(own, own))[0])
+    return least if least > NOTHING * len(M) else 0.0
 
 
 def balanced(system: System, q: float) -> bool:
