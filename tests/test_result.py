@@ -10,7 +10,7 @@ import pytest
 import blockmech as bm
 from blockmech.analysis.reference_errors import WIDER
 from blockmech.ground.errors import NotComputedError
-from blockmech.ground.values import Marker
+from blockmech.ground.values import Marker, Vector
 from tests.gallery import GRAPHS
 from tests.wiring import EPS, off, ruiz, toggle, watt, wire
 
@@ -365,7 +365,7 @@ def test_efficiency_weighs_samples_by_their_time():
     # a rod against gravity: work of its weight between two angles, unevenly sampled
     g = winch(useful=False)
     g.blocks["crank"] = bm.Crank(length=1.0, links={"crank": bm.Link(mass=2.0, cm=(0.5, 0.0))})
-    g.scene = g.scene.model_copy(update={"gravity": bm.values.Vector(-9.81j)})
+    g.scene = g.scene.model_copy(update={"gravity": Vector(-9.81j)})
     g.blocks["work"] = g.blocks["work"].model_copy(update={"useful": True})
     q = np.sort(np.random.default_rng(1).uniform(0.0, 1.5, 4001))
     r = g.run(at=q)

@@ -15,7 +15,7 @@ import blockmech as bm
 from blockmech import Graph
 from blockmech.blocks.contract import Block, Moving
 from blockmech.friction.continuation import course_from_zero, end_of
-from blockmech.ground.values import Marker
+from blockmech.ground.values import Marker, Vector
 from blockmech.testing.strategies import Case
 from tests.gallery import GRAPHS
 
@@ -233,7 +233,7 @@ def mirrored(graph: Graph) -> Graph:
         return _seen(block, lambda z: z.conjugate(), lambda m: m, **updates)
 
     g = rewired(graph, **{n: mirror(b) for n, b in graph.blocks.items()})
-    gravity = bm.values.Vector(graph.scene.gravity.z.conjugate())
+    gravity = Vector(graph.scene.gravity.z.conjugate())
     g.scene = graph.scene.model_copy(update={"gravity": gravity})
     return g
 
@@ -269,7 +269,7 @@ def scaled(graph: Graph, length: float, force: float) -> Graph:
         return _seen(block, lambda z: z * length, heavier, **updates)
 
     g = rewired(graph, **{n: scale(b) for n, b in graph.blocks.items()})
-    gravity = bm.values.Vector(graph.scene.gravity.z * length)
+    gravity = Vector(graph.scene.gravity.z * length)
     g.scene = graph.scene.model_copy(update={"gravity": gravity})
     return g
 

@@ -41,7 +41,7 @@ def reference(name: str):
     return other, good
 
 
-def true_error(name: str, run: bm.result.Result) -> float:
+def true_error(name: str, run: bm.Result) -> float:
     other, good = reference(name)
     rate = max(float(np.max(np.abs(v))) for k, v in run.samples.inputs.items() if k[:3] == "qd_")
     found = {n: np.abs(other[n][good]) for n in run}

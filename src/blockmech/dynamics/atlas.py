@@ -410,7 +410,8 @@ def beyond_dead_centres(
         return motion.but(
             notes=(*motion.notes, f"no other joint than the drivers' leads on: {why}")
         )
-    named = {load.driver for load in linkage.loads.values() if load.driver}
+    loads = (getattr(load, "driver", None) for load in linkage.loads.values())
+    named = {driver for driver in loads if driver}
     named |= {d for watch in request.watch for d in watch.then}
     if request.roles is not None:
         named |= {d for d, role in request.roles.by_driver().items() if role != FREE}
