@@ -22,12 +22,10 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.charts import Chart
 from blockmech.dynamics.estimate import (
-    CORNERED,
     EASY,
     FINER,
     FLOOR,
     LEAST,
-    SMOOTH,
     TARGET,
     UNFINISHED,
     refined,
@@ -431,5 +429,5 @@ def beyond_dead_centres(
     smooth = system.smooth and method == "dop853"
     first = max(target, LEAST) * (1.0 if smooth or method == "radau" else EASY)
     atlas.walk(max(first, SCOUTING))
-    remainder = SMOOTH if smooth else CORNERED
-    return refined(pair, system, first, target, request.times, remainder)
+    # What rounding does where the state is handed over is not less by half the steps.
+    return refined(pair, system, first, target, request.times, remainder=1.0)
