@@ -20,7 +20,8 @@ WORDS = {
     "faq": "torque,rpm,excel,grashof,flywheel,degrees,cite,velocity,simulink,matlab,animation,"
     "self-locking,counterweight,coupler curve",
     "glossary": "DOF,gruebler,singularity,toggle position,inverse dynamics,"
-    "forward dynamics,equivalent inertia,limit cycle,parameter sweep,dead centre",
+    "forward dynamics,equivalent inertia,limit cycle,parameter sweep",
+    "motion": "dead centre",
     "gallery": "quick return,hydraulic,mechanical advantage",
     "limits": "three dimensions,flexible",
     "exchange": "dxf,arduino,freecad,fmu,mujoco",

@@ -272,8 +272,10 @@ def valued(c: Floats, x: Floats) -> Floats:
 
 
 def summits(values: Floats, start: Floats) -> tuple[Floats, Floats, Floats]:
-    """Tops of panels by values (k, 8) at nodes: places, -1 to 1 inside, values there, and what the
-    polynomials leave."""
+    """Tops of panels by values (k, 8) at nodes: places, values there, and what is left out.
+
+    Places (k,) are -1 to 1 inside a panel; what its polynomial leaves out is in the values' unit.
+    """
     c = values @ polynomial(tuple(NODES.tolist()))
     z = turning(c, start)
     return z, valued(c.T, z.clip(-1.0, 1.0)), np.abs(values @ series_end()).max(axis=1)

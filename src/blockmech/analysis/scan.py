@@ -114,8 +114,10 @@ def scan(
 
 
 def places(series: Series, span: Span, others: Floats) -> Floats:
-    """Where to look, rising: ends of panels, and where there is no series all samples; ``others``
-    are shares of the span."""
+    """Where to look, rising: ends of panels, and where there is no series all samples.
+
+    ``others`` are shares of the span.
+    """
     inner = (series.edges[:-1, None] + series.edges[1:, None]) / 2
     inner = inner + np.diff(series.edges)[:, None] / 2 * nodes(NODES)
     kept = np.zeros(inner.shape, dtype=bool)

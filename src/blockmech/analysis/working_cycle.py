@@ -157,6 +157,7 @@ def by_coordinate(
 def by_time(
     mechanism: Compiled, settings: Mapping[str, Any], low: float, high: float, n: int = 0
 ) -> Cycle:
+    """A range of time [s], in which the drivers follow their laws of motion."""
     steps = 2 * max(SCANNED, n - 1)
     return Cycle(mechanism, settings, "time", low, high, lambda s: {"times": s}, steps)
 
@@ -164,6 +165,8 @@ def by_time(
 def by_share(
     mechanism: Compiled, settings: Mapping[str, Any], ends: list[tuple[float, float]], n: int = 0
 ) -> Cycle:
+    """Straight from the first end of each driver [rad or m] to the second; places are shares."""
+
     def request(s: Floats) -> dict[str, Any]:
         pairs = zip(mechanism.drivers, ends, strict=True)
         return {"at": {d: a + s * (b - a) for d, (a, b) in pairs}}

@@ -9,6 +9,7 @@ import functools
 from collections import namedtuple
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from numbers import Real
 from typing import Any, ClassVar, LiteralString, TypeAlias
 
 from pydantic import ValidationError
@@ -105,7 +106,7 @@ NOT_FOR_KERNELS = SHARED_FIELDS | {"sign", "offset"}  # the core turns a driver'
 def _number(value: Any) -> Any:
     if isinstance(value, Pair):
         return value.z
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    if isinstance(value, Real) and not isinstance(value, bool):
         return float(value)
     return value if has_arithmetic(value) else None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -117,4 +118,4 @@ def _unanswered(result: Result, given: list[float] | None) -> bool:
     motion = result.motion
     assert motion is not None
     none = motion.status in ("failed", "unfinished")
-    return none or (given is not None and max(given) > motion.t_end)
+    return none or any(map(math.isnan, motion.reached_times(given or [])))

@@ -42,7 +42,6 @@ from blockmech.dynamics.request import (
 from blockmech.dynamics.roles import unused_laws
 from blockmech.dynamics.stops import bouncing, bounds_of, counted_pairs, stops_of
 from blockmech.dynamics.system import System
-from blockmech.functions.series import EPS
 from blockmech.ground.errors import listed
 from blockmech.plan.settings import friction_asked
 from blockmech.result.motion import Event, Floats, Motion, RolesFrom
@@ -230,9 +229,8 @@ def _at_times(
     """The result at the wanted times, those after the end left out."""
     if wanted is None:
         wanted = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
-    ending = np.abs(wanted - motion.t_end) <= 64 * EPS * abs(motion.t_end)
-    wanted = np.where(ending, motion.t_end, wanted)
-    inside = (wanted >= motion.t_start) & (wanted <= motion.t_end)
+    wanted = motion.reached_times(wanted)
+    inside = ~np.isnan(wanted)
     late = len(wanted) - np.count_nonzero(inside)
     if late:
         note = f"{late} of {len(wanted)} times after the end are left out"

@@ -81,7 +81,8 @@ def primitives(xp: Any, dtype: Any) -> dict[str, Any]:
 
     def expi(t: Any) -> Planar:
         x = array(t)  # angles may be of more precision
-        return Planar(xp.astype(xp.cos(x), dtype), xp.astype(xp.sin(x), dtype))
+        parts = map(array, (xp.cos(x), xp.sin(x)))  # NumPy 2.0 casts no scalars
+        return Planar(*(xp.astype(part, dtype) for part in parts))
 
     def angle(a: Planar, b: Planar) -> Any:
         return xp.atan2(cross(a, b) + 0.0, dot(a, b))

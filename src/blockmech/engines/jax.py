@@ -60,7 +60,7 @@ def shape_of(nested: Any) -> tuple[int, ...]:
 
 
 def implicit(step: Any, state: Any, *data: Any) -> Any:
-    """See `blockmech.ground.plane.implicit`: the derivative of the step by the data is the state's.
+    """See `blockmech.ground.plane.implicit`: the step's derivative by the data is the state's.
 
     By the state itself it has none wherever the state solves the equations, so this holds for
     derivatives of derivatives too.

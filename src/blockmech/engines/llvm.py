@@ -301,8 +301,10 @@ def each_design(
     slots: int, columns: Reals, room: Reals, size: int, n: int, out: Reals, stride: int,
     designs: int,
 ) -> float:  # fmt: skip
-    """A program for each design at n samples of its own: ``columns`` of inputs, put into ``room``
-    of that size, to which ``x`` points."""
+    """A program for each design at n samples of its own.
+
+    ``columns`` of inputs are put into ``room`` of that size, to which ``x`` points.
+    """
     total = 0.0
     for d in range(designs):
         for k in range(size):

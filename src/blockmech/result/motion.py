@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.ground.errors import listed
+from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, as_json
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -222,6 +223,16 @@ class Motion(Facts, Report):
         motion = object.__new__(Motion)
         motion.__dict__.update(self.__dict__, **changes)
         return motion
+
+    def reached_times(self, asked: Floats | Sequence[float]) -> Floats:
+        """Times (n,) [s] that were asked for, as it reached them: NaN outside the run.
+
+        A time within rounding of the end is the end.
+        """
+        wanted = np.asarray(asked, dtype=np.float64)
+        ending = np.abs(wanted - self.t_end) <= 64 * EPS * abs(self.t_end)
+        inside = ending | ((wanted >= self.t_start) & (wanted <= self.t_end))
+        return np.where(ending, self.t_end, np.where(inside, wanted, np.nan))
 
     def lines(self, degrees: bool = DEGREES) -> list[str]:
         """What ended it, method, error and figures, one a line."""

@@ -282,7 +282,7 @@ def compared(
     whole = output.kind == "number"
     reached, motion = np.ones(len(expected), dtype=bool), result.motion
     if motion is not None and times is not None and not whole:
-        reached = np.asarray(times) <= motion.t_end
+        reached = ~np.isnan(motion.reached_times(times))
     got = np.full_like(expected, np.nan)
     got[reached] = result[name]
     margins = np.full(len(expected), np.inf)

@@ -41,6 +41,7 @@ import functools
 import inspect
 from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Real as RealNumber
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
@@ -206,7 +207,7 @@ def _check(kernel: Callable[..., Any] | None, readable: Sequence[tuple[str, ...]
 
 
 def _is_number(x: Any) -> bool:
-    return (isinstance(x, int | float) and not isinstance(x, bool)) or has_arithmetic(x)
+    return (isinstance(x, RealNumber) and not isinstance(x, bool)) or has_arithmetic(x)
 
 
 @functools.cache
