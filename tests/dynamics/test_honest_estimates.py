@@ -31,6 +31,7 @@ from tests.dynamics.honesty import (
     mechanism,
     moved,
 )
+from tests.dynamics.one_chart import in_one_chart
 
 STARTS = [  # of machines with several drivers: span [s], a start for each driver
     pytest.param("fivebar_falling", 0.4, ((1.2, 0.0), (2.2, 0.0)), id="fivebar-from-rest"),
@@ -85,9 +86,9 @@ def test_the_time_of_a_dead_centre_is_honest():
     for q, rate in ((0.1, 1.0), (-0.2829, -5.29), (0.3, 0.0)):
         exact = _until_dead_centre(q, rate)
         for method, target in (("energy", 1e-12), ("dop853", 1e-6)):
-            found = mech.simulate(
-                "standstill", method=method, accuracy=target, start={"shoe": (q, rate)}
-            ).motion
+            found = in_one_chart(
+                mech, "standstill", method=method, accuracy=target, start={"shoe": (q, rate)}
+            )
             assert found.end == "dead centre"
             assert abs(found.t_end - exact) <= found.time_error
 
@@ -143,7 +144,7 @@ def test_steps_that_an_event_cuts_do_not_hide_the_error_of_a_second_run():
 def test_steps_that_agree_by_chance_in_front_of_a_dead_centre_are_not_believed():
     """With half the step a run of ``rk4`` was 1e-8 beside this one, and 1.6e-7 off."""
     _, mech, start, span = scene(958_000_005)
-    exact = mech.simulate(f"time={span!r}", method="energy", accuracy=1e-13, start=start).motion
+    exact = in_one_chart(mech, f"time={span!r}", method="energy", accuracy=1e-13, start=start)
     step = 0.000162587825116848
     found = mech.simulate(f"time={span!r}", method="rk4", step=step, start=start).motion
     assert_honest(found, exact)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 
+import numpy as np
 import pytest
 
 import blockmech as bm
 from blockmech.dynamics.request import Start, Until
 from blockmech.ground.errors import RequestError
 from tests.dynamics.linkages import motored, pendulum, watt
+from tests.dynamics.one_chart import in_one_chart
 from tests.dynamics.synthetic import move
 from tests.dynamics.test_integrators import double_pendulum
 from tests.gallery import GRAPHS
@@ -85,11 +87,15 @@ def test_a_path_that_crawls_hands_over_to_integration_in_time():
     data = json.loads((GRAPHS / "joints" / "n_four_bar.json").read_text("utf-8"))
     data["links"]["rod01"]["cm"] = [0.5, 0.2]
     mech, told = bm.Linkage.from_json(json.dumps(data)).compile(), []
-    motion = mech.simulate("time=2", want=[], progress=lambda *x: told.append(x)).motion
+    through = mech.simulate("time=2", want=[], progress=lambda *x: told.append(x)).motion
+    motion = in_one_chart(mech, "time=2")
     assert (motion.end, motion.method) == ("dead centre", "dop853")
     assert any("it crawls" in note for note in motion.notes)
     assert motion.cost.samples < 16_000  # 49,033 when every panel was waited for
     assert len(told) > 20
+    assert through.reached  # the dyads follow it over the change point
+    t = np.linspace(0.0, motion.t_end, 33)
+    assert np.abs(through.at(t).q - motion.at(t).q).max() <= through.error + motion.error
 
 
 def test_the_path_alone_says_that_it_crawls():

@@ -22,13 +22,13 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.charts import Chart
 from blockmech.dynamics.estimate import (
-    EASY,
     FINER,
     FLOOR,
     LEAST,
     TARGET,
     UNFINISHED,
     refined,
+    stopped,
 )
 from blockmech.dynamics.impact import Chain, Move
 from blockmech.dynamics.legs import Leg
@@ -426,8 +426,9 @@ def beyond_dead_centres(
             return coarse, None
         return coarse, atlas.walk(max(tolerance / FINER, FLOOR), halves=True)
 
-    smooth = system.smooth and method == "dop853"
-    first = max(target, LEAST) * (1.0 if smooth or method == "radau" else EASY)
-    atlas.walk(max(first, SCOUTING))
+    first = max(target, LEAST)
+    scout = atlas.walk(max(first, SCOUTING))
+    if scout.end in UNFINISHED:  # no other walk would be stopped: it is said once
+        return stopped(scout, None)
     # What rounding does where the state is handed over is not less by half the steps.
     return refined(pair, system, first, target, request.times, remainder=1.0)

@@ -24,13 +24,13 @@ from numpy.typing import NDArray
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
     CORNERED,
-    EASY,
     FINER,
     FLOOR,
     PARTED,
     ROUNDING,
     SMOOTH,
     TARGET,
+    left_of,
     one_motion,
     rounding_share,
     spread,
@@ -194,8 +194,7 @@ def moved(
     slots = slots_of(values)
     slots = np.ascontiguousarray(np.broadcast_to(slots, (m, slots.shape[1])))
     target = request.accuracy or TARGET
-    easy = 1.0 if system.smooth else EASY
-    tolerance = np.full(m, max(easy * target / FIRST, FLOOR * FINER))
+    tolerance = np.full(m, max(target / FIRST, FLOOR * FINER))
     coarse, best = _Run(system, request, rates, slots, tolerance).motions(), None
     open_ = ~coarse.alone
     while open_.any():
@@ -237,11 +236,15 @@ def _judged(
     times = np.where(same[:, None], times, t0)
     with np.errstate(invalid="ignore"):
         a, b = coarse.track.state(times), fine.track.state(times)
-        apart = np.fmax.reduce(np.abs(a - b)[..., 0], axis=1, initial=0.0)
+        off, rates_off = (np.abs(a - b)[..., i] for i in range(2))
+        apart = np.fmax.reduce(off, axis=1, initial=0.0)
         apart = np.fmax(apart, np.abs(coarse.q - fine.q))
         late, span = np.abs(coarse.t - fine.t), fine.t - t0
         fastest = np.fmax.reduce(np.abs(b[..., 1]), axis=1)
         size = np.fmax.reduce(np.abs(b[..., 0]), axis=1) + fine.t * fastest
+        highest = np.fmax(fastest, np.fmax.reduce(np.abs(a[..., 1]), axis=1))
+        bends = np.minimum(rates_off / np.where(highest > 0, highest, 1.0)[:, None], 1.0)
+        left = np.fmax.reduce(left_of(off, bends, remainder), axis=1, initial=0.0)
         reach = np.ptp(b[..., 0], axis=1)
         near = one_motion(reach, 1.0 if system.rotary[0] else math.inf, size)
         agree = same & (apart <= near) & (late <= PARTED * span)
@@ -249,7 +252,8 @@ def _judged(
         unknown = _rounding(system, request, times, b, states)
         clock = np.where(fine.end == TIME, 0.0, remainder * late + unknown[1])
     alone = fine.alone | (judged & ~agree)
-    return fine._replace(alone=alone, error=remainder * apart + unknown[0], time_error=clock)
+    error = np.fmax(remainder * apart, left) + unknown[0]
+    return fine._replace(alone=alone, error=error, time_error=clock)
 
 
 def _rounding(

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 FINER = 20.0  # tolerance of a second run, besides half the steps (numerics 14)
 # What half the steps leave of an error at most: 1/256 of order 8, of order 2, at a kink, a quarter.
 SMOOTH, CORNERED = 1 / 16, 1 / 4
-EASY = 10.0  # times the target is the tolerance of a first run whose control is that of order 5
 FLOOR = 100 * EPS  # the least relative tolerance that SciPy's integrators take
 TARGET = 1e-9  # [rad or m] of the error if none is given
 LEAST = 1e-12  # of a target from which on pairs of runs go down one ladder
@@ -49,7 +48,9 @@ class Difference(NamedTuple):
     agree : whether they are one motion: the same end, at a time known to a percent or two, and
         nowhere further apart than ``near``
     near : [rad or m] within which each driver's runs are one motion, a number or (k,)
-    times, states : the common times, and what the finer one says there
+    times, states : (m,) the common times, and what the finer one says there
+    off, bends : (m,) or (m, k) [rad or m] differences there; by what part of the fastest rate rates
+        differ
     """
 
     q: float
@@ -58,6 +59,31 @@ class Difference(NamedTuple):
     near: Any
     times: Floats
     states: State
+    off: Floats
+    bends: Floats
+
+    def left(self, remainder: float) -> float:
+        """[rad or m] What the finer run is off, if what it is late is a share of theirs."""
+        return max(remainder * self.q, float(left_of(self.off, self.bends, remainder).max()))
+
+
+def left_of(off: Floats, bends: Floats, remainder: float) -> Floats:
+    r"""[rad or m] What is left of differences of two runs, if their times leave a share.
+
+    off : differences, bends : by what part of the fastest rate rates differ there
+
+    Most motions are off in proportion to how late they are. Where rates grow without bound, at
+    places without inertia and dead centres, a way x is left with :math:`x \dot x` constant, so the
+    time left goes as :math:`x^2`. With x of the run farther from there as the unit, 1 - u of the
+    other, whose rates differ by u, and the remainder :math:`\rho` of times, of their difference u
+
+    .. math:: 1 - u - \sqrt{(1 - u)^2 - \rho u (2 - u)}
+
+    is left; at most 1 - u, the whole way.
+    """
+    root = np.sqrt(np.maximum((1 - bends) ** 2 - remainder * bends * (2 - bends), 0.0))
+    share = np.divide(1 - bends - root, bends, out=np.zeros_like(bends), where=bends > 0)
+    return np.maximum(share, remainder) * off
 
 
 @lru_cache(maxsize=8)
@@ -79,7 +105,9 @@ def difference(
     """How far two runs of one motion are apart; ``rotary`` (k,): whose coordinate is an angle."""
     times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
     q, qd = fine.track.state(times)  # they lie in both runs
-    apart = np.abs(coarse.track.state(times).q - q).max(axis=0)
+    other = coarse.track.state(times)
+    off = np.abs(other.q - q)
+    apart = off.max(axis=0)
     same = coarse.end == fine.end and coarse.status == fine.status
     if same:
         apart = np.maximum(apart, np.abs(np.subtract(coarse.q_end, fine.q_end)))
@@ -94,7 +122,9 @@ def difference(
     agree = same and (close or span == 0)
     far = float(np.max(apart))
     late = max(late, far / fastest) if fastest > 0 else late
-    return Difference(far, late, agree, near, times, State(q, qd))
+    highest = max(fastest, float(np.abs(other.qd).max()))
+    bends = np.minimum(np.abs(other.qd - qd) / (highest or 1.0), 1.0)
+    return Difference(far, late, agree, near, times, State(q, qd), off, bends)
 
 
 def one_motion(way: Any, longest: float | Floats, size: Any) -> Any:
@@ -232,7 +262,7 @@ def judged(
     """The finer of two runs with its error, a share of their difference, or what both know."""
     if apart.agree:
         late = 0.0 if fine.end == "time" else remainder * apart.t
-        return fine.but(error=remainder * apart.q, time_error=fine.time_error + late)
+        return fine.but(error=apart.left(remainder), time_error=fine.time_error + late)
     times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
     off = np.abs(coarse.at(times).q - fine.at(times).q)
     one = off.ndim == 1

@@ -253,7 +253,8 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
     if unsure and not swings_on and motion.end not in ends.STOPPED:
         known = f", error {motion.error:.1e}" if math.isfinite(motion.error) else ""
         other = _stiff_or_not(system, request, f"along the path: {motion.end}{known}")
-        if other.error < motion.error or motion.status == "failed":
+        in_vain = other.end == ends.TOO_MANY and known  # nothing is known of what it made
+        if other.error < motion.error or (motion.status == "failed" and not in_vain):
             notes = (f"along the path: {note}" for note in motion.notes[:1])
             return replace(other, notes=(*other.notes, *notes))
     return watched(motion, request.watch)

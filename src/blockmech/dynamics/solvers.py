@@ -20,9 +20,8 @@ import numpy as np
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.system import REPORTED
 from blockmech.engines.dense import Dense
-from blockmech.engines.radau import radau
+from blockmech.engines.radau import left_of, radau
 from blockmech.engines.stages import THIRD, Method, dop853, halved
-from blockmech.ground.plane import EPS
 from blockmech.result.motion import Floats
 
 NO_PLAN = np.empty(0)
@@ -140,9 +139,7 @@ class Radau5(MachineSteps):
 
         *begin, rtol, atol = about
         solver = Radau(*begin, rtol.max(), atol, first_step=first_step)
-        # SciPy's iterates to 10 EPS, every step to the same side: no finer run would show it.
-        # This falls with the tolerance, to 10 EPS at the finest.
-        solver.newton_tol = max(solver.newton_tol, math.sqrt(EPS / solver.rtol))
+        solver.newton_tol = left_of(float(solver.rtol))
         return solver
 
 

@@ -19,7 +19,6 @@ from blockmech.dynamics import ends, loads
 from blockmech.dynamics.equation import Equation, scales
 from blockmech.dynamics.estimate import (
     CORNERED,
-    EASY,
     FINER,
     FLOOR,
     LEAST,
@@ -681,6 +680,5 @@ def in_time(
         second_run = run(finer, f"{method}, run {runs}", target, first_run, patient=patient)
         return coarse, second_run.motion()
 
-    first = max(target, LEAST) * (1.0 if smooth or method == "radau" else EASY)
     remainder = SMOOTH if smooth else CORNERED
-    return refined(pair, system, first, target, request.times, remainder)
+    return refined(pair, system, max(target, LEAST), target, request.times, remainder)

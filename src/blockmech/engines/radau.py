@@ -49,6 +49,7 @@ from blockmech.engines.stages import (
 from blockmech.ground.plane import EPS
 
 ITERATIONS = 6
+ITERATED = 1.0 / 16.0  # of what a step leaves by its length, what its iteration may leave
 SLOW = 1e-3  # share of a correction that is left by the next one
 TINY = 1e-8  # an error that lets a step grow as much as it may
 SMALL = 1e-3  # of a usual size: a component of a state that is less may change by as much
@@ -363,6 +364,16 @@ def first_step(of: Sizes, fill: Fill, rhs: Rhs, y: Reals, work: Workspace, longe
     return fitting_step(h, quick, 4, longest)
 
 
+def left_of(loose: float) -> float:
+    """What an iteration may leave [-] of a relative tolerance, by that.
+
+    The estimate is of order 3: of a step that has just this tolerance, order 5 leaves its root.
+    All steps leave to the same side what they iterate to: that is a small part of it, for two runs
+    to differ by their steps, and what does not fall with the tolerance no run shows.
+    """
+    return max(max(10.0 * EPS / loose, ITERATED * min(0.03, sqrt(loose))), sqrt(EPS / loose))
+
+
 def left_allowed(of: Sizes, tolerances: Limits, sizes: Reals) -> float:
     """What an iteration may leave [-], in tolerances; and usual sizes of the components."""
     loose = EPS
@@ -370,8 +381,7 @@ def left_allowed(of: Sizes, tolerances: Limits, sizes: Reals) -> float:
         loose = max(loose, tolerances[0, i, 0])
     for i in range(of.state):
         sizes[i] = tolerances[1, i, 0] / loose
-    # Every step leaves it to the same side: what does not fall with the tolerance no run shows.
-    return max(max(10.0 * EPS / loose, min(0.03, sqrt(loose))), sqrt(EPS / loose))
+    return left_of(loose)
 
 
 def steps(
