@@ -16,6 +16,7 @@ import pytest
 import blockmech as bm
 from blockmech.dynamics.estimate import refined
 from blockmech.dynamics.system import System
+from blockmech.ground.plane import EPS
 from blockmech.result.motion import Cost, Motion, State
 from tests.campaigns.honesty import scene
 from tests.dynamics.honesty import (
@@ -193,6 +194,6 @@ def test_a_tighter_request_states_no_larger_error(name, engine):
         motion = mech.simulate(
             "time=0.1", method="dop853", accuracy=target, engine=engine, want=[]
         ).motion
-        assert motion.error <= last * SAME
+        assert motion.error <= last * SAME + EPS  # of the places that are compared
         assert motion.reached or any("accuracy not reached" in note for note in motion.notes)
         last = motion.error

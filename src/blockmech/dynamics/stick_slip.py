@@ -182,7 +182,9 @@ class StickSlip:
         system, layout = self.equation.system, self.equation.layout
         if (friction := self.friction) is None:
             return self._lies(now)
-        at, old = friction.turning(self._instant(now.t, now.y, SOON), standing), self.equation.sides
+        at, old = self._instant(now.t, now.y, SOON), self.equation.sides
+        if (np.abs(at.freedoms) > WITHIN * abs(now.t) * np.abs(at.unheld)).any():  # it goes on
+            at = friction.turning(at, standing)
         self.zero, self.settled = friction.without_slip(at, standing), now.t
         start = friction.settled(at, friction.sides_at(at, self.zero), self.zero, released)
         if start.end:
