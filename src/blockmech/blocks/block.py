@@ -9,9 +9,9 @@ import functools
 from collections import namedtuple
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
-from numbers import Real
 from typing import Any, ClassVar, LiteralString, TypeAlias
 
+import numpy as np
 from pydantic import ValidationError
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
@@ -106,7 +106,7 @@ NOT_FOR_KERNELS = SHARED_FIELDS | {"sign", "offset"}  # the core turns a driver'
 def _number(value: Any) -> Any:
     if isinstance(value, Pair):
         return value.z
-    if isinstance(value, Real) and not isinstance(value, bool):
+    if isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool):
         return float(value)
     return value if has_arithmetic(value) else None
 

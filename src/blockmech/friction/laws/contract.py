@@ -41,9 +41,9 @@ import functools
 import inspect
 from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
-from numbers import Real as RealNumber
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, TypeAlias
 
+import numpy as np
 from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationError
 from pydantic_core import InitErrorDetails, core_schema
 
@@ -207,7 +207,9 @@ def _check(kernel: Callable[..., Any] | None, readable: Sequence[tuple[str, ...]
 
 
 def _is_number(x: Any) -> bool:
-    return (isinstance(x, RealNumber) and not isinstance(x, bool)) or has_arithmetic(x)
+    return (
+        isinstance(x, int | float | np.floating | np.integer) and not isinstance(x, bool)
+    ) or has_arithmetic(x)
 
 
 @functools.cache
