@@ -253,7 +253,7 @@ METHODS: dict[str, Call] = {
         s.mechanism.path_radius(n.removesuffix(".a").removeprefix("link."), at=s.pose)
         for n in s.mechanism.outputs
         if n.endswith(".a")
-    ][:0],
+    ],
     "rates": _rates,
     "run": lambda s: s.mechanism.run(**s.places, on_gap="mark"),
     "run_to": lambda s: s.mechanism.run(**s.places, accuracy=1e-6, on_gap="mark"),

@@ -9,7 +9,6 @@ coordinate of its joint, x'' = r q'' + drift, and its drive gives nothing.
 from __future__ import annotations
 
 import cmath
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,12 +16,17 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from blockmech.dynamics.motion_outputs import STATIC, SimulationResult, result_in_chart
+from blockmech.dynamics.motion_outputs import (
+    STATIC,
+    SimulationResult,
+    result_in_chart,
+    settings_along,
+)
 from blockmech.model.naming import Names
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import LinkRef
 from blockmech.outputs.by_block import PARTS
-from blockmech.outputs.by_link import readings
+from blockmech.outputs.by_link import readings, wrapped
 from blockmech.plan.settings import friction_asked
 from blockmech.result.motion import Floats, Motion
 from blockmech.result.quality import Flag, Quality
@@ -103,7 +107,7 @@ class InBlocks:
             return (), lambda: 0.0
         doc = self.names.of_links[link]
         turn = self.names.links[doc].turn if what == "angle" else 0.0
-        return (f"link.{doc}.{what}",), lambda x: _wrapped(x - turn) if turn else x
+        return (f"link.{doc}.{what}",), lambda x: wrapped(x - turn) if turn else x
 
     def _coordinate(self, name: str, pair: Any) -> Recipe:
         """Of a pin the angle between the axes of its two links."""
@@ -115,13 +119,9 @@ class InBlocks:
         two, second = self._turned(self.s.later_link(ref), "angle")
 
         def read(*angles: Floats) -> Any:
-            return _wrapped(second(*angles[len(one) :]) - first(*angles[: len(one)]))
+            return wrapped(second(*angles[len(one) :]) - first(*angles[: len(one)]))
 
         return (*one, *two), read
-
-
-def _wrapped(angle: Any) -> Any:
-    return angle - math.tau * np.rint(angle / math.tau)
 
 
 @dataclass
@@ -278,9 +278,8 @@ def result_along(
     if not motion.legs:
         how = friction, tolerance, iterations, engine, chunk
         return result_in_chart(mechanism, motion, t, want, *how)
-    friction = friction or ("newton" if "friction_work" in motion.facts else "none")
-    settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
-    return _charted(mechanism, motion, t, want, engine, settings | STATIC)
+    settings = settings_along(motion, friction, tolerance, iterations) | STATIC
+    return _charted(mechanism, motion, t, want, engine, settings)
 
 
 def _charted(

@@ -163,6 +163,14 @@ class SimulationResult(Result[M]):
     motion: Motion
 
 
+def settings_along(
+    motion: Motion, friction: str | None, tolerance: float | None, iterations: int | None
+) -> dict[str, Any]:
+    """Settings of joint friction along a motion: its own, if nothing else is said."""
+    friction = friction or ("newton" if "friction_work" in motion.facts else "none")
+    return {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+
+
 def result_in_chart(
     mechanism: Compiled,
     motion: Motion,
@@ -180,9 +188,8 @@ def result_in_chart(
     which a motion ends, there are no rates and forces: there the rate of the driver, mostly
     zero, does not say how fast the others go.
     """
-    friction = friction or ("newton" if "friction_work" in motion.facts else "none")
-    settings = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
-    how = friction_asked(friction, tolerance, iterations)
+    settings = settings_along(motion, friction, tolerance, iterations)
+    how = friction_asked(*settings.values())
     if how.method != "none":
         how = replace(how, along=True)
     if (pairs := lain_against(mechanism, motion.lying)) is not None:

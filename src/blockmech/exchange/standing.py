@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -34,7 +33,7 @@ class Standing:
         self.structure = s = mechanism.structure
         at = dict(order.at)
         if not at:
-            at = {"at": {d: _start(mechanism.scene, d) for d in mechanism.drivers}}
+            at = {"at": {d: mechanism.scene.start_of(d)[0] for d in mechanism.drivers}}
         self.joints = [JointRef(b, j) for b, block in s.blocks.items() for j in block.joints]
         guides = [ref for ref in self.joints if s.joint(ref).kind == "P"]
         result = mechanism.run(**at, want=["*.p", "*.angle"], static=True)
@@ -70,8 +69,3 @@ def _at_pose(
     program = s.program([s.ask(rule, ref) for ref in refs])
     inputs = [float(np.ravel(samples.inputs[name])[0]) for name in program.inputs]
     return [complex(value) for value in ScalarEngine(program).one(inputs)]
-
-
-def _start(scene: Any, driver: str) -> float:
-    initial, law = scene.initial.get(driver), scene.drive.get(driver)
-    return float(initial.q if initial is not None else getattr(law, "start", 0.0) or 0.0)

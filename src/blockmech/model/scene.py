@@ -103,6 +103,14 @@ class Scene(StrictModel):
             return law.start
         return initial.q if initial else None
 
+    def start_of(self, driver: str) -> tuple[float, float]:
+        """Coordinate and rate of a driver where it starts, else where its law does, else zero."""
+        initial, law = self.initial.get(driver), self.drive.get(driver)
+        if initial is not None:
+            return float(initial.q), float(initial.rate)
+        q, rate = (float(getattr(law, x, 0.0) or 0.0) for x in ("start", "rate"))
+        return q, rate
+
     def address(self, section: str, driver: str = "") -> str:
         """Where a file says something of a driver: ``"scene.drive.crank"``."""
         return f"scene.{section}.{driver}".rstrip(".")

@@ -244,7 +244,11 @@ def _rotated(angle: Output, turn: float) -> Output:
     """The angle [rad] of a frame that stands at ``turn`` in the link's, between -pi and pi."""
 
     def read(*values: Any) -> Any:
-        theta = angle.read(*values) + turn
-        return theta - math.tau * np.rint(theta / math.tau)
+        return wrapped(angle.read(*values) + turn)
 
     return angle._replace(read=read)
+
+
+def wrapped(angle: Any) -> Any:
+    """An angle [rad] between -pi and pi."""
+    return angle - math.tau * np.rint(angle / math.tau)

@@ -55,7 +55,6 @@ class Variable(NamedTuple):
     place : where the C text has it
     start : of what can be set: states and inputs
     derivative : of a rate, the state's value reference
-    unit : as blockmech writes it, "" of none
     """
 
     name: str
@@ -63,7 +62,6 @@ class Variable(NamedTuple):
     causality: str = "output"
     start: float | None = None
     derivative: int | None = None
-    unit: str = ""
 
 
 class Unit:
@@ -99,25 +97,23 @@ class Unit:
             **dict(order.settings),
         )
         self.step = order.positive("step", STEP, "s", "1ms")
+        self.starts = [mechanism.scene.start_of(d) for d in drivers]
         self.variables = self._variables()
         self.guid = str(uuid.uuid5(uuid.NAMESPACE_URL, self.program.source + repr(self.variables)))
 
     def _variables(self) -> list[Variable]:
         """Coordinates, rates, accelerations, efforts; states, their rates; inputs; outputs."""
-        made, starts = [], self._starts()
-        units = [self.mechanism.driver_joint(d).coordinate_unit for d in self.of]
+        made, starts = [], self.starts
         of, k, states = list(self.of.values()), len(self.of), self.states
         for i, (name, start) in enumerate(zip(of, starts, strict=True)):
-            made.append(Variable(f"{name}.q", f"m->q[{i}]", start=start[0], unit=units[i]))
+            made.append(Variable(f"{name}.q", f"m->q[{i}]", start=start[0]))
         for i, (name, start) in enumerate(zip(of, starts, strict=True)):
-            rate = Variable(f"{name}.rate", f"m->rate[{i}]", "output", start[1], i)
-            made.append(rate._replace(unit=f"{units[i]}/s"))
+            made.append(Variable(f"{name}.rate", f"m->rate[{i}]", "output", start[1], i))
         for i, name in enumerate(of):
-            rate = Variable(f"{name}.acceleration", f"m->acceleration[{i}]", derivative=k + i)
-            made.append(rate._replace(unit=f"{units[i]}/s2"))
+            place = f"m->acceleration[{i}]"
+            made.append(Variable(f"{name}.acceleration", place, derivative=k + i))
         for i, name in enumerate(of):
-            unit = self.program.unit_of(f"{name}.drive")
-            made.append(Variable(f"{name}.effort", f"m->effort[{i}]", "input", 0.0, unit=unit))
+            made.append(Variable(f"{name}.effort", f"m->effort[{i}]", "input", 0.0))
         first = len(made)
         for name, i in states.continuous.items():
             made.append(Variable(name, f"m->x[{i}]", "output", states.initial[i]))
@@ -127,23 +123,8 @@ class Unit:
             made.append(Variable(name, f"m->x[{i}]", "input", states.initial[i]))
         known = {*(v.name for v in made), *states.rates}
         p = self.program.outputs
-        made += [
-            Variable(n, f"out.{p[n].name}", unit=self.program.unit_of(n))
-            for n in p
-            if n not in known
-        ]
+        made += [Variable(n, f"out.{p[n].name}") for n in p if n not in known]
         return made
-
-    def _starts(self) -> list[tuple[float, float]]:
-        """Coordinate and rate of each driver: the scene's, else the law's, else zero."""
-        starts = []
-        scene = self.mechanism.scene
-        for driver in self.mechanism.drivers:
-            initial, law = scene.initial.get(driver), scene.drive.get(driver)
-            first = [float(getattr(law, x, 0.0) or 0.0) for x in ("start", "rate")]
-            q, rate = first if initial is None else (float(initial.q), float(initial.rate))
-            starts.append((q, rate))
-        return starts
 
     def sources(self) -> dict[str, str]:
         """The texts in C, by the names of their files."""
@@ -183,7 +164,7 @@ class Unit:
             for k, v in enumerate(self.variables)
             if v.start is not None
         ]
-        starts = [x[i] for i in (0, 1) for x in self._starts()]
+        starts = [x[i] for i in (0, 1) for x in self.starts]
         texts = {
             "NAME": p.name,
             "DRIVERS": str(len(drivers)),
@@ -222,18 +203,20 @@ class Unit:
                 attributes["initial"] = "calculated" if variable.start is None else "exact"
             if variable.start is not None:
                 attributes["start"] = repr(variable.start)
-            if variable.unit:
-                attributes["unit"] = variable.unit
             if variable.derivative is not None:
                 attributes["derivative"] = str(variable.derivative)
             if (output := self._output(variable.name)) is not None:
                 attributes["description"] = printable(output.about)
+                attributes |= {"unit": output.unit} if output.unit else {}
             yield attributes
 
     def _output(self, name: str) -> Output | None:
         """What a variable is a part of; an effort from outside is like the drive in its place."""
         outputs, (head, _, last) = self.mechanism.outputs, name.rpartition(".")
-        return outputs.get(f"{head}.drive" if last == "effort" else name) or outputs.get(head)
+        name = f"{head}.drive" if last == "effort" else name
+        while name and name not in outputs:
+            name = name.rpartition(".")[0]
+        return outputs.get(name)
 
     def description(self) -> str:
         """Text of ``modelDescription.xml``."""
@@ -256,7 +239,7 @@ class Unit:
             f"{_open(kind, own | more)}{inside}</{kind}>"
             for kind, more in (("ModelExchange", {}), ("CoSimulation", steps))
         ]
-        units = sorted({v.unit for v in self.variables} - {""})
+        units = sorted({x["unit"] for x in self._attributes() if "unit" in x})
         lines += ["<UnitDefinitions>", *map(_unit_definition, units), "</UnitDefinitions>"]
         lines.append("<ModelVariables>")
         for variable in self._attributes():
