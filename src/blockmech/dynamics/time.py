@@ -132,6 +132,7 @@ class TimeIntegration(Run):
     scales: Floats | None = None  # typical sizes of the state's components, for the tolerances
     energy: float | None = None  # [J] where it starts
     grid: list[float] = field(default_factory=list)  # [s] where steps begin, and the last ends
+    moves: bool = False  # whether any step was made: it may also wait at rest
     bound: float = math.inf  # [s] of the segment
     y: Floats = field(default_factory=lambda: np.empty(0))
     times: list[float] = field(default_factory=list)
@@ -212,7 +213,7 @@ class TimeIntegration(Run):
     @property
     def stands(self) -> bool:
         """Whether it is over without any step: at a finer tolerance it is the same."""
-        return len(self.grid) == 1 and self.end not in UNFINISHED
+        return not self.moves and self.end not in UNFINISHED
 
     def _track(self) -> Steps:
         standstills = tuple(e.t for e in self.events if e.kind == ends.STANDSTILL)
@@ -518,6 +519,7 @@ class TimeIntegration(Run):
             self.times.append(self.t)
             self.pieces.append(steps.dense)
         self._refuse_stiff()
+        self.moves |= bool(steps.t[-1] > steps.t[0])
         self.grid += [t for t in steps.t[1:].tolist() if t > self.grid[-1]]
         self.turned = max(self.turned, float(np.abs(steps.y[1:, self.layout.work]).max()))
         if self.system.progress is not None:
