@@ -20,6 +20,7 @@ from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
+from blockmech.plan.values import Value
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -128,7 +129,7 @@ class _Program:
     def __init__(self, structure: Structure, scene: Scene, groups: tuple[str, ...]) -> None:
         self._structure, self._scene, rows = structure, scene, list[str]()
         s = schedule(structure, scene, Friction("none"))
-        values: list[str] = []
+        values: list[Value] = []
         self.pivots: dict[str, tuple[int, int]] = {}
         self._of_rows: list[tuple[int, int]] = []  # where a margin's one or two values are
         for g in groups:
@@ -148,7 +149,7 @@ class _Program:
     @cached_property
     def paths(self) -> tuple[NumpyEngine, dict[str, slice]]:
         """Directions of links and places of markers; which of them are of a group."""
-        structure, values, of = self._structure, list[str](), dict[str, slice]()
+        structure, values, of = self._structure, list[Value](), dict[str, slice]()
         s = schedule(structure, self._scene, Friction("none"))
         for g in dict.fromkeys(self.rows):
             first, links = len(values), structure.blocks[g].link_names

@@ -36,6 +36,7 @@ from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction, Schedule
+from blockmech.plan.values import Value
 from blockmech.result.columns import output_columns
 from blockmech.result.exported import Column, CsvTable, aligned, counted
 from blockmech.result.result import Result
@@ -105,7 +106,7 @@ class Equations:
             if structure.friction_law(ref).reads_load:
                 remedy = "runs say with their certificate whether theirs is the only one"
                 raise refused(structure.pair_name(ref), BY_LOAD, remedy)
-        self._values: dict[str, int] = {}
+        self._values: dict[Value, int] = {}
         self.steps: list[Group | Driven] = []
         for block in reversed(list(structure.blocks)):
             coupled = s.ask(friction.coupled_joints, block)
@@ -119,7 +120,7 @@ class Equations:
         self.slips = [self._at(s.ask(forward.slip, ref)) for ref in self.joints]
         self.engine = NumpyEngine(s.program(self._values))
 
-    def _at(self, value: str) -> int:
+    def _at(self, value: Value) -> int:
         return self._values.setdefault(value, len(self._values))
 
     def _pair(self, s: Schedule, ref: JointRef) -> tuple[int, int, int]:

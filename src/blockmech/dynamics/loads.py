@@ -23,8 +23,8 @@ from blockmech.model.structure import JointRef, Structure
 from blockmech.passes.forward import argument, coordinate_of, link_velocity, marker_velocity
 from blockmech.passes.homotopy import followed, path_of, schedule
 from blockmech.passes.loads import cm_velocity, kernel_on, terminal_term, weight_on
-from blockmech.passes.resultants import NOTHING
-from blockmech.plan.plan import NOUGHT, ZERO, Friction, Schedule
+from blockmech.plan.plan import Friction, Schedule
+from blockmech.plan.values import Value, hyp
 from blockmech.signals.functions import Python
 
 FREE = Friction("none")
@@ -173,7 +173,7 @@ def _jumps_of_coupling(
 
 def _levels_passed(
     compiled: Any,
-    rule: Callable[..., str],
+    rule: Callable[..., Value],
     driver: str,
     levels: Callable[[float, float], Iterable[float]],
     within: tuple[float, float],
@@ -229,25 +229,20 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
 # -- size ----------------------------------------------------------------------------------
 
 
-def load_size(s: Schedule, driver: str) -> str:
+def load_size(s: Schedule, driver: str) -> Value:
     """The sum of the magnitudes of the contributions to the effort on a driver."""
-    structure, terms = s.structure, list[str]()
+    structure, terms = s.structure, list[Value]()
     for link in structure.links:
-        force = s.ask(weight_on, link) if link != structure.frame_link else NOTHING
-        v = s.ask(cm_velocity, link, driver) if force else ZERO
-        if v != ZERO:
-            terms.append(s.line(f"hyp({force.forces[0]}) * hyp({v})", f"{link}_size"))
+        for force in s.ask(weight_on, link).forces if link != structure.frame_link else ():
+            size_of = hyp(force) * hyp(s.ask(cm_velocity, link, driver))
+            terms.append(s.line(size_of, f"{link}_size"))
     for name, element in structure.elements.items():
         for terminal, declared in element.terminals.items():
             ref = JointRef(name, terminal)
-            marker = structure.holds[ref]
-            given = s.ask(terminal_term, ref)
+            marker, given = structure.holds[ref], s.ask(terminal_term, ref)
             if declared.kind == "point":
-                v = s.ask(marker_velocity, marker, driver)
-                size_of = f"hyp({given}) * hyp({v})"
+                size_of = hyp(given) * hyp(s.ask(marker_velocity, marker, driver))
             else:
-                v = s.ask(link_velocity, marker.on, driver).scalar
-                size_of = f"abs({given} * {v})"
-            if v not in (ZERO, NOUGHT):
-                terms.append(s.line(size_of, f"{ref}_size"))
+                size_of = abs(given * s.ask(link_velocity, marker.on, driver).scalar)
+            terms.append(s.line(size_of, f"{ref}_size"))
     return s.sum(terms, "size")

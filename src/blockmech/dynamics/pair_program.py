@@ -14,6 +14,7 @@ from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs, signals
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction, Schedule
+from blockmech.plan.values import Value
 
 GIVEN = Friction(friction.GIVEN)
 
@@ -64,13 +65,13 @@ def steepest(laws: Sequence[FrictionLaw]) -> tuple[float, ...]:
     return tuple(float(law.parameters().steepest) if law.reads_load else 0.0 for law in laws)
 
 
-def terms(s: Schedule, joints: Sequence[JointRef], rule: Callable[..., str]) -> list[str]:
+def terms(s: Schedule, joints: Sequence[JointRef], rule: Callable[..., Value]) -> list[Value]:
     """Factors (m,) and drags (m,) of pairs by a rule that asks their laws."""
     laws = [s.ask(rule, ref) for ref in joints]
-    return [f"{law}.{part}" for part in FrictionTerms._fields for law in laws]
+    return [getattr(law, part) for part in FrictionTerms._fields for law in laws]
 
 
-def margins(s: Schedule) -> list[str]:
+def margins(s: Schedule) -> list[Value]:
     """Margins of the groups whose poses the schedule needs."""
     blocks = [e.block for e in s.entries if e.stage == "position"]
     return [s.ask(forward.margin, b) for b in blocks if s.structure.blocks[b].closes]

@@ -31,6 +31,7 @@ from blockmech.ground.errors import refused
 from blockmech.passes import forces, reduction
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction, Schedule
+from blockmech.plan.values import Value
 from blockmech.result.motion import Floats
 
 INPUTS = ("q", "qd", "qdd")
@@ -110,7 +111,7 @@ def _with_friction(compiled: Any) -> DualEngine:
     return _engine(compiled, "newton", forces.drive)
 
 
-def _engine(compiled: Any, method: Any, rule: Callable[[Schedule, str], str]) -> DualEngine:
+def _engine(compiled: Any, method: Any, rule: Callable[[Schedule, str], Value]) -> DualEngine:
     s = schedule(compiled.structure, compiled.scene, Friction(method))
     values = [s.ask(rule, k) for k in compiled.structure.drivers]
     return DualEngine(s.program([*values, *margins(s)]), WITH_DIFFERENCES)

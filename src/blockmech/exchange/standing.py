@@ -15,6 +15,7 @@ from blockmech.passes.forward import guide_direction
 from blockmech.passes.homotopy import schedule
 from blockmech.passes.pairs import slider_point
 from blockmech.plan.plan import Friction, Schedule
+from blockmech.plan.values import Value
 from blockmech.result.samples import Samples
 
 
@@ -61,7 +62,7 @@ class Standing:
 def _at_pose(
     mechanism: Compiled,
     samples: Samples,
-    rule: Callable[[Schedule, JointRef], str],
+    rule: Callable[[Schedule, JointRef], Value],
     refs: Sequence[JointRef],
 ) -> list[complex]:
     """What a rule answers for some pairs at the pose of some samples."""

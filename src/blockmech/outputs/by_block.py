@@ -37,9 +37,20 @@ from blockmech.passes import (
     reduction,
     signals,
 )
-from blockmech.plan.plan import NOUGHT, STAGES, ZERO, Friction, Output, Plan, Reader, Schedule
+from blockmech.plan.plan import STAGES, Friction, Output, Plan, Reader, Schedule
+from blockmech.plan.values import (
+    NOUGHT,
+    ONE,
+    UNIT,
+    ZERO,
+    Value,
+    angle,
+    minimum,
+    planar,
+)
 from blockmech.result.quality import at_most_one
 from blockmech.signals.contract import Signal
+from blockmech.typing import Load
 
 PARTS = {"x": "real", "y": "imag"}
 WILD = re.compile(r"[*?[]")
@@ -61,32 +72,35 @@ def _ratio_angle(sine: Any, cosine: Any) -> Any:
     return np.arctan2(sine, cosine)
 
 
-def _real(name: str, unit: str, rule: Callable[..., str], *key: Any, **more: str) -> Output:
+def _real(name: str, unit: str, rule: Callable[..., Value], *key: Any, **more: str) -> Output:
     """An output whose only value is the answer of one rule."""
     return Output(name, unit, "real", lambda s: (s.ask(rule, *key),), _same, **more)
 
 
-def _vector(name: str, unit: str, rule: Callable[..., str], *key: Any, **more: str) -> Output:
-    return Output(name, unit, "vector", lambda s: (s.ask(rule, *key),), _same, **more)
+def _vector(name: str, unit: str, rule: Callable[..., Value], *key: Any, **more: str) -> Output:
+    return _real(name, unit, rule, *key, **more)._replace(kind="vector")
 
 
-def in_program(output: Output) -> Callable[..., str] | None:
+IN_PROGRAMS: Mapping[Reader, Callable[..., Value]] = {
+    _same: _same,
+    _angle: lambda e: angle(ONE, e),
+    _ratio_angle: lambda sine, cosine: angle(ONE, planar(cosine, sine)),
+    at_most_one: lambda margin: minimum(UNIT, margin),
+}
+"""How arrays are read -> how a program does."""
+
+
+def in_program(output: Output) -> Callable[..., Value] | None:
     """How a program reads an output: (schedule, *values) -> a value; None where it cannot."""
-    read, part = output.read, ""
-    if isinstance(read, partial) and read.func is _part:
-        read, which = read.args
-        part = f".{which}"
-    texts = {
-        _same: "{0}",
-        _angle: "angle(ONE, {0})",
-        _ratio_angle: "angle(ONE, planar({1}, {0}))",
-        at_most_one: "minimum(1.0, {0})",
-    }
-    if output.kind != "real" or read not in texts:
+    whole, part = output.read, ""
+    if isinstance(whole, partial) and whole.func is _part:
+        whole, part = whole.args
+    if output.kind != "real" or whole not in IN_PROGRAMS:
         return None
 
-    def reading(s: Schedule, *values: str) -> str:
-        return s.line(texts[read].format(*values) + part, output.name)
+    def reading(s: Schedule, *values: Value) -> Value:
+        value = IN_PROGRAMS[whole](*values)
+        return s.line(getattr(value, part) if part else value, output.name)
 
     return reading
 
@@ -137,32 +151,23 @@ def _coupling_outputs(structure: Structure, driver: str) -> Iterator[Output]:
     by = str(structure.later_link(leader) if leader else structure.followers[driver].centre.on)
     ends = {"by": by, "on": str(structure.later_link(ref))}
 
-    def slope(s: Schedule) -> tuple[str]:
-        return (f"{s.ask(forward.transmission, driver)}.slope",)
-
-    yield Output(f"{name}.slope", unit, "real", slope, _same)
+    yield _real(f"{name}.slope", unit, lambda s: s.ask(forward.transmission, driver).slope)
     yield _real(f"{name}.effort", joint.effort_unit, forces.effort_in, ref, **ends)
     for mesh in structure.meshes_of(driver):
         if not structure.separates(mesh):
             yield _real(f"{name}.loss", "W", energy.friction_power, mesh)
     if structure.contact(driver) is not None:
 
-        def part(field: str, zero: str) -> Callable[[Schedule], tuple[str]]:
-            def ask(s: Schedule) -> tuple[str]:
-                return (f"{s.ask(forces.meshing, driver)}.{field}",) if _acts(s, ref) else (zero,)
+        def load(s: Schedule) -> Any:
+            acts = s.ask(forces.smooth, ref.block) is not None
+            return s.ask(forces.meshing, driver) if acts else Load(ZERO, NOUGHT)
 
-            return ask
-
-        yield Output(f"{name}.force", "N", "vector", part("F", ZERO), _same, by, ends["on"])
-        yield Output(f"{name}.moment", "N m", "real", part("M", NOUGHT), _same, by, ends["on"])
+        yield _vector(f"{name}.force", "N", lambda s: load(s).F, **ends)
+        yield _real(f"{name}.moment", "N m", lambda s: load(s).M, **ends)
         readings = structure.couplings[name].readings(structure.coupled_pair(name))
         for what, read in readings.items():
             more = {**ends, "words": read.about}
             yield _real(f"{name}.{what}", read.unit, forces.coupling_reading, driver, read, **more)
-
-
-def _acts(s: Schedule, ref: JointRef) -> bool:
-    return s.ask(forces.smooth, ref.block) is not None
 
 
 def _element_outputs(structure: Structure, name: str) -> Iterator[Output]:
@@ -203,18 +208,13 @@ def _driver_outputs(structure: Structure, name: str) -> Iterator[Output]:
 
 
 def _link_outputs(link: LinkRef) -> Iterator[Output]:
-    rules = (
-        ("angle", "rad", forward.link_position, _angle),
-        ("omega", "rad/s", forward.link_velocity, _same),
-        ("alpha", "rad/s2", forward.link_acceleration, _same),
-    )
-    for what, unit, rule, read in rules:
-        yield Output(f"{link}.{what}", unit, "real", _scalar(rule, link), read)
+    def turning(rule: Callable[..., forward.Moved]) -> Callable[[Schedule], Value]:
+        return lambda s: s.ask(rule, link).scalar
 
-
-def _scalar(rule: Any, link: LinkRef) -> Callable[[Schedule], tuple[str]]:
-    """What a rule says of a link's turning."""
-    return lambda s: (s.ask(rule, link).scalar,)
+    angle = _real(f"{link}.angle", "rad", turning(forward.link_position))
+    yield angle._replace(read=_angle)
+    yield _real(f"{link}.omega", "rad/s", turning(forward.link_velocity))
+    yield _real(f"{link}.alpha", "rad/s2", turning(forward.link_acceleration))
 
 
 def _marker_outputs(marker: MarkerRef, plays: bool) -> Iterator[Output]:
@@ -229,24 +229,21 @@ def _marker_outputs(marker: MarkerRef, plays: bool) -> Iterator[Output]:
 def _joint_outputs(structure: Structure, ref: JointRef, joint: Joint) -> Iterator[Output]:
     by, on = str(structure.earlier_link(ref)), str(structure.later_link(ref))
 
-    def pair(s: Schedule, what: str) -> str:
+    def pair(s: Schedule) -> Value:
         reaction = s.ask(forces.reaction, ref)
-        return NOUGHT if reaction is None else f"{reaction}.{what}"
+        return ZERO if reaction is None else reaction
 
-    def vector(s: Schedule) -> tuple[str]:
-        reaction = s.ask(forces.reaction, ref)
-        return (ZERO if reaction is None else pairs.statics(s, ref).force(s, ref, reaction),)
+    def across(s: Schedule) -> Value:
+        reaction = pair(s)
+        return reaction if reaction.zero else pairs.statics(s, ref).force(s, ref, reaction)
 
-    def wrench(k: int) -> Callable[[Schedule], tuple[str]]:
-        return lambda s: (s.ask(forces.wrench, ref)[k],)
-
-    yield Output(f"{ref}.reaction", "N", "vector", vector, _same, by, on)
+    yield _vector(f"{ref}.reaction", "N", across, by=by, on=on)
     if joint.pair.reads == "guide":
-        yield Output(f"{ref}.N", "N", "real", lambda s: (pair(s, "real"),), _same, by, on)
-        yield Output(f"{ref}.C", "N m", "real", lambda s: (pair(s, "imag"),), _same, by, on)
+        yield _real(f"{ref}.N", "N", lambda s: pair(s).real, by=by, on=on)
+        yield _real(f"{ref}.C", "N m", lambda s: pair(s).imag, by=by, on=on)
     if joint.outer:
-        yield Output(f"{ref}.wrench_F", "N", "vector", wrench(0), _same, on, by)
-        yield Output(f"{ref}.wrench_M", "N m", "real", wrench(1), _same, on, by)
+        yield _vector(f"{ref}.wrench_F", "N", lambda s: s.ask(forces.wrench, ref)[0], by=on, on=by)
+        yield _real(f"{ref}.wrench_M", "N m", lambda s: s.ask(forces.wrench, ref)[1], by=on, on=by)
     yield _real(f"{ref}.friction", joint.effort_unit, forces.resisting, ref, by=by, on=on)
     yield _coordinate(structure, ref, by, on)
     yield _real(f"{ref}.slip", f"{joint.coordinate_unit}/s", forward.slip, ref)
@@ -266,7 +263,7 @@ def _coordinate(structure: Structure, ref: JointRef, by: str, on: str) -> Output
     if not joint.rotary:
         return _real(name, joint.coordinate_unit, pairs.position_along, ref, by=by, on=on)
 
-    def directions(s: Schedule) -> tuple[str, str]:
+    def directions(s: Schedule) -> tuple[Value, Value]:
         ends = structure.earlier_link(ref), structure.later_link(ref)
         one, other = (s.ask(forward.link_position, link).scalar for link in ends)
         return one, other
@@ -293,7 +290,7 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
     joints = [JointRef(name, joint) for joint in structure.blocks[name].joints]
     rubbing = tuple(ref for ref in joints if friction.rubs(structure, ref))
     if friction.knows_existence(structure, name, rubbing):
-        yield _real(f"{name}.existence", "", _existence, name)
+        yield _real(f"{name}.existence", "", lambda s: s.ask(forces.existence, name) or NOUGHT)
     if len(structure.drivers) != 1 or name in structure.drivers:
         return  # under a driver's name stands its sum over all blocks
     driver = structure.drivers[0]
@@ -317,10 +314,6 @@ def _group_outputs(structure: Structure, name: str) -> Iterator[Output]:
         driver,
         words=words.format("tau_red"),
     )
-
-
-def _existence(s: Schedule, block: str) -> str:
-    return s.ask(forces.existence, block) or NOUGHT
 
 
 def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
@@ -349,10 +342,10 @@ def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
         yield of("friction_efficiency", "", "number", ask, read)
     if len(drivers) > 1:
 
-        def inertias(s: Schedule) -> list[str]:
+        def inertias(s: Schedule) -> list[Value]:
             return [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
 
-        def efforts(s: Schedule) -> list[str]:
+        def efforts(s: Schedule) -> list[Value]:
             return [s.ask(reduction.reduced_load, k) for k in drivers]
 
         yield of("M", "SI", "matrix", inertias, _same)
@@ -457,17 +450,17 @@ class Catalogue(Mapping[str, Output]):
         self, scene: Scene, names: tuple[str, ...], how: Friction, static: bool, quality: bool
     ) -> Plan:
         schedule = homotopy.schedule(self.structure, scene, how, static)
-        values: dict[str, int] = {}  # the same value under two names is returned once
+        values: dict[Value, int] = {}  # the same value under two names is returned once
         layout: dict[str, tuple[int, ...]] = {}
 
-        def place(name: str, names_of_values: Iterable[str]) -> None:
-            layout[name] = tuple(values.setdefault(v, len(values)) for v in names_of_values)
+        def place(name: str, answers: Iterable[Value]) -> None:
+            layout[name] = tuple(values.setdefault(v, len(values)) for v in answers)
 
         for name in sorted(names):
             place(name, self[name].ask(schedule))
         if quality:
-            for name, names_of_values in _quality(schedule):
-                place(name, names_of_values)
+            for name, answers in _quality(schedule):
+                place(name, answers)
         order = {b: i for i, b in enumerate(self.structure.blocks)}
         entries = sorted(
             schedule.entries, key=lambda e: (STAGES.index(e.stage), order[e.block], e.driver)
@@ -476,24 +469,24 @@ class Catalogue(Mapping[str, Output]):
         return Plan(names, tuple(entries), steps, schedule.program(values), layout)
 
 
-def _quality(s: Schedule) -> Iterator[tuple[str, tuple[str, ...]]]:
+def _quality(s: Schedule) -> Iterator[tuple[str, tuple[Value, ...]]]:
     """Margins and friction reports of what the plan computes anyway."""
     for entry in list(s.entries):
         if entry.stage == "position" and s.structure.blocks[entry.block].closes:
             yield f"margin/{entry.block}", (s.ask(forward.margin, entry.block),)
             if s.structure.blocks[entry.block].own_form:
-                yield f"path/{entry.block}", (f"{s.ask(forward.position, entry.block)}.reached",)
+                yield f"path/{entry.block}", (s.ask(forward.position, entry.block).reached,)
         if entry.stage == "force":
             for joint in s.structure.blocks[entry.block].clearance:
                 ref = JointRef(entry.block, joint)
                 R = s.ask(play.pressing, ref)
-                yield f"pressing/{ref}", (f"{R}.real", f"{R}.imag")
+                yield f"pressing/{ref}", (R.real, R.imag)
         if entry.stage == "force" and not entry.driver:
             yield from _friction_quality(s, entry.block)
             yield from _contact_quality(s, entry.block)
 
 
-def _contact_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+def _contact_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[Value, ...]]]:
     """What must push in the couplings by which a block is driven."""
     structure = s.structure
     for driver in structure.drivers_of(block):
@@ -505,7 +498,7 @@ def _contact_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str, 
                 yield f"push/{name}/{read.flag}", (s.ask(forces.coupling_reading, driver, read),)
 
 
-def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str, ...]]]:
+def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[Value, ...]]]:
     """How the friction of a block was solved, and which of its pairs rest."""
     structure, joints = s.structure, s.ask(friction.friction_joints, block)
     pairs_here = [
@@ -515,11 +508,11 @@ def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[str,
         return
     solved = s.ask(forces.solution, block) or pairs_here[0][1]
     what = ("iterations", "residual", "contraction", "outcome", "limit")
-    yield f"friction/{block}", tuple(f"{solved}.{x}" for x in what)
+    yield f"friction/{block}", tuple(getattr(solved, x) for x in what)
     if (c := s.ask(forces.existence, block)) is not None:
         yield f"existence/{block}", (c,)
     for ref, by, i in pairs_here:
         if structure.separates(ref):
             continue
-        held = s.ask(friction.held, ref, f"{by}.g[{i}]")
+        held = s.ask(friction.held, ref, by.g[i])
         yield f"rest/{s.structure.pair_name(ref)}", (s.ask(friction.rest, ref), held)

@@ -20,6 +20,7 @@ from blockmech.model.structure import Structure
 from blockmech.passes.homotopy import schedule
 from blockmech.passes.signals import NO_NAME, UNKNOWN
 from blockmech.plan.plan import Friction, Output, Schedule
+from blockmech.plan.values import Value
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -28,7 +29,7 @@ MECHANISM = "mechanism"
 REMEDY = "put a block with a state in it, as a filter (signal.transfer_function) or a sample"
 
 
-Read = Callable[[Output], "Callable[..., str] | None"]
+Read = Callable[[Output], "Callable[..., Value] | None"]
 """How a program reads an output, see `blockmech.outputs.by_block.in_program`."""
 
 
@@ -74,7 +75,7 @@ def _sensor(outputs: Mapping[str, Output], read: Read, address: str) -> Any:
     return partial(_value, output, reading)
 
 
-def _value(output: Output, reading: Callable[..., str], s: Schedule) -> str:
+def _value(output: Output, reading: Callable[..., Value], s: Schedule) -> Value:
     return reading(s, *output.ask(s))
 
 
@@ -133,7 +134,7 @@ def _edges(
         yield name, MECHANISM
 
 
-def _needs(structure: Structure, scene: Scene, rule: Callable[[Schedule], str]) -> set[str]:
+def _needs(structure: Structure, scene: Scene, rule: Callable[[Schedule], Value]) -> set[str]:
     """Inputs of the program of a sensor where every signal is one."""
     unknown = replace(structure, signals={}, sensors={})
     s = schedule(unknown, scene, Friction("none"))

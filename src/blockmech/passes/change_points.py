@@ -95,7 +95,7 @@ def with_followed(structure: Structure, scene: Scene) -> Structure:
 
 
 def _search(made: Schedule, block: str, driver: str, q_home: float) -> _Search:
-    program = made.program([f"{made.ask(position, block)}.det"])
+    program = made.program([made.ask(position, block).det])
     engine = NumpyEngine(program)
 
     def size(q: Floats) -> Floats:

@@ -12,7 +12,8 @@ import numpy as np
 from blockmech.model.structure import JointRef, LinkRef
 from blockmech.passes import forces, forward, friction, loads
 from blockmech.passes.forward import ACTUAL
-from blockmech.plan.plan import NOUGHT, ZERO, Schedule, Undefined
+from blockmech.plan.plan import Schedule, Undefined
+from blockmech.plan.values import NOUGHT, TWO, ZERO, Value, dot
 
 ROUNDINGS = 8  # of the sum of absolute powers; one at most in whole turns of rough four-bars
 
@@ -21,37 +22,28 @@ def _links(s: Schedule) -> list[LinkRef]:
     return [link for link in s.structure.links if link != s.structure.frame_link]
 
 
-def _power(s: Schedule, load: str, rate: str, name: str) -> str:
-    """Force times velocity, or moment times rate; nothing where one of them is nothing."""
-    if {load, rate} & {ZERO, NOUGHT}:
-        return NOUGHT
-    return s.line(f"{load} * {rate}", name)
-
-
-def kinetic(s: Schedule) -> str:
+def kinetic(s: Schedule) -> Value:
     """Kinetic energy [J]."""
     terms = []
     for link in _links(s):
         properties = s.structure.properties(link)
         v = s.ask(loads.cm_velocity, link, ACTUAL) if properties.mass else ZERO
-        if v != ZERO:
-            m = s.ask(loads.mass_of, link)
-            terms.append(s.line(f"{m} * dot({v}, {v}) / 2", f"{link}_T"))
+        if not v.zero:
+            terms.append(s.line(s.ask(loads.mass_of, link) * dot(v, v) / TWO, f"{link}_T"))
         om = s.ask(forward.link_velocity, link, ACTUAL).scalar if properties.inertia else NOUGHT
-        if om != NOUGHT:
-            J = s.ask(loads.inertia_of, link)
-            terms.append(s.line(f"{J} * {om} * {om} / 2", f"{link}_T"))
+        if not om.zero:
+            terms.append(s.line(s.ask(loads.inertia_of, link) * om * om / TWO, f"{link}_T"))
     return s.sum(terms, "kinetic")
 
 
-def potential(s: Schedule) -> str:
+def potential(s: Schedule) -> Value:
     """Potential energy [J] of weights and springs; weights count from the frame's origin."""
     terms = []
     for link in _links(s):
         if s.structure.properties(link).mass and s.scene.gravity.z != 0:
             p = forward.place(s, link, s.ask(loads.cm_arm, link), f"{link}_cm_p")
             m = s.ask(loads.mass_of, link)
-            terms.append(s.line(f"-{m} * dot({loads.gravity(s)}, {p})", f"{link}_V"))
+            terms.append(s.line(-m * dot(loads.gravity(s), p), f"{link}_V"))
     for name, element in s.structure.elements.items():
         stored = element.energy()
         if stored is not None:
@@ -59,15 +51,15 @@ def potential(s: Schedule) -> str:
     return s.sum(terms, "potential")
 
 
-def friction_power(s: Schedule, ref: JointRef) -> str:
+def friction_power(s: Schedule, ref: JointRef) -> Value:
     """Power [W] that friction of a pair takes: heat, but for what a law with a state stores."""
     if s.structure.separates(ref):
         return NOUGHT
     t = s.ask(forces.resisting, ref)
-    return t if t == NOUGHT else s.line(f"-{t} * {s.ask(forward.slip, ref)}", f"{ref}_loss")
+    return t if t.zero else s.line(-t * s.ask(forward.slip, ref), f"{ref}_loss")
 
 
-def stored_power(s: Schedule, ref: JointRef) -> str:
+def stored_power(s: Schedule, ref: JointRef) -> Value:
     """Power [W] of it that goes into the deflection of a pair whose law has a state.
 
     It may come back; what is left of the power of friction is heat.
@@ -76,26 +68,26 @@ def stored_power(s: Schedule, ref: JointRef) -> str:
     if solution is None:
         return NOUGHT
     elastic, rate = s.ask(friction.terms_standing, ref), s.ask(friction.deflection_rate, ref)
-    effort = f"({elastic}.factor * {solution[0]}.g[{solution[1]}] + {elastic}.drag)"
-    return s.line(f"{effort} * {rate}", f"{ref}_stored")
+    effort = elastic.factor * solution[0].g[solution[1]] + elastic.drag
+    return s.line(effort * rate, f"{ref}_stored")
 
 
-def total_friction_power(s: Schedule) -> str:
+def total_friction_power(s: Schedule) -> Value:
     """Power [W] that friction of all pairs takes."""
     joints = (ref for b in s.structure.blocks for ref in s.ask(friction.friction_joints, b))
     return s.sum((s.ask(friction_power, ref) for ref in joints), "friction_power")
 
 
-def drive_power(s: Schedule) -> str:
+def drive_power(s: Schedule) -> Value:
     """Power [W] of all drives."""
     terms = (
-        _power(s, s.ask(forces.drive, driver), s.input("qd", driver), f"{driver}_P")
+        s.line(s.ask(forces.drive, driver) * s.input("qd", driver), f"{driver}_P")
         for driver in s.structure.drivers
     )
     return s.sum(terms, "drive_power")
 
 
-def element_power(s: Schedule, name: str) -> str:
+def element_power(s: Schedule, name: str) -> Value:
     """Power [W] that an element gives to the links."""
     terms = []
     for terminal, declared in s.structure.elements[name].terminals.items():
@@ -103,42 +95,42 @@ def element_power(s: Schedule, name: str) -> str:
         marker, load = s.structure.holds[ref], s.ask(loads.terminal_term, ref)
         if declared.kind == "link":
             om = s.ask(forward.link_velocity, marker.on, ACTUAL).scalar
-            terms.append(_power(s, load, om, f"{ref}_P"))
-        elif (v := s.ask(forward.marker_velocity, marker, ACTUAL)) != ZERO:
-            terms.append(s.line(f"dot({load}, {v})", f"{ref}_P"))
+            terms.append(s.line(load * om, f"{ref}_P"))
+        else:
+            v = s.ask(forward.marker_velocity, marker, ACTUAL)
+            terms.append(s.line(dot(load, v), f"{ref}_P"))
     return s.sum(terms, f"{name}_power")
 
 
-def useful_power(s: Schedule) -> str:
+def useful_power(s: Schedule) -> Value:
     """Power [W] that the useful loads take from the mechanism."""
     names = [n for n, e in s.structure.elements.items() if e.useful]
-    total = s.sum([s.ask(element_power, n) for n in names], "useful")
-    return total if total == NOUGHT else s.line(f"-{total}", "useful_power")
+    return s.line(-s.sum([s.ask(element_power, n) for n in names], "useful"), "useful_power")
 
 
-def shaking_force(s: Schedule) -> str:
+def shaking_force(s: Schedule) -> Value:
     """Force [N] of the mechanism on the frame."""
     return s.sum(s.ask(forces.frame_load).forces, "shaking_force", ZERO)
 
 
-def shaking_moment(s: Schedule) -> str:
+def shaking_moment(s: Schedule) -> Value:
     """Moment [N m] of the mechanism on the frame, about the frame's origin."""
     return s.sum(s.ask(forces.frame_load).moments, "shaking_moment")
 
 
-def transmission(s: Schedule, block: str) -> tuple[str, str]:
+def transmission(s: Schedule, block: str) -> tuple[Value, Value]:
     """Sine and cosine parts of a group's transmission angle."""
     kernel = s.structure.blocks[block].kernels.transmission
     assert kernel is not None
     pose, p = s.ask(forward.position, block), s.ask(forward.parameters, block)
     both = s.emit(kernel, pose, p, name=f"{block}_transmission")
-    return f"{both}[0]", f"{both}[1]"
+    return both[0], both[1]
 
 
 # -- figures of merit ----------------------------------------------------------------
 
 
-def advantage(s: Schedule) -> tuple[str, str]:
+def advantage(s: Schedule) -> tuple[Value, Value]:
     """The only useful load and the driving effort, for the mechanical advantage."""
     name = next(n for n, e in s.structure.elements.items() if e.useful)
     terminal = next(iter(s.structure.elements[name].terminals))
@@ -152,7 +144,7 @@ def read_advantage(load: Any, drive: Any) -> Any:
         return np.hypot(load.real, load.imag) / np.abs(drive)
 
 
-def efficiency(s: Schedule) -> tuple[str, str]:
+def efficiency(s: Schedule) -> tuple[Value, Value]:
     """Powers for the mechanical efficiency ([R10] Eq. 1)."""
     return s.ask(useful_power), s.ask(drive_power)
 
@@ -176,7 +168,7 @@ def read_efficiency(useful: Any, drive: Any, weights: Any) -> float:
     return float(np.clip(taken / given, 0.0, 1.0))
 
 
-def friction_efficiency(s: Schedule) -> tuple[str, str]:
+def friction_efficiency(s: Schedule) -> tuple[Value, Value]:
     """Powers for the share of the drive's work that friction leaves."""
     return s.ask(total_friction_power), s.ask(drive_power)
 

@@ -1,6 +1,6 @@
 """The forward pass: positions, velocities, accelerations along the wires.
 
-A rule here answers with names of program values. Motions are asked in a *mode*:
+A rule here answers with values of the program. Motions are asked in a *mode*:
 ``ACTUAL`` rates of all drivers, the unit rate of one driver, or ``BIAS``, the
 actual rates without driver accelerations. A block that a mode does not move
 answers None, and nothing is emitted for it.
@@ -18,7 +18,19 @@ from blockmech.couplings.contract import Meshing
 from blockmech.ground.plane import EPS, cross, expi, sign, sqrt
 from blockmech.ground.values import Marker
 from blockmech.model.structure import FollowedBranch, JointRef, LinkRef, MarkerRef, Structure
-from blockmech.plan.plan import NOUGHT, ONE, ZERO, Entry, Formula, Schedule
+from blockmech.plan import values
+from blockmech.plan.plan import Entry, Formula, Schedule
+from blockmech.plan.values import (
+    HALF,
+    NOUGHT,
+    ONE,
+    UNIT,
+    ZERO,
+    Value,
+    dot,
+    imul,
+    mul,
+)
 from blockmech.typing import Complex, Guide, LinkAcceleration, LinkVelocity, Real
 
 ACTUAL = ""
@@ -27,10 +39,13 @@ Terms: TypeAlias = tuple[tuple[str, int], ...]
 
 
 class Moved(NamedTuple):
-    """Names of a link's two values at one stage, e.g. velocity and rate."""
+    """A link's two values at one stage, e.g. velocity and rate."""
 
-    vector: str
-    scalar: str
+    vector: Value
+    scalar: Value
+
+
+STILL = Moved(ZERO, NOUGHT)
 
 
 # -- coordinates of drivers ------------------------------------------------------
@@ -44,16 +59,12 @@ class Moved(NamedTuple):
 # unit rates without driver accelerations what F'' adds to its slope.
 
 
-def signed(s: Schedule, driver: str, value: str) -> str:
+def signed(s: Schedule, driver: str, value: Value) -> Value:
     """A rate, acceleration or effort of a driven joint from its driver's, or the other way."""
-    if s.structure.coordinate(driver).sign > 0 or value == NOUGHT:
-        return value
-    if value in ("1.0", "-1.0"):
-        return "-1.0" if value == "1.0" else "1.0"
-    return s.line(f"-{value}", f"minus_{value}")
+    return value if s.structure.coordinate(driver).sign > 0 else s.line(-value, f"minus_{value}")
 
 
-def joint_coordinate(s: Schedule, driver: str) -> str:
+def joint_coordinate(s: Schedule, driver: str) -> Value:
     """Coordinate of a driven joint, from its driver's: sign q + offset."""
     q = signed(s, driver, s.ask(coordinate_of, driver))
     if s.structure.coordinate(driver).offset == 0:
@@ -61,45 +72,42 @@ def joint_coordinate(s: Schedule, driver: str) -> str:
     slot = s.parameter(
         ("offset", driver), lambda st, _: st.coordinate(driver).offset, f"{driver}_offset"
     )
-    return s.line(f"{q} + {slot}", f"{driver}_joint")
+    return s.line(q + slot, f"{driver}_joint")
 
 
-def coordinate_of(s: Schedule, driver: str) -> str:
+def coordinate_of(s: Schedule, driver: str) -> Value:
     """Coordinate of a driver."""
     if driver not in s.structure.followers:
         return s.input("q", driver)
-    q = f"{s.ask(transmission, driver)}.q"
+    q = s.ask(transmission, driver).q
     return _counted(s, driver, q, _carried(s, driver, coordinate_of))
 
 
-def rate_of(s: Schedule, driver: str, mode: str = ACTUAL) -> str:
+def rate_of(s: Schedule, driver: str, mode: str = ACTUAL) -> Value:
     """Rate of a driver in a mode."""
     if driver not in s.structure.followers:
         if mode in (ACTUAL, BIAS):
             return s.input("qd", driver)
-        return "1.0" if mode == driver else NOUGHT
-    x, rate = s.ask(argument_rate, driver, mode), NOUGHT
-    if x != NOUGHT:
-        rate = s.line(f"{s.ask(transmission, driver)}.slope * {x}", f"{driver}_rate")
+        return UNIT if mode == driver else NOUGHT
+    x = s.ask(argument_rate, driver, mode)
+    rate = s.line(s.ask(transmission, driver).slope * x, f"{driver}_rate")
     return _counted(s, driver, rate, _carried(s, driver, rate_of, mode))
 
 
-def acceleration_of(s: Schedule, driver: str, mode: str = ACTUAL) -> str:
+def acceleration_of(s: Schedule, driver: str, mode: str = ACTUAL) -> Value:
     """Acceleration of a driver in a mode; unit and bias modes without driver acceleration."""
     if driver not in s.structure.followers:
         return NOUGHT if mode else s.input("qdd", driver)
     x, rate = s.ask(argument_acceleration, driver, mode), s.ask(argument_rate, driver, mode)
     F = s.ask(transmission, driver)
-    parts = [f"{F}.slope * {x}"] if x != NOUGHT else []
-    parts += [f"{F}.curve * {rate} * {rate}"] if rate != NOUGHT else []
-    value = s.line(" + ".join(parts), f"{driver}_acceleration") if parts else NOUGHT
+    value = s.line(F.slope * x + F.curve * rate * rate, f"{driver}_acceleration")
     return _counted(s, driver, value, _carried(s, driver, acceleration_of, mode))
 
 
 # -- by a coupling -------------------------------------------------------------------
 
 
-def transmission(s: Schedule, driver: str) -> str:
+def transmission(s: Schedule, driver: str) -> Value:
     """The coupling's kernel at its argument: coordinate, slope and curve."""
     name = s.structure.followers[driver].coupling
     kernel = s.structure.couplings[name].transmission(s.structure.coupled_pair(name))
@@ -107,12 +115,12 @@ def transmission(s: Schedule, driver: str) -> str:
     return s.emit(kernel, x, s.ask(numbers, name), name=f"{name}_F")
 
 
-def argument(s: Schedule, driver: str) -> str:
+def argument(s: Schedule, driver: str) -> Value:
     """Argument of a driver's coupling."""
     return _argument(s, driver, coordinate_of)
 
 
-def meshing(s: Schedule, driver: str) -> str:
+def meshing(s: Schedule, driver: str) -> Value:
     """Where both sides of a driver's coupling are."""
     structure, follower = s.structure, s.structure.followers[driver]
     ref, leader = structure.driven[driver], follower.leader
@@ -124,52 +132,50 @@ def meshing(s: Schedule, driver: str) -> str:
     return s.emit(Meshing, *args, name=f"{follower.coupling}_here")
 
 
-def guide(s: Schedule, marker: MarkerRef) -> str:
+def guide(s: Schedule, marker: MarkerRef) -> Value:
     """Place and direction of a marker."""
     args = s.ask(marker_place, marker), s.ask(marker_direction, marker)
     return s.emit(Guide, *args, name=f"{marker.block}_{marker.name}_guide")
 
 
-def numbers(s: Schedule, coupling: str) -> str:
+def numbers(s: Schedule, coupling: str) -> Value:
     """Slot of a coupling's own numbers."""
     return s.parameter(
         ("numbers", coupling), lambda st, _: st.coupling_numbers(coupling), f"P_{coupling}"
     )
 
 
-def argument_rate(s: Schedule, driver: str, mode: str) -> str:
+def argument_rate(s: Schedule, driver: str, mode: str) -> Value:
     """Rate of the argument of a driver's coupling in a mode."""
     return _argument(s, driver, rate_of, mode)
 
 
-def argument_acceleration(s: Schedule, driver: str, mode: str) -> str:
+def argument_acceleration(s: Schedule, driver: str, mode: str) -> Value:
     """Acceleration of the same."""
     return _argument(s, driver, acceleration_of, mode)
 
 
-def _argument(s: Schedule, driver: str, rule: Callable[..., str], *mode: str) -> str:
+def _argument(s: Schedule, driver: str, rule: Callable[..., Value], *mode: str) -> Value:
     return _sum(s, driver, s.structure.followers[driver].terms, rule, *mode)
 
 
-def _carried(s: Schedule, driver: str, rule: Callable[..., str], *mode: str) -> str:
+def _carried(s: Schedule, driver: str, rule: Callable[..., Value], *mode: str) -> Value:
     """What the carrier's motion adds to a coupled one."""
     return _sum(s, driver, s.structure.followers[driver].added, rule, *mode)
 
 
-def _sum(s: Schedule, driver: str, terms: Terms, rule: Callable[..., str], *mode: str) -> str:
+def _sum(s: Schedule, driver: str, terms: Terms, rule: Callable[..., Value], *mode: str) -> Value:
     """The sum of terms with their signs, and with the senses in which drivers count."""
-    structure, text = s.structure, ""
+    structure, total = s.structure, NOUGHT
     meshes = structure.couplings[structure.followers[driver].coupling].meshes
     for term, sense in terms:
         value = s.ask(rule, term, *mode)
-        if value != NOUGHT:
-            counted = sense * (structure.coordinate(term).sign if meshes else 1)
-            text += f" {'+' if counted > 0 else '-'} {value}"
-    text = text.removeprefix(" + ").lstrip()
-    return NOUGHT if not text else s.line(text, f"{driver}_x") if " " in text else text
+        counted = sense * (structure.coordinate(term).sign if meshes else 1)
+        total = total + value if counted > 0 else total - value
+    return s.line(total, f"{driver}_x")
 
 
-def _counted(s: Schedule, driver: str, value: str, carried: str) -> str:
+def _counted(s: Schedule, driver: str, value: Value, carried: Value) -> Value:
     """A value of the driven pair, the carrier's share added, as its driver counts it."""
     meshes = s.structure.couplings[s.structure.followers[driver].coupling].meshes
     whole = s.sum((value, carried), f"{driver}_whole")
@@ -179,12 +185,12 @@ def _counted(s: Schedule, driver: str, value: str, carried: str) -> str:
 # -- positions -----------------------------------------------------------------
 
 
-def parameters(s: Schedule, block: str) -> str:
+def parameters(s: Schedule, block: str) -> Value:
     """The slot of a block's own numbers."""
     return s.parameter(("numbers", block), lambda st, _: st.block(block).parameters(), f"P_{block}")
 
 
-def position(s: Schedule, block: str) -> str:
+def position(s: Schedule, block: str) -> Value:
     """Pose of a block, from the places of its supports."""
     s.ask_first(position, block, s.structure.sources)
     b = s.structure.blocks[block]
@@ -197,21 +203,21 @@ def position(s: Schedule, block: str) -> str:
     return s.kernel(Entry(block, "position"), b.kernels.position, *args, name=f"{block}_pose")
 
 
-def _read(s: Schedule, block: str, reading: Callable[..., str], *mode: str) -> list[str]:
+def _read(s: Schedule, block: str, reading: Callable[..., Value], *mode: str) -> list[Value]:
     """What the outer joints of a block read at a stage."""
     joints = s.structure.blocks[block].joints.values()
     return [s.ask(reading, JointRef(block, j.name), *mode) for j in joints if j.outer]
 
 
-def margin(s: Schedule, block: str) -> str:
+def margin(s: Schedule, block: str) -> Value:
     """Margin [-] of a block that closes a loop."""
     pose, kernel = s.ask(position, block), s.structure.blocks[block].kernels.margin
     if kernel is None:
-        return f"{pose}.margin"
+        return pose.margin
     return s.emit(kernel, pose, s.ask(parameters, block), name=f"{block}_margin")
 
 
-def joint_position(s: Schedule, ref: JointRef) -> str:
+def joint_position(s: Schedule, ref: JointRef) -> Value:
     """What an outer joint reads at the position stage."""
     joint, marker = s.structure.joint(ref), s.structure.feeds[ref]
     p = s.ask(marker_place, marker)
@@ -222,24 +228,25 @@ def link_position(s: Schedule, link: LinkRef) -> Moved:
     """Origin and direction of a link."""
     if link == s.structure.frame_link:
         return Moved(ZERO, ONE)
-    return _field(s, link, s.ask(position, link.block), "o", "e")
+    pose = _field(s, link, s.ask(position, link.block))
+    return Moved(pose.o, pose.e)
 
 
-def _field(s: Schedule, link: LinkRef, values: str, vector: str, scalar: str) -> Moved:
+def _field(s: Schedule, link: LinkRef, motion: Value) -> Value:
     """What the kernel of a link's block says of the link."""
-    own = f"{values}.{s.structure.blocks[link.block].link_field(link.link)}"
-    return Moved(f"{own}.{vector}", f"{own}.{scalar}")
+    of_link: Value = getattr(motion, s.structure.blocks[link.block].link_field(link.link))
+    return of_link
 
 
-def marker_arm(s: Schedule, marker: MarkerRef) -> str | None:
-    """Arm of a marker from its link's origin, in ground axes; None at the origin."""
+def marker_arm(s: Schedule, marker: MarkerRef) -> Value:
+    """Arm of a marker from its link's origin, in ground axes."""
     declared = s.structure.marker(marker)
     if not isinstance(declared, BuiltIn):
         return arm_of(s, marker.on, lambda st, _: _user_marker(st, marker).at.z, _name(marker))
     if not declared.along:
-        return None
+        return ZERO
     e, at = s.ask(link_position, marker.on).scalar, s.ask(parameters, marker.block)
-    return s.line(f"mul({e}, {at}.{declared.along})", f"{_name(marker)}_arm")
+    return s.line(mul(e, getattr(at, declared.along)), f"{_name(marker)}_arm")
 
 
 def _user_marker(structure: Structure, marker: MarkerRef) -> Marker:
@@ -248,34 +255,31 @@ def _user_marker(structure: Structure, marker: MarkerRef) -> Marker:
     return declared
 
 
-def arm_of(s: Schedule, link: LinkRef, at: Formula, name: str) -> str | None:
-    """Arm of a place given in a link's frame; None at the origin."""
+def arm_of(s: Schedule, link: LinkRef, at: Formula, name: str) -> Value:
+    """Arm of a place given in a link's frame."""
     z: complex = s.here(at)
     if z == 0:
-        return None
+        return ZERO
     if link == s.structure.frame_link:
         return s.parameter(("at", link, name), at, f"{name}_arm")
     e = s.ask(link_position, link).scalar
     if z.imag:
-        return s.line(f"{e} * {s.parameter(('at', link, name), at, f'at_{name}')}", f"{name}_arm")
+        return s.line(e * s.parameter(("at", link, name), at, f"at_{name}"), f"{name}_arm")
     slot = s.parameter(("at", link, name), lambda *design: at(*design).real, f"at_{name}")
-    return s.line(f"mul({e}, {slot})", f"{name}_arm")
+    return s.line(mul(e, slot), f"{name}_arm")
 
 
-def marker_place(s: Schedule, marker: MarkerRef) -> str:
+def marker_place(s: Schedule, marker: MarkerRef) -> Value:
     """Place of a marker."""
     return place(s, marker.on, s.ask(marker_arm, marker), f"{_name(marker)}_p")
 
 
-def place(s: Schedule, link: LinkRef, arm: str | None, name: str) -> str:
+def place(s: Schedule, link: LinkRef, arm: Value, name: str) -> Value:
     """The place at an arm from a link's origin."""
-    o = s.ask(link_position, link).vector
-    if arm is None or o == ZERO:
-        return arm or o
-    return s.line(f"{o} + {arm}", name)
+    return s.line(s.ask(link_position, link).vector + arm, name)
 
 
-def marker_direction(s: Schedule, marker: MarkerRef) -> str:
+def marker_direction(s: Schedule, marker: MarkerRef) -> Value:
     """Unit direction of a marker."""
     if isinstance(s.structure.marker(marker), BuiltIn):
         return s.ask(link_position, marker.on).scalar
@@ -288,13 +292,13 @@ def marker_direction(s: Schedule, marker: MarkerRef) -> str:
     )
 
 
-def _turned(s: Schedule, link: LinkRef, u: Formula, key: tuple[Any, ...], name: str) -> str:
+def _turned(s: Schedule, link: LinkRef, u: Formula, key: tuple[Any, ...], name: str) -> Value:
     """A direction given in a link's frame, in ground axes."""
     e = s.ask(link_position, link).scalar
     if s.here(u) == 1:
         return e
     slot = s.parameter(key, u, f"dir_{name}")
-    return slot if e == ONE else s.line(f"{e} * {slot}", f"{name}_u")
+    return slot if e == ONE else s.line(e * slot, f"{name}_u")
 
 
 # -- velocities and accelerations -----------------------------------------------
@@ -306,7 +310,7 @@ def moves(s: Schedule, block: str, mode: str) -> bool:
     return mode in upstream if mode not in (ACTUAL, BIAS) else bool(upstream)
 
 
-def velocity(s: Schedule, block: str, mode: str = ACTUAL) -> str | None:
+def velocity(s: Schedule, block: str, mode: str = ACTUAL) -> Value | None:
     """Velocity of a block in a mode; None where it does not move."""
     if not moves(s, block, mode):
         return None
@@ -320,7 +324,7 @@ def velocity(s: Schedule, block: str, mode: str = ACTUAL) -> str | None:
     return _motion(s, block, mode, "velocity", args)
 
 
-def acceleration(s: Schedule, block: str, mode: str = ACTUAL) -> str | None:
+def acceleration(s: Schedule, block: str, mode: str = ACTUAL) -> Value | None:
     """Acceleration of a block in a mode; unit and bias modes without driver acceleration."""
     if not moves(s, block, mode):
         return None
@@ -333,7 +337,7 @@ def acceleration(s: Schedule, block: str, mode: str = ACTUAL) -> str | None:
     return _motion(s, block, mode, "acceleration", args)
 
 
-def _motion(s: Schedule, block: str, mode: str, stage: str, args: list[str]) -> str:
+def _motion(s: Schedule, block: str, mode: str, stage: str, args: list[Value]) -> Value:
     """The kernel call of a stage of motion."""
     entry = Entry(block, f"unit {stage}" if mode else stage, mode)
     kernel = getattr(s.structure.blocks[block].kernels, stage)
@@ -341,7 +345,7 @@ def _motion(s: Schedule, block: str, mode: str, stage: str, args: list[str]) -> 
     return s.kernel(entry, kernel, *args, s.ask(parameters, block), name=name)
 
 
-def joint_velocity(s: Schedule, ref: JointRef, mode: str) -> str:
+def joint_velocity(s: Schedule, ref: JointRef, mode: str) -> Value:
     """What an outer joint reads at the velocity stage."""
     joint, marker = s.structure.joint(ref), s.structure.feeds[ref]
     v = s.ask(marker_velocity, marker, mode)
@@ -351,7 +355,7 @@ def joint_velocity(s: Schedule, ref: JointRef, mode: str) -> str:
     return s.emit(LinkVelocity, v, om, name=f"{_name(marker)}_guide_v")
 
 
-def joint_acceleration(s: Schedule, ref: JointRef, mode: str) -> str:
+def joint_acceleration(s: Schedule, ref: JointRef, mode: str) -> Value:
     """What an outer joint reads at the acceleration stage."""
     joint, marker = s.structure.joint(ref), s.structure.feeds[ref]
     a = s.ask(marker_acceleration, marker, mode)
@@ -364,45 +368,49 @@ def joint_acceleration(s: Schedule, ref: JointRef, mode: str) -> str:
 def link_velocity(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> Moved:
     """Velocity of a link's origin and rate of the link."""
     vel = None if link == s.structure.frame_link else s.ask(velocity, link.block, mode)
-    return Moved(ZERO, NOUGHT) if vel is None else _field(s, link, vel, "v", "om")
+    if vel is None:
+        return STILL
+    moved = _field(s, link, vel)
+    return Moved(moved.v, moved.om)
 
 
 def link_acceleration(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> Moved:
     """Acceleration of a link's origin and angular acceleration of the link."""
     acc = None if link == s.structure.frame_link else s.ask(acceleration, link.block, mode)
-    return Moved(ZERO, NOUGHT) if acc is None else _field(s, link, acc, "a", "al")
+    if acc is None:
+        return STILL
+    moved = _field(s, link, acc)
+    return Moved(moved.a, moved.al)
 
 
-def marker_velocity(s: Schedule, marker: MarkerRef, mode: str = ACTUAL) -> str:
+def marker_velocity(s: Schedule, marker: MarkerRef, mode: str = ACTUAL) -> Value:
     """Velocity of a marker."""
     return velocity_at(s, marker.on, mode, marker_arm, marker, _name(marker))
 
 
 def velocity_at(
-    s: Schedule, link: LinkRef, mode: str, arm_rule: Callable[..., str | None], of: Any, name: str
-) -> str:
+    s: Schedule, link: LinkRef, mode: str, arm_rule: Callable[..., Value], of: Any, name: str
+) -> Value:
     """Velocity of a place on a link, whose arm a rule says: v + i om arm."""
     v, om = s.ask(link_velocity, link, mode)
-    arm = None if v == ZERO else s.ask(arm_rule, of)
-    return v if arm is None else s.line(f"{v} + imul({arm}, {om})", f"{name}_v{_suffix(mode)}")
+    return v if v.zero else s.line(v + imul(s.ask(arm_rule, of), om), f"{name}_v{_suffix(mode)}")
 
 
-def marker_acceleration(s: Schedule, marker: MarkerRef, mode: str = ACTUAL) -> str:
+def marker_acceleration(s: Schedule, marker: MarkerRef, mode: str = ACTUAL) -> Value:
     """Acceleration of a marker."""
     return acceleration_at(s, marker.on, mode, marker_arm, marker, _name(marker))
 
 
 def acceleration_at(
-    s: Schedule, link: LinkRef, mode: str, arm_rule: Callable[..., str | None], of: Any, name: str
-) -> str:
+    s: Schedule, link: LinkRef, mode: str, arm_rule: Callable[..., Value], of: Any, name: str
+) -> Value:
     """Acceleration of a place on a link, whose arm a rule says: a + (i al - om^2) arm."""
     a, al = s.ask(link_acceleration, link, mode)
-    arm = None if a == ZERO else s.ask(arm_rule, of)
-    if arm is None:
+    arm = ZERO if a.zero else s.ask(arm_rule, of)
+    if arm.zero:
         return a
     om = s.ask(link_velocity, link, mode).scalar
-    text = f"{a} + imul({arm}, {al}) - mul({arm}, {om} * {om})"
-    return s.line(text, f"{name}_a{_suffix(mode)}")
+    return s.line(a + imul(arm, al) - mul(arm, om * om), f"{name}_a{_suffix(mode)}")
 
 
 def _name(marker: MarkerRef) -> str:
@@ -416,33 +424,31 @@ def _suffix(mode: str) -> str:
 # -- relative motion in a pair -------------------------------------------------
 
 
-def slip(s: Schedule, ref: JointRef, mode: str = ACTUAL) -> str:
+def slip(s: Schedule, ref: JointRef, mode: str = ACTUAL) -> Value:
     """Relative rate of a pair: [rad/s] for R, sliding rate [m/s] for P; later on earlier.
 
     1 of a mesh that separates, which neither reverses nor rests.
     """
     if (follows := s.structure.meshes.get(ref)) is not None:
         if s.structure.separates(ref):
-            return "1.0"
+            return UNIT
         x = s.ask(argument_rate, follows, mode)
-        if x == NOUGHT or not s.structure.touches(ref):
+        if x.zero or not s.structure.touches(ref):
             return x
-        return s.line(f"{s.ask(touch, follows)}.slip * {x}", f"{ref}_slip{_suffix(mode)}")
+        return s.line(s.ask(touch, follows).slip * x, f"{ref}_slip{_suffix(mode)}")
     block, joint = s.structure.blocks[ref.block], s.structure.joint(ref)
     if joint.driven:
         driver = block.driver_name(*ref)
         return signed(s, driver, s.ask(rate_of, driver, mode))
     if joint.kind == "P":
         vel = s.ask(velocity, ref.block, mode)
-        return NOUGHT if vel is None else f"{vel}.{block.joint_field(ref.name)}"
+        return NOUGHT if vel is None else getattr(vel, block.joint_field(ref.name))
     later = s.ask(link_velocity, s.structure.later_link(ref), mode).scalar
     earlier = s.ask(link_velocity, s.structure.earlier_link(ref), mode).scalar
-    if earlier == NOUGHT:
-        return later
-    return s.line(f"{later} - {earlier}", f"{ref}_slip{_suffix(mode)}")
+    return s.line(later - earlier, f"{ref}_slip{_suffix(mode)}")
 
 
-def slip_acceleration(s: Schedule, ref: JointRef) -> str:
+def slip_acceleration(s: Schedule, ref: JointRef) -> Value:
     """Rate of a pair's relative rate: [rad/s2] for R, [m/s2] along the guide for P.
 
     A slider's is that of a point of the later link less that of the point of the earlier link
@@ -455,28 +461,28 @@ def slip_acceleration(s: Schedule, ref: JointRef) -> str:
         if not s.structure.touches(ref):
             return xdd
         at, xd = s.ask(touch, follows), s.ask(argument_rate, follows, ACTUAL)
-        return s.line(f"{at}.slip * {xdd} + {at}.slope * {xd} * {xd}", f"{ref}_slip_a")
+        return s.line(at.slip * xdd + at.slope * xd * xd, f"{ref}_slip_a")
     later, earlier = s.structure.later_link(ref), s.structure.earlier_link(ref)
     a, al = s.ask(link_acceleration, later)
     a_support, al_support = s.ask(link_acceleration, earlier)
     if s.structure.joint(ref).kind == "R":
-        return al if al_support == NOUGHT else s.line(f"{al} - {al_support}", f"{ref}_slip_a")
+        return s.line(al - al_support, f"{ref}_slip_a")
     if earlier != s.structure.frame_link:
         om = s.ask(link_velocity, earlier).scalar
         o, support = s.ask(link_position, later).vector, s.ask(link_position, earlier).vector
-        arm = s.line(f"{o} - {support}", f"{ref}_slip_arm")
-        a += f" - ({a_support} + imul({arm}, {al_support}) - mul({arm}, {om} * {om}))"
-    return s.line(f"dot({a}, {s.ask(guide_direction, ref)})", f"{ref}_slip_a")
+        arm = s.line(o - support, f"{ref}_slip_arm")
+        a -= a_support + imul(arm, al_support) - mul(arm, om * om)
+    return s.line(dot(a, s.ask(guide_direction, ref)), f"{ref}_slip_a")
 
 
-def touch(s: Schedule, driver: str) -> str:
+def touch(s: Schedule, driver: str) -> Value:
     """How the links of a coupling touch."""
     name, kernel = s.structure.followers[driver].coupling, s.structure.touch(driver)
     assert kernel is not None
     return s.emit(kernel, s.ask(meshing, driver), s.ask(numbers, name), name=f"{name}_touch")
 
 
-def guide_direction(s: Schedule, ref: JointRef) -> str:
+def guide_direction(s: Schedule, ref: JointRef) -> Value:
     """Direction u of a prismatic pair, shared by both links."""
     joint = s.structure.joint(ref)
     if joint.outer:
@@ -520,20 +526,20 @@ def passed_slide(branch: Real, q: Real, point: Real, scale: Real) -> Real:
     return branch * side_of(q - point, scale)
 
 
-def followed(s: Schedule, block: str, numbers: str) -> str:
+def followed(s: Schedule, block: str, numbers: Value) -> Value:
     """The block's numbers with the branch that follows the motion."""
     branch = s.ask(branch_along, s.structure.followed[block])
-    return s.line(f"{numbers}._replace(branch={branch})", f"P_{block}_here")
+    return s.line(numbers.replaced(branch=branch), f"P_{block}_here")
 
 
-def branch_along(s: Schedule, there: FollowedBranch) -> str:
+def branch_along(s: Schedule, there: FollowedBranch) -> Value:
     """The branch as a function of the driver; dyads that change together share it."""
     branch = s.parameter(("branch", there.first), lambda *_: there.first, "branch")
     if not there.points:
         return branch
     q = s.input("q", there.driver)
     rotary = s.structure.driver_joint(there.driver).rotary
-    along = s.line(f"expi(0.5 * {q})", "half_turned") if rotary else q
+    along = s.line(values.expi(HALF * q), "half_turned") if rotary else q
     passing = passed if rotary else passed_slide
     scale = s.parameter(("scale", there.scale), lambda *_: there.scale, "scale")
     for point in there.points:

@@ -18,7 +18,9 @@ from blockmech.passes.forward import (
 )
 from blockmech.passes.resultants import active
 from blockmech.passes.signals import STATE
-from blockmech.plan.plan import NOUGHT, REST, ZERO, Schedule
+from blockmech.plan import values
+from blockmech.plan.plan import Schedule
+from blockmech.plan.values import NOUGHT, REST, UNIT, Value, below, hyp
 from blockmech.typing import Real
 
 GIVEN = "given"  # method: the friction of every pair is an input of the program
@@ -61,7 +63,7 @@ def given_joints(s: Schedule) -> tuple[JointRef, ...]:
     return tuple(ref for block in s.structure.blocks for ref in s.ask(friction_joints, block))
 
 
-def given(s: Schedule, ref: JointRef) -> str:
+def given(s: Schedule, ref: JointRef) -> Value:
     """Input: the friction of a pair on its later link, couple [N m] or force [N]."""
     return s.unknown(f"friction_{s.ask(given_joints).index(ref)}")
 
@@ -92,7 +94,7 @@ def knows_existence(structure: Structure, block: str, joints: tuple[JointRef, ..
 # -- the law of a pair -----------------------------------------------------------------
 
 
-def rate(s: Schedule, ref: JointRef) -> str:
+def rate(s: Schedule, ref: JointRef) -> Value:
     """Relative rate [rad/s] or [m/s] at which a law is asked: its size, or with its sign."""
     if s.friction.method == GIVEN:
         signed = s.unknown(f"slip_{s.ask(given_joints).index(ref)}")
@@ -100,26 +102,26 @@ def rate(s: Schedule, ref: JointRef) -> str:
         signed = s.ask(slip, ref)
     if s.structure.friction_law(ref).remembers:
         return signed
-    return s.line(f"abs({signed})", f"{ref}_slip_rate")
+    return s.line(abs(signed), f"{ref}_slip_rate")
 
 
-def terms(s: Schedule, ref: JointRef, load: str = "") -> str:
+def terms(s: Schedule, ref: JointRef, load: Value | None = None) -> Value:
     """What its law says of a pair that slips: `FrictionTerms`, of a law that reads it at a load.
 
     The one place at which a law is asked, for runs and for motions.
     """
     law = s.structure.friction_law(ref)
-    if law.reads_load and not load:
+    if law.reads_load and load is None:
         if s.friction.method != GIVEN:
             return s.ask(terms_at_rest, ref)  # to which it tends as the load grows
         load = s.unknown(f"load_{s.ask(given_joints).index(ref)}")
     speed = [s.ask(rate, ref)] if law.reads_speed or law.remembers else []
-    speed += [load] if law.reads_load else []
+    speed += [load] if load is not None and law.reads_load else []
     speed += [s.ask(deflection, ref)] if law.remembers else []
     return s.emit(law.kernel(), *speed, s.ask(numbers, ref), name=f"{ref}_law")
 
 
-def terms_at_rest(s: Schedule, ref: JointRef) -> str:
+def terms_at_rest(s: Schedule, ref: JointRef) -> Value:
     """What its law says of a pair that does not slip: of one with a state at most."""
     law = s.structure.friction_law(ref)
     kernel = law.kernel_at_rest()
@@ -129,7 +131,7 @@ def terms_at_rest(s: Schedule, ref: JointRef) -> str:
     return s.emit(law.kernel(), *speed, s.ask(numbers, ref), name=f"{ref}_law_at_rest")
 
 
-def terms_standing(s: Schedule, ref: JointRef) -> str:
+def terms_standing(s: Schedule, ref: JointRef) -> Value:
     """The same, but of a pair with a state the elastic part: what its deflection carries."""
     law = s.structure.friction_law(ref)
     if not law.remembers:
@@ -141,23 +143,23 @@ def terms_standing(s: Schedule, ref: JointRef) -> str:
 # -- the state of a law that remembers -----------------------------------------------------
 
 
-def deflection(s: Schedule, ref: JointRef) -> str:
+def deflection(s: Schedule, ref: JointRef) -> Value:
     """State of a pair's law [rad] or [m], an input of the program."""
     return s.unknown(f"{STATE}{s.structure.states[ref]}")
 
 
-def deflection_rates(s: Schedule) -> list[str]:
+def deflection_rates(s: Schedule) -> list[Value]:
     """Those of all pairs, in the order of `Structure.remembering`."""
     return [s.ask(deflection_rate, ref) for ref in s.structure.remembering]
 
 
-def deflection_rate(s: Schedule, ref: JointRef) -> str:
+def deflection_rate(s: Schedule, ref: JointRef) -> Value:
     """Its rate; it follows the motion, not the load."""
     args = s.ask(slip, ref), s.ask(deflection, ref), s.ask(numbers, ref)
     return s.emit(s.structure.friction_law(ref).rate_kernel(), *args, name=f"{ref}_bending")
 
 
-def numbers(s: Schedule, ref: JointRef) -> str:
+def numbers(s: Schedule, ref: JointRef) -> Value:
     """Slot of a law's numbers."""
     return s.parameter(
         ("law of friction", ref), lambda st, _: st.friction_law(ref).parameters(), f"P_{ref}"
@@ -188,29 +190,29 @@ def at_rest(slip_speed: Real, top: Real, rest: Real) -> Real:
     return where(slip_speed <= rest * top, 1.0 + share, 0.0 * slip_speed)
 
 
-def top_speed(s: Schedule, block: str) -> str:
+def top_speed(s: Schedule, block: str) -> Value:
     """Largest speed of joints and links of a block and its ancestors [m/s]."""
     s.ask_first(top_speed, block, s.structure.supports)
     b = s.structure.blocks[block]
-    terms: list[str] = []
+    terms: list[Value] = []
     for support in s.structure.supports(block):
         if support != s.structure.frame and moves(s, support, ACTUAL):
             terms.append(s.ask(top_speed, support))
     for joint in b.joints.values():
         ref = JointRef(block, joint.name)
         if joint.kind == "P":
-            terms.append(s.line(f"abs({s.ask(slip, ref)})", f"{ref}_speed"))
+            terms.append(s.line(abs(s.ask(slip, ref)), f"{ref}_speed"))
         if joint.outer:
             v = s.ask(marker_velocity, s.structure.feeds[ref], ACTUAL)
-            if v != ZERO:
-                terms.append(s.line(f"hyp({v})", f"{ref}_speed"))
+            if not v.zero:
+                terms.append(s.line(hyp(v), f"{ref}_speed"))
     for name in b.link_names:
         om = s.ask(link_velocity, LinkRef(block, name), ACTUAL).scalar
-        terms.append(s.line(f"abs({om}) * {s.ask(size, block)}", f"{block}_{name}_speed"))
+        terms.append(s.line(abs(om) * s.ask(size, block), f"{block}_{name}_speed"))
     return s.emit(largest, *dict.fromkeys(terms), name=f"{block}_top_speed")
 
 
-def size(s: Schedule, block: str) -> str:
+def size(s: Schedule, block: str) -> Value:
     """The block's largest length [m]; 1 m where it has none.
 
     A length that the pose says may vanish for a moment; those of the supports then
@@ -228,29 +230,31 @@ def size(s: Schedule, block: str) -> str:
     return s.emit(largest, own, *others, name=f"{block}_size") if others else own
 
 
-def slip_speed(s: Schedule, ref: JointRef) -> str:
+def slip_speed(s: Schedule, ref: JointRef) -> Value:
     """Speed [m/s] that the relative rate of a pair stands for, turning at the block's size."""
-    text = f"abs({s.ask(slip, ref)})"
+    speed = abs(s.ask(slip, ref))
     follows = s.structure.meshes.get(ref)
     leads = follows and s.structure.coupled_pair(s.structure.followers[follows].coupling)[0]
     if s.structure.touches(ref):
         leads = "P"
     if (leads or s.structure.joint(ref).kind) == "R":
-        text += f" * {s.ask(size, ref.block)}"
-    return s.line(text, f"{ref}_slip_speed")
+        speed *= s.ask(size, ref.block)
+    return s.line(speed, f"{ref}_slip_speed")
 
 
-def against_slip(s: Schedule, ref: JointRef, part: str, name: str, load: str = "") -> str:
+def against_slip(
+    s: Schedule, ref: JointRef, part: str, name: str, load: Value | None = None
+) -> Value:
     """A part of what a law says, against the slip; 0 at rest, but of one that says its sign."""
     if s.structure.signed(ref):
-        return s.line(f"-{s.ask(terms, ref)}.{part}", name)
+        return s.line(-getattr(s.ask(terms, ref), part), name)
     speed, top = s.ask(slip_speed, ref), s.ask(top_speed, ref.block)
     said = s.ask(terms, ref, *at(s, ref, load))
-    args = (speed, top, f"{said}.{part}", s.ask(slip, ref), REST)
+    args = (speed, top, getattr(said, part), s.ask(slip, ref), REST)
     value = s.emit(resisting, *args, name=name)
     if not may_stick(s):
         return value
-    return s.line(f"{value} * (1.0 - {s.ask(sticks, ref)})", f"{name}_slipping")
+    return s.line(value * (UNIT - s.ask(sticks, ref)), f"{name}_slipping")
 
 
 def may_stick(s: Schedule) -> bool:
@@ -258,24 +262,24 @@ def may_stick(s: Schedule) -> bool:
     return s.friction.along
 
 
-def sticks(s: Schedule, ref: JointRef) -> str:
+def sticks(s: Schedule, ref: JointRef) -> Value:
     """Input: 1 where a pair sticks, else 0."""
     return s.unknown(f"sticks_{s.ask(given_joints).index(ref)}")
 
 
-def at(s: Schedule, ref: JointRef, load: str) -> tuple[str, ...]:
+def at(s: Schedule, ref: JointRef, load: Value | None) -> tuple[Value, ...]:
     """The load, of a law that reads it: so that rules are asked once for all others."""
-    return (load,) if load and s.structure.friction_law(ref).reads_load else ()
+    return (load,) if load is not None and s.structure.friction_law(ref).reads_load else ()
 
 
-def steepest(s: Schedule, ref: JointRef) -> str:
+def steepest(s: Schedule, ref: JointRef) -> Value:
     """Largest magnitude of what friction of a pair follows its load by, at any load."""
     if not s.structure.friction_law(ref).reads_load:
         return s.ask(resistance, ref)
-    return f"{s.ask(numbers, ref)}.steepest"
+    return s.ask(numbers, ref).steepest
 
 
-def resistance(s: Schedule, ref: JointRef, load: str = "") -> str:
+def resistance(s: Schedule, ref: JointRef, load: Value | None = None) -> Value:
     """Signed factor of a pair: friction on the later link per newton on the pair.
 
     Of a law that reads the load, of its tangent at one; without any, of a load without bound.
@@ -283,7 +287,7 @@ def resistance(s: Schedule, ref: JointRef, load: str = "") -> str:
     return s.ask(against_slip, ref, "factor", f"{ref}_k", *at(s, ref, load))
 
 
-def drag(s: Schedule, ref: JointRef, load: str = "") -> str:
+def drag(s: Schedule, ref: JointRef, load: Value | None = None) -> Value:
     """Friction of a pair on the later link, whatever the load: couple [N m] or force [N].
 
     Of one that sticks it is all that it takes.
@@ -293,18 +297,18 @@ def drag(s: Schedule, ref: JointRef, load: str = "") -> str:
     value = s.ask(against_slip, ref, "drag", f"{ref}_drag", *more) if drags else NOUGHT
     if not may_stick(s):
         return value
-    held = s.line(f"where({s.ask(sticks, ref)} > 0.0, {s.ask(given, ref)}, 0.0)", f"{ref}_sticks")
-    return held if value == NOUGHT else s.line(f"{value} + {held}", f"{ref}_drag_or_held")
+    stuck = values.where(below(NOUGHT, s.ask(sticks, ref)), s.ask(given, ref), NOUGHT)
+    return s.line(value + s.line(stuck, f"{ref}_sticks"), f"{ref}_drag_or_held")
 
 
-def held(s: Schedule, ref: JointRef, load: str) -> str:
+def held(s: Schedule, ref: JointRef, load: Value) -> Value:
     """Largest friction [N m] or [N] that holds a pair at rest under a load [N]."""
     at_rest = s.ask(terms_at_rest, ref)
-    more = f" + {at_rest}.drag" if s.structure.friction_law(ref).drags else ""
-    return s.line(f"{at_rest}.factor * {load}{more}", f"{ref}_held")
+    drag = at_rest.drag if s.structure.friction_law(ref).drags else NOUGHT
+    return s.line(at_rest.factor * load + drag, f"{ref}_held")
 
 
-def rest(s: Schedule, ref: JointRef) -> str:
+def rest(s: Schedule, ref: JointRef) -> Value:
     """1 where a pair is at zero relative speed; of one whose law has a state, where all are."""
     top = s.ask(top_speed, ref.block)
     if s.structure.friction_law(ref).remembers:
@@ -313,4 +317,4 @@ def rest(s: Schedule, ref: JointRef) -> str:
     value = s.emit(at_rest, speed, top, REST, name=f"{ref}_rest")
     if not may_stick(s):
         return value
-    return s.line(f"maximum({value}, {s.ask(sticks, ref)})", f"{ref}_rests")
+    return s.line(values.maximum(value, s.ask(sticks, ref)), f"{ref}_rests")

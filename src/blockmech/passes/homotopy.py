@@ -38,6 +38,7 @@ from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
 from blockmech.passes.tracking import GroupPose, Tracker
 from blockmech.plan.plan import Friction, Schedule
+from blockmech.plan.values import Value, tuple_of
 
 Array = NDArray[Any]
 CORRECTION = 0.03  # correction of a prediction up to which a step is taken, of `extent`
@@ -61,11 +62,11 @@ def schedule(
     return Schedule(structure, scene, friction, static, guess=lambda s, b: s.ask(guess, b))
 
 
-def guess(s: Schedule, block: str) -> str:
+def guess(s: Schedule, block: str) -> Value:
     """The guess of a general group's pose: links' places, and the share of the path."""
     path = path_of(s.structure, block)
-    q = "".join(f"{s.input('q', d)}, " for d in path.drivers)
-    return s.emit(path, f"({q})", name=f"{block}_guess")
+    q = tuple_of(s.input("q", d) for d in path.drivers)
+    return s.emit(path, q, name=f"{block}_guess")
 
 
 def path_of(structure: Structure, block: str) -> Path:

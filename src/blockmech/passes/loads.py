@@ -27,39 +27,40 @@ from blockmech.passes.forward import (
     rate_of,
     velocity_at,
 )
-from blockmech.passes.resultants import NOTHING, Resultant, at_arm
+from blockmech.passes.resultants import NOTHING, Resultant, at_arm, moment_of
 from blockmech.passes.signals import signal
-from blockmech.plan.plan import NOUGHT, ZERO, Schedule
+from blockmech.plan.plan import Schedule
+from blockmech.plan.values import Value, mul
 
 # -- mass ------------------------------------------------------------------------
 
 
-def mass_of(s: Schedule, link: LinkRef) -> str:
+def mass_of(s: Schedule, link: LinkRef) -> Value:
     """Slot of a link's mass [kg]."""
     return s.parameter(("mass", link), lambda st, _: st.properties(link).mass, f"m_{link}")
 
 
-def inertia_of(s: Schedule, link: LinkRef) -> str:
+def inertia_of(s: Schedule, link: LinkRef) -> Value:
     """Slot of a link's moment of inertia [kg m2] about its centre of mass."""
     return s.parameter(("inertia", link), lambda st, _: st.properties(link).inertia, f"J_{link}")
 
 
-def gravity(s: Schedule) -> str:
+def gravity(s: Schedule) -> Value:
     """Slot of the acceleration of gravity [m/s2]."""
     return s.parameter(("gravity",), lambda _, scene: scene.gravity.z, "gravity")
 
 
-def cm_arm(s: Schedule, link: LinkRef) -> str | None:
-    """Arm of a link's centre of mass from its origin; None at the origin."""
+def cm_arm(s: Schedule, link: LinkRef) -> Value:
+    """Arm of a link's centre of mass from its origin."""
     return arm_of(s, link, lambda st, _: st.properties(link).cm.z, f"{link}_cm")
 
 
-def cm_velocity(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> str:
+def cm_velocity(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> Value:
     """Velocity [m/s] of a link's centre of mass."""
     return velocity_at(s, link, mode, cm_arm, link, f"{link}_cm")
 
 
-def cm_acceleration(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> str:
+def cm_acceleration(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> Value:
     """Acceleration [m/s2] of a link's centre of mass."""
     return acceleration_at(s, link, mode, cm_arm, link, f"{link}_cm")
 
@@ -68,7 +69,7 @@ def weight_on(s: Schedule, link: LinkRef) -> Resultant:
     """Weight of a link; nothing without gravity or mass."""
     if s.scene.gravity.z == 0 or s.structure.properties(link).mass == 0:
         return NOTHING
-    force = s.line(f"mul({gravity(s)}, {s.ask(mass_of, link)})", f"{link}_weight")
+    force = s.line(mul(gravity(s), s.ask(mass_of, link)), f"{link}_weight")
     return at_arm(s, force, s.ask(cm_arm, link), f"{link}_weight")
 
 
@@ -79,27 +80,28 @@ def inertial(s: Schedule, link: LinkRef) -> Resultant:
     if s.static or not properties.massive:
         return total
     a, al = s.ask(link_acceleration, link, ACTUAL)
-    if properties.mass and a != ZERO:
+    if properties.mass and not a.zero:
         at_cm = s.ask(cm_acceleration, link, ACTUAL)
-        force = s.line(f"mul({at_cm}, -{s.ask(mass_of, link)})", f"{link}_inertia_F")
+        force = s.line(mul(at_cm, -s.ask(mass_of, link)), f"{link}_inertia_F")
         total += at_arm(s, force, s.ask(cm_arm, link), f"{link}_inertia")
-    if properties.inertia and al != NOUGHT:
-        couple = s.line(f"-{s.ask(inertia_of, link)} * {al}", f"{link}_inertia_M")
-        total += Resultant((), (couple,))
+    if properties.inertia and not al.zero:
+        total += moment_of(s.line(-s.ask(inertia_of, link) * al, f"{link}_inertia_M"))
     return total
 
 
 # -- elements --------------------------------------------------------------------
 
 
-def element_terms(s: Schedule, name: str) -> str:
+def element_terms(s: Schedule, name: str) -> Value:
     """The call of an element's kernel: one force or couple per terminal."""
     element = s.structure.elements[name]
     law = [s.ask(law_value, name)] if isinstance(element, Following) else []
     return kernel_on(s, name, element.kernel(), *law, value=f"{name}_load")
 
 
-def kernel_on(s: Schedule, name: str, kernel: Callable[..., Any], *more: str, value: str) -> str:
+def kernel_on(
+    s: Schedule, name: str, kernel: Callable[..., Any], *more: Value, value: str
+) -> Value:
     """The call of one of an element's kernels on what it reads."""
     args = _readings(s, name, read_by(kernel))
     numbers = s.parameter(
@@ -108,7 +110,7 @@ def kernel_on(s: Schedule, name: str, kernel: Callable[..., Any], *more: str, va
     return s.emit(kernel, *args, *more, numbers, name=value)
 
 
-def law_value(s: Schedule, name: str) -> str:
+def law_value(s: Schedule, name: str) -> Value:
     """What an element's law says [N or N m]."""
     element = _following(s.structure, name)
     arguments = [
@@ -129,7 +131,7 @@ def _following(structure: Structure, name: str) -> Following:
     return element
 
 
-def _readings(s: Schedule, name: str, reads: Reads) -> list[str]:
+def _readings(s: Schedule, name: str, reads: Reads) -> list[Value]:
     """What an element reads, terminal after terminal."""
     return [
         s.ask(terminal_reading, JointRef(name, terminal), what)
@@ -138,7 +140,7 @@ def _readings(s: Schedule, name: str, reads: Reads) -> list[str]:
     ]
 
 
-def terminal_reading(s: Schedule, terminal: JointRef, what: str) -> str:
+def terminal_reading(s: Schedule, terminal: JointRef, what: str) -> Value:
     """What an element reads: p, v, e, om at a terminal, q, qd of its driver, t, a signal."""
     if what == "t":
         return s.time()
@@ -157,10 +159,10 @@ def terminal_reading(s: Schedule, terminal: JointRef, what: str) -> str:
     return s.ask(rule, marker.on).scalar
 
 
-def terminal_term(s: Schedule, terminal: JointRef) -> str:
+def terminal_term(s: Schedule, terminal: JointRef) -> Value:
     """Force or couple of an element at one terminal."""
     index = list(s.structure.elements[terminal.block].terminals).index(terminal.name)
-    return f"{s.ask(element_terms, terminal.block)}[{index}]"
+    return s.ask(element_terms, terminal.block)[index]
 
 
 def elements_on(s: Schedule, link: LinkRef) -> Resultant:
@@ -170,7 +172,7 @@ def elements_on(s: Schedule, link: LinkRef) -> Resultant:
         element = s.structure.elements[terminal.block]
         term = s.ask(terminal_term, terminal)
         if element.terminals[terminal.name].kind == "link":
-            total += Resultant((), (term,))
+            total += moment_of(term)
         else:
             total += at_arm(s, term, s.ask(marker_arm, s.structure.holds[terminal]), str(terminal))
     return total

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 from typing import Any, TypeAlias, cast
 
 from blockmech.couplings.contract import LOSSES, relief, rubbed
-from blockmech.ground.plane import dot
+from blockmech.ground import plane
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.passes.forward import (
     ACTUAL,
@@ -36,8 +36,22 @@ from blockmech.passes.forward import (
     touch,
     transmission,
 )
-from blockmech.passes.resultants import NOTHING, Resultant, at_arm
-from blockmech.plan.plan import NOUGHT, ZERO, Formula, Schedule
+from blockmech.passes.resultants import NOTHING, Resultant, at_arm, moment_of
+from blockmech.plan.plan import Formula, Schedule
+from blockmech.plan.values import (
+    MINUS,
+    NOUGHT,
+    UNIT,
+    ZERO,
+    Value,
+    cross,
+    dot,
+    hyp,
+    imul,
+    mul,
+    planar,
+    sign,
+)
 from blockmech.typing import Load
 
 Loads: TypeAlias = dict[str, Resultant]
@@ -54,11 +68,11 @@ class Statics(ABC):
     edges: bool = False
 
     @abstractmethod
-    def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
+    def transmitted(self, s: Schedule, ref: JointRef, own: Value) -> Value:
         """What it transmits onto its later link; ``own`` is what the kernel says of it."""
 
     @abstractmethod
-    def along(self, s: Schedule, ref: JointRef, link: LinkRef, t: str) -> Resultant:
+    def along(self, s: Schedule, ref: JointRef, link: LinkRef, t: Value) -> Resultant:
         """A load ``t`` [N m or N] along its coordinate on one of its block's links."""
 
     @abstractmethod
@@ -66,54 +80,54 @@ class Statics(ABC):
         """Unit friction loads: one set, or two whose responses are subtracted."""
 
     @abstractmethod
-    def measure(self, s: Schedule, ref: JointRef, pair: str) -> str:
+    def measure(self, s: Schedule, ref: JointRef, pair: Value) -> Value:
         """The planar vector whose norm is the load that friction is of."""
 
     @abstractmethod
-    def force(self, s: Schedule, ref: JointRef, pair: str) -> str:
+    def force(self, s: Schedule, ref: JointRef, pair: Value) -> Value:
         """Force [N] on the later link, without what acts along the coordinate."""
 
     @abstractmethod
-    def back(self, s: Schedule, ref: JointRef, pair: str, t: str) -> tuple[str, str]:
+    def back(self, s: Schedule, ref: JointRef, pair: Value, t: Value) -> tuple[Value, Value]:
         """Force and moment on the support, about the wire's forward point."""
 
     @abstractmethod
-    def relieved(self, s: Schedule, ref: JointRef, pair: str, load: str) -> str:
+    def relieved(self, s: Schedule, ref: JointRef, pair: Value, load: Value) -> Value:
         """What it transmits where a load about the wire's forward point acts on the later link."""
 
 
 class Revolute(Statics):
     """A force R through the pin, and couples along the coordinate."""
 
-    def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
+    def transmitted(self, s: Schedule, ref: JointRef, own: Value) -> Value:
         """The force R."""
         return own
 
-    def along(self, s: Schedule, ref: JointRef, link: LinkRef, t: str) -> Resultant:
+    def along(self, s: Schedule, ref: JointRef, link: LinkRef, t: Value) -> Resultant:
         """A couple."""
-        return Resultant((), (t,))
+        return moment_of(t)
 
     def unit_loads(self, s: Schedule, ref: JointRef) -> tuple[Loads, Loads]:
         """Couples of unit size on either link, so that pairs of one link share their call."""
-        joint, couple = s.structure.joint(ref), Resultant((), ("1.0",))
+        joint, couple = s.structure.joint(ref), moment_of(UNIT)
         return {joint.later: couple}, {} if joint.outer else {joint.links[0]: couple}
 
-    def measure(self, s: Schedule, ref: JointRef, pair: str) -> str:
+    def measure(self, s: Schedule, ref: JointRef, pair: Value) -> Value:
         """The force itself."""
         return pair
 
-    def force(self, s: Schedule, ref: JointRef, pair: str) -> str:
+    def force(self, s: Schedule, ref: JointRef, pair: Value) -> Value:
         """The force R."""
         return pair
 
-    def back(self, s: Schedule, ref: JointRef, pair: str, t: str) -> tuple[str, str]:
+    def back(self, s: Schedule, ref: JointRef, pair: Value, t: Value) -> tuple[Value, Value]:
         """The opposites."""
-        moment = NOUGHT if t == NOUGHT else s.line(f"-{t}", f"{ref}_back_M")
-        return s.line(f"-{pair}", f"{ref}_back_F"), moment
+        moment = s.line(-t, f"{ref}_back_M")
+        return s.line(-pair, f"{ref}_back_F"), moment
 
-    def relieved(self, s: Schedule, ref: JointRef, pair: str, load: str) -> str:
+    def relieved(self, s: Schedule, ref: JointRef, pair: Value, load: Value) -> Value:
         """The force less the load's; its moment takes the place of the driving one."""
-        return s.line(f"{pair} - {load}.F", f"{ref}_relieved")
+        return s.line(pair - load.F, f"{ref}_relieved")
 
 
 class Prismatic(Statics):
@@ -121,30 +135,30 @@ class Prismatic(Statics):
 
     edges = True
 
-    def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
+    def transmitted(self, s: Schedule, ref: JointRef, own: Value) -> Value:
         """N + i C, its couple moved from the origins of the block's links to S."""
         owner = _owner(s, ref)
-        couple = f"{own}.C" if owner == s.structure.later_link(ref) else f"{own}.C_i"
+        later = s.structure.later_link(ref)
+        couple = own.C if later == owner or owner.block != ref.block else own.C_i
         if owner.block != ref.block:
-            arm = s.ask(slider_arm, ref, s.structure.later_link(ref))
-            couple = f"{own}.C - {own}.N * dot({arm}, {s.ask(guide_direction, ref)})"
+            arm = s.ask(slider_arm, ref, later)
+            couple -= own.N * dot(arm, s.ask(guide_direction, ref))
         elif s.here(along := _along(ref, owner)):
-            slot = s.parameter(("along", ref), along, f"along_{ref}_S")
-            couple += f" - {own}.N * {slot}"
-        return s.line(f"planar({own}.N, {couple})", f"{ref}_slide")
+            couple -= own.N * s.parameter(("along", ref), along, f"along_{ref}_S")
+        return s.line(planar(own.N, couple), f"{ref}_slide")
 
-    def along(self, s: Schedule, ref: JointRef, link: LinkRef, t: str) -> Resultant:
+    def along(self, s: Schedule, ref: JointRef, link: LinkRef, t: Value) -> Resultant:
         """A force along the guide through S."""
-        force = s.line(f"mul({s.ask(guide_direction, ref)}, {t})", f"{ref}_T")
+        force = s.line(mul(s.ask(guide_direction, ref), t), f"{ref}_T")
         return at_arm(s, force, s.ask(slider_arm, ref, link), f"{ref}_T")
 
     def unit_loads(self, s: Schedule, ref: JointRef) -> tuple[Loads, Loads]:
         """Opposite forces through S; one call answers both."""
         links = [LinkRef(ref.block, n) for n in s.structure.blocks[ref.block].link_names]
-        on = {k.link: friction_on(s, ref, k, "1.0") for k in links if touches(s, ref, k)}
+        on = {k.link: friction_on(s, ref, k, UNIT) for k in links if touches(s, ref, k)}
         return on, {}
 
-    def measure(self, s: Schedule, ref: JointRef, pair: str) -> str:
+    def measure(self, s: Schedule, ref: JointRef, pair: Value) -> Value:
         """N and 2 C / L; without a length of the guide N alone."""
         length = s.structure.friction_law(ref).edge_distance
         edges = NOUGHT
@@ -154,55 +168,55 @@ class Prismatic(Statics):
                 lambda st, _: 2 / cast(float, st.friction_law(ref).edge_distance),
                 f"two_over_L_{ref}",
             )
-            edges = f"{slot} * {pair}.imag"
-        return s.line(f"planar({pair}.real, {edges})", f"{ref}_load")
+            edges = slot * pair.imag
+        return s.line(planar(pair.real, edges), f"{ref}_load")
 
-    def force(self, s: Schedule, ref: JointRef, pair: str) -> str:
+    def force(self, s: Schedule, ref: JointRef, pair: Value) -> Value:
         """N across the guide."""
-        u = s.ask(guide_direction, ref)
-        return s.line(f"imul({u}, {pair}.real)", f"{ref}_N_vector")
+        return s.line(imul(s.ask(guide_direction, ref), pair.real), f"{ref}_N_vector")
 
-    def back(self, s: Schedule, ref: JointRef, pair: str, t: str) -> tuple[str, str]:
+    def back(self, s: Schedule, ref: JointRef, pair: Value, t: Value) -> tuple[Value, Value]:
         """The opposites, moved from S to the marker."""
         u = s.ask(guide_direction, ref)
-        f = s.line(f"imul({u}, {pair}.real) + mul({u}, {t})", f"{ref}_f")
-        point, p = s.ask(slider_point, ref), s.ask(marker_place, s.structure.feeds[ref])
-        moment = f"-{pair}.imag"
-        if point != p:
-            moment += f" - cross({point} - {p}, {f})"
-        return s.line(f"-{f}", f"{ref}_back_F"), s.line(moment, f"{ref}_back_M")
+        f = s.line(imul(u, pair.real) + mul(u, t), f"{ref}_f")
+        moment = -pair.imag - _slider_moment(s, ref, f)
+        return s.line(-f, f"{ref}_back_F"), s.line(moment, f"{ref}_back_M")
 
-    def relieved(self, s: Schedule, ref: JointRef, pair: str, load: str) -> str:
+    def relieved(self, s: Schedule, ref: JointRef, pair: Value, load: Value) -> Value:
         """Less the load across the guide and its moment about S; along it no drive acts."""
-        u, point = s.ask(guide_direction, ref), s.ask(slider_point, ref)
-        p, moment = s.ask(marker_place, s.structure.feeds[ref]), f"{load}.M"
-        if point != p:
-            moment += f" - cross({point} - {p}, {load}.F)"
-        return s.line(f"{pair} - planar(cross({u}, {load}.F), {moment})", f"{ref}_relieved")
+        across = cross(s.ask(guide_direction, ref), load.F)
+        moment = load.M - _slider_moment(s, ref, load.F)
+        return s.line(pair - planar(across, moment), f"{ref}_relieved")
+
+
+def _slider_moment(s: Schedule, ref: JointRef, force: Value) -> Value:
+    """Moment of a force at the slider's point about the wire's forward point."""
+    point, p = s.ask(slider_point, ref), s.ask(marker_place, s.structure.feeds[ref])
+    return NOUGHT if point == p else cross(point - p, force)
 
 
 class Mesh(Prismatic):
     """A mesh that loses power: what the leader feels without losses, and what it does feel."""
 
-    def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
+    def transmitted(self, s: Schedule, ref: JointRef, own: Value) -> Value:
         """Slope times the effort that drives the other side, twice."""
         felt = s.ask(in_argument, s.structure.meshes[ref], own)
-        return s.line(f"planar({felt}, {felt})", f"{ref}_felt")
+        return s.line(planar(felt, felt), f"{ref}_felt")
 
-    def measure(self, s: Schedule, ref: JointRef, pair: str) -> str:
+    def measure(self, s: Schedule, ref: JointRef, pair: Value) -> Value:
         """The larger one of both."""
         return pair
 
-    def load(self, s: Schedule, driver: str, t: str) -> str:
+    def load(self, s: Schedule, driver: str, t: Value) -> Value:
         """Load on the driven link by losses ``t``: what the leader feels is less by it."""
         name = s.structure.followers[driver].coupling
         kernel = LOSSES[s.structure.coupled_pair(name)]
         unit = s.emit(kernel, s.ask(meshing, driver), name=f"{name}_loss")
-        return s.emit(Load, f"mul({unit}.F, -{t})", f"-{t} * {unit}.M", name=f"{name}_lost")
+        return s.emit(Load, mul(unit.F, -t), -t * unit.M, name=f"{name}_lost")
 
-    def by_itself(self, s: Schedule, ref: JointRef) -> str:
+    def by_itself(self, s: Schedule, ref: JointRef) -> Value:
         """What a unit of it adds to what it transmits."""
-        return s.line("planar(0.0, -1.0)", f"{ref}_by_itself")
+        return s.line(planar(NOUGHT, MINUS), f"{ref}_by_itself")
 
 
 class Apart(Mesh):
@@ -210,18 +224,18 @@ class Apart(Mesh):
 
     edges = True
 
-    def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
+    def transmitted(self, s: Schedule, ref: JointRef, own: Value) -> Value:
         """The force that the effort stands for, with its sign."""
         unit = s.ask(apart, s.structure.meshes[ref])
-        return s.line(f"planar(hyp({unit}.F) * {own}, 0.0)", f"{ref}_of")
+        return s.line(planar(hyp(unit.F) * own, NOUGHT), f"{ref}_of")
 
-    def load(self, s: Schedule, driver: str, t: str) -> str:
+    def load(self, s: Schedule, driver: str, t: Value) -> Value:
         """Load on the driven link."""
         unit = s.ask(apart, driver)
-        share = s.line(f"-{t} / hyp({unit}.F)", f"{driver}_apart_share")
-        return s.emit(Load, f"mul({unit}.F, {share})", f"{share} * {unit}.M", name=f"{unit}_by")
+        share = s.line(-t / hyp(unit.F), f"{driver}_apart_share")
+        return s.emit(Load, mul(unit.F, share), share * unit.M, name=f"{unit}_by")
 
-    def by_itself(self, s: Schedule, ref: JointRef) -> str:
+    def by_itself(self, s: Schedule, ref: JointRef) -> Value:
         """Nothing."""
         return ZERO
 
@@ -229,20 +243,20 @@ class Apart(Mesh):
 class Rub(Mesh):
     """A contact whose links rub on each other: the normal force, by the effort."""
 
-    def transmitted(self, s: Schedule, ref: JointRef, own: str) -> str:
+    def transmitted(self, s: Schedule, ref: JointRef, own: Value) -> Value:
         """The normal force without friction there."""
         at = s.ask(touch, s.structure.meshes[ref])
-        return s.line(f"planar({own} / dot({at}.n, {at}.motion), 0.0)", f"{ref}_N")
+        return s.line(planar(own / dot(at.n, at.motion), NOUGHT), f"{ref}_N")
 
-    def load(self, s: Schedule, driver: str, t: str) -> str:
+    def load(self, s: Schedule, driver: str, t: Value) -> Value:
         """Load on the driven link."""
-        args = s.ask(touch, driver), f"{s.ask(meshing, driver)}.b.p", t
+        args = s.ask(touch, driver), s.ask(meshing, driver).b.p, t
         return s.emit(rubbed, *args, name=f"{driver}_rubbed")
 
-    def by_itself(self, s: Schedule, ref: JointRef) -> str:
+    def by_itself(self, s: Schedule, ref: JointRef) -> Value:
         """What it takes from the normal force, so that the effort stays."""
         at = s.ask(touch, s.structure.meshes[ref])
-        return s.line(f"planar(-{s.emit(relief, at, name=f'{ref}_relief')}, 0.0)", f"{ref}_own")
+        return s.line(planar(-s.emit(relief, at, name=f"{ref}_relief"), NOUGHT), f"{ref}_own")
 
 
 STATICS: Mapping[str, Statics] = {"R": Revolute(), "P": Prismatic()}
@@ -264,7 +278,7 @@ def mesh_statics(s: Schedule, ref: JointRef) -> Mesh:
     return APART if s.structure.separates(ref) else MESH
 
 
-def transmitted(s: Schedule, ref: JointRef, reactions: str, base: str | None) -> str:
+def transmitted(s: Schedule, ref: JointRef, reactions: Value, base: Value | None) -> Value:
     """What a pair transmits onto its later link by one set of reactions.
 
     ``base`` are those to the loads alone, see `contacts.contact`.
@@ -272,12 +286,14 @@ def transmitted(s: Schedule, ref: JointRef, reactions: str, base: str | None) ->
     block = s.structure.blocks[ref.block]
     if ref in s.structure.meshes:
         name = s.structure.driven[s.structure.meshes[ref]].name
-        return mesh_statics(s, ref).transmitted(s, ref, f"{reactions}.{block.effort_field(name)}")
-    pair = statics(s, ref).transmitted(s, ref, f"{reactions}.{block.joint_field(ref.name)}")
+        return mesh_statics(s, ref).transmitted(
+            s, ref, getattr(reactions, block.effort_field(name))
+        )
+    pair = statics(s, ref).transmitted(s, ref, getattr(reactions, block.joint_field(ref.name)))
     driver = s.structure.contact_at(ref)
     if driver is None:
         return pair
-    load = s.ask(contact, driver, f"{reactions}.{block.effort_field(ref.name)}", base)
+    load = s.ask(contact, driver, getattr(reactions, block.effort_field(ref.name)), base)
     return statics(s, ref).relieved(s, ref, pair, load)
 
 
@@ -287,20 +303,20 @@ def _along(ref: JointRef, owner: LinkRef) -> Formula:
     def along(structure: Structure, _: object) -> Any:
         block = structure.blocks[ref.block]
         _, direction = block.guide_line(ref.name, owner.link)
-        return dot(block.slider_place(ref.name, owner.link), direction)
+        return plane.dot(block.slider_place(ref.name, owner.link), direction)
 
     return along
 
 
-def slider_arm(s: Schedule, ref: JointRef, link: LinkRef) -> str | None:
-    """Arm of the slider's point from the origin of one of the block's links; None for zero."""
+def slider_arm(s: Schedule, ref: JointRef, link: LinkRef) -> Value:
+    """Arm of the slider's point from the origin of one of the block's links."""
     if link == _owner(s, ref):
         return s.ask(_arm_on_owner, ref)
     point, o = s.ask(slider_point, ref), s.ask(link_position, link).vector
-    return s.line(f"{point} - {o}", f"{ref}_S_on_{link.link}")
+    return s.line(point - o, f"{ref}_S_on_{link.link}")
 
 
-def slider_point(s: Schedule, ref: JointRef) -> str:
+def slider_point(s: Schedule, ref: JointRef) -> Value:
     """Place of the slider's point; that of a slider on the support is the marker's."""
     owner = _owner(s, ref)
     if owner.block != ref.block:
@@ -308,11 +324,11 @@ def slider_point(s: Schedule, ref: JointRef) -> str:
     return place(s, owner, s.ask(_arm_on_owner, ref), f"{ref}_S")
 
 
-def position_along(s: Schedule, ref: JointRef) -> str:
+def position_along(s: Schedule, ref: JointRef) -> Value:
     """Position [m] of the later link's point of a slider along the earlier link's guide."""
     u, later = s.ask(guide_direction, ref), s.structure.later_link(ref)
 
-    def on(link: LinkRef) -> str:
+    def on(link: LinkRef) -> Value:
         def at(st: Structure, _: object) -> complex:
             return st.blocks[ref.block].slider_place(ref.name, link.link)
 
@@ -321,10 +337,10 @@ def position_along(s: Schedule, ref: JointRef) -> str:
     earlier = s.structure.earlier_link(ref)
     outer = s.structure.joint(ref).outer
     start = s.ask(marker_place, s.structure.feeds[ref]) if outer else on(earlier)
-    return s.line(f"dot({on(later)} - {start}, {u})", f"{ref}_coordinate")
+    return s.line(dot(on(later) - start, u), f"{ref}_coordinate")
 
 
-def _arm_on_owner(s: Schedule, ref: JointRef) -> str | None:
+def _arm_on_owner(s: Schedule, ref: JointRef) -> Value:
     owner = _owner(s, ref)
     return arm_of(
         s, owner, lambda st, _: st.blocks[ref.block].slider_place(ref.name, owner.link), f"{ref}_S"
@@ -345,7 +361,7 @@ def _owner(s: Schedule, ref: JointRef) -> LinkRef:
 # stands on both supports.
 
 
-def contact(s: Schedule, driver: str, effort: str, base: str | None) -> str:
+def contact(s: Schedule, driver: str, effort: Value, base: Value | None) -> Value:
     """Load on the driven link about the marker of its pair, by an effort along its coordinate.
 
     ``base`` are the reactions to the loads alone, None without any; the sense of the effort in
@@ -354,57 +370,54 @@ def contact(s: Schedule, driver: str, effort: str, base: str | None) -> str:
     """
     name, ref = s.structure.followers[driver].coupling, s.structure.driven[driver]
     field = s.structure.blocks[ref.block].effort_field(ref.name)
-    sense = "1.0"
+    sense = UNIT
     if s.structure.couplings[name].sided:
         turned = s.friction.method != "none" and moves(s, ref.block, ACTUAL)
         own = any(map(s.structure.separates, s.structure.meshes_of(driver)))
         known = base is not None and not (turned and own)
-        sense = s.line(f"sign({base}.{field})", f"{name}_sense") if known else NOUGHT
+        sense = s.line(sign(getattr(base, field)), f"{name}_sense") if known else NOUGHT
     return _contact(s, driver, effort, sense)
 
 
-def _contact(s: Schedule, driver: str, effort: str, sense: str) -> str:
+def _contact(s: Schedule, driver: str, effort: Value, sense: Value) -> Value:
     name, kernel = s.structure.followers[driver].coupling, s.structure.contact(driver)
     assert kernel is not None
-    args: tuple[str, ...] = s.ask(meshing, driver), effort, sense, s.ask(numbers, name)
+    args: tuple[Value, ...] = s.ask(meshing, driver), effort, sense, s.ask(numbers, name)
     if s.structure.touch(driver) is not None:
-        args = s.ask(touch, driver), f"{s.ask(meshing, driver)}.b.p", effort
+        args = s.ask(touch, driver), s.ask(meshing, driver).b.p, effort
     return s.emit(kernel, *args, name=f"{name}_contact")
 
 
-def apart(s: Schedule, driver: str) -> str:
+def apart(s: Schedule, driver: str) -> Value:
     """What a contact adds to a unit of effort, and as much to its opposite."""
-    one, other = (s.ask(_contact, driver, "1.0", sense) for sense in ("1.0", NOUGHT))
-    parts = (f"{one}.{x} - {other}.{x}" for x in "FM")
-    return s.emit(Load, *parts, name=f"{driver}_apart")
+    one, other = (s.ask(_contact, driver, UNIT, sense) for sense in (UNIT, NOUGHT))
+    return s.emit(Load, one.F - other.F, one.M - other.M, name=f"{driver}_apart")
 
 
-def in_argument(s: Schedule, driver: str, effort: str) -> str:
+def in_argument(s: Schedule, driver: str, effort: Value) -> Value:
     """Effort along the argument of a transmission; ``effort`` is on the driven pair."""
     meshes = s.structure.couplings[s.structure.followers[driver].coupling].meshes
-    minus = "-" if s.structure.coordinate(driver).sign < 0 and not meshes else ""
-    return s.line(f"{minus}{s.ask(transmission, driver)}.slope * {effort}", f"{driver}_felt")
+    slope = s.ask(transmission, driver).slope
+    turned = s.structure.coordinate(driver).sign < 0 and not meshes
+    return s.line((-slope if turned else slope) * effort, f"{driver}_felt")
 
 
-def slope_effort(s: Schedule, driver: str, effort: str, lost: str) -> str:
+def slope_effort(s: Schedule, driver: str, effort: Value, lost: Value) -> Value:
     """Effort that a black box takes from its leading pair, with losses along the argument."""
     follower = s.structure.followers[driver]
     meshes = s.structure.couplings[follower.coupling].meshes
-    felt = s.ask(in_argument, driver, effort)
-    if lost != NOUGHT:
-        felt = s.line(f"{felt} - {lost}", f"{driver}_felt_with_losses")
+    felt = s.line(s.ask(in_argument, driver, effort) - lost, f"{driver}_felt_with_losses")
     turned = s.structure.coordinate(follower.terms[0][0]).sign < 0 and not meshes
-    return s.line(f"-{felt}", f"{driver}_turned") if turned else felt
+    return s.line(-felt, f"{driver}_turned") if turned else felt
 
 
 # -- friction in a pair, as a load -----------------------------------------------------
 
 
-def friction_on(s: Schedule, ref: JointRef, link: LinkRef, t: str) -> Resultant:
+def friction_on(s: Schedule, ref: JointRef, link: LinkRef, t: Value) -> Resultant:
     """The load of friction ``t`` in a pair on one of its block's links; t is of the later one."""
-    if link.link != s.structure.joint(ref).later:
-        t = f"(-{t})"
-    return statics(s, ref).along(s, ref, link, t)
+    later = link.link == s.structure.joint(ref).later
+    return statics(s, ref).along(s, ref, link, t if later else -t)
 
 
 def touches(s: Schedule, ref: JointRef, link: LinkRef) -> bool:
@@ -416,16 +429,16 @@ def touches(s: Schedule, ref: JointRef, link: LinkRef) -> bool:
 # -- what unit friction adds to them --------------------------------------------------
 
 
-def unit_reactions(s: Schedule, ref: JointRef) -> tuple[str, str]:
+def unit_reactions(s: Schedule, ref: JointRef) -> tuple[Value, Value | None]:
     """Reactions to a unit of friction in a pair: those to its later and earlier link.
 
-    The second is empty where one call answers both, or the earlier link is not the group's.
+    The second is None where one call answers both, or the earlier link is not the group's.
     """
     later, earlier = statics(s, ref).unit_loads(s, ref)
-    return _response(s, ref, later), _response(s, ref, earlier) if earlier else ""
+    return _response(s, ref, later), _response(s, ref, earlier) if earlier else None
 
 
-def _response(s: Schedule, ref: JointRef, on: Loads) -> str:
+def _response(s: Schedule, ref: JointRef, on: Loads) -> Value:
     """Reactions of a block to loads on some of its links."""
     b = s.structure.blocks[ref.block]
     loads = (on.get(n, NOTHING) for n in b.link_names)
@@ -435,7 +448,7 @@ def _response(s: Schedule, ref: JointRef, on: Loads) -> str:
     return s.emit(b.kernels.reactions, *args, name=f"{ref.block}_response")
 
 
-def influence(s: Schedule, ref: JointRef, unit: JointRef, base: str) -> str:
+def influence(s: Schedule, ref: JointRef, unit: JointRef, base: Value) -> Value:
     """What a unit of friction in one pair adds to what another transmits."""
     if (driver := s.structure.meshes.get(unit)) is not None:
         mesh = mesh_statics(s, unit)
@@ -443,20 +456,21 @@ def influence(s: Schedule, ref: JointRef, unit: JointRef, base: str) -> str:
             return mesh.by_itself(s, ref)
         if ref != s.structure.driven[driver] or s.structure.contact(driver) is None:
             return ZERO
-        return statics(s, ref).relieved(s, ref, ZERO, mesh.load(s, driver, "1.0"))
+        return statics(s, ref).relieved(s, ref, ZERO, mesh.load(s, driver, UNIT))
     later, earlier = s.ask(unit_reactions, unit)
     plus = s.ask(transmitted, ref, later, base)
-    if not earlier:
+    if earlier is None:
         return plus
-    return s.line(f"{plus} - {s.ask(transmitted, ref, earlier, base)}", f"{ref}_by_{unit}")
+    return s.line(plus - s.ask(transmitted, ref, earlier, base), f"{ref}_by_{unit}")
 
 
-def effort_influence(s: Schedule, driven: JointRef, unit: JointRef) -> str:
+def effort_influence(s: Schedule, driven: JointRef, unit: JointRef) -> Value:
     """What a unit of friction in one pair adds to the driving effort at another."""
     if unit in s.structure.meshes:
         return NOUGHT  # it acts on the leading side
     effort = s.structure.blocks[driven.block].effort_field(driven.name)
     later, earlier = s.ask(unit_reactions, unit)
-    if not earlier:
-        return f"{later}.{effort}"
-    return s.line(f"{later}.{effort} - {earlier}.{effort}", f"{driven}_effort_by_{unit}")
+    by: Value = getattr(later, effort)
+    if earlier is not None:
+        by -= getattr(earlier, effort)
+    return s.line(by, f"{driven}_effort_by_{unit}")

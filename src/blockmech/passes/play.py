@@ -18,7 +18,8 @@ from __future__ import annotations
 from blockmech.ground.plane import dot, hyp, mul, planar, where
 from blockmech.model.structure import JointRef, MarkerRef, Structure
 from blockmech.passes import forces
-from blockmech.plan.plan import ZERO, Schedule, UnitLoad
+from blockmech.plan.plan import Schedule, UnitLoad
+from blockmech.plan.values import ZERO, Value
 from blockmech.typing import Complex, Real
 
 
@@ -33,7 +34,7 @@ def loose_pins(structure: Structure, block: str) -> tuple[JointRef, ...]:
     )
 
 
-def play(s: Schedule, marker: MarkerRef) -> str:
+def play(s: Schedule, marker: MarkerRef) -> Value:
     """Displacement [m] of a place where every journal lies as its reaction presses it."""
     terms = []
     for ref in loose_pins(s.structure, marker.block):
@@ -44,7 +45,7 @@ def play(s: Schedule, marker: MarkerRef) -> str:
     return s.sum(terms, f"{marker}_play", ZERO)
 
 
-def play_bound(s: Schedule, marker: MarkerRef) -> str:
+def play_bound(s: Schedule, marker: MarkerRef) -> Value:
     """The most [m] that the play can be along x and along y."""
     terms = [
         s.emit(
@@ -55,18 +56,18 @@ def play_bound(s: Schedule, marker: MarkerRef) -> str:
     return s.sum(terms, f"{marker}_play_bound", ZERO)
 
 
-def pressing(s: Schedule, ref: JointRef) -> str:
+def pressing(s: Schedule, ref: JointRef) -> Value:
     """The reaction [N] that presses a journal against its bush; zero where nothing loads it."""
     return s.ask(forces.reaction, ref) or ZERO
 
 
-def unit_reactions(s: Schedule, ref: JointRef, marker: MarkerRef) -> tuple[str, str]:
+def unit_reactions(s: Schedule, ref: JointRef, marker: MarkerRef) -> tuple[Value, Value]:
     """Reactions of a pin to unit loads at a place, along x and along y."""
     x, y = (s.ask(Schedule.under, UnitLoad(marker, along)) for along in ("x", "y"))
     return x.ask(forces.reaction, ref) or ZERO, y.ask(forces.reaction, ref) or ZERO
 
 
-def clearance(s: Schedule, ref: JointRef) -> str:
+def clearance(s: Schedule, ref: JointRef) -> Value:
     """Slot of a pin's radial clearance [m]."""
     block, joint = ref
     return s.parameter(

@@ -9,13 +9,14 @@ from typing import NamedTuple
 
 from blockmech.model.structure import LinkRef
 from blockmech.plan.plan import Schedule
+from blockmech.plan.values import Value, cross
 
 
 class Resultant(NamedTuple):
-    """Names of the terms of a link's load: forces and moments about the origin."""
+    """The terms of a link's load: forces and moments about the origin."""
 
-    forces: tuple[str, ...]
-    moments: tuple[str, ...]
+    forces: tuple[Value, ...]
+    moments: tuple[Value, ...]
 
     def __add__(self, other: object) -> Resultant:  # joins two resultants term by term
         assert isinstance(other, Resultant)
@@ -28,10 +29,14 @@ class Resultant(NamedTuple):
 NOTHING = Resultant((), ())
 
 
-def at_arm(s: Schedule, force: str, arm: str | None, name: str) -> Resultant:
+def moment_of(moment: Value) -> Resultant:
+    """A moment as a term of the link's load."""
+    return NOTHING if moment.zero else Resultant((), (moment,))
+
+
+def at_arm(s: Schedule, force: Value, arm: Value, name: str) -> Resultant:
     """A force at an arm as a term of the link's load."""
-    moments = () if arm is None else (s.line(f"cross({arm}, {force})", f"{name}_M"),)
-    return Resultant((force,), moments)
+    return Resultant((force,), ()) + moment_of(s.line(cross(arm, force), f"{name}_M"))
 
 
 def active(s: Schedule, block: str) -> bool:

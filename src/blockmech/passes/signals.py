@@ -14,6 +14,7 @@ import re
 from blockmech.ground.values import split_address
 from blockmech.model.structure import JointRef
 from blockmech.plan.plan import Schedule
+from blockmech.plan.values import NOUGHT, Value, tuple_of
 from blockmech.signals.contract import HELD, Kernel, arguments
 
 NO_NAME = re.compile(r"\W")
@@ -21,23 +22,23 @@ UNKNOWN = "signal_"  # before the name of an input that stands for a signal that
 STATE = "x_"  # before the number of a state
 
 
-def signal(s: Schedule, address: str) -> str:
+def signal(s: Schedule, address: str) -> Value:
     """The value of an output of a signal block, or of the mechanism."""
     name, port = split_address(address, s.structure.signals)
     if name in s.structure.signals:
         return s.ask(output, name, port)
     if address in s.structure.sensors:
-        value: str = s.structure.sensors[address](s)
+        value: Value = s.structure.sensors[address](s)
         return value
     return s.unknown(UNKNOWN + NO_NAME.sub("_", address))
 
 
-def state(s: Schedule, name: str, which: str) -> str:
+def state(s: Schedule, name: str, which: str) -> Value:
     """A state of a signal block."""
     return s.unknown(f"{STATE}{s.structure.states[JointRef(name, which)]}")
 
 
-def output(s: Schedule, name: str, port: str) -> str:
+def output(s: Schedule, name: str, port: str) -> Value:
     """An output of a signal block, or one of its states."""
     block = s.structure.signals[name]
     if port not in block.outputs:
@@ -45,66 +46,66 @@ def output(s: Schedule, name: str, port: str) -> str:
     if block.discrete:
         return s.ask(state, name, HELD + port)
     place = list(block.outputs).index(port)
-    return f"{s.ask(outputs, name)}[{place}]"
+    return s.ask(outputs, name)[place]
 
 
-def outputs(s: Schedule, name: str) -> str:
+def outputs(s: Schedule, name: str) -> Value:
     """The call of a block's output kernel."""
     return _call(s, name, s.structure.signals[name].output(), "output")
 
 
-def rates(s: Schedule) -> list[str]:
+def rates(s: Schedule) -> list[Value]:
     """dx/dt of all states; those of discrete blocks rest between instants."""
-    values = []
+    values = list[Value]()
     for name, block in s.structure.signals.items():
         if block.discrete or not block.states:
-            values += ["0.0"] * len(block.states)
+            values += [NOUGHT] * len(block.states)
             continue
         call = _call(s, name, block.rates(), "rates")
-        values += [f"{call}[{i}]" for i in range(len(block.states))]
+        values += [call[i] for i in range(len(block.states))]
     return values
 
 
-def updated(s: Schedule) -> dict[JointRef, str]:
+def updated(s: Schedule) -> dict[JointRef, Value]:
     """State of a discrete block -> what it is from an instant on."""
-    values: dict[JointRef, str] = {}
+    values: dict[JointRef, Value] = {}
     for name, block in s.structure.signals.items():
         if not block.discrete:
             continue
         if block.own_states:
             call = _call(s, name, block.update(), "update")
-            values |= {JointRef(name, x): f"{call}[{i}]" for i, x in enumerate(block.own_states)}
+            values |= {JointRef(name, x): call[i] for i, x in enumerate(block.own_states)}
         call = s.ask(outputs, name)
-        values |= {JointRef(name, HELD + y): f"{call}[{i}]" for i, y in enumerate(block.outputs)}
+        values |= {JointRef(name, HELD + y): call[i] for i, y in enumerate(block.outputs)}
     return values
 
 
-def kinks(s: Schedule) -> list[str]:
+def kinks(s: Schedule) -> list[Value]:
     """Values whose change of sign is a kink of a block in continuous time."""
-    values = []
+    values = list[Value]()
     for name, block in s.structure.signals.items():
         kernel, count = block.kinks()
         if count and not block.discrete:
             call = _call(s, name, kernel, "kinks")
-            values += [f"{call}[{i}]" for i in range(count)]
+            values += [call[i] for i in range(count)]
     return values
 
 
-def _call(s: Schedule, name: str, kernel: Kernel, what: str) -> str:
+def _call(s: Schedule, name: str, kernel: Kernel, what: str) -> Value:
     block = s.structure.signals[name]
 
-    def value(argument: str) -> str:
+    def value(argument: str) -> Value:
         if argument == "t":
             return s.time()
         if argument == "inputs":
-            return _tuple([fed(port) for port in block.inputs])
+            return tuple_of(map(fed, block.inputs))
         if argument == "states":
-            return _tuple([s.ask(state, name, x) for x in block.own_states])
+            return tuple_of(s.ask(state, name, x) for x in block.own_states)
         if argument in block.inputs:
             return fed(argument)
         return s.ask(state, name, argument.removeprefix(STATE))
 
-    def fed(port: str) -> str:
+    def fed(port: str) -> Value:
         return s.ask(signal, s.structure.signal_wires[JointRef(name, port)])
 
     numbers = s.parameter(
@@ -112,7 +113,3 @@ def _call(s: Schedule, name: str, kernel: Kernel, what: str) -> str:
     )
     args = [value(argument) for argument in arguments(kernel)]
     return s.emit(kernel, *args, numbers, name=f"{name}_{what}")
-
-
-def _tuple(values: list[str]) -> str:
-    return f"({', '.join(values)},)" if values else "()"

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from blockmech.ground.plane import SCALAR_CONSTANTS, SCALAR_PRIMITIVES
 from blockmech.model.scene import Scene
 from blockmech.model.structure import LinkRef, Structure
-from blockmech.passes.forward import ACTUAL, link_position, link_velocity, moves, position
+from blockmech.passes.forward import link_position, link_velocity, position
 from blockmech.plan.plan import Friction, Schedule
+from blockmech.plan.values import UNIT, Value, tuple_of
 
 if TYPE_CHECKING:
     from blockmech.engines.numpy import NumpyEngine
@@ -73,13 +74,10 @@ class Tracker:
         wanted, last = [], []
         for link in links:
             wanted += list(s.ask(link_position, link))
-            if moves(s, link.block, ACTUAL):
-                wanted += list(s.ask(link_velocity, link))
-            else:
-                wanted += ["ZERO", "0.0"]
+            wanted += list(s.ask(link_velocity, link))
         for name in self.groups:
             pose = s.ask(position, name)
-            last += [f"{pose}.first", f"{pose}.J"]
+            last += [pose.first, pose.J]
         self.program = s.program([*wanted, *last])
         self.links = links
         sizes = [structure.blocks[link.block].parameters().size for link in links]
@@ -180,8 +178,8 @@ def _unknowns(s: Schedule, link: LinkRef) -> list[str]:
     return [f"{what}_{number}" for what in ("x", "y", "ex", "ey")]
 
 
-def _given(s: Schedule, block: str) -> str:
+def _given(s: Schedule, block: str) -> Value:
     """The guess of a group's pose as inputs of the program."""
     links = (LinkRef(block, name) for name in s.structure.blocks[block].link_names)
-    places = [f"({', '.join(s.unknown(x) for x in _unknowns(s, link))})" for link in links]
-    return f"(({', '.join(places)},), 1.0)"
+    places = tuple_of(tuple_of(map(s.unknown, _unknowns(s, link))) for link in links)
+    return tuple_of((places, UNIT))

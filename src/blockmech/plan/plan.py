@@ -3,7 +3,7 @@
 A pass is a set of *rules*. A rule answers one question ("velocity of this
 block", "load on that link") by asking other rules and emitting calls. Every
 question is answered at most once, so what nobody asks for costs nothing: the
-pruning is the asking. The answers are names of values in the program.
+pruning is the asking. The answers are values of the program (`plan.values`).
 
     want ──> rules ask rules ──> Schedule: lines + kernel entries ──> Program
                                                                    (bound by an engine)
@@ -28,12 +28,11 @@ from blockmech.ground.plane import SCALAR_PRIMITIVES
 from blockmech.model.scene import Scene
 from blockmech.model.structure import MarkerRef, Structure
 from blockmech.plan.quantities import QUANTITIES
+from blockmech.plan.values import CALL, NAME, NOUGHT, ONE, REST, UNIT, ZERO, Value, imul
 
 if TYPE_CHECKING:
     import networkx as nx
 
-ZERO, ONE, REST = "ZERO", "ONE", "REST"  # constants that every engine names: 0j, 1, rest's share
-NOUGHT = "0.0"  # a number that is known to be zero: nothing is computed with it
 LONGEST_SUM = 100  # terms of one line; Python's compiler goes one level deeper with each
 NO_LETTER = re.compile(r"\W", re.ASCII)
 NAMES = re.compile(r"\.?[A-Za-z_]\w*", re.ASCII)  # in an expression; fields keep their dot
@@ -55,8 +54,8 @@ Formula: TypeAlias = Callable[[Structure, Scene], Any]
 """What a parameter is of a design: a number or a named tuple of numbers."""
 
 Node: TypeAlias = tuple[str, ...]
-Guess: TypeAlias = "Callable[[Schedule, str], str]"
-"""What gives a group without closed form the guess of its pose: the value's name."""
+Guess: TypeAlias = "Callable[[Schedule, str], Value]"
+"""What gives a group without closed form the guess of its pose."""
 
 
 class Entry(NamedTuple):
@@ -116,9 +115,9 @@ class UnitLoad(NamedTuple):
     along: Literal["x", "y"]
 
     @property
-    def force(self) -> str:
+    def force(self) -> Value:
         """The force in a program."""
-        return ONE if self.along == "x" else f"imul({ONE}, 1.0)"
+        return ONE if self.along == "x" else imul(ONE, UNIT)
 
     @property
     def name(self) -> str:
@@ -195,16 +194,17 @@ class Schedule:
         self.calls: list[Call] = []
         self.lines: list[tuple[str, str]] = []  # name of a value and the expression for it
         self.functions: dict[str, Callable[..., Any]] = {}
+        self._function_names: dict[Callable[..., Any], str] = {}
         self.formulas: dict[str, Formula] = {}
         self.inputs: set[str] = set()
         self.angles: set[str] = set()
         self.unit_load: UnitLoad | None = None
         self._loaded: Schedule | None = None  # of unit loads, the schedule that `under` is of
         self._answers: dict[Hashable, Any] = {}
-        self._by_text: dict[str, str] = {}  # expression -> name of its value
+        self._by_text: dict[str, Value] = {}  # expression -> its name
         self._names: dict[str, int] = {}
-        self._taken = {"P", ZERO, ONE, REST, "t", "program", "abs", *SCALAR_PRIMITIVES}
-        self._slots: dict[Hashable, str] = {}
+        self._taken = {"P", *map(str, (ZERO, ONE, REST)), "t", "program", "abs", *SCALAR_PRIMITIVES}
+        self._slots: dict[Hashable, Value] = {}
         self._order = {name: i for i, name in enumerate(structure.blocks)}
 
     def ask(self, rule: Callable[..., T], *key: Hashable) -> T:
@@ -265,75 +265,79 @@ class Schedule:
         for other in reversed(upstream) if down else upstream:
             self.ask(rule, other, *more)
 
-    def emit(self, function: Callable[..., Any], *args: str, name: str) -> str:
+    def emit(self, function: Callable[..., Any], *args: Value, name: str) -> Value:
         """Emit a call of a pure function; the same call twice is one line."""
-        return self.line(f"{self._function(function)}({', '.join(args)})", name)
+        text = f"{self._function(function)}({', '.join([x.text for x in args])})"
+        return self.line(Value(text, CALL), name)
 
-    def line(self, text: str, name: str) -> str:
-        """Emit an expression of values and primitives of the plane; the same twice is one line."""
-        if text not in self._by_text:
-            self._by_text[text] = self._add(text, name)
-        return self._by_text[text]
+    def line(self, value: Value, name: str) -> Value:
+        """Emit an expression under a name; the same twice is one line, what has a name none."""
+        if value.rank == NAME:
+            return value
+        if value.text not in self._by_text:
+            self._by_text[value.text] = self._add(value.text, name)
+        return self._by_text[value.text]
 
-    def sum(self, terms: Iterable[str], name: str, nothing: str = NOUGHT) -> str:
+    def sum(self, terms: Iterable[Value], name: str, nothing: Value = NOUGHT) -> Value:
         """Emit a sum in the order given, without zeros; ``nothing`` is the sum of no terms."""
-        kept = [x for x in terms if x not in (NOUGHT, ZERO)]
+        kept = [x for x in terms if not x.zero]
         if not kept:
             return nothing
         total = kept[0]
         for start in range(1, len(kept), LONGEST_SUM):
-            total = self._add(" + ".join((total, *kept[start : start + LONGEST_SUM])), name)
+            parts = (total, *kept[start : start + LONGEST_SUM])
+            total = self._add(" + ".join([x.text for x in parts]), name)
         return total
 
-    def kernel(self, entry: Entry, function: Callable[..., Any], *args: str, name: str) -> str:
+    def kernel(self, entry: Entry, function: Callable[..., Any], *args: Value, name: str) -> Value:
         """Emit the call that an entry of the plan stands for."""
         before = len(self.lines)
         value = self.emit(function, *args, name=name)
         if self.unit_load is not None and len(self.lines) == before:
             return value  # a pose that is there
         self.entries.append(entry)
-        self.calls.append(Call(entry.node, value, len(self.lines)))
+        self.calls.append(Call(entry.node, value.text, len(self.lines)))
         return value
 
-    def share(self, block: str, driver: str, value: str) -> str:
+    def share(self, block: str, driver: str, value: Value) -> Value:
         """Note a value as a block's share of what is reduced to a driver."""
         head = self.structure.driven[driver].block
-        self.calls.append(Call((block, "reduction", driver), value, len(self.lines), head))
+        self.calls.append(Call((block, "reduction", driver), value.text, len(self.lines), head))
         return value
 
-    def parameter(self, key: Hashable, formula: Formula, name: str) -> str:
-        """Name of a parameter slot, whose value a formula says of any design."""
+    def parameter(self, key: Hashable, formula: Formula, name: str) -> Value:
+        """A parameter slot, which a formula fills for any design."""
         if key not in self._slots:
-            self._slots[key] = self._fresh(name)
-            self.formulas[self._slots[key]] = formula
+            self._slots[key] = Value(self._fresh(name))
+            self.formulas[self._slots[key].text] = formula
         return self._slots[key]
 
     def here(self, formula: Formula) -> Any:
         """What a formula says of the planned design: rules leave out what is zero there."""
         return formula(self.structure, self.scene)
 
-    def input(self, quantity: str, driver: str) -> str:
-        """Name of an input: "q", "qd" or "qdd" of a driver."""
+    def input(self, quantity: str, driver: str) -> Value:
+        """An input: "q", "qd" or "qdd" of a driver."""
         name = f"{quantity}_{self.structure.drivers.index(driver)}"
         self.inputs.add(name)
         if quantity == "q" and self.structure.driver_joint(driver).rotary:
             self.angles.add(name)
-        return name
+        return Value(name)
 
-    def unknown(self, name: str) -> str:
-        """Name of an input that is neither a driver's nor the time."""
+    def unknown(self, name: str) -> Value:
+        """An input that is neither a driver's nor the time."""
         self.inputs.add(name)
         self._taken.add(name)
-        return name
+        return Value(name)
 
-    def time(self) -> str:
-        """Name of the input "t", the time [s]."""
+    def time(self) -> Value:
+        """The input "t", the time [s]."""
         self.inputs.add("t")
-        return "t"
+        return Value("t")
 
-    def program(self, outputs: Iterable[str]) -> Program:
+    def program(self, outputs: Iterable[Value]) -> Program:
         """The finished program that returns these values."""
-        wanted = tuple(outputs)
+        wanted = tuple(map(str, outputs))
         inputs = tuple(sorted(self.inputs))
         body = [f"    {name} = {text}" for name, text in self.lines]
         head = [f"def program({', '.join((*inputs, 'P'))}):"]
@@ -352,17 +356,19 @@ class Schedule:
             wanted,
         )
 
-    def _add(self, text: str, name: str) -> str:
+    def _add(self, text: str, name: str) -> Value:
         value = self._fresh(name)
         self.lines.append((value, text))
-        return value
+        return Value(value)
 
     def _function(self, function: Callable[..., Any]) -> str:
-        name = _identifier(f"{function.__module__.rsplit('.', 1)[-1]}_{function.__name__}")
-        while name in self._taken and self.functions.get(name) is not function:
-            name += "_"
-        self._taken.add(name)
-        self.functions[name] = function
+        name = self._function_names.get(function)
+        if name is None:
+            name = _identifier(f"{function.__module__.rsplit('.', 1)[-1]}_{function.__name__}")
+            while name in self._taken:
+                name += "_"
+            self._taken.add(name)
+            self.functions[name], self._function_names[function] = function, name
         return name
 
     def _fresh(self, name: str) -> str:
@@ -397,7 +403,7 @@ class Output(NamedTuple):
     unit : SI, ``""`` where dimensionless
     kind : "real", "vector" (complex x + iy), "matrix" (square over the drivers) or
         "number" (one per run)
-    ask : the rule's answer in a schedule: names of program values
+    ask : the rule's answer in a schedule: values of its program
     read : arrays of those values -> the output's array
     by, on : for what one link exerts on another, the two links
     words : what it is, where its last name does not say it
@@ -406,7 +412,7 @@ class Output(NamedTuple):
     name: str
     unit: str
     kind: Literal["real", "vector", "matrix", "number"]
-    ask: Callable[[Schedule], Iterable[str]]
+    ask: Callable[[Schedule], Iterable[Value]]
     read: Reader
     by: str = ""
     on: str = ""

@@ -35,7 +35,7 @@ from blockmech.model.parameters import Parameter, Path
 from blockmech.passes import reduction
 from blockmech.passes.homotopy import schedule
 from blockmech.passes.signals import STATE
-from blockmech.plan.plan import NOUGHT, Friction, Plan, Program
+from blockmech.plan.plan import Friction, Plan, Program
 from blockmech.result.result import ADVANTAGE
 from blockmech.studies import family
 from blockmech.studies.differentiate import INPUTS, fitting, without_derivative
@@ -280,7 +280,7 @@ def rates(
     near = planned_near(mechanism, {x: p.value for p, paths in places.items() for x in paths})
     s, drivers = schedule(near.structure, near.scene, Friction("none")), mechanism.drivers
     inertia = [s.ask(reduction.inertia, k, m) for k in drivers for m in drivers]
-    if NOUGHT in inertia[:: len(drivers) + 1]:
+    if any(J.zero for J in inertia[:: len(drivers) + 1]):
         raise refused("rates", "nothing that moves has mass", "give a link mass or inertia")
     efforts = [s.ask(reduction.drive_by_reduction, d) for d in drivers]
     program = s.program([*inertia, *efforts, *margins(s)])

@@ -16,6 +16,7 @@ from blockmech.compiled import Compiled
 from blockmech.model.structure import JointRef
 from blockmech.passes import friction, signals
 from blockmech.plan.plan import Output, Schedule
+from blockmech.plan.values import Value
 from blockmech.signals.sources import Input
 
 
@@ -76,13 +77,13 @@ class States:
             self.continuous[name] = structure.states[ref]
             self._add(f"der({name})", partial(friction.deflection_rate, ref=ref))
 
-    def _add(self, name: str, rule: Callable[[Schedule], str]) -> None:
+    def _add(self, name: str, rule: Callable[[Schedule], Value]) -> None:
         self.rates[name] = Output(name, "", "real", lambda s: (rule(s),), lambda x: x)
 
 
-def _rate(i: int, s: Schedule) -> str:
+def _rate(i: int, s: Schedule) -> Value:
     return s.ask(signals.rates)[i]
 
 
-def _next(ref: JointRef, s: Schedule) -> str:
+def _next(ref: JointRef, s: Schedule) -> Value:
     return s.ask(signals.updated)[ref]
