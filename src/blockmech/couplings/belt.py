@@ -30,7 +30,7 @@ from blockmech.couplings.contract import (
 )
 from blockmech.couplings.laws import SHARES, Radius
 from blockmech.ground.errors import Problem
-from blockmech.ground.plane import dot, imul, mul, sqrt
+from blockmech.ground.plane import always, dot, imul, mul, sqrt
 from blockmech.ground.values import Angle, NotNegative, in_unit
 from blockmech.typing import Complex, Load, Real
 
@@ -121,13 +121,8 @@ class Belt(LossyCoupling, type="coupling.belt"):
         slack = 1.0 if self.sided else 0.0
         return BeltNumbers(self.ratio, self.phase, two, step, self.preload, slack)
 
-    def transmission(self, pair: str) -> Callable[..., Any]:
-        """`running`."""
-        return running
-
-    def contact(self, pair: str) -> Callable[..., Any]:
-        """`pull`."""
-        return pull
+    transmission = always(running)
+    contact = always(pull)
 
     def tension(self) -> Callable[..., Any] | None:
         """`preloading`, of a belt that has some."""

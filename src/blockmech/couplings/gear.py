@@ -30,7 +30,7 @@ from blockmech.couplings.contract import (
     concentric,
 )
 from blockmech.ground.errors import Problem
-from blockmech.ground.plane import apply, dot, imul, mul
+from blockmech.ground.plane import always, apply, dot, imul, mul
 from blockmech.ground.values import Angle, in_unit, mistake
 from blockmech.typing import Load, Real
 
@@ -107,13 +107,8 @@ class Gear(LossyCoupling, type="coupling.gear"):
         lean = slant.imag / slant.real
         return GearNumbers(self.ratio, self.phase, lean if 0 < self.ratio < 1 else -lean)
 
-    def transmission(self, pair: str) -> Any:
-        """`rolling`."""
-        return rolling
-
-    def contact(self, pair: str) -> Any:
-        """`tooth_force`."""
-        return tooth_force
+    transmission = always(rolling)
+    contact = always(tooth_force)
 
     def faults(self, where: str, pair: str, here: Where, p: Any) -> Iterator[Problem]:
         """Wheels on one centre."""

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from typing import Annotated, Any, NamedTuple
 
@@ -36,7 +36,19 @@ from blockmech.couplings.contract import (
     concentric,
 )
 from blockmech.ground.errors import Problem
-from blockmech.ground.plane import angle, apply, dot, expi, imul, modulo, mul, planar, sign, where
+from blockmech.ground.plane import (
+    always,
+    angle,
+    apply,
+    dot,
+    expi,
+    imul,
+    modulo,
+    mul,
+    planar,
+    sign,
+    where,
+)
 from blockmech.ground.values import Angle
 from blockmech.typing import Load, Real
 
@@ -117,13 +129,8 @@ class Geneva(LossyCoupling, type="coupling.geneva"):
         """Wheels on one centre."""
         return concentric(where, here)
 
-    def transmission(self, pair: str) -> Callable[..., Any]:
-        """`stepping`."""
-        return stepping
-
-    def contact(self, pair: str) -> Callable[..., Any]:
-        """`push`."""
-        return push
+    transmission = always(stepping)
+    contact = always(push)
 
     def knots(self, low: float, high: float) -> Iterable[float]:
         """Where the pin enters and leaves."""

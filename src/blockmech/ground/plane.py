@@ -17,10 +17,11 @@ import functools
 import math
 from collections.abc import Callable, Iterable, Mapping
 from types import FunctionType
-from typing import Any
+from typing import Any, TypeVar
 
 from blockmech.typing import Complex, Real
 
+K = TypeVar("K")
 NAN = math.nan
 EPS = 2.220446049250313e-16  # of the numbers at hand: an engine binds its own precision's
 DOUBLE_ROOT = 1e-7  # rounding moves a double root by the root of rounding: 1.5e-8, and some
@@ -28,6 +29,16 @@ DOUBLE_ROOT = 1e-7  # rounding moves a double root by the root of rounding: 1.5e
 # makes another has lost three quarters of its digits.
 REST_SHARE = EPS**0.75
 LARGEST_EXPONENT = 709.782712893384  # the logarithm of the largest number
+
+
+def always(kernel: K) -> Callable[..., K]:
+    """A method that answers the same kernel, whatever it is asked."""
+
+    def method(declaring: Any, *of: Any) -> K:
+        return kernel
+
+    method.__doc__ = kernel.__doc__
+    return method
 
 
 def cross(a: Complex, b: Complex) -> Real:

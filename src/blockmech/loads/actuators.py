@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import field_validator
 
-from blockmech.ground.plane import angle, dot, hyp, imul, mul
+from blockmech.ground.plane import always, angle, dot, hyp, imul, mul
 from blockmech.ground.values import Vector, VectorOrNoneGiven, default, mistake
 from blockmech.loads.contract import Following, Terminal
 from blockmech.typing import Complex, Real
@@ -133,6 +133,4 @@ class Motor(Following, type="load.motor"):
         """The angle of b relative to a, or its rate."""
         return relative_rate if rate else relative_angle
 
-    def kernel(self) -> Callable[..., Any]:
-        """The moments."""
-        return moments
+    kernel = always(moments)

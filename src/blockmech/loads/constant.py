@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
+from blockmech.ground.plane import always
 from blockmech.ground.values import Number, VectorGiven, in_unit
 from blockmech.loads.contract import Element, Terminal
 from blockmech.typing import Complex, Real
@@ -61,6 +62,4 @@ class Couple(Element, type="load.couple"):
 
     moment: Annotated[Number, in_unit("N m")]
 
-    def kernel(self) -> Callable[..., Any]:
-        """The constant moment."""
-        return couple
+    kernel = always(couple)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, StrictBool, field_validator
 
-from blockmech.ground.plane import maximum, minimum, modulo
+from blockmech.ground.plane import always, maximum, minimum, modulo
 from blockmech.ground.values import Number, NumbersGiven, mistake
 from blockmech.signals.contract import Kernel, Signal
 from blockmech.typing import Real
@@ -89,9 +89,7 @@ class Gain(Signal, type="signal.gain"):
 
     k: Number
 
-    def output(self) -> Kernel:
-        """The product."""
-        return amplified
+    output = always(amplified)
 
 
 def multiplied(u0: Real, u1: Real, p: Any) -> tuple[Real]:
@@ -111,9 +109,7 @@ class Product(Signal, type="signal.product"):
         """Two."""
         return ("u0", "u1")
 
-    def output(self) -> Kernel:
-        """The product."""
-        return multiplied
+    output = always(multiplied)
 
 
 class Limited(Signal):
@@ -166,12 +162,7 @@ class Saturation(Limited, type="signal.saturation"):
     (1.0,)
     """
 
-    def output(self) -> Kernel:
-        """The input between the limits.
-
-        Source: Ogata, Modern Control Engineering, 2010, section 2-3 (block diagrams).
-        """
-        return clamped
+    output = always(clamped)
 
 
 def beyond(u: Real, p: Limits) -> tuple[Real]:
@@ -189,6 +180,4 @@ class DeadZone(Limited, type="signal.dead_zone"):
     (2.0,)
     """
 
-    def output(self) -> Kernel:
-        """What is beyond."""
-        return beyond
+    output = always(beyond)

@@ -25,7 +25,7 @@ from typing import Annotated, Any, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
-from blockmech.ground.plane import maximum, minimum, where
+from blockmech.ground.plane import always, maximum, minimum, where
 from blockmech.ground.values import Number, NumbersGiven, Positive, in_unit, mistake
 from blockmech.signals.algebra import in_order
 from blockmech.signals.contract import Kernel, Signal, State
@@ -62,13 +62,8 @@ class Integrator(Signal, type="signal.integrator"):
         """The integral."""
         return {"integral": State(self.initial)}
 
-    def output(self) -> Kernel:
-        """The integral."""
-        return integrated
-
-    def rates(self) -> Kernel:
-        """The input."""
-        return input_rate
+    output = always(integrated)
+    rates = always(input_rate)
 
 
 # -- controller ----------------------------------------------------------------------------
@@ -246,13 +241,8 @@ class Linear(Signal):
         """C x, with D u where there is some."""
         return read_through if self.numbers().D else read_out
 
-    def rates(self) -> Kernel:
-        """Rates of the states."""
-        return moved
-
-    def update(self) -> Kernel:
-        """The next states."""
-        return moved
+    rates = always(moved)
+    update = always(moved)
 
 
 class StateSpace(Linear, type="signal.state_space"):
@@ -366,13 +356,8 @@ class Delay(Signal, type="signal.delay"):
         """As long as nothing came through."""
         return self.initial
 
-    def output(self) -> Kernel:
-        """The oldest sample."""
-        return oldest
-
-    def update(self) -> Kernel:
-        """All samples one place further."""
-        return shifted
+    output = always(oldest)
+    update = always(shifted)
 
 
 # -- motor ---------------------------------------------------------------------------------
@@ -416,10 +401,5 @@ class DCMotor(Signal, type="signal.dc_motor"):
         """The current."""
         return {"current": State(self.initial, "A")}
 
-    def output(self) -> Kernel:
-        """The moment."""
-        return motor_output
-
-    def rates(self) -> Kernel:
-        """How the current changes."""
-        return current_rate
+    output = always(motor_output)
+    rates = always(current_rate)

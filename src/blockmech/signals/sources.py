@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from blockmech.ground.plane import always
 from blockmech.ground.values import NotNegative, Number, NumbersGiven, Positive, in_unit
 from blockmech.loads import laws
 from blockmech.loads.laws import table, table_over_period
@@ -30,9 +31,7 @@ class Source(Signal):
         """None."""
         return ()
 
-    def output(self) -> Kernel:
-        """The value."""
-        return constant
+    output = always(constant)
 
 
 class Constant(Source, type="signal.constant"):

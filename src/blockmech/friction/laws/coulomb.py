@@ -6,10 +6,10 @@ future work of that paper.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, ClassVar, Literal
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
+from blockmech.ground.plane import always
 from blockmech.ground.values import Length, NotNegative, mistake
 
 
@@ -83,6 +83,4 @@ class Coulomb(DryFriction):
         """The factor."""
         return {"factor": self.factor}
 
-    def kernel(self) -> Callable[..., FrictionTerms]:
-        """`coulomb`."""
-        return coulomb
+    kernel = always(coulomb)

@@ -12,12 +12,11 @@ exponent 1; as in Canudas de Wit, Olsson, Astrom & Lischinsky, IEEE Trans. Autom
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, ClassVar, Literal
 
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.coulomb import DryFriction
-from blockmech.ground.plane import sign
+from blockmech.ground.plane import always, sign
 from blockmech.ground.values import Axis, Positive, Units
 from blockmech.typing import Real
 
@@ -62,18 +61,7 @@ class Dahl(DryFriction):
         """By the pair's coordinate."""
         return {"stiffness": f"1/{axis.coordinate}"}
 
-    def kernel(self) -> Callable[..., FrictionTerms]:
-        """`dahl`."""
-        return dahl
-
-    def kernel_at_rest(self) -> Callable[..., FrictionTerms]:
-        """`most`."""
-        return most
-
-    def rate_kernel(self) -> Callable[..., Any]:
-        """`bending`."""
-        return bending
-
-    def steady_kernel(self) -> Callable[..., Any]:
-        """`bent`."""
-        return bent
+    kernel = always(dahl)
+    kernel_at_rest = always(most)
+    rate_kernel = always(bending)
+    steady_kernel = always(bent)

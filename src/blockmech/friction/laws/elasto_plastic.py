@@ -18,7 +18,6 @@ Trans. Automatic Control 47 (2002), 787-792.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, Literal
 
 from pydantic import model_validator
@@ -26,7 +25,7 @@ from pydantic import model_validator
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.lugre import BristleFriction, resisting
 from blockmech.friction.laws.stribeck import falling
-from blockmech.ground.plane import expi, maximum, minimum, where
+from blockmech.ground.plane import always, expi, maximum, minimum, where
 from blockmech.ground.values import Positive, mistake
 from blockmech.typing import Real
 
@@ -74,10 +73,5 @@ class ElastoPlastic(BristleFriction):
             raise mistake("bad-friction", found, valid, "give a smaller one, mostly half of it")
         return self
 
-    def kernel(self) -> Callable[..., FrictionTerms]:
-        """`elasto_plastic`."""
-        return elasto_plastic
-
-    def rate_kernel(self) -> Callable[..., Any]:
-        """`bending`."""
-        return bending
+    kernel = always(elasto_plastic)
+    rate_kernel = always(bending)

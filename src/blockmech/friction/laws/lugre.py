@@ -13,7 +13,6 @@ friction, IEEE Trans. Automatic Control 40 (1995), 419-425.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, ClassVar, Literal
 
 from pydantic import model_validator
@@ -22,7 +21,7 @@ from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.coulomb import DryFriction
 from blockmech.friction.laws.stiction import check_static
 from blockmech.friction.laws.stribeck import falling
-from blockmech.ground.plane import sign
+from blockmech.ground.plane import always, sign
 from blockmech.ground.values import Axis, NotNegative, Positive, Units
 from blockmech.typing import Real
 
@@ -80,13 +79,8 @@ class BristleFriction(DryFriction):
         check_static(self.static, self.kinetic)
         return self
 
-    def kernel_at_rest(self) -> Callable[..., FrictionTerms]:
-        """`most`."""
-        return most
-
-    def steady_kernel(self) -> Callable[..., Any]:
-        """`bent`."""
-        return bent
+    kernel_at_rest = always(most)
+    steady_kernel = always(bent)
 
 
 class LuGre(BristleFriction):
@@ -106,10 +100,5 @@ class LuGre(BristleFriction):
 
     law: Literal["lugre"] = "lugre"
 
-    def kernel(self) -> Callable[..., FrictionTerms]:
-        """`lugre`."""
-        return lugre
-
-    def rate_kernel(self) -> Callable[..., Any]:
-        """`bending`."""
-        return bending
+    kernel = always(lugre)
+    rate_kernel = always(bending)

@@ -5,10 +5,10 @@ Source: Armstrong-Helouvry, Dupont & Canudas de Wit, Automatica 30 (1994), secti
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Literal
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
+from blockmech.ground.plane import always
 from blockmech.ground.values import Axis, NotNegative, Units
 
 
@@ -33,6 +33,4 @@ class Preload(FrictionLaw):
         """Of the effort."""
         return {"resistance": axis.effort}
 
-    def kernel(self) -> Callable[..., FrictionTerms]:
-        """`preload`."""
-        return preload
+    kernel = always(preload)

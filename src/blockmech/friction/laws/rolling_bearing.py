@@ -17,13 +17,12 @@ the catalogues of INA and FAG.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
-from blockmech.ground.plane import power, where
+from blockmech.ground.plane import always, power, where
 from blockmech.ground.values import Length, NotNegative, Number, in_unit, mistake
 from blockmech.typing import Real
 
@@ -80,6 +79,4 @@ class RollingBearing(FrictionLaw):
         """Not where the oil's part begins to follow the speed."""
         return not (self.f0 and self.viscosity)
 
-    def kernel(self) -> Callable[..., FrictionTerms]:
-        """`palmgren`."""
-        return palmgren
+    kernel = always(palmgren)

@@ -8,7 +8,6 @@ Bo & Pavelescu 1982 (the exponent), as in Armstrong-Helouvry, Dupont & Canudas d
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Literal
 
 from pydantic import model_validator
@@ -16,7 +15,7 @@ from pydantic import model_validator
 from blockmech.friction.laws.contract import FrictionTerms
 from blockmech.friction.laws.coulomb import DryFriction
 from blockmech.friction.laws.stiction import check_static
-from blockmech.ground.plane import exp, power
+from blockmech.ground.plane import always, exp, power
 from blockmech.ground.values import Axis, NotNegative, Positive, Units
 from blockmech.typing import Real
 
@@ -68,6 +67,4 @@ class Stribeck(DryFriction):
         """Not at rest, with a fractional exponent."""
         return self.exponent == round(self.exponent) or self.static == self.kinetic
 
-    def kernel(self) -> Callable[..., FrictionTerms]:
-        """`stribeck`."""
-        return stribeck
+    kernel = always(stribeck)

@@ -5,10 +5,10 @@ Source: Armstrong-Helouvry, Dupont & Canudas de Wit, Automatica 30 (1994), secti
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, Literal
 
 from blockmech.friction.laws.contract import FrictionLaw, FrictionTerms
+from blockmech.ground.plane import always
 from blockmech.ground.values import Axis, NotNegative, Units
 from blockmech.typing import Real
 
@@ -34,6 +34,4 @@ class Viscous(FrictionLaw):
         """Of the effort over the rate."""
         return {"damping": axis.coefficient("rate")}
 
-    def kernel(self) -> Callable[..., FrictionTerms]:
-        """`viscous`."""
-        return viscous
+    kernel = always(viscous)
