@@ -35,7 +35,6 @@ from blockmech.couplings.contract import (
     Meshing,
     Reading,
     Touch,
-    Transmission,
     Where,
     circle,
     curvature,
@@ -52,7 +51,7 @@ from blockmech.couplings.laws import (
     spline,
 )
 from blockmech.ground.errors import Problem
-from blockmech.ground.plane import angle, apply, cross, dot, hyp, imul, mul
+from blockmech.ground.plane import always, angle, apply, cross, dot, hyp, imul, mul
 from blockmech.ground.values import (
     NotNegative,
     Number,
@@ -192,9 +191,7 @@ class Outline(Law):
         """One turn."""
         return math.tau
 
-    def kernel(self) -> Callable[[Real, LawNumbers], Transmission]:
-        """That of the spline of the follower's coordinate."""
-        return repeated
+    kernel = always(repeated)
 
 
 class Cam(Coupling, type="coupling.cam"):
@@ -277,7 +274,7 @@ class Cam(Coupling, type="coupling.cam"):
 
     def knots(self, low: float, high: float) -> Iterable[float]:
         """The law's."""
-        return self.law.knots_within(low, high)
+        return self.law.within(low, high)
 
     def advance(self, turns: Fraction) -> Fraction | None:
         """It comes back every turn."""

@@ -16,12 +16,14 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from itertools import accumulate
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
 from blockmech.couplings.contract import Transmission
-from blockmech.ground.plane import apply, expi, modulo, piecewise
+from blockmech.functions.knots import Knotted
+from blockmech.functions.pieces import Rows, derivatives, horner
+from blockmech.ground.plane import always, apply, expi, modulo, piecewise
 from blockmech.ground.values import (
     Axis,
     Number,
@@ -35,7 +37,6 @@ from blockmech.ground.values import (
 )
 from blockmech.typing import Real
 
-Rows: TypeAlias = tuple[tuple[float, ...], ...]
 SAME = 1e-12  # relative distance of two periods that are one
 SHARES = 10_000  # largest number of indexing steps of a turn
 
@@ -100,16 +101,9 @@ def advanced(F: Transmission, whole: Real, law: LawNumbers) -> Transmission:
 
 def power_series(x: Real, law: LawNumbers) -> Transmission:
     """One polynomial everywhere."""
-    q, slope, curve = (horner(x, row) for row in (law.rows, law.slopes, law.curves))
+    rows = ([c for (c,) in row] for row in (law.rows, law.slopes, law.curves))
+    q, slope, curve = (horner(x, row) for row in rows)
     return Transmission(q + law.phase, slope, curve)
-
-
-def horner(x: Real, rows: Rows) -> Real:
-    """A polynomial by its coefficients, highest power first, each a row of one."""
-    total = rows[0][0] + 0.0 * x
-    for row in rows[1:]:
-        total = total * x + row[0]
-    return total
 
 
 # -- rises ------------------------------------------------------------------------------
@@ -160,7 +154,7 @@ SINES = {
 RISES = {**{n: (Piece(0.0, c),) for n, c in POLYNOMIALS.items()}, **SINES}
 
 
-class Law(StrictModel):
+class Law(Knotted, StrictModel):
     """The driven coordinate as a function of x, twice differentiable."""
 
     kind_key: ClassVar[str] = "kind"
@@ -174,24 +168,9 @@ class Law(StrictModel):
         raise TypeError(f"{type(self).__name__} declares no kernel")
 
     @property
-    def whole(self) -> float:
-        """The period of x; 0 where nothing repeats."""
-        return 0.0
-
-    @property
     def step(self) -> float:
         """By how much the driven coordinate is further on after a period."""
         return 0.0
-
-    def knots(self) -> Sequence[float]:
-        """Arguments at which a derivative jumps, of one period."""
-        return ()
-
-    def knots_within(self, low: float, high: float) -> Iterator[float]:
-        """Arguments between two others at which a derivative jumps."""
-        first, last = (math.floor(x / self.whole) if self.whole else 0 for x in (low, high))
-        for k in range(first - 1, last + 2) if self.whole else (0,):
-            yield from (y for x in self.knots() if low <= (y := x + k * self.whole) <= high)
 
     def advance(self, turns: Fraction) -> Fraction | None:
         """Turns of a driven link while x grows by so many turns; None if it never comes back."""
@@ -291,7 +270,7 @@ class Segments(Law):
         if self._with_sine:
             each = tuple(zip(*((p.a, p.w, p.phase) for p in pieces), strict=True))
             sines = (*each, (1.0,) * len(pieces), (0.0,) * len(pieces))
-        rows = _rows([p.c for p in pieces])
+        rows = derivatives([p.c for p in pieces])
         step = self.step / self.whole
         return LawNumbers(self.start, self.whole, step, phase, tuple(knots), *rows, sines)
 
@@ -306,18 +285,6 @@ class Segments(Law):
     def knots(self) -> Sequence[float]:
         """The ends of the pieces."""
         return [self.start + p.begin for p in self._pieces()]
-
-
-def _rows(pieces: Sequence[Sequence[Any]]) -> tuple[Rows, Rows, Rows]:
-    """Coefficients of pieces, from s^0 on, and of their derivatives, highest power first."""
-    n = max(3, *map(len, pieces))
-    rows = []
-    for order in range(3):
-        full = [[*c, *[0.0] * (n - len(c))] for c in pieces]
-        for _ in range(order):
-            full = [[k * x for k, x in enumerate(c)][1:] for c in full]
-        rows.append(tuple(tuple(row) for row in reversed(list(zip(*full, strict=True)))))
-    return rows[0], rows[1], rows[2]
 
 
 class Polynomial(Law):
@@ -338,11 +305,9 @@ class Polynomial(Law):
 
     def numbers(self, phase: Real) -> LawNumbers:
         """The coefficients, those of the derivatives too."""
-        return LawNumbers(0.0, 0.0, 0.0, phase, (), *_rows([self.coefficients]), ())
+        return LawNumbers(0.0, 0.0, 0.0, phase, (), *derivatives([self.coefficients]), ())
 
-    def kernel(self) -> Callable[[Real, LawNumbers], Transmission]:
-        """`power_series`."""
-        return power_series
+    kernel = always(power_series)
 
     def advance(self, turns: Fraction) -> Fraction | None:
         """Of a constant 0; what else comes back is not looked for."""
@@ -372,13 +337,10 @@ class Table(Law):
 
     @model_validator(mode="after")
     def _ordered(self) -> Table:
-        x = self.arguments
-        check_table("arguments", x, self.values)
-        if self.interpolation == "quintic" and len(x) < 6:
-            raise mistake("bad-table", f"{len(x)} rows for a quintic spline", "six or more")
-        if self.period is not None and x[-1] - x[0] >= self.period * (1 - SAME):
-            remedy = "leave out the last row: the first value is repeated by itself"
-            raise mistake("bad-table", '"arguments" must cover less than one period', "", remedy)
+        check_table("arguments", self.arguments, self.values, self.whole)
+        if self.interpolation == "quintic" and len(self.arguments) < 6:
+            found = f"{len(self.arguments)} rows for a quintic spline"
+            raise mistake("bad-table", found, "six or more")
         return self
 
     @property
@@ -436,7 +398,7 @@ def spline(
     start = x[0] if period else 0.0
     pieces = [flat[count * (order + 1 - k) :][:count] for k in range(order + 1)]
     knots = [k - start for k in flat[:count]] + [period or x[-1]]
-    rows = _rows(list(zip(*pieces, strict=True)))
+    rows = derivatives(list(zip(*pieces, strict=True)))
     slope = step / period if period else 0.0
     return LawNumbers(start, period, slope, phase, tuple(knots), *rows, ())
 

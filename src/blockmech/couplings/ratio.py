@@ -45,7 +45,7 @@ class Ratio(LossyCoupling, type="coupling.ratio"):
 
     def knots(self, low: float, high: float) -> Iterable[float]:
         """The law's."""
-        return self.law.knots_within(low, high)
+        return self.law.within(low, high)
 
     def advance(self, turns: Fraction) -> Fraction | None:
         """As the law does."""

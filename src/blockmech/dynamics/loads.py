@@ -131,7 +131,7 @@ def time_periods(structure: Structure) -> list[float]:
     """Periods [s] of the loads that follow the time and tell one."""
     laws = (_law(element) for element in structure.elements.values())
     timed = (law for law in laws if law is not None and law.variables() == ("time",))
-    return [law.repeats_after for law in timed if law.repeats_after]
+    return [law.whole for law in timed if law.whole]
 
 
 # -- kinks ---------------------------------------------------------------------------------

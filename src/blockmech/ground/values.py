@@ -273,13 +273,26 @@ def mistake(
 
 
 def check_table(
-    what: str, x: Sequence[float], values: Sequence[float], called: str = "values"
+    what: str,
+    x: Sequence[float],
+    values: Sequence[float],
+    period: float = 0.0,
+    called: str = "values",
 ) -> None:
-    """Refuse a table whose values are not one for each x, or whose x, called ``what``, fall."""
+    """Refuse a table whose values are not one for each x, or whose x, called ``what``, fall.
+
+    Of one that repeats the first value stands for the end of the period.
+    """
     if len(x) != len(values):
         raise mistake("bad-table", f'"{what}" and "{called}" must have the same length')
     if any(b <= a for a, b in pairwise(x)):
         raise mistake("bad-table", f'"{what}" must increase')
+    if period and x[-1] - x[0] >= period * (1 - 1e-12):
+        found, valid = (
+            f'"{what}" must cover less than one period',
+            "the first value is repeated by itself",
+        )
+        raise mistake("bad-table", found, valid, "leave out the last row")
 
 
 class FrozenDict(dict[Any, Any]):

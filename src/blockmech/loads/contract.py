@@ -250,7 +250,7 @@ class Following(Element):
             return Counted("", 0.0)
         if self.driver is None or "coordinate" not in self.law.variables():
             return None
-        return Counted(self.driver, self.law.repeats_after)
+        return Counted(self.driver, self.law.whole)
 
     @property
     def ports(self) -> tuple[str, ...]:

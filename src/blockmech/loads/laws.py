@@ -6,19 +6,20 @@ element or its driver has, or the "time" [s]. Each kind has one pure kernel
 ``value(x, numbers)`` of the law's argument and its numbers.
 
 Sources: [D14] Durango et al. 2014, section 2 (loads as functions of position and
-velocity); de Boor 1978 for the splines (through SciPy's `CubicSpline`).
+velocity).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
-from blockmech.ground.plane import angle, apply, expi, imul, modulo, mul, piecewise, where
+from blockmech.functions.knots import Knotted
+from blockmech.functions.pieces import cubic, horner, straight
+from blockmech.ground.plane import always, angle, expi, imul, modulo, mul, piecewise, where
 from blockmech.ground.values import (
     Axis,
     Number,
@@ -69,10 +70,7 @@ def constant(law: PolynomialNumbers) -> Real:
 
 def polynomial(x: Real, law: PolynomialNumbers) -> Real:
     """Horner's scheme."""
-    total = law.coefficients[0] + 0.0 * x
-    for c in law.coefficients[1:]:
-        total = total * x + c
-    return total
+    return horner(x, law.coefficients)
 
 
 def table(x: Real, law: TableNumbers) -> Real:
@@ -111,7 +109,7 @@ def harmonics(phase: Real, law: FourierNumbers) -> Real:
     return law.mean + total.real
 
 
-class Law(StrictModel):
+class Law(Knotted, StrictModel):
     """Size of a force [N] or moment [N m]. ``of`` is what it is a function of."""
 
     kind_key: ClassVar[str] = "kind"
@@ -120,33 +118,6 @@ class Law(StrictModel):
         """What the law is a function of; nothing for a constant."""
         of = getattr(self, "of", None)
         return () if of is None else (of,)
-
-    @property
-    def repeats_after(self) -> float:
-        """Period of the argument after which it repeats; 0 where it does not."""
-        return 0.0
-
-    def rows(self) -> Sequence[float]:
-        """Arguments at which it is not smooth, as they are given."""
-        return ()
-
-    def within(self, low: float, high: float) -> Sequence[float]:
-        """Arguments at which it is not smooth, from low to high, repeated as it repeats."""
-        return ()
-
-    def next_kink(self, x: float) -> float:
-        """The first argument after another at which it is not smooth; infinite for none."""
-        last = x + 2 * self.repeats_after if self.repeats_after else math.inf
-        return min((y for y in self.within(x, last) if y > x), default=math.inf)
-
-    def kinks_of_angle(self) -> Sequence[float]:
-        """Arguments in [-pi, pi] at which it is not smooth, if that is an angle which jumps."""
-        return (*self.within(-math.pi, math.pi), *(() if self.one_turn else (math.pi,)))
-
-    @property
-    def one_turn(self) -> bool:
-        """Whether it repeats after a turn of its argument."""
-        return False
 
     def numbers(self) -> Any:
         """The law's numbers, as its kernel reads them."""
@@ -175,9 +146,7 @@ class Constant(Law):
         """The value."""
         return PolynomialNumbers((self.value,))
 
-    def kernel(self) -> Callable[..., Real]:
-        """`constant`."""
-        return constant
+    kernel = always(constant)
 
 
 class Polynomial(Law):
@@ -230,19 +199,9 @@ class _Repeating(Law):
         return 0.0 if self.period is None else self.period
 
     @property
-    def repeats_after(self) -> float:
-        """The same."""
-        return self.whole
-
-    @property
     def one_turn(self) -> bool:
         """Whether it covers one turn."""
         return self.turns == 1
-
-    @property
-    def repeats(self) -> bool:
-        """Whether there is a period."""
-        return self.turns is not None or self.period is not None
 
 
 class Table(_Repeating):
@@ -264,68 +223,33 @@ class Table(_Repeating):
 
     @model_validator(mode="after")
     def _ordered(self) -> Table:
-        x = self.arguments
-        check_table("arguments", x, self.values)
-        if self.repeats and x[-1] - x[0] >= self.whole * (1 - 1e-12):
-            raise mistake(
-                "bad-table",
-                '"arguments" must cover less than one period',
-                "the first value is repeated by itself",
-                "leave out the last row",
-            )
+        check_table("arguments", self.arguments, self.values, self.whole)
         return self
 
-    def rows(self) -> Sequence[float]:
-        """Its arguments, of a table that repeats with the end."""
-        start = self.arguments[0] if self.repeats else 0.0
-        rows = [float(start + (a - start)) for a in self.arguments]
-        return [*rows, float(start + self.whole)] if self.repeats else rows
-
-    def within(self, low: float, high: float) -> Sequence[float]:
-        """Its arguments, repeated as it repeats."""
-        rows = self.rows()
-        if not self.whole:
-            return [x for x in rows if low <= x <= high]
-        first = math.floor((low - rows[-1]) / self.whole)
-        last = math.ceil((high - rows[0]) / self.whole)
-        repeated = (x + k * self.whole for k in range(first, last + 1) for x in rows[:-1])
-        return [x for x in repeated if low <= x <= high]
+    def knots(self) -> Sequence[float]:
+        """Its arguments."""
+        start = self.arguments[0] if self.whole else 0.0
+        return [float(start + (a - start)) for a in self.arguments]
 
     def numbers(self) -> TableNumbers:
         """The knots, and the coefficients of each piece by the distance from its knot.
 
         Knots of a table that does not repeat are the arguments: near one no digit is lost.
         """
-        start = self.arguments[0] if self.repeats else 0.0
+        start = self.arguments[0] if self.whole else 0.0
         x = [a - start for a in self.arguments]
         y = list(self.values)
-        if self.repeats:
+        if self.whole:
             x, y = [*x, self.whole], [*y, y[0]]
-        rows = _straight(x, y) if self.interpolation == "linear" else _cubic(x, y, self.repeats)
-        return TableNumbers(start, self.whole, float(self.turns or 0), tuple(x), tuple(rows))
+        lines = self.interpolation == "linear"
+        rows = straight(x, y) if lines else cubic(x, y, repeats=bool(self.whole))
+        return TableNumbers(start, self.whole, float(self.turns or 0), tuple(x), rows)
 
     def kernel(self) -> Callable[..., Real]:
         """The form that repeats as the table does."""
         if self.turns:
             return table_over_turns
         return table_over_period if self.period else table
-
-
-def _straight(x: list[float], y: list[float]) -> list[tuple[float, ...]]:
-    slopes = [(d - c) / (b - a) for (a, b), (c, d) in zip(pairwise(x), pairwise(y), strict=True)]
-    return [tuple(slopes), tuple(y[:-1])]
-
-
-def _cubic(x: list[float], y: list[float], repeats: bool) -> list[tuple[float, ...]]:
-    def coefficients(*numbers: float) -> tuple[float, ...]:
-        from scipy.interpolate import CubicSpline
-
-        ends = "periodic" if repeats else "not-a-knot"
-        c = CubicSpline(numbers[: len(x)], numbers[len(x) :], bc_type=ends).c
-        return tuple(map(float, c.ravel()))
-
-    flat, n = apply("one_by_one", coefficients, *x, *y), len(x) - 1
-    return [flat[k : k + n] for k in range(0, len(flat), n)]
 
 
 class Fourier(_Repeating):
@@ -344,9 +268,9 @@ class Fourier(_Repeating):
     sines: NumbersGiven = default([])
 
     @property
-    def repeats_after(self) -> float:
+    def whole(self) -> float:
         """A turn, unless something is said."""
-        return self.whole or math.tau
+        return super().whole or math.tau
 
     @property
     def one_turn(self) -> bool:
@@ -420,9 +344,7 @@ class Signal(Law):
         """None."""
         return ()
 
-    def kernel(self) -> Callable[..., Real]:
-        """`given`."""
-        return given
+    kernel = always(given)
 
 
 AnyLaw = Annotated[

@@ -78,7 +78,7 @@ def _real(name: str, unit: str, rule: Callable[..., Value], *key: Any, **more: s
 
 
 def _vector(name: str, unit: str, rule: Callable[..., Value], *key: Any, **more: str) -> Output:
-    return _real(name, unit, rule, *key, **more)._replace(kind="vector")
+    return Output(name, unit, "vector", lambda s: (s.ask(rule, *key),), _same, **more)
 
 
 IN_PROGRAMS: Mapping[Reader, Callable[..., Value]] = {
@@ -386,8 +386,7 @@ class Catalogue(Mapping[str, Output]):
         return output
 
     def _output(self, name: str) -> Output:
-        if name in self.by_owner:
-            known = self.by_owner[name]
+        if (known := self.by_owner.get(name)) is not None:
             return known if self._of_document is None else self._of_document(known)
         whole, _, end = name.rpartition(".")
         if end not in PARTS or (of := self[whole]).kind != "vector":

@@ -110,7 +110,7 @@ class Primitive:
     nothing: Value | None = None
 
     def __call__(self, *args: Value) -> Value:
-        if self.nothing is not None and any([x.zero for x in args]):
+        if self.nothing is not None and True in [x.zero for x in args]:
             return self.nothing
         return Value(f"{self.name}({', '.join([x.text for x in args])})", CALL)
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import functools
-import inspect
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, ClassVar
 
 from pydantic import WithJsonSchema, field_validator, model_validator
 
-from blockmech.ground.errors import RequestError, refused, shown
+from blockmech.functions.python import numbers_of, parameters_of
 from blockmech.ground.plane import each
 from blockmech.ground.values import Number, Positive, default, in_unit, mistake
 from blockmech.signals.contract import Kernel, Signal, State
@@ -44,10 +43,7 @@ class Python(Signal):
     @field_validator("call")
     @classmethod
     def _names_its_inputs(cls, call: Callable[..., Any]) -> Callable[..., Any]:
-        try:
-            parameters = inspect.signature(call).parameters.values()
-        except (TypeError, ValueError):  # of some builtins
-            parameters = None
+        parameters = parameters_of(call)
         if parameters is None or any(
             p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD) for p in parameters
         ):
@@ -66,7 +62,7 @@ class Python(Signal):
     @functools.cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters, in order."""
-        return tuple(inspect.signature(self.call).parameters)
+        return tuple(p.name for p in parameters_of(self.call) or ())
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -116,21 +112,5 @@ class Python(Signal):
         return [known[name] for name in self.names]
 
     def _value(self, place: int, *given: float) -> float:
-        count = 1 + len(self.memory)
-        try:
-            answer = self.call(*given)
-        except Exception as error:
-            raise self._mistake(f"{type(error).__name__}: {error}", given) from error
-        try:
-            numbers = (float(answer),) if count == 1 else tuple(map(float, answer))
-        except (TypeError, ValueError):
-            raise self._mistake(f"it gave {shown(answer)}", given) from None
-        if len(numbers) != count:
-            raise self._mistake(f"it gave {len(numbers)} numbers, not {count}", given)
-        return numbers[place]
-
-    def _mistake(self, found: str, given: tuple[float, ...]) -> RequestError:
-        where = f"{getattr(self.call, '__name__', 'function')}({', '.join(self.names)})"
-        at = ", ".join(f"{n} = {x:.9g}" for n, x in zip(self.names, given, strict=True))
         remedy = "return the output, and behind it one number for each state"
-        return refused(where, f"{found}, at {at}", remedy, code="user-function")
+        return numbers_of(self.call, self.names, given, 1 + len(self.memory), remedy)[place]

@@ -124,7 +124,7 @@ class Hydrodynamic(FrictionLaw):
     @model_validator(mode="after")
     def _from_rest_on(self) -> Hydrodynamic:
         S, F = self.sommerfeld, self.friction_variable
-        check_table("sommerfeld", S, F, "friction_variable")
+        check_table("sommerfeld", S, F, called="friction_variable")
         if len(S) and not (len(S) > 1 and S[0] == 0.0 and min(F) >= 0.0 and F[-1] > 0.0):
             found = f'"sommerfeld" begins at {S[0]:g}, "friction_variable" at {F[0]:g}'
             valid = "two rows and more, the first at S = 0, with no friction below 0"
