@@ -366,12 +366,10 @@ class Compiled(Runnable[M]):
         end of the certificate, where rounding of the data decides whether the mechanism jams.
         """
         doubtful = np.zeros(n, bool)
-        for name, at in plan.layout.items():
-            kind = name.partition("/")[0]
-            if kind == "rest":
-                doubtful |= np.asarray(values[at[0]]) > 0
-            elif kind == "friction":
-                doubtful |= np.asarray(values[at[CONTRACTION]]) > CERTAIN
+        for at in plan.reports["rest"].values():
+            doubtful |= np.asarray(values[at[0]]) > 0
+        for at in plan.reports["friction"].values():
+            doubtful |= np.asarray(values[at[CONTRACTION]]) > CERTAIN
         i = np.flatnonzero(doubtful)
         if not i.size:
             return values

@@ -202,7 +202,7 @@ def look(request: _Request, few: Samples, accuracy: float = math.inf) -> Probe:
     precision loses is measured with friction, where a wider number is at hand to tell.
     """
     double = request.run(few, Setting("newton"))
-    rubs = any(name.startswith("friction/") for name in double.plan.layout)
+    rubs = bool(double.plan.reports["friction"])
     good = _known(double)
     smooth = request.run(few, Setting("none")) if rubs else double
     single = request.run(few, Setting("none", precision="complex64"))

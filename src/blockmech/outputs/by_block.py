@@ -13,7 +13,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from itertools import chain
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -37,7 +37,7 @@ from blockmech.passes import (
     reduction,
     signals,
 )
-from blockmech.plan.plan import STAGES, Friction, Output, Plan, Reader, Schedule
+from blockmech.plan.plan import REPORTS, STAGES, Friction, Output, Plan, Reader, Schedule
 from blockmech.plan.values import (
     NOUGHT,
     ONE,
@@ -450,42 +450,44 @@ class Catalogue(Mapping[str, Output]):
     ) -> Plan:
         schedule = homotopy.schedule(self.structure, scene, how, static)
         values: dict[Value, int] = {}  # the same value under two names is returned once
-        layout: dict[str, tuple[int, ...]] = {}
 
-        def place(name: str, answers: Iterable[Value]) -> None:
-            layout[name] = tuple(values.setdefault(v, len(values)) for v in answers)
+        def places(answers: Iterable[Value]) -> tuple[int, ...]:
+            return tuple([values.setdefault(v, len(values)) for v in answers])
 
-        for name in sorted(names):
-            place(name, self[name].ask(schedule))
-        if quality:
-            for name, answers in _quality(schedule):
-                place(name, answers)
+        layout = {name: places(self[name].ask(schedule)) for name in sorted(names)}
+        reports: dict[str, dict[Any, tuple[int, ...]]] = {kind: {} for kind in REPORTS}
+        for kind, where, answers in _quality(schedule) if quality else ():
+            reports[kind][where] = places(answers)
         order = {b: i for i, b in enumerate(self.structure.blocks)}
         entries = sorted(
             schedule.entries, key=lambda e: (STAGES.index(e.stage), order[e.block], e.driver)
         )
         steps = schedule.lines, schedule.calls
-        return Plan(names, tuple(entries), steps, schedule.program(values), layout)
+        return Plan(names, tuple(entries), steps, schedule.program(values), layout, reports)
 
 
-def _quality(s: Schedule) -> Iterator[tuple[str, tuple[Value, ...]]]:
+Report: TypeAlias = tuple[str, Any, tuple[Value, ...]]
+"""A kind, of what, and the values; of a push the coupling with the flag's code."""
+
+
+def _quality(s: Schedule) -> Iterator[Report]:
     """Margins and friction reports of what the plan computes anyway."""
     for entry in list(s.entries):
         if entry.stage == "position" and s.structure.blocks[entry.block].closes:
-            yield f"margin/{entry.block}", (s.ask(forward.margin, entry.block),)
+            yield "margin", entry.block, (s.ask(forward.margin, entry.block),)
             if s.structure.blocks[entry.block].own_form:
-                yield f"path/{entry.block}", (s.ask(forward.position, entry.block).reached,)
+                yield "path", entry.block, (s.ask(forward.position, entry.block).reached,)
         if entry.stage == "force":
             for joint in s.structure.blocks[entry.block].clearance:
                 ref = JointRef(entry.block, joint)
                 R = s.ask(play.pressing, ref)
-                yield f"pressing/{ref}", (R.real, R.imag)
+                yield "pressing", str(ref), (R.real, R.imag)
         if entry.stage == "force" and not entry.driver:
             yield from _friction_quality(s, entry.block)
             yield from _contact_quality(s, entry.block)
 
 
-def _contact_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[Value, ...]]]:
+def _contact_quality(s: Schedule, block: str) -> Iterator[Report]:
     """What must push in the couplings by which a block is driven."""
     structure = s.structure
     for driver in structure.drivers_of(block):
@@ -494,10 +496,10 @@ def _contact_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[Value
         name = structure.followers[driver].coupling
         for read in structure.couplings[name].readings(structure.coupled_pair(name)).values():
             if read.flag:
-                yield f"push/{name}/{read.flag}", (s.ask(forces.coupling_reading, driver, read),)
+                yield "push", (name, read.flag), (s.ask(forces.coupling_reading, driver, read),)
 
 
-def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[Value, ...]]]:
+def _friction_quality(s: Schedule, block: str) -> Iterator[Report]:
     """How the friction of a block was solved, and which of its pairs rest."""
     structure, joints = s.structure, s.ask(friction.friction_joints, block)
     pairs_here = [
@@ -507,11 +509,11 @@ def _friction_quality(s: Schedule, block: str) -> Iterator[tuple[str, tuple[Valu
         return
     solved = s.ask(forces.solution, block) or pairs_here[0][1]
     what = ("iterations", "residual", "contraction", "outcome", "limit")
-    yield f"friction/{block}", tuple(getattr(solved, x) for x in what)
+    yield "friction", block, tuple(getattr(solved, x) for x in what)
     if (c := s.ask(forces.existence, block)) is not None:
-        yield f"existence/{block}", (c,)
+        yield "existence", block, (c,)
     for ref, by, i in pairs_here:
         if structure.separates(ref):
             continue
         held = s.ask(friction.held, ref, by.g[i])
-        yield f"rest/{s.structure.pair_name(ref)}", (s.ask(friction.rest, ref), held)
+        yield "rest", structure.pair_name(ref), (s.ask(friction.rest, ref), held)

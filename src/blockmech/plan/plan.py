@@ -47,6 +47,7 @@ TRAVELS = {  # stage -> what it hands on
     "force": "force and moment",
     "reduction": "reduced inertia and effort",
 }
+REPORTS = ("margin", "path", "friction", "existence", "rest", "pressing", "push")
 BACK = ("force and moment", "reduced inertia and effort")
 
 T = TypeVar("T")
@@ -447,6 +448,7 @@ class Plan:
     steps : lines of the program and the calls in them; see `graph`
     program : the straight-line program
     layout : wanted output -> indices of the program's values
+    reports : kind of `REPORTS` -> block or pair -> indices of the values that judge it
     engines : (engine, precision) -> the program made ready for it, when it was first run
     """
 
@@ -455,6 +457,7 @@ class Plan:
     steps: tuple[Sequence[tuple[str, str]], Sequence[Call]] = field(compare=False)
     program: Program
     layout: Mapping[str, tuple[int, ...]]
+    reports: Mapping[str, Mapping[Any, tuple[int, ...]]]
     engines: dict[tuple[str, str], Any] = field(default_factory=dict, compare=False)
 
     def __repr__(self) -> str:
@@ -463,9 +466,8 @@ class Plan:
     @cached_property
     def verdicts(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
         """Indices of the values that judge a sample: margins, outcomes of friction."""
-        margins = [i[0] for name, i in self.layout.items() if name.startswith("margin/")]
-        outcomes = [i[3] for name, i in self.layout.items() if name.startswith("friction/")]
-        return tuple(margins), tuple(outcomes)
+        margins, frictions = (self.reports[kind].values() for kind in ("margin", "friction"))
+        return tuple(i[0] for i in margins), tuple(i[3] for i in frictions)
 
     @property
     def calls(self) -> int:

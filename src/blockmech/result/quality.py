@@ -152,7 +152,7 @@ def failures(
 
 def assess(
     n: int,
-    values: Mapping[str, tuple[NDArray[Any], ...]],
+    reports: Mapping[str, Mapping[Any, tuple[NDArray[Any], ...]]],
     wanted_bad: NDArray[np.bool_],
     prismatic: frozenset[str],
     following: frozenset[str] = frozenset(),
@@ -162,18 +162,13 @@ def assess(
     Parameters
     ----------
     n : number of samples
-    values : report name (``margin/block``, ``path/block``, ``friction/block``,
-        ``existence/block``, ``rest/joint``, ``pressing/joint``,
-        ``push/coupling/code``) -> its arrays
+    reports : as `plan.Plan.reports`, with arrays in place of indices
     wanted_bad : (n,) whether a wanted value is not finite
     prismatic : blocks with friction in a prismatic pair
     following : dyads whose branch follows the motion: it runs on where their margin is zero
     """
-    margin = {k[7:]: at_most_one(v[0]) for k, v in values.items() if k.startswith("margin/")}
-    friction = {k[9:]: v for k, v in values.items() if k.startswith("friction/")}
-    paths = {k[5:]: v[0] for k, v in values.items() if k.startswith("path/")}
-    rest = {k[5:]: v for k, v in values.items() if k.startswith("rest/")}
-    existence = {k[10:]: v[0] for k, v in values.items() if k.startswith("existence/")}
+    margin = {block: at_most_one(m) for block, (m,) in reports["margin"].items()}
+    friction = reports["friction"]
     outcomes = {k: v[3] for k, v in friction.items()}
     failed = failures(margin, outcomes, wanted_bad, prismatic, following)
     gaps = np.flatnonzero(failed.word).tolist()
@@ -192,28 +187,26 @@ def assess(
         for i in np.flatnonzero((m > 0) & (m < near)):
             lost = failed.word[i] > 0 and failed.block[i] == k
             flags.append(Flag(int(i), name if lost else f"near-{name}", block, value=float(m[i])))
-    for block, share in paths.items():  # followed from home, and lost on the way
+    for block, (share,) in reports["path"].items():  # followed from home, and lost on the way
         for i in np.flatnonzero(share < 1.0):
             flags.append(Flag(int(i), "path-ended", block, value=float(share[i])))
     for block, (_, _, _, outcome, limit) in friction.items():
         for i in np.flatnonzero(outcome > 0):
             how = Outcome(int(outcome[i]))
             flags.append(Flag(int(i), DETAIL[how], block, value=as_json(limit[i])))
-    for block, c in existence.items():
+    for block, (c,) in reports["existence"].items():
         for i in np.flatnonzero((c > 1) & (failed.word == 0)):
             flags.append(Flag(int(i), OTHER_SOLUTIONS, block, value=float(c[i])))
-    for joint, (resting, held) in rest.items():
+    for joint, (resting, held) in reports["rest"].items():
         for i in np.flatnonzero(resting > 0):
             reach = float(held[i])
             if np.isfinite(reach):
                 flags.append(Flag(int(i), "zero-relative-speed", joint, interval=(-reach, reach)))
-    for name, (push,) in ((k, v) for k, v in values.items() if k.startswith("push/")):
-        _, coupling, code = name.split("/")
+    for (coupling, code), (push,) in reports["push"].items():
         low = np.flatnonzero(push < 0.0).tolist()
         flags += [Flag(int(i), code, coupling, value=float(push[i])) for i in low]
-    for name, (x, y) in ((k, v) for k, v in values.items() if k.startswith("pressing/")):
+    for where, (x, y) in reports["pressing"].items():
         R = np.broadcast_to(x + 1j * y, n)
-        where = name.removeprefix("pressing/")
         flags += [Flag(i, REACTION_REVERSAL, where, value=float(abs(R[i]))) for i in reversals(R)]
     flags += [Flag(i, UNDEFINED, "mechanism") for i, block in blame.items() if not block]
     flags.sort(key=lambda f: (f.sample, f.code, f.where))
@@ -225,7 +218,7 @@ def assess(
         {k: v[1] for k, v in friction.items()},
         {k: v[2] for k, v in friction.items()},
         tuple(flags),
-        existence,
+        {k: c for k, (c,) in reports["existence"].items()},
     )
 
 

@@ -200,9 +200,11 @@ class Result(Exported, Generic[M]):
     def quality(self) -> Quality:
         """Status of each sample, margins, friction reports and flags."""
         reports = {
-            name: tuple(np.atleast_1d(_real(self._column(i))) for i in where)
-            for name, where in self.plan.layout.items()
-            if "/" in name  # reserved in names of blocks
+            kind: {
+                where: tuple(np.atleast_1d(_real(self._column(i))) for i in places)
+                for where, places in of.items()
+            }
+            for kind, of in self.plan.reports.items()
         }
         blocks = self._compiled.structure.blocks
         prismatic = frozenset(

@@ -130,8 +130,8 @@ def sensitivity(
     jumps = dict.fromkeys(ahead, none)
     if any(x.any() for x in going.values()):
         for name in ahead:  # whose own plan tells which friction it follows
-            own = near.general.plan([name], **result.settings).layout
-            jumps[name] = np.any([none, *(x for rest, x in going.items() if rest in own)], axis=0)
+            own = near.general.plan([name], **result.settings).reports["rest"]
+            jumps[name] = np.any([none, *(x for pair, x in going.items() if pair in own)], axis=0)
     left_out |= gone
     return Sensitivity(result, chosen, ahead, {x: -d for x, d in behind.items()}, jumps, left_out)
 
@@ -314,9 +314,8 @@ def _derived(
         with np.errstate(all="ignore"):
             d = _read(outputs[name], columns, shape)
         derivatives[name] = np.where(np.isnan(result[name]), np.nan, d / sizes)
-    rests = (name for name in plan.layout if name.startswith("rest/"))
-    slips = {name: slope(values[plan.layout[name][0]]) for name in rests}
-    return derivatives, {name: np.abs(d) > REST_SHARE for name, d in slips.items()}
+    slips = {pair: slope(values[at[0]]) for pair, at in plan.reports["rest"].items()}
+    return derivatives, {pair: np.abs(d) > REST_SHARE for pair, d in slips.items()}
 
 
 def _read(output: Output, columns: list[Any], shape: tuple[int, int]) -> Array:

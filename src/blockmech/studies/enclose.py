@@ -251,19 +251,15 @@ def _ends(y: Any) -> tuple[complex, complex]:
 def _judged(plan: Plan, values: tuple[Any, ...]) -> tuple[float, str]:
     """The lower bound of the margins, and why nothing is proved of a sample; "" where it is."""
     lowest, word = 1.0, ""
-    for name, at in plan.layout.items():
-        kind, _, block = name.partition("/")
-        if kind == "margin":
-            low = form(values[at[0]]).low
-            lowest = min(lowest, low)
-            if not low > 0.0:
-                word = f"{block} may not close: margin at least {low:.3g}"
-        elif kind == "friction":
-            bound = form(values[at[CONTRACTION]]).high
-            if not bound < 1.0:
-                word = (
-                    word or f"friction of {block} may have several solutions: P up to {bound:.3g}"
-                )
-            elif not form(values[at[3]]).high < 2.0:
-                word = word or f"friction of {block} is not solved"
+    for block, at in plan.reports["margin"].items():
+        low = form(values[at[0]]).low
+        lowest = min(lowest, low)
+        if not low > 0.0:
+            word = f"{block} may not close: margin at least {low:.3g}"
+    for block, at in plan.reports["friction"].items():
+        bound = form(values[at[CONTRACTION]]).high
+        if not bound < 1.0:
+            word = word or f"friction of {block} may have several solutions: P up to {bound:.3g}"
+        elif not form(values[at[3]]).high < 2.0:
+            word = word or f"friction of {block} is not solved"
     return lowest, word

@@ -244,12 +244,11 @@ class _Planned:
         engine: Any = self.engine
         numbers = engine.numbers(values)
         outputs = engine.run_designs(self.inputs, numbers)
-        layout = self.plan.layout
+        layout, reports = self.plan.layout, self.plan.reports
         with np.errstate(all="ignore"):
             margins = {
-                name.partition("/")[2]: np.broadcast_to(at_most_one(outputs[at[0]]), shape)
-                for name, at in layout.items()
-                if name.startswith("margin/")
+                block: np.broadcast_to(at_most_one(outputs[at[0]]), shape)
+                for block, at in reports["margin"].items()
             }
             why = self._failures(outputs, margins, shape)
             missing = np.asarray(why.word > 0)
@@ -274,9 +273,8 @@ class _Planned:
     ) -> Failures:
         """Why poses (m, n) of designs have no answer."""
         outcomes = {
-            name.partition("/")[2]: np.broadcast_to(outputs[at[3]], shape)
-            for name, at in self.plan.layout.items()
-            if name.startswith("friction/")
+            block: np.broadcast_to(outputs[at[3]], shape)
+            for block, at in self.plan.reports["friction"].items()
         }
         judged = {
             i

@@ -83,7 +83,7 @@ class Sweep(Question):
         best = self.run(WIDEST)
         names = best.plan.want if len(best.plan.want) <= 3 else (f"{len(best)} outputs",)
         self.asked = f"run: {', '.join(names)} at {best.n} samples"
-        self.rubs = any(name.startswith("friction/") for name in best.plan.layout)
+        self.rubs = bool(best.plan.reports["friction"])
         self.errors, self.reference = self._referred(best)
         self.notes = tuple(self._left_out(best))
         if want is None and self.rubs and (own := self._of_friction()):
