@@ -214,8 +214,7 @@ def evaluation_cost(
         passes["pairs with friction"] = (resisting.program, many)
     parts = []
     for what, (program, times) in passes.items():
-        calls = sum("(" in line for line in program.source.splitlines()[1:-1])
-        parts.append(f"{what} {calls}" + (f", {times} times" if times > 1 else ""))
+        parts.append(f"{what} {program.calls}" + (f", {times} times" if times > 1 else ""))
     return "kernel calls of an evaluation of the motion: " + "; ".join(parts)
 
 

@@ -139,6 +139,7 @@ class Program:
     formulas : name in the text -> what the parameter is of a design, in the order of ``P``
     parameters : the same of the design that was planned
     outputs : expressions returned, in this order
+    calls : number of kernel calls
     """
 
     source: str
@@ -148,6 +149,7 @@ class Program:
     formulas: Mapping[str, Formula] = field(compare=False)
     parameters: Mapping[str, Any]
     outputs: tuple[str, ...]
+    calls: int = field(compare=False)
 
     def values(self, structure: Structure, scene: Scene) -> tuple[Any, ...]:
         """The parameters ``P`` of another design of the same structure.
@@ -193,6 +195,7 @@ class Schedule:
         self.guess = guess
         self.entries: list[Entry] = []
         self.calls: list[Call] = []
+        self.kernel_calls = 0
         self.lines: list[tuple[str, str]] = []  # name of a value and the expression for it
         self.functions: dict[str, Callable[..., Any]] = {}
         self._function_names: dict[Callable[..., Any], str] = {}
@@ -269,7 +272,10 @@ class Schedule:
     def emit(self, function: Callable[..., Any], *args: Value, name: str) -> Value:
         """Emit a call of a pure function; the same call twice is one line."""
         text = f"{self._function(function)}({', '.join([x.text for x in args])})"
-        return self.line(Value(text, CALL), name)
+        before = len(self.lines)
+        value = self.line(Value(text, CALL), name)
+        self.kernel_calls += len(self.lines) - before
+        return value
 
     def line(self, value: Value, name: str) -> Value:
         """Emit an expression under a name; the same twice is one line, what has a name none."""
@@ -355,6 +361,7 @@ class Schedule:
             dict(self.formulas),
             parameters,
             wanted,
+            self.kernel_calls,
         )
 
     def _add(self, text: str, name: str) -> Value:
