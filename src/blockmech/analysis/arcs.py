@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.analysis.closure import Closure
-from blockmech.analysis.scan import NODES, ROUNDED, SEAM, TURN, Span, last_place, places, runs, scan
+from blockmech.analysis.scan import NODES, ROUNDED, SEAM, TURN, Span, places, runs, scan
+from blockmech.functions.roots import last_place
 from blockmech.functions.series import Floats, fit
 from blockmech.ground.plane import DOUBLE_ROOT
 

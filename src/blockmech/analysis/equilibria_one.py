@@ -27,10 +27,11 @@ from blockmech.analysis.equilibrium import (
 )
 from blockmech.analysis.limits import limits
 from blockmech.analysis.rest_intervals import held_intervals, interval_about
-from blockmech.analysis.scan import NODES, TURN, Span, bisect
+from blockmech.analysis.scan import NODES, TURN, Span
 from blockmech.dynamics import loads
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import tangents
+from blockmech.functions.roots import bisect
 from blockmech.functions.series import SCANNED, Floats, Series, fit, panels
 from blockmech.ground.plane import DOUBLE_ROOT, EPS
 

@@ -50,6 +50,7 @@ from blockmech.couplings.laws import (
     repeated,
     spline,
 )
+from blockmech.functions.roots import bisect
 from blockmech.ground.errors import Problem
 from blockmech.ground.plane import always, angle, apply, cross, dot, hyp, imul, mul
 from blockmech.ground.values import (
@@ -66,7 +67,6 @@ from blockmech.typing import Complex, Real
 DEAD = 1e-6  # cosine of a push that is square to the motion, within rounding of its square root
 SPREAD = 1e-9  # [rad] between rows of a spline
 SAMPLES = 720  # places of a turn at which a profile is looked at: every half degree
-HALVINGS = 50  # of such a step, down to rounding
 NODES = 360  # of the spline of a follower's motion on a cam that is given by points
 
 
@@ -315,12 +315,10 @@ class Cam(Coupling, type="coupling.cam"):
         if not bad:
             return
         first = next((k for k in bad if rooms[k - 1] > 0), 0)
-        low, high = places[first] - math.tau / SAMPLES, places[first]
-        for _ in range(HALVINGS):
-            middle = (low + high) / 2
-            low, high = (middle, high) if room(middle) > 0 else (low, middle)
+        before = places[first] - math.tau / SAMPLES
+        begin = bisect(lambda x: room(x) > 0, before, places[first])
         radii = [meets.radius + self.roller for _, meets in turn]
-        found = f"the profile is undercut from {high % math.tau:.6g} rad of the cam's angle on"
+        found = f"the profile is undercut from {begin % math.tau:.6g} rad of the cam's angle on"
         if self.follower == "flat":
             found += f": its radius of curvature falls to {min(radii):.4g} m"
             valid, remedy = "a flat face needs a convex profile", "a larger base circle"
