@@ -45,9 +45,6 @@ class Moved(NamedTuple):
     scalar: Value
 
 
-STILL = Moved(ZERO, NOUGHT)
-
-
 # -- coordinates of drivers ------------------------------------------------------
 #
 # They are inputs of the program, or functions of others by a coupling. Its argument x is a sum
@@ -89,7 +86,7 @@ def rate_of(s: Schedule, driver: str, mode: str = ACTUAL) -> Value:
         if mode in (ACTUAL, BIAS):
             return s.input("qd", driver)
         return UNIT if mode == driver else NOUGHT
-    x = s.ask(argument_rate, driver, mode)
+    x = s.ask(argument, driver, rate_of, mode)
     rate = s.line(s.ask(transmission, driver).slope * x, f"{driver}_rate")
     return _counted(s, driver, rate, _carried(s, driver, rate_of, mode))
 
@@ -98,7 +95,7 @@ def acceleration_of(s: Schedule, driver: str, mode: str = ACTUAL) -> Value:
     """Acceleration of a driver in a mode; unit and bias modes without driver acceleration."""
     if driver not in s.structure.followers:
         return NOUGHT if mode else s.input("qdd", driver)
-    x, rate = s.ask(argument_acceleration, driver, mode), s.ask(argument_rate, driver, mode)
+    x, rate = s.ask(argument, driver, acceleration_of, mode), s.ask(argument, driver, rate_of, mode)
     F = s.ask(transmission, driver)
     value = s.line(F.slope * x + F.curve * rate * rate, f"{driver}_acceleration")
     return _counted(s, driver, value, _carried(s, driver, acceleration_of, mode))
@@ -115,9 +112,11 @@ def transmission(s: Schedule, driver: str) -> Value:
     return s.emit(kernel, x, s.ask(numbers, name), name=f"{name}_F")
 
 
-def argument(s: Schedule, driver: str) -> Value:
-    """Argument of a driver's coupling."""
-    return _argument(s, driver, coordinate_of)
+def argument(
+    s: Schedule, driver: str, rule: Callable[..., Value] = coordinate_of, *mode: str
+) -> Value:
+    """Argument of a driver's coupling, its rate or its acceleration: by that rule of drivers."""
+    return _sum(s, driver, s.structure.followers[driver].terms, rule, *mode)
 
 
 def meshing(s: Schedule, driver: str) -> Value:
@@ -143,20 +142,6 @@ def numbers(s: Schedule, coupling: str) -> Value:
     return s.parameter(
         ("numbers", coupling), lambda st, _: st.coupling_numbers(coupling), f"P_{coupling}"
     )
-
-
-def argument_rate(s: Schedule, driver: str, mode: str) -> Value:
-    """Rate of the argument of a driver's coupling in a mode."""
-    return _argument(s, driver, rate_of, mode)
-
-
-def argument_acceleration(s: Schedule, driver: str, mode: str) -> Value:
-    """Acceleration of the same."""
-    return _argument(s, driver, acceleration_of, mode)
-
-
-def _argument(s: Schedule, driver: str, rule: Callable[..., Value], *mode: str) -> Value:
-    return _sum(s, driver, s.structure.followers[driver].terms, rule, *mode)
 
 
 def _carried(s: Schedule, driver: str, rule: Callable[..., Value], *mode: str) -> Value:
@@ -347,40 +332,48 @@ def _motion(s: Schedule, block: str, mode: str, stage: str, args: list[Value]) -
 
 def joint_velocity(s: Schedule, ref: JointRef, mode: str) -> Value:
     """What an outer joint reads at the velocity stage."""
-    joint, marker = s.structure.joint(ref), s.structure.feeds[ref]
-    v = s.ask(marker_velocity, marker, mode)
-    if joint.reads == "point":
-        return v
-    om = s.ask(link_velocity, marker.on, mode).scalar
-    return s.emit(LinkVelocity, v, om, name=f"{_name(marker)}_guide_v")
+    return _read_motion(s, ref, mode, marker_velocity, link_velocity, LinkVelocity)
 
 
 def joint_acceleration(s: Schedule, ref: JointRef, mode: str) -> Value:
     """What an outer joint reads at the acceleration stage."""
-    joint, marker = s.structure.joint(ref), s.structure.feeds[ref]
-    a = s.ask(marker_acceleration, marker, mode)
-    if joint.reads == "point":
-        return a
-    al = s.ask(link_acceleration, marker.on, mode).scalar
-    return s.emit(LinkAcceleration, a, al, name=f"{_name(marker)}_guide_a")
+    return _read_motion(s, ref, mode, marker_acceleration, link_acceleration, LinkAcceleration)
+
+
+def _read_motion(
+    s: Schedule,
+    ref: JointRef,
+    mode: str,
+    of_marker: Callable[..., Value],
+    of_link: Callable[..., Moved],
+    record: type[LinkVelocity | LinkAcceleration],
+) -> Value:
+    marker = s.structure.feeds[ref]
+    vector = s.ask(of_marker, marker, mode)
+    if s.structure.joint(ref).reads == "point":
+        return vector
+    turning = s.ask(of_link, marker.on, mode).scalar
+    return s.emit(record, vector, turning, name=f"{_name(marker)}_guide_{record._fields[0]}")
 
 
 def link_velocity(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> Moved:
     """Velocity of a link's origin and rate of the link."""
-    vel = None if link == s.structure.frame_link else s.ask(velocity, link.block, mode)
-    if vel is None:
-        return STILL
-    moved = _field(s, link, vel)
-    return Moved(moved.v, moved.om)
+    return _moved(s, link, mode, velocity, "v", "om")
 
 
 def link_acceleration(s: Schedule, link: LinkRef, mode: str = ACTUAL) -> Moved:
     """Acceleration of a link's origin and angular acceleration of the link."""
-    acc = None if link == s.structure.frame_link else s.ask(acceleration, link.block, mode)
-    if acc is None:
-        return STILL
-    moved = _field(s, link, acc)
-    return Moved(moved.a, moved.al)
+    return _moved(s, link, mode, acceleration, "a", "al")
+
+
+def _moved(
+    s: Schedule, link: LinkRef, mode: str, rule: Callable[..., Value | None], *fields: str
+) -> Moved:
+    motion = None if link == s.structure.frame_link else s.ask(rule, link.block, mode)
+    if motion is None:
+        return Moved(ZERO, NOUGHT)
+    of_link = _field(s, link, motion)
+    return Moved(*(getattr(of_link, x) for x in fields))
 
 
 def marker_velocity(s: Schedule, marker: MarkerRef, mode: str = ACTUAL) -> Value:
@@ -432,7 +425,7 @@ def slip(s: Schedule, ref: JointRef, mode: str = ACTUAL) -> Value:
     if (follows := s.structure.meshes.get(ref)) is not None:
         if s.structure.separates(ref):
             return UNIT
-        x = s.ask(argument_rate, follows, mode)
+        x = s.ask(argument, follows, rate_of, mode)
         if x.zero or not s.structure.touches(ref):
             return x
         return s.line(s.ask(touch, follows).slip * x, f"{ref}_slip{_suffix(mode)}")
@@ -457,10 +450,10 @@ def slip_acceleration(s: Schedule, ref: JointRef) -> Value:
     if (follows := s.structure.meshes.get(ref)) is not None:
         if s.structure.separates(ref):
             return NOUGHT
-        xdd = s.ask(argument_acceleration, follows, ACTUAL)
+        xdd = s.ask(argument, follows, acceleration_of, ACTUAL)
         if not s.structure.touches(ref):
             return xdd
-        at, xd = s.ask(touch, follows), s.ask(argument_rate, follows, ACTUAL)
+        at, xd = s.ask(touch, follows), s.ask(argument, follows, rate_of, ACTUAL)
         return s.line(at.slip * xdd + at.slope * xd * xd, f"{ref}_slip_a")
     later, earlier = s.structure.later_link(ref), s.structure.earlier_link(ref)
     a, al = s.ask(link_acceleration, later)

@@ -124,11 +124,10 @@ def terms(s: Schedule, ref: JointRef, load: Value | None = None) -> Value:
 def terms_at_rest(s: Schedule, ref: JointRef) -> Value:
     """What its law says of a pair that does not slip: of one with a state at most."""
     law = s.structure.friction_law(ref)
-    kernel = law.kernel_at_rest()
-    if kernel is not None:
-        return s.emit(kernel, s.ask(numbers, ref), name=f"{ref}_law_at_rest")
-    speed = (NOUGHT,) if law.reads_speed else ()
-    return s.emit(law.kernel(), *speed, s.ask(numbers, ref), name=f"{ref}_law_at_rest")
+    at_rest = law.kernel_at_rest()
+    speed = (NOUGHT,) if at_rest is None and law.reads_speed else ()
+    args = *speed, s.ask(numbers, ref)
+    return s.emit(at_rest or law.kernel(), *args, name=f"{ref}_law_at_rest")
 
 
 def terms_standing(s: Schedule, ref: JointRef) -> Value:
