@@ -18,13 +18,13 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from blockmech.blocks.contract import Joint
-from blockmech.ground.errors import Problem, RequestError, as_names, close_match, listed
+from blockmech.ground.errors import RequestError, as_names, listed
 from blockmech.ground.garbage import uncollected
 from blockmech.model.naming import Names
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 from blockmech.outputs.by_link import outputs_by_link, readings
-from blockmech.outputs.by_owner import ByOwner, Part
+from blockmech.outputs.by_owner import ByOwner, Part, unknown_output
 from blockmech.passes import (
     energy,
     forces,
@@ -355,12 +355,6 @@ def _mechanism_outputs(structure: Structure) -> Iterator[Output]:
 # -- by name, and planned ---------------------------------------------------------------
 
 
-def near(pattern: str, names: Iterable[str]) -> list[str]:
-    """Names of the same block, link or joint as an unknown one; all where there is none."""
-    head, every = pattern.split(".")[0] + ".", list(names)
-    return [n for n in every if n.startswith(head)] or every
-
-
 class Catalogue(Mapping[str, Output]):
     """All outputs of a mechanism by name, each made once and on first use.
 
@@ -424,9 +418,7 @@ class Catalogue(Mapping[str, Output]):
             last = "" if WILD.search(last) else last
             names = [n for n in chain(self.by_owner.beginning(start, last), self._more) if fits(n)]
             if not names:
-                known = f"outputs there: {listed(near(pattern, self), 16)}"
-                reason, remedy = "no output has that name", close_match(pattern, self)
-                problems.append(Problem("unknown-output", pattern, reason, known, remedy))
+                problems.append(unknown_output(pattern, self, self))
             matched.update(dict.fromkeys(names))
         if problems:
             raise RequestError(problems)

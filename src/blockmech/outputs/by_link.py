@@ -105,10 +105,10 @@ def readings(structure: Structure, names: Names, known: ByOwner[Output]) -> Iter
         yield of(f"joint.{pin}", _of_pin, pin, dict(entries), structure, names, known, driven)
     of_blocks = {f"coupling.{name}": block for name, block in names.couplings.items()}
     for name, block in {**of_blocks, **names.signals}.items():
-        yield of(name, _of_block, name, block, known)
+        yield of(name, _of_blocks, name, (block,), known)
     for load, elements in names.loads.items():
-        yield of(load, _of_load, load, elements, known)
-    yield of("mechanism", _of_block, "mechanism", "mechanism", known)
+        yield of(load, _of_blocks, load, elements, known, (load, ""))
+    yield of("mechanism", _of_blocks, "mechanism", ("mechanism",), known)
 
 
 def _present(
@@ -145,9 +145,17 @@ def _of_link(last: str, link: str, at: LinkName, fixed: bool) -> Iterator[Readin
             yield Reading(f"link.{link}.{marker}.{what}", ((f"{ref}.{what}", 1),))
 
 
-def _of_block(last: str, name: str, block: str, known: ByOwner[Output]) -> Iterator[Reading]:
-    for whole in (x for x in known.of(block) if x.endswith(last)):
-        yield Reading(f"{name}{whole.removeprefix(block)}", ((whole, 1),))
+def _of_blocks(
+    last: str,
+    name: str,
+    blocks: Sequence[str],
+    known: ByOwner[Output],
+    between: tuple[str, str] | None = None,
+) -> Iterator[Reading]:
+    """What blocks give together: of a load at its terminals, and its power."""
+    for whole in (x for x in known.of(blocks[0]) if x.endswith(last)):
+        what = whole.removeprefix(blocks[0])
+        yield Reading(f"{name}{what}", tuple((f"{b}{what}", 1) for b in blocks), between=between)
 
 
 def _of_pin(
@@ -211,16 +219,6 @@ def _of_joint(
         rates = zip(mine, (-1, 1), strict=True)
         return tuple((f"{link}.omega", sign) for link, sign in rates if link != frame)
     return ((one[0], -one[1] if along and pair.turned else one[1]),)
-
-
-def _of_load(
-    last: str, load: str, elements: Sequence[str], known: ByOwner[Output]
-) -> Iterator[Reading]:
-    """What a load gives at its terminals, and its power, under the document's names."""
-    for name in (x for x in known.of(elements[0]) if x.endswith(last)):
-        what = name.removeprefix(elements[0])
-        parts = tuple((f"{element}{what}", 1) for element in elements)
-        yield Reading(f"{load}{what}", parts, between=(load, ""))
 
 
 def _sum(parts: list[tuple[Output, int]]) -> Output:

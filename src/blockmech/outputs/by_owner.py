@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
+from blockmech.ground.errors import Problem, close_match, listed
+
 
 class Named(Protocol):
     """An item that has a name."""
@@ -89,3 +91,17 @@ class ByOwner(Mapping[str, N], Generic[N]):
 
     def __len__(self) -> int:
         return sum(len(self._part(i)) for i in range(len(self._parts)))
+
+
+def unknown_output(pattern: str, names: Iterable[str], more: Iterable[str] = ()) -> Problem:
+    """No output has that name; there are those of the same block, link or joint, or all."""
+    head, every = pattern.split(".")[0] + ".", list(names)
+    there = [n for n in every if n.startswith(head)] or every
+    valid, remedy = f"outputs there: {listed(there, 16)}", close_match(pattern, more or there)
+    return Problem("unknown-output", pattern, "no output has that name", valid, remedy)
+
+
+def vector_sensor(name: str) -> Problem:
+    """A signal would read a vector."""
+    valid, remedy = "a signal is one number", f"take {name}.x or {name}.y"
+    return Problem("no-sensor", name, "a vector is no signal", valid, remedy)

@@ -13,10 +13,11 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from blockmech.ground.errors import GraphError, Problem, close_match, listed
+from blockmech.ground.errors import GraphError, Problem
 from blockmech.ground.values import split_address
 from blockmech.model.scene import Scene
 from blockmech.model.structure import Structure
+from blockmech.outputs.by_owner import unknown_output, vector_sensor
 from blockmech.passes.homotopy import schedule
 from blockmech.passes.signals import NO_NAME, UNKNOWN
 from blockmech.plan.plan import Friction, Output, Schedule
@@ -61,14 +62,10 @@ def with_sensors(
 def _sensor(outputs: Mapping[str, Output], read: Read, address: str) -> Any:
     """The rule that answers an output, or the problem of what is none."""
     if address not in outputs:
-        head = address.partition(".")[0] + "."
-        near = [name for name in outputs if name.startswith(head)] or list(outputs)
-        valid, remedy = f"outputs there: {listed(near, 16)}", close_match(address, near)
-        return Problem("unknown-output", address, "no output has that name", valid, remedy)
+        return unknown_output(address, outputs)
     output = outputs[address]
     if output.kind == "vector":
-        valid, remedy = "a signal is one number", f"take {address}.x or {address}.y"
-        return Problem("no-sensor", address, "a vector is no signal", valid, remedy)
+        return vector_sensor(address)
     reading = read(output)
     if reading is None:
         return Problem("no-sensor", address, "it is not one number at an instant")

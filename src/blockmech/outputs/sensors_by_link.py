@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from blockmech.ground.errors import GraphError, Problem, close_match, listed
+from blockmech.ground.errors import GraphError, Problem
 from blockmech.ground.values import free_name, split_address
 from blockmech.model.graph import Graph
 from blockmech.model.joints.varied import settled
 from blockmech.model.naming import Names
-from blockmech.outputs.by_block import PARTS, Catalogue, near
+from blockmech.outputs.by_block import PARTS, Catalogue
 from blockmech.outputs.by_link import Reading, readings
-from blockmech.outputs.by_owner import ByOwner
+from blockmech.outputs.by_owner import ByOwner, unknown_output, vector_sensor
 
 IDLE = {"kind": "constant", "value": 0.0}
 
@@ -77,12 +77,9 @@ def _reading(table: Mapping[str, Reading], known: Catalogue, source: str) -> Rea
         reading, ends = table[whole], f".{part}"
     parts = [] if reading is None else [(n + ends, s) for n, s in reading.parts]
     if reading is None or not all(name in known for name, _ in parts):
-        there = near(source, table)
-        valid, remedy = f"outputs there: {listed(there, 16)}", close_match(source, there)
-        return Problem("unknown-output", source, "no output has that name", valid, remedy)
+        return unknown_output(source, table)
     if known[parts[0][0]].kind == "vector":
-        valid, remedy = "a signal is one number", f"take {source}.x or {source}.y"
-        return Problem("no-sensor", source, "a vector is no signal", valid, remedy)
+        return vector_sensor(source)
     return reading._replace(parts=tuple(parts))
 
 
