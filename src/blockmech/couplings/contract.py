@@ -170,7 +170,7 @@ def circle(radius: float) -> list[complex]:
     return [complex(0.85 * radius), *round_]
 
 
-def concentric(where: str, here: Where) -> Iterator[Problem]:
+def concentric(coupling: Coupling, where: str, pair: str, here: Where, p: Any) -> Iterator[Problem]:
     """Wheels on one centre, which touch nowhere."""
     at = here(0.0)
     if abs(at.b.p - at.a.p) <= 1e-12 * max(abs(at.a.p), abs(at.b.p), 1e-300):

@@ -29,7 +29,6 @@ from blockmech.couplings.contract import (
     circle,
     concentric,
 )
-from blockmech.ground.errors import Problem
 from blockmech.ground.plane import always, apply, dot, imul, mul
 from blockmech.ground.values import Angle, in_unit, mistake
 from blockmech.typing import Load, Real
@@ -110,9 +109,7 @@ class Gear(LossyCoupling, type="coupling.gear"):
     transmission = always(rolling)
     contact = always(tooth_force)
 
-    def faults(self, where: str, pair: str, here: Where, p: Any) -> Iterator[Problem]:
-        """Wheels on one centre."""
-        return concentric(where, here)
+    faults = concentric
 
     def curves(self, pair: str, here: Where, p: Any) -> Iterator[Curve]:
         """Both pitch circles."""

@@ -21,7 +21,7 @@ import cmath
 import math
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 from pydantic import Field, StrictBool
 
@@ -35,7 +35,6 @@ from blockmech.couplings.contract import (
     circle,
     concentric,
 )
-from blockmech.ground.errors import Problem
 from blockmech.ground.plane import (
     always,
     angle,
@@ -125,9 +124,7 @@ class Geneva(LossyCoupling, type="coupling.geneva"):
         arm = apply("expi", half).imag
         return GenevaNumbers(self.pin, self.phase, math.pi / 2 - half, 2 * half, arm)
 
-    def faults(self, where: str, pair: str, here: Where, p: Any) -> Iterator[Problem]:
-        """Wheels on one centre."""
-        return concentric(where, here)
+    faults = concentric
 
     transmission = always(stepping)
     contact = always(push)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import Field, StrictBool, field_validator
+from pydantic import AfterValidator, Field, StrictBool
 
 from blockmech.ground.plane import always, maximum, minimum, modulo
 from blockmech.ground.values import Number, NumbersGiven, mistake
@@ -16,6 +16,17 @@ from blockmech.signals.contract import Kernel, Signal
 from blockmech.typing import Real
 
 Signs = Annotated[str, Field(pattern=r"^[+-]+$", description="one + or - for each input")]
+
+
+def in_order(limits: Any) -> Any:
+    """Limits [low, high]. Raises pydantic's error where the second is not above the first."""
+    if not limits[0] < limits[1]:
+        found = f"[{limits[0]:g}, {limits[1]:g}]: the second must be above the first"
+        raise mistake("wrong-value", found, "limits are [low, high]")
+    return limits
+
+
+Range = Annotated[NumbersGiven, Field(min_length=2, max_length=2), AfterValidator(in_order)]
 
 
 class SumNumbers(NamedTuple):
@@ -115,12 +126,7 @@ class Product(Signal, type="signal.product"):
 class Limited(Signal):
     """A block with a lower and an upper limit."""
 
-    limits: Annotated[NumbersGiven, Field(min_length=2, max_length=2)]
-
-    @field_validator("limits")
-    @classmethod
-    def _in_order(cls, limits: Any) -> Any:
-        return in_order(limits)
+    limits: Range
 
     def numbers(self) -> Limits:
         """Both limits.
@@ -132,14 +138,6 @@ class Limited(Signal):
     def kinks(self) -> tuple[Kernel, int]:
         """Where the input passes a limit."""
         return passes, 2
-
-
-def in_order(limits: Any) -> Any:
-    """Limits [low, high]. Raises pydantic's error where the second is not above the first."""
-    if not limits[0] < limits[1]:
-        found = f"[{limits[0]:g}, {limits[1]:g}]: the second must be above the first"
-        raise mistake("wrong-value", found, "limits are [low, high]")
-    return limits
 
 
 def clamped(u: Real, p: Limits) -> tuple[Real]:

@@ -23,11 +23,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from blockmech.ground.plane import always, maximum, minimum, where
 from blockmech.ground.values import Number, NumbersGiven, Positive, in_unit, mistake
-from blockmech.signals.algebra import in_order
+from blockmech.signals.algebra import Range
 from blockmech.signals.contract import Kernel, Signal, State
 from blockmech.typing import Real
 
@@ -146,14 +146,9 @@ class Pid(Signal, type="signal.pid"):
     ki: Annotated[Number, in_unit("1/s")] = 0.0
     kd: Annotated[Number, in_unit("s")] = 0.0
     n: Annotated[Positive, in_unit("1/s")] = 100.0
-    limits: Annotated[NumbersGiven, Field(min_length=2, max_length=2)] | None = None
+    limits: Range | None = None
     sample: Sample | None = None
     initial: Number = 0.0
-
-    @field_validator("limits")
-    @classmethod
-    def _in_order(cls, limits: Any) -> Any:
-        return limits if limits is None else in_order(limits)
 
     @property
     def own_states(self) -> Mapping[str, State]:
@@ -222,10 +217,6 @@ class Linear(Signal):
     """A linear system with states x1, x2, ..."""
 
     sample: Sample | None = None
-
-    def numbers(self) -> SpaceNumbers:
-        """Its matrices."""
-        raise TypeError(f"{type(self).__name__} declares no matrices")
 
     @property
     def starts(self) -> tuple[float, ...]:
@@ -304,11 +295,6 @@ class TransferFunction(Linear, type="signal.transfer_function"):
             valid = "the degree of num is at most that of den"
             raise mistake("wrong-value", found, valid, "add a filter")
         return self
-
-    @property
-    def starts(self) -> tuple[float, ...]:
-        """Zeros."""
-        return (0.0,) * (len(self.den) - 1)
 
     def numbers(self) -> SpaceNumbers:
         """The canonical form: x_n gets the input, x_k' = x_(k+1)."""
