@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
 from types import CodeType
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias, TypeVar, cast
 
 from blockmech.ground.errors import listed
 from blockmech.ground.plane import SCALAR_PRIMITIVES
@@ -51,6 +51,7 @@ REPORTS = ("margin", "path", "friction", "existence", "rest", "pressing", "push"
 BACK = ("force and moment", "reduced inertia and effort")
 
 T = TypeVar("T")
+NO_ANSWER: Any = object()  # that of a question which was not asked
 Formula: TypeAlias = Callable[[Structure, Scene], Any]
 """What a parameter is of a design: a number or a named tuple of numbers."""
 
@@ -214,10 +215,10 @@ class Schedule:
     def ask(self, rule: Callable[..., T], *key: Hashable) -> T:
         """The answer of a rule; worked out once."""
         question = (rule, *key)
-        if question not in self._answers:
-            self._answers[question] = rule(self, *key)
-        answer: T = self._answers[question]
-        return answer
+        answer = self._answers.get(question, NO_ANSWER)
+        if answer is NO_ANSWER:
+            answer = self._answers[question] = rule(self, *key)
+        return cast(T, answer)
 
     def copied(self) -> Schedule:
         """The same so far; what is asked of one is not known to the other."""
