@@ -96,20 +96,15 @@ class Python(Signal):
         functions = [functools.partial(self._value, k) for k in places]
 
         def timed(inputs: Any, states: Any, t: Real, p: Any) -> tuple[Real, ...]:
-            given = self._in_order(inputs, states, t)
-            return tuple([each(function, *given) for function in functions])
+            readings = zip((*self.inputs, *self.memory, TIME), (*inputs, *states, t), strict=True)
+            values = dict(readings)
+            x = [values[name] for name in self.names]
+            return tuple([each(function, *x) for function in functions])
 
         def untimed(inputs: Any, states: Any, p: Any) -> tuple[Real, ...]:
-            given = self._in_order(inputs, states)
-            return tuple([each(function, *given) for function in functions])
+            return timed(inputs, states, 0.0, p)
 
         return timed if TIME in self.names else untimed
-
-    def _in_order(self, inputs: tuple[Any, ...], states: tuple[Any, ...], *t: Any) -> list[Any]:
-        """Arguments of the function."""
-        known = dict(zip((*self.inputs, *self.memory), (*inputs, *states), strict=True))
-        known |= dict.fromkeys([TIME], *t)
-        return [known[name] for name in self.names]
 
     def _value(self, place: int, *given: float) -> float:
         remedy = "return the output, and behind it one number for each state"

@@ -139,13 +139,8 @@ class Table(Signal, type="signal.table"):
 
     def law(self) -> laws.Table:
         """The same rows as a law of a load."""
-        return laws.Table(
-            of="time",
-            arguments=self.arguments,
-            values=self.values,
-            interpolation=self.interpolation,
-            period=self.period,
-        )
+        rows = ("arguments", "values", "interpolation", "period")
+        return laws.Table(of="time", **{name: getattr(self, name) for name in rows})
 
     @property
     def inputs(self) -> tuple[str, ...]:
