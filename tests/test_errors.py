@@ -191,7 +191,9 @@ def test_every_code_in_the_source_is_declared():
     stems = ("values", "errors", "registry", "validation_errors")
     rooms = [source / "ground" / f"{stem}.py" for stem in stems]
     rooms += [
-        p for room in ("model", "blocks", "loads", "friction") for p in (source / room).glob("*.py")
+        p
+        for room in ("model", "blocks", "functions", "loads", "friction")
+        for p in (source / room).glob("*.py")
     ]
     rooms += (source / "friction" / "laws").glob("*.py")
     makers = {"Problem", "mistake", "PydanticCustomError", "unknown_name", "_must", "_strange"}
