@@ -6,7 +6,8 @@ one pass, so that a user sees everything at once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from blockmech.blocks.contract import Block, Moving
@@ -51,13 +52,10 @@ def checked(blocks: Blocks, wires: Iterable[Wire], scene: Scene) -> Checked:
     import networkx as nx
 
     problems = list(_block_problems(blocks))
-    fed: dict[str, Wire] = {}
-    ends = []
-    for wire in wires:
-        ends.append(wire.apart(blocks))
-        problems += wire_problems(blocks, wire, ends[-1], fed.get(wire.target))
-        fed.setdefault(wire.target, wire)
-    problems += _unwired(blocks, fed)
+    judged = list(checked_wires(blocks, wires))
+    problems += chain.from_iterable(wrong for _, _, wrong in judged)
+    ends = [parts for wire, parts, wrong in judged if wire.target not in (p.where for p in wrong)]
+    problems += _unwired(blocks, {wire.target for wire, _, _ in judged})
     problems += _driver_problems(blocks, scene)
     problems += coupling_problems(blocks, scene)
     problems += _group_problems(blocks)
@@ -121,6 +119,19 @@ def _block_problems(blocks: Blocks) -> Iterator[Problem]:
     for name, block in blocks.items():
         if isinstance(block, UnknownBlock):
             yield REGISTRY.unknown(block.type, name)
+
+
+def checked_wires(
+    blocks: Blocks, wires: Iterable[Wire]
+) -> Iterator[tuple[Wire, Ends, list[Problem]]]:
+    """Wires with their ends, and what is locally wrong with each."""
+    fed: dict[str, Wire] = {}
+    for wire in wires:
+        ends = wire.apart(blocks)
+        problems = list(wire_problems(blocks, wire, ends, fed.get(wire.target)))
+        yield wire, ends, problems
+        if not problems:
+            fed.setdefault(wire.target, wire)
 
 
 def wire_problems(blocks: Blocks, wire: Wire, ends: Ends, fed: Wire | None) -> Iterator[Problem]:
@@ -252,7 +263,7 @@ def _ports(block: AnyBlock) -> list[str]:
     return [j.name for j in block.joints.values() if j.outer] if isinstance(block, Moving) else []
 
 
-def _unwired(blocks: Blocks, fed: Mapping[str, Wire]) -> Iterator[Problem]:
+def _unwired(blocks: Blocks, fed: Container[str]) -> Iterator[Problem]:
     for end in (f"{name}.{port}" for name, block in blocks.items() for port in signal_ports(block)):
         if end not in fed:
             found, remedy = "nothing is wired to it", f'connect("block.output", "{end}")'

@@ -49,6 +49,11 @@ class Wire:
     target: str
 
     @property
+    def written(self) -> dict[str, str]:
+        """As it stands in a file."""
+        return {"from": self.source, "to": self.target}
+
+    @property
     def ends(self) -> tuple[str, str]:
         """Source and target."""
         return self.source, self.target

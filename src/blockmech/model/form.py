@@ -10,7 +10,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
+
+from pydantic.fields import FieldInfo
 
 from blockmech.ground.errors import (
     MOST,
@@ -27,6 +30,9 @@ from blockmech.ground.validation_errors import validated
 from blockmech.ground.values import NAME_RULE, StrictModel, is_name
 from blockmech.model.writing import plain
 
+HEAD = ("format", "version", "name", "title")
+EXTRAS = ("view", "expect", "source", "notes")
+"""Sections that travel with a document and are not computed with."""
 VERSION = 1
 """The version of files that this blockmech reads and writes."""
 
@@ -106,6 +112,12 @@ class Form:
     model: type[StrictModel]
     always: tuple[str, ...]
     items: Callable[[], Mapping[str, Section]]
+
+    @cached_property
+    def sections(self) -> dict[str, FieldInfo]:
+        """Fields of the model between head and extras."""
+        fields = self.model.model_fields
+        return {name: fields[name] for name in fields if name not in (*HEAD, *EXTRAS)}
 
     def written(self, sections: Mapping[str, Any]) -> dict[str, Any]:
         """What stands in a file: all sections but for those that say nothing."""

@@ -18,13 +18,13 @@ from blockmech.ground.errors import MOST, FormatError, GraphError, Problem, Requ
 from blockmech.ground.values import Vector
 from blockmech.loads.contract import Element
 from blockmech.model import checks
-from blockmech.model.diagram import GRAPH_FILE, AnyBlock, UnknownBlock, Wire, WireEnds, python_keys
+from blockmech.model.diagram import GRAPH_FILE, AnyBlock, UnknownBlock, Wire, python_keys
 from blockmech.model.document import Document
 from blockmech.model.flat import Flat, flattened
 from blockmech.model.form import VERSION, Draft
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.parameters import Path, interface, named
-from blockmech.model.scene import Initial, Locked, Scene, Stops
+from blockmech.model.scene import Scene
 from blockmech.model.signals import signal_wire
 from blockmech.model.structure import JointRef, MarkerRef, Structure
 from blockmech.model.subgraph import Subgraph, resolving
@@ -51,7 +51,6 @@ class Graph(Document):
 
     form = GRAPH_FILE
     blocks: dict[str, AnyBlock]
-    wires: list[Wire]
     parameters: dict[str, str | list[str]]  # name -> addresses, for a graph with this one inside
     _scene: Scene
 
@@ -65,18 +64,13 @@ class Graph(Document):
         drive: Mapping[str, LawOfMotion] | None = None,
     ) -> None:
         super().__init__(name, title=title)
-        self.blocks = {}
-        self.wires = []
-        self.parameters = {}
-        self.scene = Scene(gravity=gravity)  # type: ignore[arg-type]
+        self.gravity = gravity
         for driver, law in (drive or {}).items():
             self.drive(driver, law)
 
     # -- files ------------------------------------------------------------
 
     def _fill(self, draft: Draft) -> None:
-        self.scene = draft.said.scene
-        self.parameters = dict(draft.said.parameters)
         draft.note(python_keys(self.scene, draft.raw))
         unread = set()
         with resolving():
@@ -91,47 +85,29 @@ class Graph(Document):
                     unread.add(name)
                 self.blocks[name] = block or UnknownBlock("")
         if not (draft.wrong & {"blocks", "wires"} or draft.doubled):
-            wiring = self._wire_up(draft.said.wires, unread, bool(draft.content))
+            wiring = self._wiring_problems(unread, bool(draft.content))
             draft.fit += islice(wiring, MOST + 1)
 
-    def _wire_up(self, ends: list[WireEnds], unread: set[str], wrong: bool) -> Iterator[Problem]:
-        """Take the wires that fit; where something is wrong, tell all that is.
+    def _wiring_problems(self, unread: set[str], wrong: bool) -> Iterator[Problem]:
+        """All that is wrong with the graph of a file, where its wires or else ``wrong`` are.
 
         What follows from blocks that are ``unread`` and from wires left out is not reported.
         """
-        fed: dict[str, Wire] = {}
-        refused: set[str] = set()
         flat = self._flattened()
-        for end in ends:
-            wire = Wire(end.source, end.target)
-            if any(e.count(".") > 1 and e.partition(".")[0] in unread for e in wire.ends):
-                self.wires.append(wire)  # inside of what is unread
-                continue
-            there = Wire(*map(flat.address, wire.ends))
-            parts = there.apart(flat.blocks)
-            problems = list(checks.wire_problems(flat.blocks, there, parts, fed.get(wire.target)))
-            if problems:
-                refused |= {wire.target, wire.source}  # or the other way round
-                yield from problems
-            else:
-                self.wires.append(wire)
-                fed.setdefault(wire.target, wire)
-        for problem in Graph.check(self) if wrong or refused else ():
+        own = flat.wires[len(flat.wires) - len(self.wires) :]
+        odd = [wire for wire, _, problems in checks.checked_wires(flat.blocks, own) if problems]
+        refused = {end for wire in odd for end in wire.ends}  # or the other way round
+        for problem in Graph.check(self) if wrong or odd else ():
+            head, *inside = problem.where.split(".")
             follows = {
                 "unknown-block": problem.where in unread,
                 "unwired-joint": problem.where in refused,
                 "unknown-driver": problem.where.rsplit(".", 1)[-1] in unread,
                 "no-frame": bool(unread),
-                "bad-address": problem.where.partition(".")[0] in unread,
+                "bad-address": head in unread and len(inside) > 1,
             }
             if not follows.get(problem.code, False):
                 yield problem
-
-    def sections(self) -> dict[str, Any]:
-        """Blocks, wires and scene."""
-        wires = [{"from": wire.source, "to": wire.target} for wire in self.wires]
-        sections = {"blocks": self.blocks, "wires": wires, "scene": self.scene}
-        return sections | ({"parameters": self.parameters} if self.parameters else {})
 
     # -- graphs inside ----------------------------------------------------
 
@@ -278,36 +254,6 @@ class Graph(Document):
             remedy = f'e.g. drive("{driver}", ConstantRate(rate=10.0))'
             raise GraphError(Problem("not-a-law", where, found, "", remedy))
         self._give("drive", driver, law)
-
-    def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
-        """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
-        self._give("initial", driver, Initial(q=q, rate=rate))
-
-    def stop(
-        self,
-        driver: str,
-        low: float | None = None,
-        high: float | None = None,
-        restitution: float | None = None,
-    ) -> None:
-        """Give a driver end stops for free motion: lowest and highest coordinate [rad or m].
-
-        Any pair may have some, by its coordinate: ``"rod.S.coordinate"`` of a slider's way,
-        ``"rod.C.coordinate"`` of a pin's angle.
-
-        With a restitution, from 0 to 1, it bounces back; without the motion ends there.
-
-        Raises `GraphError` where neither is given or they are in the wrong order.
-        """
-        self._give("stops", driver, Stops(**{"from": low, "to": high, "restitution": restitution}))
-
-    def prescribe(self, driver: str) -> None:
-        """Let a driver follow its law of motion in motions of the others, see `drive`."""
-        self._give("motion", driver, "prescribed")
-
-    def lock(self, driver: str, q: float | None = None) -> None:
-        """Lock a driver in motions of the others: at q [rad or m], or where it starts."""
-        self._give("motion", driver, "locked" if q is None else Locked(locked=q))
 
     @declared
     def _give(self, section: str, driver: str, item: Any) -> None:
