@@ -58,6 +58,11 @@ class Wire:
         """Source and target."""
         return self.source, self.target
 
+    @property
+    def turned(self) -> Wire:
+        """The same the other way round."""
+        return Wire(self.target, self.source)
+
     def apart(self, blocks: Container[str]) -> Ends:
         """The names of its blocks, and those behind them; empty where an address has none."""
         source, target = (split_address(str(end), blocks) for end in self.ends)

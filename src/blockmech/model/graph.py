@@ -25,9 +25,9 @@ from blockmech.model.form import VERSION, Draft
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.parameters import Path, interface, named
 from blockmech.model.scene import Scene
-from blockmech.model.signals import signal_wire
 from blockmech.model.structure import JointRef, MarkerRef, Structure
 from blockmech.model.subgraph import Subgraph, resolving
+from blockmech.model.wires import checked_wires, signal_wire, wire_problems
 from blockmech.signals.contract import Signal
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class Graph(Document):
         """
         flat = self._flattened()
         own = flat.wires[len(flat.wires) - len(self.wires) :]
-        odd = [wire for wire, _, problems in checks.checked_wires(flat.blocks, own) if problems]
+        odd = [wire for wire, _, problems in checked_wires(flat.blocks, own) if problems]
         refused = {end for wire in odd for end in wire.ends}  # or the other way round
         for problem in Graph.check(self) if wrong or odd else ():
             head, *inside = problem.where.split(".")
@@ -227,7 +227,7 @@ class Graph(Document):
         for graph in (near, self):  # for messages all there is
             flat = graph._flattened()
             there = Wire(*map(flat.address, wire.ends))
-            problems = list(checks.wire_problems(flat.blocks, there, there.apart(flat.blocks), fed))
+            problems = list(wire_problems(flat.blocks, there, there.apart(flat.blocks), fed))
             if not problems:
                 break
         return problems

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import GraphError, Problem, as_names, close_match, listed, path_text
+from blockmech.ground.errors import GraphError, Problem, as_names, listed, path_text, unknown_name
 from blockmech.ground.values import Marker, Place, Vector, is_name
 from blockmech.loads.contract import Element
 from blockmech.model.diagram import Wire
@@ -218,9 +218,10 @@ class Linkage(Document):
         links = as_names(f"joints.{name}.links", links)
         unknown = [link for link in links if link not in self.links and link != FRAME]
         if unknown:
-            found, known = f'no link "{unknown[0]}"', f"links: {listed([FRAME, *self.links])}"
-            remedy = close_match(unknown[0], self.links) or "add it first: its pose counts"
-            raise GraphError(Problem("unknown-link", f"joints.{name}.links", found, known, remedy))
+            where, first = f"joints.{name}.links", "add it first: its pose counts"
+            raise GraphError(
+                unknown_name("unknown-link", "link", unknown[0], where, [FRAME, *self.links], first)
+            )
         given = {FRAME: LinkGiven()} | self.links
         zero = (0.0, 0.0, 0.0)
         return [given[link].model_copy(update={"pose": given[link].pose or zero}) for link in links]
