@@ -23,6 +23,7 @@ from blockmech.model.document import Document
 from blockmech.model.flat import Flat, flattened
 from blockmech.model.form import VERSION, Draft
 from blockmech.model.laws_of_motion import LawOfMotion
+from blockmech.model.meshing import check_couplings
 from blockmech.model.parameters import Path, interface, named
 from blockmech.model.scene import Scene
 from blockmech.model.structure import JointRef, MarkerRef, Structure
@@ -282,7 +283,7 @@ class Graph(Document):
         if problems := [*flat.problems, *found.problems]:
             raise GraphError(problems)
         formed = _formed(flat, found)
-        formed.check_couplings()
+        check_couplings(formed)
         return formed
 
     def to_networkx(self) -> nx.DiGraph:

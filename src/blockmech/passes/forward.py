@@ -17,6 +17,7 @@ from blockmech.blocks.contract import BuiltIn
 from blockmech.couplings.contract import Meshing
 from blockmech.ground.plane import EPS, cross, expi, sign, sqrt
 from blockmech.ground.values import Marker
+from blockmech.model.meshing import coupling_numbers
 from blockmech.model.structure import FollowedBranch, JointRef, LinkRef, MarkerRef, Structure
 from blockmech.plan.plan import NOUGHT, ONE, ZERO, Entry, Formula, Schedule
 from blockmech.typing import Complex, Guide, LinkAcceleration, LinkVelocity, Real
@@ -133,7 +134,7 @@ def guide(s: Schedule, marker: MarkerRef) -> str:
 def numbers(s: Schedule, coupling: str) -> str:
     """Slot of a coupling's own numbers."""
     return s.parameter(
-        ("numbers", coupling), lambda st, _: st.coupling_numbers(coupling), f"P_{coupling}"
+        ("numbers", coupling), lambda st, _: coupling_numbers(st, coupling), f"P_{coupling}"
     )
 
 
