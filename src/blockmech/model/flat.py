@@ -93,7 +93,6 @@ def open_ports(block: Subgraph) -> Iterator[tuple[str, str]]:
 
 def with_parameters(block: Subgraph) -> Content:
     """The graph inside of a block with the numbers that the block gives it, unchecked."""
-    assert block.content is not None
     if not block.given:
         return block.content
     known = interface(block.content)

@@ -224,26 +224,23 @@ HOLDS = ("link", "links", "at", "joint")
 
 def sections() -> dict[str, Section]:
     """The sections of named items, with all laws, loads and so on that are registered."""
-    couplings, signals = (
-        {
-            name.removeprefix(prefix): REGISTRY[name]
-            for name in REGISTRY
-            if name.startswith(prefix) and issubclass(REGISTRY[name], kind)
-        }
-        for prefix, kind in ((COUPLINGS, Coupling), (SIGNALS, Signal))
-    )
-    laws = {get_args(law.model_fields["law"].annotation)[0]: law for law in LAWS}
-    blocks = {name: REGISTRY[name] for name in REGISTRY if name.startswith(LOADS)}
-    loads = {
-        name.removeprefix(LOADS): _load_model(cls)
-        for name, cls in blocks.items()
-        if issubclass(cls, Element)
-    }
+    return _sections(tuple(REGISTRY))
+
+
+@functools.lru_cache(1)
+def _sections(types: tuple[str, ...]) -> dict[str, Section]:
+
+    def registered(prefix: str, base: type[StrictModel]) -> dict[str, Any]:
+        names = [name for name in types if name.startswith(prefix)]
+        kinds = {name.removeprefix(prefix): REGISTRY[name] for name in names}
+        return {word: kind for word, kind in kinds.items() if issubclass(kind, base)}
+
+    loads = {word: _load_model(kind) for word, kind in registered(LOADS, Element).items()}
+    driven = {get_args(law.model_fields["law"].annotation)[0]: _driver_model(law) for law in LAWS}
     own = ("mass", "inertia", "cm", "pose", "markers")
     of_joint = ("type", "links", "at", "angle", "dir", "slider", "friction", "clearance")
-    pairs = {"R": PinGiven, "P": GuideGiven}
-    driven = {word: _driver_model(law) for word, law in laws.items()}
-    alone = "a driver without a law"
+    pairs, alone = {"R": PinGiven, "P": GuideGiven}, "a driver without a law"
+    couplings, signals = registered(COUPLINGS, Coupling), registered(SIGNALS, Signal)
     holds = ("type", "link", "links", "joint", "at")
     return {
         "links": Section("link", {}, plain=LinkGiven, plain_said="a link", first=own),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, TypeAlias, cast
+from typing import Any, NamedTuple, TypeAlias
 
 from blockmech.ground.errors import Problem, listed, path_text, unknown_name
 from blockmech.ground.values import is_name
@@ -39,8 +39,8 @@ TWO_LINKS = {"drivers": "drives", "loads": "acts between"}
 def _references(linkage: Any) -> Iterator[Reference]:
     for section in linkage.form.items():
         for name, item in getattr(linkage, section).items():
-            for key, what in NAMES.items():
-                path, said = (section, name, key), cast(Any, getattr(item, key, None))
+            for key in filter(NAMES.get, type(item).model_fields):
+                path, what, said = (section, name, key), NAMES[key], getattr(item, key)
                 if isinstance(said, list):
                     yield from (Reference(what, x, (*path, k)) for k, x in enumerate(said))
                 elif section == "couplings" and key == "driver" and "." in said:
