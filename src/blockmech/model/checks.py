@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
@@ -17,7 +18,7 @@ from blockmech.blocks.general.block import SUPPORTS
 from blockmech.blocks.modes import TwoModes
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
-from blockmech.ground.errors import Problem, listed
+from blockmech.ground.errors import GraphError, Problem, listed
 from blockmech.ground.values import NAME_RULE, is_name
 from blockmech.loads.contract import Element
 from blockmech.model.diagram import AnyBlock, Ends, UnknownBlock, Wire
@@ -28,8 +29,10 @@ from blockmech.model.drivers import (
     driver_problems,
     loop_problems,
 )
-from blockmech.model.scene import Scene
-from blockmech.model.wires import checked_wires, unwired
+from blockmech.model.flat import Flat
+from blockmech.model.meshing import check_couplings
+from blockmech.model.structure import JointRef, MarkerRef, Structure
+from blockmech.model.wires import checked_wires, signal_wire, unwired
 from blockmech.signals.contract import Signal
 
 if TYPE_CHECKING:
@@ -38,44 +41,65 @@ if TYPE_CHECKING:
 Blocks: TypeAlias = Mapping[str, AnyBlock]
 
 
-class Checked(NamedTuple):
-    """A graph that was checked.
+def checked_structure(flat: Flat) -> Structure:
+    """The formation sequence of a graph. Raises `GraphError` with every problem of it.
 
-    problems : all that is wrong with it
-    order : where nothing is, its blocks with links in formation order: of those that do not
-        wait for each other the first by name comes first
-    ends : its wires by the names of their blocks
+    Of blocks that do not wait for each other the first by name comes first.
     """
-
-    problems: list[Problem]
-    order: tuple[str, ...]
-    ends: list[Ends]
-
-
-def checked(blocks: Blocks, wires: Iterable[Wire], scene: Scene) -> Checked:
-    """Every problem of a graph, and what was found from its wires."""
     import networkx as nx
 
-    problems = list(_block_problems(blocks))
-    judged = list(checked_wires(blocks, wires))
-    problems += chain.from_iterable(wrong for _, _, wrong in judged)
+    blocks, order = flat.blocks, tuple[str, ...]()
+    judged = list(checked_wires(blocks, flat.wires))
     ends = [parts for wire, parts, wrong in judged if wire.target not in (p.where for p in wrong)]
+    problems = [*flat.problems, *_block_problems(blocks)]
+    problems += chain.from_iterable(wrong for _, _, wrong in judged)
     problems += unwired(blocks, {wire.target for wire, _, _ in judged})
-    problems += driver_problems(blocks, scene)
-    problems += coupling_problems(blocks, scene)
+    problems += driver_problems(blocks, flat.scene)
+    problems += coupling_problems(blocks, flat.scene)
     problems += _group_problems(blocks)
     problems += _branch_problems(blocks, ends)
-    if any(p.code == "unknown-block" for p in problems):
-        return Checked(problems, (), ends)
-    dag = block_dag(blocks, ends)
-    add_couplings(dag, blocks)
-    try:
-        order = tuple(nx.lexicographical_topological_sort(dag, key=str))
-    except nx.NetworkXUnfeasible:
-        cycles = list(_cycles(block_dag(blocks, ends), blocks, wires))
-        return Checked(problems + (cycles or list(loop_problems(dag, blocks))), (), ends)
-    problems += loop_problems(dag, blocks)  # a driver that is coupled to itself is none of the dag
-    return Checked(problems, () if problems else order, ends)
+    if not any(isinstance(block, UnknownBlock) for block in blocks.values()):
+        dag, cycles = block_dag(blocks, ends), list[Problem]()
+        add_couplings(dag, blocks)
+        try:
+            order = tuple(nx.lexicographical_topological_sort(dag, key=str))
+        except nx.NetworkXUnfeasible:
+            cycles += _cycles(block_dag(blocks, ends), blocks, flat.wires)
+        problems += cycles or loop_problems(dag, blocks)
+    if problems:
+        raise GraphError(problems)
+    structure = _formed(blocks, order, zip(flat.wires, ends, strict=True))
+    check_couplings(structure)
+    return structure
+
+
+def _formed(
+    blocks: Mapping[str, Any], order: Iterable[str], wires: Iterable[tuple[Wire, Ends]]
+) -> Structure:
+    """The structure of a graph with which nothing is wrong, its blocks with links in order."""
+    feeds, holds = dict[JointRef, MarkerRef](), dict[JointRef, MarkerRef]()
+    read: dict[JointRef, str] = {}
+    for wire, ends in wires:
+        joint, block = JointRef(ends.target, ends.port), blocks[ends.target]
+        if signal_wire(blocks, ends):
+            read[joint] = wire.source
+        else:
+            link, _ = blocks[ends.source].all_markers[ends.marker]
+            on = holds if isinstance(block, Element) else feeds
+            on[joint] = MarkerRef(ends.source, link, ends.marker)
+    named = sorted(blocks.items(), key=itemgetter(0))
+    frame = next(n for n, b in named if isinstance(b, Frame))
+    return Structure(
+        frame,
+        {n: blocks[n] for n in order if isinstance(blocks[n], Moving)},
+        {n: b for n, b in named if isinstance(b, Element)},
+        blocks[frame],
+        feeds,
+        holds,
+        couplings={n: b for n, b in named if isinstance(b, Coupling)},
+        signals={n: b for n, b in named if isinstance(b, Signal)},
+        signal_wires=read,
+    )
 
 
 def remarks(blocks: Blocks, wires: Iterable[Wire]) -> list[Problem]:

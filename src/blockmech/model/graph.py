@@ -7,29 +7,23 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Self
 
-from blockmech.blocks.contract import Moving
 from blockmech.blocks.frame import Frame
-from blockmech.couplings.contract import Coupling
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import MOST, FormatError, GraphError, Problem, RequestError, in_file
 from blockmech.ground.values import Vector
-from blockmech.loads.contract import Element
 from blockmech.model import checks
 from blockmech.model.diagram import GRAPH_FILE, AnyBlock, UnknownBlock, Wire, python_keys
 from blockmech.model.document import Document
 from blockmech.model.flat import Flat, flattened
 from blockmech.model.form import VERSION, Draft
 from blockmech.model.laws_of_motion import LawOfMotion
-from blockmech.model.meshing import check_couplings
-from blockmech.model.parameters import Path, interface, named
+from blockmech.model.parameters import interface, named
 from blockmech.model.scene import Scene
-from blockmech.model.structure import JointRef, MarkerRef, Structure
+from blockmech.model.structure import Structure
 from blockmech.model.subgraph import Subgraph, resolving
-from blockmech.model.wires import checked_wires, signal_wire, wire_problems
-from blockmech.signals.contract import Signal
+from blockmech.model.wires import checked_wires, wire_problems
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -278,13 +272,7 @@ class Graph(Document):
 
     def structure(self) -> Structure:
         """The checked formation sequence. Raises `GraphError` with all problems."""
-        flat = self._flattened()
-        found = checks.checked(flat.blocks, flat.wires, flat.scene)
-        if problems := [*flat.problems, *found.problems]:
-            raise GraphError(problems)
-        formed = _formed(flat, found)
-        check_couplings(formed)
-        return formed
+        return checks.checked_structure(self._flattened())
 
     def to_networkx(self) -> nx.DiGraph:
         """A copy of the block diagram: nodes are blocks, edges carry their ``wires``."""
@@ -309,35 +297,6 @@ class Graph(Document):
             f"<Graph {self.name}: {len(s.links) - 1} moving links, {s.pairs} pairs, "
             f"mobility {s.mobility}; {s.formula}>"
         )
-
-
-def _formed(flat: Flat, found: checks.Checked) -> Structure:
-    """The structure of a graph with which nothing is wrong."""
-    known: dict[str, Any] = flat.blocks
-    feeds: dict[JointRef, MarkerRef] = {}
-    holds: dict[JointRef, MarkerRef] = {}
-    read: dict[JointRef, str] = {}
-    for wire, ends in zip(flat.wires, found.ends, strict=True):
-        joint = JointRef(ends.target, ends.port)
-        if signal_wire(known, ends):
-            read[joint] = wire.source
-            continue
-        wires = holds if isinstance(known[ends.target], Element) else feeds
-        link, _ = known[ends.source].all_markers[ends.marker]
-        wires[joint] = MarkerRef(ends.source, link, ends.marker)
-    named = sorted(known.items(), key=itemgetter(0))
-    frame = next(n for n, b in named if isinstance(b, Frame))
-    return Structure(
-        frame,
-        {n: b for n in found.order if isinstance(b := known[n], Moving)},
-        {n: b for n, b in named if isinstance(b, Element)},
-        known[frame],
-        feeds,
-        holds,
-        couplings={n: b for n, b in named if isinstance(b, Coupling)},
-        signals={n: b for n, b in named if isinstance(b, Signal)},
-        signal_wires=read,
-    )
 
 
 def _part(path: str) -> Graph:
@@ -380,17 +339,12 @@ def _unfit(content: Graph) -> Iterator[Problem]:
 
 def _misfits(block: Subgraph, where: str) -> Iterator[Problem]:
     """What is wrong with the numbers that a block gives the graph inside."""
-    content: Any = block.content
-    inside, known = f"{where}.parameters", interface(content)
+    content, inside = block.content, f"{where}.parameters"
+    known = interface(content)
     try:
         given = named({address: p for address, (p, _) in known.items()}, block.given)
+        content.with_checked({path: x for p, x in given.items() for path in known[p.address][1]})
     except RequestError as error:
         yield from (replace(p, where=f"{inside}.{p.where}") for p in error.problems)
-        return
-    numbers: dict[Path, float] = {}
-    for p, x in given.items():
-        numbers |= dict.fromkeys(known[p.address][1], x)
-    try:
-        content.with_checked(numbers)
     except (FormatError, GraphError) as error:
         yield from (replace(p, where=inside, found=f"{p.where}: {p.found}") for p in error.problems)
