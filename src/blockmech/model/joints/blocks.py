@@ -13,13 +13,13 @@ from blockmech.ground.errors import refused
 from blockmech.ground.values import xy
 from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
 from blockmech.model.naming import JointName, LinkName, Names
+from blockmech.model.scene import PER_DRIVER
 from blockmech.model.spots import guide_spots, marker_place, pin_spot
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 
 Form = dict[str, Any]
 COUPLED = ("driver", "driven")
 OF_LINKS = ("mass", "inertia", "cm")
-OF_DRIVERS = ("drive", "initial", "stops", "motion")  # sections of the scene
 
 
 class SaidByLinks:
@@ -66,7 +66,7 @@ class SaidByLinks:
         head = {key: form[key] for key in ("name", "title", "source", "notes") if key in form}
         drive, *rest = (
             {self.drivers[driver]: x for driver, x in scene.get(part, {}).items()}
-            for part in OF_DRIVERS
+            for part in PER_DRIVER
         )
         coupled = [name for name in form["blocks"] if name in self.s.couplings]
         return {
@@ -82,7 +82,7 @@ class SaidByLinks:
             },
             "couplings": {name: self._said(name, COUPLINGS) for name in coupled},
             "loads": dict(self._loads()),
-            **{key: part for key, part in zip(OF_DRIVERS[1:], rest, strict=True) if part},
+            **{key: part for key, part in zip(PER_DRIVER[1:], rest, strict=True) if part},
         }
 
     def names(self) -> Names:

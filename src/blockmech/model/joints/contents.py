@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
 from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from blockmech.blocks.block import refuse
+from blockmech.blocks.block import Block, refuse
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws.contract import AnyFriction
@@ -224,16 +224,15 @@ HOLDS = ("link", "links", "at", "joint")
 
 def sections() -> dict[str, Section]:
     """The sections of named items, with all laws, loads and so on that are registered."""
-    return _sections(tuple(REGISTRY))
+    own = (name for name in REGISTRY if name.startswith((LOADS, COUPLINGS, SIGNALS)))
+    return _sections(tuple(REGISTRY[name] for name in own))
 
 
 @functools.lru_cache(1)
-def _sections(types: tuple[str, ...]) -> dict[str, Section]:
-
-    def registered(prefix: str, base: type[StrictModel]) -> dict[str, Any]:
-        names = [name for name in types if name.startswith(prefix)]
-        kinds = {name.removeprefix(prefix): REGISTRY[name] for name in names}
-        return {word: kind for word, kind in kinds.items() if issubclass(kind, base)}
+def _sections(types: tuple[Any, ...]) -> dict[str, Section]:
+    def registered(prefix: str, base: type[Block]) -> dict[str, Any]:
+        kinds = {cls.type_name: cls for cls in types if issubclass(cls, base)}
+        return {n.removeprefix(prefix): cls for n, cls in kinds.items() if n.startswith(prefix)}
 
     loads = {word: _load_model(kind) for word, kind in registered(LOADS, Element).items()}
     driven = {get_args(law.model_fields["law"].annotation)[0]: _driver_model(law) for law in LAWS}

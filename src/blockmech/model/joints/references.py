@@ -11,6 +11,7 @@ from blockmech.ground.values import is_name
 from blockmech.model.diagram import Wire
 from blockmech.model.form import bad_name
 from blockmech.model.joints.contents import FRAME
+from blockmech.model.scene import PER_DRIVER
 from blockmech.model.structure import COORDINATE
 from blockmech.model.wires import wire_problems as motion_or_signal
 
@@ -47,7 +48,7 @@ def _references(linkage: Any) -> Iterator[Reference]:
                     yield Reference("link", said.partition(".")[0], path)
                 elif said is not None:
                     yield Reference(what, said, path)
-    for section in ("initial", "stops", "motion"):
+    for section in PER_DRIVER[1:]:
         for name in getattr(linkage, section):
             pair = coordinate_of(name) if section == "stops" else None
             what, named = ("driver", name) if pair is None else ("joint", pair.partition(".")[0])
