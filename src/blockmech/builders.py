@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from textwrap import shorten
 from typing import TYPE_CHECKING, Any, TypeAlias
+from weakref import WeakKeyDictionary
 
 from blockmech.ground.errors import FormatError, GraphError, Problem, in_file
 from blockmech.ground.garbage import uncollected
@@ -128,14 +130,23 @@ class Linkage(linkage.Linkage, Uncompiled):
 
         Raises `GraphError` with all problems.
         """
-        from blockmech.model.joints.decompose import decompose  # brings networkx
+        made = self._as_blocks(general)
+        return replace(made, data=deepcopy(made.data))
 
-        made = Decomposition(*decompose(self, general))
-        if not self.wires:
-            return made
-        from blockmech.outputs.sensors_by_link import with_sensors_of_blocks
+    def _as_blocks(self, general: General = "") -> Decomposition:
+        """The same, made once as long as nothing of the document changes."""
+        now = {**vars(self.snapshot()), "general": general}
+        then, made = _AS_BLOCKS.get(self, (None, None))
+        if made is None or then != now:
+            from blockmech.model.joints.decompose import decompose  # brings networkx
 
-        return replace(made, data=with_sensors_of_blocks(made.data, made.names))
+            made = Decomposition(*decompose(self, general))
+            if self.wires:
+                from blockmech.outputs.sensors_by_link import with_sensors_of_blocks
+
+                made = replace(made, data=with_sensors_of_blocks(made.data, made.names))
+            _AS_BLOCKS[self] = now, made
+        return made
 
     @uncollected()
     def compile(self) -> Mechanism:
@@ -143,7 +154,7 @@ class Linkage(linkage.Linkage, Uncompiled):
 
         Its outputs have the names of the document. Raises `GraphError` with all problems.
         """
-        return self.decompose().compile()
+        return self._as_blocks().compile()
 
     def _repr_svg_(self) -> str | None:
         return None if self.check() else self.compile()._repr_svg_()
@@ -154,10 +165,14 @@ class Linkage(linkage.Linkage, Uncompiled):
         counts = f"{moving} moving links, {pairs} pairs, {len(self.drivers)} driver"
         counts += "s" * (len(self.drivers) != 1)
         try:
-            formula = str(self.decompose().formation)
+            formula = str(self._as_blocks().formation)
         except GraphError:
             formula = "not complete: see check()"
         return f"<Linkage {self.name}: {counts}; {shorten(formula, 300, placeholder=' ...')}>"
+
+
+_AS_BLOCKS: WeakKeyDictionary[Linkage, tuple[dict[str, Any], Decomposition]] = WeakKeyDictionary()
+"""Linkage -> what it was and the blocks that it became then."""
 
 
 def _problems_of(document: Opened) -> list[Problem]:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
+from blockmech.model.meshing import coupling_numbers, sides
 
 RISE, OVER, MU, WEIGHT, E = 0.01, 1.6, 0.15, 100.0, 0.005
 LIFT = {
@@ -101,7 +102,7 @@ def test_forces_on_every_link_balance_and_power_goes_where_it_should(name):
 def test_the_speed_at_the_contact_is_differentiated(name):
     structure = MACHINES[name].compile().structure
     kernel = structure.couplings["cam"].touch(structure.coupled_pair("cam"))
-    here, p, h = structure.where("cam"), structure.coupling_numbers("cam"), 1e-5
+    here, p, h = sides(structure, "cam"), coupling_numbers(structure, "cam"), 1e-5
     for x in (0.4, 0.9, 2.9):
         low, at, high = (kernel(here(x + d), p) for d in (-h, 0.0, h))
         assert (high.slip - low.slip) / (2 * h) == pytest.approx(at.slope, rel=1e-6, abs=1e-9)

@@ -13,6 +13,7 @@ import pytest
 import blockmech as bm
 from blockmech.couplings import laws
 from blockmech.ground.errors import GraphError
+from blockmech.model import meshing
 from blockmech.testing.expectations import check_expectations
 from tests.gallery import GRAPHS, JOINTS
 from tests.independent import newton
@@ -486,7 +487,11 @@ def test_radius_of_curvature_is_that_of_the_drawn_profile(name):
     kind, cam = FOLLOWERS[name]
     mech = cranks(bm.Cam(driver="one", driven="two", **cam), second=kind).compile()
     s = mech.structure
-    where, p, pair = s.where("mesh"), s.coupling_numbers("mesh"), s.coupled_pair("mesh")
+    where, p, pair = (
+        meshing.sides(s, "mesh"),
+        meshing.coupling_numbers(s, "mesh"),
+        s.coupled_pair("mesh"),
+    )
     mesh = s.couplings["mesh"]
     h = 1e-3
     for x in (0.7, 1.6, 3.5):
@@ -508,7 +513,9 @@ def test_a_profile_given_by_points_moves_the_follower_as_the_law_that_made_it(na
     first = cranks(bm.Cam(driver="one", driven="two", **cam), second=kind).compile()
     s = first.structure
     (outline, *_) = s.couplings["mesh"].curves(
-        "RP" if kind == "slide" else "RR", s.where("mesh"), s.coupling_numbers("mesh")
+        "RP" if kind == "slide" else "RR",
+        meshing.sides(s, "mesh"),
+        meshing.coupling_numbers(s, "mesh"),
     )
     points = [(z.real, z.imag) for z in outline.points[:-1]]
     again = cam | {"law": {"kind": "points", "points": points}}

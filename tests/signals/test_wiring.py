@@ -117,6 +117,25 @@ def test_a_wrong_wire_is_refused_at_once(wire, code, said):
     assert said in str(caught.value)
 
 
+def test_wires_of_a_block_that_cannot_be_read_are_no_problems_of_their_own():
+    data = data_of("speed_controlled_fourbar")
+    data["blocks"]["pid"]["gain"] = 3.0  # no key of a controller
+    with pytest.raises(FormatError) as caught:
+        bm.Graph.from_data(data)
+    assert [(p.code, p.where) for p in caught.value.problems] == [
+        ("unknown-key", "blocks.pid.gain")
+    ]
+
+
+def test_both_ends_of_a_wire_of_signals_are_told_at_once():
+    with pytest.raises(GraphError) as caught:
+        bm.Graph.from_data(data_of("speed_controlled_fourbar")).connect("error", "pid.")
+    assert [(p.code, p.where) for p in caught.value.problems] == [
+        ("bad-address", "error"),
+        ("bad-address", "pid."),
+    ]
+
+
 def test_an_input_without_a_wire_is_a_problem():
     g = flywheel({"gain": signals.Gain(k=1.0)}, [("gain.y", "drive.law")])
     assert [p.where for p in g.check()] == ["gain.u"]

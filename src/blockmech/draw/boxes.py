@@ -21,14 +21,14 @@ from blockmech.draw.paper import shown_name, text_width
 from blockmech.ground.errors import listed
 from blockmech.ground.values import split_address
 from blockmech.loads.contract import Element, Following
-from blockmech.model.couplings import couplings_of, driven_joints
 from blockmech.model.diagram import Ends, UnknownBlock, Wire
+from blockmech.model.drivers import couplings_of, driven_joints
 from blockmech.model.flat import open_ports
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
-from blockmech.model.signals import signal_ports, signal_wire
 from blockmech.model.structure import LinkRef, Structure
 from blockmech.model.subgraph import Subgraph
+from blockmech.model.wires import inlets, signal_wire
 from blockmech.signals.contract import Signal
 
 
@@ -227,7 +227,7 @@ def _block(
                 drive = _drive(block)
         case Element():
             kind, under = "element", block.type_name.rsplit(".", 1)[-1].replace("_", " ")
-            declared = dict.fromkeys((*block.terminals, *signal_ports(block)), "")
+            declared = dict.fromkeys(inlets(block), "")
             if isinstance(block, Following):
                 under = f"{under} {block.function()}".strip()
         case Coupling():

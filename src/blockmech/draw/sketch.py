@@ -14,6 +14,7 @@ import numpy as np
 
 from blockmech.compiled import Compiled
 from blockmech.draw.motion import SAME_PLACE, Motion
+from blockmech.model.meshing import at_zero, coupling_numbers, sides
 from blockmech.model.spots import Spot, guide_spots, marker_place, pin_spot
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 
@@ -160,13 +161,13 @@ def _wheels(motion: Motion, driver: str) -> Iterator[Wheel]:
     links = {"driver": follower.centre.on if leader is None else s.later_link(leader)}
     links |= {"driven": s.later_link(ref), "carrier": s.feeds[ref].on}
     name = follower.coupling
-    pair, p = s.coupled_pair(name), s.coupling_numbers(name)
-    for curve in s.couplings[name].curves(pair, s.where(name), p):
+    pair, p = s.coupled_pair(name), coupling_numbers(s, name)
+    for curve in s.couplings[name].curves(pair, sides(s, name), p):
         link, marker = links[curve.link], markers[curve.link]
         slides = curve.link != "carrier" and pair[curve.link == "driven"] == "P"
         centre = Spot(marker.on, marker_place(s, marker))
         at = 0j if slides else complex(motion.seen(link, centre)[0])
-        turn = s.at_zero(link).e.conjugate() if curve.link == "carrier" else 1 + 0j
+        turn = at_zero(s, link).e.conjugate() if curve.link == "carrier" else 1 + 0j
         points = tuple(at + z * turn for z in curve.points)
         yield Wheel(f"{follower.coupling}:{curve.link}", link, points, curve.chain)
 

@@ -264,6 +264,25 @@ def unknown_key(where: str, owner: str, key: str, keys: Iterable[str]) -> Proble
     return Problem("unknown-key", where, found, valid, close_match(key, keys) or "remove it")
 
 
+def unknown_name(
+    code: str,
+    what: str,
+    name: str,
+    where: str,
+    known: Iterable[str],
+    remedy: str = "",
+    there: str = "",
+) -> Problem:
+    """The problem of a name that is none of a kind's, with those and the nearest of them.
+
+    ``there`` says in words where they are; ``remedy`` is what to do where none is near.
+    """
+    names = list(known)
+    valid = f"{what}s{there}: {listed(names) or 'none'}"
+    remedy = close_match(name, names) or remedy
+    return Problem(code, where, f'no {what} "{name}"', valid, remedy)
+
+
 # The problems of a file.
 
 MOST = 100  # problems that are listed

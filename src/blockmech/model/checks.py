@@ -7,7 +7,9 @@ one pass, so that a user sees everything at once.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from itertools import chain
+from operator import itemgetter
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
@@ -16,14 +18,21 @@ from blockmech.blocks.general.block import SUPPORTS
 from blockmech.blocks.modes import TwoModes
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
-from blockmech.ground.errors import Problem, close_match, listed
-from blockmech.ground.values import NAME_RULE, Marker, is_name, split_address
-from blockmech.loads.contract import LAW, Element, Following
-from blockmech.model.couplings import add_couplings, coupling_problems, loop_problems
+from blockmech.ground.errors import GraphError, Problem, listed
+from blockmech.ground.values import NAME_RULE, is_name
+from blockmech.loads.contract import Element
 from blockmech.model.diagram import AnyBlock, Ends, UnknownBlock, Wire
-from blockmech.model.scene import Scene
-from blockmech.model.signals import signal_ports, signal_wire, signal_wire_problems
-from blockmech.model.structure import COORDINATE
+from blockmech.model.drivers import (
+    add_couplings,
+    coupling_problems,
+    driven_joints,
+    driver_problems,
+    loop_problems,
+)
+from blockmech.model.flat import Flat
+from blockmech.model.meshing import check_couplings
+from blockmech.model.structure import JointRef, MarkerRef, Structure
+from blockmech.model.wires import checked_wires, signal_wire, unwired
 from blockmech.signals.contract import Signal
 
 if TYPE_CHECKING:
@@ -32,47 +41,65 @@ if TYPE_CHECKING:
 Blocks: TypeAlias = Mapping[str, AnyBlock]
 
 
-class Checked(NamedTuple):
-    """A graph that was checked.
+def checked_structure(flat: Flat) -> Structure:
+    """The formation sequence of a graph. Raises `GraphError` with every problem of it.
 
-    problems : all that is wrong with it
-    order : where nothing is, its blocks with links in formation order: of those that do not
-        wait for each other the first by name comes first
-    ends : its wires by the names of their blocks
+    Of blocks that do not wait for each other the first by name comes first.
     """
-
-    problems: list[Problem]
-    order: tuple[str, ...]
-    ends: list[Ends]
-
-
-def checked(blocks: Blocks, wires: Iterable[Wire], scene: Scene) -> Checked:
-    """Every problem of a graph, and what was found from its wires."""
     import networkx as nx
 
-    problems = list(_block_problems(blocks))
-    fed: dict[str, Wire] = {}
-    ends = []
-    for wire in wires:
-        ends.append(wire.apart(blocks))
-        problems += wire_problems(blocks, wire, ends[-1], fed.get(wire.target))
-        fed.setdefault(wire.target, wire)
-    problems += _unwired(blocks, fed)
-    problems += _driver_problems(blocks, scene)
-    problems += coupling_problems(blocks, scene)
+    blocks, order = flat.blocks, tuple[str, ...]()
+    judged = list(checked_wires(blocks, flat.wires))
+    ends = [parts for wire, parts, wrong in judged if wire.target not in (p.where for p in wrong)]
+    problems = [*flat.problems, *_block_problems(blocks)]
+    problems += chain.from_iterable(wrong for _, _, wrong in judged)
+    problems += unwired(blocks, {wire.target for wire, _, _ in judged})
+    problems += driver_problems(blocks, flat.scene)
+    problems += coupling_problems(blocks, flat.scene)
     problems += _group_problems(blocks)
     problems += _branch_problems(blocks, ends)
-    if any(p.code == "unknown-block" for p in problems):
-        return Checked(problems, (), ends)
-    dag = block_dag(blocks, ends)
-    add_couplings(dag, blocks)
-    try:
-        order = tuple(nx.lexicographical_topological_sort(dag, key=str))
-    except nx.NetworkXUnfeasible:
-        cycles = list(_cycles(block_dag(blocks, ends), blocks, wires))
-        return Checked(problems + (cycles or list(loop_problems(dag, blocks))), (), ends)
-    problems += loop_problems(dag, blocks)  # a driver that is coupled to itself is none of the dag
-    return Checked(problems, () if problems else order, ends)
+    if not any(isinstance(block, UnknownBlock) for block in blocks.values()):
+        dag, cycles = block_dag(blocks, ends), list[Problem]()
+        add_couplings(dag, blocks)
+        try:
+            order = tuple(nx.lexicographical_topological_sort(dag, key=str))
+        except nx.NetworkXUnfeasible:
+            cycles += _cycles(block_dag(blocks, ends), blocks, flat.wires)
+        problems += cycles or loop_problems(dag, blocks)
+    if problems:
+        raise GraphError(problems)
+    structure = _formed(blocks, order, zip(flat.wires, ends, strict=True))
+    check_couplings(structure)
+    return structure
+
+
+def _formed(
+    blocks: Mapping[str, Any], order: Iterable[str], wires: Iterable[tuple[Wire, Ends]]
+) -> Structure:
+    """The structure of a graph with which nothing is wrong, its blocks with links in order."""
+    feeds, holds = dict[JointRef, MarkerRef](), dict[JointRef, MarkerRef]()
+    read: dict[JointRef, str] = {}
+    for wire, ends in wires:
+        joint, block = JointRef(ends.target, ends.port), blocks[ends.target]
+        if signal_wire(blocks, ends):
+            read[joint] = wire.source
+        else:
+            link, _ = blocks[ends.source].all_markers[ends.marker]
+            on = holds if isinstance(block, Element) else feeds
+            on[joint] = MarkerRef(ends.source, link, ends.marker)
+    named = sorted(blocks.items(), key=itemgetter(0))
+    frame = next(n for n, b in named if isinstance(b, Frame))
+    return Structure(
+        frame,
+        {n: blocks[n] for n in order if isinstance(blocks[n], Moving)},
+        {n: b for n, b in named if isinstance(b, Element)},
+        blocks[frame],
+        feeds,
+        holds,
+        couplings={n: b for n, b in named if isinstance(b, Coupling)},
+        signals={n: b for n, b in named if isinstance(b, Signal)},
+        signal_wires=read,
+    )
 
 
 def remarks(blocks: Blocks, wires: Iterable[Wire]) -> list[Problem]:
@@ -123,187 +150,6 @@ def _block_problems(blocks: Blocks) -> Iterator[Problem]:
             yield REGISTRY.unknown(block.type, name)
 
 
-def wire_problems(blocks: Blocks, wire: Wire, ends: Ends, fed: Wire | None) -> Iterator[Problem]:
-    """What is locally wrong with a wire.
-
-    ``ends`` are its own in these blocks; ``fed`` is an earlier wire to the same joint.
-    """
-    if fed is None and _joins(blocks, ends):
-        return
-    if signal_wire(blocks, ends):
-        yield from signal_wire_problems(blocks, wire, fed)
-        return
-    problems = list(_local_problems(blocks, wire, fed))
-    turned = Wire(wire.target, wire.source)
-    if not problems or any(_local_problems(blocks, turned, None)):
-        yield from problems
-    elif problems[0].code == "not-a-marker":
-        yield problems[0]
-    else:
-        found, valid = "a wire does not end there", "a wire runs from a marker to a joint"
-        remedy = f"turn the wire round: {turned}"
-        yield Problem(problems[0].code, wire.target, found, valid, remedy)
-
-
-def _joins(blocks: Blocks, ends: Ends) -> bool:
-    """Whether a wire plainly fits: what the rules below have nothing to say of."""
-    source, marker, target, port = ends
-    holder, block = blocks.get(source), blocks.get(target)
-    if source == target or not isinstance(holder, Moving | Frame) or "." in marker + port:
-        return False
-    declared = holder.all_markers.get(marker, ("", None))[1]
-    if declared is None:
-        return False
-    if isinstance(block, Element):
-        return port in block.terminals and port != LAW
-    joint = block.joints.get(port) if isinstance(block, Moving) else None
-    if joint is None or not joint.outer:
-        return False
-    return joint.pair.reads != "guide" or not _pointlike(declared)
-
-
-def _pointlike(marker: object) -> bool:
-    """Whether a marker has no direction of its own."""
-    return isinstance(marker, Marker) and marker.angle is None and marker.dir is None
-
-
-def _local_problems(blocks: Blocks, wire: Wire, fed: Wire | None) -> Iterator[Problem]:
-    marker = yield from _source_problems(blocks, wire)
-    yield from _target_problems(blocks, wire, marker, fed)
-
-
-def _source_problems(blocks: Blocks, wire: Wire) -> Any:
-    block, name = yield from _end(blocks, wire, wire.source)
-    if isinstance(block, Coupling):
-        valid, remedy = "a coupling names its drivers, and takes no wires", "remove the wire"
-        yield Problem("not-a-marker", wire.source, "a coupling has no markers", valid, remedy)
-        return None
-    if isinstance(block, Element):
-        found = f"{block.type_name} has no markers"
-        valid = "a wire starts at a marker of a link and ends at the element"
-        remedy = f"turn the wire round: {wire.target} -> {wire.source}"
-        yield Problem("not-a-marker", wire.source, found, valid, remedy)
-        return None
-    if not isinstance(block, Block):
-        return None
-    markers = block.all_markers
-    if name not in markers:
-        valid = f"markers there: {listed(markers)}"
-        remedy = close_match(name, markers) or "add the marker to a link of the block"
-        yield Problem("unknown-marker", wire.source, f'no marker "{name}"', valid, remedy)
-        return None
-    return markers[name][1]
-
-
-def _target_problems(
-    blocks: Blocks, wire: Wire, marker: Any, fed: Wire | None
-) -> Iterator[Problem]:
-    block, name = yield from _end(blocks, wire, wire.target)
-    if not isinstance(block, Block):
-        return
-    ports = _ports(block)
-    if name not in ports:
-        inner = name in block.joints
-        found = "an inner joint takes no wire" if inner else f'no joint "{name}"'
-        valid = f"joints that take a wire: {listed(ports)}" if ports else "it takes no wires"
-        yield Problem("unknown-joint", wire.target, found, valid, close_match(name, ports))
-        return
-    if fed is not None:
-        found = f"already fed by {fed.source}, cannot also take {wire.source}"
-        remedy = f"remove one of: {fed}; {wire}"
-        yield Problem("double-wire", wire.target, found, "a joint has one source", remedy)
-    if split_address(str(wire.source), blocks)[0] == split_address(wire.target, blocks)[0]:
-        found = f"fed by {wire.source} of the same block"
-        valid = "a joint is fed by an earlier block"
-        yield Problem("self-wire", wire.target, found, valid, "wire it to another block")
-    guided = isinstance(block, Moving) and block.joints[name].pair.reads == "guide"
-    if guided and _pointlike(marker):
-        found = f"a prismatic joint needs a guide, {wire.source} is a point"
-        valid = "a guide is a marker with a direction"
-        remedy = f'give {wire.source} an "angle" [rad] or a "dir" [dx, dy]'
-        yield Problem("pair-mismatch", wire.target, found, valid, remedy)
-
-
-def _end(blocks: Blocks, wire: Wire, end: str) -> Any:
-    """The block at an end of a wire, if it is there, and the name after the dot."""
-    parts = split_address(end, blocks) if isinstance(end, str) else ("", "")
-    if "." in parts[1] and any(name.startswith(f"{parts[0]}.") for name in blocks):  # inside
-        name, _, port = end.rpartition(".")
-        parts = name, port
-    carried = parts[1] in getattr(blocks.get(parts[0]), "all_markers", ())
-    if not all(parts) or ("." in parts[1] and not carried):
-        found, valid = f'not an address, in wire "{wire}"', '"block.joint" or "block.marker"'
-        yield Problem("bad-address", str(end) or '""', found, f"an address is {valid}")
-        return None, ""
-    if parts[0] not in blocks:
-        remedy = close_match(parts[0], blocks) or "add the block first"
-        there = f"blocks: {listed(blocks)}"
-        yield Problem("no-such-block", end, f'no block "{parts[0]}"', there, remedy)
-        return None, ""
-    return blocks[parts[0]], parts[1]
-
-
-def _ports(block: AnyBlock) -> list[str]:
-    """Joints and terminals of a block that a wire can end at."""
-    if isinstance(block, Element):
-        return list(block.terminals)
-    if isinstance(block, Signal):
-        return []
-    return [j.name for j in block.joints.values() if j.outer] if isinstance(block, Moving) else []
-
-
-def _unwired(blocks: Blocks, fed: Mapping[str, Wire]) -> Iterator[Problem]:
-    for end in (f"{name}.{port}" for name, block in blocks.items() for port in signal_ports(block)):
-        if end not in fed:
-            found, remedy = "nothing is wired to it", f'connect("block.output", "{end}")'
-            yield Problem("unwired-joint", end, found, "every input is fed once", remedy)
-    for end in (f"{name}.{port}" for name, block in blocks.items() for port in _ports(block)):
-        if end not in fed:
-            found, remedy = "nothing is wired to it", f'connect("block.marker", "{end}")'
-            yield Problem("unwired-joint", end, found, "every joint is fed once", remedy)
-
-
-def driver_names(blocks: Blocks) -> list[str]:
-    """Names of all drivers, in the author's order of blocks."""
-    moving = ((n, b) for n, b in blocks.items() if isinstance(b, Moving))
-    return [b.driver_name(name, joint.name) for name, b in moving for joint in b.driven]
-
-
-def _driver_problems(blocks: Blocks, scene: Scene) -> Iterator[Problem]:
-    """Drivers whose names are taken; sections of the scene and laws of drivers that are none."""
-    drivers = driver_names(blocks)
-    for name, block in blocks.items():
-        for pair, given in block.pairs.items() if isinstance(block, GeneralGroup) else ():
-            if given.driver and (given.driver in blocks or drivers.count(given.driver) > 1):
-                where, found = f"{name}.pairs.{pair}.driver", f'"{given.driver}" is taken'
-                yield Problem("taken-name", where, found, "", "choose another name")
-    sections = ("drive", "initial", "stops", "motion")
-    named = [
-        (f"scene.{key}.{driver}", driver) for key in sections for driver in getattr(scene, key)
-    ]
-    for name, block in blocks.items():
-        if isinstance(block, Following) and block.driver is not None:
-            named.append((f"{name}.driver", block.driver))
-    for where, driver in named:
-        coordinate = where.startswith("scene.stops.") and _is_coordinate(blocks, driver)
-        if driver not in drivers and not coordinate:
-            known = f"drivers: {listed(drivers) or 'none'}"
-            found, remedy = f'no driver "{driver}"', close_match(driver, drivers)
-            yield Problem("unknown-driver", where, found, known, remedy)
-    for driver, role in scene.motion.items():
-        if role == "prescribed" and driver not in scene.drive and driver in drivers:
-            found, where = f"{driver} has no law of motion", scene.address("motion", driver)
-            remedy = f"give it one in {scene.address('drive', driver)}, or lock it"
-            yield Problem("no-law", where, found, "", remedy)
-
-
-def _is_coordinate(blocks: Blocks, name: str) -> bool:
-    """Whether a name is that of the coordinate of a pair, ``block.joint.coordinate``."""
-    pair, _, last = name.rpartition(".")
-    block, joint = split_address(pair, blocks)
-    return last == COORDINATE and joint in getattr(blocks.get(block), "joints", ())
-
-
 def _branch_problems(blocks: Blocks, ends: Iterable[Ends]) -> Iterator[Problem]:
     """Branches that follow a motion of several drivers, or of another one than home says."""
     import networkx as nx
@@ -312,7 +158,7 @@ def _branch_problems(blocks: Blocks, ends: Iterable[Ends]) -> Iterator[Problem]:
     dag = block_dag(blocks, ends) if following else None
     for name, block in following.items():
         above = nx.ancestors(dag, name)
-        drivers = driver_names({n: b for n, b in blocks.items() if n in above})
+        drivers = list(driven_joints({n: b for n, b in blocks.items() if n in above}))
         named = list(block.home.drivers)  # type: ignore[attr-defined]
         if len(drivers) != 1:
             found = f"it is moved by {len(drivers)} drivers, not by one that leads from home"

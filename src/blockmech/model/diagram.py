@@ -49,9 +49,19 @@ class Wire:
     target: str
 
     @property
+    def written(self) -> dict[str, str]:
+        """As it stands in a file."""
+        return {"from": self.source, "to": self.target}
+
+    @property
     def ends(self) -> tuple[str, str]:
         """Source and target."""
         return self.source, self.target
+
+    @property
+    def turned(self) -> Wire:
+        """The same the other way round."""
+        return Wire(self.target, self.source)
 
     def apart(self, blocks: Container[str]) -> Ends:
         """The names of its blocks, and those behind them; empty where an address has none."""

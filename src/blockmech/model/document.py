@@ -13,13 +13,12 @@ from typing import Any, ClassVar, Self, TypeVar
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import FormatError, GraphError, Problem, close_match, in_file, listed
 from blockmech.ground.garbage import uncollected
-from blockmech.model.form import Draft, Form
+from blockmech.model.diagram import Wire
+from blockmech.model.form import EXTRAS, Draft, Form
 from blockmech.model.parameters import Path, named, parameters_of, replaced
 from blockmech.model.reading import data_of, text_of
+from blockmech.model.scene import Initial, Locked, Stops
 from blockmech.model.writing import canonical_text
-
-EXTRAS = ("view", "expect", "source", "notes")
-"""Sections that travel with a document and are not computed with."""
 
 
 class Document:
@@ -33,15 +32,16 @@ class Document:
     title: str
     extras: dict[str, Any]  # view, expect, source, notes: kept with the file
     file: str  # where the document was read from, for messages
+    wires: list[Wire]
 
     form: ClassVar[Form]
 
     @declared
     def __init__(self, name: str = "mechanism", *, title: str = "") -> None:
-        self.name = name
-        self.title = title
-        self.extras = {}
-        self.file = ""
+        self.name, self.title, self.file, self.extras = name, title, "", {}
+        for section, field in self.form.sections.items():
+            empty = {} if field.is_required() else copy.copy(field.default)
+            setattr(self, section, empty)
 
     # -- files ------------------------------------------------------------
 
@@ -69,9 +69,14 @@ class Document:
     def from_data(cls, data: dict[str, Any], odd: Iterable[Problem] = (), file: str = "") -> Self:
         """Read what a file holds, with the problems that its text has. Raises like `load`."""
         draft = Draft(cls.form, data, list(odd))
-        made, given = cls(draft.said.name, title=draft.said.title), draft.said.model_fields_set
-        made.extras.update({key: getattr(draft.said, key) for key in EXTRAS if key in given})
+        content: Any = draft.said
+        made, given = cls(content.name, title=content.title), content.model_fields_set
+        made.extras.update({key: getattr(content, key) for key in EXTRAS if key in given})
         made.file = file
+        for section in cls.form.sections.keys() - cls.form.items().keys() - {"wires"}:
+            x = getattr(content, section)
+            setattr(made, section, dict(x) if isinstance(x, Mapping) else x)
+        made.wires += [Wire(wire.source, wire.target) for wire in content.wires]
         made._fill(draft)
         draft.finish()
         return made
@@ -108,6 +113,42 @@ class Document:
     def _written(self, sections: Mapping[str, Any]) -> dict[str, Any]:
         extras = {key: self.extras.get(key) for key in EXTRAS}
         return self.form.written({**sections, **extras, "name": self.name, "title": self.title})
+
+    # -- free motions -----------------------------------------------------
+
+    def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
+        """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
+        self._give("initial", driver, Initial(q=q, rate=rate))
+
+    def stop(
+        self,
+        driver: str,
+        low: float | None = None,
+        high: float | None = None,
+        restitution: float | None = None,
+    ) -> None:
+        """Give a driver end stops for free motion: lowest and highest coordinate [rad or m].
+
+        Any pair may have some, by its coordinate: ``"rod.S.coordinate"`` of a slider's way in a
+        graph, ``"joint.S.coordinate"`` of a joint among links.
+
+        With a restitution, from 0 to 1, it bounces back; without the motion ends there.
+
+        Raises `GraphError` where neither is given or they are in the wrong order.
+        """
+        self._give("stops", driver, Stops(**{"from": low, "to": high, "restitution": restitution}))
+
+    def prescribe(self, driver: str) -> None:
+        """Let a driver follow its law of motion in motions of the others."""
+        self._give("motion", driver, "prescribed")
+
+    def lock(self, driver: str, q: float | None = None) -> None:
+        """Lock a driver in motions of the others: at q [rad or m], or where it starts."""
+        self._give("motion", driver, "locked" if q is None else Locked(locked=q))
+
+    @abstractmethod
+    def _give(self, section: str, driver: str, item: Any) -> None:
+        """Say something of a driver."""
 
     # -- designs ----------------------------------------------------------
 
@@ -150,9 +191,9 @@ class Document:
             vars(other)[name] = copy.copy(x) if isinstance(x, dict | list) else x
         return other
 
-    @abstractmethod
     def sections(self) -> dict[str, Any]:
         """What stands in the file between head and extras, as models."""
+        return {section: getattr(self, section) for section in self.form.sections}
 
     @abstractmethod
     def _fill(self, draft: Draft) -> None:

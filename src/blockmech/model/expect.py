@@ -57,20 +57,19 @@ class Expectation(StrictModel):
 
     @model_validator(mode="after")
     def _complete(self) -> Expectation:
+        wrong = ""
         if (self.at is None) == (self.simulate is None):
-            raise mistake("bad-expectation", 'an expectation has either "at" or "simulate"')
-        if self.rtol is None and self.atol is None:
-            raise mistake(
-                "bad-expectation", 'an expectation has a tolerance: "rtol", "atol" or both'
-            )
-        if self.at is not None and len({len(values) for values in self.at.values()}) != 1:
-            raise mistake(
-                "bad-expectation", '"at" has one or more drivers, with equally many values each'
-            )
-        for name, values in self.want.items():
-            if len(values) not in (1, self.samples):
-                found = f"{name} has {len(values)} values, the number of samples is {self.samples}"
-                raise mistake("bad-expectation", found)
+            wrong = 'an expectation has either "at" or "simulate"'
+        elif self.rtol is None and self.atol is None:
+            wrong = 'an expectation has a tolerance: "rtol", "atol" or both'
+        elif self.at is not None and len({len(values) for values in self.at.values()}) != 1:
+            wrong = '"at" has one or more drivers, with equally many values each'
+        odd = [n for n, x in self.want.items() if not wrong and len(x) not in (1, self.samples)]
+        if odd:
+            wrong = f"{odd[0]} has {len(self.want[odd[0]])} values, "
+            wrong += f"the number of samples is {self.samples}"
+        if wrong:
+            raise mistake("bad-expectation", wrong)
         return self
 
     @property

@@ -12,21 +12,19 @@ link whose marker it stands on, and are called there like in the outer graph: ma
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from blockmech.blocks.block import Block
+from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.frame import Frame
-from blockmech.ground.errors import Problem, close_match, listed
+from blockmech.ground.errors import Problem, listed, unknown_name
 from blockmech.ground.values import Marker, Place, StrictModel, Vector, split_address
-from blockmech.model.checks import driver_names
 from blockmech.model.diagram import AnyBlock, Wire
+from blockmech.model.drivers import driven_joints
 from blockmech.model.parameters import interface
-from blockmech.model.scene import Scene
-from blockmech.model.signals import signal_ports
+from blockmech.model.scene import PER_DRIVER, Scene
 from blockmech.model.subgraph import Content, Subgraph
-
-PER_DRIVER = ("drive", "initial", "stops", "motion")  # sections of a scene
+from blockmech.model.wires import inlets, no_such_block
 
 
 @dataclass
@@ -88,15 +86,13 @@ def open_ports(block: Subgraph) -> Iterator[tuple[str, str]]:
     flat = block.content.flat()
     fed = {wire.target for wire in flat.wires}
     for name, b in flat.blocks.items():
-        joints = b.joints.values() if isinstance(b, Block) else ()
-        more = (*getattr(b, "terminals", ()), *signal_ports(b))
-        ports = [*((j.name, str(j.kind)) for j in joints if j.outer), *((p, "") for p in more)]
-        yield from ((at, kind) for p, kind in ports if (at := f"{name}.{p}") not in fed)
+        for port in inlets(b):
+            if (at := f"{name}.{port}") not in fed:
+                yield at, str(b.joints[port].kind) if isinstance(b, Moving) else ""
 
 
 def with_parameters(block: Subgraph) -> Content:
     """The graph inside of a block with the numbers that the block gives it, unchecked."""
-    assert block.content is not None
     if not block.given:
         return block.content
     known = interface(block.content)
@@ -115,7 +111,7 @@ def _inside_of(name: str, part: Flat, flat: Flat) -> Callable[[str], str]:
     What is not there inside is left to the outer graph: the driver at home of a general group
     may be outside, and ``mechanism.*`` are outputs of the whole.
     """
-    drivers = driver_names(part.blocks)
+    drivers = driven_joints(part.blocks)
 
     def called(address: str) -> str:
         own = split_address(address, part.blocks)[0] in part.blocks
@@ -186,12 +182,11 @@ def _no_marker(blocks: Mapping[str, AnyBlock], address: str, where: str) -> Prob
     name, marker = split_address(address, blocks)
     block = blocks.get(name)
     if block is None:
-        there, remedy = f"blocks: {listed(blocks)}", close_match(name, blocks)
-        return Problem("no-such-block", where, f'no block "{name}"', there, remedy)
+        return no_such_block(blocks, name, where)
     known = block.all_markers if isinstance(block, Block) else {}
     if marker not in known:
-        valid, remedy = f"markers there: {listed(known)}", close_match(marker, known)
-        return Problem("unknown-marker", where, f'no marker "{marker}" on {name}', valid, remedy)
+        wrong = unknown_name("unknown-marker", "marker", marker, where, known, there=" there")
+        return replace(wrong, found=f"{wrong.found} on {name}")
     return None
 
 

@@ -10,12 +10,16 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
+
+from pydantic.fields import FieldInfo
 
 from blockmech.ground.errors import (
     MOST,
     FormatError,
     GraphError,
+    Path,
     Problem,
     close_match,
     listed,
@@ -27,6 +31,9 @@ from blockmech.ground.validation_errors import validated
 from blockmech.ground.values import NAME_RULE, StrictModel, is_name
 from blockmech.model.writing import plain
 
+HEAD = ("format", "version", "name", "title")
+EXTRAS = ("view", "expect", "source", "notes")
+"""Sections that travel with a document and are not computed with."""
 VERSION = 1
 """The version of files that this blockmech reads and writes."""
 
@@ -107,19 +114,23 @@ class Form:
     always: tuple[str, ...]
     items: Callable[[], Mapping[str, Section]]
 
+    @cached_property
+    def sections(self) -> dict[str, FieldInfo]:
+        """Fields of the model between head and extras."""
+        fields = self.model.model_fields
+        return {name: fields[name] for name in fields if name not in (*HEAD, *EXTRAS)}
+
     def written(self, sections: Mapping[str, Any]) -> dict[str, Any]:
         """What stands in a file: all sections but for those that say nothing."""
         named, data = self.items(), {"format": self.format, "version": VERSION}
         for key, declared in self.model.model_fields.items():
-            if (content := sections.get(key)) is not None:
-                items = named.get(key)
-                section = (
-                    {n: items.data(x) for n, x in content.items()} if items else plain(content)
-                )
-                if key in ("name", *self.always) or (
-                    section and section != plain(declared.default)
-                ):
-                    data[key] = section
+            content, items = sections.get(key), named.get(key)
+            said = plain(content)
+            if items and content is not None:
+                said = {name: items.data(x) for name, x in content.items()}
+            always = said is not None and key in ("name", *self.always)
+            if always or (said and said != plain(declared.default)):
+                data[key] = said
         return data
 
 
@@ -138,30 +149,19 @@ def _identified(form: Form, raw: Mapping[str, Any]) -> Iterator[Problem]:
             raise FormatError(problem)
         yield problem
     elif declared != form.format:
-        known = FORMATS.get(declared) if isinstance(declared, str) else None
-        found, remedy = known or (f"the format is {shown(declared)}", "")
+        other = f"the format is {shown(declared)}", ""
+        found, remedy = FORMATS.get(declared, other) if isinstance(declared, str) else other
         raise FormatError(Problem("wrong-format", "format", found, valid, remedy))
-    of_version = _version_problem(raw)
-    if of_version is not None:
-        if of_version.code == "newer-version":
-            raise FormatError(of_version)
-        yield of_version
-
-
-def _version_problem(data: Mapping[str, Any]) -> Problem | None:
-    """What is wrong with the version of a document, if anything."""
-    valid = f"this blockmech reads version {VERSION}"
-    if "version" not in data:
+    version, valid = raw.get("version"), f"this blockmech reads version {VERSION}"
+    if "version" not in raw:
         found, remedy = "the file does not say its version", f'add "version": {VERSION}'
-        return Problem("missing-version", "version", found, valid, remedy)
-    version = data["version"]
-    if isinstance(version, bool) or not isinstance(version, int) or version < 1:
+        yield Problem("missing-version", "version", found, valid, remedy)
+    elif isinstance(version, bool) or not isinstance(version, int) or version < 1:
         found = f"version must be a whole number from 1, got {shown(version)}"
-        return Problem("bad-version", "version", found, valid, f'write "version": {VERSION}')
-    if version > VERSION:
+        yield Problem("bad-version", "version", found, valid, f'write "version": {VERSION}')
+    elif version > VERSION:
         found = f"the file has version {version}, made by a newer blockmech"
-        return Problem("newer-version", "version", found, valid, "update blockmech")
-    return None
+        raise FormatError(Problem("newer-version", "version", found, valid, "update blockmech"))
 
 
 @dataclass
@@ -223,26 +223,30 @@ class Draft:
     def _item(self, section: Section, path: tuple[str, str], raw: Any) -> tuple[Any, list[Problem]]:
         """One item, and what is wrong with it."""
         key, what = section.key, section.what
+
+        def wrong(code: str, where: Path, found: str, *more: str) -> tuple[None, list[Problem]]:
+            return None, [Problem(code, path_text(where), found, *more)]
+
         if not isinstance(raw, dict):
             found = f"a {what} must be an object {{...}}, got {shown(raw)}"
-            return None, [Problem("wrong-type", path_text(path), found)]
+            return wrong("wrong-type", path, found)
         model: Any = section.plain
         plain_field = section.plain_said
         if key and (model is None or key in raw):
             where, word = (*path, key), raw.get(key)
             if key not in raw:
-                found, valid = f'a {what} needs "{key}"', section.words
-                return None, [Problem("missing-key", path_text(where), found, valid, "add it")]
+                return wrong(
+                    "missing-key", where, f'a {what} needs "{key}"', section.words, "add it"
+                )
             if not isinstance(word, str) or not word:
                 found = f"{key} must be the name of a {what} {key}, got {shown(word)}"
-                return None, [Problem("wrong-type", path_text(where), found, section.words)]
+                return wrong("wrong-type", where, found, section.words)
             model, plain_field = section.kinds.get(word), section.said.format(word)
-            if model is None:
-                if section.other is None:
-                    return None, [section.unknown_kind(word, path_text(where))]
-                return section.other(word, {k: raw[k] for k in raw if k != key}), []
-            if key not in model.model_fields:  # the kind is not among the model's own keys
+            if key not in getattr(model, "model_fields", ()):  # it is not among the model's keys
                 raw = {k: item for k, item in raw.items() if k != key}
+            if model is None:
+                unknown = [section.unknown_kind(word, path_text(where))]
+                return (section.other(word, raw), []) if section.other else (None, unknown)
         return validated(model, raw, plain_field, path)
 
     def finish(self) -> None:

@@ -7,28 +7,23 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Self
 
-from blockmech.blocks.contract import Moving
 from blockmech.blocks.frame import Frame
-from blockmech.couplings.contract import Coupling
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import MOST, FormatError, GraphError, Problem, RequestError, in_file
 from blockmech.ground.values import Vector
-from blockmech.loads.contract import Element
 from blockmech.model import checks
-from blockmech.model.diagram import GRAPH_FILE, AnyBlock, UnknownBlock, Wire, WireEnds, python_keys
+from blockmech.model.diagram import GRAPH_FILE, AnyBlock, UnknownBlock, Wire, python_keys
 from blockmech.model.document import Document
 from blockmech.model.flat import Flat, flattened
 from blockmech.model.form import VERSION, Draft
 from blockmech.model.laws_of_motion import LawOfMotion
-from blockmech.model.parameters import Path, interface, named
-from blockmech.model.scene import Initial, Locked, Scene, Stops
-from blockmech.model.signals import signal_wire
-from blockmech.model.structure import JointRef, MarkerRef, Structure
+from blockmech.model.parameters import interface, named
+from blockmech.model.scene import Scene
+from blockmech.model.structure import Structure
 from blockmech.model.subgraph import Subgraph, resolving
-from blockmech.signals.contract import Signal
+from blockmech.model.wires import checked_wires, wire_problems
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -51,7 +46,6 @@ class Graph(Document):
 
     form = GRAPH_FILE
     blocks: dict[str, AnyBlock]
-    wires: list[Wire]
     parameters: dict[str, str | list[str]]  # name -> addresses, for a graph with this one inside
     _scene: Scene
 
@@ -65,18 +59,13 @@ class Graph(Document):
         drive: Mapping[str, LawOfMotion] | None = None,
     ) -> None:
         super().__init__(name, title=title)
-        self.blocks = {}
-        self.wires = []
-        self.parameters = {}
-        self.scene = Scene(gravity=gravity)  # type: ignore[arg-type]
+        self.gravity = gravity
         for driver, law in (drive or {}).items():
             self.drive(driver, law)
 
     # -- files ------------------------------------------------------------
 
     def _fill(self, draft: Draft) -> None:
-        self.scene = draft.said.scene
-        self.parameters = dict(draft.said.parameters)
         draft.note(python_keys(self.scene, draft.raw))
         unread = set()
         with resolving():
@@ -91,47 +80,29 @@ class Graph(Document):
                     unread.add(name)
                 self.blocks[name] = block or UnknownBlock("")
         if not (draft.wrong & {"blocks", "wires"} or draft.doubled):
-            wiring = self._wire_up(draft.said.wires, unread, bool(draft.content))
+            wiring = self._wiring_problems(unread, bool(draft.content))
             draft.fit += islice(wiring, MOST + 1)
 
-    def _wire_up(self, ends: list[WireEnds], unread: set[str], wrong: bool) -> Iterator[Problem]:
-        """Take the wires that fit; where something is wrong, tell all that is.
+    def _wiring_problems(self, unread: set[str], wrong: bool) -> Iterator[Problem]:
+        """All that is wrong with the graph of a file, where its wires or else ``wrong`` are.
 
         What follows from blocks that are ``unread`` and from wires left out is not reported.
         """
-        fed: dict[str, Wire] = {}
-        refused: set[str] = set()
         flat = self._flattened()
-        for end in ends:
-            wire = Wire(end.source, end.target)
-            if any(e.count(".") > 1 and e.partition(".")[0] in unread for e in wire.ends):
-                self.wires.append(wire)  # inside of what is unread
-                continue
-            there = Wire(*map(flat.address, wire.ends))
-            parts = there.apart(flat.blocks)
-            problems = list(checks.wire_problems(flat.blocks, there, parts, fed.get(wire.target)))
-            if problems:
-                refused |= {wire.target, wire.source}  # or the other way round
-                yield from problems
-            else:
-                self.wires.append(wire)
-                fed.setdefault(wire.target, wire)
-        for problem in Graph.check(self) if wrong or refused else ():
+        own = flat.wires[len(flat.wires) - len(self.wires) :]
+        odd = [wire for wire, _, problems in checked_wires(flat.blocks, own) if problems]
+        refused = {end for wire in odd for end in wire.ends}  # or the other way round
+        for problem in Graph.check(self) if wrong or odd else ():
+            head, *inside = problem.where.split(".")
             follows = {
                 "unknown-block": problem.where in unread,
                 "unwired-joint": problem.where in refused,
                 "unknown-driver": problem.where.rsplit(".", 1)[-1] in unread,
                 "no-frame": bool(unread),
-                "bad-address": problem.where.partition(".")[0] in unread,
+                "bad-address": head in unread and len(inside) > 1,
             }
             if not follows.get(problem.code, False):
                 yield problem
-
-    def sections(self) -> dict[str, Any]:
-        """Blocks, wires and scene."""
-        wires = [{"from": wire.source, "to": wire.target} for wire in self.wires]
-        sections = {"blocks": self.blocks, "wires": wires, "scene": self.scene}
-        return sections | ({"parameters": self.parameters} if self.parameters else {})
 
     # -- graphs inside ----------------------------------------------------
 
@@ -251,7 +222,7 @@ class Graph(Document):
         for graph in (near, self):  # for messages all there is
             flat = graph._flattened()
             there = Wire(*map(flat.address, wire.ends))
-            problems = list(checks.wire_problems(flat.blocks, there, there.apart(flat.blocks), fed))
+            problems = list(wire_problems(flat.blocks, there, there.apart(flat.blocks), fed))
             if not problems:
                 break
         return problems
@@ -279,36 +250,6 @@ class Graph(Document):
             raise GraphError(Problem("not-a-law", where, found, "", remedy))
         self._give("drive", driver, law)
 
-    def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
-        """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
-        self._give("initial", driver, Initial(q=q, rate=rate))
-
-    def stop(
-        self,
-        driver: str,
-        low: float | None = None,
-        high: float | None = None,
-        restitution: float | None = None,
-    ) -> None:
-        """Give a driver end stops for free motion: lowest and highest coordinate [rad or m].
-
-        Any pair may have some, by its coordinate: ``"rod.S.coordinate"`` of a slider's way,
-        ``"rod.C.coordinate"`` of a pin's angle.
-
-        With a restitution, from 0 to 1, it bounces back; without the motion ends there.
-
-        Raises `GraphError` where neither is given or they are in the wrong order.
-        """
-        self._give("stops", driver, Stops(**{"from": low, "to": high, "restitution": restitution}))
-
-    def prescribe(self, driver: str) -> None:
-        """Let a driver follow its law of motion in motions of the others, see `drive`."""
-        self._give("motion", driver, "prescribed")
-
-    def lock(self, driver: str, q: float | None = None) -> None:
-        """Lock a driver in motions of the others: at q [rad or m], or where it starts."""
-        self._give("motion", driver, "locked" if q is None else Locked(locked=q))
-
     @declared
     def _give(self, section: str, driver: str, item: Any) -> None:
         given = {**getattr(self.scene, section), driver: item}
@@ -331,13 +272,7 @@ class Graph(Document):
 
     def structure(self) -> Structure:
         """The checked formation sequence. Raises `GraphError` with all problems."""
-        flat = self._flattened()
-        found = checks.checked(flat.blocks, flat.wires, flat.scene)
-        if problems := [*flat.problems, *found.problems]:
-            raise GraphError(problems)
-        formed = _formed(flat, found)
-        formed.check_couplings()
-        return formed
+        return checks.checked_structure(self._flattened())
 
     def to_networkx(self) -> nx.DiGraph:
         """A copy of the block diagram: nodes are blocks, edges carry their ``wires``."""
@@ -362,35 +297,6 @@ class Graph(Document):
             f"<Graph {self.name}: {len(s.links) - 1} moving links, {s.pairs} pairs, "
             f"mobility {s.mobility}; {s.formula}>"
         )
-
-
-def _formed(flat: Flat, found: checks.Checked) -> Structure:
-    """The structure of a graph with which nothing is wrong."""
-    known: dict[str, Any] = flat.blocks
-    feeds: dict[JointRef, MarkerRef] = {}
-    holds: dict[JointRef, MarkerRef] = {}
-    read: dict[JointRef, str] = {}
-    for wire, ends in zip(flat.wires, found.ends, strict=True):
-        joint = JointRef(ends.target, ends.port)
-        if signal_wire(known, ends):
-            read[joint] = wire.source
-            continue
-        wires = holds if isinstance(known[ends.target], Element) else feeds
-        link, _ = known[ends.source].all_markers[ends.marker]
-        wires[joint] = MarkerRef(ends.source, link, ends.marker)
-    named = sorted(known.items(), key=itemgetter(0))
-    frame = next(n for n, b in named if isinstance(b, Frame))
-    return Structure(
-        frame,
-        {n: b for n in found.order if isinstance(b := known[n], Moving)},
-        {n: b for n, b in named if isinstance(b, Element)},
-        known[frame],
-        feeds,
-        holds,
-        couplings={n: b for n, b in named if isinstance(b, Coupling)},
-        signals={n: b for n, b in named if isinstance(b, Signal)},
-        signal_wires=read,
-    )
 
 
 def _part(path: str) -> Graph:
@@ -433,17 +339,12 @@ def _unfit(content: Graph) -> Iterator[Problem]:
 
 def _misfits(block: Subgraph, where: str) -> Iterator[Problem]:
     """What is wrong with the numbers that a block gives the graph inside."""
-    content: Any = block.content
-    inside, known = f"{where}.parameters", interface(content)
+    content, inside = block.content, f"{where}.parameters"
+    known = interface(content)
     try:
         given = named({address: p for address, (p, _) in known.items()}, block.given)
+        content.with_checked({path: x for p, x in given.items() for path in known[p.address][1]})
     except RequestError as error:
         yield from (replace(p, where=f"{inside}.{p.where}") for p in error.problems)
-        return
-    numbers: dict[Path, float] = {}
-    for p, x in given.items():
-        numbers |= dict.fromkeys(known[p.address][1], x)
-    try:
-        content.with_checked(numbers)
     except (FormatError, GraphError) as error:
         yield from (replace(p, where=inside, found=f"{p.where}: {p.found}") for p in error.problems)

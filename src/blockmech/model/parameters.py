@@ -236,14 +236,16 @@ def number_at(data: Any, path: Path) -> Any:
 def value_at(x: Any, path: Path) -> Any:
     """The number at a path inside of a value, as `parameters_of` finds it."""
     for key in path:
-        if isinstance(x, StrictModel):
-            fields = type(x).model_fields
-            x = getattr(x, next(n for n, f in fields.items() if (f.alias or n) == key))
-        elif isinstance(x, Pair):
+        if isinstance(x, Pair):
             x = getattr(x.z, ("real", "imag")[PARTS.index(str(key))])
         else:
-            x = x[key]
+            x = getattr(x, _names(x)[key]) if isinstance(x, StrictModel) else x[key]
     return x
+
+
+def _names(x: StrictModel) -> dict[str | int, str]:
+    """Key of the file -> name of a model's field."""
+    return {field.alias or name: name for name, field in type(x).model_fields.items()}
 
 
 def replaced(x: Any, values: Mapping[Path, Any]) -> Any:
@@ -254,9 +256,8 @@ def replaced(x: Any, values: Mapping[Path, Any]) -> Any:
     for path, value in values.items():
         inside.setdefault(path[0], {})[path[1:]] = value
     if isinstance(x, StrictModel):
-        fields = type(x).model_fields
-        names = {field.alias or name: name for name, field in fields.items()}
-        update = {names[str(k)]: replaced(getattr(x, names[str(k)]), v) for k, v in inside.items()}
+        names = _names(x)
+        update = {names[k]: replaced(getattr(x, names[k]), v) for k, v in inside.items()}
         return x.model_copy(update=update)
     if isinstance(x, Mapping):
         return {**x, **{key: replaced(x.get(key), v) for key, v in inside.items()}}

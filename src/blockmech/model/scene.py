@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, TypeAlias
 
 from pydantic import Field, model_validator
@@ -19,6 +20,9 @@ from blockmech.ground.values import (
     mistake,
 )
 from blockmech.model.laws_of_motion import AnyLaw, OverRange
+
+PER_DRIVER = ("drive", "initial", "stops", "motion")
+"""Sections of a scene with something of each driver."""
 
 
 class Initial(StrictModel):
@@ -110,6 +114,10 @@ class Scene(StrictModel):
             return float(initial.q), float(initial.rate)
         q, rate = (float(getattr(law, x, 0.0) or 0.0) for x in ("start", "rate"))
         return q, rate
+
+    def drivers(self) -> Iterator[tuple[str, str]]:
+        """What is said of drivers, by pairs and all: sections, and in each the names."""
+        return ((section, name) for section in PER_DRIVER for name in getattr(self, section))
 
     def address(self, section: str, driver: str = "") -> str:
         """Where a file says something of a driver: ``"scene.drive.crank"``."""

@@ -7,28 +7,26 @@ mobility 3n - 2p, or 3n - sum (3 - f) with f degrees of freedom of each pair.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from blockmech.blocks.contract import Block, BuiltIn, Coordinate, Joint, Moving
-from blockmech.couplings.contract import Coupling, Meshing, Transmission, Where
+from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws.contract import FrictionLaw
 from blockmech.friction.laws.coulomb import Coulomb
 from blockmech.ground.errors import GraphError, Problem, listed
 from blockmech.ground.values import Link, Marker, split_address
 from blockmech.loads.contract import Element
 from blockmech.signals.contract import Signal
-from blockmech.typing import Guide, LinkPosition
 
+T = TypeVar("T")
 COORDINATE = "coordinate"  # last word of the outputs that are coordinates of pairs
 MESH = "/mesh"  # after the name of a coupling: what no user can name, its mesh as a pair
 RUB = "/touch"  # the same of its contact, where both links rub on each other
 APART = "/apart"  # the same of what its contact adds in either sense of the effort
-STILL = Transmission(0.0, 0.0, 0.0)
-ROUNDED = 2.0**-40  # [-] of places that a file means to be one
 SAME_CARRIER = "give both pairs markers of one link"
 
 
@@ -175,21 +173,10 @@ class Structure:
 
         Raises `GraphError` where a coupling's wheels do not turn about places of one link.
         """
-        return {c.driven: self._follower(name) for name, c in self.couplings.items()}
+        return {c.driven: self.follower(name) for name, c in self.couplings.items()}
 
-    def check_couplings(self) -> None:
-        """Raise `GraphError` with all couplings whose parts do not fit where they are."""
-        problems: list[Problem] = []
-        for name in self.couplings:
-            try:
-                self._follower(name)
-                problems += self._faults(name)
-            except GraphError as error:
-                problems += error.problems
-        if problems:
-            raise GraphError(problems)
-
-    def _follower(self, name: str) -> Follower:
+    def follower(self, name: str) -> Follower:
+        """Where the coordinate comes from that a coupling gives; see `followers`."""
         coupling = self.couplings[name]
         leader, ref = self.driven.get(coupling.driver), self.driven[coupling.driven]
         if leader is None:
@@ -203,7 +190,7 @@ class Structure:
         if not coupling.meshes:
             return follower
         own = self.feeds[ref].on
-        carriers = [k for k in (support, own) if {support, own} <= set(self._turning(k))]
+        carriers = [k for k in (support, own) if {support, own} <= set(self.turning(k))]
         if coupling.fixed and support != own:
             carriers = []
         if not carriers:
@@ -220,29 +207,12 @@ class Structure:
                 found = f"{coupling.driver} slides on {support}, {coupling.driven} turns on {own}"
                 raise GraphError(Problem("coupling-mismatch", name, found, "", SAME_CARRIER))
             return follower
-        if support != own:
-            base = centre if carriers[0] == own else self.feeds[ref]
-            self._refuse_changing_distance(name, carriers[0], base)
         terms = self._between(name, link, carriers[0])
         return follower._replace(terms=terms, added=self._between(name, carriers[0], own))
 
-    def _refuse_changing_distance(self, name: str, carrier: LinkRef, centre: MarkerRef) -> None:
-        """Raise `GraphError` where the pairs that carry one wheel do not turn about the other."""
-        about, link = self._guide(centre).p, carrier
-        while link != centre.on:
-            (driver,) = self.drivers_of(link.block)
-            pivot = self.feeds[self.driven[driver]]
-            place = self._guide(pivot).p
-            near = abs(place - about) <= ROUNDED * (abs(place) + abs(about))
-            if not (near and self.driver_joint(driver).rotary):
-                found = f"{carrier} carries the one wheel about {pivot}, not about the other "
-                found += f"wheel's centre {centre}, so their distance changes"
-                raise GraphError(Problem("coupling-mismatch", name, found, "", SAME_CARRIER))
-            link = pivot.on
-
     def _between(self, name: str, link: LinkRef, base: LinkRef) -> tuple[tuple[str, int], ...]:
         """Drivers whose coordinates add up to the angle of a link against another one."""
-        over, under = self._turning(link), self._turning(base)
+        over, under = self.turning(link), self.turning(base)
         if next(reversed(over)) != next(reversed(under)):
             found = f"no driver turns {next(reversed(over))} by itself, so its turns do not count"
             valid = "wheels and their carrier hang on the frame by driven pairs alone"
@@ -251,7 +221,7 @@ class Structure:
         terms = [(d, 1) for d in over.values() if d and d not in others]
         return (*terms, *((d, -1) for d in under.values() if d and d not in mine))
 
-    def _turning(self, link: LinkRef) -> dict[LinkRef, str]:
+    def turning(self, link: LinkRef) -> dict[LinkRef, str]:
         """A link and those that it hangs on by driven pairs, each with the driver that turns it."""
         drivers: dict[LinkRef, str] = {}
         while link != self.frame_link and not self.blocks[link.block].closes:
@@ -288,76 +258,23 @@ class Structure:
         driver = self.blocks[ref.block].driver_name(*ref)
         return driver if driver in self.followers and self.contact(driver) else None
 
+    def leading_link(self, follower: Follower) -> LinkRef:
+        """The link that a coupled driver follows, or that carries the wheel that it follows."""
+        return follower.centre.on if follower.leader is None else self.later_link(follower.leader)
+
     @cached_property
     def coupled_on(self) -> Mapping[LinkRef, tuple[str, ...]]:
         """Drivers that follow something on a link or, of a black box, stand on its support."""
-        drivers: dict[LinkRef, dict[str, None]] = {link: {} for link in self.links}
-        for driven, follower in self.followers.items():
-            if follower.leader is None:
-                drivers[follower.centre.on][driven] = None
-            else:
-                drivers[self.later_link(follower.leader)][driven] = None
-                if self.contact(driven) is None:
-                    drivers[self.earlier_link(follower.leader)][driven] = None
-        return {link: tuple(names) for link, names in drivers.items()}
+        leads = [(self.leading_link(f), driven) for driven, f in self.followers.items()]
+        boxes = ((d, f.leader) for d, f in self.followers.items() if self.contact(d) is None)
+        return self._by_link(*leads, *((self.earlier_link(x), d) for d, x in boxes if x))
 
     @cached_property
     def tensioned_on(self) -> Mapping[LinkRef, tuple[str, ...]]:
         """Drivers whose coupling loads a link without any effort."""
-        drivers: dict[LinkRef, dict[str, None]] = {link: {} for link in self.links}
-        for driven, follower in self.followers.items():
-            if self.couplings[follower.coupling].tension() is not None:
-                lead = follower.centre.on if follower.leader is None else None
-                drivers[lead or self.later_link(follower.leader)][driven] = None  # type: ignore[arg-type]
-                drivers[self.later_link(self.driven[driven])][driven] = None
-        return {link: tuple(names) for link, names in drivers.items()}
-
-    # -- where the parts of a coupling are, along the chains of drivers that carry them --------
-
-    def coupling_numbers(self, name: str) -> Any:
-        """What a coupling's kernels read as ``p``."""
-        pair = self.coupled_pair(name)
-        return self.couplings[name].numbers(pair, lambda: self._meshing(name, 0.0, STILL))
-
-    def where(self, name: str) -> Where:
-        """Both sides of a coupling at an argument, in the axes of what carries them."""
-        kernel = self.couplings[name].transmission(self.coupled_pair(name))
-        p = self.coupling_numbers(name)
-        return lambda x: self._meshing(name, x, kernel(x, p))
-
-    def _meshing(self, name: str, x: float, motion: Transmission) -> Meshing:
-        coupling, (_, _, _, leader, centre) = self.couplings[name], self._follower(name)
-        ref = self.driven[coupling.driven]
-        lead = centre.on if leader is None else self.later_link(leader)
-        guides = self._guide(centre), self._guide(self.feeds[ref])
-        link = self._pose(ref, guides[1], motion.q)
-        return Meshing(*guides, Guide(*self.at_zero(lead)), Guide(*link), x, motion)
-
-    def _guide(self, marker: MarkerRef) -> Guide:
-        """A marker where all drivers are at 0."""
-        o, e = self.at_zero(marker.on)
-        declared, block = self.marker(marker), self.block(marker.block)
-        u = 1 + 0j if isinstance(declared, BuiltIn) else declared.direction
-        return Guide(o + e * block.place_of(declared), e * u)
-
-    def at_zero(self, link: LinkRef) -> LinkPosition:
-        """A link where all drivers are at 0; in its own axes if no chain of drivers carries it."""
-        if link == self.frame_link or self.blocks[link.block].closes:
-            return LinkPosition(0j, 1 + 0j)
-        ref = self.driven[self.drivers_of(link.block)[0]]
-        return self._pose(ref, self._guide(self.feeds[ref]), 0.0)
-
-    def _pose(self, ref: JointRef, guide: Guide, q: float) -> LinkPosition:
-        """The later link of a driven pair, its coordinate being q more than its driver's offset."""
-        block, joint = self.blocks[ref.block], self.joint(ref)
-        place = guide if joint.reads == "guide" else guide.p
-        whole = q + block.coordinate(ref.name).offset
-        pose = block.kernels.position(place, whole, block.parameters())
-        return LinkPosition(*getattr(pose, block.link_field(joint.later)))
-
-    def _faults(self, name: str) -> Iterator[Problem]:
-        coupling, pair = self.couplings[name], self.coupled_pair(name)
-        yield from coupling.faults(name, pair, self.where(name), self.coupling_numbers(name))
+        tense = [d for d in self.followers if self.coupling_of(d).tension() is not None]
+        leads = ((self.leading_link(self.followers[d]), d) for d in tense)
+        return self._by_link(*leads, *((self.later_link(self.driven[d]), d) for d in tense))
 
     def turns(self, driver: str) -> int | None:
         """Turns of a driver after which all coupled links stand as before; None if never."""
@@ -420,20 +337,19 @@ class Structure:
     @cached_property
     def carried(self) -> Mapping[LinkRef, tuple[JointRef, ...]]:
         """Joints of later blocks that each link carries, in name order."""
-        return self._by_link(self.feeds)
+        return self._by_link(*((marker.on, joint) for joint, marker in sorted(self.feeds.items())))
 
     @cached_property
     def loaded(self) -> Mapping[LinkRef, tuple[JointRef, ...]]:
         """Terminals of elements on each link, in name order."""
-        return self._by_link(self.holds)
+        return self._by_link(*((marker.on, end) for end, marker in sorted(self.holds.items())))
 
-    def _by_link(
-        self, wires: Mapping[JointRef, MarkerRef]
-    ) -> Mapping[LinkRef, tuple[JointRef, ...]]:
-        ends_on: dict[LinkRef, list[JointRef]] = {link: [] for link in self.links}
-        for end, marker in sorted(wires.items()):
-            ends_on[marker.on].append(end)
-        return {link: tuple(ends) for link, ends in ends_on.items()}
+    def _by_link(self, *parts: tuple[LinkRef, T]) -> Mapping[LinkRef, tuple[T, ...]]:
+        """What each link has, each once."""
+        on: dict[LinkRef, dict[T, None]] = {link: {} for link in self.links}
+        for link, part in parts:
+            on[link][part] = None
+        return {link: tuple(of) for link, of in on.items()}
 
     @property
     def pairs(self) -> int:

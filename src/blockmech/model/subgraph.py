@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Protocol, Self
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 from pydantic import Field, PrivateAttr, WithJsonSchema, field_validator, model_validator
 
@@ -25,31 +25,8 @@ from blockmech.blocks.block import Block
 from blockmech.ground.errors import BlockmechError, FormatError, GraphError, Problem
 from blockmech.ground.values import Number, mistake
 
-
-class Content(Protocol):
-    """What a block that is a graph needs of the graph inside; `blockmech.Graph` is one."""
-
-    blocks: dict[str, Any]
-    wires: list[Any]
-    parameters: dict[str, str | list[str]]
-
-    @property
-    def scene(self) -> Any:
-        """Gravity, drives, starts and stops."""
-
-    @property
-    def size(self) -> int:
-        """Number of blocks written out."""
-
-    def sections(self) -> dict[str, Any]:
-        """What stands in its file between head and extras."""
-
-    def with_numbers(self, numbers: Mapping[tuple[str | int, ...], Any]) -> Self:
-        """A copy with other numbers at some paths, unchecked."""
-
-    def flat(self) -> Self:
-        """The same with the blocks of graphs inside written out."""
-
+Content: TypeAlias = Any
+"""The `blockmech.Graph` inside of a block, which is made of blocks itself."""
 
 HEAD = ("format", "version")  # of a file, which a graph inside of another need not have
 FOLDERS = "BLOCKMECH_PATH"  # environment variable: folders with libraries
@@ -98,9 +75,8 @@ class Subgraph(Block, type="graph"):
     @classmethod
     def _as_data(cls, raw: Any) -> Any:
         data = raw.to_data() if hasattr(raw, "to_data") else raw
-        if isinstance(data, dict) and not str(data.get("format", "")).startswith("blockmech/"):
-            return data
-        return {k: x for k, x in data.items() if k not in HEAD} if isinstance(data, dict) else data
+        own = isinstance(data, dict) and str(data.get("format", "")).startswith("blockmech/")
+        return {k: x for k, x in data.items() if k not in HEAD} if own else data
 
     @model_validator(mode="after")
     def _one_source(self) -> Subgraph:
@@ -109,7 +85,7 @@ class Subgraph(Block, type="graph"):
         return self
 
     @property
-    def content(self) -> Content | None:
+    def content(self) -> Content:
         """The graph inside as its file has it; None before it is read."""
         return self._content
 
@@ -180,8 +156,7 @@ class Resolver:
                 self.graphs[same] = self._loaded(path, file, where, load)
             except (FormatError, GraphError) as error:
                 self.graphs[same] = error
-        graph = self.graphs[same]
-        if isinstance(graph, BlockmechError):
+        if isinstance(graph := self.graphs[same], BlockmechError):
             raise graph
         return graph
 

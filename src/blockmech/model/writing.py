@@ -14,7 +14,7 @@ from typing import Any
 
 from blockmech.ground.errors import FormatError, Problem, path_text
 from blockmech.ground.validation_errors import field_order
-from blockmech.ground.values import Pair, StrictModel
+from blockmech.ground.values import StrictModel
 from blockmech.loads.functions import Function
 
 WIDTH = 100  # characters of a line
@@ -36,13 +36,11 @@ def plain(value: Any) -> Any:
             if given or (name == value.kind_key and item != value.plain_kind):
                 data[field.alias or name] = plain(item)
         return data
-    if isinstance(value, Pair):
-        return value.written
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item) for item in value]
-    return value
+    return getattr(value, "written", value)
 
 
 def canonical_text(document: Mapping[str, Any]) -> str:

@@ -17,6 +17,7 @@ from blockmech.blocks.contract import BuiltIn
 from blockmech.couplings.contract import Meshing
 from blockmech.ground.plane import EPS, cross, expi, sign, sqrt
 from blockmech.ground.values import Marker
+from blockmech.model.meshing import coupling_numbers
 from blockmech.model.structure import FollowedBranch, JointRef, LinkRef, MarkerRef, Structure
 from blockmech.plan import values
 from blockmech.plan.plan import Entry, Formula, Schedule
@@ -140,7 +141,7 @@ def guide(s: Schedule, marker: MarkerRef) -> Value:
 def numbers(s: Schedule, coupling: str) -> Value:
     """Slot of a coupling's own numbers."""
     return s.parameter(
-        ("numbers", coupling), lambda st, _: st.coupling_numbers(coupling), f"P_{coupling}"
+        ("numbers", coupling), lambda st, _: coupling_numbers(st, coupling), f"P_{coupling}"
     )
 
 

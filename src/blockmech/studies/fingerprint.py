@@ -17,7 +17,7 @@ import numpy as np
 
 from blockmech.ground.errors import refused
 from blockmech.loads.functions import Function
-from blockmech.model.document import EXTRAS
+from blockmech.model.form import EXTRAS
 from blockmech.model.graph import Graph
 from blockmech.studies.runner import Runner, digest, summary
 from blockmech.studies.sampling import Designs

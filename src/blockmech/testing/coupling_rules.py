@@ -20,6 +20,7 @@ from blockmech.ground.values import Link, Marker, Place, Vector
 from blockmech.mechanism import Mechanism
 from blockmech.model.graph import Graph
 from blockmech.model.laws_of_motion import Harmonic
+from blockmech.model.meshing import coupling_numbers, sides
 from blockmech.model.structure import Structure
 from blockmech.testing.rules import DERIVATIVE, Array, Checks, derivative, same_bits
 
@@ -82,7 +83,7 @@ class CouplingRules(Checks):
 
 
 def _touching(kernel: Any, structure: Structure) -> Callable[[float], dict[str, Array]]:
-    here, p = structure.where("coupling"), structure.coupling_numbers("coupling")
+    here, p = sides(structure, "coupling"), coupling_numbers(structure, "coupling")
 
     def at(step: float) -> dict[str, Array]:
         rows = [kernel(here(x + step), p) for x in TIMES]

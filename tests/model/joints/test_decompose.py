@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from blockmech.ground.plane import EPS
+from blockmech.model.joints import decompose as decomposing
 from blockmech.model.joints.closing import Closing
 from blockmech.model.joints.decompose import sequence
 from tests.doors import linkage_of as loads
@@ -366,3 +367,15 @@ def test_dyads_are_closed_in_the_mode_that_a_rounded_pose_tells(turn):
     assert len(order.drafts) == 6
     whole = closing.refine(layout.given)
     assert all(abs(whole[a].theta - order.poses[a].theta) < 1e-13 for a in layout.links)
+
+
+def test_a_document_is_taken_apart_once_as_long_as_nothing_of_it_changes(monkeypatch):
+    calls, own = [], decomposing.decompose
+    monkeypatch.setattr(decomposing, "decompose", lambda *x: calls.append(x) or own(*x))
+    m = read(document(2))
+    m.decompose().data["blocks"].clear()  # what is done to it does not come back
+    assert m.compile().structure.blocks
+    assert len(calls) == 1
+    m.gravity = (0.0, -2.0)
+    assert m.compile().scene.gravity.z == -2j
+    assert len(calls) == 2

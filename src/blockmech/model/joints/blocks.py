@@ -13,13 +13,13 @@ from blockmech.ground.errors import refused
 from blockmech.ground.values import xy
 from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
 from blockmech.model.naming import JointName, LinkName, Names
+from blockmech.model.scene import PER_DRIVER
 from blockmech.model.spots import guide_spots, marker_place, pin_spot
 from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
 
 Form = dict[str, Any]
 COUPLED = ("driver", "driven")
 OF_LINKS = ("mass", "inertia", "cm")
-OF_DRIVERS = ("drive", "initial", "stops", "motion")  # sections of the scene
 
 
 class SaidByLinks:
@@ -66,8 +66,9 @@ class SaidByLinks:
         head = {key: form[key] for key in ("name", "title", "source", "notes") if key in form}
         drive, *rest = (
             {self.drivers[driver]: x for driver, x in scene.get(part, {}).items()}
-            for part in OF_DRIVERS
+            for part in PER_DRIVER
         )
+        coupled = [name for name in form["blocks"] if name in self.s.couplings]
         return {
             "format": "blockmech/joints",
             "version": form["version"],
@@ -79,9 +80,9 @@ class SaidByLinks:
                 self.drivers[d]: {"joint": self.joints[ref], **drive.get(self.drivers[d], {})}
                 for d, ref in self.s.driven.items()
             },
-            "couplings": dict(self._couplings()),
+            "couplings": {name: self._said(name, COUPLINGS) for name in coupled},
             "loads": dict(self._loads()),
-            **{key: part for key, part in zip(OF_DRIVERS[1:], rest, strict=True) if part},
+            **{key: part for key, part in zip(PER_DRIVER[1:], rest, strict=True) if part},
         }
 
     def names(self) -> Names:
@@ -144,24 +145,20 @@ class SaidByLinks:
                 made["slider"] = both.index(point.link)
             yield self.joints[ref], {**made, **({"friction": law} if law else {})}
 
-    def _couplings(self) -> Iterator[tuple[str, Form]]:
-        for name, raw in self.form["blocks"].items():
-            if raw["type"].startswith(COUPLINGS):
-                ends = {end: self.drivers.get(raw[end], raw[end]) for end in COUPLED}
-                yield name, {**raw, "type": raw["type"].removeprefix(COUPLINGS), **ends}
+    def _said(self, name: str, prefix: str) -> Form:
+        """A load or coupling, its drivers by their names in the document."""
+        raw = self.form["blocks"][name]
+        ends = {end: self.drivers.get(raw[end], raw[end]) for end in COUPLED if end in raw}
+        return {**raw, "type": raw["type"].removeprefix(prefix), **ends}
 
     def _loads(self) -> Iterator[tuple[str, Form]]:
         for name, element in self.s.elements.items():
-            raw = self.form["blocks"][name]
             held = [self.s.holds[JointRef(name, terminal)] for terminal in element.terminals]
             names = [self.links[marker.on] for marker in held]
             places = [xy(marker_place(self.s, marker)) for marker in held]
-            made = {**raw, "type": raw["type"].removeprefix(LOADS)}
-            if "driver" in raw:
-                made["driver"] = self.drivers[raw["driver"]]
-            points = [kind.kind == "point" for kind in element.terminals.values()]
+            ends: Form = {"links": names, "at": places}
             if len(names) == 1:
-                made |= {"link": names[0], **({"at": places[0]} if points[0] else {})}
-            else:
-                made |= {"links": names, **({"at": places} if any(points) else {})}
-            yield name, made
+                ends = {"link": names[0], "at": places[0]}
+            if not any(terminal.kind == "point" for terminal in element.terminals.values()):
+                del ends["at"]
+            yield name, self._said(name, LOADS) | ends

@@ -219,19 +219,17 @@ class Closing:
 
     def stressed(self, poses: Poses) -> tuple[str, ...]:
         """Joints that can press against each other."""
-        idle = np.abs(_kernel(self.conditions(poses)[1].T)).max(axis=0, initial=0.0)
+        idle = np.abs(_near_kernel(self.conditions(poses)[1].T)[1]).max(axis=0, initial=0.0)
         taking = idle > SINGULAR * idle.max(initial=0.0)
         rows = zip(self._rows(poses), taking, strict=True)
         return tuple(dict.fromkeys(c.name for (c, _), part in rows if part))
 
 
-def _kernel(matrix: Floats) -> Floats:
-    """Directions (k, n) that a matrix (m, n) takes to nothing."""
-    return _near_kernel(matrix)[1]
-
-
 def _near_kernel(matrix: Floats) -> tuple[Floats, Floats]:
-    """The same, and their singular values (k,) over the largest."""
+    """Directions (k, n) that a matrix (m, n) all but takes to nothing.
+
+    Before them their singular values (k,) over the largest.
+    """
     _, s, v = np.linalg.svd(matrix)
     largest = s.max(initial=0.0)
     rank = int((s > SINGULAR * largest).sum())

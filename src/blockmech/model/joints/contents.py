@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
 from pydantic import ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from blockmech.blocks.block import refuse
+from blockmech.blocks.block import Block, refuse
 from blockmech.blocks.registry import REGISTRY
 from blockmech.couplings.contract import Coupling
 from blockmech.friction.laws.contract import AnyFriction
@@ -224,26 +224,22 @@ HOLDS = ("link", "links", "at", "joint")
 
 def sections() -> dict[str, Section]:
     """The sections of named items, with all laws, loads and so on that are registered."""
-    couplings, signals = (
-        {
-            name.removeprefix(prefix): REGISTRY[name]
-            for name in REGISTRY
-            if name.startswith(prefix) and issubclass(REGISTRY[name], kind)
-        }
-        for prefix, kind in ((COUPLINGS, Coupling), (SIGNALS, Signal))
-    )
-    laws = {get_args(law.model_fields["law"].annotation)[0]: law for law in LAWS}
-    blocks = {name: REGISTRY[name] for name in REGISTRY if name.startswith(LOADS)}
-    loads = {
-        name.removeprefix(LOADS): _load_model(cls)
-        for name, cls in blocks.items()
-        if issubclass(cls, Element)
-    }
+    own = (name for name in REGISTRY if name.startswith((LOADS, COUPLINGS, SIGNALS)))
+    return _sections(tuple(REGISTRY[name] for name in own))
+
+
+@functools.lru_cache(1)
+def _sections(types: tuple[Any, ...]) -> dict[str, Section]:
+    def registered(prefix: str, base: type[Block]) -> dict[str, Any]:
+        kinds = {cls.type_name: cls for cls in types if issubclass(cls, base)}
+        return {n.removeprefix(prefix): cls for n, cls in kinds.items() if n.startswith(prefix)}
+
+    loads = {word: _load_model(kind) for word, kind in registered(LOADS, Element).items()}
+    driven = {get_args(law.model_fields["law"].annotation)[0]: _driver_model(law) for law in LAWS}
     own = ("mass", "inertia", "cm", "pose", "markers")
     of_joint = ("type", "links", "at", "angle", "dir", "slider", "friction", "clearance")
-    pairs = {"R": PinGiven, "P": GuideGiven}
-    driven = {word: _driver_model(law) for word, law in laws.items()}
-    alone = "a driver without a law"
+    pairs, alone = {"R": PinGiven, "P": GuideGiven}, "a driver without a law"
+    couplings, signals = registered(COUPLINGS, Coupling), registered(SIGNALS, Signal)
     holds = ("type", "link", "links", "joint", "at")
     return {
         "links": Section("link", {}, plain=LinkGiven, plain_said="a link", first=own),

@@ -91,22 +91,15 @@ class Diagram:
         pairs, general = self.found.pairs, made.type == GENERAL
         self._blocks[name] = data = {"type": made.type, **made.keys}
         self._taken[name] = _reserved(made)
-        links = {}
-        for link, seat in made.seats.items():
-            self._seats[link] = seat._replace(block=name)
-            mass = _mass(self.linkage.links[link], seat)
-            if mass or general:
-                links[seat.link] = mass
-        if links:
+        self._seats |= {link: seat._replace(block=name) for link, seat in made.seats.items()}
+        masses = {s.link: _mass(self.linkage.links[link], s) for link, s in made.seats.items()}
+        if links := {link: mass for link, mass in masses.items() if mass or general}:
             data["links"] = links
         self._ends |= {pair: (name, end) for pair, end in made.ends.items()}
-        rubbing = {end.joint: pairs[pair].friction for pair, end in made.ends.items()}
-        friction = {joint: plain(law) for joint, law in rubbing.items() if law is not None}
-        if friction:
-            data["friction"] = friction
-        loose = {end.joint: pairs[pair].clearance for pair, end in made.ends.items()}
-        if clearance := {joint: c for joint, c in loose.items() if c is not None}:
-            data["clearance"] = clearance
+        for key in ("friction", "clearance"):
+            of = {end.joint: plain(getattr(pairs[pair], key)) for pair, end in made.ends.items()}
+            if said := {joint: x for joint, x in of.items() if x is not None}:
+                data[key] = said
         own = {(link, seat.o): seat.link for link, seat in made.seats.items()}
         for (link, at), marker in {**made.points, **own}.items():
             seat = self._seats[link]
@@ -208,12 +201,17 @@ class Diagram:
 
     # -- loads, scene, names ----------------------------------------------
 
+    def _block(self, wish: str, data: dict[str, Any]) -> str:
+        """Add a block without links under a name that is free."""
+        name = free_name(wish, self._names)
+        self._blocks[name] = data
+        return name
+
     def add_loads(self) -> None:
         """Add the loads as elements, in the order of the document."""
         for name, load in self.linkage.loads.items():
             for wish, data, holds in elements(name, load, self.found.layout.pairs, self._seats):
-                block = free_name(wish, self._names)
-                self._blocks[block] = data
+                block = self._block(wish, data)
                 self._loads.setdefault(name, []).append(block)
                 for terminal, link, at in holds:
                     seat = self._seats[link]
@@ -234,16 +232,13 @@ class Diagram:
                 seat, value = self._seats[self._moved(getattr(coupling, side))], data.get(key)
                 if seat.o != 0 or seat.e != 1:
                     data[key] = _seated(getattr(coupling, key) if value is None else value, seat)
-            block = free_name(name, self._names)
-            self._blocks[block] = data
-            self._couplings[name] = block
+            self._couplings[name] = self._block(name, data)
 
     def add_signals(self) -> None:
         """Add the signal blocks and their wires; sensors have the document's names still."""
         for name, signal in self.linkage.signals.items():
-            block = free_name(name, self._names)
-            self._blocks[block] = {"type": signal.type_name, **plain(signal)}
-            self._signals[name] = block
+            data = {"type": signal.type_name, **plain(signal)}
+            self._signals[name] = self._block(name, data)
         for wire in self.linkage.wires:
             source, _, port = wire.source.partition(".")
             target, _, end = wire.target.partition(".")
@@ -262,11 +257,13 @@ class Diagram:
             for name, law in self.linkage.drivers.items()
             if isinstance(law, LawOfMotion)
         }
-        gravity = self.linkage.gravity.written if self.linkage.gravity.z else None
-        initial = plain(self.linkage.initial)
-        stops = dict(self._stops(name, plain(item)) for name, item in self.linkage.stops.items())
-        scene = {"gravity": gravity, "drive": drive, "initial": initial, "stops": stops}
-        scene["motion"] = plain(self.linkage.motion)
+        scene: dict[str, Any] = {
+            "gravity": self.linkage.gravity.written if self.linkage.gravity.z else None,
+            "drive": drive,
+            "initial": plain(self.linkage.initial),
+            "stops": dict(self._stops(n, plain(item)) for n, item in self.linkage.stops.items()),
+            "motion": plain(self.linkage.motion),
+        }
         return {key: item for key, item in scene.items() if item}
 
     def _stops(self, name: str, given: dict[str, Any]) -> tuple[str, dict[str, Any]]:

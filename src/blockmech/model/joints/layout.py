@@ -131,21 +131,14 @@ def _pairs_of(linkage: Linkage, name: str) -> list[Connection]:
     joint = linkage.joints[name]
     first, *others = joint.links
     start, *ends = (place.z for place in joint.at)
-    more: dict[str, Any] = {"friction": joint.friction}
+    more: dict[str, Any] = {"clearance": getattr(joint, "clearance", None)}
     if isinstance(joint, GuideGiven):
         more |= {"along": joint.directions, "slider": joint.slider}
-    else:
-        more["clearance"] = joint.clearance
+    names = [f"{name}.{link}" for link in others] if len(others) > 1 else [name]
+    pairs = zip(names, others, ends, strict=True)
     return [
-        Connection(
-            name if len(others) == 1 else f"{name}.{link}",
-            first,
-            link,
-            joint.type,
-            at=(start, end),
-            **more,
-        )
-        for link, end in zip(others, ends, strict=True)
+        Connection(own, first, link, joint.type, "", (start, end), friction=joint.friction, **more)
+        for own, link, end in pairs
     ]
 
 

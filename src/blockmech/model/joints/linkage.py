@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from blockmech.couplings.contract import Coupling
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import GraphError, Problem, as_names, close_match, listed, path_text
+from blockmech.ground.errors import GraphError, Problem, as_names, listed, path_text, unknown_name
 from blockmech.ground.values import Marker, Place, Vector, is_name
 from blockmech.loads.contract import Element
 from blockmech.model.diagram import Wire
@@ -27,7 +27,7 @@ from blockmech.model.joints.contents import (
 )
 from blockmech.model.joints.references import reference_problems, wire_problems
 from blockmech.model.laws_of_motion import LawOfMotion
-from blockmech.model.scene import Initial, Locked, Role, Scene, Stops
+from blockmech.model.scene import Initial, Role, Scene, Stops
 from blockmech.model.writing import plain
 from blockmech.signals.contract import Signal
 
@@ -60,7 +60,6 @@ class Linkage(Document):
     couplings: dict[str, Coupling]
     loads: dict[str, Any]
     signals: dict[str, Signal]
-    wires: list[Wire]
     initial: dict[str, Initial]
     stops: dict[str, Stops]
     motion: dict[str, Role]
@@ -71,36 +70,15 @@ class Linkage(Document):
     ) -> None:
         super().__init__(name, title=title)
         self.gravity = gravity
-        self.links = {}
-        self.joints = {}
-        self.drivers = {}
-        self.couplings = {}
-        self.loads = {}
-        self.signals = {}
-        self.wires = []
-        self.initial = {}
-        self.stops = {}
-        self.motion = {}
 
     # -- files ------------------------------------------------------------
 
     def _fill(self, draft: Draft) -> None:
-        content = draft.said
-        self.gravity, self.initial = content.gravity, {**content.initial}
-        self.stops, self.motion = {**content.stops}, {**content.motion}
         for section in self.form.items():
             parts = {name: part for name, part in draft.items(section) if part is not None}
             getattr(self, section).update(parts)
-        self.wires += [Wire(wire.source, wire.target) for wire in content.wires]
         if not draft.doubled:
-            draft.note(reference_problems(self, vars(content)))
-
-    def sections(self) -> dict[str, Any]:
-        """Links, joints, drivers and so on, wires of signals, gravity, starts, stops and roles."""
-        named = (*self.form.items(), "initial", "stops", "motion")
-        wires = [{"from": wire.source, "to": wire.target} for wire in self.wires]
-        own = {"gravity": self.gravity, "wires": wires}
-        return own | {name: getattr(self, name) for name in named}
+            draft.note(reference_problems(self, vars(draft.said)))
 
     @property
     def gravity(self) -> Vector:
@@ -240,9 +218,10 @@ class Linkage(Document):
         links = as_names(f"joints.{name}.links", links)
         unknown = [link for link in links if link not in self.links and link != FRAME]
         if unknown:
-            found, known = f'no link "{unknown[0]}"', f"links: {listed([FRAME, *self.links])}"
-            remedy = close_match(unknown[0], self.links) or "add it first: its pose counts"
-            raise GraphError(Problem("unknown-link", f"joints.{name}.links", found, known, remedy))
+            where, first = f"joints.{name}.links", "add it first: its pose counts"
+            raise GraphError(
+                unknown_name("unknown-link", "link", unknown[0], where, [FRAME, *self.links], first)
+            )
         given = {FRAME: LinkGiven()} | self.links
         zero = (0.0, 0.0, 0.0)
         return [given[link].model_copy(update={"pose": given[link].pose or zero}) for link in links]
@@ -334,34 +313,8 @@ class Linkage(Document):
         self.wires.append(wire)
 
     @declared
-    def start(self, driver: str, q: float = 0.0, rate: float = 0.0) -> None:
-        """Give a driver its start for free motion: q [rad or m], rate [rad/s or m/s]."""
-        self.initial[driver] = Initial(q=q, rate=rate)
-
-    @declared
-    def stop(
-        self,
-        driver: str,
-        low: float | None = None,
-        high: float | None = None,
-        restitution: float | None = None,
-    ) -> None:
-        """Give a driver end stops for free motion: lowest and highest coordinate [rad or m].
-
-        With a restitution, from 0 to 1, it bounces back; without the motion ends there. Any joint
-        may have some, by its coordinate: ``stop("joint.slide.coordinate", ...)``.
-        """
-        self.stops[driver] = Stops(**{"from": low, "to": high, "restitution": restitution})
-
-    @declared
-    def prescribe(self, driver: str) -> None:
-        """Let a driver follow its law of motion in motions of the others, see `add_driver`."""
-        self.motion[driver] = "prescribed"
-
-    @declared
-    def lock(self, driver: str, q: float | None = None) -> None:
-        """Lock a driver in motions of the others: at q [rad or m], or where it starts."""
-        self.motion[driver] = "locked" if q is None else Locked(locked=q)
+    def _give(self, section: str, driver: str, item: Any) -> None:
+        getattr(self, section)[driver] = item
 
     def _add(self, what: str, name: str, given: Mapping[str, Any], kind: str = "") -> None:
         """Add an item of a kind. Raises `GraphError` with places in the document."""

@@ -6,13 +6,14 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
-from blockmech.ground.errors import Problem, close_match, listed, path_text
+from blockmech.ground.errors import Problem, listed, path_text, unknown_name
 from blockmech.ground.values import is_name
 from blockmech.model.diagram import Wire
 from blockmech.model.form import bad_name
 from blockmech.model.joints.contents import FRAME
-from blockmech.model.signals import signal_wire_problems
+from blockmech.model.scene import PER_DRIVER
 from blockmech.model.structure import COORDINATE
+from blockmech.model.wires import wire_problems as motion_or_signal
 
 Known: TypeAlias = Mapping[str, Collection[str]]
 """Section -> names in it, those of parts that are wrong by themselves included."""
@@ -28,35 +29,30 @@ class Reference(NamedTuple):
     what: str  # "link", "joint" or "driver"
     name: str
     path: tuple[str | int, ...]
-    does: str = ""  # of a joint: what is done to its two links
+
+
+NAMES = {"link": "link", "links": "link", "joint": "joint", "driver": "driver", "driven": "driver"}
+"""Key of an item that names other items -> what these are."""
+TWO_LINKS = {"drivers": "drives", "loads": "acts between"}
+"""Section -> what its items do to the two links of a joint."""
 
 
 def _references(linkage: Any) -> Iterator[Reference]:
-    for name, joint in linkage.joints.items():
-        for k, link in enumerate(joint.links):
-            yield Reference("link", link, ("joints", name, "links", k))
-    for name, driver in linkage.drivers.items():
-        yield Reference("joint", driver.joint, ("drivers", name, "joint"), "drives")
-    for name, load in linkage.loads.items():
-        for k, link in enumerate(getattr(load, "links", None) or ()):
-            yield Reference("link", link, ("loads", name, "links", k))
-        for what in ("link", "joint", "driver"):
-            if (ends := getattr(load, what, None)) is not None:
-                yield Reference(what, ends, ("loads", name, what), "acts between")
-    for name, coupling in linkage.couplings.items():
-        link, _, marker = coupling.driver.partition(".")
-        if marker:
-            yield Reference("link", link, ("couplings", name, "driver"))
-        else:
-            yield Reference("driver", link, ("couplings", name, "driver"))
-        yield Reference("driver", coupling.driven, ("couplings", name, "driven"))
-    for section in ("initial", "stops", "motion"):
+    for section in linkage.form.items():
+        for name, item in getattr(linkage, section).items():
+            for key in filter(NAMES.get, type(item).model_fields):
+                path, what, said = (section, name, key), NAMES[key], getattr(item, key)
+                if isinstance(said, list):
+                    yield from (Reference(what, x, (*path, k)) for k, x in enumerate(said))
+                elif section == "couplings" and key == "driver" and "." in said:
+                    yield Reference("link", said.partition(".")[0], path)
+                elif said is not None:
+                    yield Reference(what, said, path)
+    for section in PER_DRIVER[1:]:
         for name in getattr(linkage, section):
             pair = coordinate_of(name) if section == "stops" else None
-            if pair is None:
-                yield Reference("driver", name, (section, name))
-            else:
-                yield Reference("joint", pair.partition(".")[0], (section, name))
+            what, named = ("driver", name) if pair is None else ("joint", pair.partition(".")[0])
+            yield Reference(what, named, (section, name))
 
 
 def coordinate_of(name: str) -> str | None:
@@ -71,13 +67,11 @@ def reference_problems(linkage: Any, known: Known) -> Iterator[Problem]:
     yield from _links(linkage)
     have = {what: set(known[f"{what}s"]) for what in ("link", "joint", "driver")}
     have["link"].add(FRAME)
-    for what, name, path, does in _references(linkage):
-        names = have[what]
-        if name not in names:
-            found, valid = f'no {what} "{name}"', f"{what}s: {listed(sorted(names)) or 'none'}"
-            remedy = close_match(name, sorted(names))
-            yield Problem(f"unknown-{what}", path_text(path), found, valid, remedy)
-        elif does and what == "joint" and name in linkage.joints:
+    for what, name, path in _references(linkage):
+        does = TWO_LINKS.get(str(path[0]))
+        if name not in have[what]:
+            yield unknown_name(f"unknown-{what}", what, name, path_text(path), sorted(have[what]))
+        elif what == "joint" and does and name in linkage.joints:
             number = len(linkage.joints[name].links)
             found = f"{name} is a pin of {number} links, and it is not said which two it {does}"
             remedy = "write the pin as joints of two links each"
@@ -102,9 +96,10 @@ def _wheels(linkage: Any) -> Iterator[Problem]:
         link, _, marker = coupling.driver.partition(".")
         known = linkage.links[link].markers if link in linkage.links else {}
         if marker and marker not in known and (link in linkage.links or link == FRAME):
-            where, remedy = path_text(("couplings", name, "driver")), close_match(marker, known)
-            valid = f"markers of {link}: {listed(known) or 'none'}"
-            yield Problem("unknown-marker", where, f'no marker "{marker}"', valid, remedy)
+            where = path_text(("couplings", name, "driver"))
+            yield unknown_name(
+                "unknown-marker", "marker", marker, where, known, there=f" of {link}"
+            )
 
 
 def _signals(linkage: Any, known: Known) -> Iterator[Problem]:
@@ -125,7 +120,7 @@ def wire_problems(linkage: Any, wire: Wire, others: Sequence[Wire]) -> Iterator[
     """What is wrong with a wire of signals beside others that are there."""
     fed = next((w for w in others if w.target == wire.target), None)
     blocks = {**linkage.signals, **linkage.loads}
-    yield from signal_wire_problems(blocks, wire, fed, SENSED)
+    yield from motion_or_signal(blocks, wire, wire.apart(blocks), fed, SENSED)
 
 
 def _links(linkage: Any) -> Iterator[Problem]:

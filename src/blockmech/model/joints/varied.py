@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import is_dataclass, replace
+from operator import is_
 from typing import Any
 
 import numpy as np
@@ -43,10 +44,10 @@ class Varied(complex):
         return Varied(-complex(self), -self.d)
 
     def __sub__(self, other: complex) -> Varied:
-        return Varied(complex(self) - complex(other), self.d - tangents(other))
+        return self + -other
 
     def __rsub__(self, other: complex) -> Varied:
-        return Varied(complex(other) - complex(self), -self.d)
+        return -self + other
 
     def __mul__(self, other: complex) -> Varied:
         a, b = complex(self), complex(other)
@@ -106,9 +107,8 @@ def _of_varied(x: object) -> Mapping[str, Any]:
     return {"planar": _planar, "expi": _expi, "angle": _angle}
 
 
-def _planar(x: complex, y: complex) -> Varied:
-    z = complex(complex(x).real, complex(y).real)
-    return Varied(z, tangents(x) + 1j * tangents(y))
+def _planar(x: complex, y: complex) -> complex:
+    return x + 1j * y
 
 
 def _expi(t: complex) -> Varied:
@@ -136,39 +136,22 @@ def remainder(x: Any, period: float) -> Any:
 PLAIN = frozenset({float, complex, int, bool, str, type(None)})
 
 
-def varies(x: Any) -> bool:
-    """Whether a number has derivatives, also inside records, lists and mappings."""
-    level = [x]
-    while level:
-        below: list[Any] = []
-        for item in level:
-            if type(item) in PLAIN:
-                continue
-            if isinstance(item, Varied):
-                return True
-            if isinstance(item, list | tuple):
-                below += item
-            elif is_dataclass(item):
-                below += vars(item).values()
-            elif isinstance(item, Mapping):
-                below += item.values()
-        level = below
-    return False
-
-
 def settled(x: Any) -> Any:
     """Numbers without derivatives, also inside records, lists and mappings.
 
     What holds none with derivatives is given back itself.
     """
-    if not varies(x):
-        return x
     if isinstance(x, Varied):
         z = complex(x)
         return z if z.imag else z.real
     if isinstance(x, list | tuple):
-        parts = [settled(item) for item in x]
+        parts = [item if type(item) in PLAIN else settled(item) for item in x]
+        if all(map(is_, parts, x)):
+            return x
         return type(x)(*parts) if hasattr(x, "_fields") else type(x)(parts)
-    if isinstance(x, Mapping):
-        return {key: settled(item) for key, item in x.items()}
-    return replace(x, **{f.name: settled(getattr(x, f.name)) for f in fields(x)})
+    fields = x if isinstance(x, Mapping) else vars(x) if is_dataclass(x) else {}
+    inside = {key: settled(item) for key, item in fields.items() if type(item) not in PLAIN}
+    changed = {key: item for key, item in inside.items() if item is not fields[key]}
+    if not changed:
+        return x
+    return {**x, **changed} if isinstance(x, Mapping) else replace(x, **changed)

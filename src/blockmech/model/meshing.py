@@ -1,0 +1,97 @@
+"""Where the parts of a coupling are, along the chains of drivers that carry them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from blockmech.blocks.contract import BuiltIn
+from blockmech.couplings.contract import Meshing, Transmission, Where
+from blockmech.ground.errors import GraphError, Problem
+from blockmech.model.structure import SAME_CARRIER, JointRef, LinkRef, MarkerRef, Structure
+from blockmech.typing import Guide, LinkPosition
+
+STILL = Transmission(0.0, 0.0, 0.0)
+ROUNDED = 2.0**-40  # [-] of places that a file means to be one
+
+
+def check_couplings(s: Structure) -> None:
+    """Raise `GraphError` with all couplings whose parts do not fit where they are."""
+    problems: list[Problem] = []
+    for name, coupling in s.couplings.items():
+        try:
+            s.follower(name)
+            problems += _changing_distance(s, name)
+        except GraphError as error:
+            problems += error.problems
+        else:
+            pair, p = s.coupled_pair(name), coupling_numbers(s, name)
+            problems += coupling.faults(name, pair, sides(s, name), p)
+    if problems:
+        raise GraphError(problems)
+
+
+def _changing_distance(s: Structure, name: str) -> Iterator[Problem]:
+    """The pairs that carry one wheel, where they do not turn about the other."""
+    coupling, follower = s.couplings[name], s.follower(name)
+    driven = s.feeds[s.driven[coupling.driven]]
+    if not coupling.meshes or driven.on == follower.centre.on:
+        return
+    ahead = driven.on in s.turning(follower.centre.on)
+    near, far = (follower.centre, driven) if ahead else (driven, follower.centre)
+    link, about = near.on, _guide(s, far).p
+    while link != far.on:
+        (driver,) = s.drivers_of(link.block)
+        pivot = s.feeds[s.driven[driver]]
+        place = _guide(s, pivot).p
+        one = abs(place - about) <= ROUNDED * (abs(place) + abs(about))
+        if not (one and s.driver_joint(driver).rotary):
+            found = f"{near.on} carries the one wheel about {pivot}, not about the other "
+            found += f"wheel's centre {far}, so their distance changes"
+            yield Problem("coupling-mismatch", name, found, "", SAME_CARRIER)
+            return
+        link = pivot.on
+
+
+def coupling_numbers(s: Structure, name: str) -> Any:
+    """What a coupling's kernels read as ``p``."""
+    pair = s.coupled_pair(name)
+    return s.couplings[name].numbers(pair, lambda: _meshing(s, name, 0.0, STILL))
+
+
+def sides(s: Structure, name: str) -> Where:
+    """Both sides of a coupling at an argument, in the axes of what carries them."""
+    kernel, p = s.couplings[name].transmission(s.coupled_pair(name)), coupling_numbers(s, name)
+    return lambda x: _meshing(s, name, x, kernel(x, p))
+
+
+def _meshing(s: Structure, name: str, x: float, motion: Transmission) -> Meshing:
+    follower, ref = s.follower(name), s.driven[s.couplings[name].driven]
+    guides = _guide(s, follower.centre), _guide(s, s.feeds[ref])
+    lead, link = at_zero(s, s.leading_link(follower)), _pose(s, ref, guides[1], motion.q)
+    return Meshing(*guides, Guide(*lead), Guide(*link), x, motion)
+
+
+def _guide(s: Structure, marker: MarkerRef) -> Guide:
+    """A marker where all drivers are at 0."""
+    o, e = at_zero(s, marker.on)
+    declared, block = s.marker(marker), s.block(marker.block)
+    u = 1 + 0j if isinstance(declared, BuiltIn) else declared.direction
+    return Guide(o + e * block.place_of(declared), e * u)
+
+
+def at_zero(s: Structure, link: LinkRef) -> LinkPosition:
+    """A link where all drivers are at 0; in its own axes if no chain of drivers carries it."""
+    if link == s.frame_link or s.blocks[link.block].closes:
+        return LinkPosition(0j, 1 + 0j)
+    ref = s.driven[s.drivers_of(link.block)[0]]
+    return _pose(s, ref, _guide(s, s.feeds[ref]), 0.0)
+
+
+def _pose(s: Structure, ref: JointRef, guide: Guide, q: float) -> LinkPosition:
+    """The later link of a driven pair, its coordinate being q more than its driver's offset."""
+    block, joint = s.blocks[ref.block], s.joint(ref)
+    place = guide if joint.reads == "guide" else guide.p
+    whole = q + block.coordinate(ref.name).offset
+    pose = block.kernels.position(place, whole, block.parameters())
+    return LinkPosition(*getattr(pose, block.link_field(joint.later)))
