@@ -136,6 +136,11 @@ class Compiled(Runnable[M]):
         """Drivers in formation order."""
         return self.structure.drivers
 
+    @cached_property
+    def coordinate_units(self) -> Mapping[str, str]:
+        """Unit of the coordinate of each driver, "rad" or "m"."""
+        return {d: self.driver_joint(d).coordinate_unit for d in self.drivers}
+
     def driver_joint(self, driver: str) -> Joint:
         """Declaration of the pair that a driver drives: units, kind."""
         return self.structure.driver_joint(driver)
@@ -201,7 +206,7 @@ class Compiled(Runnable[M]):
 
     def samples(self, *asked: Any) -> Samples:
         """Samples that a request names: at, samples, times, rates, accelerations."""
-        taken = make_samples(self.drivers, self.scene, *asked)
+        taken = make_samples(self.coordinate_units, self.scene, *asked)
         return self.with_deflections(taken) if self.structure.remembering else taken
 
     @abstractmethod
@@ -231,7 +236,7 @@ class Compiled(Runnable[M]):
 
         Parameters
         ----------
-        at : float or (n,) [rad or m], or a mapping driver -> (n,)
+        at : float or (n,) [rad or m], text as "30deg", or a mapping driver -> these
             Driver coordinates; rates follow from the scene's law of motion.
         samples : int
             That many equally spaced samples of the law's range; default 361.

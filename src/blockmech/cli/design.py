@@ -9,7 +9,7 @@ import typer
 
 from blockmech.builders import compiled
 from blockmech.cli.numbers import coordinates, rates_of
-from blockmech.cli.options import At, Friction, GraphFile, Static, names_of, option, quantity
+from blockmech.cli.options import At, Friction, GraphFile, Static, names_of, number_of, option
 from blockmech.cli.output import Drawn, Shown
 from blockmech.cli.terminal import note, progress_bar
 from blockmech.ground.errors import refused
@@ -35,7 +35,7 @@ def equilibria(
     time: Annotated[
         float | None,
         option(
-            "Time at which loads that follow it are held [s].", "X", parser=quantity("time", "s")
+            "Time at which loads that follow it are held [s].", "X", parser=number_of("time", "s")
         ),
     ] = None,
 ) -> None:

@@ -29,7 +29,7 @@ def solutions(
     """
     mechanism = shown.read(file, compiled)
     request = poses.of(mechanism) | {"want": names_of(want) or None, "static": static}
-    request["scale"] = row(f"--scale {scale}", scale, {"": 1.0})
+    request["scale"] = row(f"--scale {scale}", scale, "")
     with progress_bar("searching"):
         report = mechanism.friction_solutions(**request)
     shown.show(file, report)

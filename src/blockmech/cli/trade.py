@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from blockmech.builders import compiled
-from blockmech.cli.numbers import SECONDS, row, starts
+from blockmech.cli.numbers import row, starts
 from blockmech.cli.options import GraphFile, Poses, Static, names_of, one_of, option, switch
 from blockmech.cli.output import check_places, csv_place
 from blockmech.cli.terminal import (
@@ -139,7 +139,7 @@ def _written(measured: Trade, csv: str | None, out: str | None, plot: str | None
 
 
 def _seconds(where: str, text: str) -> float:
-    numbers = row(f"{where} {text}", text, SECONDS)
+    numbers = row(f"{where} {text}", text, "s")
     if len(numbers) != 1 or not numbers[0] > 0:
         raise refused(f"{where} {text}", "not one time above 0", "write for example 30s")
     return numbers[0]

@@ -23,7 +23,7 @@ from blockmech.model.document import Document
 from blockmech.model.flat import Flat, flattened
 from blockmech.model.form import VERSION, Draft
 from blockmech.model.laws_of_motion import LawOfMotion
-from blockmech.model.parameters import Path, interface, named
+from blockmech.model.parameters import Path, interface, named, wrong_units
 from blockmech.model.scene import Initial, Locked, Scene, Stops
 from blockmech.model.signals import signal_wire
 from blockmech.model.structure import JointRef, MarkerRef, Structure
@@ -333,7 +333,8 @@ class Graph(Document):
         """The checked formation sequence. Raises `GraphError` with all problems."""
         flat = self._flattened()
         found = checks.checked(flat.blocks, flat.wires, flat.scene)
-        if problems := [*flat.problems, *found.problems]:
+        written = {"blocks": flat.blocks, "scene": flat.scene}
+        if problems := [*flat.problems, *found.problems, *wrong_units(written)]:
             raise GraphError(problems)
         formed = _formed(flat, found)
         formed.check_couplings()

@@ -95,7 +95,7 @@ class Runner:
 
     def samples(self, mechanism: Compiled) -> Samples:
         """The poses. Raises `RequestError` where they are wrong."""
-        return make_samples(mechanism.drivers, mechanism.scene, **self.over)
+        return make_samples(mechanism.coordinate_units, mechanism.scene, **self.over)
 
     def samples_of_design(self) -> int:
         """Number of poses."""
