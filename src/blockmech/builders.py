@@ -68,7 +68,7 @@ class Graph(graph.Graph, Uncompiled):
 
     def _repr_svg_(self) -> str:
         from blockmech.draw.diagram import draw_diagram
-        from blockmech.draw.paper import rendered
+        from blockmech.figures.paper import rendered
 
         return rendered(draw_diagram(self).figure, ".svg").decode()
 

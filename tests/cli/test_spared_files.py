@@ -64,7 +64,7 @@ def unpainted(monkeypatch):
     """Pictures are written without being painted: which files there are is all that is asked."""
     monkeypatch.setattr("blockmech.draw.animation.Animation.gif", b"a film")
     monkeypatch.setattr("blockmech.draw.animation.Animation.html", "a film")
-    monkeypatch.setattr("blockmech.draw.paper.rendered", lambda *_: b"a picture")
+    monkeypatch.setattr("blockmech.figures.paper.rendered", lambda *_: b"a picture")
 
 
 @pytest.mark.usefixtures("unpainted")

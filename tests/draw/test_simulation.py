@@ -9,8 +9,8 @@ import pytest
 
 import blockmech as bm
 from blockmech.draw.animation import rests
-from blockmech.draw.panels import Abscissa, Panel, draw_panels
 from blockmech.draw.simulation import energy_panels, motion_panels, phase_plots, simulation_pictures
+from blockmech.figures.panels import Abscissa, Panel, draw_panels
 from tests.gallery import GRAPHS
 
 WANT = ("*.q", "*.rate", "*.reaction", "mechanism.kinetic_energy", "mechanism.potential_energy")

@@ -49,6 +49,14 @@ def switch(name: str, help: str) -> Any:
     return typer.Option(f"--{name}", help=help)  # named, or typer adds --no-name
 
 
+Degrees = Annotated[
+    bool | None,
+    typer.Option(
+        "--deg/--rad", help="Angles in degrees or radians; by default degrees in pictures alone."
+    ),
+]
+
+
 def of_gallery(name: str) -> str:
     """The file of a gallery mechanism that is named without a path; other names as they are."""
     word = name.removesuffix(".json")
@@ -163,7 +171,7 @@ def names_of(want: list[str] | None) -> tuple[str, ...]:
     return tuple(n for part in want or () for n in part.split(",") if n)
 
 
-def si_only(json: bool, degrees: bool) -> None:
+def si_only(json: bool, degrees: bool | None) -> None:
     """Refuse degrees in JSON."""
     if json and degrees:
         raise refused("--deg", "JSON results are in SI units", "leave it out")

@@ -118,9 +118,12 @@ def _written(measured: Trade, csv: str | None, out: str | None, plot: str | None
     if csv is not None:
         measured.to_csv(csv)
         return [Path(csv)]
-    if out is None:
+    if plot is not None:
         with progress_bar("drawing"):
-            return [measured.plot(plot)] if plot is not None else []
+            measured.plot(plot)
+        return [Path(plot)]
+    if out is None:
+        return []
     home = Path(out)
     table, json, picture = (home / name for name in FILES)
     outdated = FILES if os.path.exists(json) else ()
@@ -133,7 +136,8 @@ def _written(measured: Trade, csv: str | None, out: str | None, plot: str | None
         return [table, json]
     try:
         with progress_bar("drawing"):
-            return [table, json, measured.plot(picture)]
+            measured.plot(picture)
+        return [table, json, picture]
     except KeyboardInterrupt:
         raise Interrupted(UNDRAWN) from None
 

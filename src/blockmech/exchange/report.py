@@ -16,12 +16,12 @@ import numpy as np
 
 import blockmech
 from blockmech.analysis.verify import verify
-from blockmech.draw.curves import abscissa, chosen_panels
 from blockmech.draw.mechanism import draw_mechanism
-from blockmech.draw.panels import draw_panels
-from blockmech.draw.paper import image
 from blockmech.exchange.formats import Order, Writer, one_file
 from blockmech.exchange.page.files import samples_of, wanted_of
+from blockmech.figures.curves import abscissa, chosen_panels
+from blockmech.figures.panels import draw_panels
+from blockmech.figures.paper import image
 from blockmech.model.parameters import parameters_of
 from blockmech.result.result import Result
 

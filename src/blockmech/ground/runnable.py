@@ -5,22 +5,14 @@ from __future__ import annotations
 from abc import ABC, ABCMeta, abstractmethod
 from importlib import import_module
 from types import MethodType
-from typing import Any, Generic
+from typing import TYPE_CHECKING, Any, Generic
 
 from blockmech.typing import M
 
+if TYPE_CHECKING:
+    import blockmech.draw
+
 EVERYTHING = ("*",)
-
-
-class Runnable(ABC, Generic[M]):
-    """What can be compiled, and so be run."""
-
-    called = "a graph, a linkage or a mechanism"
-    instead = "run it first: its run() gives a result"
-
-    @abstractmethod
-    def compile(self) -> M:
-        """The mechanism that computes."""
 
 
 class LazyMethod:
@@ -41,3 +33,19 @@ class LazyMethod:
         function = getattr(import_module(self.module), self.name)
         setattr(self.owner, self.name, function)
         return function if instance is None else MethodType(function, instance)
+
+
+class Runnable(ABC, Generic[M]):
+    """What can be compiled, and so be run."""
+
+    called = "a graph, a linkage or a mechanism"
+    instead = "run it first: its run() gives a result"
+
+    if TYPE_CHECKING:
+        draw = blockmech.draw.draw
+    else:
+        draw = LazyMethod("blockmech.draw")
+
+    @abstractmethod
+    def compile(self) -> M:
+        """The mechanism that computes."""

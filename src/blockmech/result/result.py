@@ -6,7 +6,7 @@ from cmath import isfinite
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Generic, Self
+from typing import TYPE_CHECKING, Any, Generic, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from blockmech.engines.numpy import Planar, Whole
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, refused
 from blockmech.ground.report import DEGREES, places
+from blockmech.ground.runnable import LazyMethod
 from blockmech.plan.plan import Output, Plan, Undefined
 from blockmech.result.exported import Exported
 from blockmech.result.motion import Motion
@@ -22,6 +23,9 @@ from blockmech.result.quality import OK, Flag, Quality, assess
 from blockmech.result.samples import Samples
 from blockmech.result.wires import on_wires
 from blockmech.typing import M
+
+if TYPE_CHECKING:
+    import blockmech.figures.curves
 
 ADVANTAGE = "mechanism.mechanical_advantage"
 BY_DRIVES = ADVANTAGE, "mechanism.efficiency", "mechanism.friction_efficiency"
@@ -40,7 +44,12 @@ class Result(Exported, Generic[M]):
     """
 
     called = "a result"
-    instead = "draw.plot draws its outputs; the mechanism is its .mechanism"
+    instead = "its plot() draws its outputs; the mechanism is its .mechanism"
+
+    if TYPE_CHECKING:
+        plot = blockmech.figures.curves.plot
+    else:
+        plot = LazyMethod("blockmech.figures.curves")
 
     mechanism: M  # a `Compiled`, which makes results
     _planned: tuple[tuple[str, ...], Mapping[str, tuple[int, ...]]]  # of an unpickled one
