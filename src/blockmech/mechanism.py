@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     import blockmech.design.flywheel
     import blockmech.design.identify
     import blockmech.design.linearize
+    import blockmech.draw
     import blockmech.dynamics.impact
     import blockmech.dynamics.simulation
     import blockmech.dynamics.stepper
@@ -58,6 +59,7 @@ class Mechanism(Compiled["Mechanism"]):
     if TYPE_CHECKING:
         available = blockmech.design.drives.available
         balance = blockmech.design.balance.balance
+        draw = blockmech.draw.draw
         enclose = blockmech.studies.enclose.enclose
         equilibria = blockmech.analysis.equilibria.equilibria
         explain = blockmech.analysis.explain.explain
@@ -92,6 +94,7 @@ class Mechanism(Compiled["Mechanism"]):
     else:
         available = LazyMethod("blockmech.design.drives")
         balance = LazyMethod("blockmech.design.balance")
+        draw = LazyMethod("blockmech.draw")
         enclose = LazyMethod("blockmech.studies.enclose")
         equilibria = LazyMethod("blockmech.analysis.equilibria")
         explain = LazyMethod("blockmech.analysis.explain")

@@ -51,7 +51,6 @@ from blockmech.studies.differentiate import chosen_numbers
 from blockmech.typing import Coordinates, FrictionMethod
 
 if TYPE_CHECKING:
-    import blockmech.draw.vibration
     from blockmech.compiled import Compiled
 
 DECADES = 2.0  # of frequency below the lowest and above the highest mode that are shown
@@ -123,10 +122,7 @@ class Linearization(Facts, Pictured):
     notes: tuple[str, ...] = ()
     states: Mapping[str, float] = field(default_factory=dict)
 
-    if TYPE_CHECKING:
-        animate = blockmech.draw.vibration.animate
-    else:
-        animate = LazyMethod("blockmech.draw.vibration")
+    animate = LazyMethod("blockmech.draw.vibration")
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:

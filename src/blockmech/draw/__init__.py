@@ -16,7 +16,7 @@ from blockmech.draw.animation import Animation
 from blockmech.draw.boxes import graph_of
 from blockmech.draw.centrodes import centrodes
 from blockmech.draw.diagram import draw_diagram
-from blockmech.draw.mechanism import draw_mechanism, draw_tile
+from blockmech.draw.mechanism import draw_mechanism, draw_result, draw_tile
 from blockmech.draw.motion import moves, moves_of_result
 from blockmech.draw.schedule import draw_schedule
 from blockmech.draw.structural import draw_structural_graph
@@ -231,7 +231,8 @@ def run_pictures(
     """Write the pictures of a run: one for each kind of curve that it has.
 
     ``drive.png``, ``friction_power.png`` and ``reactions.png`` ([R10] Figs. 12-14), with
-    the curves without friction beside; ``kinematics.png`` for a mechanism without forces.
+    the curves without friction beside; ``kinematics.png`` for a mechanism without forces;
+    ``mechanism.png``, the mechanism in poses of the run.
 
     Parameters
     ----------
@@ -245,6 +246,8 @@ def run_pictures(
     along = abscissa(result, over, degrees)
     panels = pictures_of(result, degrees)
     drawn = {name: draw_panels(row, along) for name, row in panels.items()}
+    if len(result.quality.gaps) < result.n:
+        drawn["mechanism"] = draw_result(result, degrees).figure
     with whole_folder(folder) as home:
         return [
             Path(folder) / write_figure(figure, home / f"{name}.png").name

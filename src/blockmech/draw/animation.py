@@ -30,7 +30,7 @@ from blockmech.draw.shapes import Stage, shapes_of
 from blockmech.draw.sketch import Sketch, sketch_of
 from blockmech.figures import palette as ink
 from blockmech.figures.palette import IN_DEGREES
-from blockmech.figures.paper import MOVING, scaled_unit, shown_name, styled, suffix_of
+from blockmech.figures.paper import MOVING, new_figure, scaled_unit, shown_name, styled, suffix_of
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import needed, refused
 from blockmech.ground.files import AnyPath, writing
@@ -120,6 +120,25 @@ class Animation:
         Raises `MissingEngineError` where there is neither.
         """
         return _film(self)
+
+    def to_matplotlib(self) -> Any:
+        """The frames as matplotlib's `FuncAnimation`, which writes HTML and films of its own.
+
+        >>> film.to_matplotlib().to_jshtml()  # doctest: +SKIP
+        """
+        from matplotlib.animation import FuncAnimation
+
+        height, width, _ = self.pictures[0].shape
+        dpi = self.page.figure.dpi
+        figure = new_figure(width * 72 / dpi, height * 72 / dpi, dpi=dpi)
+        picture = figure.figimage(self.pictures[0])
+
+        def show(k: int) -> tuple[Any]:
+            picture.set_data(self.pictures[k])
+            return (picture,)
+
+        pause = 1000 * self.seconds / len(self.order)
+        return FuncAnimation(figure, show, self.order, interval=pause, blit=True)
 
     @declared
     def save(self, path: AnyPath) -> Animation:

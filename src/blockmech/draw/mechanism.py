@@ -23,6 +23,7 @@ from blockmech.figures.paper import angle_scale, scaled_unit, shown_name, styled
 from blockmech.ground.errors import among
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import MarkerRef
+from blockmech.result.result import Result
 
 SWEEP = 241  # samples of a path
 PATHS = 8  # that are drawn if none are named
@@ -100,6 +101,19 @@ def draw_mechanism(
             page.draw(page.leader(place))
             picture.labels.append(page.write(place))
     return picture
+
+
+def draw_result(result: Result, degrees: bool = IN_DEGREES) -> Picture:
+    """Draw the mechanism in some poses of a run, with the paths of its markers where laws move it.
+
+    Raises the errors of `draw_mechanism`.
+    """
+    good = np.setdiff1d(np.arange(result.n), result.quality.gaps)
+    number = min(len(POSES), len(good))
+    some = good[np.linspace(0, len(good), number, endpoint=False, dtype=int)]
+    drivers = enumerate(result.mechanism.drivers)
+    at = {driver: result.samples.coordinate(i)[some] for i, driver in drivers}
+    return draw_mechanism(result.mechanism, at, degrees=degrees)
 
 
 def draw_tile(mechanism: Compiled, at: Any = None) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from blockmech.draw import KINDS, animate
+from blockmech.draw import KINDS, animate, draw
 from blockmech.exchange.formats import Order, Writer
 from blockmech.figures.paper import MOVING, STILL
 
@@ -35,7 +35,7 @@ def write_picture(order: Order, path: Path) -> list[Path]:
         takes = KINDS[kind].takes if kind in KINDS else ()
         more: dict[str, Any] = {"want": order.want} if "want" in takes else {}
         at = _places(order) if "at" in takes else None
-        order.mechanism.draw(path, kind, at, trace=_trace(order), **more)
+        draw(order.mechanism, path, kind, at, trace=_trace(order), **more)
     return [path]
 
 

@@ -19,13 +19,14 @@ from blockmech.figures.paper import STILL, angle_scale, shown_name, suffix_of, w
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import as_names, refused
 from blockmech.ground.files import AnyPath
+from blockmech.ground.units import shown_in
 from blockmech.result.columns import without_noise
 from blockmech.result.result import Result
 
 Axis = Literal["auto", "coordinate", "time"]
 Panels = tuple[Panel, ...]
 NOTHING: Mapping[str, Array] = {}
-TURNS = {"°": 360.0, "rad": math.tau}
+TURNS = {"°": 360.0, "deg": 360.0, "rad": math.tau}
 
 TOGETHER = 6  # curves that share a panel; more get a panel for each block
 KINEMATICS = {
@@ -170,13 +171,13 @@ def chosen_panels(
         output = result.output(name)
         if output.kind in ("real", "vector"):
             shown, _, quantity = name.rpartition(".")
-            unit = output.unit.replace("s2", "s²").replace("m2", "m²")
-            factor, unit = angle_scale(unit, degrees)
+            factor, unit = in_shown(result, output.unit, degrees)
             drawn = {shown: factor * values(result, name)}
             what = f"|{quantity}|" if output.kind == "vector" else quantity.replace("_", " ")
             if quantity == "p" or (components and output.kind == "vector"):
-                z = np.asarray(result[name])  # of a place both coordinates matter
+                z = factor * np.asarray(result[name])  # of a place both coordinates matter
                 what, drawn = quantity, {f"{shown} x": z.real, f"{shown} y": z.imag}
+            unit = unit.replace("s2", "s²").replace("m2", "m²")
             groups.setdefault((what, unit), {}).update(drawn)
     count = sum(map(len, groups.values()))
     if not 0 < count <= MOST:
@@ -185,6 +186,11 @@ def chosen_panels(
         code = "too-many-curves" if count else "nothing-to-draw"
         raise refused("want", found, "name the outputs with want=", valid, code)
     return tuple(Panel(what, unit, curves) for (what, unit), curves in groups.items())
+
+
+def in_shown(result: Result, unit: str, degrees: bool) -> tuple[float, str]:
+    """Factor and unit in which a quantity of a run is drawn."""
+    return shown_in(unit, (*result.units, "°") if degrees else result.units)
 
 
 def values(result: Result, name: str) -> Array:
@@ -272,7 +278,8 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = IN_DEGREES) ->
         if time is None:
             found = "the run does not say times"
             raise refused("over", found, "use times= in run", code="no-time")
-        return Abscissa("time [s]", time)
+        factor, unit = in_shown(result, "s", degrees)
+        return Abscissa(f"time [{unit}]", factor * time)
     if len(moving) != 1:
         return Abscissa("sample", np.arange(result.n, dtype=float))
     (driver,) = moving
@@ -288,7 +295,7 @@ def by_unit(result: Result, what: str, degrees: bool) -> dict[str, dict[str, Arr
         name = result.mechanism.of_driver(driver, what)
         unit = result.mechanism.driver_joint(driver).coordinate_unit
         row = np.asarray(result.drivers[name] if what == "q" else result[name], dtype=float)
-        factor, unit = (1.0, f"{unit}/s") if what == "rate" else angle_scale(unit, degrees)
+        factor, unit = in_shown(result, unit if what == "q" else f"{unit}/s", degrees)
         row = factor * row
         rows.setdefault(unit, {})[driver] = row
     return rows

@@ -89,7 +89,7 @@ def draw_panels(panels: Sequence[Panel], along: Abscissa, ax: Any = None) -> Any
         grow(every[0], lines.reshape(columns, rows).max(axis=0).sum(), ax)
         for axes in every[len(panels) :]:
             axes.remove()
-        every[0].figure.align_ylabels()
+        every[0].figure.align_ylabels(every[: len(panels)])
     return every[0].figure
 
 

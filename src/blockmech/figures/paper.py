@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.figures.palette import COLUMN, DPI, ROW, SMALL, STYLE, TEXT
+from blockmech.figures.palette import COLUMN, DPI, PALE, ROW, SMALL, STYLE, TEXT
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.files import AnyPath, writing
 
@@ -102,8 +102,9 @@ def panelled(
         else:
             grid = cell_of(ax).subgridspec(rows, columns, height_ratios=height_ratios)
             panels = grid.subplots(**shared)
-        for axes in panels.flat:
-            axes.grid(True)
+        for axes in panels.flat:  # those of a user were made in another style
+            axes.grid(True, color=PALE, lw=STYLE["grid.linewidth"])
+            axes.set_axisbelow(True)
         yield panels
 
 

@@ -5,12 +5,9 @@ from __future__ import annotations
 from abc import ABC, ABCMeta, abstractmethod
 from importlib import import_module
 from types import MethodType
-from typing import TYPE_CHECKING, Any, Generic
+from typing import Any, Generic
 
 from blockmech.typing import M
-
-if TYPE_CHECKING:
-    import blockmech.draw
 
 EVERYTHING = ("*",)
 
@@ -40,11 +37,6 @@ class Runnable(ABC, Generic[M]):
 
     called = "a graph, a linkage or a mechanism"
     instead = "run it first: its run() gives a result"
-
-    if TYPE_CHECKING:
-        draw = blockmech.draw.draw
-    else:
-        draw = LazyMethod("blockmech.draw")
 
     @abstractmethod
     def compile(self) -> M:

@@ -10,6 +10,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from fractions import Fraction
 from functools import cache
 from typing import Any, TypeAlias
@@ -125,6 +126,14 @@ def unit_behind(text: str) -> str:
     """The unit that stands behind a number; "" where there is none."""
     match = NUMBER.fullmatch(text.strip().translate(SPELLED))
     return match["unit"] if match else ""
+
+
+def shown_in(si: str, units: Iterable[str]) -> tuple[float, str]:
+    """What a number in an SI unit is multiplied by to be shown in the first of its kind."""
+    for unit in units:
+        with suppress(NoQuantity):
+            return float(1 / _factor(unit, (si,), unit)), unit
+    return 1.0, si
 
 
 def seem_degrees(angles: Iterable[float]) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.ground.files import AnyPath
+from blockmech.ground.units import shown_in
 from blockmech.plan.plan import Output
 from blockmech.result.motion import Motion
 from blockmech.result.quality import Accuracy, Quality
@@ -33,6 +34,7 @@ class Labelled(Mapping[str, NDArray[Any]]):
     settings: dict[str, Any]
     motion: Motion | None
     accuracy: Accuracy | None
+    units: tuple[str, ...] = ()  # in which columns and pictures stand, where they are not SI
 
     @property
     @abstractmethod
@@ -128,18 +130,19 @@ def without_noise(values: Any, largest: float) -> Array:
 def driver_columns(result: Labelled, degrees: bool = False) -> list[Column]:
     """Driver coordinates [rad or m], and time [s] if the request says it."""
     table = [
-        _column(name, result.unit_of_driver(name), q, name, degrees)
+        _column(result, name, result.unit_of_driver(name), q, name, degrees)
         for name, q in result.drivers.items()
     ]
     time = result.known_time()
-    return table if time is None else [*table, Column("time", "s", time, "time")]
+    return table if time is None else [*table, _column(result, "time", "s", time, "time")]
 
 
 def output_columns(result: Labelled, name: str, degrees: bool = False) -> list[Column]:
     """The columns of one output: one, two of a vector, or all entries of a matrix."""
     unit = result.output(name).unit
     return [
-        _column(part, unit, values, name, degrees) for part, values in _components(result, name)
+        _column(result, part, unit, values, name, degrees)
+        for part, values in _components(result, name)
     ]
 
 
@@ -158,8 +161,11 @@ def _components(result: Labelled, name: str) -> Iterator[tuple[str, Any]]:
         yield name, values
 
 
-def _column(name: str, unit: str, values: Any, output: str, degrees: bool) -> Column:
+def _column(
+    result: Labelled, name: str, unit: str, values: Any, output: str, degrees: bool = False
+) -> Column:
     real = np.asarray(values, dtype=np.float64)
     if degrees and unit == "rad":
         return Column(name, "deg", np.degrees(real), output)
-    return Column(name, unit, real, output)
+    factor, shown = shown_in(unit, result.units)
+    return Column(name, shown, real if shown == unit else factor * real, output)

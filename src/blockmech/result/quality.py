@@ -42,6 +42,18 @@ DETAIL = {
 }
 
 
+ADVICE = {
+    "zero-relative-speed": "the pair does not slide there: it rubs with anything in the flag's "
+    "interval, and the numbers are those without it",
+    f"near-{DEAD_CENTRE}": "reactions grow without bound towards a dead centre: stay away from it",
+    f"near-{CHANGE_POINT}": "the assembly mode is hardly told there: few digits are right",
+    OTHER_SOLUTIONS: "friction_solutions() lists them",
+    REACTION_REVERSAL: "the pin crosses its clearance there, with a knock",
+    DIGITS_LOST: "what is left is rounding for the most part",
+}
+"""What a flag means to a reader, by its code."""
+
+
 @dataclass(frozen=True)
 class Flag(Facts):
     """One remark on one sample: code, the block or joint, and its numbers."""

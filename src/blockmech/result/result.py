@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from cmath import isfinite
 from collections.abc import Iterator, Mapping
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Generic, Self
+from typing import Any, Generic, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, refused
 from blockmech.ground.report import DEGREES, places
 from blockmech.ground.runnable import LazyMethod
+from blockmech.ground.units import NoQuantity, quantity
 from blockmech.plan.plan import Output, Plan, Undefined
 from blockmech.result.exported import Exported
 from blockmech.result.motion import Motion
@@ -23,9 +25,6 @@ from blockmech.result.quality import OK, Flag, Quality, assess
 from blockmech.result.samples import Samples
 from blockmech.result.wires import on_wires
 from blockmech.typing import M
-
-if TYPE_CHECKING:
-    import blockmech.figures.curves
 
 ADVANTAGE = "mechanism.mechanical_advantage"
 BY_DRIVES = ADVANTAGE, "mechanism.efficiency", "mechanism.friction_efficiency"
@@ -46,10 +45,7 @@ class Result(Exported, Generic[M]):
     called = "a result"
     instead = "its plot() draws its outputs; the mechanism is its .mechanism"
 
-    if TYPE_CHECKING:
-        plot = blockmech.figures.curves.plot
-    else:
-        plot = LazyMethod("blockmech.figures.curves")
+    plot = LazyMethod("blockmech.figures.curves")
 
     mechanism: M  # a `Compiled`, which makes results
     _planned: tuple[tuple[str, ...], Mapping[str, tuple[int, ...]]]  # of an unpickled one
@@ -102,6 +98,23 @@ class Result(Exported, Generic[M]):
         return again
 
     # -- reading ----------------------------------------------------------------
+
+    def to(self, *units: str) -> Self:
+        """The same numbers shown in other units, each with those of its kind: deg, rpm, mm, kN.
+
+        Tables, CSV, data frames and pictures follow; arrays by name, JSON and npz stay in SI.
+        Raises `RequestError` for what is no unit.
+
+        >>> result.to("deg", "rpm", "mm").to_csv("turn.csv")  # doctest: +SKIP
+        """
+        for unit in units:
+            try:
+                quantity(f"1 {unit}")
+            except NoQuantity as error:
+                raise refused("to", error.found, 'e.g. to("deg", "rpm", "mm")') from None
+        shown = copy(self)
+        shown.units = units
+        return shown
 
     def __getitem__(self, name: str) -> Any:
         if not isinstance(name, str) or name not in self._read:

@@ -21,7 +21,7 @@ from blockmech.result.columns import (
     output_columns,
     without_noise,
 )
-from blockmech.result.quality import OK
+from blockmech.result.quality import ADVICE, OK
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -32,6 +32,8 @@ NARROWEST = len("[N m]  ")  # of the columns of a table: the unit, and the gap t
 LINES = 4  # remarks of one kind, names of further outputs
 FIRST = (".drive", "mechanism.friction_power", ".reaction")
 """What a reader looks for first, by the end of the name; then the order of the result."""
+
+FRICTION_ALONE = ": over the run no load keeps work, friction takes all that the drive gives"
 
 
 @dataclass(frozen=True)
@@ -148,6 +150,8 @@ def _select(result: Labelled, degrees: bool, width: int, of: Collection[str]) ->
     for name in sorted(rest, key=_rank) if everything else rest:  # else as they were asked for
         # Once one does not fit, smaller ones must not jump the queue.
         parts = output_columns(result, name, degrees) if name in result and not more else []
+        if everything and len(parts) == 2 and result.output(name).kind == "vector":
+            parts = [Column(f"|{name}|", parts[0].unit, np.abs(result[name]), name)]
         if parts and (not shown_any or _wide([*chosen, *parts], rows, status) <= width):
             chosen += parts
             shown_any = True
@@ -201,7 +205,8 @@ def _grid(columns: list[Column], rows: list[int], status: tuple[str, ...]) -> An
     grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
     for column in columns:
         block, _, quantity = column.output.rpartition(".")
-        quantity += column.name[len(column.output) :]
+        sized = column.name.startswith("|")
+        quantity = f"|{quantity}|" if sized else quantity + column.name[len(column.output) :]
         head = f"{block}\n{quantity}\n[{column.unit or '-'}]"
         grid.add_column(head, justify="right", no_wrap=True)
     if status:
@@ -239,7 +244,8 @@ def _footer(result: Labelled, shown: Selection, degrees: bool) -> Iterator[str]:
         if isinstance(x, Undefined):
             yield f"{name}: not defined for this run: {x.why}"
         else:
-            yield f"{name} = {_cell(float(x))} {unit}".rstrip()
+            remark = FRICTION_ALONE if name.endswith(".friction_efficiency") and x == 0 else ""
+            yield f"{name} = {_cell(float(x))} {unit}".rstrip() + remark
     if len(shown.rows) < result.n:
         yield f"{len(shown.rows)} of {result.n} samples shown"
     yield from gap_lines(result, degrees)
@@ -256,7 +262,8 @@ def flag_lines(result: Labelled) -> Iterator[str]:
     counts = Counter((flag.code, flag.where) for flag in flags)
     for (code, where), count in list(counts.items())[:LINES]:
         first = next(f.sample for f in flags if (f.code, f.where) == (code, where))
-        yield f"flag {code} at {where}: {counted(count, 'sample')}, first {first}"
+        advice = f": {ADVICE[code]}" if code in ADVICE else ""
+        yield f"flag {code} at {where}, {counted(count, 'sample')}, first {first}{advice}"
     if len(counts) > LINES:
         yield f"and flags of {len(counts) - LINES} more kinds, see quality"
 

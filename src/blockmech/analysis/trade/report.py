@@ -203,8 +203,6 @@ class Trade(CsvTable, Facts, Pictured):
         axes.margins(x=0.12)
         for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
             log_ticks(axis, low, high)
-        axes.grid(True, color=ink.PALE, lw=0.3)
-        axes.set_axisbelow(True)
 
     def _label(self, axes: Any, cost: str) -> None:
         """Write settings beside their points, the front's first, where there is room."""
