@@ -195,7 +195,7 @@ def test_csv_refuses_signs_that_tear_numbers(turn, separator, decimal):
 
 
 def test_csv_gives_angles_in_degrees_and_says_so(turn):
-    head, *rows = rows_of("".join(csv_chunks(turn, degrees=True)))
+    head, *rows = rows_of("".join(csv_chunks(turn.to("deg"))))
     assert head[0] == "crank.q [deg]"
     assert not [name for name in head if name.endswith("[rad]")]
     assert float(rows[-1][0]) == pytest.approx(360.0, rel=1e-15)
@@ -280,6 +280,10 @@ def test_the_table_fits_a_terminal_and_starts_with_what_matters():
     assert lines[2].split()[:2] == ["crank", "crank"]
     assert lines[3].split()[:3] == ["q", "time", "drive"]
     assert lines[4].split()[:4] == ["[rad]", "[s]", "[N", "m]"]
+    assert lines[2].split()[-4:] == ["crank.A", "dyad.B", "dyad.C", "dyad.D"]
+    assert lines[3].split()[-4:] == ["|reaction|"] * 4
+    assert "  zero-relative-speed: nothing slides there" in text
+    assert "  no load keeps work over the run: friction takes all" in text
     body = lines[5 : lines.index("", 5)]
     assert len(body) == 13
     assert body[0].split()[2] == "-10605.7"
@@ -288,7 +292,7 @@ def test_the_table_fits_a_terminal_and_starts_with_what_matters():
 
 def test_the_table_says_how_many_outputs_it_leaves_out(turn):
     shown = len(set(re.findall(r"[\w.]+", table(turn).splitlines()[2])))
-    more = re.search(r"(\d+) more outputs: dyad", table(turn))
+    more = re.search(r"(\d+) more outputs: crank", table(turn))
     assert more
     assert 0 < int(more[1]) < len(turn)
     assert shown > 1
@@ -320,7 +324,7 @@ def test_the_table_joins_neighbouring_gaps_into_one_line():
 
 
 def test_the_table_gives_angles_in_degrees():
-    assert "60" in table(fourbar().run(at=math.pi / 3), degrees=True).splitlines()[5].split()
+    assert "60" in str(fourbar().run(at="60deg").to("deg")).splitlines()[5].split()
 
 
 def test_the_html_table_escapes_names():

@@ -77,7 +77,7 @@ def test_pictures_of_an_earlier_run_do_not_stay_beside_new_numbers(call, ruiz, t
         "run", ruiz, "--samples", "5", "--friction", "none", "--want", "*.drive", "--out", out
     )
     assert again.code == 0
-    assert {p.name for p in out.iterdir()} == {*NUMBERS, "drive.png", "notes.txt"}
+    assert {p.name for p in out.iterdir()} == {*NUMBERS, "drive.png", "mechanism.png", "notes.txt"}
 
 
 @pytest.mark.usefixtures("unpainted")

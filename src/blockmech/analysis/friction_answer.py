@@ -22,6 +22,7 @@ from blockmech.figures.paper import (
 from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.report import DEGREES, Facts, as_json, places
+from blockmech.ground.units import shown_in
 from blockmech.result.columns import output_columns
 from blockmech.result.exported import Column, CsvTable, aligned, counted
 from blockmech.result.result import Result
@@ -229,16 +230,14 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
 
     def _columns(self, degrees: bool = DEGREES) -> list[Column]:
         """Coordinates and the wanted outputs, one value for each solution."""
-        columns = []
+        columns, answers = [], self.answers.to(*("deg",) * degrees)
         for name, q in self.drivers.items():
-            unit = self.answers.unit_of_driver(name)
-            turned = degrees and unit == "rad"
-            values = np.degrees(q) if turned else q
-            columns.append(Column(name, "deg" if turned else unit, values[self.pose], name))
+            factor, unit = shown_in(self.answers.unit_of_driver(name), answers.units)
+            columns.append(Column(name, unit, factor * q[self.pose], name))
         if (self.scale != 1.0).any():
             columns.append(Column("scale", "", self.scale[self.pose], "scale"))
-        for name in self.answers:
-            columns += output_columns(self.answers, name, degrees)
+        for name in answers:
+            columns += output_columns(answers, name)
         return columns
 
     def _foot(self, degrees: bool, more: Sequence[str]) -> Iterator[str]:

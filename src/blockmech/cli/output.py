@@ -6,8 +6,9 @@ import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
+from blockmech.builders import compiled
 from blockmech.cli.options import AsJson, Degrees, one_of, option, si_only, switch
 from blockmech.cli.terminal import (
     UNDRAWN,
@@ -27,8 +28,10 @@ from blockmech.ground.report import DEGREES, Facts, Report, as_json
 from blockmech.result.exported import csv_chunks, json_chunks, table, write_csv
 
 if TYPE_CHECKING:
+    from blockmech.mechanism import Mechanism
     from blockmech.result.result import Result
 
+AnyResult = TypeVar("AnyResult", bound="Result[Any]")
 Pictures: TypeAlias = Callable[..., list[Path]]  # (result, folder, degrees=) -> files drawn
 
 NUMBERS = ("results.csv", "result.json")
@@ -111,6 +114,14 @@ class Shown:
         self.files()
         return model
 
+    def ask(self, file: str, doing: str, question: Callable[[Mechanism], Any]) -> Any:
+        """Ask the mechanism of a file something, show the answer, and give it."""
+        mechanism = self.read(file, compiled)
+        with progress_bar(doing):
+            report = question(mechanism)
+        self.show(file, report)
+        return report
+
     def show(self, file: str, report: Any) -> None:
         """Print an answer, or its table, and write what of it goes into a file."""
         table, plot = self.files()
@@ -183,6 +194,10 @@ class Output:
         refuse_spared(*filter(None, places), *(inside if self.out else ()))
         return model
 
+    def in_units(self, result: AnyResult) -> AnyResult:
+        """A result in the units that tables and CSV have."""
+        return result.to("deg") if self.deg else result
+
     @property
     def is_table(self) -> bool:
         """Whether nothing but a table is made."""
@@ -211,11 +226,11 @@ class Output:
             note(*gaps)
             return
         files = [f"wrote {path}" for path in self._written(result, pictures)]
-        say("\n".join([table(result, degrees=bool(self.deg), of=of), *lines, *files]))
+        say("\n".join([table(result, of=of), *lines, *files]))
 
     def _csv(self, result: Result) -> Any:
         cells = "\t" if self.separator == "tab" else self.separator
-        return csv_chunks(result, separator=cells, decimal=self.decimal, degrees=bool(self.deg))
+        return csv_chunks(result, separator=cells, decimal=self.decimal)
 
     def _written(self, result: Result, pictures: Pictures) -> list[Path]:
         """Write what is asked for."""

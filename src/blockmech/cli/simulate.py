@@ -99,8 +99,9 @@ def simulate(
             progress=progress,
             **settings,
         )
-        gaps = gap_lines(result, bool(output.deg))
-    output.show(result, _pictures, gaps, ["", *motion_lines(result, bool(output.deg))])
+        result = output.in_units(result)
+        gaps = gap_lines(result)
+    output.show(result, _pictures, gaps, ["", *motion_lines(result)])
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, given):

@@ -47,61 +47,17 @@ Subject: TypeAlias = Runnable
 """A graph, a linkage or a mechanism."""
 
 
-class Request(NamedTuple):
-    """What a picture is asked for: the subject, and the arguments of `draw` that kinds take."""
-
-    subject: Subject
-    at: Any
-    trace: Iterable[str] | None
-    want: Iterable[str] | str
-    degrees: bool
-
-
 class Kind(NamedTuple):
     """A kind of picture.
 
     about : what it is, in a few words
-    figure : draws it
-    takes : arguments of `draw` that say something to it
+    figure : draws a subject
+    takes : the arguments of `draw` that it takes
     """
 
     about: str
-    figure: Callable[[Request], Any]
+    figure: Callable[..., Any]
     takes: tuple[str, ...] = ()
-
-
-KINDS: Mapping[str, Kind] = {
-    "diagram": Kind("the block diagram", lambda r: _diagram(r.subject)),
-    "mechanism": Kind(
-        "the mechanism at poses",
-        lambda r: draw_mechanism(r.subject.compile(), r.at, r.trace, r.degrees).figure,
-        ("at", "trace"),
-    ),
-    "animation": Kind(
-        "the mechanism in motion",
-        lambda r: animate(r.subject, None, r.at, trace=r.trace, degrees=r.degrees),
-        ("at", "trace"),
-    ),
-    "schedule": Kind(
-        "the kernel calls that some outputs take",
-        lambda r: draw_schedule(r.subject.compile().plan(r.want)),
-        ("want",),
-    ),
-    "structure": Kind(
-        "groups with their number of links and the degrees of freedom they add",
-        lambda r: draw_structural_graph(r.subject.compile()),
-    ),
-    "centrodes": Kind(
-        "centrodes of links, over poses or the driver's range",
-        lambda r: _centrodes(r.subject.compile(), r.at, r.want, r.degrees),
-        ("at", "want"),
-    ),
-    "tile": Kind(
-        "a square mechanism without axes and words",
-        lambda r: draw_tile(r.subject.compile(), r.at),
-        ("at",),
-    ),
-}
 
 
 @declared
@@ -153,14 +109,15 @@ def draw(
     suffix = ""
     if path is not None:  # before anything is computed
         suffix = suffix_of(path, f"a{'n' * moving} {kind}", MOVING if moving else STILL)
-    given = {"at": at is not None, "trace": trace is not None, "want": want != "*"}
-    for name, value in (given | {"ax": moving and ax is not None}).items():
-        if value and name not in KINDS[kind].takes:
+    known = {"at": at, "trace": trace, "want": want, "degrees": degrees}
+    asked = {"at": at is not None, "trace": trace is not None, "want": want != "*"}
+    for name, is_asked in (asked | {"ax": moving and ax is not None}).items():
+        if is_asked and name not in KINDS[kind].takes:
             takers = listed(f'kind="{k}"' for k in KINDS if name in KINDS[k].takes)
             found = f'a picture of the kind "{kind}" takes no {name}='
             remedy = f"use it with {takers}" if takers else "leave it out"
             raise refused(name, found, remedy, code="useless-setting")
-    drawn = KINDS[kind].figure(Request(subject, at, trace, want, degrees))
+    drawn = KINDS[kind].figure(subject, **{name: known[name] for name in KINDS[kind].takes})
     if path is not None:
         drawn.save(path) if moving else write_figure(drawn, path, suffix)
     return drawn if ax is None else put_in(drawn, ax)
@@ -175,7 +132,7 @@ def diagram_svg(subject: Subject) -> str:
 @declared
 def mechanism_svg(subject: Subject, at: Any = None, trace: Iterable[str] | None = None) -> str:
     """The mechanism at poses as SVG text; see `draw` for the arguments and errors."""
-    return rendered(draw_mechanism(subject.compile(), at, trace).figure, ".svg").decode()
+    return rendered(_mechanism(subject, at=at, trace=trace), ".svg").decode()
 
 
 @declared
@@ -263,7 +220,24 @@ def _diagram(subject: Subject) -> Any:
     return draw_diagram(graph_of(mechanism), mechanism.names).figure
 
 
-def _centrodes(mechanism: Compiled, at: Any, want: Any, degrees: bool) -> Any:
+def _mechanism(subject: Subject, **poses: Any) -> Any:
+    return draw_mechanism(subject.compile(), **poses).figure
+
+
+def _schedule(subject: Subject, want: Any) -> Any:
+    return draw_schedule(subject.compile().plan(want))
+
+
+def _structure(subject: Subject) -> Any:
+    return draw_structural_graph(subject.compile())
+
+
+def _tile(subject: Subject, at: Any) -> Any:
+    return draw_tile(subject.compile(), at)
+
+
+def _centrodes(subject: Subject, at: Any, want: Any, degrees: bool) -> Any:
+    mechanism: Compiled = subject.compile()
     links = as_names("want", want)
     if links == ("*",):
         raise refused("want", "it does not name a link", 'e.g. want=["rod.i"]')
@@ -274,3 +248,14 @@ def _centrodes(mechanism: Compiled, at: Any, want: Any, degrees: bool) -> Any:
     }
     taken = mechanism.samples(at, None if at is not None else 2, None, None, None)
     return draw_mechanism(mechanism, float(taken.inputs["q_0"][0]), None, degrees, curves).figure
+
+
+KINDS: Mapping[str, Kind] = {
+    "diagram": Kind("the block diagram", _diagram),
+    "mechanism": Kind("the mechanism at poses", _mechanism, ("at", "trace", "degrees")),
+    "animation": Kind("the mechanism in motion", animate, ("at", "trace", "degrees")),
+    "schedule": Kind("the kernel calls that some outputs take", _schedule, ("want",)),
+    "structure": Kind("groups, their links and the degrees of freedom they add", _structure),
+    "centrodes": Kind("centrodes of links over poses", _centrodes, ("at", "want", "degrees")),
+    "tile": Kind("a square mechanism without axes and words", _tile, ("at",)),
+}

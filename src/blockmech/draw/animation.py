@@ -122,10 +122,7 @@ class Animation:
         return _film(self)
 
     def to_matplotlib(self) -> Any:
-        """The frames as matplotlib's `FuncAnimation`, which writes HTML and films of its own.
-
-        >>> film.to_matplotlib().to_jshtml()  # doctest: +SKIP
-        """
+        """The frames as matplotlib's `FuncAnimation`, with ``to_jshtml()`` and writers of films."""
         from matplotlib.animation import FuncAnimation
 
         height, width, _ = self.pictures[0].shape

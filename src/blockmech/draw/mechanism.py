@@ -104,9 +104,9 @@ def draw_mechanism(
 
 
 def draw_result(result: Result, degrees: bool = IN_DEGREES) -> Picture:
-    """Draw the mechanism in some poses of a run, with the paths of its markers where laws move it.
+    """Draw the mechanism in some poses of a run.
 
-    Raises the errors of `draw_mechanism`.
+    Paths of markers are drawn where laws of motion move it. Raises the errors of `draw_mechanism`.
     """
     good = np.setdiff1d(np.arange(result.n), result.quality.gaps)
     number = min(len(POSES), len(good))

@@ -22,14 +22,7 @@ from blockmech.figures import palette as ink
 from blockmech.figures.curves import Panels, by_unit, friction_panels, reaction_panels, values
 from blockmech.figures.palette import IN_DEGREES
 from blockmech.figures.panels import BOTTOM, PANEL, Abscissa, Panel, draw_panels
-from blockmech.figures.paper import (
-    legend_above,
-    new_figure,
-    rendered,
-    shown_name,
-    styled,
-    write_figure,
-)
+from blockmech.figures.paper import legend_above, panelled, rendered, shown_name, write_figure
 from blockmech.ground.files import AnyPath
 from blockmech.ground.files import folder as whole_folder
 from blockmech.result.motion import Motion
@@ -134,9 +127,7 @@ def phase_plots(result: Result, degrees: bool = IN_DEGREES) -> dict[str, Any]:
     figures: dict[str, Any] = {}
     alike = by_unit(result, "q", degrees), by_unit(result, "rate", degrees)
     for (x_unit, over), (y_unit, rates) in zip(*map(dict.items, alike), strict=True):
-        with styled():
-            figure = new_figure(ink.COLUMN, BOTTOM + PANEL, layout="constrained")
-            axes = figure.subplots()
+        with panelled("", BOTTOM + PANEL) as ((axes,),):
             for i, (driver, x) in enumerate(over.items()):
                 y, style = rates[driver], ink.curve_style(i)
                 ends = {"marker": "o", "ms": 3, "color": style["color"]}
@@ -145,10 +136,9 @@ def phase_plots(result: Result, degrees: bool = IN_DEGREES) -> dict[str, Any]:
                 axes.plot(x[-1:], y[-1:], **ends)
             of = f" of {shown_name(next(iter(over)))}" if len(over) == 1 else ""
             axes.set(xlabel=f"coordinate{of} [{x_unit}]", ylabel=f"rate{of} [{y_unit}]")
-            axes.grid(True)
             if len(over) > 1:
                 legend_above(axes, ink.COLUMN)
-        figures["phase_slides.png" if figures else "phase.png"] = figure
+        figures["phase_slides.png" if figures else "phase.png"] = axes.figure
     return figures
 
 

@@ -107,17 +107,16 @@ class Column:
         return f"{self.name} [{self.unit or '-'}]"
 
 
-def columns(result: Labelled, degrees: bool = False) -> list[Column]:
+def columns(result: Labelled) -> list[Column]:
     """All columns: driver coordinates, time if it is known, then the wanted outputs.
 
     A number of the whole run, e.g. an efficiency, is repeated at every sample.
-    ``degrees`` gives angles in deg in place of rad.
     """
-    table = driver_columns(result, degrees)
+    table = driver_columns(result)
     first = {column.output for column in table}
     for name in result:
         if name not in first:
-            table += output_columns(result, name, degrees)
+            table += output_columns(result, name)
     return table
 
 
@@ -127,23 +126,20 @@ def without_noise(values: Any, largest: float) -> Array:
         return np.where(np.abs(values) < NOISE * largest, 0.0, values)
 
 
-def driver_columns(result: Labelled, degrees: bool = False) -> list[Column]:
-    """Driver coordinates [rad or m], and time [s] if the request says it."""
+def driver_columns(result: Labelled) -> list[Column]:
+    """Driver coordinates, and the time if the request says it."""
     table = [
-        _column(result, name, result.unit_of_driver(name), q, name, degrees)
+        _column(result, name, result.unit_of_driver(name), q, name)
         for name, q in result.drivers.items()
     ]
     time = result.known_time()
     return table if time is None else [*table, _column(result, "time", "s", time, "time")]
 
 
-def output_columns(result: Labelled, name: str, degrees: bool = False) -> list[Column]:
+def output_columns(result: Labelled, name: str) -> list[Column]:
     """The columns of one output: one, two of a vector, or all entries of a matrix."""
     unit = result.output(name).unit
-    return [
-        _column(result, part, unit, values, name, degrees)
-        for part, values in _components(result, name)
-    ]
+    return [_column(result, part, unit, values, name) for part, values in _components(result, name)]
 
 
 def _components(result: Labelled, name: str) -> Iterator[tuple[str, Any]]:
@@ -161,11 +157,7 @@ def _components(result: Labelled, name: str) -> Iterator[tuple[str, Any]]:
         yield name, values
 
 
-def _column(
-    result: Labelled, name: str, unit: str, values: Any, output: str, degrees: bool = False
-) -> Column:
+def _column(result: Labelled, name: str, unit: str, values: Any, output: str) -> Column:
     real = np.asarray(values, dtype=np.float64)
-    if degrees and unit == "rad":
-        return Column(name, "deg", np.degrees(real), output)
     factor, shown = shown_in(unit, result.units)
     return Column(name, shown, real if shown == unit else factor * real, output)

@@ -43,13 +43,12 @@ DETAIL = {
 
 
 ADVICE = {
-    "zero-relative-speed": "the pair does not slide there: it rubs with anything in the flag's "
-    "interval, and the numbers are those without it",
-    f"near-{DEAD_CENTRE}": "reactions grow without bound towards a dead centre: stay away from it",
-    f"near-{CHANGE_POINT}": "the assembly mode is hardly told there: few digits are right",
+    "zero-relative-speed": "nothing slides there; the numbers are without its friction",
+    f"near-{DEAD_CENTRE}": "reactions grow without bound towards the dead centre",
+    f"near-{CHANGE_POINT}": "two assembly modes nearly meet, and few digits are right",
     OTHER_SOLUTIONS: "friction_solutions() lists them",
-    REACTION_REVERSAL: "the pin crosses its clearance there, with a knock",
-    DIGITS_LOST: "what is left is rounding for the most part",
+    REACTION_REVERSAL: "the pin crosses its clearance, with a knock",
+    DIGITS_LOST: "rounding for the most part",
 }
 """What a flag means to a reader, by its code."""
 

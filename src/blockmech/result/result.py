@@ -46,6 +46,9 @@ class Result(Exported, Generic[M]):
     instead = "its plot() draws its outputs; the mechanism is its .mechanism"
 
     plot = LazyMethod("blockmech.figures.curves")
+    stroke = LazyMethod("blockmech.analysis.stroke")
+    _digits_lost = LazyMethod("blockmech.analysis.rounding", "digits_lost")
+    _motion_svg = LazyMethod("blockmech.draw.simulation", "motion_svg")
 
     mechanism: M  # a `Compiled`, which makes results
     _planned: tuple[tuple[str, ...], Mapping[str, tuple[int, ...]]]  # of an unpickled one
@@ -103,9 +106,7 @@ class Result(Exported, Generic[M]):
         """The same numbers shown in other units, each with those of its kind: deg, rpm, mm, kN.
 
         Tables, CSV, data frames and pictures follow; arrays by name, JSON and npz stay in SI.
-        Raises `RequestError` for what is no unit.
-
-        >>> result.to("deg", "rpm", "mm").to_csv("turn.csv")  # doctest: +SKIP
+        ``result.to("deg", "mm").to_csv("turn.csv")``. Raises `RequestError` for what is no unit.
         """
         for unit in units:
             try:
@@ -357,7 +358,7 @@ class Result(Exported, Generic[M]):
 
         Found by computing a few samples once more with longer numbers, when first asked for.
         """
-        return tuple(self._compiled.digits_lost(self))
+        return tuple(self._digits_lost())
 
     @cached_property
     def judged(self) -> Quality:
@@ -423,8 +424,7 @@ class Result(Exported, Generic[M]):
         return differences
 
     def _repr_html_(self) -> str:
-        picture = "" if self.motion is None else str(self._compiled.motion_svg(self))
-        return super()._repr_html_() + picture
+        return super()._repr_html_() + str(self._motion_svg())
 
     def __repr__(self) -> str:
         gaps = len(self.quality.gaps)

@@ -215,7 +215,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
 
     def csv_rows(self) -> tuple[list[str], Iterable[Iterable[Any]]]:
         """A row an output (component) and sample, a column a number."""
-        drivers = driver_columns(self.result, False)
+        drivers = driver_columns(self.result)
 
         def at(column: Any) -> Callable[[int, str], Any]:
             return lambda k, output: "" if self.one_number(output) else column.values[k]
