@@ -210,12 +210,14 @@ def test_units_get_a_prefix_where_numbers_would_be_long(unit, largest, shown):
 
 def test_run_pictures_writes_one_picture_a_kind(tmp_path):
     paths = run_pictures(ruiz().run(samples=37), tmp_path / "made" / "here")
-    assert [p.name for p in paths] == ["drive.png", "friction_power.png", "reactions.png"]
+    assert [p.name for p in paths] == [
+        *("drive.png", "friction_power.png", "reactions.png", "mechanism.png")
+    ]
     for path in paths:
         with Image.open(path) as image:
             assert image.width / 300 * 2.54 == pytest.approx(8.5, abs=0.05)
-    (only,) = run_pictures(fourbar().run(samples=5), tmp_path)
-    assert only.name == "kinematics.png"
+    bare = run_pictures(fourbar().run(samples=5), tmp_path)
+    assert [p.name for p in bare] == ["kinematics.png", "mechanism.png"]
 
 
 def test_a_plot_holds_all_pictures_of_a_run_or_what_was_wanted(tmp_path):

@@ -84,7 +84,7 @@ def _facts(model: Opened) -> tuple[dict[str, Any], str]:
 
 def verify(file: GraphFile, shown: Shown, at: At = None) -> None:
     """Check balances, powers and the two routes to the driving moment."""
-    if not shown.ask(file, "verifying", lambda m: m.verify(coordinates(m, at))).ok:
+    if not shown.ask(file, compiled, "verifying", lambda m: m.verify(coordinates(m, at))).ok:
         raise typer.Exit(NO_ANSWER)
 
 
@@ -128,7 +128,7 @@ def modes(
 ) -> None:
     """List all assembly modes of each group, what chooses them, and where they exist."""
     request: dict[str, Any] = {"driver": driver, "groups": group or None, "arcs": not no_arcs}
-    shown.ask(file, "searching", lambda m: m.modes(coordinates(m, at), **request))
+    shown.ask(file, compiled, "searching", lambda m: m.modes(coordinates(m, at), **request))
 
 
 def extremes(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from blockmech.builders import compiled
 from blockmech.cli.numbers import coordinates, rates_of
 from blockmech.cli.options import At, Friction, GraphFile, Static, names_of, number_of, option
 from blockmech.cli.output import Drawn
@@ -30,7 +31,7 @@ def equilibria(
 ) -> None:
     """Find where the mechanism comes to rest, stable or not, and what friction holds."""
     how: dict[str, Any] = {"friction": friction, "time": time}
-    shown.ask(file, "searching", lambda m: m.equilibria(**how))
+    shown.ask(file, compiled, "searching", lambda m: m.equilibria(**how))
 
 
 def linearize(
@@ -60,7 +61,7 @@ def linearize(
     def ask(m: Mechanism) -> Any:
         return m.linearize(coordinates(m, at), rates=rates_of(m, rates), **request)
 
-    shown.ask(file, "differentiating", ask)
+    shown.ask(file, compiled, "differentiating", ask)
 
 
 def balance(
@@ -87,7 +88,7 @@ def balance(
     def ask(m: Mechanism) -> Any:
         return m.balance(names_of(numbers), wanted, coordinates(m, at), bounds=ends)
 
-    balanced = shown.ask(file, "balancing", ask)
+    balanced = shown.ask(file, compiled, "balancing", ask)
     if save is not None:
         balanced.mechanism.document.save(save)
         note(f"wrote {save}")
@@ -133,4 +134,4 @@ def identify(
 ) -> None:
     """Identify numbers of the mechanism from what was measured on it."""
     request: dict[str, Any] = {"friction": friction, "static": static}
-    shown.ask(file, "fitting", lambda m: m.identify(names_of(to), data, **request))
+    shown.ask(file, compiled, "fitting", lambda m: m.identify(names_of(to), data, **request))

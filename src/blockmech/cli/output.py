@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
-from blockmech.builders import compiled
 from blockmech.cli.options import AsJson, Degrees, one_of, option, si_only, switch
 from blockmech.cli.terminal import (
     UNDRAWN,
@@ -28,7 +27,6 @@ from blockmech.ground.report import DEGREES, Facts, Report, as_json
 from blockmech.result.exported import csv_chunks, json_chunks, table, write_csv
 
 if TYPE_CHECKING:
-    from blockmech.mechanism import Mechanism
     from blockmech.result.result import Result
 
 AnyResult = TypeVar("AnyResult", bound="Result[Any]")
@@ -114,11 +112,11 @@ class Shown:
         self.files()
         return model
 
-    def ask(self, file: str, doing: str, question: Callable[[Mechanism], Any]) -> Any:
-        """Ask the mechanism of a file something, show the answer, and give it."""
-        mechanism = self.read(file, compiled)
+    def ask(self, file: str, how: Callable[[str], T], doing: str, ask: Callable[[T], Any]) -> Any:
+        """Ask what ``how`` reads from a file something, show the answer, and give it."""
+        mechanism = self.read(file, how)
         with progress_bar(doing):
-            report = question(mechanism)
+            report = ask(mechanism)
         self.show(file, report)
         return report
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
+from blockmech.builders import compiled
 from blockmech.cli.options import Friction, GraphFile, Poses, Static, names_of, option
 from blockmech.cli.output import Tabled
 from blockmech.ground.runnable import EVERYTHING
@@ -27,4 +28,6 @@ def sensitivity(
     """Rank the numbers of a mechanism by what they do to its outputs: exact derivatives."""
     how: dict[str, Any] = {"to": names_of(to) or EVERYTHING, "friction": friction, "static": static}
     wanted = names_of(want)
-    shown.ask(file, "differentiating", lambda m: m.sensitivity(wanted, **poses.of(m), **how))
+    shown.ask(
+        file, compiled, "differentiating", lambda m: m.sensitivity(wanted, **poses.of(m), **how)
+    )

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from blockmech.builders import compiled
 from blockmech.cli.numbers import row
 from blockmech.cli.options import GraphFile, Poses, Static, Want, names_of, option
 from blockmech.cli.output import Tabled
@@ -28,6 +29,8 @@ def solutions(
     """
     request: dict[str, Any] = {"want": names_of(want) or None, "static": static}
     request["scale"] = row(f"--scale {scale}", scale, "")
-    report = shown.ask(file, "searching", lambda m: m.friction_solutions(**poses.of(m), **request))
+    report = shown.ask(
+        file, compiled, "searching", lambda m: m.friction_solutions(**poses.of(m), **request)
+    )
     if not report.complete.all():
         raise typer.Exit(NO_ANSWER)
