@@ -455,3 +455,32 @@ def test_every_table_opens_where_numbers_have_a_comma():
         assert [[x.replace(",", ".") for x in row] for row in comma[1:]] == point[1:]
         with pytest.raises(bm.RequestError, match='use separator=";" with decimal=","'):
             found.to_csv(decimal=",")
+
+
+def test_a_result_is_shown_in_other_units_and_keeps_its_numbers(turn):
+    shown = turn.to("deg", "rpm", "mm", "kN m")
+    heads = rows_of(shown.to_csv())[0]
+    assert {"crank.q [deg]", "crank.rate [rpm]", "dyad.C.p.x [mm]", "crank.drive [kN m]"} <= {
+        *heads
+    }
+    assert "dyad.C.v.x [m/s]" in heads  # no unit of its kind is named
+    frame = turn.to("mm").to_dataframe()
+    assert frame["dyad.C.p.x"].to_numpy() == pytest.approx(1000 * turn["dyad.C.p"].real)
+    assert np.array_equal(shown["dyad.C.p"], turn["dyad.C.p"])
+    assert shown.to_dict() == turn.to_dict()
+    assert shown.plan is turn.plan
+    figure = shown.plot(names=["dyad.C.p", "crank.rate"])
+    assert [axes.get_ylabel() for axes in figure.axes] == ["p [mm]", "rate [rpm]"]
+    with pytest.raises(bm.RequestError, match='no unit "furlong"'):
+        turn.to("furlong")
+
+
+def test_vectors_are_drawn_by_size_or_by_components(turn):
+    sized = turn.plot(names=["dyad.D.reaction"])
+    parts = turn.plot(names=["dyad.D.reaction"], components=True)
+    assert [axes.get_ylabel() for axes in (*sized.axes, *parts.axes)] == [
+        *("|reaction| [kN]", "reaction [kN]")
+    ]
+    x, y = (1000 * line.get_ydata() for line in parts.axes[0].lines)
+    assert x == pytest.approx(turn["dyad.D.reaction"].real, abs=1e-6)
+    assert np.hypot(x, y) == pytest.approx(1000 * sized.axes[0].lines[0].get_ydata())

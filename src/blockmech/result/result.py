@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from cmath import isfinite
 from collections.abc import Iterator, Mapping
-from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, Generic, Self
@@ -113,8 +112,8 @@ class Result(Exported, Generic[M]):
                 quantity(f"1 {unit}")
             except NoQuantity as error:
                 raise refused("to", error.found, 'e.g. to("deg", "rpm", "mm")') from None
-        shown = copy(self)
-        shown.units = units
+        shown = object.__new__(type(self))  # a copy would be made as one is pickled: without plan
+        vars(shown).update(vars(self), units=units)
         return shown
 
     def __getitem__(self, name: str) -> Any:
