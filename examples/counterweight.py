@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 from wire_ruiz import fourbar
 
 import blockmech as bm
-from blockmech.draw.paper import new_figure, write_figure
+from blockmech.figures.paper import new_figure, write_figure
 
 HEAVIER = {"crank.links.crank.mass": 30.0, "dyad.links.j.mass": 40.0}
 PLACES = ["crank.links.crank.cm.x", "crank.links.crank.cm.y"]

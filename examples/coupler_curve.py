@@ -7,7 +7,7 @@ timing free `blockmech.synthesis` finds designs that pass through all of them.
 import numpy as np
 
 import blockmech as bm
-from blockmech.draw.paper import new_figure, write_figure
+from blockmech.figures.paper import new_figure, write_figure
 
 ANGLES = np.radians([0, 40, 80, 120, 160, 200])
 POINTS = np.array([0.5 + 2.2j, 0.9 + 2.9j, 0.4 + 3.2j, -0.4 + 3.1j, -1.2 + 2.6j, -1.6 + 2.0j])

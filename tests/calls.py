@@ -26,8 +26,9 @@ import numpy as np
 import blockmech as bm
 from blockmech.builders import opened
 from blockmech.draw import KINDS, animate, diagram_svg, draw, mechanism_svg, plot, run_pictures
+from blockmech.draw.simulation import motion_svg
 from blockmech.exchange.formats import WRITERS
-from blockmech.ground.pictured import Pictured
+from blockmech.figures.pictured import Pictured
 from blockmech.ground.report import Facts, Report
 from blockmech.result.quality import OK
 from blockmech.result.result import Result
@@ -288,7 +289,7 @@ MORE: dict[str, Call] = {
     "study in a folder": _study_out,
     "study of motions": _study_of_motions,
     "verify a motion": lambda s: s.mechanism.verify(s.motion),
-    "stroke of a run": _each(lambda m, name: m.stroke_of(m.run(samples=SAMPLES, want=name), name)),
+    "stroke of a run": _each(lambda m, name: m.run(samples=SAMPLES, want=name).stroke(name)),
     "tables": lambda s: [
         s.result.to_csv(),
         s.result.to_dataframe().shape,
@@ -339,7 +340,7 @@ PICTURES: dict[str, Call] = {
     "run_pictures": _into(lambda s, home: run_pictures(s.result, home)),
     "plot": _into(lambda s, home: plot(s.result, home / "it.svg", s.output)),
     "plot of a motion": _into(lambda s, home: plot(s.motion, home / "it.svg", s.motion)),
-    "motion_svg": lambda s: s.mechanism.motion_svg(s.motion),
+    "motion_svg": lambda s: motion_svg(s.motion),
     "film of a motion": _into(lambda s, home: animate(s.motion, home / "it.html")),
     "film": _into(lambda s, home: animate(s.document, home / "it.gif", **_film(s))),
 }

@@ -6,7 +6,7 @@ WORDS = """
     not-an-object wrong-format missing-version bad-version newer-version
     unknown-key missing-key wrong-type wrong-value bad-place bad-direction bad-name
     taken-name unknown-link friction-mismatch clearance-mismatch unknown-friction-law bad-friction
-    bad-table bad-expectation
+    bad-table bad-expectation wrong-unit
     unknown-block no-frame two-frames bad-address no-such-block not-a-marker
     unknown-marker unknown-joint double-wire self-wire pair-mismatch many-drivers
     wrong-home unwired-joint cycle unknown-driver no-law

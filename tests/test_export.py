@@ -195,7 +195,7 @@ def test_csv_refuses_signs_that_tear_numbers(turn, separator, decimal):
 
 
 def test_csv_gives_angles_in_degrees_and_says_so(turn):
-    head, *rows = rows_of("".join(csv_chunks(turn, degrees=True)))
+    head, *rows = rows_of("".join(csv_chunks(turn.to("deg"))))
     assert head[0] == "crank.q [deg]"
     assert not [name for name in head if name.endswith("[rad]")]
     assert float(rows[-1][0]) == pytest.approx(360.0, rel=1e-15)
@@ -280,6 +280,10 @@ def test_the_table_fits_a_terminal_and_starts_with_what_matters():
     assert lines[2].split()[:2] == ["crank", "crank"]
     assert lines[3].split()[:3] == ["q", "time", "drive"]
     assert lines[4].split()[:4] == ["[rad]", "[s]", "[N", "m]"]
+    assert lines[2].split()[-4:] == ["crank.A", "dyad.B", "dyad.C", "dyad.D"]
+    assert lines[3].split()[-4:] == ["|reaction|"] * 4
+    assert "  zero-relative-speed: nothing slides there" in text
+    assert "  no load keeps work over the run: friction takes all" in text
     body = lines[5 : lines.index("", 5)]
     assert len(body) == 13
     assert body[0].split()[2] == "-10605.7"
@@ -288,7 +292,7 @@ def test_the_table_fits_a_terminal_and_starts_with_what_matters():
 
 def test_the_table_says_how_many_outputs_it_leaves_out(turn):
     shown = len(set(re.findall(r"[\w.]+", table(turn).splitlines()[2])))
-    more = re.search(r"(\d+) more outputs: dyad", table(turn))
+    more = re.search(r"(\d+) more outputs: crank", table(turn))
     assert more
     assert 0 < int(more[1]) < len(turn)
     assert shown > 1
@@ -320,7 +324,7 @@ def test_the_table_joins_neighbouring_gaps_into_one_line():
 
 
 def test_the_table_gives_angles_in_degrees():
-    assert "60" in table(fourbar().run(at=math.pi / 3), degrees=True).splitlines()[5].split()
+    assert "60" in str(fourbar().run(at="60deg").to("deg")).splitlines()[5].split()
 
 
 def test_the_html_table_escapes_names():
@@ -451,3 +455,32 @@ def test_every_table_opens_where_numbers_have_a_comma():
         assert [[x.replace(",", ".") for x in row] for row in comma[1:]] == point[1:]
         with pytest.raises(bm.RequestError, match='use separator=";" with decimal=","'):
             found.to_csv(decimal=",")
+
+
+def test_a_result_is_shown_in_other_units_and_keeps_its_numbers(turn):
+    shown = turn.to("deg", "rpm", "mm", "kN m")
+    heads = rows_of(shown.to_csv())[0]
+    assert {"crank.q [deg]", "crank.rate [rpm]", "dyad.C.p.x [mm]", "crank.drive [kN m]"} <= {
+        *heads
+    }
+    assert "dyad.C.v.x [m/s]" in heads  # no unit of its kind is named
+    frame = turn.to("mm").to_dataframe()
+    assert frame["dyad.C.p.x"].to_numpy() == pytest.approx(1000 * turn["dyad.C.p"].real)
+    assert np.array_equal(shown["dyad.C.p"], turn["dyad.C.p"])
+    assert shown.to_dict() == turn.to_dict()
+    assert shown.plan is turn.plan
+    figure = shown.plot(names=["dyad.C.p", "crank.rate"])
+    assert [axes.get_ylabel() for axes in figure.axes] == ["p [mm]", "rate [rpm]"]
+    with pytest.raises(bm.RequestError, match='no unit "furlong"'):
+        turn.to("furlong")
+
+
+def test_vectors_are_drawn_by_size_or_by_components(turn):
+    sized = turn.plot(names=["dyad.D.reaction"])
+    parts = turn.plot(names=["dyad.D.reaction"], components=True)
+    assert [axes.get_ylabel() for axes in (*sized.axes, *parts.axes)] == [
+        *("|reaction| [kN]", "reaction [kN]")
+    ]
+    x, y = (1000 * line.get_ydata() for line in parts.axes[0].lines)
+    assert x == pytest.approx(turn["dyad.D.reaction"].real, abs=1e-6)
+    assert np.hypot(x, y) == pytest.approx(1000 * sized.axes[0].lines[0].get_ydata())

@@ -1,4 +1,4 @@
-"""Answers of analyses have pictures: each declares where, and all of them honour degrees."""
+"""Answers of analyses have pictures, which are figures of matplotlib and stand in any axes."""
 
 from __future__ import annotations
 
@@ -6,43 +6,91 @@ import inspect
 from importlib import import_module
 
 import pytest
+from matplotlib.figure import Figure
 
 import blockmech as bm
-from blockmech.ground.pictured import Pictured
+from blockmech.figures.paper import panelled
+from blockmech.figures.pictured import Pictured
 from tests.source import MODULES
 
 for name in MODULES:
-    if name.startswith(("blockmech.analysis.", "blockmech.modes.", "blockmech.studies.")):
+    if name.startswith(
+        tuple(f"blockmech.{room}." for room in ("analysis", "design", "modes", "studies"))
+    ):
         import_module(name)
 ANSWERS = [cls for cls in Pictured.__subclasses__() if cls.__module__.startswith("blockmech.")]
 
 
 @pytest.mark.parametrize("cls", ANSWERS, ids=lambda cls: cls.__name__)
-def test_an_answer_names_a_function_that_draws_it(cls):
-    module, _, name = cls.PICTURE.partition(":")
-    answer, degrees = inspect.signature(getattr(import_module(module), name)).parameters.values()
-    assert answer.annotation == cls.__name__
-    assert degrees.name == "degrees"
+def test_an_answer_draws_itself(cls):
+    assert cls.figure.__module__ == cls.__module__
+    assert [*inspect.signature(cls.figure).parameters] == ["self", "degrees", "ax"]
+    assert inspect.signature(cls.figure).parameters["degrees"].default is True
 
 
-def test_an_answer_of_ones_own_names_its_picture(tmp_path, monkeypatch):
-    class Spectrum(Pictured):
-        PICTURE = "spectra:draw"
+class Spectrum(Pictured):
+    def lines(self, degrees=False):
+        yield "two peaks"
 
-        def lines(self, degrees=False):
-            yield "two peaks"
+    def figure(self, degrees=True, ax=None):
+        with panelled(str(self), 100.0, 2, ax=ax) as panels:
+            for (axes,) in panels:
+                axes.plot([0, 1], [0, 180 if degrees else 3.14])
+        return panels[0, 0].figure
 
-    (tmp_path / "spectra.py").write_text(
-        "from blockmech.draw.paper import captioned\n"
-        "def draw(spectrum, degrees):\n"
-        "    with captioned(str(spectrum), 100.0) as figure:\n"
-        "        figure.subplots().plot([0, 1], [0, 180 if degrees else 3.14])\n"
-        "    return figure\n",
-        "utf-8",
-    )
-    monkeypatch.syspath_prepend(tmp_path)
-    assert Spectrum().plot(tmp_path / "s.svg", degrees=True).read_bytes().startswith(b"<?xml")
+
+def test_a_picture_is_a_figure_and_its_file_is_written_on_demand(tmp_path):
+    figure = Spectrum().plot(tmp_path / "s.svg")
+    assert (tmp_path / "s.svg").read_bytes().startswith(b"<?xml")
+    assert [axes.lines[0].get_ydata()[-1] for axes in figure.axes] == [180, 180]
+    assert figure._supxlabel.get_text() == "two peaks"
     assert "<svg" in Spectrum()._repr_html_()
+    assert [axes.lines[0].get_ydata()[-1] for axes in Spectrum().plot(degrees=False).axes] == [
+        *(3.14, 3.14)
+    ]
+
+
+def test_a_picture_stands_in_the_axes_of_a_user():
+    mine = Figure()
+    left, right = mine.subplots(1, 2)
+    assert Spectrum().plot(ax=left) is mine
+    above, below = mine.axes[2:]
+    assert above.get_position().y0 >= below.get_position().y1
+    assert max(x.get_position().x1 for x in (above, below)) <= right.get_position().x0
+    assert not right.lines  # nothing else is touched
+    with pytest.raises(bm.RequestError, match=r"stand in no grid of subplots"):
+        Spectrum().plot(ax=mine.add_axes((0.0, 0.0, 0.5, 0.5)))
+
+
+RUIZ = bm.Graph.load("graphs/ruiz_fourbar.json")
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda ax: RUIZ.draw(ax=ax),
+        lambda ax: RUIZ.compile().draw(kind="mechanism", at=1.0, ax=ax),
+        lambda ax: RUIZ.compile().draw(kind="tile", at=1.0, ax=ax),
+        lambda ax: RUIZ.compile().limits().plot(ax=ax),
+        lambda ax: RUIZ.run(at=[0.0, 1.0, 2.0], want="*.reaction").plot(ax=ax),
+        lambda ax: RUIZ.run(at=[0.0, 1.0, 2.0], want="crank.*").plot(ax=ax, components=True),
+    ],
+)
+def test_every_picture_is_a_figure_also_in_axes(draw):
+    assert isinstance(draw(None), Figure)
+    mine = Figure()
+    assert draw(mine.subplots(1, 2)[0]) is mine
+    assert any(axes.images or axes.patches or axes.lines for axes in mine.axes)
+
+
+def test_axes_with_a_mechanism_are_in_metres():
+    mine = Figure()
+    ax = mine.subplots()
+    RUIZ.compile().draw(kind="mechanism", at=0.0, ax=ax)
+    x, y = ax.get_xlim(), ax.get_ylim()
+    assert x[0] < -0.5  # the frame's pins stand at x = 0 and 5.5 m
+    assert 5.5 < x[1] < 12.0
+    assert y[0] < 0.0 < y[1]
 
 
 def test_a_run_a_motion_and_a_picture_are_of_the_mechanism_that_was_compiled(tmp_path):

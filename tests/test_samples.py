@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import blockmech as bm
+from blockmech.ground.units import UnitWarning
 from tests.wiring import ruiz, toggle, wire
 
 
@@ -142,6 +143,22 @@ def test_time_of_a_coordinate_is_known_where_the_law_tells_it():
     assert turning(STEADY).run(at=[1.0, 2.0], rates=3.0, want=WANT).time is None
 
 
+def test_text_with_a_unit_is_a_number_in_si():
+    at = ["90deg", 1.0, "1/4 turn"]
+    found = turning().run(at=at, rates="300rpm", want=["crank.q", "crank.rate"])
+    assert found["crank.q"] == pytest.approx([math.pi / 2, 1.0, math.pi / 2], rel=1e-15)
+    assert found["crank.rate"] == pytest.approx(10 * math.pi, rel=1e-15)
+    assert turning(STEADY).run(times=["10ms"], want=WANT).time == pytest.approx([0.01])
+
+
+@pytest.mark.parametrize("at", [90.0, 180, [0, 360], np.linspace(0, 360, 37)])
+def test_whole_tens_are_surely_degrees(at):
+    with pytest.warns(UnitWarning, match=r"these are radians, \d+ rad are .* turns") as caught:
+        turning().run(at=at, want=WANT)
+    assert [w.filename for w in caught] == [__file__]
+
+
+@pytest.mark.filterwarnings("ignore::blockmech.ground.units.UnitWarning")
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=30))
 def test_samples_come_back_as_they_were_given(at):
     r = turning(STEADY).run(at=at, want=WANT)
@@ -152,8 +169,10 @@ def test_samples_come_back_as_they_were_given(at):
 
 NOT_A_ROW = "at[crank]: not a row of numbers. give a number or a sequence."
 WRONG = [
-    ({"at": "1.0"}, NOT_A_ROW),
-    ({"at": ["0", "1"]}, NOT_A_ROW),
+    ({"at": "1.0"}, 'at[crank]: "1.0" is not a number with a unit. a number, in SI or with rad'),
+    ({"at": ["0deg", "1"]}, 'at[crank]: "1" is not a number with a unit'),
+    ({"at": "50mm"}, 'at[crank]: "50mm" has another kind of unit. a number, in SI or with rad'),
+    ({"at": 0.0, "rates": "50deg"}, 'rates[crank]: "50deg" has another kind of unit'),
     ({"at": True}, NOT_A_ROW),
     ({"at": [True, False]}, NOT_A_ROW),
     ({"at": 1j}, NOT_A_ROW),

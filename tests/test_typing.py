@@ -44,6 +44,8 @@ RIGHT = (
     'end: str = mech.simulate("time=2").motion.end',
     "chosen: str = how.friction if (how := g.run(at=0.0, accuracy=1e-3).accuracy) else ''",
     'mech.limits().plot("arcs.svg", degrees=True)',
+    'g.draw("fourbar.svg")',
+    'g.run(at="30deg", rates="300rpm").to("deg", "kN").plot()',
     'mech.study({"dyad.l_i": [1.0]}, want="crank.drive").figure()',
 )
 WRONG = (
@@ -51,7 +53,7 @@ WRONG = (
     'g.run(at=0.0, frictoin="none")',
     'g.run(at=0.0, friction="nwton")',
     'm.run(at=0.0, on_gap="skip")',
-    'mech.run(at="0")',
+    "mech.run(at=object())",
     'mech.run(at=0.0, engine="numppy")',
     'mech.simulate("time=2", method="dop83")',
     'mech.simulate("time=2", tims=[1.0])',

@@ -23,6 +23,7 @@ from blockmech.model.naming import Names
 from blockmech.model.reading import decoded, text_of
 
 if TYPE_CHECKING:
+    import blockmech.draw
     from blockmech.assur.formation import Formation
     from blockmech.compiled import Compiled
     from blockmech.mechanism import Mechanism
@@ -33,8 +34,10 @@ class Uncompiled(Runnable["Mechanism"]):
     """What a user builds; it says where to find what only a mechanism can do."""
 
     if TYPE_CHECKING:
+        draw = blockmech.draw.draw
         run = Compiled.run
     else:
+        draw = LazyMethod("blockmech.draw")
         run = LazyMethod("blockmech.compiled")
 
         def __getattr__(self, name: str) -> Any:
@@ -69,10 +72,9 @@ class Graph(graph.Graph, Uncompiled):
         return Mechanism.of(self)
 
     def _repr_svg_(self) -> str:
-        from blockmech.draw.diagram import draw_diagram
-        from blockmech.draw.paper import rendered
+        from blockmech.draw import diagram_svg
 
-        return rendered(draw_diagram(self).figure, ".svg").decode()
+        return diagram_svg(self)
 
 
 @dataclass(frozen=True, repr=False)

@@ -22,7 +22,7 @@ from blockmech.engines.numpy import PRECISIONS, NumpyEngine, each_part
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.ground.errors import BlockmechError, GraphError, Problem, as_names, listed, refused
 from blockmech.ground.garbage import uncollected
-from blockmech.ground.runnable import EVERYTHING, Runnable
+from blockmech.ground.runnable import EVERYTHING, LazyMethod, Runnable
 from blockmech.model.document import Document
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
@@ -33,7 +33,6 @@ from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction, Plan, Program
 from blockmech.plan.settings import check_chunk, check_switch, friction_asked
 from blockmech.result.failures import without_gaps
-from blockmech.result.quality import Flag
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples, make_samples
 from blockmech.typing import (
@@ -57,6 +56,9 @@ PLANS = 64  # kept with their engines, those asked for last; each is some 100 kB
 
 class Compiled(Runnable[M]):
     """A valid mechanism, compiled: what analyses take. A `Mechanism` adds what needs them."""
+
+    run_to = LazyMethod("blockmech.analysis.accuracy")
+    with_deflections = LazyMethod("blockmech.analysis.deflections")
 
     structure: Structure
     scene: Scene
@@ -136,6 +138,11 @@ class Compiled(Runnable[M]):
         """Drivers in formation order."""
         return self.structure.drivers
 
+    @cached_property
+    def coordinate_units(self) -> Mapping[str, str]:
+        """Unit of the coordinate of each driver, "rad" or "m"."""
+        return {d: self.driver_joint(d).coordinate_unit for d in self.drivers}
+
     def driver_joint(self, driver: str) -> Joint:
         """Declaration of the pair that a driver drives: units, kind."""
         return self.structure.driver_joint(driver)
@@ -201,12 +208,8 @@ class Compiled(Runnable[M]):
 
     def samples(self, *asked: Any) -> Samples:
         """Samples that a request names: at, samples, times, rates, accelerations."""
-        taken = make_samples(self.drivers, self.scene, *asked)
+        taken = make_samples(self.coordinate_units, self.scene, *asked)
         return self.with_deflections(taken) if self.structure.remembering else taken
-
-    @abstractmethod
-    def with_deflections(self, taken: Samples) -> Samples:
-        """Samples with the states of friction laws along their motion."""
 
     def run(
         self: Runnable[M],
@@ -231,7 +234,7 @@ class Compiled(Runnable[M]):
 
         Parameters
         ----------
-        at : float or (n,) [rad or m], or a mapping driver -> (n,)
+        at : float or (n,) [rad or m], text as "30deg", or a mapping driver -> these
             Driver coordinates; rates follow from the scene's law of motion.
         samples : int
             That many equally spaced samples of the law's range; default 361.
@@ -298,31 +301,6 @@ class Compiled(Runnable[M]):
             self.refuse_states(plan, taken.inputs)
         values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
         return Result(self, plan, taken, values, name, settings)
-
-    @abstractmethod
-    def run_to(
-        self,
-        accuracy: float,
-        given: Mapping[str, Any],
-        taken: Samples,
-        want: Iterable[str] | str,
-        static: bool,
-        engine: str,
-        chunk: int | None,
-    ) -> Result:
-        """Run with the settings that an accuracy needs; see `blockmech.analysis.accuracy`."""
-
-    @abstractmethod
-    def digits_lost(self, result: Result) -> tuple[Flag, ...]:
-        """Outputs of a result that are rounding for the most part."""
-
-    @abstractmethod
-    def stroke_of(self, result: Result, output: str) -> Any:
-        """The stroke of an output, followed between the samples of a result."""
-
-    @abstractmethod
-    def motion_svg(self, result: Result) -> str:
-        """The picture of a simulation as SVG text."""
 
     @abstractmethod
     def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:

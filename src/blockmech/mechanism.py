@@ -13,12 +13,8 @@ from typing import TYPE_CHECKING
 from blockmech.compiled import Compiled
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.runnable import LazyMethod
-from blockmech.result.quality import Flag
-from blockmech.result.result import Result
 
 if TYPE_CHECKING:
-    import blockmech.analysis.accuracy
-    import blockmech.analysis.deflections
     import blockmech.analysis.equilibria
     import blockmech.analysis.explain
     import blockmech.analysis.extremes
@@ -33,6 +29,7 @@ if TYPE_CHECKING:
     import blockmech.design.flywheel
     import blockmech.design.identify
     import blockmech.design.linearize
+    import blockmech.draw
     import blockmech.dynamics.impact
     import blockmech.dynamics.simulation
     import blockmech.dynamics.stepper
@@ -58,6 +55,7 @@ class Mechanism(Compiled["Mechanism"]):
     if TYPE_CHECKING:
         available = blockmech.design.drives.available
         balance = blockmech.design.balance.balance
+        draw = blockmech.draw.draw
         enclose = blockmech.studies.enclose.enclose
         equilibria = blockmech.analysis.equilibria.equilibria
         explain = blockmech.analysis.explain.explain
@@ -78,7 +76,6 @@ class Mechanism(Compiled["Mechanism"]):
         parameters = blockmech.studies.family.parameters
         path_radius = blockmech.analysis.instant_centres.path_radius
         rates = blockmech.studies.function.rates
-        run_to = blockmech.analysis.accuracy.run_to
         sensitivity = blockmech.studies.differentiate.sensitivity
         simulate = blockmech.dynamics.simulation.simulate
         stepper = blockmech.dynamics.stepper.stepper
@@ -88,10 +85,10 @@ class Mechanism(Compiled["Mechanism"]):
         trade = blockmech.analysis.trade.trade
         velocity_ratio = blockmech.analysis.instant_centres.velocity_ratio
         verify = blockmech.studies.verify.verify
-        with_deflections = blockmech.analysis.deflections.with_deflections
     else:
         available = LazyMethod("blockmech.design.drives")
         balance = LazyMethod("blockmech.design.balance")
+        draw = LazyMethod("blockmech.draw")
         enclose = LazyMethod("blockmech.studies.enclose")
         equilibria = LazyMethod("blockmech.analysis.equilibria")
         explain = LazyMethod("blockmech.analysis.explain")
@@ -112,7 +109,6 @@ class Mechanism(Compiled["Mechanism"]):
         parameters = LazyMethod("blockmech.studies.family")
         path_radius = LazyMethod("blockmech.analysis.instant_centres")
         rates = LazyMethod("blockmech.studies.function")
-        run_to = LazyMethod("blockmech.analysis.accuracy")
         sensitivity = LazyMethod("blockmech.studies.differentiate")
         simulate = LazyMethod("blockmech.dynamics.simulation")
         stepper = LazyMethod("blockmech.dynamics.stepper")
@@ -122,7 +118,6 @@ class Mechanism(Compiled["Mechanism"]):
         trade = LazyMethod("blockmech.analysis.trade")
         velocity_ratio = LazyMethod("blockmech.analysis.instant_centres")
         verify = LazyMethod("blockmech.studies.verify")
-        with_deflections = LazyMethod("blockmech.analysis.deflections")
 
     def _repr_svg_(self) -> str | None:
         """The mechanism over its range, or, where that is not known, with its drivers at zero."""
@@ -132,24 +127,6 @@ class Mechanism(Compiled["Mechanism"]):
             with suppress(BlockmechError):
                 return mechanism_svg(self, at)
         return None
-
-    def digits_lost(self, result: Result) -> tuple[Flag, ...]:
-        """Outputs that are rounding for the most part; see `blockmech.analysis.rounding`."""
-        from blockmech.analysis.rounding import digits_lost
-
-        return digits_lost(result)
-
-    def stroke_of(self, result: Result, output: str) -> blockmech.analysis.stroke.Stroke:
-        """The stroke of an output over a result; see `blockmech.analysis.stroke`."""
-        from blockmech.analysis.stroke import stroke
-
-        return stroke(result, output)
-
-    def motion_svg(self, result: Result) -> str:
-        """The picture of a simulation; see `blockmech.draw.simulation`."""
-        from blockmech.draw.simulation import motion_svg
-
-        return motion_svg(result)
 
     def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
         """Where these groups close, in words for a message.

@@ -22,8 +22,8 @@ Complex: TypeAlias = Any
 Argument: TypeAlias = Literal["coordinate", "rate", "time"]
 """What a law of a load is a function of, if it is not a signal."""
 
-Numbers: TypeAlias = float | Sequence[float] | NDArray[Any]
-"""One number or a row of them (n,)."""
+Numbers: TypeAlias = float | str | Sequence[float | str] | NDArray[Any]
+"""One number or a row of them (n,), in SI or as text with a unit, "30deg"."""
 
 Coordinates: TypeAlias = Numbers | Mapping[str, Numbers]
 """Numbers for the only driver, or for each driver by its name."""

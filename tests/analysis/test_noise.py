@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.draw.curves import abscissa, chosen_panels, values
-from blockmech.draw.panels import draw_panels
+from blockmech.figures.curves import abscissa, chosen_panels, values
+from blockmech.figures.panels import draw_panels
 from tests.gallery import GRAPHS, JOINTS
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -32,18 +33,37 @@ def changed(path: str, said: Any, whole: Any = RUIZ) -> Any:
 LAW = "scene/drive/crank"
 TURNED = {"from": "crank.A", "to": "frame.A"}
 SPELLED = [
-    ("blocks/crank/length", "2000 mm", "a number in m", "write 2.0"),
-    ("blocks/crank/length", "2,0", "a number in m", "write 2.0"),
-    ("blocks/crank/offset", "360deg", "a number in rad", "write 6.283185307179586"),
+    ("blocks/crank/length", "2.0", "a number in m", "write 2.0"),
+    ("blocks/crank/length", "2,0", "a number in m", "with m, mm, cm"),
+    ("blocks/crank/offset", "36mm", "a number in rad", "with rad, deg, turns"),
     ("blocks/crank/length", "2 parsec", "a number in m", "parsec"),
-    (f"{LAW}/rate", "30 rpm", "a number", "write 3.14159265"),
-    (f"{LAW}/rpm", 30, 'no key "rpm"', 'write "rate" in rad/s: 3.14159265'),
+    (f"{LAW}/rate", "30 knots", "a number", 'no unit "knots"'),
+    (f"{LAW}/rate", "30 mm/s", "has another kind of unit", "with rad/s, deg/s, rpm"),
+    (f"{LAW}/rpm", 30, 'no key "rpm"', 'write "rate": "30rpm"'),
     (LAW, "harmonic", "an object", '{"law": "harmonic", ...}'),
     (LAW, 10, "an object", '{"law": "constant_rate", ...}'),
     ("blocks/dyad/l_1", 6.0, 'no key "l_1"', 'did you mean "l_i"'),
     ("blocks/dyad/l_2", 6.0, 'no key "l_2"', 'did you mean "l_j"'),
     ("wires/0", TURNED, "does not end there", "turn the wire round: frame.A -> crank.A"),
 ]
+
+
+@pytest.mark.parametrize(
+    ("path", "said", "value"),
+    [
+        ("blocks/crank/length", "2000 mm", 2.0),
+        ("blocks/crank/offset", "360deg", math.tau),
+        ("blocks/frame/markers/D/at", ["5500mm", 0.0], 5.5),
+        (f"{LAW}/rate", "30 rpm", math.pi),
+        ("scene/gravity", ["0 m/s2", "-9810 mm/s^2"], -9.81),
+    ],
+)
+def test_a_number_is_written_with_its_unit(path: str, said: Any, value: float) -> None:
+    """It is the same mechanism as with the number in SI, and is kept in SI."""
+    made = bm.Graph.from_data(changed(path, said))
+    plain = value if isinstance(said, str) else [0.0, value] if "gravity" in path else [value, 0.0]
+    assert made.to_data() == bm.Graph.from_data(changed(path, plain)).to_data()
+    assert made.compile().name == RUIZ["name"]
 
 
 @pytest.mark.parametrize(("path", "said", "found", "remedy"), SPELLED)
@@ -71,8 +91,8 @@ def test_a_comma_inside_of_a_number_is_called_that(tmp_path: Path) -> None:
         ("0x6", '"0x6" is not a value. write 6.'),
         ("6.", '"6." is not a value. write 6.0.'),
         ("+6.0", '"+6.0" is not a value. write 6.0.'),
-        ("6 mm", '"6 mm" is not a value. write 0.006.'),
-        ("60deg", '"60deg" is not a value. write 1.0471975511965976.'),
+        ("6 mm", '"6 mm" is not a value. write "6 mm".'),
+        ("60deg", '"60deg" is not a value. write "60deg".'),
         ("None", '"None" is not a value. write null.'),
         ("13/2", '"13/2" is not a value. a value is a number,'),
         ("\u201csix\u201d", "a typographic quotation mark. texts and keys stand in double"),

@@ -37,7 +37,7 @@ REQUESTS = [
     (["--start", "crank=60deg"], {"start": {"crank": (60 * DEGREES, 0.0)}}),
     (["--start", "0.5, -3"], {"start": {"crank": (0.5, -3.0)}}),
     (["--start", "crank=1rad,-20deg/s"], {"start": {"crank": (1.0, -20 * DEGREES)}}),
-    (["--start", "crank=1.2,20deg"], {"start": {"crank": (1.2, 20 * DEGREES)}}),
+    (["--start", "crank=1.2,20rpm"], {"start": {"crank": (1.2, 20 * math.tau / 60)}}),
 ]
 
 
@@ -174,9 +174,9 @@ def test_all_mistakes_of_starts_are_told_at_once(call):
         '[bad-request] --start rihgt=60deg: no driver "rihgt". drivers: left, right. '
         'did you mean "right"?',
         '[bad-request] --start left=x,2y: "x" is not a number. '
-        "a coordinate is in rad and may end in rad, deg, °, turns or turn.",
-        '[bad-request] --start left=x,2y: "2y" is not a number. '
-        "a rate is in rad/s and may end in rad, deg, °, turns, turn, rad/s, deg/s, °/s or rpm.",
+        "a number, in SI or with rad, deg, turns.",
+        '[bad-request] --start left=x,2y: no unit "y" in "2y". '
+        "a number, in SI or with rad/s, deg/s, rpm.",
         "[bad-request] --start left=1: left is given twice. give it once.",
         "[bad-request] --start right=1,2,3: 3 numbers. a start is the coordinate, then the rate.",
         "[bad-request] --start 1.2: there are 2 drivers. drivers: left, right. "
@@ -187,5 +187,5 @@ def test_all_mistakes_of_starts_are_told_at_once(call):
 def test_degrees_are_refused_for_a_slide(call, slide):
     said = call("simulate", slide, "--start", "table=60deg,5deg/s")
     assert (said.code, said.out) == (2, "")
-    assert '"60deg" is not a number. a coordinate is in m and may end in m, mm, cm' in said.err
-    assert '"5deg/s" is not a number. a rate is in m/s and may end in m, mm, cm' in said.err
+    assert '"60deg" has another kind of unit. a number, in SI or with m, mm, cm' in said.err
+    assert '"5deg/s" has another kind of unit. a number, in SI or with m/s, mm/s' in said.err

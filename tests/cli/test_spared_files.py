@@ -64,7 +64,7 @@ def unpainted(monkeypatch):
     """Pictures are written without being painted: which files there are is all that is asked."""
     monkeypatch.setattr("blockmech.draw.animation.Animation.gif", b"a film")
     monkeypatch.setattr("blockmech.draw.animation.Animation.html", "a film")
-    monkeypatch.setattr("blockmech.draw.paper.rendered", lambda *_: b"a picture")
+    monkeypatch.setattr("blockmech.figures.paper.rendered", lambda *_: b"a picture")
 
 
 @pytest.mark.usefixtures("unpainted")
@@ -77,7 +77,7 @@ def test_pictures_of_an_earlier_run_do_not_stay_beside_new_numbers(call, ruiz, t
         "run", ruiz, "--samples", "5", "--friction", "none", "--want", "*.drive", "--out", out
     )
     assert again.code == 0
-    assert {p.name for p in out.iterdir()} == {*NUMBERS, "drive.png", "notes.txt"}
+    assert {p.name for p in out.iterdir()} == {*NUMBERS, "drive.png", "mechanism.png", "notes.txt"}
 
 
 @pytest.mark.usefixtures("unpainted")

@@ -12,7 +12,7 @@ CALLS = {
     "run RUIZ": [
         ("--at abc", '--at abc: "abc" is not a number'),
         ("--at nan", '"nan" is not a number'),
-        ("--at 60grad", '"60grad" is not a number'),
+        ("--at 60grad", '"60grad" has another kind of unit'),
         ("--at 0:1", '"0:1" is not a range'),
         ("--at 0:1:0", '"0" is not a count'),
         ("--at arm=1", 'no driver "arm"'),
@@ -74,7 +74,7 @@ CALLS = {
         ("--vary dyad.l=6", 'did you mean "dyad.l_j"?'),
         ("--vary dyad.l_i=6 --vary blocks.dyad.l_i=7", "given twice"),
         ("--vary dyad.l_i=normal(6)", "normal has two"),
-        ("--vary dyad.l_i=6deg", "is not a number"),
+        ("--vary dyad.l_i=6deg", "has another kind of unit"),
         ("--vary dyad.l_i=6 --out study.xls", "a table is csv or parquet"),
         ("--vary dyad.l_i=6 --plot study.xls", "cannot be written"),
         ("--vary dyad.l_i=-6 --samples 9", "must be > 0 m, got -6"),

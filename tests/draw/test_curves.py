@@ -11,9 +11,9 @@ from PIL import Image
 
 import blockmech as bm
 from blockmech.draw import plot, run_pictures
-from blockmech.draw.curves import abscissa, chosen_panels, pictures_of
-from blockmech.draw.panels import Abscissa, Panel, draw_panels, of_pi
-from blockmech.draw.paper import scaled_unit, styled
+from blockmech.figures.curves import abscissa, chosen_panels, pictures_of
+from blockmech.figures.panels import Abscissa, Panel, draw_panels, of_pi
+from blockmech.figures.paper import scaled_unit, styled
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
 from tests.wiring import chain, ruiz, toggle, watt
 
@@ -112,7 +112,7 @@ def test_the_abscissa_is_the_drivers_coordinate_in_degrees_or_radians():
     result = ruiz().run(at=[0.0, 1.0, 2.0])
     assert abscissa(result, degrees=True).words == "crank.q [°]"
     assert abscissa(result, degrees=True).values == pytest.approx(np.degrees([0, 1, 2]))
-    assert abscissa(result).words == "crank.q [rad]"
+    assert abscissa(result, degrees=False).words == "crank.q [rad]"
     assert abscissa(toggle().run(samples=3)).words == "ram.q [m]"
 
 
@@ -210,20 +210,23 @@ def test_units_get_a_prefix_where_numbers_would_be_long(unit, largest, shown):
 
 def test_run_pictures_writes_one_picture_a_kind(tmp_path):
     paths = run_pictures(ruiz().run(samples=37), tmp_path / "made" / "here")
-    assert [p.name for p in paths] == ["drive.png", "friction_power.png", "reactions.png"]
+    assert [p.name for p in paths] == [
+        *("drive.png", "friction_power.png", "reactions.png", "mechanism.png")
+    ]
     for path in paths:
         with Image.open(path) as image:
             assert image.width / 300 * 2.54 == pytest.approx(8.5, abs=0.05)
-    (only,) = run_pictures(fourbar().run(samples=5), tmp_path)
-    assert only.name == "kinematics.png"
+    bare = run_pictures(fourbar().run(samples=5), tmp_path)
+    assert [p.name for p in bare] == ["kinematics.png", "mechanism.png"]
 
 
 def test_a_plot_holds_all_pictures_of_a_run_or_what_was_wanted(tmp_path):
-    everything = plot(ruiz().run(samples=37), tmp_path / "all.svg")
-    text = everything.read_text("utf-8")
+    plot(ruiz().run(samples=37), tmp_path / "all.svg")
+    text = (tmp_path / "all.svg").read_text("utf-8")
     for words in ("driving moment [kN m]", "friction power [W]", "reaction [kN]"):
         assert words in text
-    some = plot(ruiz().run(samples=37), tmp_path / "some.svg", ["dyad.j.angle"])
-    assert "angle [rad]" in some.read_text("utf-8")
+    some = ruiz().run(samples=37)
+    assert some.plot(names=["dyad.j.angle"]).axes[0].get_ylabel() == "angle [°]"
+    assert plot(some, None, ["dyad.j.angle"], degrees=False).axes[0].get_ylabel() == "angle [rad]"
     with pytest.raises(bm.RequestError, match="unknown-suffix"):
         plot(ruiz().run(samples=3), tmp_path / "no.gif")

@@ -14,9 +14,10 @@ from matplotlib.colors import to_hex
 
 import blockmech as bm
 from blockmech import Graph
-from blockmech.draw import diagram_svg, palette
+from blockmech.draw import diagram_svg
 from blockmech.draw.diagram import Diagram, draw_diagram
-from blockmech.draw.paper import styled
+from blockmech.figures import palette
+from blockmech.figures.paper import styled
 from tests.draw.scenes import cyclic, quick_return, rocking_slide, slider_crank, twelve, unfinished
 from tests.wiring import chain, ruiz, toggle, watt
 

@@ -11,13 +11,13 @@ import pytest
 from matplotlib.colors import to_hex
 
 import blockmech as bm
-from blockmech.draw import palette
 from blockmech.draw.labels import Crowd, Label
 from blockmech.draw.mechanism import Picture, caption, draw_mechanism, draw_tile
 from blockmech.draw.motion import moves, moves_of_result
-from blockmech.draw.paper import styled
 from blockmech.draw.shapes import Stage, load_ways
 from blockmech.draw.sketch import hull, sketch_of
+from blockmech.figures import palette
+from blockmech.figures.paper import styled
 from blockmech.ground.report import DEGREES
 from blockmech.result.exported import table
 from tests.draw.scenes import fourbar, quick_return, rocking_slide, slider_crank
@@ -104,15 +104,15 @@ def test_further_poses_are_faint():
     assert len(artists(picture, "link:")) == 3
     assert len(artists(picture, "faint:")) == 2 * 3
     texts = [t.get_text() for t in picture.figure.texts]
-    assert texts == ["crank.q\u00a0= 1\u00a0rad (faint: 2\u00a0rad, 3\u00a0rad)"]
+    assert texts == ["crank at\u00a057.3° (faintly at 114.6°, 171.9°)"]
 
 
 @pytest.mark.parametrize(("degrees", "said"), [(DEGREES, "1\u00a0rad"), (True, "57.3°")])
 def test_pictures_and_text_say_angles_in_one_unit(degrees, said):
     run = ruiz().run(at=[1.0])
-    assert caption(moves_of_result(run), [0], degrees).startswith(f"crank.q\u00a0= {said}")
+    assert caption(moves_of_result(run), [0], degrees).startswith(f"crank at\u00a0{said}")
     unit = "deg" if degrees else "rad"
-    assert f"[{unit}]" in table(run, degrees)
+    assert f"[{unit}]" in table(run.to("deg") if degrees else run)
 
 
 def test_a_slider_is_drawn_on_its_guide():

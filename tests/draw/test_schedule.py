@@ -21,6 +21,7 @@ def test_every_call_has_a_box_and_every_kind_a_key():
 
 
 def test_a_schedule_is_a_kind_of_picture_and_has_no_poses(tmp_path):
-    assert draw(watt(), tmp_path / "s.svg", "schedule", want="*.p").exists()
-    with pytest.raises(RequestError, match="a schedule has no poses"):
+    draw(watt(), tmp_path / "s.svg", "schedule", want="*.p")
+    assert (tmp_path / "s.svg").exists()
+    with pytest.raises(RequestError, match='kind "schedule" takes no at='):
         draw(watt(), tmp_path / "s.svg", "schedule", at=1.0)

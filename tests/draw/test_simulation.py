@@ -9,8 +9,8 @@ import pytest
 
 import blockmech as bm
 from blockmech.draw.animation import rests
-from blockmech.draw.panels import Abscissa, Panel, draw_panels
 from blockmech.draw.simulation import energy_panels, motion_panels, phase_plots, simulation_pictures
+from blockmech.figures.panels import Abscissa, Panel, draw_panels
 from tests.gallery import GRAPHS
 
 WANT = ("*.q", "*.rate", "*.reaction", "mechanism.kinetic_energy", "mechanism.potential_energy")
@@ -22,7 +22,7 @@ def fallen(name, until, want=WANT):
 
 def test_figure_6_has_the_coordinate_the_rate_and_every_reactions_magnitude():
     result = fallen("watt_sixbar", "standstill")
-    angle, rate, *reactions = motion_panels(result)
+    angle, rate, *reactions = motion_panels(result, degrees=False)
     assert (angle.unit, rate.unit) == ("rad", "rad/s")
     assert np.array_equal(angle.curves[""], result["crank.q"])
     turned, *_ = motion_panels(result, degrees=True)

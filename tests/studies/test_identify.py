@@ -172,6 +172,7 @@ def test_too_few_rows_and_numbers_without_a_derivative():
 
 def test_the_picture_marks_the_block(tmp_path):
     found = drawn().identify(NUMBERS[:2], record(400), friction="none")
-    assert found.plot(tmp_path / "r.png").stat().st_size > 10_000
+    found.plot(tmp_path / "r.png")
+    assert (tmp_path / "r.png").stat().st_size > 10_000
     words = found.figure()._supxlabel.get_text().replace("\n", " ")
     assert "dyad" in words.partition("the model misses something at")[2]

@@ -187,7 +187,8 @@ def test_pictures(tmp_path):
         .compile()
         .linearize({"left": 1.2, "right": 2.0})
     )
-    assert found.plot(tmp_path / "bode.png").stat().st_size > 10_000
+    found.plot(tmp_path / "bode.png")
+    assert (tmp_path / "bode.png").stat().st_size > 10_000
     labels = [t.get_text() for t in found.figure().axes[0].get_legend().get_texts()]
     assert labels[0] == "left.q by left.drive"
     made = found.animate(0, tmp_path / "mode.html", amplitude=0.05)

@@ -8,7 +8,7 @@ import pytest
 
 from blockmech.builders import opened
 from blockmech.cli import main
-from blockmech.draw.curves import abscissa, values
+from blockmech.figures.curves import abscissa, values
 from blockmech.studies.sampling import normal
 from blockmech.studio import exports
 from blockmech.studio.analyses import family

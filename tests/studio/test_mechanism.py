@@ -9,8 +9,8 @@ import pytest
 
 import blockmech as bm
 from blockmech.builders import opened
-from blockmech.draw import palette
 from blockmech.draw.shapes import Stage
+from blockmech.figures import palette
 from blockmech.studio.component import script
 from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.film import SHOWN, _under, names_of, scene_of

@@ -16,14 +16,22 @@ from typing import Any, Literal, NamedTuple, overload
 import numpy as np
 
 from blockmech.dynamics.tangents import Tangents
+from blockmech.figures import palette as ink
+from blockmech.figures.palette import IN_DEGREES
+from blockmech.figures.paper import angle_scale, panelled, scaled_unit, shown_name
+from blockmech.figures.pictured import Pictured
 from blockmech.functions.series import Floats
-from blockmech.ground.pictured import Pictured
+from blockmech.ground.errors import refused
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, Report, as_json, places, with_unit
 
 Kind = Literal["stable", "unstable", "indifferent"]
 
 NONE = 1e-9  # relative: what roots and eigenvalues leave of nothing
+
+PANEL = 13.0 * ink.TEXT  # [pt] height of a panel
+MARKS = {"stable": ("o", "dot"), "unstable": ("^", "triangle"), "indifferent": ("s", "square")}
+CLEAR = 0.02  # of the effort's quantiles: what goes to infinity at a dead centre is cut off
 
 
 @dataclass(frozen=True, repr=False)
@@ -127,8 +135,6 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
     notes : what should be known
     """
 
-    PICTURE = "blockmech.draw.equilibria:equilibria_figure"
-
     FACTS = ("rests", "balanced", "notes")
 
     found: tuple[Equilibrium, ...]
@@ -153,6 +159,51 @@ class Equilibria(Facts, Pictured, Sequence[Equilibrium]):
     def stable(self) -> tuple[Equilibrium, ...]:
         """Those at which it stays."""
         return tuple(e for e in self.found if e.kind == "stable")
+
+    def figure(self, degrees: bool = IN_DEGREES, ax: Any = None) -> Any:
+        """Potential and effort of the loads over the only driver's coordinate.
+
+        Raises `RequestError` of several drivers.
+        """
+        if not self.curves:
+            found = "there is no picture of the equilibria of several drivers"
+            raise refused("plot", found, "their text lists them", code="nothing-to-draw")
+        factor, unit = angle_scale(self.unit, degrees)
+        drawn = ["potential"] * (self.curves[0].potential is not None) + ["effort of the loads"]
+        counts = {kind: sum(e.kind == kind for e in self) for kind in MARKS}
+        words = [f"{n} {kind} ({MARKS[kind][1]})" for kind, n in counts.items() if n] or ["none"]
+        caption = f"Equilibria of {shown_name(self.coordinate)}: {', '.join(words)}"
+        caption += "; shaded: where friction holds it." if self.rests else "."
+        with panelled(caption, len(drawn) * PANEL + 2 * ink.ROW, len(drawn), ax=ax) as panels:
+            for (axes,), what in zip(panels, drawn, strict=True):
+                self._draw(axes, what, factor)
+            axes.set_xlabel(f"{shown_name(self.coordinate)} [{unit}]", labelpad=1)
+        return axes.figure
+
+    def _draw(self, axes: Any, what: str, factor: float) -> None:
+        """One curve an arc, with marks at the equilibria and bands where friction holds."""
+        lowest = "potential" in what
+        rows = [np.asarray(c.potential if lowest else c.effort) for c in self.curves]
+        known = np.concatenate([row[np.isfinite(row)] for row in rows])
+        low, high = np.quantile(known, [CLEAR, 1 - CLEAR]) if len(known) else (-1.0, 1.0)
+        unit = "J" if lowest else f"N{' m' if self.unit == 'rad' else ''}"
+        scale, unit = scaled_unit(unit, max(abs(low), abs(high)))
+        for curve, row in zip(self.curves, rows, strict=True):
+            y = row - (np.nanmin(row) if lowest else 0.0)
+            axes.plot(factor * curve.q, scale * y, color=ink.FORWARD)
+            for e in self:
+                q = float(e.q[0])
+                if curve.q[0] <= q <= curve.q[-1]:
+                    at = float(np.interp(q, curve.q, y))
+                    colour = ink.ALARM if e.kind == "unstable" else ink.INK
+                    axes.plot(factor * q, scale * at, MARKS[e.kind][0], ms=4, color=colour)
+        for start, end in self.rests:
+            axes.axvspan(factor * start, factor * end, color=ink.LINK_FILLS[1], lw=0)
+        if not lowest:
+            axes.axhline(0.0, color=ink.INK, lw=0.5)
+            room = 0.1 * (high - low) or 1.0
+            axes.set_ylim(scale * (min(low, 0.0) - room), scale * (max(high, 0.0) + room))
+        axes.set_ylabel(f"{what} [{unit}]", labelpad=2)
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """One equilibrium a line, then the intervals of rest."""

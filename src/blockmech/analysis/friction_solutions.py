@@ -14,14 +14,21 @@ Index +1 is necessary for a stable one and not sufficient, so all are reported, 
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.analysis.friction_answer import (
+    CONTRACTION,
+    COUNT,
+    NO_POSE,
+    PROOFS,
+    UNDECIDED,
+    FrictionSolutions,
+)
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
 from blockmech.friction import enumeration, solvers
@@ -29,16 +36,12 @@ from blockmech.friction.continuation import Outcome
 from blockmech.friction.equations import load_norm
 from blockmech.friction.existence import existence
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import listed, refused
-from blockmech.ground.pictured import Pictured
-from blockmech.ground.report import DEGREES, Facts, as_json, places
+from blockmech.ground.errors import refused
 from blockmech.model.structure import JointRef
 from blockmech.passes import forces, forward, friction, pairs
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction, Schedule
 from blockmech.plan.values import Value
-from blockmech.result.columns import output_columns
-from blockmech.result.exported import Column, CsvTable, aligned, counted
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
 from blockmech.typing import Coordinates, Numbers
@@ -49,13 +52,9 @@ if TYPE_CHECKING:
 GIVEN = Friction(friction.GIVEN)
 DEFAULT = (".drive", ".reaction")
 """What is computed of each solution where nothing is asked for: outputs that end so."""
-CONTRACTION, COUNT, UNDECIDED, NO_POSE = PROOFS = (
-    *("contraction", "count", "undecided", "no-assembly"),
-)
 MOST_BRANCHES = 100_000  # of the tree; each has all outputs
 MOST_PATHS = 4096  # complex solutions of one group; a triad with nine pins has 512
 SAME = 1e-6  # relative: two solutions of continuation and enumeration that are one
-ROWS, WIDTH = 40, 100  # lines of a printed table, characters of a line
 BY_LOAD = "its friction law is not linear in the load, so that its solutions are not counted"
 
 BOUND = bind_functions(
@@ -320,204 +319,6 @@ def _tree(equations: Equations, taken: Samples, scale: Floats) -> Tree:
             raise refused(step.block, why, remedy, f"at most {MOST_BRANCHES}")
         tree.grow(step, solved)
     return tree
-
-
-# -- the answer ------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, repr=False)
-class FrictionSolutions(CsvTable, Facts, Pictured):
-    """All solutions of the friction equations at n poses.
-
-    ``found["crank.drive"]`` is an array (s,), one number for each of s solutions; those of a
-    pose follow one another, the one that is connected with zero friction first.
-
-    Attributes
-    ----------
-    pose : (s,) index of the pose
-    connected : (s,) whether continuation from zero friction leads to it, in every group
-    index : group -> (s,) +1 or -1, sign of det(1 - diag(k) dg R); 0 where rounding hides it
-    complete : (n,) whether it is proved that there are no others
-    proof : n words: "contraction" (P < 1 in all groups: one solution), "count" (all complex
-        solutions found and apart, and the sum of indices what `existence` demands),
-        "undecided" (a double solution within rounding, or one at infinity), "no-assembly"
-    existence : group -> (n,) the number c [-]; NaN where the pose has no solution to judge it by
-    at_rest : joint -> (n,) whether its pair has no relative speed: its friction is taken as 0
-        and may be anything in an interval
-    scale : (n,) [-] factor of all friction
-    samples : the poses
-    """
-
-    PICTURE = "blockmech.draw.friction_solutions:friction_solutions_figure"
-
-    answers: Result
-    pose: Indices
-    connected: Flags
-    index: Mapping[str, NDArray[np.int8]]
-    proof: tuple[str, ...]
-    existence: Mapping[str, Floats]
-    at_rest: Mapping[str, Flags]
-    scale: Floats
-    samples: Samples
-
-    def __getitem__(self, name: str) -> Any:
-        return self.answers[name]
-
-    def __len__(self) -> int:
-        return len(self.pose)
-
-    @property
-    def n(self) -> int:
-        """Number of poses."""
-        return self.samples.n
-
-    @property
-    def complete(self) -> Flags:
-        """(n,) whether it is proved that there are no other solutions."""
-        return np.isin(self.proof, (CONTRACTION, COUNT))
-
-    @property
-    def counts(self) -> Indices:
-        """(n,) number of solutions."""
-        return np.bincount(self.pose, minlength=self.n)
-
-    @property
-    def number(self) -> Indices:
-        """(s,) number of each solution among those of its pose, from 1 on."""
-        first = np.searchsorted(self.pose, self.pose)
-        return np.arange(1, len(self.pose) + 1) - first
-
-    @property
-    def drivers(self) -> dict[str, Floats]:
-        """``"crank.q"`` -> its coordinates (n,) [rad or m] at the poses."""
-        m = self.answers.mechanism
-        return {m.of_driver(d, "q"): self.samples.coordinate(i) for i, d in enumerate(m.drivers)}
-
-    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
-        """The solutions as a table, and what proves that there are no others."""
-        columns, more = self._fitting(self._columns(degrees))
-        head = [column.head for column in columns]
-        words = [[f"{x + 0.0:.7g}" for x in column.values[:ROWS].tolist()] for column in columns]
-        index = [[f"{x:+d}" for x in column[:ROWS]] for column in self.index.values()]
-        counts = self.counts
-        which = [
-            f"{i} of {counts[p]}" for i, p in zip(self.number[:ROWS], self.pose[:ROWS], strict=True)
-        ]
-        linked = ["yes" if x else "no" for x in self.connected[:ROWS]]
-        rows = zip(*words[: self._led], which, linked, *index, *words[self._led :], strict=True)
-        names = [f"{self._said(group)} index" for group in self.index]
-        title = [*head[: self._led], "solution", "connected", *names, *head[self._led :]]
-        name = self.answers.mechanism.name
-        yield f"{name}: {counted(self.n, 'pose')}, {counted(len(self), 'solution')}"
-        yield from ("", *aligned(title, rows))
-        yield from self._foot(degrees, more)
-
-    def _fitting(self, columns: list[Column]) -> tuple[list[Column], list[str]]:
-        """The columns that a line has room for, one at least, and the names of the others."""
-        room = WIDTH - sum(len(f"{self._said(group)} index  ") for group in self.index)
-        wide = np.cumsum([max(len(c.head), len("-1.234567e+08")) + 2 for c in columns])
-        count = max(self._led + 1, int(np.sum(wide <= room - len("solution  connected  "))))
-        return columns[:count], [column.name for column in columns[count:]]
-
-    @property
-    def _led(self) -> int:
-        """Number of columns that say where a solution is: drivers, and the scale if it is used."""
-        return len(self.drivers) + bool((self.scale != 1.0).any())
-
-    def _columns(self, degrees: bool = DEGREES) -> list[Column]:
-        """Coordinates and the wanted outputs, one value for each solution."""
-        columns = []
-        for name, q in self.drivers.items():
-            unit = self.answers.unit_of_driver(name)
-            turned = degrees and unit == "rad"
-            values = np.degrees(q) if turned else q
-            columns.append(Column(name, "deg" if turned else unit, values[self.pose], name))
-        if (self.scale != 1.0).any():
-            columns.append(Column("scale", "", self.scale[self.pose], "scale"))
-        for name in self.answers:
-            columns += output_columns(self.answers, name, degrees)
-        return columns
-
-    def _foot(self, degrees: bool, more: Sequence[str]) -> Iterator[str]:
-        if more:
-            yield f"{counted(len(more), 'more column')}: {listed(more, 3)}"
-        if len(self) > ROWS:
-            yield f"{ROWS} of {len(self)} solutions shown"
-        counts = Counter(self.counts.tolist())
-        several = (
-            f"{counted(n, 'pose')} with {x or 'no solution'}" for x, n in sorted(counts.items())
-        )
-        yield f"solutions: {', '.join(several)}"
-        proofs = Counter(self.proof)
-        yield "complete: " + ", ".join(
-            f"{counted(proofs[word], 'pose')} by {word}"
-            for word in (CONTRACTION, COUNT)
-            if proofs[word]
-        )
-        for word in (UNDECIDED, NO_POSE):
-            if proofs[word]:
-                yield f"{word}: {counted(proofs[word], 'pose')}, first {self._place(word, degrees)}"
-        for group, c in self.existence.items():
-            if np.isfinite(c).any():
-                low, high = np.nanmin(c), np.nanmax(c)
-                yield f"existence of {self._said(group)}: {low:.4g} to {high:.4g}"
-        resting = [joint for joint, at in self.at_rest.items() if at.any()]
-        if resting:
-            yield f"at zero relative speed, friction there taken as 0: {listed(resting, 4)}"
-
-    def _place(self, word: str, degrees: bool) -> str:
-        i, drivers = self.proof.index(word), self.drivers
-        units = {name: self.answers.unit_of_driver(name) for name in drivers}
-        return places({name: float(q[i]) for name, q in drivers.items()}, units, degrees)
-
-    def _said(self, group: str) -> str:
-        return str(self.answers.mechanism.block_name(group))
-
-    def to_dict(self) -> dict[str, Any]:
-        """The solutions by pose, as JSON data in SI units."""
-        columns, first = self._columns(), np.searchsorted(self.pose, np.arange(self.n + 1))
-        solutions = [
-            {
-                "connected": self.connected[j],
-                "index": {name: column[j] for name, column in self.index.items()},
-                "outputs": {column.name: column.values[j] for column in columns[self._led :]},
-            }
-            for j in range(len(self))
-        ]
-        poses = [
-            {
-                "drivers": {name: q[i] for name, q in self.drivers.items()},
-                "scale": self.scale[i],
-                "complete": self.complete[i],
-                "proof": self.proof[i],
-                "existence": {name: c[i] for name, c in self.existence.items()},
-                "at_rest": [name for name, at in self.at_rest.items() if at[i]],
-                "solutions": solutions[first[i] : first[i + 1]],
-            }
-            for i in range(self.n)
-        ]
-        units = {c.name: c.unit for c in columns}
-        return {"name": self.answers.mechanism.name, "units": units, "poses": as_json(poses)}
-
-    def csv_rows(self) -> tuple[list[str], Iterable[Iterable[Any]]]:
-        """A row a solution."""
-        columns, complete = self._columns(), self.complete
-        names = [f"{self._said(group)} index" for group in self.index]
-        where, values = columns[: self._led], columns[self._led :]
-        head = [
-            *("pose", *(c.head for c in where), "solution", "connected", "complete"),
-            *(*names, *(c.head for c in values)),
-        ]
-        rows = [
-            [
-                *(int(p), *(float(c.values[j]) for c in where), int(self.number[j])),
-                *("yes" if self.connected[j] else "no", "yes" if complete[p] else "no"),
-                *(int(column[j]) for column in self.index.values()),
-                *(float(c.values[j]) for c in values),
-            ]
-            for j, p in enumerate(self.pose)
-        ]
-        return head, rows
 
 
 @declared

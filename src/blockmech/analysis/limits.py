@@ -27,10 +27,12 @@ from typing import TYPE_CHECKING, Any
 from blockmech.analysis.arcs import Bound, Known, Nearest, Piece, closed_pieces
 from blockmech.analysis.closure import Closure, one_turn, travel
 from blockmech.analysis.scan import TURN, shown_place
+from blockmech.figures.bars import Bar, bars_figure
+from blockmech.figures.palette import IN_DEGREES
+from blockmech.figures.pictured import Pictured
 from blockmech.functions.series import SCANNED
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, among, listed, refused
-from blockmech.ground.pictured import Pictured
 from blockmech.ground.plane import DOUBLE_ROOT
 from blockmech.ground.report import DEGREES, Facts
 from blockmech.model.structure import Structure
@@ -99,8 +101,6 @@ class Limits(Facts, Pictured):
     why : by how much the nearest group misses closing there, in words
     """
 
-    PICTURE = "blockmech.draw.arcs:limits_figure"
-
     FACTS = ("unit", "whole_turn", "arcs", "nearest", "spacing")
 
     driver: str
@@ -138,6 +138,21 @@ class Limits(Facts, Pictured):
             return f"no feasible arc of {name}: {self.nearest.block} never closes"
         word = "feasible arc" + ("s" if len(self.arcs) > 1 else "")
         return f"{word} of {name}: {', '.join(map(str, self.arcs))} {self.unit}"
+
+    def figure(self, degrees: bool = IN_DEGREES, ax: Any = None) -> Any:
+        """The feasible arcs as bars."""
+        bars = [
+            Bar(
+                f"arc {n}",
+                arc.start.q,
+                arc.end.q,
+                (str(arc.start), str(arc.end)),
+                tuple(point.q for point in arc.change_points),
+            )
+            for n, arc in enumerate(self.arcs, start=1)
+        ]
+        caption = f"{self.sentence()}."
+        return bars_figure(bars, self._q(self.driver), self.unit, caption, degrees, ax)
 
     def lines(self, degrees: bool = DEGREES) -> Iterable[str]:
         """The arcs, their ends and change points, one a line."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import sys
 import traceback
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
@@ -47,6 +48,7 @@ from blockmech.cli.test import test
 from blockmech.cli.trade import trade
 from blockmech.ground.errors import BlockmechError, SampleError
 from blockmech.ground.files import sparing
+from blockmech.ground.units import UnitWarning
 
 COMMANDS = (
     *(run, simulate, check, decompose, draw, verify, limits, solutions, modes, extremes),
@@ -78,7 +80,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _answered(words: list[str]) -> int:
     """Run one command; every mistake becomes one message."""
     try:
-        return _run([w for w in words if w != "--debug"])
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", UnitWarning)
+            warnings.showwarning = lambda message, *_: note(str(message))
+            return _run([w for w in words if w != "--debug"])
     except BlockmechError as error:
         note(traceback.format_exc() if "--debug" in words else str(error))
         return NO_ANSWER if isinstance(error, SampleError) else WRONG

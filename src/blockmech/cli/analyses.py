@@ -84,12 +84,7 @@ def _facts(model: Opened) -> tuple[dict[str, Any], str]:
 
 def verify(file: GraphFile, shown: Shown, at: At = None) -> None:
     """Check balances, powers and the two routes to the driving moment."""
-    mechanism = shown.read(file, compiled)
-    given = coordinates(mechanism, at)
-    with progress_bar("verifying"):
-        report = mechanism.verify(given)
-    shown.show(file, report)
-    if not report.ok:
+    if not shown.ask(file, compiled, "verifying", lambda m: m.verify(coordinates(m, at))).ok:
         raise typer.Exit(NO_ANSWER)
 
 
@@ -132,11 +127,8 @@ def modes(
     no_arcs: Annotated[bool, switch("no-arcs", "Do not search for the arcs of each mode.")] = False,
 ) -> None:
     """List all assembly modes of each group, what chooses them, and where they exist."""
-    mechanism = shown.read(file, compiled)
-    given = coordinates(mechanism, at)
-    with progress_bar("searching"):
-        report = mechanism.modes(given, driver=driver, groups=group or None, arcs=not no_arcs)
-    shown.show(file, report)
+    request: dict[str, Any] = {"driver": driver, "groups": group or None, "arcs": not no_arcs}
+    shown.ask(file, compiled, "searching", lambda m: m.modes(coordinates(m, at), **request))
 
 
 def extremes(

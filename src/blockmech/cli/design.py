@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from blockmech.builders import compiled
 from blockmech.cli.numbers import coordinates, rates_of
-from blockmech.cli.options import At, Friction, GraphFile, Static, names_of, option, quantity
-from blockmech.cli.output import Drawn, Shown
-from blockmech.cli.terminal import note, progress_bar
+from blockmech.cli.options import At, Friction, GraphFile, Static, names_of, number_of, option
+from blockmech.cli.output import Drawn
+from blockmech.cli.terminal import note
 from blockmech.ground.errors import refused
 from blockmech.ground.files import refuse_spared
 
 if TYPE_CHECKING:
     from blockmech.mechanism import Mechanism
-
-
-def _answered(file: str, doing: str, ask: Callable[[Mechanism], Any], shown: Shown) -> Any:
-    """Ask the mechanism of a file something, and show the answer."""
-    mechanism = shown.read(file, compiled)
-    with progress_bar(doing):
-        report = ask(mechanism)
-    shown.show(file, report)
-    return report
 
 
 def equilibria(
@@ -35,13 +25,13 @@ def equilibria(
     time: Annotated[
         float | None,
         option(
-            "Time at which loads that follow it are held [s].", "X", parser=quantity("time", "s")
+            "Time at which loads that follow it are held [s].", "X", parser=number_of("time", "s")
         ),
     ] = None,
 ) -> None:
     """Find where the mechanism comes to rest, stable or not, and what friction holds."""
     how: dict[str, Any] = {"friction": friction, "time": time}
-    _answered(file, "searching", lambda m: m.equilibria(**how), shown)
+    shown.ask(file, compiled, "searching", lambda m: m.equilibria(**how))
 
 
 def linearize(
@@ -71,7 +61,7 @@ def linearize(
     def ask(m: Mechanism) -> Any:
         return m.linearize(coordinates(m, at), rates=rates_of(m, rates), **request)
 
-    _answered(file, "differentiating", ask, shown)
+    shown.ask(file, compiled, "differentiating", ask)
 
 
 def balance(
@@ -98,7 +88,7 @@ def balance(
     def ask(m: Mechanism) -> Any:
         return m.balance(names_of(numbers), wanted, coordinates(m, at), bounds=ends)
 
-    balanced = _answered(file, "balancing", ask, shown)
+    balanced = shown.ask(file, compiled, "balancing", ask)
     if save is not None:
         balanced.mechanism.document.save(save)
         note(f"wrote {save}")
@@ -144,4 +134,4 @@ def identify(
 ) -> None:
     """Identify numbers of the mechanism from what was measured on it."""
     request: dict[str, Any] = {"friction": friction, "static": static}
-    _answered(file, "fitting", lambda m: m.identify(names_of(to), data, **request), shown)
+    shown.ask(file, compiled, "fitting", lambda m: m.identify(names_of(to), data, **request))

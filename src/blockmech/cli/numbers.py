@@ -2,76 +2,38 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias, TypeVar
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from blockmech.cli.terminal import note
 from blockmech.ground.errors import Problem, RequestError, close_match, listed
-from blockmech.ground.units import has_unit, number_in, units_of
+from blockmech.ground.units import NoQuantity, quantity, unit_behind
 from blockmech.result.samples import DEFAULT_SAMPLES
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-UNITS = {of: units_of(of) for of in ("rad", "m")}
-RATES = {of: {**units, **units_of(f"{of}/s")} for of, units in UNITS.items()}
-SECONDS = units_of("s")
 MOST = 10**8  # samples of one range; no memory holds more
 NAMED = re.compile(r",(?=[^,=]+=)")  # before the next driver's name
-ROW = ("numbers are separated by commas and", "write for example 0,0.5,1")
+ROW = "numbers are separated by commas: write for example 0,0.5,1"
 
-Units: TypeAlias = Mapping[str, float]
 Read = TypeVar("Read")
 
 
 def coordinates(mechanism: Compiled, given: list[str] | None) -> dict[str, list[float]] | None:
     """Driver coordinates from the ``--at`` options, one for each driver; None without any.
 
-    ``0,1,60deg`` for the one driver, ``crank=0,1`` by name with several. Angles that look like
-    degrees without saying so are noted. Raises `RequestError` with all problems.
+    ``0,1,60deg`` for the one driver, ``crank=0,1`` by name with several. Raises `RequestError`
+    with all problems.
     """
-
-    def read(where: str, text: str, of: str) -> list[float]:
-        values = row(where, text, UNITS[of])
-        if of == "rad" and _seem_degrees(text):
-            note(
-                f"{where}: these are radians, {max(map(abs, values)) / math.tau:.3g} turns; "
-                f"degrees are written {_in_degrees(text)}"
-            )
-        return values
-
-    return _by_driver(mechanism, given, "--at", "0,1", read)
-
-
-def _seem_degrees(text: str) -> bool:
-    """Whether numbers without a unit are whole tens, as nobody counts radians."""
-    words = [w for part in text.split(",") for w in re.split(r":|\.\.", part)[:2]]
-    if any(has_unit(word, UNITS["rad"]) for word in words):
-        return False
-    numbers = [float(word) for word in words]
-    return all(x % 10 == 0 for x in numbers) and any(numbers)
-
-
-def _in_degrees(text: str) -> str:
-    """The same numbers with their unit: behind each, of a range behind its end."""
-    parts = []
-    for part in text.split(","):
-        start, *more = re.split(r"(:|\.\.)", part.strip())
-        if more:
-            colon, stop, *count = more
-            parts.append("".join([start, colon, f"{stop}deg", *count]))
-        else:
-            parts.append(f"{start}deg")
-    return ",".join(parts)
+    return _by_driver(mechanism, given, "--at", "0,1", row)
 
 
 def rates_of(mechanism: Compiled, given: list[str] | None) -> dict[str, list[float]] | None:
     """Driver rates from the ``--rates`` options, as `coordinates` reads them."""
-    return _by_driver(mechanism, given, "--rates", "2", lambda at, x, of: row(at, x, RATES[of]))
+    return _by_driver(mechanism, given, "--rates", "2", lambda at, x, of: row(at, x, f"{of}/s"))
 
 
 def starts(mechanism: Compiled, given: list[str] | None) -> dict[str, tuple[float, float]] | None:
@@ -85,11 +47,7 @@ def starts(mechanism: Compiled, given: list[str] | None) -> dict[str, tuple[floa
 
 def places(mechanism: Compiled, given: list[str] | None) -> dict[str, float] | None:
     """Driver -> q [rad or m] from the ``--locked`` options; None without any."""
-
-    def read(where: str, text: str, unit: str) -> float:
-        return _number(where, text, UNITS[unit], (f"a coordinate is in {unit} and", ""))
-
-    return _by_driver(mechanism, given, "--locked", "0.5", read)
+    return _by_driver(mechanism, given, "--locked", "0.5", _number)
 
 
 def _by_driver(
@@ -144,10 +102,9 @@ def _start(where: str, text: str, unit: str) -> tuple[float, float]:
     if len(parts) > 2:
         valid = "a start is the coordinate, then the rate"
         raise RequestError(_problem(where, f"{len(parts)} numbers", valid, ""))
-    kinds = [(UNITS[unit], f"a coordinate is in {unit}"), (RATES[unit], f"a rate is in {unit}/s")]
-    for i, (part, (units, valid)) in enumerate(zip(parts, kinds, strict=False)):
+    for i, (part, of) in enumerate(zip(parts, (unit, f"{unit}/s"), strict=False)):
         try:
-            start[i] = _number(where, part, units, (f"{valid} and", ""))
+            start[i] = _number(where, part, of)
         except RequestError as error:
             problems += error.problems
     if problems:
@@ -157,42 +114,39 @@ def _start(where: str, text: str, unit: str) -> tuple[float, float]:
 
 def times(text: str | None) -> list[float] | None:
     """Times [s] from ``--times``: ``0:2:201`` or ``0,0.1,0.2``."""
-    return None if text is None else row(f"--times {text}", text, SECONDS)
+    return None if text is None else row(f"--times {text}", text, "s")
 
 
-def row(where: str, text: str, units: Units) -> list[float]:
+def row(where: str, text: str, unit: str) -> list[float]:
     """Numbers separated by commas; ``start:stop:count`` is that many, equally spaced.
 
     ``start..stop`` has as many as a run of the whole range. A start without a unit has that of
-    its stop. Raises `RequestError` for what is not a number with one of the units.
+    its stop. Raises `RequestError` for what is not a number of the unit.
     """
     numbers: list[float] = []
     for part in text.split(","):
         pieces = part.replace("..", ":", 1).split(":")
         if len(pieces) == 1:
-            numbers.append(_number(where, part, units))
+            numbers.append(_number(where, part, unit, ROW))
             continue
         if ".." in part and len(pieces) == 2:
             pieces.append(str(DEFAULT_SAMPLES))
         if len(pieces) != 3:
             valid = "a range is start:stop:count, or start..stop"
             raise RequestError(_problem(where, f'"{part}" is not a range', valid, ""))
-        if not has_unit(pieces[0], units):
-            pieces[0] += max((u for u in units if pieces[1].strip().endswith(u)), key=len)
-        start, stop = (_number(where, x, units) for x in pieces[:2])
+        if not unit_behind(pieces[0]):
+            pieces[0] += unit_behind(pieces[1])
+        start, stop = (_number(where, x, unit, ROW) for x in pieces[:2])
         numbers += np.linspace(start, stop, _count(where, pieces[2])).tolist()
     return numbers
 
 
-def _number(where: str, text: str, units: Units, hint: tuple[str, str] = ROW) -> float:
-    """A number times its unit; ``hint`` says what is valid, up to the units, and a remedy."""
-    if (x := number_in(text, units)) is not None:
-        return x
-    names = [u for u in units if u]
-    suffixes = f" may end in {' or '.join([', '.join(names[:-1]), names[-1]])}" if names else ""
-    valid, remedy = hint
-    found = f'"{text}" is not a number'
-    raise RequestError(_problem(where, found, f"{valid}{suffixes}".removesuffix(" and"), remedy))
+def _number(where: str, text: str, unit: str, remedy: str = "") -> float:
+    """The number of a unit that a text says."""
+    try:
+        return quantity(text, unit)
+    except NoQuantity as error:
+        raise RequestError(_problem(where, error.found, error.valid, remedy)) from None
 
 
 def _count(where: str, text: str) -> int:

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 import typer
 
 from blockmech.cli.numbers import MOST, coordinates, times
-from blockmech.ground.errors import close_match, listed, refused
-from blockmech.ground.units import number_in, units_of
+from blockmech.ground.errors import close_match, refused
+from blockmech.ground.units import NoQuantity, quantity
 from blockmech.testing.graph_files import gallery
 from blockmech.typing import MotionMethod
 
@@ -31,17 +31,14 @@ def option(help: str, metavar: str | None = None, **more: Any) -> Any:
     return typer.Option(help=help, metavar=metavar, **more)
 
 
-def quantity(name: str, *units: str) -> Callable[[str], float]:
+def number_of(name: str, *units: str) -> Callable[[str], float]:
     """What reads an option's number, which may end in a unit of these kinds: 2kN, 5ms."""
-    known = {word: x for unit in units for word, x in units_of(unit).items()}
 
     def read(text: str) -> float:
-        if (x := number_in(text, known)) is not None:
-            return x
-        names = listed([unit for unit in known if unit], 20)
-        raise refused(
-            f"--{name} {text}", "it is not a number", valid=f"a number, in SI or with {names}"
-        )
+        try:
+            return quantity(str(text), *units)
+        except NoQuantity as error:
+            raise refused(f"--{name} {text}", error.found, "", error.valid) from None
 
     read.__name__ = "number"
     return read
@@ -50,6 +47,14 @@ def quantity(name: str, *units: str) -> Callable[[str], float]:
 def switch(name: str, help: str) -> Any:
     """An option without a value."""
     return typer.Option(f"--{name}", help=help)  # named, or typer adds --no-name
+
+
+Degrees = Annotated[
+    bool | None,
+    typer.Option(
+        "--deg/--rad", help="Angles in degrees or radians; by default degrees in pictures alone."
+    ),
+]
 
 
 def of_gallery(name: str) -> str:
@@ -129,7 +134,7 @@ Friction = Annotated[str | None, option("none, single, successive or newton.", "
 Tolerance = Annotated[
     float | None,
     option(
-        "Stop of successive approximations [N], e.g. 1mN.", "X", parser=quantity("tolerance", "N")
+        "Stop of successive approximations [N], e.g. 1mN.", "X", parser=number_of("tolerance", "N")
     ),
 ]
 Iterations = Annotated[int | None, option("Fixed number of successive approximations.", "K")]
@@ -166,7 +171,7 @@ def names_of(want: list[str] | None) -> tuple[str, ...]:
     return tuple(n for part in want or () for n in part.split(",") if n)
 
 
-def si_only(json: bool, degrees: bool) -> None:
+def si_only(json: bool, degrees: bool | None) -> None:
     """Refuse degrees in JSON."""
     if json and degrees:
         raise refused("--deg", "JSON results are in SI units", "leave it out")
@@ -208,5 +213,5 @@ Method = Annotated[
 ]
 Accuracy = Annotated[
     float | None,
-    option("Target error of the driver [rad or m].", "X", parser=quantity("accuracy", "rad", "m")),
+    option("Target error of the driver [rad or m].", "X", parser=number_of("accuracy", "rad", "m")),
 ]

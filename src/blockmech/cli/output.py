@@ -6,9 +6,9 @@ import os
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, TypeVar
 
-from blockmech.cli.options import AsJson, one_of, option, si_only, switch
+from blockmech.cli.options import AsJson, Degrees, one_of, option, si_only, switch
 from blockmech.cli.terminal import (
     UNDRAWN,
     Interrupted,
@@ -29,12 +29,20 @@ from blockmech.result.exported import csv_chunks, json_chunks, table, write_csv
 if TYPE_CHECKING:
     from blockmech.result.result import Result
 
+AnyResult = TypeVar("AnyResult", bound="Result[Any]")
 Pictures: TypeAlias = Callable[..., list[Path]]  # (result, folder, degrees=) -> files drawn
 
 NUMBERS = ("results.csv", "result.json")
 PICTURES = (
     *("drive.png", "friction_power.png", "reactions.png", "kinematics.png", "motion.png"),
-    *("energy.png", "phase.png", "phase_slides.png", "animation.gif", "animation.html"),
+    *(
+        "mechanism.png",
+        "energy.png",
+        "phase.png",
+        "phase_slides.png",
+        "animation.gif",
+        "animation.html",
+    ),
 )
 """What `run` and `simulate` draw into a folder: those of an earlier run do not stay."""
 
@@ -61,14 +69,14 @@ def csv_place(path: str | None) -> str | None:
 
 def check_places(table: str | None, plot: str | None) -> None:
     """Raise `RequestError`, before anything is computed, where files cannot be written."""
-    from blockmech.draw.paper import suffix_of
+    from blockmech.figures.paper import suffix_of
 
     refuse_spared(*(x for x in (table, plot) if x not in (None, "-")))
     if plot is not None:
         suffix_of(plot)
 
 
-def write_answer(answer: Any, table: str | None, plot: str | None, degrees: bool = DEGREES) -> None:
+def write_answer(answer: Any, table: str | None, plot: str | None, degrees: bool = True) -> None:
     """Write the table (csv, parquet) and the picture of an answer."""
     if table is not None:
         is_parquet = Path(table).suffix.lower() == ".parquet"
@@ -76,14 +84,15 @@ def write_answer(answer: Any, table: str | None, plot: str | None, degrees: bool
         say(f"wrote {table}")
     if plot is not None:
         with progress_bar("drawing"):
-            say(f"wrote {answer.plot(plot, degrees=degrees)}")
+            answer.plot(plot, degrees=degrees)
+        say(f"wrote {plot}")
 
 
 @dataclass(frozen=True)
 class Shown:
     """How an answer is shown: as text or as JSON."""
 
-    deg: Annotated[bool, switch("deg", "Angles in degrees in the text.")] = DEGREES
+    deg: Degrees = None
     json: AsJson = False
 
     def __post_init__(self) -> None:
@@ -103,14 +112,22 @@ class Shown:
         self.files()
         return model
 
+    def ask(self, file: str, how: Callable[[str], T], doing: str, ask: Callable[[T], Any]) -> Any:
+        """Ask what ``how`` reads from a file something, show the answer, and give it."""
+        mechanism = self.read(file, how)
+        with progress_bar(doing):
+            report = ask(mechanism)
+        self.show(file, report)
+        return report
+
     def show(self, file: str, report: Any) -> None:
         """Print an answer, or its table, and write what of it goes into a file."""
         table, plot = self.files()
         if table == "-":
             pour([report.to_csv()])
             return
-        answer(file, self.json, report.to_dict(), report.text(degrees=self.deg))
-        write_answer(report, table, plot, self.deg)
+        answer(file, self.json, report.to_dict(), report.text(degrees=bool(self.deg)))
+        write_answer(report, table, plot, self.deg is not False)
 
 
 @dataclass(frozen=True)
@@ -158,7 +175,7 @@ class Output:
         str | None, option("Write a CSV file, or results.csv into a folder; - prints it.", "FILE")
     ] = None
     plot: Annotated[str | None, option("Draw the wanted outputs (png, svg, pdf).", "FILE")] = None
-    deg: Annotated[bool, switch("deg", "Angles in degrees in the table, CSV and plots.")] = DEGREES
+    deg: Degrees = None
     separator: Annotated[str, option('Between CSV cells: "," ";" "|" or tab.', "SIGN")] = ","
     decimal: Annotated[str, option('Decimal sign of CSV numbers: "." or ",".', "SIGN")] = "."
 
@@ -174,6 +191,10 @@ class Output:
         places = csv_place(self.csv), self.plot
         refuse_spared(*filter(None, places), *(inside if self.out else ()))
         return model
+
+    def in_units(self, result: AnyResult) -> AnyResult:
+        """A result in the units that tables and CSV have."""
+        return result.to("deg") if self.deg else result
 
     @property
     def is_table(self) -> bool:
@@ -203,11 +224,11 @@ class Output:
             note(*gaps)
             return
         files = [f"wrote {path}" for path in self._written(result, pictures)]
-        say("\n".join([table(result, degrees=self.deg, of=of), *lines, *files]))
+        say("\n".join([table(result, of=of), *lines, *files]))
 
     def _csv(self, result: Result) -> Any:
         cells = "\t" if self.separator == "tab" else self.separator
-        return csv_chunks(result, separator=cells, decimal=self.decimal, degrees=self.deg)
+        return csv_chunks(result, separator=cells, decimal=self.decimal)
 
     def _written(self, result: Result, pictures: Pictures) -> list[Path]:
         """Write what is asked for."""
@@ -217,10 +238,9 @@ class Output:
                 write_csv(self._csv(result), table)
             return [Path(table)]
         if self.plot is not None:
-            from blockmech.draw import plot
-
             with progress_bar("drawing"):
-                return [plot(result, self.plot, degrees=self.deg)]
+                result.plot(self.plot, degrees=self.deg is not False)
+            return [Path(self.plot)]
         return [] if self.out is None else self._filled(Path(self.out), result, pictures)
 
     def _filled(self, out: Path, result: Result, pictures: Pictures) -> list[Path]:
@@ -239,6 +259,6 @@ class Output:
             return written
         try:
             with progress_bar("drawing"):
-                return sorted(written + pictures(result, out, degrees=self.deg))
+                return sorted(written + pictures(result, out, degrees=self.deg is not False))
         except KeyboardInterrupt:
             raise Interrupted(UNDRAWN) from None

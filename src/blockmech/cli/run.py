@@ -67,7 +67,8 @@ def run(
 
     with progress_bar("computing"):
         result = mechanism.run(**request, accuracy=accuracy, on_gap="mark")
-        gaps = gap_lines(result, output.deg)
+        result = output.in_units(result)
+        gaps = gap_lines(result)
         why = [why_not(result)] if gaps else []
         result = without_gaps(result, on_gap)
     if result.accuracy is not None:

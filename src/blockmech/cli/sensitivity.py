@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from blockmech.builders import compiled
 from blockmech.cli.options import Friction, GraphFile, Poses, Static, names_of, option
 from blockmech.cli.output import Tabled
-from blockmech.cli.terminal import progress_bar
 from blockmech.ground.runnable import EVERYTHING
 
 Wants = Annotated[list[str], option('Outputs or patterns, e.g. crank.drive,"*.reaction".', "A,B")]
@@ -27,9 +26,8 @@ def sensitivity(
     static: Static = False,
 ) -> None:
     """Rank the numbers of a mechanism by what they do to its outputs: exact derivatives."""
-    mechanism = shown.read(file, compiled)
-    request = poses.of(mechanism) | {"to": names_of(to) or EVERYTHING}
-    request |= {"friction": friction, "static": static}
-    with progress_bar("differentiating"):
-        report = mechanism.sensitivity(names_of(want), **request)
-    shown.show(file, report)
+    how: dict[str, Any] = {"to": names_of(to) or EVERYTHING, "friction": friction, "static": static}
+    wanted = names_of(want)
+    shown.ask(
+        file, compiled, "differentiating", lambda m: m.sensitivity(wanted, **poses.of(m), **how)
+    )

@@ -24,8 +24,8 @@ from blockmech.cli.options import (
     Until,
     Want,
     names_of,
+    number_of,
     option,
-    quantity,
 )
 from blockmech.cli.output import Output
 from blockmech.cli.terminal import INTERRUPTED, NO_ANSWER, progress_bar, say
@@ -40,14 +40,14 @@ Step = Annotated[
     option(
         "Step of rk4 [s] or euler_q [rad or m], e.g. 1ms.",
         "X",
-        parser=quantity("step", "s", "rad", "m"),
+        parser=number_of("step", "s", "rad", "m"),
     ),
 ]
 Engine = Annotated[str, option("Of the integrators: auto, scalar or llvm (compiled).", "ENGINE")]
 
 Budget = Annotated[
     float | None,
-    option("Processor time of the whole, e.g. 10min.", "TIME", parser=quantity("budget", "s")),
+    option("Processor time of the whole, e.g. 10min.", "TIME", parser=number_of("budget", "s")),
 ]
 DRIVERS = ("*.q", "*.rate")  # what is shown where nothing is wanted
 
@@ -99,8 +99,9 @@ def simulate(
             progress=progress,
             **settings,
         )
-        gaps = gap_lines(result, output.deg)
-    output.show(result, _pictures, gaps, ["", *motion_lines(result, output.deg)])
+        result = output.in_units(result)
+        gaps = gap_lines(result)
+    output.show(result, _pictures, gaps, ["", *motion_lines(result)])
     if result.motion is not None and result.motion.end == "interrupted":
         raise typer.Exit(INTERRUPTED)
     if gaps or _unanswered(result, given):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -10,7 +10,7 @@ from blockmech.builders import compiled
 from blockmech.cli.numbers import row
 from blockmech.cli.options import GraphFile, Poses, Static, Want, names_of, option
 from blockmech.cli.output import Tabled
-from blockmech.cli.terminal import NO_ANSWER, progress_bar
+from blockmech.cli.terminal import NO_ANSWER
 
 Scale = Annotated[str, option("Factor of all friction, e.g. 1.5 or 0.5:3:51.", "NUMBERS")]
 
@@ -27,11 +27,10 @@ def solutions(
 
     Where it is not proved at some pose the exit code is 1.
     """
-    mechanism = shown.read(file, compiled)
-    request = poses.of(mechanism) | {"want": names_of(want) or None, "static": static}
-    request["scale"] = row(f"--scale {scale}", scale, {"": 1.0})
-    with progress_bar("searching"):
-        report = mechanism.friction_solutions(**request)
-    shown.show(file, report)
+    request: dict[str, Any] = {"want": names_of(want) or None, "static": static}
+    request["scale"] = row(f"--scale {scale}", scale, "")
+    report = shown.ask(
+        file, compiled, "searching", lambda m: m.friction_solutions(**poses.of(m), **request)
+    )
     if not report.complete.all():
         raise typer.Exit(NO_ANSWER)

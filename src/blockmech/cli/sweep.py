@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from blockmech.builders import compiled
-from blockmech.cli.numbers import UNITS, row, starts
+from blockmech.cli.numbers import row, starts
 from blockmech.cli.options import (
     Accuracy,
     FrictionOptions,
@@ -24,7 +24,6 @@ from blockmech.cli.options import (
 from blockmech.cli.output import check_places, write_answer
 from blockmech.cli.terminal import Interrupted, progress_bar, reading, say
 from blockmech.ground.errors import needed, refused
-from blockmech.ground.units import units_of
 from blockmech.model.parameters import named
 from blockmech.studies.sampling import Distribution, normal, uniform
 
@@ -130,8 +129,7 @@ def _reduction(mechanism: Compiled, text: str) -> str:
     match = TEXT.fullmatch(text.strip())
     if match is None or match["at"] is None or match["how"] != "at" or not mechanism.drivers:
         return text
-    units = UNITS[mechanism.driver_joint(mechanism.drivers[0]).coordinate_unit]
-    (q,) = row(f"--want {text}", match["at"], units)
+    (q,) = row(f"--want {text}", match["at"], mechanism.coordinate_units[mechanism.drivers[0]])
     return f"{match['how']}({match['output']}, {q!r})"
 
 
@@ -149,9 +147,8 @@ def _varied(mechanism: Compiled, given: list[str]) -> dict[str, list[float] | Di
         (parameter,) = named(known, {address: 0})
         if parameter.address in varied:
             raise refused(f"--vary {text}", f"{address} is given twice", "give it once")
-        units = units_of(parameter.unit)
         law = LAW.fullmatch(values)
-        numbers = row(f"--vary {text}", law[2] if law else values, units)
+        numbers = row(f"--vary {text}", law[2] if law else values, parameter.unit)
         if law and len(numbers) != 2:
             raise refused(f"--vary {text}", f"{len(numbers)} numbers", f"{law[1]} has two")
         varied[parameter.address] = LAWS[law[1]](*numbers) if law else numbers

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from blockmech.builders import compiled
-from blockmech.cli.numbers import SECONDS, row, starts
+from blockmech.cli.numbers import row, starts
 from blockmech.cli.options import GraphFile, Poses, Static, names_of, one_of, option, switch
 from blockmech.cli.output import check_places, csv_place
 from blockmech.cli.terminal import (
@@ -118,9 +118,12 @@ def _written(measured: Trade, csv: str | None, out: str | None, plot: str | None
     if csv is not None:
         measured.to_csv(csv)
         return [Path(csv)]
-    if out is None:
+    if plot is not None:
         with progress_bar("drawing"):
-            return [measured.plot(plot)] if plot is not None else []
+            measured.plot(plot)
+        return [Path(plot)]
+    if out is None:
+        return []
     home = Path(out)
     table, json, picture = (home / name for name in FILES)
     outdated = FILES if os.path.exists(json) else ()
@@ -133,13 +136,14 @@ def _written(measured: Trade, csv: str | None, out: str | None, plot: str | None
         return [table, json]
     try:
         with progress_bar("drawing"):
-            return [table, json, measured.plot(picture)]
+            measured.plot(picture)
+        return [table, json, picture]
     except KeyboardInterrupt:
         raise Interrupted(UNDRAWN) from None
 
 
 def _seconds(where: str, text: str) -> float:
-    numbers = row(f"{where} {text}", text, SECONDS)
+    numbers = row(f"{where} {text}", text, "s")
     if len(numbers) != 1 or not numbers[0] > 0:
         raise refused(f"{where} {text}", "not one time above 0", "write for example 30s")
     return numbers[0]

@@ -17,10 +17,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.compiled import Compiled
+from blockmech.figures import palette as ink
+from blockmech.figures.curves import abscissa, values
+from blockmech.figures.paper import axis_label, legend_above, panelled, scaled_unit, shown_name
+from blockmech.figures.pictured import Pictured
 from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
-from blockmech.ground.pictured import Pictured
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts, with_unit
 from blockmech.result.exported import aligned
@@ -32,6 +35,8 @@ from blockmech.studies.sensitivity import size_of
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 FAR = 1e9  # times the size of the outputs: a design that cannot be
+PANEL = 13.0 * ink.TEXT  # [pt] height of a panel of a picture
+OUTPUTS = 4  # that one picture can hold
 
 
 class Left(NamedTuple):
@@ -64,8 +69,6 @@ class Balance(Facts, Pictured):
     at_bounds : numbers that their bounds hold
     """
 
-    PICTURE = "blockmech.draw.balance:balance_figure"
-
     FACTS = ("numbers", "units", "linear", "at_bounds", "before", "after")
 
     mechanism: Compiled
@@ -76,6 +79,23 @@ class Balance(Facts, Pictured):
     units: Mapping[str, str]
     linear: bool
     at_bounds: tuple[str, ...]
+
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+        """Each output before and after, over the poses."""
+        names = [*self.after][:OUTPUTS]
+        across = abscissa(self.runs[0], degrees=degrees)
+        caption = f"{shown_name(self.mechanism.name, 40)}: outputs before and after balancing, "
+        caption += "vectors by their size."
+        with panelled(caption, len(names) * PANEL + 2 * ink.ROW, len(names), ax=ax) as panels:
+            for (axes,), name in zip(panels, names, strict=True):
+                factor, unit = scaled_unit(self.units[name], self.before[name].largest)
+                for n, (label, run) in enumerate(zip(("before", "after"), self.runs, strict=True)):
+                    y = factor * values(run, name)
+                    axes.plot(across.values, y, label=label, **ink.curve_style(n))
+                axes.set_ylabel(axis_label(shown_name(name), unit, PANEL), labelpad=2)
+            legend_above(panels[0, 0], ink.COLUMN)
+            axes.set_xlabel(across.words, labelpad=1)
+        return axes.figure
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The numbers, then what is left of each output, and where most."""

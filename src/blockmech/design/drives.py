@@ -22,10 +22,12 @@ from blockmech.analysis.deflections import refuse_deflections
 from blockmech.compiled import Compiled
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import Dual
+from blockmech.figures import palette as ink
+from blockmech.figures.paper import panelled, scaled_unit
+from blockmech.figures.pictured import Pictured
 from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import listed, refused
-from blockmech.ground.pictured import Pictured
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts
 from blockmech.plan.plan import Plan
@@ -36,6 +38,7 @@ from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
 BLOCK = 4096  # samples of a force at hand at a time
 STEPS = 40  # of Newton's method for a force at hand; from afar, friction included, ten do
+PANEL = 19.5 * ink.TEXT  # [pt] height of a picture
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,8 +54,6 @@ class MotorDemand(Facts, Pictured):
     limits : what the motor can: rms, peak, speed
     fits : whether all of them hold
     """
-
-    PICTURE = "blockmech.draw.balance:motor_figure"
 
     FACTS = ("driver", "unit", "ratio", "rms", "peak", "fastest", "power", "limits", "fits")
 
@@ -77,6 +78,24 @@ class MotorDemand(Facts, Pictured):
     def fits(self) -> bool:
         """Whether the motor can do it."""
         return all(x <= 1.0 for x in self.margins.values())
+
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+        """Moment over speed, with the motor's limits."""
+        caption = " ".join(line + "." for line in self.text().split("\n"))
+        with panelled(caption, PANEL + 2 * ink.ROW, ax=ax) as ((axes,),):
+            factor, unit = scaled_unit(self.unit, max(self.peak, self.limits.get("peak", 0.0)))
+            axes.plot(self.speed, factor * self.moment, ".-", ms=2, lw=0.6, color=ink.FORWARD)
+            axes.axhline(factor * self.rms, color=ink.FORWARD, ls="--", lw=0.8)
+            for name, style in (("peak", "-"), ("rms", "--")):
+                for side in (-factor, factor) if name in self.limits else ():
+                    axes.axhline(side * self.limits[name], color=ink.ALARM, ls=style, lw=1.0)
+            for side in (-1.0, 1.0) if "speed" in self.limits else ():
+                if np.any(side * self.speed > 0):
+                    axes.axvline(side * self.limits["speed"], color=ink.ALARM, lw=1.0)
+            per = "rad/s" if self.unit == "N m" else "m/s"
+            axes.set_ylabel(f"motor [{unit}]; dashed: rms", labelpad=2)
+            axes.set_xlabel(f"speed of the motor [{per}]; red: its limits", labelpad=1)
+        return axes.figure
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """What is asked, and whether the motor can."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,12 +21,16 @@ from blockmech.analysis.scan import NODES, TURN
 from blockmech.compiled import Compiled
 from blockmech.dynamics.system import System
 from blockmech.dynamics.tangents import refuse_signals
+from blockmech.figures import palette as ink
+from blockmech.figures.paper import angle_scale, legend_above, panelled
+from blockmech.figures.pictured import Pictured
 from blockmech.functions.series import SCANNED, Floats, Series, fit, panels
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import refused
-from blockmech.ground.pictured import Pictured
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, Facts
+
+PANEL = 13.0 * ink.TEXT  # [pt] height of a picture
 
 
 @dataclass(frozen=True, repr=False)
@@ -44,8 +48,6 @@ class Flywheel(Facts, Pictured):
     speeds, speeds_without : (n,) [rad/s]
     """
 
-    PICTURE = "blockmech.draw.balance:flywheel_figure"
-
     FACTS = ("inertia", "moment", "fluctuation", "without", "speed")
 
     inertia: float
@@ -56,6 +58,19 @@ class Flywheel(Facts, Pictured):
     q: Floats
     speeds: Floats
     speeds_without: Floats
+
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+        """Speed over the turn, with the flywheel and without."""
+        scale, unit = angle_scale("rad", degrees)
+        curves = {"with the flywheel": self.speeds, "without it": self.speeds_without}
+        caption = f"{self.text()[0].upper()}{self.text()[1:]}."
+        with panelled(caption, PANEL + 3 * ink.ROW, ax=ax) as ((axes,),):
+            for n, (label, row) in enumerate(curves.items()):
+                axes.plot(scale * self.q, row, label=label, **ink.curve_style(n))
+            axes.set_ylabel("speed [rad/s]", labelpad=2)
+            axes.set_xlabel(f"crank [{unit}]", labelpad=1)
+            legend_above(axes, ink.COLUMN)
+        return axes.figure
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The flywheel as a sentence."""

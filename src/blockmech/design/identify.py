@@ -38,10 +38,12 @@ from blockmech.compiled import Compiled
 from blockmech.design.measurements import Record, part_of, record_of
 from blockmech.engines.derivatives import DualEngine
 from blockmech.engines.dual import slope, value
+from blockmech.figures import palette as ink
+from blockmech.figures.paper import angle_scale, panelled, scaled_unit, shown_name
+from blockmech.figures.pictured import Pictured
 from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
-from blockmech.ground.pictured import Pictured
 from blockmech.ground.report import DEGREES, Facts
 from blockmech.model.joints.varied import Varied
 from blockmech.model.parameters import Parameter
@@ -61,6 +63,10 @@ FAR = 1e9  # times the noise: the residual of a design that cannot be
 NOISE = 1e-12  # of the largest value of a column: the least noise that it is taken to have
 START = 1e-3  # of the largest value of a column: the least that it is first weighed by
 PATTERN = 5.0  # standard deviations of how often neighbours agree: a residual is no noise
+PANEL = 9.0 * ink.TEXT  # [pt] height of a panel of a picture
+COLUMNS = 6  # that one picture can hold
+DOT = 2.0  # [pt2] of a sample
+BAND = 3.0  # standard deviations
 
 
 class Combination(NamedTuple):
@@ -102,8 +108,6 @@ class Identification(Facts, Pictured):
     notes : what should be known
     """
 
-    PICTURE = "blockmech.draw.identify:identification_figure"
-
     FACTS = ("values", "deviations", "unseen", "noise", "units", "doubts", "combinations")
 
     mechanism: Compiled
@@ -130,6 +134,31 @@ class Identification(Facts, Pictured):
     def not_apart(self) -> frozenset[str]:
         """Numbers without a value of their own."""
         return frozenset([*self.unseen, *(a for c in self.combinations for a in c.weights)])
+
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+        """Residual of each column over the first driver's coordinate, with its scatter."""
+        names, driver = [*self.residuals][:COLUMNS], self.mechanism.drivers[0]
+        scale, unit_of_x = angle_scale(self.mechanism.coordinate_units[driver], degrees)
+        caption = f"{shown_name(self.mechanism.name, 40)}: measured less computed; shaded: "
+        caption += f"{BAND:g} standard deviations. "
+        caption += (
+            f"Red: a pattern that is no noise, so the model misses something at "
+            f"{', '.join(dict.fromkeys(n.partition('.')[0] for n in self.doubts))}."
+            if self.doubts
+            else "What is left is noise."
+        )
+        with panelled(caption, len(names) * PANEL + 2 * ink.ROW, len(names), ax=ax) as panels:
+            for (axes,), name in zip(panels, names, strict=True):
+                r = self.residuals[name]
+                factor, unit = scaled_unit(self.units[name], float(np.abs(r).max()))
+                band = BAND * factor * self.noise[name]
+                colour = ink.ALARM if name in self.doubts else ink.FORWARD
+                dots = {"s": DOT, "lw": 0, "color": colour, "rasterized": True}
+                axes.axhspan(-band, band, color=ink.LINK_FILLS[0], lw=0)
+                axes.scatter(scale * self.coordinate, factor * r, **dots)
+                axes.set_ylabel(f"{shown_name(name)}\n[{unit or '–'}]", labelpad=2)
+            axes.set_xlabel(f"{self.mechanism.of_driver(driver, 'q')} [{unit_of_x}]", labelpad=1)
+        return axes.figure
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The numbers with their scatter, then what the data do not tell."""

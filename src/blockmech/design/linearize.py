@@ -30,12 +30,15 @@ from numpy.typing import NDArray
 
 from blockmech.analysis.equilibrium import Equilibrium, natural_frequencies
 from blockmech.dynamics.tangents import refuse_friction_states
+from blockmech.figures import palette as ink
+from blockmech.figures.panels import log_ticks
+from blockmech.figures.paper import legend_above, panelled, shown_name
+from blockmech.figures.pictured import Pictured
 from blockmech.functions.series import Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import close_match, listed, needed, refused
-from blockmech.ground.files import AnyPath
-from blockmech.ground.pictured import Pictured, drawing
 from blockmech.ground.report import DEGREES, Facts, places, with_unit
+from blockmech.ground.runnable import LazyMethod
 from blockmech.studies.derivatives_at import (
     Derivatives,
     derivatives_at,
@@ -56,6 +59,8 @@ SAME = 1e-9  # relative: no oscillation, no growth
 NOUGHT = 1e-13  # relative: what eigenvalues leave of no damping
 SWING = 0.2  # [rad] or share of a metre: amplitude of a mode that is shown
 ROUNDS = 25  # of Newton's method for states of signals at rest
+PANEL = 13.0 * ink.TEXT  # [pt] height of a panel of a picture
+CURVES = 8  # that one diagram can hold
 
 
 class Mode(NamedTuple):
@@ -95,8 +100,6 @@ class Linearization(Facts, Pictured):
     notes : what should be known
     """
 
-    PICTURE = "blockmech.draw.linearize:bode_figure"
-
     FACTS = (
         *("effort", "M", "damping", "K", "A", "B", "C", "D", "frequencies", "eigenvalues"),
         *("at", "rates", "states", "inputs", "outputs", "units", "notes"),
@@ -119,21 +122,7 @@ class Linearization(Facts, Pictured):
     notes: tuple[str, ...] = ()
     states: Mapping[str, float] = field(default_factory=dict)
 
-    def animate(
-        self, mode: int = 0, path: AnyPath | None = None, *, amplitude: float = SWING
-    ) -> Any:
-        """One mode in motion: its shape, swinging about the pose.
-
-        Parameters
-        ----------
-        mode : which of `modes`
-        path : a .gif, .html or .mp4 file
-        amplitude : [rad or m] of the driver that swings most
-
-        Returns a `blockmech.draw.Animation`. Raises `RequestError` for a mode that there is not,
-        and the errors of a run where the amplitude leaves the range in which the mechanism closes.
-        """
-        return drawing("blockmech.draw.linearize:animate_mode")(self, mode, path, amplitude)
+    animate = LazyMethod("blockmech.draw.vibration")
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
@@ -203,6 +192,40 @@ class Linearization(Facts, Pictured):
         control: Any = needed("control", "to_control", "control", "to_statespace() needs SciPy")
         inputs, outputs = ([n.replace(".", "_") for n in x] for x in (self.inputs, self.outputs))
         return control.ss(self.A, self.B, self.C, self.D, inputs=inputs, outputs=outputs)
+
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+        """Bode diagram: magnitude and phase of each output by each input.
+
+        Raises `RequestError` where there are more curves than a picture can hold.
+        """
+        pairs = [(i, j) for i in range(len(self.outputs)) for j in range(len(self.inputs))]
+        if len(pairs) > CURVES:
+            found = f"{len(pairs)} pairs of inputs and outputs"
+            raise refused("plot", found, "name fewer outputs", code="too-many-curves")
+        w, m = self.around(), self.mechanism
+        whole = self.response(w)
+        at = ", ".join(f"{m.of_driver(d, 'q')} = {q:.6g}" for d, q in self.at.items())
+        caption = f"{shown_name(m.name, 40)}: response of outputs to inputs, linear about {at}."
+        with panelled(caption, 2 * PANEL + 3 * ink.ROW, 2, ax=ax) as ((size,), (phase,)):
+            for n, (i, j) in enumerate(pairs):
+                name = f"{shown_name(self.outputs[i])} by {shown_name(self.inputs[j])}"
+                row, style = whole[:, i, j], ink.curve_style(n)
+                size.plot(w, np.abs(row), label=name, **style)
+                phase.plot(w, np.degrees(np.unwrap(np.angle(row))), **style)
+            size.set(xscale="log", yscale="log")
+            units = {
+                f"{self.units[self.outputs[i]]}/({self.units[self.inputs[j]]})" for i, j in pairs
+            }
+            size.set_ylabel(f"magnitude [{units.pop() if len(units) == 1 else 'SI'}]", labelpad=2)
+            phase.set_ylabel("phase [°]", labelpad=2)
+            phase.set_xlabel("frequency [rad/s]", labelpad=1)
+            log_ticks(size.xaxis, *size.get_xlim())
+            log_ticks(size.yaxis, *size.get_ylim())
+            phase.set_yticks(np.arange(-360, 361, 90))
+            low, high = phase.dataLim.intervaly
+            phase.set_ylim(90 * math.floor(low / 90 - 0.1), 90 * math.ceil(high / 90 + 0.1))
+            legend_above(size, ink.COLUMN)
+        return size.figure
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The state and the modes, one a line."""

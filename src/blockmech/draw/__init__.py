@@ -7,27 +7,27 @@ is written whole or not at all; the same subject gives the same bytes.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from blockmech.compiled import Compiled
-from blockmech.draw.animation import MOVING, Animation
+from blockmech.draw.animation import Animation
 from blockmech.draw.boxes import graph_of
 from blockmech.draw.centrodes import centrodes
-from blockmech.draw.curves import Axis, abscissa, chosen_panels, pictures_of
 from blockmech.draw.diagram import draw_diagram
-from blockmech.draw.mechanism import draw_mechanism, draw_tile
+from blockmech.draw.mechanism import draw_mechanism, draw_result, draw_tile
 from blockmech.draw.motion import moves, moves_of_result
-from blockmech.draw.panels import draw_panels
-from blockmech.draw.paper import STILL, rendered, suffix_of, write_figure
 from blockmech.draw.schedule import draw_schedule
 from blockmech.draw.structural import draw_structural_graph
+from blockmech.figures.curves import Axis, abscissa, pictures_of, plot
+from blockmech.figures.palette import IN_DEGREES
+from blockmech.figures.panels import draw_panels
+from blockmech.figures.paper import MOVING, STILL, put_in, rendered, suffix_of, write_figure
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, as_names, close_match, listed, refused
 from blockmech.ground.files import AnyPath
 from blockmech.ground.files import folder as whole_folder
-from blockmech.ground.report import DEGREES
 from blockmech.ground.runnable import Runnable
 from blockmech.model.graph import Graph
 from blockmech.result.result import Result
@@ -46,48 +46,50 @@ __all__ = [
 Subject: TypeAlias = Runnable
 """A graph, a linkage or a mechanism."""
 
-KINDS = {
-    "diagram": STILL,
-    "mechanism": STILL,
-    "animation": MOVING,
-    "schedule": STILL,
-    "structure": STILL,
-    "centrodes": STILL,
-    "tile": STILL,
-}
-Kind: TypeAlias = Literal[
-    "diagram", "mechanism", "animation", "schedule", "structure", "centrodes", "tile"
-]
+
+class Kind(NamedTuple):
+    """A kind of picture.
+
+    about : what it is, in a few words
+    figure : draws a subject
+    takes : the arguments of `draw` that it takes
+    """
+
+    about: str
+    figure: Callable[..., Any]
+    takes: tuple[str, ...] = ()
 
 
 @declared
 def draw(
     subject: Subject,
-    path: AnyPath,
-    kind: Kind | None = None,
+    path: AnyPath | None = None,
+    kind: str | None = None,
     at: Any = None,
     *,
     trace: Iterable[str] | None = None,
-    degrees: bool = DEGREES,
+    degrees: bool = IN_DEGREES,
     want: Iterable[str] | str = "*",
-) -> Path:
+    ax: Any = None,
+) -> Any:
     """Draw a graph, a linkage or a mechanism; the suffix of the path says the format.
 
     Parameters
     ----------
     subject : graph (for a diagram it need not be complete), linkage or mechanism
-    path : .png, .svg or .pdf; .gif, .html or .mp4 (by ffmpeg) for an animation
-    kind : "diagram" (default), "mechanism" at poses, "animation" (default for those),
-        "schedule" of the kernel calls that some outputs take, "structure": groups with
-        their number of links and the degrees of freedom they add, "centrodes" of links that
-        ``want`` names, over ``at`` or the driver's range, "tile": a square mechanism without
-        axes and words
+    path : .png, .svg or .pdf; .gif, .html or .mp4 (by ffmpeg) for an animation; by default
+        no file is written
+    kind : one of `KINDS`: "diagram" (default), "mechanism" at poses, "animation" (default for
+        its suffixes), "schedule", "structure", "centrodes", "tile"
     at : float or (n,) [rad or m], or a mapping driver -> (n,)
         Driver coordinates of the poses, the first in full; by default over the range
         of the drivers' laws of motion.
     trace : names of markers whose paths are drawn; by default the user's markers
     degrees : angles in the picture in degrees
     want : outputs of a schedule; links whose centrodes are drawn
+    ax : axes to put the picture in; those of a mechanism then are in metres
+
+    Returns matplotlib's figure, or the `Animation`.
 
     Raises
     ------
@@ -98,43 +100,39 @@ def draw(
     MissingEngineError for an .mp4 where there is no ffmpeg
     """
     if kind is None:
-        kind = "animation" if Path(path).suffix.lower() in MOVING else "diagram"
+        moving = path is not None and Path(path).suffix.lower() in MOVING
+        kind = "animation" if moving else "diagram"
     if kind not in KINDS:
         found, valid = f'no kind of picture "{kind}"', f"kinds: {listed(KINDS)}"
-        near = close_match(str(kind), KINDS)
-        raise refused("kind", found, near, valid, "unknown-kind")
-    if kind == "animation":
-        animate(subject, path, at, trace=trace, degrees=degrees)
-        return Path(path)
-    suffix = suffix_of(path, f"a {kind}", STILL)
-    if kind == "centrodes":
-        return write_figure(_centrodes_figure(subject.compile(), at, want, degrees), path, suffix)
-    if kind == "mechanism":
-        return write_figure(_mechanism_figure(subject, at, trace, degrees), path, suffix)
-    if kind == "tile":
-        return write_figure(draw_tile(subject.compile(), at), path, suffix)
-    useless = "at" if at is not None else "trace" if trace is not None else ""
-    if useless:
-        found = f"a {'block diagram' if kind == 'diagram' else kind} has no poses"
-        remedy = 'use it with kind="mechanism"'
-        raise refused(useless, found, remedy, code="useless-setting")
-    if kind == "diagram":
-        return write_figure(_diagram_figure(subject), path, suffix)
-    if kind == "structure":
-        return write_figure(draw_structural_graph(subject.compile()), path, suffix)
-    return write_figure(draw_schedule(subject.compile().plan(want)), path, suffix)
+        raise refused("kind", found, close_match(kind, KINDS), valid, "unknown-kind")
+    moving = kind == "animation"
+    suffix = ""
+    if path is not None:  # before anything is computed
+        suffix = suffix_of(path, f"a{'n' * moving} {kind}", MOVING if moving else STILL)
+    known = {"at": at, "trace": trace, "want": want, "degrees": degrees}
+    asked = {"at": at is not None, "trace": trace is not None, "want": want != "*"}
+    for name, is_asked in (asked | {"ax": moving and ax is not None}).items():
+        if is_asked and name not in KINDS[kind].takes:
+            takers = listed(f'kind="{k}"' for k in KINDS if name in KINDS[k].takes)
+            found = f'a picture of the kind "{kind}" takes no {name}='
+            remedy = f"use it with {takers}" if takers else "leave it out"
+            raise refused(name, found, remedy, code="useless-setting")
+    drawn = KINDS[kind].figure(subject, **{name: known[name] for name in KINDS[kind].takes})
+    if path is not None:
+        drawn.save(path) if moving else write_figure(drawn, path, suffix)
+    return drawn if ax is None else put_in(drawn, ax)
 
 
 @declared
 def diagram_svg(subject: Subject) -> str:
     """The block diagram as SVG text; the same graph gives the same text."""
-    return rendered(_diagram_figure(subject), ".svg").decode()
+    return rendered(_diagram(subject), ".svg").decode()
 
 
 @declared
 def mechanism_svg(subject: Subject, at: Any = None, trace: Iterable[str] | None = None) -> str:
     """The mechanism at poses as SVG text; see `draw` for the arguments and errors."""
-    return rendered(_mechanism_figure(subject, at, trace, True), ".svg").decode()
+    return rendered(_mechanism(subject, at=at, trace=trace), ".svg").decode()
 
 
 @declared
@@ -146,7 +144,7 @@ def animate(
     frames: int = 72,
     seconds: float = 3.0,
     trace: Iterable[str] | None = None,
-    degrees: bool = DEGREES,
+    degrees: bool = IN_DEGREES,
 ) -> Animation:
     """Animate a mechanism over the range of its laws of motion, or the samples of a run.
 
@@ -185,12 +183,13 @@ def animate(
 
 @declared
 def run_pictures(
-    result: Result, folder: AnyPath, *, over: Axis = "auto", degrees: bool = DEGREES
+    result: Result, folder: AnyPath, *, over: Axis = "auto", degrees: bool = IN_DEGREES
 ) -> list[Path]:
     """Write the pictures of a run: one for each kind of curve that it has.
 
     ``drive.png``, ``friction_power.png`` and ``reactions.png`` ([R10] Figs. 12-14), with
-    the curves without friction beside; ``kinematics.png`` for a mechanism without forces.
+    the curves without friction beside; ``kinematics.png`` for a mechanism without forces;
+    ``mechanism.png``, the mechanism in poses of the run.
 
     Parameters
     ----------
@@ -202,7 +201,10 @@ def run_pictures(
     Raises `RequestError` where the folder cannot be written, or times are not known.
     """
     along = abscissa(result, over, degrees)
-    drawn = {name: draw_panels(panels, along) for name, panels in pictures_of(result).items()}
+    panels = pictures_of(result, degrees)
+    drawn = {name: draw_panels(row, along) for name, row in panels.items()}
+    if len(result.quality.gaps) < result.n:
+        drawn["mechanism"] = draw_result(result, degrees).figure
     with whole_folder(folder) as home:
         return [
             Path(folder) / write_figure(figure, home / f"{name}.png").name
@@ -210,35 +212,7 @@ def run_pictures(
         ]
 
 
-@declared
-def plot(
-    result: Result,
-    path: AnyPath,
-    names: Iterable[str] | None = None,
-    *,
-    over: Axis = "auto",
-    degrees: bool = DEGREES,
-) -> Path:
-    """Draw outputs of a run in one picture, one panel for each quantity.
-
-    Parameters
-    ----------
-    names : outputs; by default all that the run wanted, or, if it wanted everything,
-        those of `run_pictures`
-    over, degrees : see `run_pictures`
-
-    Raises `RequestError` for an unknown suffix or name, or too many curves.
-    """
-    suffix = suffix_of(path, "a plot", STILL)
-    along = abscissa(result, over, degrees)
-    if names is None and len(result) == len(result.mechanism.outputs):
-        panels = tuple(p for group in pictures_of(result).values() for p in group)
-    else:
-        panels = chosen_panels(result, result if names is None else as_names("names", names))
-    return write_figure(draw_panels(panels, along), path, suffix)
-
-
-def _diagram_figure(subject: Subject) -> Any:
+def _diagram(subject: Subject) -> Any:
     """A block diagram, with the names of links and joints that it is made of."""
     if isinstance(subject, Graph):
         return draw_diagram(subject).figure
@@ -246,7 +220,24 @@ def _diagram_figure(subject: Subject) -> Any:
     return draw_diagram(graph_of(mechanism), mechanism.names).figure
 
 
-def _centrodes_figure(mechanism: Compiled, at: Any, want: Any, degrees: bool) -> Any:
+def _mechanism(subject: Subject, **poses: Any) -> Any:
+    return draw_mechanism(subject.compile(), **poses).figure
+
+
+def _schedule(subject: Subject, want: Any) -> Any:
+    return draw_schedule(subject.compile().plan(want))
+
+
+def _structure(subject: Subject) -> Any:
+    return draw_structural_graph(subject.compile())
+
+
+def _tile(subject: Subject, at: Any) -> Any:
+    return draw_tile(subject.compile(), at)
+
+
+def _centrodes(subject: Subject, at: Any, want: Any, degrees: bool) -> Any:
+    mechanism: Compiled = subject.compile()
     links = as_names("want", want)
     if links == ("*",):
         raise refused("want", "it does not name a link", 'e.g. want=["rod.i"]')
@@ -259,5 +250,12 @@ def _centrodes_figure(mechanism: Compiled, at: Any, want: Any, degrees: bool) ->
     return draw_mechanism(mechanism, float(taken.inputs["q_0"][0]), None, degrees, curves).figure
 
 
-def _mechanism_figure(subject: Subject, at: Any, trace: Iterable[str] | None, degrees: bool) -> Any:
-    return draw_mechanism(subject.compile(), at, trace, degrees).figure
+KINDS: Mapping[str, Kind] = {
+    "diagram": Kind("the block diagram", _diagram),
+    "mechanism": Kind("the mechanism at poses", _mechanism, ("at", "trace", "degrees")),
+    "animation": Kind("the mechanism in motion", animate, ("at", "trace", "degrees")),
+    "schedule": Kind("the kernel calls that some outputs take", _schedule, ("want",)),
+    "structure": Kind("groups, their links and the degrees of freedom they add", _structure),
+    "centrodes": Kind("centrodes of links over poses", _centrodes, ("at", "want", "degrees")),
+    "tile": Kind("a square mechanism without axes and words", _tile, ("at",)),
+}

@@ -23,20 +23,19 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.draw import palette as ink
 from blockmech.draw.mechanism import caption, joint_labels, load_text, page_of, paths_of, worded
 from blockmech.draw.motion import Complex, Motion
 from blockmech.draw.page import Page, Shape, move
-from blockmech.draw.paper import scaled_unit, shown_name, styled, suffix_of
 from blockmech.draw.shapes import Stage, shapes_of
 from blockmech.draw.sketch import Sketch, sketch_of
+from blockmech.figures import palette as ink
+from blockmech.figures.palette import IN_DEGREES
+from blockmech.figures.paper import MOVING, new_figure, scaled_unit, shown_name, styled, suffix_of
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import needed, refused
 from blockmech.ground.files import AnyPath, writing
-from blockmech.ground.report import DEGREES
 from blockmech.result.result import Result
 
-MOVING = (".gif", ".html", ".mp4")
 FPS = 30  # of a film
 NAMES = 12  # joints up to which all are named
 SEEN = 24  # frames in which names look for a free place; between them they slide
@@ -57,7 +56,7 @@ class Animation:
         motion: Motion,
         seconds: float = 3.0,
         trace: Iterable[str] | None = None,
-        degrees: bool = DEGREES,
+        degrees: bool = IN_DEGREES,
         every: int = 0,
     ) -> None:
         """Lay out the frames of a motion.
@@ -121,6 +120,22 @@ class Animation:
         Raises `MissingEngineError` where there is neither.
         """
         return _film(self)
+
+    def to_matplotlib(self) -> Any:
+        """The frames as matplotlib's `FuncAnimation`, with ``to_jshtml()`` and writers of films."""
+        from matplotlib.animation import FuncAnimation
+
+        height, width, _ = self.pictures[0].shape
+        dpi = self.page.figure.dpi
+        figure = new_figure(width * 72 / dpi, height * 72 / dpi, dpi=dpi)
+        picture = figure.figimage(self.pictures[0])
+
+        def show(k: int) -> tuple[Any]:
+            picture.set_data(self.pictures[k])
+            return (picture,)
+
+        pause = 1000 * self.seconds / len(self.order)
+        return FuncAnimation(figure, show, self.order, interval=pause, blit=True)
 
     @declared
     def save(self, path: AnyPath) -> Animation:

@@ -16,8 +16,8 @@ from blockmech.blocks.joints import PAIRS
 from blockmech.compiled import Compiled
 from blockmech.couplings.contract import Coupling
 from blockmech.draw.layout import Box
-from blockmech.draw.palette import MOST, SIZES, SMALL, TEXT
-from blockmech.draw.paper import shown_name, text_width
+from blockmech.figures.palette import MOST, SIZES, SMALL, TEXT
+from blockmech.figures.paper import shown_name, text_width
 from blockmech.ground.errors import listed
 from blockmech.ground.values import split_address
 from blockmech.loads.contract import Element, Following

@@ -13,8 +13,8 @@ import numpy as np
 
 from blockmech.analysis.instant_centres import instant_centre
 from blockmech.compiled import Compiled
-from blockmech.draw.curves import reach
 from blockmech.draw.page import Paths
+from blockmech.figures.curves import reach
 
 WINDOW = 2.0  # sizes of the mechanism, beyond which a centrode is not drawn
 SWEEP = 721  # samples of the range

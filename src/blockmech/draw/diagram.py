@@ -15,12 +15,12 @@ from itertools import pairwise
 from typing import Any
 
 from blockmech.blocks.joints import PAIRS
-from blockmech.draw import palette as ink
 from blockmech.draw.boxes import Content, DrawnBlock, DrawnWire, Port, content_of
 from blockmech.draw.layout import arrange
-from blockmech.draw.palette import ROW, SIZES
-from blockmech.draw.paper import fitting_columns, new_page, shown_name, styled, wrapped
 from blockmech.draw.routing import Placed, Point, Rectangle, honour, place
+from blockmech.figures import palette as ink
+from blockmech.figures.palette import ROW, SIZES
+from blockmech.figures.paper import fitting_columns, new_page, shown_name, styled, wrapped
 from blockmech.model.graph import Graph
 from blockmech.model.naming import Names
 

@@ -17,8 +17,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from blockmech.draw.palette import INK, SMALL, TEXT
-from blockmech.draw.paper import text_width
+from blockmech.figures.palette import INK, SMALL, TEXT
+from blockmech.figures.paper import text_width
 
 STEP = MARGIN = TEXT / 4  # [pt] between points that stand for a line; free inside the page
 DIRECTIONS = np.exp(2j * math.pi * np.arange(16) / 16)

@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 
 from blockmech.compiled import Compiled
-from blockmech.draw import palette as ink
 from blockmech.draw import shapes
 from blockmech.draw.labels import Label
 from blockmech.draw.motion import Complex, Motion, moves
 from blockmech.draw.page import Page, Paths, unit_of
-from blockmech.draw.palette import MOST, SIZES
-from blockmech.draw.paper import scaled_unit, shown_name, styled
 from blockmech.draw.shapes import Stage
 from blockmech.draw.sketch import LoadMark, Sketch, shown_markers, sketch_of
+from blockmech.figures import palette as ink
+from blockmech.figures.palette import IN_DEGREES, MOST, SIZES
+from blockmech.figures.paper import angle_scale, scaled_unit, shown_name, styled
 from blockmech.ground.errors import among
-from blockmech.ground.report import DEGREES
 from blockmech.model.spots import marker_place
 from blockmech.model.structure import MarkerRef
+from blockmech.result.result import Result
 
 SWEEP = 241  # samples of a path
 PATHS = 8  # that are drawn if none are named
@@ -55,7 +55,7 @@ def draw_mechanism(
     mechanism: Compiled,
     at: Any = None,
     trace: Iterable[str] | None = None,
-    degrees: bool = DEGREES,
+    degrees: bool = IN_DEGREES,
     curves: Paths | None = None,
     named: bool = True,
 ) -> Picture:
@@ -101,6 +101,19 @@ def draw_mechanism(
             page.draw(page.leader(place))
             picture.labels.append(page.write(place))
     return picture
+
+
+def draw_result(result: Result, degrees: bool = IN_DEGREES) -> Picture:
+    """Draw the mechanism in some poses of a run.
+
+    Paths of markers are drawn where laws of motion move it. Raises the errors of `draw_mechanism`.
+    """
+    good = np.setdiff1d(np.arange(result.n), result.quality.gaps)
+    number = min(len(POSES), len(good))
+    some = good[np.linspace(0, len(good), number, endpoint=False, dtype=int)]
+    drivers = enumerate(result.mechanism.drivers)
+    at = {driver: result.samples.coordinate(i)[some] for i, driver in drivers}
+    return draw_mechanism(result.mechanism, at, degrees=degrees)
 
 
 def draw_tile(mechanism: Compiled, at: Any = None) -> Any:
@@ -157,18 +170,16 @@ def _poses(motion: Motion, named: bool) -> list[int]:
 # -- captions ------------------------------------------------------------------------------
 
 
-def caption(motion: Motion, shown: Sequence[int], degrees: bool = DEGREES) -> str:
+def caption(motion: Motion, shown: Sequence[int], degrees: bool = IN_DEGREES) -> str:
     """Driver coordinates of the poses, the main one first, and gravity."""
     parts = []
     for driver, q in motion.q.items():
-        unit = motion.mechanism.driver_joint(driver).coordinate_unit
-        turned = unit == "rad" and degrees
-        values = [
-            f"{math.degrees(q[k]):.4g}°" if turned else f"{q[k]:.4g}\u00a0{unit}" for k in shown
-        ]
-        faint = f" (faint: {', '.join(values[1:])})" if len(values) > 1 else ""
-        name = motion.mechanism.of_driver(driver, "q")
-        parts.append(f"{shown_name(name)}\u00a0= {values[0]}{faint}")
+        unit = motion.mechanism.coordinate_units[driver]
+        factor, unit = angle_scale(unit, degrees)
+        space = "" if unit == "°" else "\u00a0"
+        values = [f"{factor * q[k]:.4g}{space}{unit}" for k in shown]
+        faint = f" (faintly at {', '.join(values[1:])})" if len(values) > 1 else ""
+        parts.append(f"{shown_name(driver)} at\u00a0{values[0]}{faint}")
     g = motion.mechanism.scene.gravity.z
     if g:
         parts.append(f"gravity {abs(g):.4g}\u00a0m/s² {_pointing(g, degrees)}")

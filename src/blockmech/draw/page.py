@@ -10,10 +10,10 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.draw import palette as ink
 from blockmech.draw.labels import Crowd, Place
-from blockmech.draw.palette import SIZES
-from blockmech.draw.paper import new_figure, wrapped
+from blockmech.figures import palette as ink
+from blockmech.figures.palette import SIZES
+from blockmech.figures.paper import new_figure, wrapped
 
 SOLID = {"line": 1.0, "area": 0.7, "disc": 3.0}  # how much a label shuns a shape
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import networkx as nx
 
 from blockmech.draw.layout import Layered
-from blockmech.draw.palette import ROW, SIZES
+from blockmech.figures.palette import ROW, SIZES
 
 Point = tuple[float, float]
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from blockmech.draw.palette import BACK, DRIVE, GREY, INK, SERIES, SMALL, TEXT
-from blockmech.draw.paper import new_page, shown_name, styled
+from blockmech.figures.palette import BACK, DRIVE, GREY, INK, SERIES, SMALL, TEXT
+from blockmech.figures.paper import new_page, shown_name, styled
 from blockmech.plan.plan import Node, Plan
 
 COLUMN, ROW = 11.5 * TEXT, 3.75 * TEXT  # [pt] of a call

@@ -15,11 +15,11 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from blockmech.draw import palette as ink
 from blockmech.draw.motion import Complex, Motion
 from blockmech.draw.page import Shape
-from blockmech.draw.palette import SIZES
 from blockmech.draw.sketch import LoadMark, Sketch, Slider
+from blockmech.figures import palette as ink
+from blockmech.figures.palette import SIZES
 from blockmech.model.spots import Spot, pin_spot
 
 Vector: TypeAlias = tuple[Spot, Complex]

@@ -15,23 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.draw import palette as ink
 from blockmech.draw.animation import FRICTION_POWER, Animation
-from blockmech.draw.curves import Panels, by_unit, friction_panels, reaction_panels, values
 from blockmech.draw.motion import moves_of_result
-from blockmech.draw.panels import BOTTOM, PANEL, Abscissa, Panel, draw_panels
-from blockmech.draw.paper import (
-    legend_above,
-    new_figure,
-    rendered,
-    shown_name,
-    styled,
-    write_figure,
-)
 from blockmech.dynamics.chart_outputs import result_along
+from blockmech.figures import palette as ink
+from blockmech.figures.curves import Panels, by_unit, friction_panels, reaction_panels, values
+from blockmech.figures.palette import IN_DEGREES
+from blockmech.figures.panels import BOTTOM, PANEL, Abscissa, Panel, draw_panels
+from blockmech.figures.paper import legend_above, panelled, rendered, shown_name, write_figure
 from blockmech.ground.files import AnyPath
 from blockmech.ground.files import folder as whole_folder
-from blockmech.ground.report import DEGREES
 from blockmech.result.motion import Motion
 from blockmech.result.result import Result
 
@@ -51,7 +44,9 @@ def motion_svg(result: Result) -> str:
     return rendered(draw_panels(state_panels(fine), over), ".svg").decode()
 
 
-def simulation_pictures(result: Result, folder: AnyPath, *, degrees: bool = DEGREES) -> list[Path]:
+def simulation_pictures(
+    result: Result, folder: AnyPath, *, degrees: bool = IN_DEGREES
+) -> list[Path]:
     """Draw a simulation into a folder.
 
     ``motion.png`` (coordinate, rate and reactions over time), ``energy.png``,
@@ -100,12 +95,12 @@ def _smooth(result: Result, motion: Motion, names: Iterable[str]) -> tuple[Resul
     return fine, Abscissa("time [s]", t, events=marked)
 
 
-def motion_panels(result: Result, degrees: bool = DEGREES) -> Panels:
+def motion_panels(result: Result, degrees: bool = IN_DEGREES) -> Panels:
     """Coordinate and rate of each driver and the reactions' magnitudes ([D14] Fig. 6)."""
     return (*state_panels(result, degrees), *reaction_panels(result, None))
 
 
-def state_panels(result: Result, degrees: bool = DEGREES) -> Panels:
+def state_panels(result: Result, degrees: bool = IN_DEGREES) -> Panels:
     """Coordinate and rate of each driver."""
     panels = []
     for what, quantity in (("q", "coordinate"), ("rate", "rate")):
@@ -124,7 +119,7 @@ def energy_panels(result: Result) -> Panels:
     return (Panel("energy", "J", {"kinetic": T, "potential": V, "total": T + V}),)
 
 
-def phase_plots(result: Result, degrees: bool = DEGREES) -> dict[str, Any]:
+def phase_plots(result: Result, degrees: bool = IN_DEGREES) -> dict[str, Any]:
     """Figures by file: rates over coordinates, start and end marked.
 
     Drivers that turn share one, those that slide another.
@@ -132,9 +127,7 @@ def phase_plots(result: Result, degrees: bool = DEGREES) -> dict[str, Any]:
     figures: dict[str, Any] = {}
     alike = by_unit(result, "q", degrees), by_unit(result, "rate", degrees)
     for (x_unit, over), (y_unit, rates) in zip(*map(dict.items, alike), strict=True):
-        with styled():
-            figure = new_figure(ink.COLUMN, BOTTOM + PANEL, layout="constrained")
-            axes = figure.subplots()
+        with panelled("", BOTTOM + PANEL) as ((axes,),):
             for i, (driver, x) in enumerate(over.items()):
                 y, style = rates[driver], ink.curve_style(i)
                 ends = {"marker": "o", "ms": 3, "color": style["color"]}
@@ -143,10 +136,9 @@ def phase_plots(result: Result, degrees: bool = DEGREES) -> dict[str, Any]:
                 axes.plot(x[-1:], y[-1:], **ends)
             of = f" of {shown_name(next(iter(over)))}" if len(over) == 1 else ""
             axes.set(xlabel=f"coordinate{of} [{x_unit}]", ylabel=f"rate{of} [{y_unit}]")
-            axes.grid(True)
             if len(over) > 1:
                 legend_above(axes, ink.COLUMN)
-        figures["phase_slides.png" if figures else "phase.png"] = figure
+        figures["phase_slides.png" if figures else "phase.png"] = axes.figure
     return figures
 
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from blockmech.compiled import Compiled
-from blockmech.draw.palette import DRIVER_FILL, FRAME_FILL, GREY, GROUP_FILL, INK, SMALL, TEXT
-from blockmech.draw.paper import new_page, shown_name, styled
+from blockmech.figures.palette import DRIVER_FILL, FRAME_FILL, GREY, GROUP_FILL, INK, SMALL, TEXT
+from blockmech.figures.paper import new_page, shown_name, styled
 from blockmech.model.structure import LinkRef
 
 if TYPE_CHECKING:

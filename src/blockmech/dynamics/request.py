@@ -14,7 +14,7 @@ import numpy as np
 from blockmech.dynamics.ends import Budget
 from blockmech.dynamics.roles import Roles, roles_of
 from blockmech.ground.errors import RequestError, close_match, listed, refused
-from blockmech.ground.units import number_in, units_of
+from blockmech.ground.units import NoQuantity, in_si, quantity, unit_behind
 from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
 from blockmech.result.motion import Floats, Motion, Still
@@ -86,11 +86,7 @@ class Watch:
     arrays = False  # whether the surface takes arrays: a user's is asked for state by state
 
 
-_UNITS = {
-    "time": units_of("s"),
-    "steady": units_of("s"),
-    "angle": {**units_of("rad"), **units_of("m")},  # of a slide that is a length
-}
+_UNITS = {"time": ("s",), "steady": ("s",), "angle": ("rad", "m")}  # of a slide it is a length
 
 
 @dataclass(frozen=True)
@@ -120,11 +116,11 @@ class Until:
         ``steady=<s>`` names the period of the loads, and a time with its unit alone, ``2s`` or
         ``500ms``, is the time.
         """
-        seconds = {unit: x for unit, x in _UNITS["time"].items() if unit}
-        whole = f"time={text}" if number_in(text, seconds) is not None else text
+        whole = f"time={text}" if unit_behind(text) else text
         name, _, number = whole.partition("=")
-        given = number_in(number, _UNITS.get(name, {"": 1.0})) if number else 1.0
-        value = math.nan if given is None else given
+        value = math.nan
+        with suppress(NoQuantity):
+            value = quantity(number, *_UNITS.get(name, ("",))) if number else 1.0
         if name not in GOALS:
             raise _no_end(text, close_match(name, tuple(GOALS)))
         takes = "=" in GOALS[name].spelled
@@ -220,7 +216,7 @@ class SimulationRequest:
 
 def request_of(
     scene: Scene,
-    drivers: Sequence[str],
+    drivers: Mapping[str, str],
     until: str | Until | None = None,
     method: str = "auto",
     accuracy: float | None = None,
@@ -234,6 +230,8 @@ def request_of(
     engine: str = "auto",
 ) -> tuple[SimulationRequest, Pairs]:
     """What `simulate` is asked for, read, but for its end stops; and the starts.
+
+    ``drivers`` : unit of each driver's coordinate
 
     Raises `RequestError` for what cannot be.
     """
@@ -291,17 +289,18 @@ def goal_of(until: Any, times: Floats | None) -> Until:
 
 def starts_of(
     scene: Scene,
-    drivers: Sequence[str],
+    drivers: Mapping[str, str],
     start: Any,
     bound: Pairs = NO_PAIRS,
     placed: Collection[str] = (),
 ) -> Pairs:
     """Driver -> (q [rad or m], rate) of every driver, in their order.
 
+    ``drivers`` : unit of each driver's coordinate
     ``bound`` : those of drivers that are not free, with which others must agree, but for starts of
     the scene of drivers that the call itself has ``placed``
     """
-    overridden = pairs_of("start", start, START) or {}
+    overridden = pairs_of("start", start, START, drivers, "/s") or {}
     begun = {d: (x.q, x.rate) for d, x in scene.initial.items()}
     given = begun | overridden
     for d, (q, rate) in bound.items():
@@ -384,8 +383,10 @@ def _same_again(call: Callable[..., Any], given: Sequence[float]) -> bool:
     return len(answers) < 3 or np.array_equal(answers[0], answers[2], equal_nan=True)
 
 
-def pairs_of(where: str, given: Any, example: str) -> dict[str, tuple[float, float]] | None:
-    """Two numbers for each driver."""
+def pairs_of(
+    where: str, given: Any, example: str, units: Mapping[str, str] = {}, per: str = ""
+) -> dict[str, tuple[float, float]] | None:
+    """Two numbers for each driver, whose coordinate is in its unit: two, or one and its rate."""
     if given is None:
         return None
     if not isinstance(given, Mapping):
@@ -393,12 +394,14 @@ def pairs_of(where: str, given: Any, example: str) -> dict[str, tuple[float, flo
     pairs = {}
     for driver, pair in given.items():
         try:
-            first, second = (float(x) for x in pair)
-        except (TypeError, ValueError):
-            at = f"{where}.{driver}"
-            raise refused(
-                at, f"{pair!r} are not two numbers", PAIRS.format(pairs=example)
-            ) from None
+            unit = units.get(driver, "")
+            first, second = (
+                float(in_si(x, of)) for x, of in zip(pair, (unit, unit + per), strict=True)
+            )
+        except (TypeError, ValueError) as error:
+            at, valid = f"{where}.{driver}", getattr(error, "valid", "")
+            found = getattr(error, "found", f"{pair!r} are not two numbers")
+            raise refused(at, found, PAIRS.format(pairs=example), valid) from None
         pairs[driver] = (first, second)
     return pairs
 
@@ -407,7 +410,7 @@ def size_of(where: str, given: Any) -> float | None:
     """An accuracy or a step: a number above zero, or None."""
     if given is None:
         return None
-    size = _number(given)
+    size = _number(given, "rad", "m", "s")
     if not (math.isfinite(size) and size > 0):
         raise refused(where, f"{given!r} is not a number above zero", "leave it out, or give one")
     return size
@@ -417,15 +420,15 @@ def budget_of(budget: Any) -> Budget:
     """Processor time of a request: a number [s] above zero, perhaps infinite."""
     if budget is None:
         return Budget()
-    if not (seconds := _number(budget)) > 0:
+    if not (seconds := _number(budget, "s")) > 0:
         raise refused("budget", f"{budget!r} is no time above zero", "give seconds, like 60")
     return Budget(seconds)
 
 
-def _number(given: Any) -> float:
-    """A number; NaN where it is none."""
+def _number(given: Any, *units: str) -> float:
+    """A number, or a text with one of the units; NaN where it is none."""
     try:
-        return float(given)
+        return float(in_si(given, *units or ("",)))
     except (TypeError, ValueError, OverflowError):
         return math.nan
 
@@ -435,7 +438,7 @@ def times_of(times: Any) -> Floats | None:
     if times is None:
         return None
     try:
-        column = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        column = np.atleast_1d(np.asarray(in_si(times, "s"), dtype=np.float64))
     except (TypeError, ValueError, OverflowError):
         raise refused("times", "not a row of numbers", "give times like 0:2:201") from None
     if column.ndim != 1 or not len(column) or not np.isfinite(column).all() or column.min() < 0:

@@ -25,6 +25,7 @@ import numpy as np
 
 from blockmech.dynamics.contacts import Held
 from blockmech.ground.errors import close_match, listed, refused
+from blockmech.ground.units import in_si
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Locked, Scene
 from blockmech.result.motion import Floats
@@ -129,7 +130,7 @@ class Roles:
 
 def roles_of(
     scene: Scene,
-    drivers: Sequence[str],
+    drivers: Mapping[str, str],
     prescribed: Sequence[str] | None,
     locked: Mapping[str, float] | Sequence[str] | None,
     changes: Mapping[str, Mapping[str, str]],
@@ -137,13 +138,14 @@ def roles_of(
 ) -> tuple[Roles | None, dict[str, tuple[float, float]]]:
     """The roles at the start, None where all are free at all times; and starts that they say.
 
+    ``drivers`` : unit of each driver's coordinate
     ``changes`` : event -> driver -> role; ``last`` : time [s] to which laws must reach
 
     Raises `RequestError` for roles that cannot be.
     """
     by_call = prescribed is not None or locked is not None
     choices: dict[str, Any] = {} if by_call else dict(scene.motion)
-    laws_followed, places = _prescribed(prescribed), _locked(locked)
+    laws_followed, places = _prescribed(prescribed), _locked(locked, drivers)
     if both := laws_followed.keys() & places.keys():
         found = f"{listed(sorted(both))} is prescribed as well"
         raise refused("locked", found, "give each driver one role", code="roles")
@@ -178,7 +180,7 @@ def _prescribed(names: Any) -> dict[str, str]:
     return dict.fromkeys(names, PRESCRIBED)
 
 
-def _locked(given: Any) -> dict[str, Any]:
+def _locked(given: Any, units: Mapping[str, str]) -> dict[str, Any]:
     if not isinstance(given, Mapping):
         names = [given] if isinstance(given, str) else given or ()
         if not isinstance(names, Sequence):
@@ -188,7 +190,7 @@ def _locked(given: Any) -> dict[str, Any]:
     places: dict[str, Any] = {}
     for driver, place in given.items():
         try:
-            number = float(place)
+            number = float(in_si(place, units.get(driver, "")))
         except (TypeError, ValueError):
             number = math.nan
         if not math.isfinite(number):
@@ -199,7 +201,7 @@ def _locked(given: Any) -> dict[str, Any]:
 
 
 def _check_role(
-    scene: Scene, drivers: Sequence[str], driver: str, role: str, where: str, last: float
+    scene: Scene, drivers: Mapping[str, str], driver: str, role: str, where: str, last: float
 ) -> None:
     """Refuse a role that a driver cannot have."""
     if driver not in drivers:

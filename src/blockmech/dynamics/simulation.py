@@ -119,7 +119,7 @@ def simulate(
     report = progress_of(progress)
     given = (until, method, accuracy, step, times, start, stops, watch)
     last = prescribed, locked, engine
-    request, starts = request_of(mechanism.scene, mechanism.drivers, *given, *last)
+    request, starts = request_of(mechanism.scene, mechanism.coordinate_units, *given, *last)
     spent = budget_of(budget)
     asked = {"method": how, "progress": report, "engine": engine, "budget": spent}
     prepare = partial(prepared, stops=stops, asked=asked)

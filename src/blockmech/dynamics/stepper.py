@@ -111,7 +111,7 @@ class Stepper:
         """
         which = range(self.copies) if copies is None else np.atleast_1d(np.asarray(copies))
         begin = self._start | dict(start or {})
-        given = starts_of(self.mechanism.scene, self.mechanism.drivers, begin, self._bound)
+        given = starts_of(self.mechanism.scene, self.mechanism.coordinate_units, begin, self._bound)
         for i in which:
             if not 0 <= i < self.copies:
                 found, valid = f"there is no copy {i}", f"copies: 0 to {self.copies - 1}"
@@ -271,7 +271,7 @@ def stepper(
         raise refused(
             "copies", f"{copies!r} is no number of copies", valid="a whole number from 1 on"
         )
-    scene, drivers = mechanism.scene, mechanism.drivers
+    scene, drivers = mechanism.scene, mechanism.coordinate_units
     roles, bound = roles_of(scene, drivers, prescribed, locked, {}, math.inf)
     starts = starts_of(scene, drivers, start, bound, locked or ())
     between = stops_of(mechanism, starts, stops)

@@ -58,7 +58,7 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
     Raises `RequestError` for names of nothing, stops in the wrong order, or a start that is
     not between them.
     """
-    given, scene = pairs_of("stops", stops, STOPS), mechanism.scene
+    given, scene = pairs_of("stops", stops, STOPS, mechanism.coordinate_units), mechanism.scene
     bounds = {d: s.bounds for d, s in scene.stops.items()} if given is None else given
     problems: list[Problem] = []
     stops_by_driver: dict[str, Between] = {}

@@ -6,8 +6,8 @@ An outside package names an object in the entry-point group ``blockmech.readers`
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
 from importlib import import_module
@@ -19,7 +19,7 @@ from blockmech.exchange.drawing import Drawing
 from blockmech.ground.errors import Problem, RequestError, close_match, listed, refused, shown
 from blockmech.ground.files import writing
 from blockmech.ground.runnable import EVERYTHING
-from blockmech.ground.units import number_in, units_of
+from blockmech.ground.units import NoQuantity, quantity
 from blockmech.result.result import Result
 
 
@@ -55,11 +55,11 @@ class Order:
         Raises `RequestError` for anything else.
         """
         raw = self.options.get(name, default)
-        x = number_in(str(raw), units_of(unit))
-        if x is None or not 0 < x < math.inf:
-            found = f"got {shown(raw)}"
-            raise refused(name, found, f"write for example {example}", "a number above 0")
-        return x
+        with suppress(NoQuantity):
+            if (x := quantity(str(raw), unit)) > 0:
+                return x
+        remedy = f"write for example {example}"
+        raise refused(name, f"got {shown(raw)}", remedy, "a number above 0")
 
 
 class Writer(NamedTuple):

@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from blockmech.draw import KINDS, animate, draw, plot
-from blockmech.draw.animation import MOVING
-from blockmech.draw.paper import STILL
+from blockmech.draw import KINDS, animate, draw
 from blockmech.exchange.formats import Order, Writer
+from blockmech.figures.paper import MOVING, STILL
 
-POSED = ("mechanism", "centrodes", "tile")
 TRACE = {"trace": "markers whose paths are drawn"}
 
 
@@ -32,9 +30,13 @@ def write_picture(order: Order, path: Path) -> list[Path]:
     """A picture of the kind that is asked for; curves are of the wanted outputs."""
     kind = order.options.get("kind", "mechanism")
     if kind == "curves":
-        return [plot(order.result(), path)]
-    at = _places(order) if kind in POSED else None
-    return [draw(order.mechanism, path, kind, at, trace=_trace(order), want=order.want)]
+        order.result().plot(path)
+    else:
+        takes = KINDS[kind].takes if kind in KINDS else ()
+        more: dict[str, Any] = {"want": order.want} if "want" in takes else {}
+        at = _places(order) if "at" in takes else None
+        draw(order.mechanism, path, kind, at, trace=_trace(order), **more)
+    return [path]
 
 
 def write_film(order: Order, path: Path) -> list[Path]:

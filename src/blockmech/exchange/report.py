@@ -16,17 +16,16 @@ import numpy as np
 
 import blockmech
 from blockmech.analysis.verify import verify
-from blockmech.draw.curves import abscissa, chosen_panels
-from blockmech.draw.mechanism import draw_mechanism
-from blockmech.draw.panels import draw_panels
-from blockmech.draw.paper import image
+from blockmech.draw.mechanism import draw_result
 from blockmech.exchange.formats import Order, Writer, one_file
 from blockmech.exchange.page.files import samples_of, wanted_of
+from blockmech.figures.curves import abscissa, chosen_panels
+from blockmech.figures.panels import draw_panels
+from blockmech.figures.paper import image
 from blockmech.model.parameters import parameters_of
 from blockmech.result.result import Result
 
 ROWS = 13  # of the table: every 30 degrees of a turn
-POSES = 4  # in the drawing
 
 
 def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -54,7 +53,7 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
     numbers = [(p.address, f"{p.value:.6g} {p.unit}") for p in parameters_of(sections).values()]
     curves = image(draw_panels(chosen_panels(result, result), abscissa(result)), "curves")
     parts = {
-        "": image(_drawing(result), f"{mechanism.name} in {POSES} poses"),
+        "": image(draw_result(result).figure, f"{mechanism.name} in some poses"),
         "Structure": f"<p>{html.escape(mechanism.structure.formula.replace('->', '→'))}</p>",
         "Dimensions and loads": f"<div class=numbers>{table(('number', 'value'), numbers)}</div>",
         "Curves": curves,
@@ -72,15 +71,6 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
         title=html.escape(title), head=head, body=body, version=blockmech.__version__
     )
     stream.write(page.encode(errors="replace"))
-
-
-def _drawing(result: Result) -> Any:
-    """The mechanism in some of its poses, with the paths of its markers where laws move it."""
-    good = np.setdiff1d(np.arange(result.n), result.quality.gaps)
-    shown = good[np.linspace(0, len(good), min(POSES, len(good)), endpoint=False, dtype=int)]
-    drivers = enumerate(result.mechanism.drivers)
-    at = {driver: result.samples.coordinate(i)[shown] for i, driver in drivers}
-    return draw_mechanism(result.mechanism, at).figure
 
 
 def _values(result: Result) -> str:

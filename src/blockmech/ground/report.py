@@ -77,7 +77,7 @@ class Facts:
 
 
 class Report(ABC):
-    """What people read, alike at a prompt, in a notebook and on the command line."""
+    """What people read: ``print`` shows all, `repr` is one line of it, a notebook shows HTML."""
 
     @abstractmethod
     def lines(self, degrees: bool = DEGREES) -> Iterable[str]:
@@ -91,7 +91,8 @@ class Report(ABC):
         return self.text()
 
     def __repr__(self) -> str:
-        return self.text()
+        first, *more = self.text().split("\n")
+        return f"<{type(self).__name__}: {first}{' ...' if more else ''}>"
 
     def _repr_html_(self) -> str:
         return f"<pre>{html.escape(self.text())}</pre>"

@@ -5,7 +5,6 @@ Pydantic says where and what kind; the model's JSON Schema knows units and keys 
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -24,6 +23,7 @@ from blockmech.ground.errors import (
     shown,
     unknown_key,
 )
+from blockmech.ground.units import NoQuantity, quantity
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -167,21 +167,19 @@ def _problem(place: _Place, line: Any) -> Problem:
         code, rule = MUST[kind]
         unit = f" {place.unit}" if place.unit else ""
         text = rule.format(unit=unit, in_unit=unit and f" in{unit}", **more)
-        number = number_in(value, place.unit) if kind == "float_type" else ""
-        remedy = f"write {number}" if number else ""
+        valid, remedy = _quantity(value, place.unit) if kind == "float_type" else ("", "")
         if "discriminator" in place.here and kind.startswith(("model", "dict")):
             key, tags = _choice(place)
             word = value if value in tags else tags[0]
             remedy = f'write {{"{key}": "{word}", ...}}; {key}s: {listed(tags)}'
-        return Problem(code, where, f"{name} must be {text}, got {shown(value)}", "", remedy)
+        return Problem(code, where, f"{name} must be {text}, got {shown(value)}", valid, remedy)
     if kind == "missing":
         unit = f" [{place.unit}]" if place.unit else ""
         return Problem("missing-key", where, f'{place.owner} needs "{name}"{unit}', "", "add it")
     if kind == "extra_forbidden":
         key = str(line["loc"][-1])
         if key == "rpm" and "rate" in place.keys:
-            rate = number_in(f"{value} rpm", "rad/s") if value else ""
-            remedy = 'write "rate" in rad/s' + (f": {rate}" if rate else "")
+            remedy = f'write "rate": "{value}rpm"'
             return replace(unknown_key(where, place.owner, key, place.keys), remedy=remedy)
         return unknown_key(where, place.owner, key, place.keys)
     if kind in ("too_short", "too_long"):
@@ -207,34 +205,14 @@ def _problem(place: _Place, line: Any) -> Problem:
     return Problem(code, where, found, more.get("valid", ""), more.get("remedy", ""))
 
 
-UNITS = {
-    "m": ("m", 1.0),
-    "mm": ("m", 1000.0),
-    "cm": ("m", 100.0),
-    "inch": ("m", 1 / 0.0254),
-    "rad": ("rad", 1.0),
-    "deg": ("rad", 180 / math.pi),
-    "°": ("rad", 180 / math.pi),
-    "rpm": ("rad/s", 30 / math.pi),
-    "rad/s": ("rad/s", 1.0),
-    "s": ("s", 1.0),
-    "kg": ("kg", 1.0),
-    "g": ("kg", 1000.0),
-    "N": ("N", 1.0),
-    "kN": ("N", 1e-3),
-    "lbf": ("N", 1 / 4.4482216152605),
-}
-"""Units that people write behind numbers -> the SI unit, and how many make one of it."""
-
-
-def number_in(said: Any, unit: str) -> str:
-    """The number that a text holds, perhaps with a unit, as a file says it; empty if none."""
-    number = re.fullmatch(r"\s*([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)\s*(\S*)\s*", str(said))
-    if not isinstance(said, str) or number is None:
-        return ""
-    si, many = UNITS.get(number[2], (unit, 0.0)) if number[2] else (unit, 1.0)
-    fits = many and unit in ("", si)
-    return repr(float(number[1].replace(",", ".")) / many) if fits else ""
+def _quantity(value: Any, unit: str) -> tuple[str, str]:
+    """What is valid in place of a text that is no quantity, and what to write for a bare number."""
+    if not isinstance(value, str):
+        return "", ""
+    try:
+        return "", f"write {quantity(value, unit)!r}"
+    except NoQuantity as error:
+        return error.valid if unit else error.found, ""
 
 
 def _choice(place: _Place) -> tuple[str, list[str]]:

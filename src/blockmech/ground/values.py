@@ -6,6 +6,7 @@ import cmath
 import math
 import sys
 from collections.abc import Container, Mapping, Sequence
+from contextlib import suppress
 from itertools import chain, count, pairwise
 from numbers import Integral, Real
 from typing import (
@@ -31,6 +32,7 @@ from pydantic import (
     Field,
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
+    ModelWrapValidatorHandler,
     Strict,
     ValidationError,
     model_validator,
@@ -39,6 +41,8 @@ from pydantic_core import PydanticCustomError, core_schema
 
 from blockmech.ground.errors import GraphError, Problem, listed, shown
 from blockmech.ground.plane import apply
+from blockmech.ground.texts import in_metres, read_texts
+from blockmech.ground.units import NoQuantity
 from blockmech.ground.validation_errors import problems_of
 
 if TYPE_CHECKING:
@@ -154,6 +158,8 @@ class Pair:
         """Read ``[x, y]``, a complex number or ``{"polar": [r, angle]}``."""
         if isinstance(raw, cls):
             return raw
+        with suppress(NoQuantity):
+            raw = in_metres(raw) if cls.unit else raw
         if isinstance(raw, complex) and cmath.isfinite(raw):
             return cls(raw)
         if isinstance(raw, list | tuple) and len(raw) == 2 and all(map(is_number, raw)):
@@ -326,6 +332,7 @@ class StrictModel(BaseModel):
     kind_key: ClassVar[str] = ""  # the key by which a file tells this kind from others
     plain_kind: ClassVar[str] = ""  # the kind of data without that key
     remade: ClassVar[str] = "make a new one"  # what to do instead of setting a field
+    spoken: ClassVar[bool] = False  # whether any model was made with numbers as texts
     refers: ClassVar[tuple[str, ...]] = ()  # fields that name, or are keyed by, drivers or markers
 
     if not TYPE_CHECKING:  # type checkers read the fields instead
@@ -351,6 +358,18 @@ class StrictModel(BaseModel):
             except ValidationError:
                 where, found = f"{type(self).__name__}.{name}", "it does not change once it is made"
                 raise GraphError(Problem("frozen", where, found, "", self.remade)) from None
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_texts(cls, raw: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        if type(raw) is not dict:
+            return handler(raw)
+        numbers, texts = read_texts(cls, raw, cls.units is not StrictModel.units)
+        made = handler(numbers)
+        if texts:
+            StrictModel.spoken = True
+            vars(made)["texts"] = texts
+        return made
 
     def model_post_init(self, context: Any) -> None:
         """Close the mappings."""

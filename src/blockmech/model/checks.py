@@ -31,6 +31,7 @@ from blockmech.model.drivers import (
 )
 from blockmech.model.flat import Flat
 from blockmech.model.meshing import check_couplings
+from blockmech.model.parameters import wrong_units
 from blockmech.model.structure import JointRef, MarkerRef, Structure
 from blockmech.model.wires import checked_wires, signal_wire, unwired
 from blockmech.signals.contract import Signal
@@ -58,6 +59,7 @@ def checked_structure(flat: Flat) -> Structure:
     problems += coupling_problems(blocks, flat.scene)
     problems += _group_problems(blocks)
     problems += _branch_problems(blocks, ends)
+    problems += wrong_units({"blocks": blocks, "scene": flat.scene})
     if not any(isinstance(block, UnknownBlock) for block in blocks.values()):
         dag, cycles = block_dag(blocks, ends), list[Problem]()
         add_couplings(dag, blocks)

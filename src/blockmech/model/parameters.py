@@ -7,12 +7,9 @@ brackets, the parts of a place or vector as ``.x`` and ``.y``. A marker is calle
 
 from __future__ import annotations
 
-import typing
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
-
-from pydantic.fields import FieldInfo
 
 from blockmech.blocks.contract import Moving
 from blockmech.ground.errors import (
@@ -25,6 +22,8 @@ from blockmech.ground.errors import (
     refused,
 )
 from blockmech.ground.plane import apply
+from blockmech.ground.texts import unit_of
+from blockmech.ground.units import NoQuantity, quantity
 from blockmech.ground.validation_errors import field_order
 from blockmech.ground.values import Axis, Marker, Pair, StrictModel
 from blockmech.model.scene import Scene
@@ -66,7 +65,7 @@ def parameters_of(sections: Mapping[str, Any]) -> dict[str, Parameter]:
         for key, item in content.items() if named else [("", content)]:
             path: Path = (section, key) if named else (section,)
             head = path_text(path[1:] if section == BLOCKS else path)
-            unit = _unit(Scene.model_fields.get(section))
+            unit = unit_of(Scene.model_fields.get(section))
             axis = known.get(key, Axis())._replace(known=known)
             if isinstance(item, Subgraph):
                 parameters |= {p.address: p for p in _of_graph(item, path, head)}
@@ -146,7 +145,7 @@ def _numbers(
                 inner = item
             elif isinstance(x, Marker) and name == "at":
                 inner = text
-            own = units.get(name) or _unit(field)
+            own = units.get(name) or unit_of(field)
             yield from _numbers(getattr(x, name), (*path, key), inner, item, own, axis)
     elif isinstance(x, Mapping):
         for key, value in x.items():
@@ -164,15 +163,25 @@ def _numbers(
         yield Parameter(text, x, unit, path)
 
 
-def _unit(declared: Any) -> str:
-    """The unit that a field declares, or what it is made of."""
-    if isinstance(declared, FieldInfo):
-        extra = declared.json_schema_extra
-        if isinstance(extra, dict) and "unit" in extra:
-            return str(extra["unit"])
-        return _unit(declared.annotation)
-    parts = (*getattr(declared, "__metadata__", ()), *typing.get_args(declared))
-    return next((unit for part in parts if (unit := _unit(part))), "")
+def wrong_units(sections: Mapping[str, Any]) -> Iterator[Problem]:
+    """Numbers that were written with a unit of another kind than they are."""
+    units = {p.path: p for p in parameters_of(sections).values()} if StrictModel.spoken else {}
+    for path, text in _texts(sections, ()) if units else ():
+        if (p := units.get(path)) is not None:
+            try:
+                quantity(text, p.unit)
+            except NoQuantity as error:
+                yield Problem("wrong-unit", p.address, error.found, error.valid)
+
+
+def _texts(x: Any, path: Path) -> Iterator[tuple[Path, str]]:
+    """The numbers in a value that were written as texts, each with its path."""
+    if isinstance(x, StrictModel):
+        yield from (((*path, *place), text) for place, text in vars(x).get("texts", {}).items())
+        x = {field.alias or n: getattr(x, n) for n, field in type(x).model_fields.items()}
+    items = x.items() if isinstance(x, Mapping) else enumerate(x) if type(x) is list else ()
+    for key, item in items:
+        yield from _texts(item, (*path, key))
 
 
 def named(known: Mapping[str, Parameter], given: Mapping[str, T]) -> dict[Parameter, T]:

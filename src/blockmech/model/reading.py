@@ -18,7 +18,7 @@ from itertools import islice
 from typing import Any
 
 from blockmech.ground.errors import MOST, FormatError, Problem, in_file, path_text
-from blockmech.ground.validation_errors import number_in
+from blockmech.ground.units import NoQuantity, in_si
 
 LARGEST = 4_000_000  # bytes; thousands of blocks, and read in a second or two
 HIGHEST = 1e75  # of a number: a term of mechanics is the product of at most four
@@ -155,7 +155,10 @@ def _meant(value: str) -> str:
         with suppress(ValueError):
             if math.isfinite(number := read(value)):
                 return json.dumps(number)
-    return OTHERS.get(value) or number_in(value, "")
+    with suppress(NoQuantity):
+        in_si(value)
+        return json.dumps(value, ensure_ascii=False)
+    return OTHERS.get(value, "")
 
 
 def _not_closed(text: str) -> tuple[str, str]:

@@ -92,7 +92,7 @@ def modes(
         if lost:
             raise RequestError(lost)
         at = {d: q for d, q in begun.items() if q is not None}
-    taken = make_samples(mechanism.drivers, mechanism.scene, at, rates=still)
+    taken = make_samples(mechanism.coordinate_units, mechanism.scene, at, rates=still)
     rows = {d: tuple(taken.coordinate(i).tolist()) for i, d in enumerate(drivers)}
     among(drivers, "driver", () if driver is None or not arcs else driver)
     moved = (driver or (drivers[0] if len(drivers) == 1 else "")) if arcs else ""
@@ -102,7 +102,7 @@ def modes(
     samples = [dict(zip(rows, q, strict=True)) for q in zip(*rows.values(), strict=True)]
     lister = _Lister(mechanism, file_poses(mechanism, samples), moved)
     listing = tuple(lister.group(block) for name, block in group_of.items() if name in wanted)
-    units = {d: mechanism.driver_joint(d).coordinate_unit for d in drivers}
+    units = dict(mechanism.coordinate_units)
     return Modes(rows, units, moved, listing, mechanism.driver_prefix)
 
 

@@ -9,8 +9,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from blockmech.analysis.scan import shown_place
+from blockmech.figures.bars import Bar, bars_figure
+from blockmech.figures.palette import IN_DEGREES
+from blockmech.figures.paper import shown_name
+from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import among
-from blockmech.ground.pictured import Pictured
 from blockmech.ground.report import DEGREES, Facts, with_unit
 
 TURN = 2 * math.pi
@@ -140,8 +143,6 @@ class Modes(Facts, Pictured):
     prefix : what names of outputs put before the driver's, "driver." in a document of joints
     """
 
-    PICTURE = "blockmech.draw.arcs:modes_figure"
-
     FACTS = ("drivers", "units", "driver", "groups")
 
     drivers: Mapping[str, tuple[float, ...]]
@@ -154,6 +155,32 @@ class Modes(Facts, Pictured):
         """The modes of one group. Raises `RequestError` for an unknown name."""
         groups = {modes.group: modes for modes in self.groups}
         return groups[among(groups, "group", group)[0]]
+
+    def figure(self, degrees: bool = IN_DEGREES, ax: Any = None) -> Any:
+        """The arcs of all groups as bars, those of a circuit in one colour."""
+        bars = [bar for group in self.groups for bar in self._bars(group)]
+        caption = "Modes of one colour connect through dead centres; the dot: the file's mode."
+        unit, name = self.units.get(self.driver, ""), f"{self.prefix}{self.driver}.q"
+        return bars_figure(bars, name, unit, caption, degrees, ax)
+
+    def _bars(self, group: GroupModes) -> Iterator[Bar]:
+        at = self.drivers[self.driver] if group.arcs else ()
+        for n, arc in enumerate(group.arcs):
+            branch = "" if arc.branch is None else f", branch {arc.branch:+d}"
+            chosen = (
+                q
+                for q, modes in zip(at, group.samples, strict=True)
+                if any(mode.chosen and mode.arc == n for mode in modes)
+            )
+            yield Bar(
+                f"{shown_name(group.group)}: arc {n + 1}{branch}",
+                arc.start.q,
+                arc.end.q,
+                (arc.start.how, arc.end.how),
+                arc.change_points,
+                tuple(_on(q, arc, self.units[self.driver] == "rad") for q in chosen),
+                arc.circuit,
+            )
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """All groups: modes by sample, then arcs."""
@@ -225,3 +252,9 @@ def _arc_lines(group: GroupModes, unit: str, degrees: bool) -> Iterator[str]:
 
 def _coordinate(q: float, unit: str, degrees: bool) -> str:
     return with_unit(shown_place(q), unit, degrees)
+
+
+def _on(q: float, arc: Arc, rotary: bool) -> float:
+    """A coordinate where an arc passes it, which may be whole turns away."""
+    middle = (arc.start.q + arc.end.q) / 2
+    return q + math.tau * round((middle - q) / math.tau) if rotary else q

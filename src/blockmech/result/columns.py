@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.ground.files import AnyPath
+from blockmech.ground.units import shown_in
 from blockmech.plan.plan import Output
 from blockmech.result.motion import Motion
 from blockmech.result.quality import Accuracy, Quality
@@ -33,6 +34,7 @@ class Labelled(Mapping[str, NDArray[Any]]):
     settings: dict[str, Any]
     motion: Motion | None
     accuracy: Accuracy | None
+    units: tuple[str, ...] = ()  # in which columns and pictures stand, where they are not SI
 
     @property
     @abstractmethod
@@ -105,17 +107,16 @@ class Column:
         return f"{self.name} [{self.unit or '-'}]"
 
 
-def columns(result: Labelled, degrees: bool = False) -> list[Column]:
+def columns(result: Labelled) -> list[Column]:
     """All columns: driver coordinates, time if it is known, then the wanted outputs.
 
     A number of the whole run, e.g. an efficiency, is repeated at every sample.
-    ``degrees`` gives angles in deg in place of rad.
     """
-    table = driver_columns(result, degrees)
+    table = driver_columns(result)
     first = {column.output for column in table}
     for name in result:
         if name not in first:
-            table += output_columns(result, name, degrees)
+            table += output_columns(result, name)
     return table
 
 
@@ -125,22 +126,20 @@ def without_noise(values: Any, largest: float) -> Array:
         return np.where(np.abs(values) < NOISE * largest, 0.0, values)
 
 
-def driver_columns(result: Labelled, degrees: bool = False) -> list[Column]:
-    """Driver coordinates [rad or m], and time [s] if the request says it."""
+def driver_columns(result: Labelled) -> list[Column]:
+    """Driver coordinates, and the time if the request says it."""
     table = [
-        _column(name, result.unit_of_driver(name), q, name, degrees)
+        _column(result, name, result.unit_of_driver(name), q, name)
         for name, q in result.drivers.items()
     ]
     time = result.known_time()
-    return table if time is None else [*table, Column("time", "s", time, "time")]
+    return table if time is None else [*table, _column(result, "time", "s", time, "time")]
 
 
-def output_columns(result: Labelled, name: str, degrees: bool = False) -> list[Column]:
+def output_columns(result: Labelled, name: str) -> list[Column]:
     """The columns of one output: one, two of a vector, or all entries of a matrix."""
     unit = result.output(name).unit
-    return [
-        _column(part, unit, values, name, degrees) for part, values in _components(result, name)
-    ]
+    return [_column(result, part, unit, values, name) for part, values in _components(result, name)]
 
 
 def _components(result: Labelled, name: str) -> Iterator[tuple[str, Any]]:
@@ -158,8 +157,7 @@ def _components(result: Labelled, name: str) -> Iterator[tuple[str, Any]]:
         yield name, values
 
 
-def _column(name: str, unit: str, values: Any, output: str, degrees: bool) -> Column:
+def _column(result: Labelled, name: str, unit: str, values: Any, output: str) -> Column:
     real = np.asarray(values, dtype=np.float64)
-    if degrees and unit == "rad":
-        return Column(name, "deg", np.degrees(real), output)
-    return Column(name, unit, real, output)
+    factor, shown = shown_in(unit, result.units)
+    return Column(name, shown, real if shown == unit else factor * real, output)

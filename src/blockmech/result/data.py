@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic_core import to_json
 
+from blockmech.ground.arguments import declared
 from blockmech.ground.errors import needed
 from blockmech.ground.files import AnyPath, writing
 from blockmech.ground.report import as_json
@@ -45,6 +46,7 @@ def json_chunks(result: Labelled) -> Iterator[str]:
     yield f'}},\n "quality": {_text(result.judged.to_dict())}}}\n'
 
 
+@declared
 def to_npz(result: Labelled, path: AnyPath) -> None:
     """Write all arrays to one NumPy file, atomically.
 

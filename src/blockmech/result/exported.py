@@ -6,10 +6,8 @@ are the same everywhere. `Exported` are the doors that a result has.
 
 from __future__ import annotations
 
-from typing import Any
-
-from blockmech.ground.arguments import declared
-from blockmech.result.columns import AnyPath, Column, Labelled, columns
+from blockmech.result import data, spreadsheet
+from blockmech.result.columns import Column, Labelled, columns
 from blockmech.result.data import json_chunks, to_dataframe, to_dict, to_npz, to_xarray
 from blockmech.result.schema import result_schema
 from blockmech.result.spreadsheet import CsvTable, csv_chunks, to_csv, write_csv
@@ -48,35 +46,14 @@ __all__ = [
 
 
 class Exported(Labelled):
-    """What a result can do to leave."""
+    """What a result can do to leave: each method is the function of that name."""
 
-    def to_dict(self) -> dict[str, Any]:
-        """The whole result as JSON data; see `blockmech.result.exported`."""
-        return to_dict(self)
-
-    @declared
-    def to_csv(self, path: AnyPath | None = None, separator: str = ",", decimal: str = ".") -> str:
-        """CSV text, one column per component, units in the head; written if a path is given.
-
-        ``separator=";", decimal=","`` is what spreadsheets of many countries open.
-        """
-        return to_csv(self, path, separator, decimal)
-
-    @declared
-    def to_npz(self, path: AnyPath) -> None:
-        """Write all arrays to one NumPy file."""
-        to_npz(self, path)
-
-    def to_dataframe(self) -> Any:
-        """A pandas DataFrame; raises `MissingEngineError` without pandas."""
-        return to_dataframe(self)
-
-    def to_xarray(self) -> Any:
-        """An `xarray.Dataset` with units; raises `MissingEngineError` without xarray."""
-        return to_xarray(self)
+    to_csv = spreadsheet.to_csv
+    to_dataframe = data.to_dataframe
+    to_dict = data.to_dict
+    to_npz = data.to_npz
+    to_xarray = data.to_xarray
+    _repr_html_ = html_table
 
     def __str__(self) -> str:
         return table(self)
-
-    def _repr_html_(self) -> str:
-        return html_table(self)

@@ -42,6 +42,17 @@ DETAIL = {
 }
 
 
+ADVICE = {
+    "zero-relative-speed": "nothing slides there; the numbers are without its friction",
+    f"near-{DEAD_CENTRE}": "reactions grow without bound towards the dead centre",
+    f"near-{CHANGE_POINT}": "two assembly modes nearly meet, and few digits are right",
+    OTHER_SOLUTIONS: "friction_solutions() lists them",
+    REACTION_REVERSAL: "the pin crosses its clearance, with a knock",
+    DIGITS_LOST: "rounding for the most part",
+}
+"""What a flag means to a reader, by its code."""
+
+
 @dataclass(frozen=True)
 class Flag(Facts):
     """One remark on one sample: code, the block or joint, and its numbers."""

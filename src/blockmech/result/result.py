@@ -15,6 +15,8 @@ from blockmech.engines.numpy import Planar, Whole
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import held, listed, refused
 from blockmech.ground.report import DEGREES, places
+from blockmech.ground.runnable import LazyMethod
+from blockmech.ground.units import NoQuantity, quantity
 from blockmech.plan.plan import Output, Plan, Undefined
 from blockmech.result.exported import Exported
 from blockmech.result.motion import Motion
@@ -40,7 +42,12 @@ class Result(Exported, Generic[M]):
     """
 
     called = "a result"
-    instead = "draw.plot draws its outputs; the mechanism is its .mechanism"
+    instead = "its plot() draws its outputs; the mechanism is its .mechanism"
+
+    plot = LazyMethod("blockmech.figures.curves")
+    stroke = LazyMethod("blockmech.analysis.stroke")
+    _digits_lost = LazyMethod("blockmech.analysis.rounding", "digits_lost")
+    _motion_svg = LazyMethod("blockmech.draw.simulation", "motion_svg")
 
     mechanism: M  # a `Compiled`, which makes results
     _planned: tuple[tuple[str, ...], Mapping[str, tuple[int, ...]]]  # of an unpickled one
@@ -93,6 +100,21 @@ class Result(Exported, Generic[M]):
         return again
 
     # -- reading ----------------------------------------------------------------
+
+    def to(self, *units: str) -> Self:
+        """The same numbers shown in other units, each with those of its kind: deg, rpm, mm, kN.
+
+        Tables, CSV, data frames and pictures follow; arrays by name, JSON and npz stay in SI.
+        ``result.to("deg", "mm").to_csv("turn.csv")``. Raises `RequestError` for what is no unit.
+        """
+        for unit in units:
+            try:
+                quantity(f"1 {unit}")
+            except NoQuantity as error:
+                raise refused("to", error.found, 'e.g. to("deg", "rpm", "mm")') from None
+        shown = object.__new__(type(self))  # a copy would be made as one is pickled: without plan
+        vars(shown).update(vars(self), units=units)
+        return shown
 
     def __getitem__(self, name: str) -> Any:
         if not isinstance(name, str) or name not in self._read:
@@ -337,7 +359,7 @@ class Result(Exported, Generic[M]):
 
         Found by computing a few samples once more with longer numbers, when first asked for.
         """
-        return tuple(self._compiled.digits_lost(self))
+        return tuple(self._digits_lost())
 
     @cached_property
     def judged(self) -> Quality:
@@ -403,8 +425,7 @@ class Result(Exported, Generic[M]):
         return differences
 
     def _repr_html_(self) -> str:
-        picture = "" if self.motion is None else str(self._compiled.motion_svg(self))
-        return super()._repr_html_() + picture
+        return super()._repr_html_() + str(self._motion_svg())
 
     def __repr__(self) -> str:
         gaps = len(self.quality.gaps)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import sys
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.ground.errors import Problem, RequestError, listed, refused
+from blockmech.ground.units import NoQuantity, UnitWarning, in_si, seem_degrees
 from blockmech.ground.values import is_count, is_number
 from blockmech.model.laws_of_motion import ConstantRate, LawOfMotion, RateAcceleration
 from blockmech.model.scene import Scene
@@ -119,7 +123,7 @@ def _forward(weights: Array) -> Array:
 
 
 def make_samples(
-    drivers: Sequence[str],
+    units: Mapping[str, str],
     scene: Scene,
     at: Any = None,
     samples: int | None = None,
@@ -129,6 +133,8 @@ def make_samples(
 ) -> Samples:
     """The samples that a request names; see `Mechanism.run`.
 
+    ``units`` are those of the drivers' coordinates, in their order.
+
     Raises `RequestError` where drivers are unknown or missing, lengths differ,
     numbers are not finite, or the law of motion does not fit the way of asking.
     """
@@ -136,15 +142,15 @@ def make_samples(
     if len(given) > 1:
         raise refused(listed(given), "name the samples in one way only", "at, samples or times")
     if isinstance(at, int | float) and is_number(at) and rates is None and accelerations is None:
-        one = _one_pose(drivers, scene, at)
+        one = _one_pose(units, scene, at)
         if one is not None:
             return one
     with np.errstate(all="ignore"):  # inputs that are not finite have no answer
-        return _of_many(drivers, scene, at, samples, times, rates, accelerations)
+        return _of_many(units, scene, at, samples, times, rates, accelerations)
 
 
 def _of_many(
-    drivers: Sequence[str],
+    units: Mapping[str, str],
     scene: Scene,
     at: Any,
     samples: int | None,
@@ -153,12 +159,12 @@ def _of_many(
     accelerations: Any,
 ) -> Samples:
     if at is not None:
-        return _by_coordinate(drivers, scene, at, rates, accelerations)
+        return _by_coordinate(units, scene, at, rates, accelerations)
     if rates is not None or accelerations is not None:
         raise refused("rates", "rates need coordinates", "give at= as well")
-    laws = _laws(drivers, scene)
+    laws = _laws(units, scene)
     if times is not None:
-        return _by_time(scene, laws, _column("times", times))
+        return _by_time(scene, laws, _column("times", times, "s"))
     n = DEFAULT_SAMPLES if samples is None else samples
     if not is_count(n):
         raise refused("samples", f"must be a positive whole number, got {n!r}", "")
@@ -168,31 +174,38 @@ def _of_many(
         raise refused("samples", f"{n} are more than memory holds", "ask for fewer") from None
 
 
-def _one_pose(drivers: Sequence[str], scene: Scene, q: float) -> Samples | None:
+def _one_pose(units: Mapping[str, str], scene: Scene, q: float) -> Samples | None:
     """The commonest request without arrays: one coordinate of one driver at constant rate."""
-    if len(drivers) != 1:
+    if len(units) != 1:
         return None
-    law = scene.drive.get(drivers[0])
+    ((driver, unit),) = units.items()
+    law = scene.drive.get(driver)
+    if unit == "rad" and q % 10 == 0:
+        _doubt(f"at[{driver}]", [q])
     if type(law) is ConstantRate:
         return Samples(1, {"q_0": [float(q)], "qd_0": [law.rate], "qdd_0": [0.0]}, clock=law)
     return Samples(1, {"q_0": [float(q)], "qd_0": [0.0], "qdd_0": [0.0]}) if law is None else None
 
 
 def _by_coordinate(
-    drivers: Sequence[str], scene: Scene, at: Any, rates: Any, accelerations: Any
+    units: Mapping[str, str], scene: Scene, at: Any, rates: Any, accelerations: Any
 ) -> Samples:
-    q = _per_driver(drivers, "at", at)
-    qd = _per_driver(drivers, "rates", rates) if rates is not None else {}
-    qdd = _per_driver(drivers, "accelerations", accelerations) if accelerations is not None else {}
+    q = _per_driver(units, "at", at)
+    qd = _per_driver(units, "rates", rates, "/s") if rates is not None else {}
+    qdd = {}
+    if accelerations is not None:
+        qdd = _per_driver(units, "accelerations", accelerations, "/s2")
     n = max((len(x) for part in (q, qd, qdd) for x in part.values()), default=1)
     motions, clock = {}, None
-    for driver in drivers:
+    for driver, unit in units.items():
+        if unit == "rad":
+            _doubt(f"at[{driver}]", q[driver].tolist())
         column = _stretched(driver, q[driver], n)
         law = scene.drive.get(driver)
         rate = acceleration = np.zeros(n)
         if isinstance(law, ConstantRate | RateAcceleration):
             _, rate, acceleration = law.at_coordinates(column)
-            if driver not in qd and len(drivers) == 1:
+            if driver not in qd and len(units) == 1:
                 clock = law
         elif law is not None and driver not in qd:
             raise refused(
@@ -247,7 +260,7 @@ def _collected(
     return Samples(n, inputs, times, clock)
 
 
-def _laws(drivers: Sequence[str], scene: Scene) -> dict[str, LawOfMotion]:
+def _laws(drivers: Iterable[str], scene: Scene) -> dict[str, LawOfMotion]:
     missing = [d for d in drivers if d not in scene.drive]
     if missing:
         found = "the driver has no law of motion"
@@ -257,7 +270,8 @@ def _laws(drivers: Sequence[str], scene: Scene) -> dict[str, LawOfMotion]:
     return {d: scene.drive[d] for d in drivers}
 
 
-def _per_driver(drivers: Sequence[str], what: str, raw: Any) -> dict[str, Array]:
+def _per_driver(units: Mapping[str, str], what: str, raw: Any, per: str = "") -> dict[str, Array]:
+    drivers = [*units]
     if not isinstance(raw, Mapping):
         if len(drivers) != 1:
             raise refused(
@@ -272,15 +286,17 @@ def _per_driver(drivers: Sequence[str], what: str, raw: Any) -> dict[str, Array]
         problems = [f"unknown: {listed(map(str, unknown))}"] if unknown else []
         problems += [f"missing: {listed(missing)}"] if missing else []
         raise refused(what, "; ".join(problems), f"drivers: {listed(drivers)}")
-    return {d: _column(f"{what}[{d}]", x) for d, x in raw.items()}
+    return {d: _column(f"{what}[{d}]", x, units[d] + per) for d, x in raw.items()}
 
 
-def _column(where: str, raw: Any) -> Array:
+def _column(where: str, raw: Any, unit: str) -> Array:
     try:
-        given = np.asarray(raw)
+        given = np.asarray(in_si(raw, unit))
         if given.dtype.kind not in "iuf" or np.ma.is_masked(raw):  # text, complex, holes: slips
             raise TypeError
         column = np.atleast_1d(given.astype(np.float64, order="C"))
+    except NoQuantity as error:
+        raise refused(where, error.found, "", error.valid) from None
     except (TypeError, ValueError):
         raise refused(where, "not a row of numbers", "give a number or a sequence") from None
     if column.ndim != 1 or len(column) == 0:
@@ -290,6 +306,26 @@ def _column(where: str, raw: Any) -> Array:
         bad = good.argmin()
         raise refused(f"{where}[{bad}]", f"not a finite number: {column[bad]}", "")
     return column
+
+
+def _doubt(where: str, angles: Sequence[float]) -> None:
+    """Warn of angles that are surely degrees: they are taken as they are, in radians."""
+    if seem_degrees(angles):
+        last = max(angles, key=abs)
+        warnings.warn(
+            f"{where}: these are radians, {last:g} rad are {abs(last) / math.tau:.3g} turns; "
+            f'degrees are written "{last:g}deg"',
+            UnitWarning,
+            stacklevel=_depth(),
+        )
+
+
+def _depth() -> int:
+    """How many calls ago the user's line was: the first that is none of this package."""
+    frame, depth = sys._getframe(1), 1
+    while frame.f_back and str(frame.f_globals.get("__name__")).startswith("blockmech."):
+        frame, depth = frame.f_back, depth + 1
+    return depth
 
 
 def _stretched(driver: str, column: Array, n: int) -> Array:

@@ -22,6 +22,7 @@ FORMULA = ("=", "+", "-", "@")  # with which a spreadsheet lets one begin
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
+@declared
 def to_csv(
     result: Labelled, path: AnyPath | None = None, separator: str = ",", decimal: str = "."
 ) -> str:
@@ -60,12 +61,10 @@ class CsvTable(ABC):
         return csv_of(*self.csv_rows(), path, separator, decimal)
 
 
-def csv_chunks(
-    result: Labelled, separator: str = ",", decimal: str = ".", degrees: bool = False
-) -> Iterator[str]:
-    """The text of `to_csv` in pieces; ``degrees`` gives angles in deg."""
+def csv_chunks(result: Labelled, separator: str = ",", decimal: str = ".") -> Iterator[str]:
+    """The text of `to_csv` in pieces."""
     _check(separator, decimal)
-    return _chunks(result, separator, decimal, degrees)
+    return _chunks(result, separator, decimal)
 
 
 def _word(text: str) -> str:
@@ -109,8 +108,8 @@ def csv_of(
     return stream.getvalue()
 
 
-def _chunks(result: Labelled, separator: str, decimal: str, degrees: bool) -> Iterator[str]:
-    table, bound = columns(result, degrees), result.friction_error
+def _chunks(result: Labelled, separator: str, decimal: str) -> Iterator[str]:
+    table, bound = columns(result), result.friction_error
     if bound is not None:
         table.append(Column("friction error", "", np.where(np.isfinite(bound), bound, np.nan), ""))
     yield csv_of([*(column.head for column in table), "status"], (), separator=separator)

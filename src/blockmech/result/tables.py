@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.ground.report import DEGREES
 from blockmech.plan.plan import Output, Undefined
 from blockmech.result.columns import (
     Column,
@@ -21,7 +20,7 @@ from blockmech.result.columns import (
     output_columns,
     without_noise,
 )
-from blockmech.result.quality import OK
+from blockmech.result.quality import ADVICE, OK
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -32,6 +31,8 @@ NARROWEST = len("[N m]  ")  # of the columns of a table: the unit, and the gap t
 LINES = 4  # remarks of one kind, names of further outputs
 FIRST = (".drive", "mechanism.friction_power", ".reaction")
 """What a reader looks for first, by the end of the name; then the order of the result."""
+
+FRICTION_ALONE = "  no load keeps work over the run: friction takes all that the drive gives"
 
 
 @dataclass(frozen=True)
@@ -65,31 +66,28 @@ def leading(outputs: Mapping[str, Output]) -> tuple[str, ...]:
     return (*ranked[: WIDTH // NARROWEST], *others)
 
 
-def table(
-    result: Labelled, degrees: bool = DEGREES, width: int = WIDTH, of: Collection[str] = ()
-) -> str:
+def table(result: Labelled, width: int = WIDTH, of: Collection[str] = ()) -> str:
     """A text table: drivers and the outputs that fit, units in the head, gaps named.
 
     Parameters
     ----------
-    degrees : angles in deg in place of rad
     width : characters of a line
     of : names of all outputs, where only the `leading` ones were computed
     """
-    shown = _select(result, degrees, width, of or tuple(result))
+    shown = _select(result, width, of or tuple(result))
     console = _console(width)
     console.print(_grid(shown.columns, shown.rows, result.quality.status if shown.gaps else ()))
     assert isinstance(console.file, io.StringIO)
     lines = [line.rstrip() for line in console.file.getvalue().splitlines()]
-    footer = list(_footer(result, shown, degrees))
+    footer = list(_footer(result, shown))
     return "\n".join(
         [_title(result, len(of or result)), "", *lines, *([""] if footer else []), *footer]
     )
 
 
-def html_table(result: Labelled, degrees: bool = DEGREES) -> str:
+def html_table(result: Labelled) -> str:
     """The same table as HTML, for notebooks; every name is escaped."""
-    shown = _select(result, degrees, WIDTH, tuple(result))
+    shown = _select(result, WIDTH, tuple(result))
     status = result.quality.status
     heads = [*(column.head for column in shown.columns), "status"]
     lines = [
@@ -100,17 +98,17 @@ def html_table(result: Labelled, degrees: bool = DEGREES) -> str:
     for i in shown.rows:
         lines.append(_html_row("td", [*(_cell(c.values[i]) for c in shown.columns), status[i]]))
     lines.append("</table>")
-    lines += [f"<p>{html.escape(line)}</p>" for line in _footer(result, shown, degrees)]
+    lines += [f"<p>{html.escape(line)}</p>" for line in _footer(result, shown)]
     return "\n".join(lines)
 
 
-def gap_lines(result: Labelled, degrees: bool = DEGREES) -> list[str]:
+def gap_lines(result: Labelled) -> list[str]:
     """One line for neighbouring samples without an answer: why, how many, where."""
     quality = result.quality
     gaps = quality.gaps
     if not gaps:
         return []
-    drivers = [c for c in driver_columns(result, degrees) if c.output in result.drivers]
+    drivers = [c for c in driver_columns(result) if c.output in result.drivers]
     lines = [f"no answer at {len(gaps)} of {counted(result.n, 'sample')}:"]
     groups = groupby(
         enumerate(gaps), lambda g: (g[1] - g[0], quality.status[g[1]], quality.blame[g[1]])
@@ -132,8 +130,8 @@ def gap_lines(result: Labelled, degrees: bool = DEGREES) -> list[str]:
 # -- what is shown ---------------------------------------------------------------------
 
 
-def _select(result: Labelled, degrees: bool, width: int, of: Collection[str]) -> Selection:
-    chosen = driver_columns(result, degrees)
+def _select(result: Labelled, width: int, of: Collection[str]) -> Selection:
+    chosen = driver_columns(result)
     first = {column.output for column in chosen}
     numbers = [name for name in result if result.output(name).kind == "number"]
     rest = [name for name in of if name not in first and name not in numbers]
@@ -147,7 +145,9 @@ def _select(result: Labelled, degrees: bool, width: int, of: Collection[str]) ->
     everything = len(of) == len(result.mechanism.outputs)
     for name in sorted(rest, key=_rank) if everything else rest:  # else as they were asked for
         # Once one does not fit, smaller ones must not jump the queue.
-        parts = output_columns(result, name, degrees) if name in result and not more else []
+        parts = output_columns(result, name) if name in result and not more else []
+        if everything and len(parts) == 2 and result.output(name).kind == "vector":
+            parts = [Column(f"|{name}|", parts[0].unit, np.abs(result[name]), name)]
         if parts and (not shown_any or _wide([*chosen, *parts], rows, status) <= width):
             chosen += parts
             shown_any = True
@@ -201,7 +201,8 @@ def _grid(columns: list[Column], rows: list[int], status: tuple[str, ...]) -> An
     grid = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="")
     for column in columns:
         block, _, quantity = column.output.rpartition(".")
-        quantity += column.name[len(column.output) :]
+        sized = column.name.startswith("|")
+        quantity = f"|{quantity}|" if sized else quantity + column.name[len(column.output) :]
         head = f"{block}\n{quantity}\n[{column.unit or '-'}]"
         grid.add_column(head, justify="right", no_wrap=True)
     if status:
@@ -233,16 +234,18 @@ def _title(result: Labelled, outputs: int) -> str:
     return f"{name}: {counted(result.n, 'sample')}, {counted(outputs, 'output')}{how}"
 
 
-def _footer(result: Labelled, shown: Selection, degrees: bool) -> Iterator[str]:
+def _footer(result: Labelled, shown: Selection) -> Iterator[str]:
     for name in shown.numbers:
         x, unit = result[name], result.output(name).unit
         if isinstance(x, Undefined):
             yield f"{name}: not defined for this run: {x.why}"
         else:
             yield f"{name} = {_cell(float(x))} {unit}".rstrip()
+            if name.endswith(".friction_efficiency") and x == 0:
+                yield FRICTION_ALONE
     if len(shown.rows) < result.n:
         yield f"{len(shown.rows)} of {result.n} samples shown"
-    yield from gap_lines(result, degrees)
+    yield from gap_lines(result)
     yield from flag_lines(result)
     yield from (f"note: {text}" for text in result.notes())
     if shown.more:
@@ -253,10 +256,12 @@ def _footer(result: Labelled, shown: Selection, degrees: bool) -> Iterator[str]:
 def flag_lines(result: Labelled) -> Iterator[str]:
     """The flags of a result by kind and place."""
     flags = result.quality.flags
-    counts = Counter((flag.code, flag.where) for flag in flags)
+    counts, shown = Counter((flag.code, flag.where) for flag in flags), set[str]()
     for (code, where), count in list(counts.items())[:LINES]:
         first = next(f.sample for f in flags if (f.code, f.where) == (code, where))
         yield f"flag {code} at {where}: {counted(count, 'sample')}, first {first}"
+        shown.add(code)
+    yield from (f"  {code}: {ADVICE[code]}" for code in ADVICE if code in shown)
     if len(counts) > LINES:
         yield f"and flags of {len(counts) - LINES} more kinds, see quality"
 

@@ -219,7 +219,7 @@ def _stroke_slopes(
     An end is an extreme position, so where it is does not count in first order.
     """
     run = base.result
-    moved = run.mechanism.stroke_of(run, w.output)
+    moved = run.stroke(w.output)
     if moved.path == "curved":
         raise refused(w.label, "a stroke along a curve has no derivative", "take a part of it")
     ends = moved.low, moved.high

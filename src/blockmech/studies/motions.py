@@ -128,7 +128,7 @@ class MotionRunner(Runner):
                 remedy = close_match(str(name), known) or "friction and outputs are the study's"
                 raise refused(f"simulate[{name}]", found, remedy, valid, "unknown-argument")
         friction_asked(*_friction(settings).values())
-        request, starts = request_of(m.scene, m.drivers, **simulation)
+        request, starts = request_of(m.scene, m.coordinate_units, **simulation)
         stops_of(m, starts, simulation.get("stops"))
         times = simulation.get("times")
         spread = OUTPUTS if times is None else len(request.times)
@@ -167,7 +167,7 @@ class MotionRunner(Runner):
     def settled(self, count: int) -> MotionRunner:
         """Itself: each motion chooses its engine. Raises `RequestError` for none of motions."""
         m = self.family.mechanism
-        request_of(m.scene, m.drivers, engine=self.engine, **self.simulation)
+        request_of(m.scene, m.coordinate_units, engine=self.engine, **self.simulation)
         return self
 
     @property
@@ -285,7 +285,7 @@ class Together:
         if not all(known):
             return None
         given = {"engine": runner.engine, **runner.simulation}
-        request, starts = request_of(m.scene, m.drivers, **given)
+        request, starts = request_of(m.scene, m.coordinate_units, **given)
         stops = stops_of(m, starts, runner.simulation.get("stops"))
         if any(math.isfinite(stop.q) for between in stops for stop in between):
             return None  # where a pair's stop is, each design says for itself

@@ -95,7 +95,7 @@ class Runner:
 
     def samples(self, mechanism: Compiled) -> Samples:
         """The poses. Raises `RequestError` where they are wrong."""
-        return make_samples(mechanism.drivers, mechanism.scene, **self.over)
+        return make_samples(mechanism.coordinate_units, mechanism.scene, **self.over)
 
     def samples_of_design(self) -> int:
         """Number of poses."""
@@ -184,7 +184,7 @@ class Runner:
                         values[w.label][i] = rest_value(other, self.samples(other), w.output)
                         continue
                     run = other.run(want=w.output, **self.over, **self.settings)
-                    values[w.label][i] = other.stroke_of(run, w.output).length
+                    values[w.label][i] = run.stroke(w.output).length
         return block._replace(values=values)
 
     def _without(self, n: int, error: BlockmechError) -> Rows:

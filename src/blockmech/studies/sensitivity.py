@@ -12,8 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.figures import palette as ink
+from blockmech.figures.bars import THICK
+from blockmech.figures.paper import panelled, scaled_unit, shown_name
+from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import held, listed
-from blockmech.ground.pictured import Pictured
 from blockmech.ground.plane import EPS
 from blockmech.ground.report import DEGREES, as_json, sections
 from blockmech.model.parameters import Parameter
@@ -25,6 +28,7 @@ from blockmech.studies.reductions import POSES, Wanted, components
 Array = NDArray[Any]
 SHOWN = 12  # numbers of a ranking that are shown
 PERCENT = 0.01  # of a number's size: the change by which numbers are ranked
+PANELS = 6  # outputs that one picture can hold
 
 
 class Effect(NamedTuple):
@@ -65,8 +69,6 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
     left_out : address of a number, or output -> why it has no derivative
     reduced : reduction -> how it is one, and its value; its derivatives are (m, 1)
     """
-
-    PICTURE = "blockmech.draw.sensitivity:sensitivity_figure"
 
     result: Result
     parameters: Mapping[str, Parameter]
@@ -142,6 +144,28 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
 
     # -- shown ------------------------------------------------------------------------
 
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+        """The ranked bars of the first outputs."""
+        ranked = {name: self._moving(name) for name in list(self)[:PANELS]}
+        heights = [(len(effects) + 3.5) * ink.ROW for effects in ranked.values()]
+        n = self.result.n
+        over = "one sample" if n == 1 else f"{n} samples"
+        caption = (
+            f"{shown_name(self.result.mechanism.name, 40)}: largest change of an output over "
+            f"{over} by a hundredth of a number, of a zero by that of the largest of its unit. "
+            "Blue: both grow together; orange, hatched: one shrinks; grey: a vector."
+        ) + self.doubts_text(ranked)
+        layout: Any = {"height_ratios": heights, "sharex": False, "ax": ax}
+        with panelled(caption, sum(heights) + ink.ROW / 2, len(ranked), **layout) as panels:
+            for (axes,), (name, effects) in zip(panels, ranked.items(), strict=True):
+                _bars(axes, name, self.unit_of(name), effects)
+        return axes.figure
+
+    def _moving(self, name: str) -> list[Effect]:
+        """The strongest numbers of an output, without those that do nothing."""
+        ranked = self.ranked(name)[:SHOWN]
+        return [e for e in ranked if e.change > 0.0] or ranked[:1]
+
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """For each output a table of its numbers, ranked; then the flags of the run."""
         yield from sections([*map(self._table, self), flag_lines(self.result)])
@@ -191,7 +215,7 @@ class Sensitivity(CsvTable, Pictured, Mapping[str, Array]):
 
     def csv_rows(self) -> tuple[list[str], Iterable[Iterable[Any]]]:
         """A row an output (component) and sample, a column a number."""
-        drivers = driver_columns(self.result, False)
+        drivers = driver_columns(self.result)
 
         def at(column: Any) -> Callable[[int, str], Any]:
             return lambda k, output: "" if self.one_number(output) else column.values[k]
@@ -216,3 +240,21 @@ def size_of(p: Parameter, others: Iterable[Parameter]) -> float:
 def _shown(x: Any) -> str:
     x = x + 0.0  # no -0
     return f"({x.real:.4g}, {x.imag:.4g})" if isinstance(x, complex) else f"{x:.6g}"
+
+
+def _bars(axes: Any, name: str, unit: str, effects: list[Effect]) -> None:
+    factor, scaled = scaled_unit(unit, effects[0].change)
+    for row, e in enumerate(effects):
+        if isinstance(e.derivative, complex):
+            style: dict[str, Any] = {"color": ink.GREY}
+        elif e.derivative > 0:
+            style = {"color": ink.FORWARD}
+        else:
+            style = {"facecolor": ink.PAPER, "edgecolor": ink.BACK, "hatch": "/////", "lw": 0.8}
+        axes.barh(row, factor * e.change, height=THICK, **style)
+    axes.set_yticks(range(len(effects)), [e.parameter.address for e in effects])
+    axes.tick_params(axis="y", length=0)
+    axes.invert_yaxis()
+    axes.set_xlabel(f"{name}: change by 1 % [{scaled or '–'}]", labelpad=1)
+    axes.grid(False, axis="y")
+    axes.spines[["top", "right"]].set_visible(False)

@@ -12,9 +12,11 @@ from typing import Any
 
 from blockmech.compiled import Compiled
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import needed
+from blockmech.ground.errors import needed, refused
 from blockmech.ground.files import AnyPath
-from blockmech.studies.family import Family
+from blockmech.ground.units import NoQuantity, in_si
+from blockmech.model.parameters import named
+from blockmech.studies.family import Family, parameters
 from blockmech.studies.fingerprint import fingerprint
 from blockmech.studies.motions import runner_of
 from blockmech.studies.rows import WITHOUT, Parts, Rows, Span
@@ -53,7 +55,7 @@ def study(
 
     Parameters
     ----------
-    vary : address -> values (k,), or a distribution (`normal`, `uniform`)
+    vary : address -> values (k,), e.g. ["50mm", 0.06], or a distribution (`normal`, `uniform`)
         See `Mechanism.parameters` for the addresses.
     want : ``{"crank.drive": ["max_abs", "rms"], "dyad.margin": "min"}``, or texts such as
         ``"max_abs(crank.drive)"``
@@ -95,6 +97,7 @@ def study(
         (``fast``)
     """
     how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
+    vary = _in_si(mechanism, vary) if isinstance(vary, Mapping) else vary
     chosen = designs(vary, sampling, count, seed)
     family = Family(mechanism, vary, friction)
     poses = {"at": poses_of(over, at), "samples": samples, "times": times}
@@ -112,6 +115,18 @@ def study(
         runner.engine,
         runner,
     )
+
+
+def _in_si(mechanism: Compiled, vary: Mapping[str, Any]) -> dict[str, Any]:
+    """What varies, with numbers in SI in place of texts with a unit."""
+    rows = {a: [x] if isinstance(x, str) else x for a, x in vary.items()}
+    texts = [a for a, x in rows.items() if type(x) in (list, tuple) and str in map(type, x)]
+    try:
+        for p, a in named(parameters(mechanism), {a: a for a in texts}).items() if texts else ():
+            rows[a] = in_si(rows[a], p.unit)
+    except NoQuantity as error:
+        raise refused(f"vary.{a}", error.found, "", error.valid) from None
+    return rows
 
 
 def _rows(

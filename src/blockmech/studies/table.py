@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.figures import palette as ink
+from blockmech.figures.paper import axis_label, panelled, scaled_unit, shown_name
+from blockmech.figures.pictured import Pictured
 from blockmech.ground.arguments import declared
-from blockmech.ground.errors import held, listed, needed
+from blockmech.ground.errors import held, listed, needed, refused
 from blockmech.ground.files import AnyPath
-from blockmech.ground.pictured import Pictured
 from blockmech.ground.report import DEGREES
 from blockmech.model.parameters import Parameter
 from blockmech.result.data import dataframe
@@ -30,6 +32,12 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 ROWS = 12  # designs that are shown
 T = TypeVar("T")
+PANEL = 14.0 * ink.TEXT  # [pt] height of a panel of a picture
+CELL = 11.0 * ink.TEXT  # [pt] size of a cell of a matrix
+PANELS, CELLS = 6, 7  # results and numbers that one picture can hold
+DOT = 3.0  # [pt2] of a design in a scatter
+ENDS = (2, 98)  # percent of the designs that the colours of a map are spread over
+FOOT = 0.03  # of a panel's height: where designs without an answer are marked
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,8 +56,6 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
     engine : the engine that was taken
     runner : what ran the designs, and can run them again
     """
-
-    PICTURE = "blockmech.draw.study:study_figure"
 
     name: str
     parameters: Mapping[str, Parameter]
@@ -191,6 +197,88 @@ class Study(CsvTable, Pictured, Mapping[str, Array]):
         return dataset
 
     # -- for people -----------------------------------------------------------------
+
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+        """Curves over one number, maps over two, a matrix of scatter over more.
+
+        Designs without an answer are shown where they are: marked at the foot of a curve or a
+        scatter, hatched in a map. Raises `RequestError` where no number was kept.
+        """
+        results = self.table()[len(self.vary) :][:PANELS]
+        if not results:
+            found = "poses are arrays, and no other number was kept"
+            raise refused("plot", found, "keep e.g. a max_abs as well")
+        grid = len(self.vary) if self.designs.sampling == "grid" else 0
+        mapped = grid == 2 and min(self.designs.shape) > 1
+        missing, mark = self.n - self.status.count("ok"), "hatched" if mapped else "crosses"
+        caption = f"{shown_name(self.name, 40)}: {self.n} designs"
+        caption += f", {missing} without an answer ({mark})." if missing else "."
+        numbers = self.table()[: len(self.vary)][:CELLS]
+        return (self._maps if mapped else self._matrix)(caption, results, numbers, ax)
+
+    def _maps(
+        self, caption: str, results: Sequence[Column], numbers: Sequence[Column], ax: Any
+    ) -> Any:
+        """Every result by colours over two numbers."""
+        first, second = numbers
+        x, y = (self.grid(c.name) for c in numbers)
+        columns = min(len(results), 2)
+        rows = -(-len(results) // columns)
+        layout: Any = {"width": columns * ink.COLUMN, "sharex": False, "ax": ax}
+        height = rows * 1.25 * PANEL + ink.ROW / 2
+        with panelled(caption, height, rows, columns, **layout) as panels:
+            for axes in panels.flat[len(results) :]:
+                axes.remove()
+            for axes, column in zip(panels.flat, results, strict=False):
+                known = column.values[np.isfinite(column.values)]
+                low, high = np.percentile(known, ENDS) if len(known) else (0, 1)
+                factor, unit = scaled_unit(column.unit, max(abs(low), abs(high)))
+                z = factor * self.filled(column.values, np.nan)
+                axes.patch.set(facecolor=ink.PAPER, hatch="////", edgecolor=ink.PALE)
+                look: Any = {"cmap": "cividis", "shading": "nearest", "rasterized": True}
+                drawn = axes.pcolormesh(x, y, z, vmin=factor * low, vmax=factor * high, **look)
+                bar = axes.figure.colorbar(drawn, ax=axes, pad=0.02, extend="both")
+                bar.set_label(axis_label(column.name, unit, PANEL), labelpad=2)
+                axes.grid(False)
+                axes.set_xlabel(axis_label(first.name, first.unit, ink.COLUMN * 0.7), labelpad=1)
+                axes.set_ylabel(axis_label(second.name, second.unit, PANEL), labelpad=2)
+        return panels[0, 0].figure
+
+    def _matrix(
+        self, caption: str, results: Sequence[Column], numbers: Sequence[Column], ax: Any
+    ) -> Any:
+        """Every result over every number that varies, as a curve over the only one of a grid."""
+        curves = self.designs.sampling == "grid" and len(self.vary) == 1
+        bad = np.array([word != "ok" for word in self.status])
+        height, width = len(results) * PANEL, ink.COLUMN
+        over, beside = ink.COLUMN, PANEL * 0.8
+        if not curves:
+            height = len(results) * CELL + 3 * ink.TEXT
+            width = max(ink.COLUMN, len(numbers) * CELL + 5 * ink.TEXT)
+            over = beside = CELL * 0.9
+        layout: Any = {"width": width, "sharey": "row", "ax": ax}
+        with panelled(
+            caption, height + ink.ROW / 2, len(results), len(numbers), **layout
+        ) as panels:
+            for row, column in zip(panels, results, strict=True):
+                sizes = np.abs(column.values[np.isfinite(column.values)])
+                factor, unit = scaled_unit(column.unit, float(sizes.max(initial=0.0)))
+                y = factor * column.values
+                for axes, number in zip(row, numbers, strict=True):
+                    dots: Any = {"color": ink.FORWARD, "marker": "." if self.n <= 1 else ""}
+                    if curves:
+                        axes.plot(number.values, y, **dots)
+                    else:
+                        dots = {"color": ink.FORWARD, "s": DOT, "lw": 0, "rasterized": True}
+                        axes.scatter(number.values, y, **dots)
+                        axes.locator_params(nbins=4)
+                    foot, place = np.full(bad.sum(), FOOT), axes.get_xaxis_transform()
+                    style = {"marker": "x", "s": 8, "lw": 0.6, "color": ink.ALARM, "zorder": 3}
+                    axes.scatter(number.values[bad], foot, transform=place, **style)
+                row[0].set_ylabel(axis_label(column.name, unit, beside), labelpad=2)
+            for axes, number in zip(panels[-1], numbers, strict=True):
+                axes.set_xlabel(axis_label(number.name, number.unit, over), labelpad=1)
+        return panels[0, 0].figure
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """Some designs as a table, then why others have no answer."""

@@ -21,8 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.compiled import Compiled
+from blockmech.figures import palette as ink
+from blockmech.figures.curves import abscissa, values
+from blockmech.figures.panels import Abscissa
+from blockmech.figures.paper import legend_above, panelled, scaled_unit, shown_name
+from blockmech.figures.pictured import Pictured
 from blockmech.ground.errors import Problem, RequestError
-from blockmech.ground.pictured import Pictured
 from blockmech.ground.report import DEGREES, sections
 from blockmech.model.parameters import named
 from blockmech.result.exported import aligned
@@ -35,6 +39,9 @@ from blockmech.studies.workers import Work
 from blockmech.typing import Coordinates, FrictionMethod, Numbers, Progress
 
 Array = NDArray[Any]
+PANEL = 11.0 * ink.TEXT  # [pt] height of a panel of a picture
+OUTPUTS, NUMBERS = 3, 5  # that one picture can hold
+BAND = 3.0  # standard deviations: 99.7 % of a normal distribution
 
 
 class Scatter(NamedTuple):
@@ -61,8 +68,6 @@ class Tolerance(Pictured, Mapping[str, Array]):
     sampled : output -> what Monte Carlo found; empty where no designs were drawn
     """
 
-    PICTURE = "blockmech.draw.tolerance:tolerance_figure"
-
     sensitivity: Sensitivity
     laws: Mapping[str, Distribution]
     sampled: Mapping[str, Scatter]
@@ -88,6 +93,60 @@ class Tolerance(Pictured, Mapping[str, Array]):
         return variances
 
     # -- shown --------------------------------------------------------------------------
+
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+        """The first outputs with their bands and deviations."""
+        result = self.sensitivity.result
+        curves = [name for name in self if not self.sensitivity.one_number(name)]
+        names = (curves or list(self))[:OUTPUTS]
+        across = Abscissa("one number a design", np.zeros(1))
+        if curves:
+            across = abscissa(result, degrees=degrees)
+        total = sum(np.nan_to_num(self.shares(name)).sum(axis=1) for name in names)
+        order = np.argsort(-np.asarray(total), kind="stable")[:NUMBERS]  # a colour in all panels
+        caption = (
+            f"{shown_name(result.mechanism.name, 40)}: outputs with bands of {BAND:g} standard "
+            "deviations, a vector by its length; below the deviation, filled by the shares of the "
+            "numbers in the variance"
+        ) + (", dots by Monte Carlo." if self.sampled else ".")
+        caption += self.sensitivity.doubts_text(names)
+        rows = 2 * len(names)
+        with panelled(caption, rows * PANEL + 2.5 * ink.ROW, rows, ax=ax) as panels:
+            for k, name in enumerate(names):
+                self._band(panels[2 * k, 0], name, across.values)
+                self._draw_shares(panels[2 * k + 1, 0], name, across.values, order)
+            legend_above(panels[1, 0], ink.COLUMN)
+            panels[-1, 0].set_xlabel(across.words, labelpad=1)
+        return panels[0, 0].figure
+
+    def _band(self, axes: Any, name: str, x: Any) -> None:
+        run, deviation = self.sensitivity, self[name]
+        y = np.abs(run.value(name)) if name in run.reduced else values(run.result, name)
+        factor, unit = scaled_unit(run.unit_of(name), float(np.nanmax(np.abs(y))))
+        y, band = factor * y, factor * BAND * deviation
+        if len(x) == 1:
+            axes.errorbar(x, y, band, fmt=".", color=ink.FORWARD, capsize=3)
+        axes.fill_between(x, y - band, y + band, color=ink.LINK_FILLS[0], lw=0)
+        axes.plot(x, y, color=ink.FORWARD, lw=0.8)
+        axes.set_ylabel(f"{shown_name(name)} [{unit or '–'}]", labelpad=2)
+
+    def _draw_shares(self, axes: Any, name: str, x: Any, order: Any) -> None:
+        deviation, shares = self[name], np.nan_to_num(self.shares(name))
+        factor, unit = scaled_unit(self.sensitivity.unit_of(name), float(np.nanmax(deviation)))
+        rows = [factor * deviation * shares[j] for j in order]
+        addresses = list(self.laws)
+        labels = [addresses[j] for j in order]
+        if len(x) == 1:
+            axes.set_xticks(x)
+            for k, label in enumerate(labels):
+                axes.bar(x, rows[k], bottom=sum(rows[:k]), label=label, color=ink.LINK_FILLS[k])
+        else:
+            axes.stackplot(x, rows, labels=labels, colors=ink.LINK_FILLS, lw=0)
+        axes.plot(x, factor * deviation, color=ink.INK, lw=0.8)
+        if name in self.sampled:
+            axes.plot(x, factor * self.sampled[name].deviation, ".", ms=3, color=ink.ALARM)
+        axes.set_ylabel(f"deviation [{unit or '–'}]", labelpad=2)
+        axes.set_ylim(bottom=0.0)
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """For each output its largest deviation, and what the numbers have in it there."""

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import panel as pn
 
-from blockmech.draw.curves import chosen_panels
-from blockmech.draw.panels import Abscissa, Panel, draw_panels
-from blockmech.draw.paper import image
+from blockmech.figures.curves import chosen_panels
+from blockmech.figures.panels import Abscissa, Panel, draw_panels
+from blockmech.figures.paper import image
 from blockmech.ground.errors import BlockmechError
 from blockmech.result.samples import Samples
 from blockmech.studies.differentiate import without_derivative

@@ -15,7 +15,7 @@ import panel as pn
 
 import blockmech
 from blockmech.draw.mechanism import draw_tile
-from blockmech.draw.paper import image
+from blockmech.figures.paper import image
 from blockmech.studio.looks import LINES, Plain, button, row
 from blockmech.studio.sketching import outlines_of, pins_of
 from blockmech.studio.work import OnProgress, Work

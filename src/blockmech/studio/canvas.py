@@ -14,9 +14,9 @@ from typing import Any
 from blockmech.draw.boxes import Content, DrawnBlock
 from blockmech.draw.diagram import view_of
 from blockmech.draw.layout import Box, arrange
-from blockmech.draw.palette import ROW, SIZES, SMALL, TEXT
-from blockmech.draw.paper import text_width, wrapped
 from blockmech.draw.routing import Placed, Point, Rectangle, place, way_between
+from blockmech.figures.palette import ROW, SIZES, SMALL, TEXT
+from blockmech.figures.paper import text_width, wrapped
 from blockmech.model.diagram import Ends
 from blockmech.model.graph import Graph
 from blockmech.studio.edits import markers_of

@@ -12,11 +12,11 @@ from bokeh.layouts import column
 from bokeh.models import BoxAnnotation, ColumnDataSource, Label, Span
 from bokeh.plotting import figure
 
-from blockmech.draw import palette as ink
-from blockmech.draw.curves import chosen_panels, without_friction
 from blockmech.draw.motion import Motion
-from blockmech.draw.panels import WITHOUT, Abscissa, Panel
-from blockmech.draw.paper import scaled_unit, shown_name
+from blockmech.figures import palette as ink
+from blockmech.figures.curves import chosen_panels, without_friction
+from blockmech.figures.panels import WITHOUT, Abscissa, Panel
+from blockmech.figures.paper import scaled_unit, shown_name
 from blockmech.result.result import Result
 from blockmech.studio.plots import FONT, coloured, dress
 from blockmech.studio.session import heard

@@ -14,7 +14,7 @@ import param
 
 from blockmech.blocks.registry import REGISTRY
 from blockmech.draw.boxes import content_of
-from blockmech.draw.palette import ROW
+from blockmech.figures.palette import ROW
 from blockmech.ground.errors import BlockmechError, Problem
 from blockmech.model import graph
 from blockmech.model.diagram import Wire

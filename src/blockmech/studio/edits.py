@@ -11,7 +11,7 @@ from typing import Any
 
 from blockmech.blocks.contract import Block, Moving
 from blockmech.blocks.registry import REGISTRY
-from blockmech.draw.palette import ROW
+from blockmech.figures.palette import ROW
 from blockmech.ground.errors import GraphError
 from blockmech.loads.contract import Element
 from blockmech.model import checks

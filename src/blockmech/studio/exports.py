@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.draw.animation import MOVING, Animation
+from blockmech.draw.animation import Animation
 from blockmech.draw.mechanism import draw_mechanism
-from blockmech.draw.paper import STILL, rendered
 from blockmech.draw.simulation import FRAME
 from blockmech.exchange.formats import WRITERS, Order
+from blockmech.figures.paper import MOVING, STILL, rendered
 from blockmech.ground.errors import refused
 from blockmech.ground.runnable import EVERYTHING
 

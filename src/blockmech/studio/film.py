@@ -13,17 +13,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.draw import palette as ink
 from blockmech.draw import shapes
 from blockmech.draw.animation import SEEN
 from blockmech.draw.labels import DIRECTIONS, DISTANCES, LEADER, LINE, NEAR, cheapest
 from blockmech.draw.mechanism import paths_of, places_of
 from blockmech.draw.motion import SAME_PLACE, Complex, Motion
 from blockmech.draw.page import Paths, Shape
-from blockmech.draw.palette import MOST, SIZES, SMALL
-from blockmech.draw.paper import shown_name, text_width
 from blockmech.draw.shapes import Stage
 from blockmech.draw.sketch import Outline, Sketch, sketch_of
+from blockmech.figures import palette as ink
+from blockmech.figures.palette import MOST, SIZES, SMALL
+from blockmech.figures.paper import shown_name, text_width
 from blockmech.model.spots import Spot, marker_place, pin_spot
 from blockmech.model.structure import JointRef, LinkRef, Structure
 from blockmech.studio.plots import PIXELS, coloured

@@ -11,7 +11,7 @@ from urllib.parse import quote
 import panel as pn
 
 from blockmech.builders import opened
-from blockmech.draw.paper import rendered
+from blockmech.figures.paper import rendered
 from blockmech.studio.component import style
 from blockmech.testing.graph_files import gallery
 

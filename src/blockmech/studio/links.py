@@ -15,7 +15,7 @@ import panel as pn
 import param
 
 from blockmech.builders import Linkage
-from blockmech.draw import palette as ink
+from blockmech.figures import palette as ink
 from blockmech.ground.errors import BlockmechError, GraphError, refused
 from blockmech.ground.values import Place, xy
 from blockmech.model.joints.contents import FRAME

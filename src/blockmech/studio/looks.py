@@ -9,7 +9,7 @@ from typing import Any
 import panel as pn
 from panel.theme import Inherit, Native
 
-from blockmech.draw import palette as ink
+from blockmech.figures import palette as ink
 from blockmech.studio.component import style
 
 LIGHT = f"""

@@ -13,11 +13,11 @@ import numpy as np
 import panel as pn
 import param
 
-from blockmech.draw.curves import abscissa
 from blockmech.draw.mechanism import caption
 from blockmech.draw.motion import Motion
-from blockmech.draw.panels import Abscissa
 from blockmech.draw.simulation import screen_time
+from blockmech.figures.curves import abscissa
+from blockmech.figures.panels import Abscissa
 from blockmech.ground.errors import BlockmechError, refused
 from blockmech.studio.curves import Plots, margins_of
 from blockmech.studio.dragging import dragged

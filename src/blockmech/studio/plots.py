@@ -5,7 +5,7 @@ from __future__ import annotations
 import colorsys
 from typing import Any
 
-from blockmech.draw import palette as ink
+from blockmech.figures import palette as ink
 
 FONT = "DejaVu Sans, Verdana, sans-serif"
 PIXELS = 12 / ink.SMALL  # of the screen in a point of the page: words 12 px high

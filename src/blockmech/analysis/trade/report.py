@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 
 from blockmech.analysis.trade.measure import Point, Reference, Skipped, cheaper, front
-from blockmech.ground.pictured import Pictured
+from blockmech.figures import palette as ink
+from blockmech.figures.panels import log_ticks, power_of_ten
+from blockmech.figures.paper import legend_above, panelled, shown_name
+from blockmech.figures.pictured import Pictured
 from blockmech.ground.report import DEGREES, Facts, as_json
 from blockmech.result.exported import CsvTable, aligned
 
@@ -19,6 +22,12 @@ USUAL = 1e-9  # target where neither a target nor a time limit is given
 FASTER = 2.0  # an alternative is named if it is this many times faster
 
 HEAD = ("", "method", "setting", "time", "spread", "evaluations", "error", "of")
+PANEL = 22.5 * ink.TEXT  # [pt] height of a panel of a picture with what is below it
+MARKS = "osD^vPX*<>hp"
+MARK = 0.425 * ink.TEXT  # [pt] size of a point
+LABEL = 0.75 * ink.TEXT  # [pt] size of the settings' labels
+SPOTS = ((5, 5), (5, -5), (-5, 5), (-5, -5), (0, 8), (0, -8))  # [pt] of a label, tried in turn
+COSTS = {"seconds": "time of one run [s]", "evaluations": "kernel evaluations [–]"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,8 +47,6 @@ class Trade(CsvTable, Facts, Pictured):
     target, within : the wanted error, and the longest time of a run [s], or None
     spent : processor time that the whole took [s]
     """
-
-    PICTURE = "blockmech.draw.trade:trade_figure"
 
     FACTS = (
         *("question", "measure", "counted", "reference", "notes", "target", "within", "spent"),
@@ -117,6 +124,119 @@ class Trade(CsvTable, Facts, Pictured):
         for point in self.points:
             by_method.setdefault(point.method, []).append(point)
         return by_method
+
+    def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
+        """The work-precision diagram: error over cost, log-log, one series a method.
+
+        The Pareto front is a broad line behind, the floor of the reference hatched. Above the
+        cost in seconds, below in kernel evaluations.
+        """
+        series = self.series()
+        height = len(COSTS) * PANEL + ink.ROW * len(series) / 2
+        layout: Any = {"sharex": False, "ax": ax}
+        with panelled(self._caption(), height, len(COSTS), **layout) as panels:
+            for (axes,), (cost, words) in zip(panels, COSTS.items(), strict=True):
+                axes.set_xlabel(words, labelpad=1)
+                axes.set_ylabel("error [–]", labelpad=2)
+                if series:
+                    self._draw(axes, cost)
+                else:
+                    axes.set(xticks=[], yticks=[])
+            legend_above(panels[0, 0], ink.COLUMN)
+            axes.figure.figure.draw_without_rendering()  # labels need to know the panels' sizes
+            for (axes,), cost in zip(panels, COSTS, strict=True):
+                self._label(axes, cost)
+        return axes.figure
+
+    def _caption(self) -> str:
+        r = self.reference
+        head = f"{shown_name(self.mechanism, 40)}, {self.question}."
+        if not self.points:
+            return f"{head} Nothing was measured: {self.recommendation}."
+        unseen = " On the hatching: no difference seen." * any(p.at_floor for p in self.points)
+        return (
+            f"{head} Error: {self.measure}, against "
+            f"{r.method}, checked by {r.check}, which leaves {r.floor:.0e} open (hatched).{unseen} "
+            "Time: least processor time, bars to the largest of the warm runs, or of one. "
+            f"Evaluations: {self.counted}. Broad grey line: Pareto front. Labels: the setting "
+            "(c64: complex64; n: iterations; a number: accuracy asked for, or step)."
+        )
+
+    def _draw(self, axes: Any, cost: str) -> None:
+        floor = self.reference.floor
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        best = front(self.points, cost)
+        axes.step(
+            [_spent(p, cost) for p in best],
+            [p.error for p in best],
+            where="post",
+            color=ink.PALE,
+            lw=5,
+            zorder=1,
+            solid_capstyle="round",
+        )
+        axes.axhspan(
+            1e-300, floor, facecolor="none", edgecolor=ink.GREY, hatch="////", lw=0, zorder=0
+        )
+        axes.axhline(floor, color=ink.GREY, lw=0.7, zorder=1.5)
+        for i, (name, row) in enumerate(self.series().items()):
+            style = ink.curve_style(i)
+            row = [p for p in row if math.isfinite(p.error)]
+            x, y = [_spent(p, cost) for p in row], [p.error for p in row]
+            bars = [[0.0 for _ in row], [p.slowest - p.seconds for p in row]]
+            axes.errorbar(
+                x,
+                y,
+                xerr=bars if cost == "seconds" and np.any(bars) else None,
+                elinewidth=0.5,
+                lw=0.9,
+                marker=MARKS[i % len(MARKS)],
+                ms=MARK,
+                mfc=ink.PAPER,
+                mew=0.8,
+                label=name,
+                **style,
+            )
+        errors = [p.error for p in self.points if math.isfinite(p.error)]
+        axes.set_ylim(floor / 5, max([*errors, floor]) * 5)
+        axes.margins(x=0.12)
+        for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+            log_ticks(axis, low, high)
+
+    def _label(self, axes: Any, cost: str) -> None:
+        """Write settings beside their points, the front's first, where there is room."""
+        from matplotlib.transforms import Bbox
+
+        best = front(self.points, cost)
+        points = [p for p in self.points if math.isfinite(p.error)]
+        places = axes.transData.transform([(_spent(p, cost), p.error) for p in points] or [(1, 1)])
+        half = MARK / 2 * axes.figure.dpi / 72
+        taken = [Bbox([z - half, z + half]) for z in places]
+        room, renderer = axes.get_window_extent(), axes.figure.canvas.get_renderer()
+        for p in sorted(points, key=lambda p: p not in best):
+            for dx, dy in SPOTS if short(p) else ():
+                text = axes.annotate(
+                    short(p),
+                    (_spent(p, cost), p.error),
+                    (dx, dy),
+                    textcoords="offset points",
+                    fontsize=LABEL,
+                    color=ink.INK,
+                    in_layout=False,
+                    zorder=4,
+                    ha={-1: "right", 0: "center", 1: "left"}[(dx > 0) - (dx < 0)],
+                    va="bottom" if dy > 0 else "top",
+                    bbox={"facecolor": ink.PAPER, "alpha": 0.8, "lw": 0, "pad": 0.2},
+                )
+                box = text.get_window_extent(renderer)
+                inside = (
+                    room.x0 < box.x0 and box.x1 < room.x1 and room.y0 < box.y0 < box.y1 < room.y1
+                )
+                if inside and not box.count_overlaps(taken):
+                    taken.append(box)
+                    break
+                text.remove()
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The table with a star at the front, the reference, what was skipped, the sentence."""
@@ -239,3 +359,24 @@ def _row(p: Point, best: bool) -> tuple[str, ...]:
     spread = f"to {duration(p.slowest)}" if p.repeats > 1 else "one run"
     cells = (duration(p.seconds), spread, f"{p.evaluations}", error)
     return ("*" if best else "", p.method, p.span, *cells, "" if p.at_floor else p.worst)
+
+
+def _spent(point: Point, cost: str) -> float:
+    """What a point costs; one where it costs nothing, as the axis has no zero.
+
+    A run along the path asks no kernel where all that it needs is kept.
+    """
+    return float(getattr(point, cost)) or 1.0
+
+
+def short(p: Point) -> str:
+    """A setting in as few letters as tell it from its neighbours."""
+    words = p.setting.replace("clongdouble", "long double").replace("complex", "c")
+    words = words.removeprefix("accuracy ").removeprefix("step ")
+    if words.endswith(" iterations"):
+        return f"n = {words.removesuffix(' iterations')}"
+    number, _, unit = words.partition(" ")
+    try:
+        return f"{power_of_ten(float(number))} {unit}".rstrip()
+    except ValueError:
+        return words

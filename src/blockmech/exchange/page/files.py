@@ -18,11 +18,11 @@ import numpy as np
 
 import blockmech
 from blockmech.draw.motion import SAME_PLACE, moves
-from blockmech.draw.palette import LINK_FILLS
 from blockmech.draw.sketch import sketch_of
 from blockmech.exchange.c.program import poses
 from blockmech.exchange.formats import Order, Writer
 from blockmech.exchange.page.script import HERE, Script, numbers
+from blockmech.figures.palette import LINK_FILLS
 from blockmech.ground.errors import close_match, listed, refused
 from blockmech.ground.files import refuse_spared, writing
 from blockmech.ground.runnable import EVERYTHING

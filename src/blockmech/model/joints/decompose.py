@@ -39,6 +39,7 @@ from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import reference_problems
 from blockmech.model.joints.varied import settled
 from blockmech.model.naming import Names
+from blockmech.model.parameters import wrong_units
 
 General: TypeAlias = Literal["", "groups", "one"]
 Parts: TypeAlias = tuple[dict[str, Any], Names, Formation, Linkage | None]
@@ -66,7 +67,7 @@ def decompose(linkage: Linkage, general: General = "") -> Parts:
 
 def sequence(linkage: Linkage) -> Sequence:
     """The formation sequence of a document and its pose, refined. Raises like `decompose`."""
-    wrong = list(reference_problems(linkage, vars(linkage)))
+    wrong = [*reference_problems(linkage, vars(linkage)), *wrong_units(linkage.sections())]
     if wrong:
         raise GraphError(wrong)
     layout = Layout.of(linkage)

@@ -13,6 +13,8 @@ from typing import Any
 COLUMN = 8.5 / 2.54 * 72  # [pt] width of a paper's column
 DPI = 300  # of pixel pictures
 
+IN_DEGREES = True  # of angles on axes and in captions of pictures; else radians
+
 TEXT = 8.0  # [pt] what all sizes around words are derived from
 SMALL = 7 / 8 * TEXT
 ROW = 11 / 8 * TEXT  # height of a line of small text, and of a row of a diagram

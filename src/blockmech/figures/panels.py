@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.draw import palette as ink
-from blockmech.draw.paper import legend_above, new_figure, scaled_unit, shown_name, styled
+from blockmech.figures import palette as ink
+from blockmech.figures.paper import grow, legend_above, panelled, scaled_unit, shown_name
 
 Array = NDArray[np.float64]
 
@@ -26,6 +26,7 @@ TALL = 4  # panels up to which they stand below one another
 USUAL, PEAK = 0.95, 20.0  # peaks are what exceeds 20 times what 95 % of the samples stay below
 DEGREES = (15, 30, 60, 90, 180, 360, 720, 1800, 3600)  # steps of ticks
 WITHOUT = "without friction"
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
@@ -68,16 +69,16 @@ class Abscissa:
     events: tuple[tuple[float, str], ...] = ()
 
 
-def draw_panels(panels: Sequence[Panel], along: Abscissa) -> Any:
+def draw_panels(panels: Sequence[Panel], along: Abscissa, ax: Any = None) -> Any:
     """A figure of panels below one another, a column wide, legends above their axes.
 
-    Many panels stand in two columns.
+    Many panels stand in two columns. With ``ax`` they stand in its place.
     """
     columns = 1 if len(panels) <= TALL else 2
     rows = math.ceil(len(panels) / columns)
-    with styled():
-        figure = new_figure(columns * ink.COLUMN, BOTTOM + rows * PANEL, layout="constrained")
-        every = figure.subplots(rows, columns, squeeze=False).T.ravel()
+    layout: Any = {"width": columns * ink.COLUMN, "sharex": False, "ax": ax}
+    with panelled("", BOTTOM + rows * PANEL, rows, columns, **layout) as grid:
+        every = grid.T.ravel()
         lines = np.zeros(columns * rows, int)
         for k, (panel, axes) in enumerate(zip(panels, every, strict=False)):
             _draw_panel(axes, panel, along)
@@ -85,12 +86,11 @@ def draw_panels(panels: Sequence[Panel], along: Abscissa) -> Any:
             last = (k + 1) % rows == 0 or k == len(panels) - 1
             axes.tick_params(labelbottom=last)
             axes.set_xlabel(along.words if last else "", labelpad=2)
-        more = lines.reshape(columns, rows).max(axis=0).sum() * ink.ROW
-        figure.set_figheight(figure.get_figheight() + more / 72)
+        grow(every[0], lines.reshape(columns, rows).max(axis=0).sum(), ax)
         for axes in every[len(panels) :]:
             axes.remove()
-        figure.align_ylabels()
-    return figure
+        every[0].figure.align_ylabels(every[: len(panels)])
+    return every[0].figure
 
 
 def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
@@ -123,7 +123,6 @@ def _draw_panel(axes: Any, panel: Panel, along: Abscissa) -> None:
         axes.axvline(at, color=ink.GREY, lw=0.6, dashes=(1.5, 2), zorder=1, label=words)
     axes.set_ylabel(f"{panel.quantity} [{unit or '–'}]", labelpad=3)
     axes.margins(x=0.01 if len(x) > 1 else 0.5)
-    axes.grid(True)
     _set_ticks(axes, np.ptp(x) if len(x) else 0.0, along.turn)
     if panel.peak:
         scale, prefixed = scaled_unit(panel.unit, panel.peak)
@@ -163,3 +162,26 @@ def of_pi(x: float) -> str:
     size = abs(share.numerator)
     sign = "\N{MINUS SIGN}" if share < 0 else ""
     return f"{sign}{size if size != 1 else ''}π{over}" if size else "0"
+
+
+def log_ticks(axis: Any, low: float, high: float) -> None:
+    """Few marks on a logarithmic axis between two ends, as powers of ten."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+
+    decades = math.log10(high / low)
+    few = LogLocator(subs=(1.0, 3.0) if decades < 2 else (1.0,), numticks=7)
+    axis.set_major_locator(few if decades > 1 else MaxNLocator(4))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: power_of_ten(x)))
+    axis.set_minor_locator(NullLocator())
+
+
+def power_of_ten(x: float) -> str:
+    """A number as a digit and a power of ten.
+
+    >>> power_of_ten(2e-3)
+    '2·10⁻³'
+    """
+    digit, exponent = f"{x:.1e}".split("e")
+    digit = digit.removesuffix(".0")
+    raised = "10" + str(int(exponent)).translate(SUPERSCRIPT)
+    return raised if digit == "1" else f"{digit}·{raised}"

@@ -20,11 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from blockmech.draw.palette import COLUMN, DPI, ROW, SMALL, STYLE, TEXT
+from blockmech.figures.palette import COLUMN, DPI, PALE, ROW, SMALL, STYLE, TEXT
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.files import AnyPath, writing
 
 STILL = (".png", ".svg", ".pdf")
+MOVING = (".gif", ".html", ".mp4")
 
 LEGEND = 3.75 * TEXT  # [pt] beside a word of a legend: its line, and what is between columns
 BESIDE = 4.5 * TEXT  # [pt] left of axes: their words
@@ -71,13 +72,74 @@ def new_page(width: float, height: float, left: float, top: float) -> tuple[Any,
 
 
 @contextlib.contextmanager
-def captioned(said: str, height: float, width: float = COLUMN) -> Iterator[Any]:
-    """A figure to be drawn in, with words below it; they come on top of the height [pt]."""
+def panelled(
+    said: str,
+    height: float,
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    ax: Any = None,
+    width: float = COLUMN,
+    height_ratios: Sequence[float] | None = None,
+    sharex: Any = "col",
+    sharey: Any = False,
+) -> Iterator[Any]:
+    """Axes (rows, columns) with a grid, to be drawn in.
+
+    They are of a new figure, a column wide and with words below it, which come on top of the
+    height [pt]; or they stand in place of ``ax``, without the words.
+    """
+    shared = {"squeeze": False, "sharex": sharex, "sharey": sharey}
     with styled():
-        lines = wrapped(said, SMALL, width - 10)
-        figure = new_figure(width, height + ROW * len(lines), layout="constrained")
-        figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=SMALL)
-        yield figure
+        if ax is None:
+            lines = wrapped(said, SMALL, width - 10) if said else []
+            figure = new_figure(width, height + ROW * len(lines), layout="constrained")
+            if lines:
+                figure.supxlabel("\n".join(lines), x=0.02, ha="left", fontsize=SMALL)
+            panels = figure.subplots(rows, columns, height_ratios=height_ratios, **shared)
+        elif rows == columns == 1:
+            panels = np.array([[ax]])
+        else:
+            grid = cell_of(ax).subgridspec(rows, columns, height_ratios=height_ratios)
+            panels = grid.subplots(**shared)
+        for axes in panels.flat:  # those of a user were made in another style
+            axes.grid(True, color=PALE, lw=STYLE["grid.linewidth"])
+            axes.set_axisbelow(True)
+        yield panels
+
+
+def grow(axes: Any, rows: int, ax: Any) -> None:
+    """Make the figure of axes higher by rows of small text, unless it is the user's."""
+    if ax is None:
+        axes.figure.set_figheight(axes.figure.get_figheight() + rows * ROW / 72)
+
+
+def cell_of(ax: Any) -> Any:
+    """The place of axes in their figure, which are emptied: several stand there."""
+    if (cell := ax.get_subplotspec()) is None:
+        remedy = "give one of plt.subplots(); it is shared out among the panels"
+        raise refused("ax", "these axes stand in no grid of subplots", remedy)
+    ax.set_axis_off()
+    return cell
+
+
+def put_in(figure: Any, ax: Any) -> Any:
+    """A picture in a user's axes, which get its coordinates; the user's figure.
+
+    Its words have the sizes of a page, so it is put there as a whole, as an image.
+    """
+    with styled():
+        figure.set_dpi(DPI)
+        figure.canvas.draw()
+        corners = figure.axes[0].transData.inverted().transform([(0.0, 0.0), figure.bbox.max])
+        ax.imshow(np.asarray(figure.canvas.buffer_rgba()), extent=corners.T.ravel(), zorder=0)
+        ax.set_axis_off()
+    return ax.figure
+
+
+def angle_scale(unit: str, degrees: bool) -> tuple[float, str]:
+    """Factor and unit with which a coordinate or an angle stands on an axis."""
+    return (180.0 / math.pi, "°") if degrees and unit == "rad" else (1.0, unit)
 
 
 @lru_cache(maxsize=4096)

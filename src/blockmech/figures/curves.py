@@ -13,18 +13,20 @@ from typing import Any, Literal
 
 import numpy as np
 
-from blockmech.draw.palette import MOST
-from blockmech.draw.panels import Abscissa, Array, Panel
-from blockmech.draw.paper import shown_name
-from blockmech.ground.errors import refused
-from blockmech.ground.report import DEGREES
+from blockmech.figures.palette import IN_DEGREES, MOST
+from blockmech.figures.panels import Abscissa, Array, Panel, draw_panels
+from blockmech.figures.paper import STILL, angle_scale, shown_name, suffix_of, write_figure
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import as_names, refused
+from blockmech.ground.files import AnyPath
+from blockmech.ground.units import shown_in
 from blockmech.result.columns import without_noise
 from blockmech.result.result import Result
 
 Axis = Literal["auto", "coordinate", "time"]
 Panels = tuple[Panel, ...]
 NOTHING: Mapping[str, Array] = {}
-TURNS = {"°": 360.0, "rad": math.tau}
+TURNS = {"°": 360.0, "deg": 360.0, "rad": math.tau}
 
 TOGETHER = 6  # curves that share a panel; more get a panel for each block
 KINEMATICS = {
@@ -34,7 +36,7 @@ KINEMATICS = {
 }
 
 
-def pictures_of(result: Result) -> dict[str, Panels]:
+def pictures_of(result: Result, degrees: bool = False) -> dict[str, Panels]:
     """Panels by name of the picture: what the run computed and is not zero everywhere."""
     twin = without_friction(result)
     pictures = {
@@ -43,7 +45,7 @@ def pictures_of(result: Result) -> dict[str, Panels]:
         "reactions": reaction_panels(result, twin),
     }
     if not pictures["drive"] and not pictures["reactions"]:
-        pictures["kinematics"] = kinematic_panels(result)
+        pictures["kinematics"] = kinematic_panels(result, degrees)
     return {name: panels for name, panels in pictures.items() if panels}
 
 
@@ -105,20 +107,62 @@ def _differences(curves: Mapping[str, Array], bare: Mapping[str, Array]) -> dict
     }
 
 
-def kinematic_panels(result: Result) -> Panels:
+def kinematic_panels(result: Result, degrees: bool = False) -> Panels:
     """Angles, rates and accelerations of links, for a mechanism without forces."""
     panels: Panels = ()
     for suffix, (quantity, unit) in KINEMATICS.items():
         curves = _named(result, f".{suffix}")
         if suffix == "angle":
-            curves = {name: _unwrapped(angle) for name, angle in curves.items()}
+            factor, unit = angle_scale(unit, degrees)
+            curves = {name: factor * _unwrapped(angle) for name, angle in curves.items()}
         if _alive(curves):
             panels += _split(quantity, unit, curves)
     return panels
 
 
-def chosen_panels(result: Result, names: Iterable[str]) -> Panels:
-    """The named outputs, one panel for each quantity and unit.
+@declared
+def plot(
+    result: Result,
+    path: AnyPath | None = None,
+    names: Iterable[str] | None = None,
+    *,
+    over: Axis = "auto",
+    degrees: bool = IN_DEGREES,
+    components: bool = False,
+    ax: Any = None,
+) -> Any:
+    """Draw outputs of a run in one picture, one panel for each quantity.
+
+    Parameters
+    ----------
+    path : .png, .svg or .pdf file; by default none is written
+    names : outputs; by default all that the run wanted, or, if it wanted everything,
+        those of `blockmech.draw.run_pictures`
+    over : driver coordinate or time; "auto" takes what the samples were named by
+    degrees : angles and driver coordinates in degrees
+    components : of vectors x and y with their signs, in place of the magnitude
+    ax : axes to draw in, which are shared out among several panels
+
+    Returns matplotlib's figure. Raises `RequestError` for an unknown suffix or name, or too many
+    curves.
+    """
+    suffix = "" if path is None else suffix_of(path, "a plot", STILL)
+    along = abscissa(result, over, degrees)
+    if names is None and not components and len(result) == len(result.mechanism.outputs):
+        panels = tuple(p for group in pictures_of(result, degrees).values() for p in group)
+    else:
+        wanted = result if names is None else as_names("names", names)
+        panels = chosen_panels(result, wanted, degrees, components)
+    figure = draw_panels(panels, along, ax)
+    if path is not None:
+        write_figure(figure, path, suffix)
+    return figure
+
+
+def chosen_panels(
+    result: Result, names: Iterable[str], degrees: bool = False, components: bool = False
+) -> Panels:
+    """The named outputs, one panel for each quantity and unit; vectors by size or components.
 
     Raises `RequestError` where there are more than a picture can hold.
     """
@@ -127,12 +171,13 @@ def chosen_panels(result: Result, names: Iterable[str]) -> Panels:
         output = result.output(name)
         if output.kind in ("real", "vector"):
             shown, _, quantity = name.rpartition(".")
-            unit = output.unit.replace("s2", "s²").replace("m2", "m²")
-            drawn = {shown: values(result, name)}
+            factor, unit = in_shown(result, output.unit, degrees)
+            drawn = {shown: factor * values(result, name)}
             what = f"|{quantity}|" if output.kind == "vector" else quantity.replace("_", " ")
-            if quantity == "p":  # of a place both coordinates matter
-                z = np.asarray(result[name])
-                what, drawn = "p", {f"{shown} x": z.real, f"{shown} y": z.imag}
+            if quantity == "p" or (components and output.kind == "vector"):
+                z = factor * np.asarray(result[name])  # of a place both coordinates matter
+                what, drawn = quantity, {f"{shown} x": z.real, f"{shown} y": z.imag}
+            unit = unit.replace("s2", "s²").replace("m2", "m²")
             groups.setdefault((what, unit), {}).update(drawn)
     count = sum(map(len, groups.values()))
     if not 0 < count <= MOST:
@@ -141,6 +186,11 @@ def chosen_panels(result: Result, names: Iterable[str]) -> Panels:
         code = "too-many-curves" if count else "nothing-to-draw"
         raise refused("want", found, "name the outputs with want=", valid, code)
     return tuple(Panel(what, unit, curves) for (what, unit), curves in groups.items())
+
+
+def in_shown(result: Result, unit: str, degrees: bool) -> tuple[float, str]:
+    """Factor and unit in which a quantity of a run is drawn."""
+    return shown_in(unit, (*result.units, "°") if degrees else result.units)
 
 
 def values(result: Result, name: str) -> Array:
@@ -209,7 +259,7 @@ def _unwrapped(angle: Array) -> Array:
     return smooth
 
 
-def abscissa(result: Result, over: Axis = "auto", degrees: bool = DEGREES) -> Abscissa:
+def abscissa(result: Result, over: Axis = "auto", degrees: bool = IN_DEGREES) -> Abscissa:
     """What the curves are drawn over: the coordinate of the only driver that moves, or time.
 
     A motion under loads is drawn over time: its driver may come back to the same place.
@@ -228,7 +278,8 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = DEGREES) -> Ab
         if time is None:
             found = "the run does not say times"
             raise refused("over", found, "use times= in run", code="no-time")
-        return Abscissa("time [s]", time)
+        factor, unit = in_shown(result, "s", degrees)
+        return Abscissa(f"time [{unit}]", factor * time)
     if len(moving) != 1:
         return Abscissa("sample", np.arange(result.n, dtype=float))
     (driver,) = moving
@@ -244,9 +295,7 @@ def by_unit(result: Result, what: str, degrees: bool) -> dict[str, dict[str, Arr
         name = result.mechanism.of_driver(driver, what)
         unit = result.mechanism.driver_joint(driver).coordinate_unit
         row = np.asarray(result.drivers[name] if what == "q" else result[name], dtype=float)
-        if what == "rate":
-            unit = f"{unit}/s"
-        elif unit == "rad" and degrees:
-            unit, row = "°", np.degrees(row)
+        factor, unit = in_shown(result, unit if what == "q" else f"{unit}/s", degrees)
+        row = factor * row
         rows.setdefault(unit, {})[driver] = row
     return rows
