@@ -60,6 +60,7 @@ with uncollected():  # all that is made here is kept
     )
     from blockmech.model.subgraph import Subgraph
     from blockmech.studies.sampling import normal, uniform
+    from blockmech.typing import Successive
 
     grown_old()
 
@@ -124,6 +125,7 @@ __all__ = [
     "Stiction",
     "Stribeck",
     "Subgraph",
+    "Successive",
     "Table",
     "Thrust",
     "TorsionSpring",

@@ -20,7 +20,7 @@ from blockmech.cli.numbers import MOST, coordinates, times
 from blockmech.ground.errors import close_match, listed, refused
 from blockmech.ground.units import number_in, units_of
 from blockmech.testing.graph_files import gallery
-from blockmech.typing import MotionMethod
+from blockmech.typing import MotionMethod, Successive
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -154,11 +154,23 @@ class Poses:
 
 @dataclass(frozen=True)
 class FrictionOptions:
-    """How joint friction is solved: as keyword arguments of a run they are ``vars``."""
+    """How joint friction is solved."""
 
     friction: Friction = None
     tolerance: Tolerance = None
     iterations: Iterations = None
+
+    @property
+    def method(self) -> Any:
+        """The friction of a run; ``successive`` with what stops it."""
+        if self.tolerance is None and self.iterations is None:
+            return self.friction
+        if self.friction != "successive":
+            names = [f"--{x}" for x in ("tolerance", "iterations") if getattr(self, x) is not None]
+            found = f"has no meaning for friction {self.friction or 'newton'}"
+            remedy = "use --friction successive with it"
+            raise refused(listed(names), found, remedy, code="useless-setting")
+        return Successive(self.tolerance, self.iterations)
 
 
 def names_of(want: list[str] | None) -> tuple[str, ...]:
