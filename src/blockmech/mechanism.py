@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     import blockmech.design.flywheel
     import blockmech.design.identify
     import blockmech.design.linearize
+    import blockmech.design.solve
     import blockmech.dynamics.impact
     import blockmech.dynamics.simulation
     import blockmech.dynamics.stepper
@@ -81,6 +82,7 @@ class Mechanism(Compiled["Mechanism"]):
         run_to = blockmech.analysis.accuracy.run_to
         sensitivity = blockmech.studies.differentiate.sensitivity
         simulate = blockmech.dynamics.simulation.simulate
+        solve = blockmech.design.solve.solve
         stepper = blockmech.dynamics.stepper.stepper
         stroke = blockmech.analysis.stroke.stroke
         study = blockmech.studies.study.study
@@ -115,6 +117,7 @@ class Mechanism(Compiled["Mechanism"]):
         run_to = LazyMethod("blockmech.analysis.accuracy")
         sensitivity = LazyMethod("blockmech.studies.differentiate")
         simulate = LazyMethod("blockmech.dynamics.simulation")
+        solve = LazyMethod("blockmech.design.solve")
         stepper = LazyMethod("blockmech.dynamics.stepper")
         stroke = LazyMethod("blockmech.analysis.stroke")
         study = LazyMethod("blockmech.studies.study")

@@ -74,7 +74,7 @@ def test_a_design_that_does_not_assemble_is_a_row_with_its_reason(fourbar):
 
 def test_the_engine_is_named_and_may_be_chosen(fourbar, fresh):
     pytest.importorskip("llvmlite", reason="the extra fast is not installed")
-    request = {"over": TURN, "want": "poses(dyad.C.p)"}
+    request = {"at": TURN, "want": "poses(dyad.C.p)"}
     lengths = [5.9, 6.1]
     small = remade(fourbar, {}).study({"dyad.l_i": lengths}, **request)
     made = fourbar.study({"dyad.l_i": lengths}, engine="llvm", **request)
@@ -110,7 +110,7 @@ def test_a_grid_is_an_array_over_its_numbers(fourbar):
 
 def test_blocks_of_any_size_say_the_same(fourbar, monkeypatch):
     vary = {"dyad.l_i": np.linspace(5.8, 6.2, 11), "dyad.friction.C.coefficient": [0.0, 0.2]}
-    request = {"over": TURN, "want": ["mean(crank.drive)", "poses(dyad.C.p)"]}
+    request = {"at": TURN, "want": ["mean(crank.drive)", "poses(dyad.C.p)"]}
     whole = fourbar.study(vary, **request)
     monkeypatch.setattr(Runner, "size", lambda self, n: 3)
     parts = fourbar.study(vary, **request)
@@ -128,7 +128,7 @@ def test_after_an_interrupt_what_is_done_is_kept(fourbar, monkeypatch):
             raise KeyboardInterrupt
 
     lengths = np.linspace(5.8, 6.2, 9)
-    how = {"over": TURN, "want": "max(crank.drive)", "engine": "numpy"}  # in blocks of that size
+    how = {"at": TURN, "want": "max(crank.drive)", "engine": "numpy"}  # in blocks of that size
     found = fourbar.study({"dyad.l_i": lengths}, progress=say, **how)
     assert told[0] == ("2 of 9 designs", 2, 9)
     assert found.interrupted
@@ -141,7 +141,7 @@ def test_after_an_interrupt_what_is_done_is_kept(fourbar, monkeypatch):
 @pytest.mark.parametrize("sampling", ["latin", "sobol", "random"])
 def test_points_of_distributions_are_the_same_for_a_seed(fourbar, sampling):
     vary = {"dyad.l_i": bm.normal(6.0, 0.01), "frame.D.x": bm.uniform(5.4, 5.6)}
-    request = {"over": TURN, "want": "max(crank.drive)", "sampling": sampling, "count": 256}
+    request = {"at": TURN, "want": "max(crank.drive)", "sampling": sampling, "count": 256}
     found = fourbar.study(vary, **request)
     again = fourbar.study(vary, **request)
     np.testing.assert_array_equal(found["dyad.l_i"], again["dyad.l_i"])
@@ -238,7 +238,7 @@ def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, modul
     ],
 )  # fmt: skip
 def test_mistakes_get_one_message(fourbar, request_, words):
-    request = {"vary": {"dyad.l_i": [6.0]}, "want": "max(crank.drive)", "over": TURN} | request_
+    request = {"vary": {"dyad.l_i": [6.0]}, "want": "max(crank.drive)", "at": TURN} | request_
     with pytest.raises(bm.BlockmechError) as error:
         fourbar.study(request.pop("vary"), **request)
     assert words in str(error.value)
