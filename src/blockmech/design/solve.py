@@ -312,14 +312,13 @@ def _of_numbers(
     poses: dict[str, Any],
     how: dict[str, Any],
 ) -> Solutions:
-    from blockmech.studies.objective import objective  # loads all that studies need
-
     single = [name for name in wanted if "(" not in name]
     if single and np.size(next(iter(_columns(poses["at"])), ())) != 1:
         found, remedy = "an output by itself is wanted at one pose", "give at=, or a reduction"
         raise refused(single[0], found, f"{remedy} such as max_abs({single[0]})")
     labels = [name if "(" in name else f"mean({name})" for name in wanted]
-    kept = objective(mechanism, to, want=labels, **poses, **how)
+    with_methods: Any = mechanism  # a `Mechanism`
+    kept = with_methods.objective(to, want=labels, **poses, **how)
     values, start = np.array([*wanted.values()]), kept.start
     sizes = np.where(start == 0, 1.0, np.abs(start))
 
