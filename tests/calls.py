@@ -260,6 +260,11 @@ METHODS: dict[str, Call] = {
     "run_to": lambda s: s.mechanism.run(**s.places, accuracy=1e-6, on_gap="mark"),
     "sensitivity": lambda s: s.mechanism.sensitivity(s.output, **s.places),
     "simulate": lambda s: s.mechanism.simulate(MOVES, want="*"),
+    "solve": lambda s: (
+        s.mechanism.solve(dict.fromkeys(s.mechanism.drivers and [s.output], 0.5))
+        if len(s.mechanism.drivers) == 1
+        else None
+    ),
     "stepper": _stepper,
     "stroke": _each(lambda m, name: m.stroke(name)),
     "study": _study,

@@ -19,10 +19,10 @@ RUIZ = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
 
 def test_a_setting_is_refused_whatever_was_planned_before() -> None:
     mechanism = RUIZ.compile()
-    mechanism.run(at=1.0, want="crank.drive", friction="successive", iterations=1)
+    mechanism.run(at=1.0, want="crank.drive", friction=bm.Successive(iterations=1))
     for wrong in (True, 1.0):
         with pytest.raises(bm.RequestError, match="iterations"):
-            mechanism.run(at=1.0, want="crank.drive", friction="successive", iterations=wrong)
+            mechanism.run(at=1.0, want="crank.drive", friction=bm.Successive(iterations=wrong))
 
 
 def test_numbers_without_names_are_told_theirs() -> None:
@@ -82,7 +82,7 @@ def test_what_is_no_name_is_refused_where_names_are_asked(odd: Any) -> None:
         (lambda m, r: r.unit("crank.drvie"), 'no output has that name.*"crank.drive"'),
         (lambda m, r: r.to_csv("a\0.csv"), "no file has such a name"),
         (
-            lambda m, r: m.objective(["dyad.l_i"], want="max(crank.drive)", over=1.0)("x"),
+            lambda m, r: m.objective(["dyad.l_i"], want="max(crank.drive)", at=1.0)("x"),
             "x: got 'x'",
         ),
         (

@@ -60,12 +60,14 @@ with uncollected():  # all that is made here is kept
     )
     from blockmech.model.subgraph import Subgraph
     from blockmech.studies.sampling import normal, uniform
+    from blockmech.typing import Successive
 
     grown_old()
 
 if TYPE_CHECKING:
     from blockmech import draw, studio, synthesis
     from blockmech.couplings.kinds import Belt, Cam, Gear, Geneva, Rack, Ratio
+    from blockmech.design import shapes
     from blockmech.dynamics.motion_outputs import SimulationResult
     from blockmech.dynamics.request import Until, Watch
     from blockmech.exchange.writing import write
@@ -124,6 +126,7 @@ __all__ = [
     "Stiction",
     "Stribeck",
     "Subgraph",
+    "Successive",
     "Table",
     "Thrust",
     "TorsionSpring",
@@ -135,6 +138,7 @@ __all__ = [
     "laws",
     "normal",
     "read",
+    "shapes",
     "signals",
     "studio",
     "synthesis",
@@ -162,6 +166,8 @@ if not TYPE_CHECKING:  # which tells of names that are not there by itself
     def __getattr__(name: str) -> Any:
         if name in ("draw", "studio", "synthesis"):
             return import_module(f"blockmech.{name}")
+        if name == "shapes":
+            return import_module("blockmech.design.shapes")
         if name in _LATER:
             return getattr(import_module(_LATER[name]), name)
         raise AttributeError(f"module 'blockmech' has no attribute {name!r}")

@@ -172,8 +172,6 @@ class Compiled(Runnable[M]):
         want: Iterable[str] | str = EVERYTHING,
         *,
         friction: FrictionMethod | None = None,
-        tolerance: float | None = None,
-        iterations: int | None = None,
         static: bool = False,
     ) -> Plan:
         """The plan for some outputs; kept, so asking again costs nothing.
@@ -181,15 +179,13 @@ class Compiled(Runnable[M]):
         Parameters
         ----------
         want : names or patterns of outputs
-        friction : "none" | "single" | "successive" | "newton" (default)
-        tolerance : float [N], stop of ``successive``; default 1e-7 of the largest reaction
-        iterations : int, fixed number of iterations of ``successive``
+        friction : "none" | "single" | "successive" | "newton" (default), or `Successive`
         static : without inertia; so runs what neither moves nor accelerates, whatever is asked
 
         Raises `RequestError` for unknown names or settings that do not fit.
         """
         check_switch("static", static)
-        return self.planned(want, friction_asked(friction, tolerance, iterations), static)
+        return self.planned(want, friction_asked(friction), static)
 
     def planned(self, want: Iterable[str] | str, how: Friction, static: bool = False) -> Plan:
         """The same, by friction settings that are checked."""
@@ -221,8 +217,6 @@ class Compiled(Runnable[M]):
         accelerations: Coordinates | None = None,
         want: Iterable[str] | str = EVERYTHING,
         friction: FrictionMethod | None = None,
-        tolerance: float | None = None,
-        iterations: int | None = None,
         accuracy: float | None = None,
         static: bool = False,
         engine: EngineName = "auto",
@@ -243,9 +237,7 @@ class Compiled(Runnable[M]):
         rates, accelerations : like ``at``
             Driver rates [rad/s or m/s] and accelerations, in place of the law's.
         want : names or patterns of outputs, e.g. ``["crank.drive", "*.reaction"]``; default all
-        friction : "none" | "single" | "successive" | "newton" (default)
-        tolerance : float [N], stop of ``successive``; default 1e-7 of the largest reaction
-        iterations : int, fixed number of iterations of ``successive``
+        friction : "none" | "single" | "successive" | "newton" (default), or `Successive`
         accuracy : float [- or rad]
             Wanted error relative to each output's largest magnitude; chooses friction
             method, iterations and precision, and ``result.accuracy`` says which.
@@ -270,11 +262,7 @@ class Compiled(Runnable[M]):
         """
         mechanism = cast(Compiled, self.compile())
         taken = mechanism.samples(at, samples, times, rates, accelerations)
-        how: dict[str, Any] = {
-            "friction": friction,
-            "tolerance": tolerance,
-            "iterations": iterations,
-        }
+        how: dict[str, Any] = {"friction": friction}
         if accuracy is None:
             how["static"] = static
             result = mechanism.answer(taken, want, how, engine, precision, chunk)

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import blockmech.design.flywheel
     import blockmech.design.identify
     import blockmech.design.linearize
+    import blockmech.design.solve
     import blockmech.draw
     import blockmech.dynamics.impact
     import blockmech.dynamics.simulation
@@ -78,6 +79,7 @@ class Mechanism(Compiled["Mechanism"]):
         rates = blockmech.studies.function.rates
         sensitivity = blockmech.studies.differentiate.sensitivity
         simulate = blockmech.dynamics.simulation.simulate
+        solve = blockmech.design.solve.solve
         stepper = blockmech.dynamics.stepper.stepper
         stroke = blockmech.analysis.stroke.stroke
         study = blockmech.studies.study.study
@@ -111,6 +113,7 @@ class Mechanism(Compiled["Mechanism"]):
         rates = LazyMethod("blockmech.studies.function")
         sensitivity = LazyMethod("blockmech.studies.differentiate")
         simulate = LazyMethod("blockmech.dynamics.simulation")
+        solve = LazyMethod("blockmech.design.solve")
         stepper = LazyMethod("blockmech.dynamics.stepper")
         stroke = LazyMethod("blockmech.analysis.stroke")
         study = LazyMethod("blockmech.studies.study")

@@ -8,6 +8,7 @@ say what a value *means*; its batch shape (...) is written beside it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence, Sized
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 from numpy.typing import NDArray
@@ -34,7 +35,32 @@ Progress: TypeAlias = Callable[[str, float, float | None], None]
 It may raise `KeyboardInterrupt` to stop the run, which keeps what was done.
 """
 
-FrictionMethod: TypeAlias = Literal["none", "single", "successive", "newton"]
+
+@dataclass(frozen=True)
+class Successive:
+    """Joint friction by successive approximation ([R10] steps 1-5), stopped where one says.
+
+    ``friction="successive"`` is this with what it is by default.
+
+    Parameters
+    ----------
+    tolerance : largest change of a reaction [N] at which it stops; by default 1e-7 of the largest
+    iterations : a fixed number of iterations, in its place
+
+    >>> import blockmech as bm
+    >>> mech = bm.read("graphs/ruiz_fourbar.json").compile()  # doctest: +SKIP
+    >>> mech.run(friction=bm.Successive(iterations=3), want="crank.drive")  # doctest: +SKIP
+    """
+
+    tolerance: float | None = None
+    iterations: int | None = None
+
+    def __str__(self) -> str:
+        return "successive"
+
+
+FrictionName: TypeAlias = Literal["none", "single", "successive", "newton"]
+FrictionMethod: TypeAlias = FrictionName | Successive
 EngineName: TypeAlias = Literal["auto", "scalar", "numpy", "llvm"]
 Precision: TypeAlias = Literal["complex64", "complex128", "clongdouble"]
 OnGap: TypeAlias = Literal["raise", "mark", "stop"]

@@ -51,7 +51,7 @@ def test_a_force_analysis_is_measured_with_every_friction_method_and_precision()
     assert {"llvm", "friction none llvm", "friction single llvm", "successive llvm"} <= methods
     settings = [p.setting for p in of(friction(), "numpy")]
     assert settings == ["complex64", "complex128"] + ["clongdouble"] * LONG  # from cheap to dear
-    iterations = [p.options.get("iterations") for p in of(friction(), "successive")]
+    iterations = [p.options["friction"].iterations for p in of(friction(), "successive")]
     assert iterations == [2, 3, 4, 5, 6]
 
 
@@ -76,7 +76,7 @@ def test_more_successive_approximations_give_smaller_errors() -> None:
 
 
 def test_successive_approximations_contract_at_the_measured_rate() -> None:
-    run = ruiz().compile().run(samples=501, friction="successive", iterations=4)
+    run = ruiz().compile().run(samples=501, friction=bm.Successive(iterations=4))
     rho = float(np.nanmax(run.quality.contraction["dyad"]))
     two, three, four = (p.error for p in of(friction(), "successive")[:3])
     # The worst sample of an error need not be the one that contracts worst; the rate is

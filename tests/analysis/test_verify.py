@@ -63,7 +63,7 @@ def test_every_pair_link_load_block_and_drive_has_its_row():
 
 def test_single_correction_is_balanced_too():
     # one correction leaves Coulomb's law behind, not the balance of any link
-    for settings in ({"friction": "single"}, {"friction": "successive", "iterations": 2}):
+    for settings in ({"friction": "single"}, {"friction": bm.Successive(iterations=2)}):
         assert ruiz(radius=0.3).compile().verify(**settings).ok
 
 

@@ -108,7 +108,7 @@ def test_designs_against_an_ensemble_of_pylinkage() -> None:
 
     mech = bm.Graph.load(ROOT / "graphs" / "ruiz_fourbar.json").compile()
     q = step * np.arange(1, TURN + 1)
-    exact = mech.study({"dyad.l_i": l_i}, over={"crank": q}, want="poses(dyad.C.p)")
+    exact = mech.study({"dyad.l_i": l_i}, at={"crank": q}, want="poses(dyad.C.p)")
     ours = exact["poses(dyad.C.p)"]
     assert np.abs(path[..., 0] + 1j * path[..., 1] - ours).max() < 1e-12
     family = Family(mech, ["dyad.l_i"])
@@ -123,7 +123,7 @@ def test_designs_against_an_ensemble_of_pylinkage() -> None:
         task = f"a design, positions at {TURN} poses, {engine.name}"
         ROWS.append(Row(task, spent, theirs, yardstick, goal))
     many = {"dyad.l_i": np.linspace(5.8, 6.2, 50 * DESIGNS)}
-    study = lambda: mech.study(many, over={"crank": q}, want="max(dyad.C.p.x)")  # noqa: E731
+    study = lambda: mech.study(many, at={"crank": q}, want="max(dyad.C.p.x)")  # noqa: E731
     spent = least_time(study, 3) / (50 * DESIGNS)
     ROWS.append(Row("the same by `study`, its largest x kept", spent, theirs, yardstick))
 

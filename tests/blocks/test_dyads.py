@@ -193,7 +193,7 @@ def test_iterates_of_a_rough_guide_are_those_of_the_papers_steps(k):
     for _ in range(k):  # N = N_smooth - T tan(beta)
         N = smooth["dyad.S.N"] - T * np.tan(beta)
         T = -0.6 * np.abs(N) * np.sign(smooth["dyad.S.slip"])
-    method = {"friction": "single"} if k == 1 else {"friction": "successive", "iterations": k}
+    method = {"friction": "single" if k == 1 else bm.Successive(iterations=k)}
     run = mech.run(at=q, rates=RATE, on_gap="mark", **method)
     assert np.abs(run["dyad.S.friction"] / T - 1).max() <= 1e-12
 

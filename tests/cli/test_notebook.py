@@ -193,7 +193,7 @@ def test_what_is_no_table_says_in_a_line_what_it_is() -> None:
     shown = {
         "<Plan of crank.drive: 8 kernel calls": mechanism.plan("crank.drive"),
         "<Objective of ruiz_fourbar: by dyad.l_i>": mechanism.objective(
-            ["dyad.l_i"], want="max(crank.q)", over=1.0
+            ["dyad.l_i"], want="max(crank.q)", at=1.0
         ),
         "<Animation of ruiz_fourbar: 2 frames>": animate(mechanism, at=[0.5, 1.0]),
         "<Decomposition of ruiz_fourbar: I(": linkage.decompose(),

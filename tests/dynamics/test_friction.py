@@ -171,7 +171,7 @@ def test_where_no_acceleration_satisfies_coulombs_law_the_state_is_named(method)
     ("settings", "found"),
     [
         ({"friction": "single"}, -2.94478095),
-        ({"friction": "successive", "iterations": 3}, -2.94476213),
+        ({"friction": bm.Successive(iterations=3)}, -2.94476213),
         ({"friction": "newton"}, -2.94476213),
     ],
 )
@@ -183,8 +183,9 @@ def test_friction_in_motion_is_solved_by_the_methods_of_a_run(settings, found):
             .motion
         )
         assert motion.q_end == pytest.approx(found, abs=1e-8)
-    with pytest.raises(RequestError, match="no meaning for friction"):
-        pendulum().simulate("time=1", start={"crank": (0.5, 0.0)}, iterations=3)
+    wrong = bm.Successive(iterations=0)
+    with pytest.raises(RequestError, match="at least 1, got 0"):
+        pendulum().simulate("time=1", start={"crank": (0.5, 0.0)}, friction=wrong)
 
 
 def pistons(number):

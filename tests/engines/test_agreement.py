@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
+import blockmech as bm
 from blockmech.testing.strategies import mechanisms
 from tests.engines.test_impossible import CASES, SAMPLES
 from tests.wiring import EPS, amplification, chain, ruiz, same_bits, swept, toggle, watt
@@ -106,18 +107,20 @@ def test_kernel_text_is_the_program_of_both_engines():
     assert "numpy" not in plan.program.source
 
 
-@pytest.mark.parametrize("how", [{"friction": "single"}, *({"iterations": n} for n in (1, 2, 7))])
+@pytest.mark.parametrize(
+    "how", [{"friction": "single"}, *({"friction": bm.Successive(iterations=n)} for n in (1, 2, 7))]
+)
 def test_a_fixed_number_of_iterations_is_the_same_on_every_engine(how):
-    request = {"samples": 25, "want": "*.reaction", "friction": "successive", **how}
+    request = {"samples": 25, "want": "*.reaction", **how}
     for engine in ("numpy", "llvm"):
         many = assert_agreement(ruiz().compile(), engine, **request)
         counts = many.quality.iterations["dyad"]
-        assert set(counts) == {how.get("iterations", 1)}
+        assert set(counts) == {getattr(how["friction"], "iterations", 1)}
 
 
 def test_a_fixed_number_of_iterations_is_differentiated_as_it_is_taken():
     mech, step = ruiz().compile(), 1e-4
-    request = {"want": "crank.drive", "at": [0.4, 2.0], "friction": "successive", "iterations": 2}
+    request = {"want": "crank.drive", "at": [0.4, 2.0], "friction": bm.Successive(iterations=2)}
     slope = mech.sensitivity(**request, to="dyad.l_i")["crank.drive", "dyad.l_i"]
     ends = [
         mech.document.replace({"dyad.l_i": mech.parameters()["dyad.l_i"].value + side * step})

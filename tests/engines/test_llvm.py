@@ -254,7 +254,7 @@ def test_a_study_of_many_designs_is_compiled(fresh, monkeypatch):
     monkeypatch.setattr(LlvmEngine, "run_designs", lambda *x: (asked.append(1), run(*x))[1])
     q, lengths = np.linspace(0.0, 6.0, 12), [5.8, 6.0, 6.3]
     want = {"crank.drive": "max_abs"}
-    found = ruiz().compile().study({"dyad.l_i": lengths}, over={"crank": q}, want=want)
+    found = ruiz().compile().study({"dyad.l_i": lengths}, at={"crank": q}, want=want)
     assert asked
     for k, length in enumerate(lengths):
         mech = ruiz().replace({"dyad.l_i": length}).compile()

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import blockmech as bm
 from blockmech.result.quality import left_undone
 from tests.gallery import changed, document
 
 HOW = {
     "single": ({"friction": "single"}, 1.0),
     "successive": ({"friction": "successive"}, 1.2),  # by the observed ratio of changes
-    "three iterations": ({"friction": "successive", "iterations": 3}, 1.2),
+    "three iterations": ({"friction": bm.Successive(iterations=3)}, 1.2),
 }
 
 

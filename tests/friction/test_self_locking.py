@@ -130,7 +130,7 @@ def test_successive_approximations_agree_with_continuation_or_say_that_they_fail
     for factor in (0.3, 0.7, 0.85, 1.0, 1.2, 1.44, 2.0):
         mech = rough(factor)
         exact = mech.run(at=at, on_gap="mark")
-        found = mech.run(at=at, on_gap="mark", friction="successive", tolerance=STOP)
+        found = mech.run(at=at, on_gap="mark", friction=bm.Successive(tolerance=STOP))
         for k in range(len(at)):
             how = found.quality.status[k]
             seen[exact.quality.status[k], how] += 1
@@ -152,16 +152,18 @@ def test_successive_approximations_agree_with_continuation_or_say_that_they_fail
 
 def test_not_converged_raises_a_friction_error_that_says_so():
     with pytest.raises(bm.FrictionError, match="successive approximations did not converge"):
-        rough(1.0).run(at=np.linspace(0.05, 6.25, 21), friction="successive", tolerance=1e-8)
+        rough(1.0).run(at=np.linspace(0.05, 6.25, 21), friction=bm.Successive(tolerance=1e-8))
 
 
-@pytest.mark.parametrize("settings", [{"friction": "single"}, {"iterations": 3}])
+@pytest.mark.parametrize(
+    "settings", [{"friction": "single"}, {"friction": bm.Successive(iterations=3)}]
+)
 def test_an_unfinished_iteration_is_an_answer_only_where_its_bound_says_so(settings):
     at, answers = np.linspace(0.05, 6.25, 21), 0
     for factor in (0.01, 0.3, 0.8, 1.5):
         mech = rough(factor)
         exact = mech.run(at=at, on_gap="mark")
-        found = mech.run(at=at, on_gap="mark", **{"friction": "successive", **settings})
+        found = mech.run(at=at, on_gap="mark", **settings)
         for k, how in enumerate(found.quality.status):
             if how == "ok":
                 answers += 1

@@ -14,7 +14,7 @@ def poses(mech):
     if set(mech.drivers) <= set(mech.scene.drive):
         return {"samples": 5}
     start = {d: mech.scene.begin(d) or 0.0 for d in mech.drivers}
-    return {"over": {d: q + np.linspace(0.0, 0.2, 5) for d, q in start.items()}}
+    return {"at": {d: q + np.linspace(0.0, 0.2, 5) for d, q in start.items()}}
 
 
 def varied(mech, rng):

@@ -18,13 +18,13 @@ WANT += ["max(dyad.C.p.x)", "min(dyad.C.p.y)"]
 
 @pytest.fixture(scope="module")
 def asked():
-    return mechanism("ruiz_fourbar").objective(NUMBERS, want=WANT, over=TURN)
+    return mechanism("ruiz_fourbar").objective(NUMBERS, want=WANT, at=TURN)
 
 
 def test_values_are_those_of_a_study(asked):
     x = asked.start * 1.01
     vary = {a: [value] for a, value in asked.numbers(x).items()}
-    found = mechanism("ruiz_fourbar").study(vary, want=WANT, over=TURN)
+    found = mechanism("ruiz_fourbar").study(vary, want=WANT, at=TURN)
     kept = [np.atleast_1d(row[0]) for row in found.found.values.values()]
     rows = [np.concatenate([r.real, r.imag]) if np.iscomplexobj(r) else r for r in kept]
     np.testing.assert_array_equal(asked(x), np.concatenate(rows))
@@ -44,7 +44,7 @@ def test_derivatives_of_every_reduction_are_those_of_differences(asked):
 
 def test_of_places_that_tie_the_one_that_goes_ahead_counts():
     """A yoke about the origin goes as far to the left as to the right: shifting it grows either."""
-    f = mechanism("scotch_yoke").objective("frame.O.x", want="max_abs(yoke.B.p.x)", over=TURN_OF_8)
+    f = mechanism("scotch_yoke").objective("frame.O.x", want="max_abs(yoke.B.p.x)", at=TURN_OF_8)
     assert f(0.0) == pytest.approx(f(1e-3) - 1e-3, rel=1e-12)
     assert f(0.0) == pytest.approx(f(-1e-3) - 1e-3, rel=1e-12)
     assert f.jacobian([0.0]) == pytest.approx(1.0, rel=1e-12)
@@ -52,7 +52,7 @@ def test_of_places_that_tie_the_one_that_goes_ahead_counts():
 
 
 def test_a_design_that_does_not_assemble_or_that_a_file_refuses_is_infinitely_bad():
-    f = mechanism("ruiz_fourbar").objective("dyad.l_i", want="max_abs(crank.drive)", over=TURN)
+    f = mechanism("ruiz_fourbar").objective("dyad.l_i", want="max_abs(crank.drive)", at=TURN)
     assert np.isfinite(f([6.0]))
     assert f([9.0]) == f([-6.0]) == f([0.0]) == np.inf
     assert f([6.0]) == f(f.start) == f(6.0)
@@ -62,7 +62,7 @@ def test_a_design_that_does_not_assemble_or_that_a_file_refuses_is_infinitely_ba
 
 def test_scipy_finds_the_best_place_of_a_mass():
     mech = mechanism("ruiz_fourbar")
-    f = mech.objective(["crank.links.crank.cm.x"], want="rms(mechanism.shaking_force)", over=TURN)
+    f = mech.objective(["crank.links.crank.cm.x"], want="rms(mechanism.shaking_force)", at=TURN)
     found = minimize(f, f.start, jac=f.jacobian)
     assert found.fun < f(f.start)
     assert abs(f.jacobian(found.x)[0]) < 1e-4 * abs(f.jacobian(f.start)[0])

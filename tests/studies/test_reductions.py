@@ -119,8 +119,6 @@ def test_what_is_no_reduction_is_refused():
         MECH.sensitivity("most(crank.drive)", to=TO)
     with pytest.raises(bm.RequestError, match="no place of a marker"):
         MECH.study({"dyad.l_i": [6.0]}, want="stroke(dyad.C.v)")
-    with pytest.raises(bm.RequestError, match="give one of them"):
-        MECH.study({"dyad.l_i": [6.0]}, want="max(crank.drive)", at=POSES, over=POSES)
 
 
 def test_a_result_is_a_dataset():

@@ -25,7 +25,7 @@ def test_reductions_are_those_of_the_run(fourbar):
         "dyad.C.p.x": "max",
         "mechanism.friction_efficiency": "value",
     }
-    found = fourbar.study({"dyad.l_i": [5.9, 6.1]}, over=TURN, want=want)
+    found = fourbar.study({"dyad.l_i": [5.9, 6.1]}, at=TURN, want=want)
     for k, l_i in enumerate((5.9, 6.1)):
         run = remade(fourbar, {"dyad.l_i": l_i}).run(at=TURN, engine="numpy", want=[
             "crank.drive", "dyad.C.reaction", "dyad.C.p", "mechanism.friction_efficiency"
@@ -56,7 +56,7 @@ def test_reductions_are_those_of_the_run(fourbar):
 def test_a_design_that_does_not_assemble_is_a_row_with_its_reason(fourbar):
     lengths = np.linspace(3.5, 7.0, 8)
     found = fourbar.study(
-        {"dyad.l_i": lengths}, over=TURN, want=["max_abs(crank.drive)", "min(dyad.margin)"]
+        {"dyad.l_i": lengths}, at=TURN, want=["max_abs(crank.drive)", "min(dyad.margin)"]
     )
     for k, l_i in enumerate(lengths):
         run = remade(fourbar, {"dyad.l_i": l_i}).run(
@@ -74,7 +74,7 @@ def test_a_design_that_does_not_assemble_is_a_row_with_its_reason(fourbar):
 
 def test_the_engine_is_named_and_may_be_chosen(fourbar, fresh):
     pytest.importorskip("llvmlite", reason="the extra fast is not installed")
-    request = {"over": TURN, "want": "poses(dyad.C.p)"}
+    request = {"at": TURN, "want": "poses(dyad.C.p)"}
     lengths = [5.9, 6.1]
     small = remade(fourbar, {}).study({"dyad.l_i": lengths}, **request)
     made = fourbar.study({"dyad.l_i": lengths}, engine="llvm", **request)
@@ -98,7 +98,7 @@ def test_self_locking_designs_say_so():
 
 def test_a_grid_is_an_array_over_its_numbers(fourbar):
     vary = {"dyad.l_i": [5.8, 6.0, 6.2], "dyad.links.i.mass": [0.0, 30.0]}
-    found = fourbar.study(vary, over=TURN, want="max_abs(crank.drive)")
+    found = fourbar.study(vary, at=TURN, want="max_abs(crank.drive)")
     table = found.grid("max_abs(crank.drive)")
     assert table.shape == (3, 2)
     data = found.to_xarray()
@@ -110,7 +110,7 @@ def test_a_grid_is_an_array_over_its_numbers(fourbar):
 
 def test_blocks_of_any_size_say_the_same(fourbar, monkeypatch):
     vary = {"dyad.l_i": np.linspace(5.8, 6.2, 11), "dyad.friction.C.coefficient": [0.0, 0.2]}
-    request = {"over": TURN, "want": ["mean(crank.drive)", "poses(dyad.C.p)"]}
+    request = {"at": TURN, "want": ["mean(crank.drive)", "poses(dyad.C.p)"]}
     whole = fourbar.study(vary, **request)
     monkeypatch.setattr(Runner, "size", lambda self, n: 3)
     parts = fourbar.study(vary, **request)
@@ -128,7 +128,7 @@ def test_after_an_interrupt_what_is_done_is_kept(fourbar, monkeypatch):
             raise KeyboardInterrupt
 
     lengths = np.linspace(5.8, 6.2, 9)
-    how = {"over": TURN, "want": "max(crank.drive)", "engine": "numpy"}  # in blocks of that size
+    how = {"at": TURN, "want": "max(crank.drive)", "engine": "numpy"}  # in blocks of that size
     found = fourbar.study({"dyad.l_i": lengths}, progress=say, **how)
     assert told[0] == ("2 of 9 designs", 2, 9)
     assert found.interrupted
@@ -141,7 +141,7 @@ def test_after_an_interrupt_what_is_done_is_kept(fourbar, monkeypatch):
 @pytest.mark.parametrize("sampling", ["latin", "sobol", "random"])
 def test_points_of_distributions_are_the_same_for_a_seed(fourbar, sampling):
     vary = {"dyad.l_i": bm.normal(6.0, 0.01), "frame.D.x": bm.uniform(5.4, 5.6)}
-    request = {"over": TURN, "want": "max(crank.drive)", "sampling": sampling, "count": 256}
+    request = {"at": TURN, "want": "max(crank.drive)", "sampling": sampling, "count": 256}
     found = fourbar.study(vary, **request)
     again = fourbar.study(vary, **request)
     np.testing.assert_array_equal(found["dyad.l_i"], again["dyad.l_i"])
@@ -153,12 +153,10 @@ def test_points_of_distributions_are_the_same_for_a_seed(fourbar, sampling):
 
 
 def test_what_a_program_cannot_vary_is_compiled_design_by_design(fourbar):
-    found = fourbar.study({"dyad.branch": [1, -1]}, over=TURN, want="mean(dyad.C.p.y)")
+    found = fourbar.study({"dyad.branch": [1, -1]}, at=TURN, want="mean(dyad.C.p.y)")
     assert found.alone == "dyad.branch chooses between structures"
     assert found["mean(dyad.C.p.y)"][0] > 0 > found["mean(dyad.C.p.y)"][1]
-    rates = fourbar.study(
-        {"scene.drive.crank.rate": [1.0, 2.0]}, over=TURN, want="max(dyad.i.omega)"
-    )
+    rates = fourbar.study({"scene.drive.crank.rate": [1.0, 2.0]}, at=TURN, want="max(dyad.i.omega)")
     assert rates["max(dyad.i.omega)"][1] == 2 * rates["max(dyad.i.omega)"][0]
     triad = mechanism("stephenson_3_triad")
     address = next(a for a in triad.parameters() if a.endswith(".at.x"))
@@ -186,7 +184,7 @@ def test_numbers_of_a_linkage_that_go_into_its_graph_vary_in_one_program():
 
 def test_tables_leave_as_csv_parquet_and_frames(fourbar, tmp_path):
     found = fourbar.study(
-        {"dyad.l_i": [4.0, 6.0]}, over=TURN, want=["max(crank.drive)", "mean(dyad.C.p)"]
+        {"dyad.l_i": [4.0, 6.0]}, at=TURN, want=["max(crank.drive)", "mean(dyad.C.p)"]
     )
     head, bad, good = found.to_csv(tmp_path / "a.csv").splitlines()
     assert head.split(",")[:2] == ["dyad.l_i [m]", "max(crank.drive) [N m]"]
@@ -206,7 +204,7 @@ def test_tables_leave_as_csv_parquet_and_frames(fourbar, tmp_path):
 def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, module):
     import sys
 
-    found = fourbar.study({"dyad.l_i": [6.0]}, over=TURN, want="max(crank.drive)")
+    found = fourbar.study({"dyad.l_i": [6.0]}, at=TURN, want="max(crank.drive)")
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(bm.MissingEngineError, match=r"blockmech\[study\]"):
         found.to_xarray() if module == "xarray" else found.to_parquet(tmp_path / "a.parquet")
@@ -240,7 +238,7 @@ def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, modul
     ],
 )  # fmt: skip
 def test_mistakes_get_one_message(fourbar, request_, words):
-    request = {"vary": {"dyad.l_i": [6.0]}, "want": "max(crank.drive)", "over": TURN} | request_
+    request = {"vary": {"dyad.l_i": [6.0]}, "want": "max(crank.drive)", "at": TURN} | request_
     with pytest.raises(bm.BlockmechError) as error:
         fourbar.study(request.pop("vary"), **request)
     assert words in str(error.value)

@@ -51,6 +51,7 @@ from blockmech.ground.values import is_number
 from blockmech.result.quality import Accuracy
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
+from blockmech.typing import FrictionMethod, FrictionName, Successive
 
 PROBE = 65  # samples
 SAFETY = 4.0  # of a maximum over the probe against one over all samples: 3 has been seen
@@ -58,7 +59,7 @@ ENOUGH = 2048  # samples below which single precision saves nothing
 CONTRACTS = 0.5  # P up to which iterations are worth counting on
 SINGLE = float(np.finfo(np.float32).eps)
 EPS_OF = {"complex64": SINGLE, "complex128": DOUBLE, "clongdouble": LONG}
-FRICTION = (
+FRICTION: tuple[tuple[FrictionName, int | None], ...] = (
     ("none", None),
     ("single", None),
     *(("successive", k) for k in range(2, MOST_ITERATIONS + 1)),
@@ -89,9 +90,14 @@ class Probe(NamedTuple):
 class Setting(NamedTuple):
     """Settings of a run."""
 
-    friction: str
+    friction: FrictionName
     iterations: int | None = None
     precision: str = "complex128"
+
+    @property
+    def method(self) -> FrictionMethod:
+        """How joint friction is solved."""
+        return self.friction if self.iterations is None else Successive(iterations=self.iterations)
 
 
 def run_to(
@@ -182,13 +188,8 @@ class _Request(NamedTuple):
         chunk: int | None = None,
     ) -> Result:
         """A run with a setting."""
-        how = {
-            "friction": setting.friction,
-            "tolerance": None,
-            "iterations": setting.iterations,
-            "static": self.static,
-        }
-        plan = self.mechanism.plan_at(samples, self.want, **how)  # type: ignore[arg-type]
+        how: dict[str, Any] = {"friction": setting.method, "static": self.static}
+        plan = self.mechanism.plan_at(samples, self.want, **how)
         engine = "numpy" if setting.precision != "complex128" and engine == "auto" else engine
         values, name = self.mechanism.evaluate(plan, samples, engine, setting.precision, chunk)
         return Result(self.mechanism, plan, samples, values, name, how)

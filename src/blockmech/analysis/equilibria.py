@@ -62,7 +62,7 @@ def equilibria(
     if not mechanism.drivers:
         raise refused("equilibria", "the mechanism has no driver", "what does not move rests")
     refuse_signals(mechanism)
-    how = friction_asked(friction, None, None)
+    how = friction_asked(friction)
     bounds = (mechanism.scene.stops.get(d) for d in mechanism.drivers)
     stops = tuple((-math.inf, math.inf) if s is None else s.bounds for s in bounds)
     one = len(mechanism.drivers) == 1

@@ -49,17 +49,14 @@ def explain(
     want: Iterable[str] | str = EVERYTHING,
     *,
     friction: FrictionMethod | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
     static: bool = False,
 ) -> str:
     """The schedule of some outputs, and what each of them drags in and costs, as text.
 
-    ``want``, ``friction``, ``tolerance``, ``iterations``, ``static`` are those of a run.
+    ``want``, ``friction``, ``static`` are those of a run.
     Raises `RequestError` for unknown names or settings that do not fit.
     """
-    how: dict[str, Any] = {"tolerance": tolerance, "iterations": iterations, "static": static}
-    settings = how | {"friction": friction}
+    settings: dict[str, Any] = {"friction": friction, "static": static}
     patterns = as_names("want", want)
     plan = mechanism.plan(patterns, **settings)
     rows = shares(mechanism, patterns, **settings)

@@ -130,8 +130,6 @@ def extremes(
     name: str,
     *,
     friction: FrictionMethod | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
     static: bool | None = None,
 ) -> Extremes:
     """Smallest and largest values of an output over a cycle.
@@ -141,7 +139,7 @@ def extremes(
     source : a mechanism (followed over its law's range, or over a turn of its crank), or a
         result (followed over its samples, with its settings)
     name : a real output or a vector; ``"dyad.C.p.x"`` is one part of a vector
-    friction, tolerance, iterations, static : as in a run; by default those of the result,
+    friction, static : as in a run; by default those of the result,
         or Newton's method with inertia
 
     Returns
@@ -153,7 +151,7 @@ def extremes(
     RequestError for an unknown output, one that is not real, or no range to follow
     SampleError where the output exists at no sample
     """
-    how = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+    how = {"friction": friction}
     cycle = cycle_of(source, **how, static=static)
     output, parts = parts_of(cycle.mechanism, name)
     ranges = {}

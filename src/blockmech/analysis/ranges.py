@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def cycle_of(source: Compiled | Result, **given: Any) -> Cycle:
     """The cycle of a mechanism (its law's range, or a turn) or of a result (its samples).
 
-    ``given`` are friction, tolerance, iterations and static; None is what the source has.
+    ``given`` are friction and static; None is what the source has.
     Raises `RequestError` where there is no range to follow.
     """
     settings = {k: x for k, x in given.items() if x is not None}

@@ -97,8 +97,6 @@ def stroke(
     name: str,
     *,
     friction: FrictionMethod | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
     static: bool | None = None,
 ) -> Stroke:
     """Distance between the extreme positions of a marker or of a real output.
@@ -108,7 +106,7 @@ def stroke(
     source : a mechanism or a result, as in `extremes`
     name : a place such as ``"slider.C.p"``, or a real output or part such as
         ``"dyad.j.angle"``, ``"dyad.C.p.x"``
-    friction, tolerance, iterations, static : as in `extremes`
+    friction, static : as in `extremes`
 
     Raises
     ------
@@ -116,7 +114,7 @@ def stroke(
         is not run to and fro, or no range to follow
     SampleError where the output exists at no sample
     """
-    how = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+    how = {"friction": friction}
     cycle = cycle_of(source, **how, static=static)
     output, parts = parts_of(cycle.mechanism, name)
     path: Path = "scalar"

@@ -61,7 +61,7 @@ def trajectory(result: Result, motion: Motion) -> Iterator[tuple[str, float, flo
     s, t, off = blocks.structure, over.nodes, 2 * motion.error
     want = [f"{driver}.acceleration" for driver in s.drivers]
     want += [source for name in integrated(s) for source in sources(s, name)]
-    how = {key: result.settings[key] for key in ("friction", "tolerance", "iterations")}
+    how = {"friction": result.settings["friction"]}
     run, states = (
         result_along(blocks, motion, t.ravel(), want, **how),
         motion.signal_states(t.ravel()),

@@ -134,8 +134,6 @@ def verify(
     rates: Coordinates | None = None,
     accelerations: Coordinates | None = None,
     friction: FrictionMethod | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
     static: bool = False,
     engine: EngineName = "auto",
     precision: Precision | None = None,
@@ -156,7 +154,7 @@ def verify(
         the states are also held against one another, blows keep momentum, restitution and loss,
         and the drives of free drivers must be nothing; of a study some designs are made again,
         each by itself.
-    friction, tolerance, iterations, static, engine, precision, chunk : as in a run
+    friction, static, engine, precision, chunk : as in a run
 
     Returns
     -------
@@ -167,20 +165,19 @@ def verify(
     RequestError for a result of another mechanism, or with settings beside it
     """
     if isinstance(at, Result):
-        beside = (samples, times, rates, accelerations, friction, tolerance, iterations, precision)
+        beside = (samples, times, rates, accelerations, friction, precision)
         if static or any(x is not None for x in beside):
             found = "a result is verified at its own samples, with its own settings"
             raise refused("at", found, "leave the others out")
         return _of_result(mechanism, at, engine, chunk)
     if at is None and samples is None and times is None:
         samples = SAMPLES
-    given = {"friction": friction, "tolerance": tolerance, "iterations": iterations}
     how: dict[str, Any] = {"engine": engine, "precision": precision or "complex128", "chunk": chunk}
     blocks = mechanism.of_blocks
     taken = blocks.samples(at, samples, times, rates, accelerations)
     taken = replace(taken, inputs={**taken.inputs, **_states(blocks, taken.n)})
-    given["static"] = static
-    run = blocks.answer(taken, EVERYTHING, given, **how)
+    settings = {"friction": friction, "static": static}
+    run = blocks.answer(taken, EVERYTHING, settings, **how)
     shaken = _perturbed_run(run, how)
     evidence = Evidence(shaken) if shaken.n > run.n else Evidence(run, shaken)
     return _judged(mechanism, run.n, evidence)
@@ -196,7 +193,7 @@ def _of_result(
         return _together([_of_result(leg.own, leg.result, engine, chunk) for leg in result.parts])
     motion = result.motion
     blocks = mechanism.of_blocks
-    how = {key: result.settings[key] for key in ("friction", "tolerance", "iterations")}
+    how = {"friction": result.settings["friction"]}
     if motion is None:
         how["static"] = result.settings["static"]
         run = blocks.answer(result.samples, EVERYTHING, how, engine, None, chunk)
@@ -276,7 +273,7 @@ def _perturbed_run(run: Result, how: Mapping[str, Any]) -> Result:
     if plan.program.source == run.plan.program.source:
         samples = _stacked(run.samples, samples)
     values, engine = mechanism.evaluate(plan, samples, **how)
-    settings = run.settings | {"friction": "none", "tolerance": None, "iterations": None}
+    settings = run.settings | {"friction": "none"}
     return Result(mechanism, plan, samples, values, engine, settings)
 
 

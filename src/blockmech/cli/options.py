@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 import typer
 
 from blockmech.cli.numbers import MOST, coordinates, times
-from blockmech.ground.errors import close_match, refused
+from blockmech.ground.errors import close_match, listed, refused
 from blockmech.ground.units import NoQuantity, quantity
 from blockmech.testing.graph_files import gallery
-from blockmech.typing import MotionMethod
+from blockmech.typing import MotionMethod, Successive
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -159,11 +159,23 @@ class Poses:
 
 @dataclass(frozen=True)
 class FrictionOptions:
-    """How joint friction is solved: as keyword arguments of a run they are ``vars``."""
+    """How joint friction is solved."""
 
     friction: Friction = None
     tolerance: Tolerance = None
     iterations: Iterations = None
+
+    @property
+    def method(self) -> Any:
+        """The friction of a run; ``successive`` with what stops it."""
+        if self.tolerance is None and self.iterations is None:
+            return self.friction
+        if self.friction != "successive":
+            names = [f"--{x}" for x in ("tolerance", "iterations") if getattr(self, x) is not None]
+            found = f"has no meaning for friction {self.friction or 'newton'}"
+            remedy = "use --friction successive with it"
+            raise refused(listed(names), found, remedy, code="useless-setting")
+        return Successive(self.tolerance, self.iterations)
 
 
 def names_of(want: list[str] | None) -> tuple[str, ...]:

@@ -54,7 +54,11 @@ def run(
     some sample has no answer.
     """
     mechanism = output.read(file, compiled)
-    request: dict[str, Any] = {"want": names_of(want) or EVERYTHING, "static": static, **vars(how)}
+    request: dict[str, Any] = {
+        "want": names_of(want) or EVERYTHING,
+        "static": static,
+        "friction": how.method,
+    }
     if explain:
         say(mechanism.explain(**request))
         return

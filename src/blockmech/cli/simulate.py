@@ -77,7 +77,7 @@ def simulate(
     """
     mechanism = output.read(file, compiled)
     names = names_of(want) or (EVERYTHING if output.out is not None else DRIVERS)
-    settings: dict[str, Any] = vars(how)
+    settings: dict[str, Any] = {"friction": how.method}
     if explain:
         from blockmech.dynamics.simulation import evaluation_cost
 

@@ -88,7 +88,7 @@ def sweep(
     elif start or method != "auto" or accuracy is not None:
         where, remedy = "--start, --method, --accuracy", "say what ends it: --until standstill"
         raise refused(where, "no design moves", remedy, code="useless-setting")
-    request: dict[str, Any] = {"over": over.pop("at"), **over, **vars(how), "simulate": moving}
+    request: dict[str, Any] = {**over, "friction": how.method, "simulate": moving}
     request |= {"sampling": sampling, "count": count, "seed": seed, "static": static}
     request |= {
         "want": [_reduction(mechanism, x) for x in want],

@@ -32,7 +32,7 @@ from blockmech.result.motion import Floats, Motion
 from blockmech.result.quality import Flag, Quality
 from blockmech.result.result import FREE
 from blockmech.result.samples import Samples
-from blockmech.typing import M
+from blockmech.typing import FrictionMethod, M
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -268,24 +268,22 @@ def result_along(
     motion: Motion,
     t: Floats,
     want: Iterable[str] | str,
-    friction: str | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
+    friction: FrictionMethod | None = None,
     engine: str = "auto",
     chunk: int | None = None,
 ) -> SimulationResult[Any]:
     """The wanted outputs at times (n,) [s] of a motion, see `motion_outputs.result_in_chart`."""
     if not motion.legs:
-        how = friction, tolerance, iterations, engine, chunk
+        how = friction, engine, chunk
         return result_in_chart(mechanism, motion, t, want, *how)
-    settings = settings_along(motion, friction, tolerance, iterations) | STATIC
+    settings = settings_along(motion, friction) | STATIC
     return _charted(mechanism, motion, t, want, engine, settings)
 
 
 def _charted(
     mechanism: Compiled, motion: Motion, t: Floats, want: Any, engine: str, settings: Any
 ) -> ChartedResult[Any]:
-    how = friction_asked(settings["friction"], settings["tolerance"], settings["iterations"])
+    how = friction_asked(settings["friction"])
     plan = mechanism.planned(want, how)
     q, qd = (x.reshape(len(t), -1).T for x in motion.at(t))
     given = {f"q_{i}": x for i, x in enumerate(q)} | {f"qd_{i}": x for i, x in enumerate(qd)}

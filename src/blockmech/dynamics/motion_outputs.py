@@ -22,7 +22,7 @@ from blockmech.plan.settings import friction_asked
 from blockmech.result.motion import Floats, Motion
 from blockmech.result.result import Result
 from blockmech.result.samples import Samples
-from blockmech.typing import M
+from blockmech.typing import FrictionMethod, M
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -163,12 +163,10 @@ class SimulationResult(Result[M]):
     motion: Motion
 
 
-def settings_along(
-    motion: Motion, friction: str | None, tolerance: float | None, iterations: int | None
-) -> dict[str, Any]:
+def settings_along(motion: Motion, friction: FrictionMethod | None) -> dict[str, Any]:
     """Settings of joint friction along a motion: its own, if nothing else is said."""
     friction = friction or ("newton" if "friction_work" in motion.facts else "none")
-    return {"friction": friction, "tolerance": tolerance, "iterations": iterations}
+    return {"friction": friction}
 
 
 def result_in_chart(
@@ -176,9 +174,7 @@ def result_in_chart(
     motion: Motion,
     t: Floats,
     want: Iterable[str] | str,
-    friction: str | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
+    friction: FrictionMethod | None = None,
     engine: str = "auto",
     chunk: int | None = None,
 ) -> SimulationResult:
@@ -188,8 +184,8 @@ def result_in_chart(
     which a motion ends, there are no rates and forces: there the rate of the driver, mostly
     zero, does not say how fast the others go.
     """
-    settings = settings_along(motion, friction, tolerance, iterations)
-    how = friction_asked(*settings.values())
+    settings = settings_along(motion, friction)
+    how = friction_asked(settings["friction"])
     if how.method != "none":
         how = replace(how, along=True)
     if (pairs := lain_against(mechanism, motion.lying)) is not None:

@@ -71,8 +71,6 @@ def simulate(
     locked: Mapping[str, float] | Sequence[str] | None = None,
     want: Iterable[str] | str = ("*.q", "*.rate"),
     friction: FrictionMethod | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
     engine: EngineName = "auto",
     budget: float | None = None,
     progress: Progress | None = None,
@@ -97,7 +95,6 @@ def simulate(
         one of both the roles that the scene gives in ``motion`` do not count
     want : outputs at the output times
     friction : of the joints: "none", "single", "successive" or "newton" (default)
-    tolerance, iterations : of ``successive``, as in a run
     engine : "scalar", "llvm" (machine code), or "auto": machine code once the mechanism's motions
         are worth compiling. Without machine code path methods work on NumPy's arrays
     budget : processor time [s], by default 60, after which the motion is given as far as it came
@@ -114,8 +111,8 @@ def simulate(
     RequestError where the scene has no start or one beyond an end stop, no inertia, the
     method does not apply, a number or engine cannot be; MissingEngineError without llvmlite
     """
-    how = friction_asked(friction, tolerance, iterations)
-    settings = {"friction": how.method, "tolerance": tolerance, "iterations": iterations}
+    how = friction_asked(friction)
+    settings = {"friction": friction or "newton"}
     report = progress_of(progress)
     given = (until, method, accuracy, step, times, start, stops, watch)
     last = prescribed, locked, engine
@@ -199,14 +196,9 @@ def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
     return remarks
 
 
-def evaluation_cost(
-    mechanism: Compiled,
-    friction: FrictionMethod | None,
-    tolerance: float | None,
-    iterations: int | None,
-) -> str:
+def evaluation_cost(mechanism: Compiled, friction: FrictionMethod | None) -> str:
     """Kernel calls that one evaluation of the motion takes, as a line of text."""
-    system = System(mechanism, method=friction_asked(friction, tolerance, iterations))
+    system = System(mechanism, method=friction_asked(friction))
     passes = {"equation of motion": (system.equation_program, 1)}
     if system.friction is not None:
         resisting = system.friction.program

@@ -280,7 +280,7 @@ def stepper(
     if roles is None:
         mechanism.once(refuse_no_inertia)
     refuse_memory(mechanism, starts)
-    how = friction_asked(friction, None, None)
+    how = friction_asked(friction)
     system = system_of(mechanism, method=how, engine=engine, **at_stops)
     tolerance = size_of("accuracy", accuracy) or TARGET
     return Stepper(mechanism, system, starts, as_names("want", want), copies, tolerance, bound)

@@ -31,7 +31,7 @@ class Order:
     ----------
     want : outputs, names or patterns
     at : poses to be written or computed, as ``at``, ``samples`` or ``times`` of a run
-    settings : friction, tolerance, iterations, static of a run
+    settings : friction, static of a run
     options : what one format alone asks for, e.g. ``real="float"``
     computed : the wanted outputs at these poses, where somebody has them already
     """

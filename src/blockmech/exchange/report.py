@@ -43,8 +43,7 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
     """One page; without wanted outputs it shows the drives."""
     mechanism, result = order.mechanism, order.computed
     if result is None:
-        how = dict.fromkeys(("friction", "tolerance", "iterations")) | {"static": False}
-        how |= order.settings
+        how = {"friction": None, "static": False} | dict(order.settings)
         samples, wanted = samples_of(order), wanted_of(order)
         result = mechanism.answer(samples, wanted, how)
     document = mechanism.document

@@ -12,7 +12,7 @@ from blockmech.ground.files import AnyPath, refuse_spared
 from blockmech.ground.runnable import EVERYTHING, Runnable
 
 POSES = ("at", "samples", "times")
-SETTINGS = ("friction", "tolerance", "iterations", "static")
+SETTINGS = ("friction", "static")
 
 
 def write(
@@ -31,7 +31,7 @@ def write(
     path : the file, or for some formats the folder; whole or not at all
     to : the format's name; by default the suffix says it
     want : outputs, for formats that have numbers in them
-    more : ``at``, ``samples``, ``times``, ``friction``, ``tolerance``, ``iterations``, ``static``
+    more : ``at``, ``samples``, ``times``, ``friction``, ``static``
         as `Mechanism.run` takes them, and the format's own options, e.g. ``real="float"``
 
     Returns

@@ -5,11 +5,12 @@ The numbers never come from blockmech; ``source`` says where they come from.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
 from blockmech.ground.values import NotNegative, Number, Positive, StrictModel, mistake
+from blockmech.typing import FrictionMethod, FrictionName, Successive
 
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Series = Annotated[list[Number] | list[Pair], Field(min_length=1)]
@@ -51,7 +52,7 @@ class Expectation(StrictModel):
     want: Annotated[dict[str, Series], Field(min_length=1)]
     rtol: NotNegative | None = None
     atol: NotNegative | None = None
-    friction: Literal["none", "single", "successive", "newton"] = "newton"
+    friction: FrictionName = "newton"
     tolerance: Positive | None = None
     iterations: Annotated[int, Field(strict=True, ge=1)] | None = None
 
@@ -68,9 +69,19 @@ class Expectation(StrictModel):
         if odd:
             wrong = f"{odd[0]} has {len(self.want[odd[0]])} values, "
             wrong += f"the number of samples is {self.samples}"
+        if self.friction != "successive" and (self.tolerance or self.iterations):
+            wrong = '"tolerance" and "iterations" have no meaning'
+            wrong += f" for friction {self.friction!r}"
         if wrong:
             raise mistake("bad-expectation", wrong)
         return self
+
+    @property
+    def method(self) -> FrictionMethod:
+        """How joint friction is solved, as a run takes it."""
+        if self.tolerance is None and self.iterations is None:
+            return self.friction
+        return Successive(self.tolerance, self.iterations)
 
     @property
     def samples(self) -> int:

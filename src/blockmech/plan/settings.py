@@ -8,24 +8,23 @@ from blockmech.friction.solvers import METHODS
 from blockmech.ground.errors import Problem, RequestError, listed, refused, shown
 from blockmech.ground.values import is_count, is_number
 from blockmech.plan.plan import Friction
+from blockmech.typing import FrictionMethod, Successive
 
 
-def friction_asked(method: str | None, tolerance: float | None, iterations: int | None) -> Friction:
+def friction_asked(method: FrictionMethod | None) -> Friction:
     """The friction method of a request; None is Newton's.
 
-    Raises `RequestError` for what does not fit.
+    Raises `RequestError` for a method that does not exist and numbers that do not fit.
     """
+    if not isinstance(method, Successive):
+        method = "newton" if method is None else method
+        if not isinstance(method, str) or method not in METHODS:
+            found = f"no friction method {shown(method)}"
+            valid = f"methods: {listed(METHODS)}, Successive(...)"
+            raise refused("friction", found, valid=valid, code="unknown-method")
+        return Friction(method)
     problems = []
-    method = "newton" if method is None else method
-    if not isinstance(method, str) or method not in METHODS:
-        found = f"no friction method {shown(method)}"
-        valid = f"methods: {listed(METHODS)}"
-        problems.append(Problem("unknown-method", "friction", found, valid, ""))
-    given = [n for n, x in (("tolerance", tolerance), ("iterations", iterations)) if x is not None]
-    if given and method != "successive":
-        found = f'has no meaning for friction="{method}"'
-        remedy = 'use friction="successive" with it'
-        problems.append(Problem("useless-setting", listed(given), found, "", remedy))
+    tolerance, iterations = method.tolerance, method.iterations
     if tolerance is not None and not (is_number(tolerance) and tolerance >= 0):
         found = f"must be >= 0 N, got {tolerance!r}"
         problems.append(Problem("bad-value", "tolerance", found, "", ""))
@@ -35,7 +34,7 @@ def friction_asked(method: str | None, tolerance: float | None, iterations: int 
     if problems:
         raise RequestError(problems)
     return Friction(
-        method,
+        "successive",
         None if tolerance is None else float(tolerance),
         None if iterations is None else int(iterations),
     )

@@ -102,7 +102,7 @@ def _what(
     status = quality.status[first]
     if status == "not-converged":
         by = {"single": "a single correction", "successive": "successive approximations"}
-        how = by.get(result.settings["friction"], "continuation")
+        how = by.get(str(result.settings["friction"]), "continuation")
         return FrictionError, status, _unproved(result, first, block) or f"{how} did not converge"
     if status in (SELF_LOCKED, JAMMED):
         limit = next(

@@ -23,7 +23,7 @@ from blockmech.result.motion import Motion
 from blockmech.result.quality import OK, Flag, Quality, assess
 from blockmech.result.samples import Samples
 from blockmech.result.wires import on_wires
-from blockmech.typing import M
+from blockmech.typing import FrictionMethod, M
 
 ADVANTAGE = "mechanism.mechanical_advantage"
 BY_DRIVES = ADVANTAGE, "mechanism.efficiency", "mechanism.friction_efficiency"
@@ -381,10 +381,9 @@ class Result(Exported, Generic[M]):
         return self._again(self._compiled.of_blocks, want)
 
     @declared
-    def with_friction(self, method: str, *want: str) -> Result:
+    def with_friction(self, method: FrictionMethod, *want: str) -> Result:
         """Outputs at the same samples with another method of friction; gaps are marked."""
-        how = {"friction": method, "tolerance": None, "iterations": None}
-        return self._again(self.mechanism, want, self.settings | how)
+        return self._again(self.mechanism, want, self.settings | {"friction": method})
 
     def _again(
         self, mechanism: Any, want: tuple[str, ...], settings: Mapping[str, Any] | None = None

@@ -70,8 +70,6 @@ def sensitivity(
     rates: Coordinates | None = None,
     accelerations: Coordinates | None = None,
     friction: FrictionMethod | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
     static: bool = False,
     on_gap: OnGap = "raise",
 ) -> Sensitivity:
@@ -87,7 +85,7 @@ def sensitivity(
     to : addresses or patterns of numbers (`Mechanism.parameters`), and of drivers their
         ``crank.q``, ``crank.rate``, ``crank.acceleration``; by default all numbers
     at, samples, times, rates, accelerations : the samples, as those of a run
-    friction, tolerance, iterations, static, on_gap : as those of a run
+    friction, static, on_gap : as those of a run
 
     Returns
     -------
@@ -100,7 +98,7 @@ def sensitivity(
     """
     asked_for, to = as_sequence("want", want), as_sequence("to", to)
     poses = {"samples": samples, "times": times, "rates": rates, "accelerations": accelerations}
-    how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
+    how = {"friction": friction, "static": static}
     given: dict[str, Any] = {**poses, **how}
     if any(map(is_reduction, asked_for)):
         return _of_reductions(mechanism, asked_for, to, at, given, on_gap)
@@ -166,7 +164,7 @@ def _of_reductions(
     sides = ({n: side[n] for n in kept} for side in (base.ahead, base.behind, base.jumps))
     ahead, behind, jumps = sides
     values = {}
-    how = {k: given[k] for k in ("friction", "tolerance", "iterations", "static")}
+    how = {k: given[k] for k in ("friction", "static")}
     for w in columns:
         y, label = np.asarray(base.result[w.output]), w.label
         jumping = base.jumps[w.output]

@@ -165,7 +165,7 @@ def enclose(
     ]
     if friction not in (None, "none", "newton"):
         remedy = "others are no solution of its equations"
-        problems.append(Problem("bad-request", "friction", friction, "none, newton", remedy))
+        problems.append(Problem("bad-request", "friction", str(friction), "none, newton", remedy))
     if widths and (of_links(mechanism) or is_written_out(mechanism)):
         message = "tolerances are of the numbers of one graph of blocks"
         remedy = "name those of mech.of_blocks or of the flat graph"

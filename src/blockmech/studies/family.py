@@ -35,6 +35,7 @@ from blockmech.studies.variation import (
     of_links,
     planned_aside,
 )
+from blockmech.typing import FrictionMethod
 
 
 class Parameters(dict[str, Parameter]):
@@ -78,7 +79,10 @@ class Family:
     """
 
     def __init__(
-        self, mechanism: Compiled, addresses: Iterable[str], friction: str | None = "none"
+        self,
+        mechanism: Compiled,
+        addresses: Iterable[str],
+        friction: FrictionMethod | None = "none",
     ) -> None:
         """Raises `RequestError` for addresses of nothing.
 

@@ -187,8 +187,6 @@ def function(
     *,
     library: str | ModuleType = "jax",
     friction: FrictionMethod | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
     static: bool = False,
     precision: Precision | None = None,
 ) -> Function:
@@ -204,7 +202,7 @@ def function(
     outputs : names or patterns of outputs; those that are one number a run are left out
     parameters : addresses or patterns of numbers (`Mechanism.parameters`)
     library : "jax", "numpy", or the namespace of arrays that keep the array API standard
-    friction, tolerance, iterations, static : as those of a run
+    friction, static : as those of a run
     precision : "complex128" (default) for float64, "complex64" for float32
 
     Returns
@@ -225,9 +223,7 @@ def function(
         raise refused(listed(patterns), what, "name an output of samples")
     places, alone = _places(mechanism, as_names("parameters", parameters))
     general = planned_near(mechanism, {x: p.value for p, paths in places.items() for x in paths})
-    plan = general.plan(
-        names, friction=friction, tolerance=tolerance, iterations=iterations, static=static
-    )
+    plan = general.plan(names, friction=friction, static=static)
     drivers = list(enumerate(mechanism.drivers))
     of_inputs = {
         mechanism.of_driver(d, what): f"{x}_{i}" for i, d in drivers for what, x in INPUTS.items()

@@ -127,7 +127,7 @@ class MotionRunner(Runner):
                 found, valid = "no such argument of a motion", f"arguments: {listed(known)}"
                 remedy = close_match(str(name), known) or "friction and outputs are the study's"
                 raise refused(f"simulate[{name}]", found, remedy, valid, "unknown-argument")
-        friction_asked(*_friction(settings).values())
+        friction_asked(settings["friction"])
         request, starts = request_of(m.scene, m.coordinate_units, **simulation)
         stops_of(m, starts, simulation.get("stops"))
         times = simulation.get("times")
@@ -227,7 +227,7 @@ class MotionRunner(Runner):
         outputs = list(dict.fromkeys(w.output for w in self.want if w.how != MOTION))
         try:
             own: Any = remade(self.family.mechanism, numbers)  # a `Mechanism`, with its methods
-            how = {"engine": self.engine, **_friction(self.settings), **self.simulation}
+            how = {"engine": self.engine, "friction": self.settings["friction"], **self.simulation}
             result = own.simulate(want=outputs, **how)
         except BlockmechError as error:
             return Moved({}, NO_MOTION, f"{error.problems[0].where} ({error.problems[0].found})")
@@ -251,10 +251,10 @@ class MotionRunner(Runner):
             return reduced(w, t, y, self.n)
 
         def output(row: Array, times: Array) -> Array:
-            at = result_along(result.mechanism, motion, times.ravel(), w.output, **how)
+            at = result_along(result.mechanism, motion, times.ravel(), w.output, friction)
             return size(np.asarray(at[w.output])).reshape(times.shape)
 
-        how, size = _friction(self.settings), np.abs if w.vector else np.asarray
+        friction, size = self.settings["friction"], np.abs if w.vector else np.asarray
         return extremes_of(w, output, t, size(y)[None], ended=DENSE).value[0]
 
 
@@ -289,7 +289,7 @@ class Together:
         stops = stops_of(m, starts, runner.simulation.get("stops"))
         if any(math.isfinite(stop.q) for between in stops for stop in between):
             return None  # where a pair's stop is, each design says for itself
-        how = friction_asked(*_friction(runner.settings).values())
+        how = friction_asked(runner.settings["friction"])
         system = System(runner.family.general, method=how, engine=runner.engine)
         rates, method = rates_for(system, request), request.method
         numbers = all(w.how == MOTION for w in runner.want)
@@ -404,10 +404,6 @@ def _nothing(w: Wanted, n: int) -> Any:
     """A column of a design without an answer."""
     nan = complex(math.nan, math.nan) if w.kind == "vector" else math.nan
     return np.full(n, nan) if w.how == POSES else nan
-
-
-def _friction(settings: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: settings[key] for key in ("friction", "tolerance", "iterations")}
 
 
 def runner_of(

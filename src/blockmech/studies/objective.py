@@ -20,7 +20,7 @@ from blockmech.studies.differentiate import sensitivity
 from blockmech.studies.family import Family, remade
 from blockmech.studies.motions import MotionRunner, runner_of
 from blockmech.studies.reductions import WHOLE
-from blockmech.studies.runner import Runner, poses_of
+from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import as_sequence
 from blockmech.typing import Coordinates, FrictionMethod, Numbers
 
@@ -128,13 +128,10 @@ def objective(
     to: Iterable[str],
     *,
     want: Mapping[str, str | Sequence[str]] | Sequence[str] | str,
-    over: Coordinates | None = None,
     at: Coordinates | None = None,
     samples: int | None = None,
     times: Numbers | None = None,
     friction: FrictionMethod | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
     static: bool = False,
     simulate: Mapping[str, Any] | None = None,
 ) -> Objective:
@@ -143,14 +140,14 @@ def objective(
     Parameters
     ----------
     to : addresses of the numbers, in the order of the function's argument
-    want, over, at, samples, times, friction, tolerance, iterations, static, simulate : as those of
-        a study. Derivatives of motions are differences of fourth order, see `MotionObjective`
+    want, at, samples, times, friction, static, simulate : as those of a study
+        Derivatives of motions are differences of fourth order, see `MotionObjective`.
 
     Raises `RequestError` for unknown names, or settings that do not fit.
     """
-    how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
+    how = {"friction": friction, "static": static}
     family = Family(mechanism, as_sequence("to", to), friction)
-    poses: dict[str, Any] = {"at": poses_of(over, at), "samples": samples, "times": times}
+    poses: dict[str, Any] = {"at": at, "samples": samples, "times": times}
     runner = runner_of(family, want, poses, how, simulate)
     if isinstance(runner, MotionRunner):
         return MotionObjective(mechanism, runner, poses)

@@ -27,7 +27,6 @@ from blockmech.ground.errors import (
     FrictionError,
     GraphError,
     SingularError,
-    refused,
 )
 from blockmech.model.parameters import Parameter
 from blockmech.plan.plan import Plan
@@ -55,7 +54,7 @@ class Runner:
     family : the designs
     want : what is kept of them
     over : the poses, as `blockmech.result.samples.make_samples` takes them
-    settings : friction, tolerance, iterations and static, as those of a run
+    settings : friction and static, as those of a run
     engine : name of the engine, or "auto"
     """
 
@@ -71,7 +70,7 @@ class Runner:
     ) -> Runner:
         """That of a request. Raises `RequestError` for what is unknown or does not fit."""
         check_switch("static", settings["static"])
-        friction_asked(*(settings[key] for key in ("friction", "tolerance", "iterations")))
+        friction_asked(settings["friction"])
         m, own = family.mechanism, cls(family, (), over, settings)
         return replace(own, want=wanted(want, family.general.outputs, own.samples(m), m.drivers))
 
@@ -206,13 +205,6 @@ def summary(x: Any) -> str:
 def digest(data: bytes) -> str:
     """A word that tells data apart."""
     return hashlib.blake2b(data, digest_size=8).hexdigest()
-
-
-def poses_of(over: Any, at: Any) -> Any:
-    """The poses by either of their two names. Raises `RequestError` where both are given."""
-    if over is not None and at is not None:
-        raise refused("at", "over says the poses, too", "give one of them")
-    return at if over is None else over
 
 
 class _Planned:

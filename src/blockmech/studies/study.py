@@ -20,7 +20,7 @@ from blockmech.studies.family import Family, parameters
 from blockmech.studies.fingerprint import fingerprint
 from blockmech.studies.motions import runner_of
 from blockmech.studies.rows import WITHOUT, Parts, Rows, Span
-from blockmech.studies.runner import Runner, poses_of
+from blockmech.studies.runner import Runner
 from blockmech.studies.sampling import Designs, Distribution, Sampling, designs
 from blockmech.studies.table import Study
 from blockmech.studies.workers import Work, hands
@@ -33,7 +33,6 @@ def study(
     vary: Mapping[str, Numbers | Distribution],
     *,
     want: Mapping[str, str | Sequence[str]] | Sequence[str] | str,
-    over: Coordinates | None = None,
     at: Coordinates | None = None,
     samples: int | None = None,
     times: Numbers | None = None,
@@ -41,8 +40,6 @@ def study(
     count: int | None = None,
     seed: int = 0,
     friction: FrictionMethod | None = None,
-    tolerance: float | None = None,
-    iterations: int | None = None,
     static: bool = False,
     engine: EngineName = "auto",
     progress: Progress | None = None,
@@ -63,12 +60,11 @@ def study(
         max_abs, range, stroke; over the poses themselves mean, rms, at(coordinate), and poses for
         all of them; rest is an output at the stable equilibrium nearest to the first pose.
     at : driver -> poses (n,) [rad or m]; by default the range of the drivers' laws
-    over : another name for ``at``
     samples, times : as those of a run, in place of ``at``
     sampling : "grid" (default of arrays) or "paired"; of distributions "latin" (default),
         "sobol" or "random"
     count, seed : of distributions, how many designs, and which
-    friction, tolerance, iterations, static : as those of a run
+    friction, static : as those of a run
     engine : "numpy", "llvm" for machine code, or "auto", the quicker one
     progress : called as ``progress(what, done, whole)``
     out : folder
@@ -96,11 +92,11 @@ def study(
     MissingEngineError without pyarrow (extra ``study``), distributed (``cluster``) or llvmlite
         (``fast``)
     """
-    how = {"friction": friction, "tolerance": tolerance, "iterations": iterations, "static": static}
+    how = {"friction": friction, "static": static}
     vary = _in_si(mechanism, vary) if isinstance(vary, Mapping) else vary
     chosen = designs(vary, sampling, count, seed)
     family = Family(mechanism, vary, friction)
-    poses = {"at": poses_of(over, at), "samples": samples, "times": times}
+    poses = {"at": at, "samples": samples, "times": times}
     runner = runner_of(family, want, poses, how, simulate)
     spans = runner.checked(chosen)
     runner = replace(runner, engine=engine).settled(chosen.count)

@@ -45,7 +45,7 @@ def _made_again(mechanism: Compiled, study: Study) -> Verification:
         raise refused("at", "it is a study of motions", "verify a simulation of one of its designs")
     if runner.family.mechanism is not mechanism:
         raise refused("at", f"it is a study of another mechanism, {study.name}")
-    plain = {"friction": "none", "tolerance": None, "iterations": None, "static": True}
+    plain = {"friction": "none", "static": True}
     answered = np.flatnonzero(study.found.word == 0)
     some = answered[np.unique(np.linspace(0, len(answered) - 1, DESIGNS).round().astype(int))]
     sizes = {w.label: float(np.nanmax(np.abs(study[w.label]))) or 1.0 for w in study.columns}

@@ -21,7 +21,7 @@ from blockmech.studies.sampling import normal
 from blockmech.studio.looks import TABLE, Plain, button, row
 from blockmech.studio.session import together
 from blockmech.studio.work import OnProgress, Work
-from blockmech.typing import FrictionMethod
+from blockmech.typing import FrictionName
 
 PICTURE = "picture of the answer"
 BESIDE = "img { height: 205px; max-width: none }"  # px, of the drawer below the tabs
@@ -37,7 +37,7 @@ class Asked(NamedTuple):
     samples: Samples
     at: Mapping[str, Any]
     names: tuple[str, ...]
-    friction: FrictionMethod
+    friction: FrictionName
     share: float = 0.0
     report: OnProgress | None = None
 
@@ -48,7 +48,7 @@ def answered(
     """Outputs at samples, gaps marked; with an ``accuracy`` the method is chosen by it."""
     if accuracy is not None:
         return mechanism.run_to(accuracy, {}, samples, tuple(names), False, "auto", None)
-    how = {"friction": friction, "tolerance": None, "iterations": None, "static": False}
+    how = {"friction": friction, "static": False}
     return mechanism.answer(samples, tuple(names), how)
 
 

@@ -27,7 +27,7 @@ from blockmech.studio.looks import LINES, Plain, button, row
 from blockmech.studio.session import heard, together
 from blockmech.studio.sheet import Sheet
 from blockmech.studio.work import OnProgress, Work
-from blockmech.typing import FrictionMethod
+from blockmech.typing import FrictionName
 
 FINDS = {"search_strategy": "includes", "case_sensitive": False, "min_characters": 1}
 ACCURACIES = ("1e-3", "1e-6", "1e-9", "1e-12")
@@ -66,7 +66,7 @@ def _told(key: str, values: Any, unit: str) -> str:
 
 
 def answer(
-    motion: Motion, names: Iterable[str], friction: FrictionMethod, accuracy: float | None = None
+    motion: Motion, names: Iterable[str], friction: FrictionName, accuracy: float | None = None
 ) -> Result:
     """Outputs at the samples of a motion; gaps are marked.
 
@@ -104,7 +104,7 @@ class Answers:
         self.names = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
         self.find = Find(label="Add an output", placeholder="part of its name", width=190, **FINDS)
         self.find.param.watch(lambda event: self._add(event.new), "value")
-        known = list(get_args(FrictionMethod))
+        known = list(get_args(FrictionName))
         wanted = {"default": 0.0, **{x: float(x) for x in ACCURACIES}}
         self.friction = pn.widgets.Select(label="Friction", options=known, value="newton", width=92)
         self.accuracy = pn.widgets.Select(label="Accuracy", options=wanted, width=100)

@@ -171,8 +171,7 @@ def _computed(mechanism: Mechanism, expectation: Expectation) -> Result:
     """The run or the simulation that an entry asks for."""
     moving, want = expectation.simulate, tuple(expectation.want)
     if moving is None:
-        how = {k: getattr(expectation, k) for k in ("at", "friction", "tolerance", "iterations")}
-        return mechanism.run(want=want, on_gap="mark", **how)
+        return mechanism.run(expectation.at, friction=expectation.method, want=want, on_gap="mark")
     more: dict[str, Any] = {"times": moving.times, "method": moving.method}
     friction: FrictionMethod | None = "none" if expectation.friction == "none" else None
     result = mechanism.simulate(moving.until, want=want, friction=friction, **more)

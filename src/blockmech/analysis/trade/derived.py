@@ -34,5 +34,5 @@ def run_off_by_a_digit(
 
 def how(settings: Mapping[str, Any]) -> dict[str, Any]:
     """The settings of a result that was run in a way of its own."""
-    usual = {"friction": "newton", "tolerance": None, "iterations": None, "static": False}
+    usual = {"friction": "newton", "static": False}
     return usual | {k: v for k, v in settings.items() if k != "want"}

@@ -21,6 +21,7 @@ from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.ground.errors import RequestError, refused
 from blockmech.result.motion import Motion
 from blockmech.result.result import Result
+from blockmech.typing import Successive
 
 FINEST = (  # references and checks, best first; coarser ones where those do not end in time
     ("auto", 1e-14),
@@ -38,7 +39,7 @@ MOTION = ("*.q", "*.rate")
 FRICTIONS = (
     Setting("friction none", "", {"friction": "none"}),
     Setting("friction single", "", {"friction": "single"}),
-    Setting("friction successive", "3 iterations", {"friction": "successive", "iterations": 3}),
+    Setting("friction successive", "3 iterations", {"friction": Successive(iterations=3)}),
 )
 
 

@@ -28,6 +28,7 @@ from blockmech.compiled import Compiled
 from blockmech.ground.errors import listed, refused
 from blockmech.ground.runnable import EVERYTHING
 from blockmech.result.result import Result
+from blockmech.typing import Successive
 
 NUMPY = {"engine": "numpy"}
 SINGLE = NUMPY | {"precision": "complex64"}
@@ -55,7 +56,7 @@ FRICTIONS = tuple(
         *(() if name else (("friction none", "complex64", SINGLE | {"friction": "none"}),)),
         ("friction single", "", {"friction": "single"}),
         *(
-            ("successive", f"{k} iterations", {"friction": "successive", "iterations": k})
+            ("successive", f"{k} iterations", {"friction": Successive(iterations=k)})
             for k in range(2, MOST_ITERATIONS + 1)
         ),
         ("successive as set", "", {"friction": "successive"}),
@@ -132,7 +133,7 @@ class Sweep(Question):
         bounds = [float(np.max(c[good])) for c in best.quality.contraction.values()]
         checked = solver
         if self.rubs and max(bounds, default=0.0) < 0.5:
-            how |= {"friction": "successive", "iterations": SETTLED}
+            how["friction"] = Successive(iterations=SETTLED)
             checked = f", {SETTLED} successive approximations"
         want = {"want": best.plan.want}
         check = rotated_run(self.mechanism, best.samples, "clongdouble", want | how)

@@ -85,7 +85,7 @@ class CProgram:
         **settings: Any,
     ) -> None:
         """``rates`` are outputs beside the catalogue's that move states, which are inputs then;
-        ``settings`` are those of `Compiled.plan`: friction, tolerance, iterations, static.
+        ``settings`` are those of `Compiled.plan`: friction, static.
 
         Raises `RequestError` for what C cannot say, e.g. a law that is a Python function, and
         without ``rates`` for what follows states.
@@ -102,9 +102,8 @@ class CProgram:
             raise refused("want", what, "want an output that every pose has")
         self.mechanism, self.real = mechanism, real
         self.name = identifier(mechanism.name.lower())
-        how = [settings.get(k) for k in ("friction", "tolerance", "iterations")]
-        static = bool(settings.get("static"))
-        self.plan: Plan = catalogue.plan(mechanism.scene, names, friction_asked(*how), static)
+        how, static = friction_asked(settings.get("friction")), bool(settings.get("static"))
+        self.plan: Plan = catalogue.plan(mechanism.scene, names, how, static)
         self._settings = settings
         if rates is None:
             mechanism.refuse_states(self.plan, ())

@@ -1,0 +1,154 @@
+"""Mass, inertia and centre of mass of links from their shapes.
+
+A `Body` is what a link takes: ``bm.Link(**bm.shapes.bar(0.4, mass=1.2))``,
+``linkage.add_link("rod", **bm.shapes.bar(0.4, mass=1.2))``. Bodies add up, and holes are taken
+away: ``plate - disc.at(0.1, 0.0)``. Everything is about an axis normal to the plane of motion.
+
+Sources: Norton, Design of Machinery, section 10 (composite bodies, parallel axes); polygons by
+Green's theorem (Steger, On the calculation of arbitrary moments of polygons, 1996).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from blockmech.ground.errors import Problem, RequestError
+
+STEEL = 7850.0  # [kg/m3]
+
+
+@dataclass(frozen=True)
+class Body:
+    """Mass properties in the plane, as a link takes them by ``**``.
+
+    Attributes
+    ----------
+    mass : [kg]
+    inertia : [kg m2] about the centre of mass
+    cm : (x, y) [m] centre of mass in the link's frame
+    """
+
+    mass: float
+    inertia: float
+    cm: tuple[float, float] = (0.0, 0.0)
+
+    def keys(self) -> tuple[str, ...]:
+        """Names of the properties, for ``**``."""
+        return ("mass", "inertia", "cm")
+
+    def __getitem__(self, name: str) -> Any:
+        return getattr(self, name)
+
+    def at(self, x: float, y: float, angle: float = 0.0) -> Body:
+        """The body turned by an angle [rad] about the origin, then moved by x, y [m]."""
+        place = complex(*self.cm) * complex(math.cos(angle), math.sin(angle)) + complex(x, y)
+        return Body(self.mass, self.inertia, (place.real, place.imag))
+
+    def __add__(self, other: Body) -> Body:
+        return self._with(other, 1)
+
+    def __sub__(self, hole: Body) -> Body:
+        return self._with(hole, -1)
+
+    def _with(self, other: Body, sign: int) -> Body:
+        """Both as one: centres by moments, inertias by parallel axes."""
+        mass = self.mass + sign * other.mass
+        if not mass > 0:
+            found = f"{self.mass:.9g} kg less {other.mass:.9g} kg leave no mass"
+            raise RequestError([Problem("bad-value", "shapes", found, "", "take less away")])
+        a, b = complex(*self.cm), complex(*other.cm)
+        cm = (self.mass * a + sign * other.mass * b) / mass
+        inertia = self.inertia + self.mass * abs(a - cm) ** 2
+        inertia += sign * (other.inertia + other.mass * abs(b - cm) ** 2)
+        return Body(mass, inertia, (cm.real, cm.imag))
+
+
+def point(mass: float, at: Sequence[float] = (0.0, 0.0)) -> Body:
+    """A point mass [kg] at a place (x, y) [m], such as a bolt or a counterweight."""
+    _refuse(mass=mass)
+    return Body(mass, 0.0, (float(at[0]), float(at[1])))
+
+
+def bar(length: float, width: float = 0.0, **amount: float) -> Body:
+    """A bar from the origin along x; ``width`` [m] in the plane, without it a slender rod.
+
+    Parameters
+    ----------
+    length : [m]
+    amount : ``mass=`` [kg], or ``thickness=`` [m] and ``density=`` [kg/m3] (steel)
+
+    >>> import blockmech as bm
+    >>> bm.shapes.bar(0.5, mass=1.5).inertia
+    0.03125
+    """
+    _refuse(length=length, width=width or 1.0)
+    mass = _mass(length * width, amount)
+    return Body(mass, mass * (length**2 + width**2) / 12, (length / 2, 0.0))
+
+
+def plate(width: float, height: float, **amount: float) -> Body:
+    """A rectangle about the origin, ``width`` [m] along x and ``height`` [m] along y."""
+    _refuse(width=width, height=height)
+    mass = _mass(width * height, amount)
+    return Body(mass, mass * (width**2 + height**2) / 12)
+
+
+def disc(radius: float, inner: float = 0.0, **amount: float) -> Body:
+    """A disc about the origin, or a ring with an inner radius [m].
+
+    >>> import blockmech as bm
+    >>> bm.shapes.disc(0.5, mass=2.0).inertia
+    0.25
+    """
+    _refuse(radius=radius, inner=inner or 1.0, wall=radius - inner)
+    mass = _mass(math.pi * (radius**2 - inner**2), amount)
+    return Body(mass, mass * (radius**2 + inner**2) / 2)
+
+
+def polygon(outline: Iterable[Sequence[float]], **amount: float) -> Body:
+    """The area within corners (x, y) [m], in either sense of rotation."""
+    z = np.array([complex(*corner) for corner in outline])
+    if len(z) < 3 or not np.isfinite(z).all():
+        found = f"got {len(z)} corners"
+        raise RequestError([Problem("bad-value", "outline", found, "three or more, finite", "")])
+    origin = z.mean()  # about which little cancels
+    a, b = z - origin, np.roll(z, -1) - origin
+    cross = (a.conjugate() * b).imag
+    area = cross.sum() / 2
+    if not abs(area) > np.finfo(float).eps * np.abs(a).max() ** 2 * len(z):
+        raise RequestError([Problem("bad-value", "outline", "it encloses no area", "", "")])
+    cm = ((a + b) * cross).sum() / (6 * area)
+    second = (cross * (np.abs(a) ** 2 + (a.conjugate() * b).real + np.abs(b) ** 2)).sum() / 12
+    mass = _mass(abs(float(area)), amount)
+    inertia = mass * (float(second / area) - abs(cm) ** 2)
+    place = complex(cm + origin)
+    return Body(mass, inertia, (place.real, place.imag))
+
+
+def _mass(area: float, amount: dict[str, float]) -> float:
+    """Mass [kg] of an area [m2]: as it is given, or of a thickness and a density."""
+    if amount.keys() == {"mass"}:
+        _refuse(mass=amount["mass"])
+        return float(amount["mass"])
+    if "thickness" in amount and amount.keys() <= {"thickness", "density"}:
+        _refuse(area=area, **amount)
+        return float(area * amount["thickness"] * amount.get("density", STEEL))
+    found = f"got {', '.join(amount) or 'neither'}"
+    valid = "mass=, or thickness= and density= (steel)"
+    raise RequestError([Problem("bad-request", "shapes", found, valid, "say how much it is")])
+
+
+def _refuse(**sizes: float) -> None:
+    """Refuse sizes that are not above zero, all at once."""
+    problems = [
+        Problem("bad-value", name, f"must be > 0, got {x!r}", "", "")
+        for name, x in sizes.items()
+        if isinstance(x, bool) or not isinstance(x, int | float) or not 0 < x < math.inf
+    ]
+    if problems:
+        raise RequestError(problems)

@@ -1,0 +1,376 @@
+r"""Inverse questions: which coordinate, load or length gives a wanted value.
+
+**Of a driver**: the output y(q) is followed over its range; between two neighbouring extremes it is
+monotone, so it takes a value once or not at all there, and bracketing finds the place to rounding.
+All places are found, also those at which the output only touches the value.
+
+**Of several drivers, and of numbers of the design**: as many unknowns x as wanted values,
+F(x) = y(x) - wanted = 0 by least squares with a trust region from the poses or numbers at hand;
+derivatives of designs are exact, and dx/dy = F'^-1.
+
+Source: Branch, Coleman & Li, SIAM J. Sci. Comput. 21 (1999), the trust region (SciPy's).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from blockmech.analysis.extremes import parts_of
+from blockmech.analysis.ranges import cycle_of
+from blockmech.analysis.scan import ASIDE, TURN, Span, scan
+from blockmech.analysis.turning_points import ROUNDING, Signal, signal_of
+from blockmech.analysis.working_cycle import Cycle
+from blockmech.compiled import Compiled
+from blockmech.functions.series import EPS, Floats, panels
+from blockmech.ground.arguments import declared
+from blockmech.ground.errors import BlockmechError, listed, refused
+from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
+from blockmech.studies.family import parameters, remade
+from blockmech.typing import Coordinates, FrictionMethod
+
+STARTS = 5  # values of each of several drivers, between which ways to the wanted pose begin
+CLOSE = EPS ** (2 / 3)  # of a size: misfits and steps that count as none
+
+
+@dataclass(frozen=True)
+class Solution(Facts):
+    """One answer.
+
+    Attributes
+    ----------
+    values : ``"crank.q"`` or the address of a number -> its value
+    units : their units
+    slopes : (k, k) derivative of each value by each wanted one; NaN at a touch, where there is none
+    mode : address of a branch -> 1 or -1, where all assembly modes were asked for
+    """
+
+    values: Mapping[str, float]
+    units: Mapping[str, str]
+    slopes: Floats
+    mode: Mapping[str, int] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> float:
+        return self.values[name]
+
+
+@dataclass(frozen=True, repr=False)
+class Solutions(Facts, Report):
+    """Every answer to an inverse question, in the order of the range.
+
+    Attributes
+    ----------
+    wanted : output -> value
+    units : their units
+    solutions : none where the value is not taken
+    nearest : how near it comes there, in words
+    """
+
+    wanted: Mapping[str, float]
+    units: Mapping[str, str]
+    solutions: tuple[Solution, ...]
+    nearest: str = ""
+
+    def __len__(self) -> int:
+        return len(self.solutions)
+
+    def __iter__(self) -> Iterator[Solution]:
+        return iter(self.solutions)
+
+    def __getitem__(self, k: int) -> Solution:
+        return self.solutions[k]
+
+    def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
+        """What is wanted, and one line for each answer."""
+        yield f"{places(self.wanted, self.units, degrees)}:"
+        for solution in self.solutions:
+            mode = ", ".join(f"{name} = {x}" for name, x in solution.mode.items())
+            yield f"  {places(solution.values, solution.units, degrees)}" + f"  ({mode})" * bool(
+                mode
+            )
+        if not self.solutions:
+            yield f"  no solution: {self.nearest}"
+
+
+@declared
+def solve(
+    mechanism: Compiled,
+    wanted: Mapping[str, float],
+    to: Iterable[str] | str = (),
+    *,
+    at: Coordinates | None = None,
+    samples: int | None = None,
+    modes: bool = False,
+    friction: FrictionMethod | None = None,
+    static: bool = False,
+) -> Solutions:
+    """Which driver coordinates, loads or lengths give wanted values.
+
+    Parameters
+    ----------
+    wanted : output -> value in SI, e.g. ``{"dyad.j.angle": 1.4}``; with ``to`` also what a study
+        keeps, e.g. ``{"max_abs(crank.drive)": 50.0, "stroke(rod.C)": 0.12}``
+    to : addresses of as many numbers of the design; by default the drivers are asked for, and
+        there are as many wanted values as drivers
+    at, samples : the poses [rad or m] at which outputs are wanted of designs, as those of a run;
+        one pose for an output by itself
+    modes : whether all assembly modes of the dyads of a graph are gone through
+    friction, static : as those of a run
+
+    Returns
+    -------
+    Solutions
+        Of one driver all places of its range, to rounding; of several drivers those that were
+        found from a grid of starts; of numbers the one that is reached from those of the file.
+
+    Raises
+    ------
+    RequestError for unknown names, and for other than as many wanted values as unknowns
+
+    >>> import blockmech as bm
+    >>> mech = bm.Graph.load("graphs/ruiz_fourbar.json").compile()
+    >>> mech.solve({"dyad.j.angle": 1.4})
+    dyad.j.angle = 1.4 rad:
+      crank.q = 1.52732558 rad
+      crank.q = 5.67017408 rad
+    """
+    unknowns = (to,) if isinstance(to, str) else tuple(to)
+    if len(wanted) != len(unknowns or mechanism.drivers):
+        what = listed(unknowns) if unknowns else f"driver{'s'[: len(mechanism.drivers) != 1]}"
+        found = f"{len(wanted)} wanted for {len(unknowns or mechanism.drivers)} {what}"
+        raise refused("wanted", found, "give as many values as there are unknowns")
+    if bad := [name for name, x in wanted.items() if not math.isfinite(x)]:
+        raise refused(bad[0], "the wanted value is not finite", "give a number")
+    how: dict[str, Any] = {"friction": friction, "static": static}
+    if unknowns:
+        return _of_numbers(mechanism, wanted, unknowns, {"at": at, "samples": samples}, how)
+    of = _of_driver if len(mechanism.drivers) == 1 else _of_drivers
+    if not modes:
+        return of(mechanism, wanted, how, {})
+    branches = [a for a in parameters(mechanism) if a.endswith(".branch")]
+    parts: list[Solutions] = []
+    for signs in itertools.product((1, -1), repeat=len(branches)):
+        mode = dict(zip(branches, signs, strict=True))
+        try:
+            parts.append(of(remade(mechanism, mode), wanted, how, mode))
+        except BlockmechError as error:  # in this mode the mechanism closes nowhere
+            nowhere = error
+    if not parts:
+        raise nowhere
+    every = tuple(solution for part in parts for solution in part)
+    return Solutions(parts[0].wanted, parts[0].units, every, parts[0].nearest)
+
+
+# -- one driver ----------------------------------------------------------------------------
+
+
+def _of_driver(
+    mechanism: Compiled, wanted: Mapping[str, float], how: dict[str, Any], mode: Mapping[str, int]
+) -> Solutions:
+    ((name, value),) = wanted.items()
+    output, parts = parts_of(mechanism, name)
+    if len(parts) > 1:
+        raise refused(name, "it is a vector", f"name a part: {name}.x, {name}.y, {name}.magnitude")
+    cycle = cycle_of(mechanism, **how)
+    signal = signal_of(cycle, output, parts[0])
+    driver, unit = mechanism.of_driver(mechanism.drivers[0], "q"), mechanism.outputs[output].unit
+    if cycle.by != "coordinate":
+        raise refused(driver, "its law is one of time", "give it a law by its coordinate")
+    turning = unit == "rad" and output.endswith(".angle")  # which is told but for whole turns
+    crossings, reach = [], [math.inf, -math.inf]
+    for x, y, closed in _monotone_pieces(cycle, signal):
+        low, high = float(y.min()), float(y.max())
+        reach = [min(low, reach[0]), max(high, reach[1])]
+        near = ROUNDING * max(abs(low), abs(high)) if turning else 0.0
+        first, last = ((q + side * near - value) / TURN for q, side in ((low, -1), (high, 1)))
+        turns = range(math.ceil(first), math.floor(last) + 1) if turning else (0,)
+        crossings += [q for k in turns for q in _crossings(signal, x, y, value + TURN * k, closed)]
+    units = {driver: mechanism.outputs[driver].unit}
+    solutions = tuple(
+        Solution({driver: q}, units, np.array([[1.0 / _slope(cycle, signal, q)]]), mode)
+        for q in sorted(map(cycle.wrapped, crossings))
+    )
+    ends = [with_unit(x, unit) for x in reach]
+    return Solutions(
+        dict(wanted), {name: unit}, solutions, f"{name} goes from {ends[0]} to {ends[1]}"
+    )
+
+
+def _monotone_pieces(cycle: Cycle, signal: Signal) -> Iterator[tuple[Floats, Floats, bool]]:
+    """Places (n,) of each stretch, extremes among them, values there, and whether it is closed."""
+    closed = cycle.turns and bool(np.isfinite(signal.value(cycle.places())).all())
+    for low, high in cycle.stretches(signal.value):
+        aside = ASIDE * closed
+        span = Span(low - aside, high - aside, turn=closed)
+        share = (high - low) / (cycle.high - cycle.low)
+        edges = panels(0.0, 1.0, max(2, math.ceil(share * cycle.panels)))
+        curve = scan(signal.smooth, span, edges, signal.value)
+        known = np.isfinite(curve.y)
+        yield curve.x[known], curve.y[known], closed
+
+
+def _crossings(signal: Signal, x: Floats, y: Floats, value: float, closed: bool) -> Iterator[float]:
+    """Places at which a signal takes a value, at places x or once between two of them."""
+    from scipy.optimize import brentq
+
+    off, none = y - value, ROUNDING * np.maximum(np.abs(y), abs(value))
+    for i in range(len(x)):
+        if abs(off[i]) <= none[i]:
+            if not (closed and i == len(x) - 1):  # the last place is the first one
+                yield float(x[i])
+        elif i and off[i - 1] * off[i] < 0 and abs(off[i - 1]) > none[i - 1]:
+            ends = float(x[i - 1]), float(x[i])
+            yield float(brentq(lambda q: _value(signal, q) - value, *ends, xtol=EPS, rtol=4 * EPS))
+
+
+def _value(signal: Signal, q: float) -> float:
+    return float(signal.value(np.array([q]))[0])
+
+
+def _slope(cycle: Cycle, signal: Signal, q: float) -> float:
+    """Derivative of a signal, by central differences of fourth order; NaN where it is rounding."""
+    h = EPS ** (1 / 5) * (cycle.high - cycle.low) / TURN
+    with np.errstate(all="ignore"):
+        a, b, c, d = signal.value(q + h * np.array([-2.0, -1.0, 1.0, 2.0])).tolist()
+        slope = (a - 8 * b + 8 * c - d) / (12 * h)
+    size = max(map(abs, (a, b, c, d)))
+    return slope if abs(slope) * h > ROUNDING * size / h**0.5 else math.nan
+
+
+# -- several drivers, and numbers of the design --------------------------------------------
+
+
+def _of_drivers(
+    mechanism: Compiled, wanted: Mapping[str, float], how: dict[str, Any], mode: Mapping[str, int]
+) -> Solutions:
+    read, units = _reader(mechanism, wanted, how)
+    ranges, rotary = [], []
+    for d in mechanism.drivers:
+        law: Any = mechanism.scene.drive.get(d)
+        joint = mechanism.driver_joint(d)
+        if law is None and not joint.rotary:
+            raise refused(d, "nothing says where it may be", "give the driver a law of motion")
+        if law is not None and not law.by_coordinate:
+            raise refused(d, "its law is one of time", "give it a law by its coordinate")
+        ranges.append((0.0, TURN) if law is None else sorted(law.travelled))
+        rotary.append(joint.rotary)
+    sizes = np.array([high - low for low, high in ranges])
+    grid = itertools.product(*(np.linspace(low, high, STARTS) for low, high in ranges))
+    found: list[tuple[Floats, Floats]] = []
+    nearest = math.inf
+    for start in grid:
+        x, slopes, misfit = _solved(read, np.array(start), sizes)
+        nearest = min(nearest, misfit)
+        off = [np.abs(x - other) for other, _ in found]
+        alike = [np.where(rotary, np.abs((d + math.pi) % TURN - math.pi), d) for d in off]
+        inside = all(low - CLOSE * s <= q <= high + CLOSE * s or turns for (low, high), q, s, turns
+                     in zip(ranges, x, sizes, rotary, strict=True))  # fmt: skip
+        if misfit <= CLOSE and inside and not any((d <= 1e-6 * sizes).all() for d in alike):
+            found.append((x, slopes))
+    names = [mechanism.of_driver(d, "q") for d in mechanism.drivers]
+    of = {n: mechanism.outputs[n].unit for n in names}
+    solutions = tuple(
+        Solution(dict(zip(names, x.tolist(), strict=True)), of, slopes, mode)
+        for x, slopes in sorted(found, key=lambda pair: pair[0].tolist())
+    )
+    return Solutions(dict(wanted), units, solutions, f"it misses by {nearest:.3g} of the values")
+
+
+def _reader(
+    mechanism: Compiled, wanted: Mapping[str, float], how: dict[str, Any]
+) -> tuple[Callable[[Floats], Floats], dict[str, str]]:
+    """Misfits (k,) of wanted outputs at coordinates (k,), of their sizes; and their units."""
+    parts = [parts_of(mechanism, name) for name in wanted]
+    for name, (_, several) in zip(wanted, parts, strict=True):
+        if len(several) > 1:
+            raise refused(name, "it is a vector", f"name a part: {name}.x, {name}.y")
+    outputs = [output for output, _ in parts]
+    units = {n: mechanism.outputs[o].unit for n, o in zip(wanted, outputs, strict=True)}
+    values = np.array([*wanted.values()])
+    of: dict[str, Any] = {"x": np.real, "y": np.imag, "magnitude": np.abs, "": np.real}
+
+    def read(q: Floats) -> Floats:
+        at = dict(zip(mechanism.drivers, q[:, None], strict=True))
+        run = mechanism.run(at, want=outputs, on_gap="mark", **how)
+        y = [float(of[part[0]](run[output])[0]) for output, part in parts]
+        off = np.array(y) - values
+        turning = [output.endswith(".angle") for output in outputs]
+        return np.asarray(np.where(turning, (off + math.pi) % TURN - math.pi, off))
+
+    return read, units
+
+
+def _of_numbers(
+    mechanism: Compiled,
+    wanted: Mapping[str, float],
+    to: tuple[str, ...],
+    poses: dict[str, Any],
+    how: dict[str, Any],
+) -> Solutions:
+    single = [name for name in wanted if "(" not in name]
+    if single and np.size(next(iter(_columns(poses["at"])), ())) != 1:
+        found, remedy = "an output by itself is wanted at one pose", "give at=, or a reduction"
+        raise refused(single[0], found, f"{remedy} such as max_abs({single[0]})")
+    labels = [name if "(" in name else f"mean({name})" for name in wanted]
+    with_methods: Any = mechanism  # a `Mechanism`
+    kept = with_methods.objective(to, want=labels, **poses, **how)
+    values, start = np.array([*wanted.values()]), kept.start
+    sizes = np.where(start == 0, 1.0, np.abs(start))
+
+    def read(x: Floats) -> Floats:
+        return np.asarray(np.atleast_1d(kept(x)) - values)
+
+    def jacobian(x: Floats) -> Floats:
+        return np.atleast_2d(kept.jacobian(x))
+
+    x, slopes, misfit = _solved(read, start, sizes, jacobian)
+    known = parameters(mechanism)
+    of = {a: known[a].unit for a in kept.addresses}
+    values_of = dict(zip(kept.addresses, x.tolist(), strict=True))
+    solutions = (Solution(values_of, of, slopes),) if misfit <= CLOSE else ()
+    near = f"{places(values_of, of)} misses by {misfit:.3g} of the values"
+    units = {n: _unit(mechanism, n) for n in wanted}
+    return Solutions(dict(wanted), units, solutions, near)
+
+
+def _columns(at: Any) -> Iterable[Any]:
+    return at.values() if isinstance(at, Mapping) else () if at is None else (at,)
+
+
+def _unit(mechanism: Compiled, name: str) -> str:
+    output = name.partition("(")[2].rstrip(")").partition(",")[0] or name
+    return mechanism.outputs[parts_of(mechanism, output)[0]].unit
+
+
+def _solved(
+    misfits: Callable[[Floats], Floats],
+    start: Floats,
+    sizes: Floats,
+    jacobian: Callable[[Floats], Floats] | None = None,
+) -> tuple[Floats, Floats, float]:
+    """A zero of as many misfits as unknowns: where, dx/dy there, and the misfit left.
+
+    The misfit is the step of Newton's method that is left, of the sizes of x: what is known of x.
+    """
+    from scipy.optimize import least_squares
+
+    slopes: Any = jacobian or "3-point"
+    if not np.isfinite(misfits(start)).all():
+        return start, np.full((len(start),) * 2, math.nan), math.inf
+    tight = {"xtol": EPS, "ftol": EPS, "gtol": EPS}
+    try:
+        end = least_squares(misfits, start, jac=slopes, x_scale=sizes, **tight)
+        inverse = np.linalg.inv(end.jac)
+    except (BlockmechError, ValueError):  # there are no slopes, or they are singular
+        return start, np.full((len(start),) * 2, math.nan), math.inf
+    step = inverse @ end.fun
+    x = end.x - step
+    fun = misfits(x)
+    if not (np.abs(fun) <= np.abs(end.fun)).all():
+        x, fun = end.x, end.fun
+    return x, inverse, float(np.max(np.abs(inverse @ fun) / sizes))

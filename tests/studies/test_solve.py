@@ -1,0 +1,115 @@
+"""Inverse questions: answers put back into a run give what was wanted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from tests.gallery import GRAPHS
+
+RUIZ = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").compile()
+ANGLE = "dyad.j.angle"
+EPS = np.finfo(float).eps
+
+
+def test_every_place_of_a_driver_is_found_to_rounding():
+    for value in (0.8, 1.4, 2.3, 1.4 - 2 * np.pi):  # an angle is told but for whole turns
+        found = RUIZ.solve({ANGLE: value})
+        assert len(found) == 2
+        for solution in found:
+            q = solution["crank.q"]
+            off = RUIZ.run(q, want=ANGLE)[ANGLE][0] - value
+            # rounding of the angle, and of the place times its slope
+            assert abs((off + np.pi) % (2 * np.pi) - np.pi) <= 8 * EPS * (1 + q)
+            h = 1e-5
+            beside = RUIZ.run([q - h, q + h], want=ANGLE)[ANGLE]
+            assert solution.slopes[0, 0] == pytest.approx(2 * h / np.diff(beside)[0], rel=1e-8)
+
+
+def test_forces_are_solved_for_as_well():
+    found = RUIZ.solve({"crank.drive": 1000.0})
+    assert len(found) == 4
+    there = RUIZ.run([s["crank.q"] for s in found], want="crank.drive")["crank.drive"]
+    assert there == pytest.approx(1000.0, rel=1e-11)
+
+
+def test_a_value_that_is_only_touched_has_one_place_and_none_beyond():
+    top = RUIZ.extremes(ANGLE).maximum
+    (touch,) = RUIZ.solve({ANGLE: top.value})
+    assert touch["crank.q"] == pytest.approx(top.at["crank.q"], abs=1e-7)  # root of rounding
+    assert np.isnan(touch.slopes).all()
+    beyond = RUIZ.solve({ANGLE: top.value + 1e-9})
+    assert len(beyond) == 0
+    assert f"goes from {RUIZ.extremes(ANGLE).minimum.value:.9g} rad" in str(beyond)
+
+
+def test_all_assembly_modes_are_gone_through():
+    there = RUIZ.run(0.7, want="dyad.C.p")["dyad.C.p"][0].real
+    other = RUIZ.document.replace({"dyad.branch": -1.0}).compile()
+    found = RUIZ.solve({"dyad.C.p.x": float(there)}, modes=True)
+    assert {s.mode["dyad.branch"] for s in found} == {1, -1}
+    for s in found:
+        mech = RUIZ if s.mode["dyad.branch"] == 1 else other
+        x = mech.run(s["crank.q"], want="dyad.C.p")["dyad.C.p"][0].real
+        assert x == pytest.approx(there, abs=1e-13)
+
+
+def test_a_point_is_reached_by_two_drivers_from_all_sides():
+    arms = bm.Graph.load(GRAPHS / "fivebar_falling.json").compile()
+    p = complex(arms.run({"left": [1.2], "right": [2.2]}, want="dyad.C.p")["dyad.C.p"][0])
+    found = arms.solve({"dyad.C.p.x": p.real, "dyad.C.p.y": p.imag})
+    assert any(
+        s["left.q"] == pytest.approx(1.2, abs=1e-12)
+        and s["right.q"] == pytest.approx(2.2, abs=1e-12)
+        for s in found
+    )
+    for s in found:
+        at = {"left": [s["left.q"]], "right": [s["right.q"]]}
+        assert arms.run(at, want="dyad.C.p")["dyad.C.p"][0] == pytest.approx(p, abs=1e-12)
+
+
+def test_numbers_of_the_design():
+    (length,) = RUIZ.solve({ANGLE: 1.4}, to="dyad.l_i", at=0.5)
+    other = RUIZ.document.replace({"dyad.l_i": length["dyad.l_i"]}).compile()
+    assert other.run(0.5, want=ANGLE)[ANGLE][0] == pytest.approx(1.4, abs=1e-14)
+    slope = RUIZ.document.replace({"dyad.l_i": length["dyad.l_i"]}).compile()
+    exact = slope.sensitivity(ANGLE, to="dyad.l_i", at=0.5)[ANGLE][0, 0]
+    assert length.slopes[0, 0] == pytest.approx(1 / exact, rel=1e-12)
+
+
+def test_a_load_for_a_drive_is_the_force_at_hand():
+    request = {"friction": "none", "static": True}
+    (load,) = RUIZ.solve({"crank.drive": 500.0}, to="weightlike.force.y", at=1.0, **request)
+    force = RUIZ.available("weightlike.force.y", 500.0, 1.0, friction="none")
+    assert load["weightlike.force.y"] == pytest.approx(force[0], rel=1e-12)
+
+
+def test_an_extreme_between_the_samples():
+    top = RUIZ.extremes("crank.drive").maximum.value
+    (found,) = RUIZ.solve({"max(crank.drive)": 1.01 * top}, to="couple.moment", samples=73)
+    other = RUIZ.document.replace(dict(found.values)).compile()
+    assert other.extremes("crank.drive").maximum.value == pytest.approx(1.01 * top, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "request_", "said"),
+    [
+        ({}, {}, "as many values as there are unknowns"),
+        ({ANGLE: 1.0, "dyad.i.angle": 0.0}, {}, "2 wanted for 1 driver"),
+        ({"dyad.C.p": 1.0}, {}, "name a part"),
+        ({ANGLE: float("nan")}, {}, "not finite"),
+        ({ANGLE: 1.0}, {"to": "dyad.l_i"}, "wanted at one pose"),
+        ({ANGLE: 1.0}, {"to": "dyad.l_x", "at": 0.5}, "dyad.l_i"),
+        ({"dyad.k.angle": 1.0}, {}, "dyad.j.angle"),
+    ],
+)
+def test_what_is_no_question_is_refused(wanted, request_, said):
+    with pytest.raises(bm.RequestError, match=said):
+        RUIZ.solve(wanted, **request_)
+
+
+def test_what_cannot_be_reached_says_how_near_it_came():
+    found = RUIZ.solve({ANGLE: 3.0}, to="dyad.l_i", at=0.5)
+    assert len(found) == 0
+    assert "no solution: dyad.l_i = " in str(found)
