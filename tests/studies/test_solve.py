@@ -27,6 +27,11 @@ def test_every_place_of_a_driver_is_found_to_rounding():
             assert solution.slopes[0, 0] == pytest.approx(2 * h / np.diff(beside)[0], rel=1e-8)
 
 
+def test_a_value_may_have_a_unit():
+    one, other = RUIZ.solve({ANGLE: "80deg"}), RUIZ.solve({ANGLE: np.radians(80.0)})
+    assert [s["crank.q"] for s in one] == [s["crank.q"] for s in other]
+
+
 def test_forces_are_solved_for_as_well():
     found = RUIZ.solve({"crank.drive": 1000.0})
     assert len(found) == 4
@@ -98,6 +103,7 @@ def test_an_extreme_between_the_samples():
         ({}, {}, "as many values as there are unknowns"),
         ({ANGLE: 1.0, "dyad.i.angle": 0.0}, {}, "2 wanted for 1 driver"),
         ({"dyad.C.p": 1.0}, {}, "name a part"),
+        ({ANGLE: "80mm"}, {}, "rad, deg"),
         ({ANGLE: float("nan")}, {}, "not finite"),
         ({ANGLE: 1.0}, {"to": "dyad.l_i"}, "wanted at one pose"),
         ({ANGLE: 1.0}, {"to": "dyad.l_x", "at": 0.5}, "dyad.l_i"),

@@ -31,6 +31,7 @@ from blockmech.functions.series import EPS, Floats, panels
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
+from blockmech.ground.units import NoQuantity, in_si
 from blockmech.studies.family import parameters, remade
 from blockmech.typing import Coordinates, FrictionMethod
 
@@ -100,7 +101,7 @@ class Solutions(Facts, Report):
 @declared
 def solve(
     mechanism: Compiled,
-    wanted: Mapping[str, float],
+    wanted: Mapping[str, float | str],
     to: Iterable[str] | str = (),
     *,
     at: Coordinates | None = None,
@@ -113,8 +114,8 @@ def solve(
 
     Parameters
     ----------
-    wanted : output -> value in SI, e.g. ``{"dyad.j.angle": 1.4}``; with ``to`` also what a study
-        keeps, e.g. ``{"max_abs(crank.drive)": 50.0, "stroke(rod.C)": 0.12}``
+    wanted : output -> value in SI, or as text with a unit, e.g. ``{"dyad.j.angle": "80deg"}``
+        With ``to`` also what a study keeps: ``{"max_abs(crank.drive)": 50.0}``.
     to : addresses of as many numbers of the design; by default the drivers are asked for, and
         there are as many wanted values as drivers
     at, samples : the poses [rad or m] at which outputs are wanted of designs, as those of a run;
@@ -144,20 +145,21 @@ def solve(
         what = listed(unknowns) if unknowns else f"driver{'s'[: len(mechanism.drivers) != 1]}"
         found = f"{len(wanted)} wanted for {len(unknowns or mechanism.drivers)} {what}"
         raise refused("wanted", found, "give as many values as there are unknowns")
-    if bad := [name for name, x in wanted.items() if not math.isfinite(x)]:
+    values = {name: _in_si(mechanism, name, x) for name, x in wanted.items()}
+    if bad := [name for name, x in values.items() if not math.isfinite(x)]:
         raise refused(bad[0], "the wanted value is not finite", "give a number")
     how: dict[str, Any] = {"friction": friction, "static": static}
     if unknowns:
-        return _of_numbers(mechanism, wanted, unknowns, {"at": at, "samples": samples}, how)
+        return _of_numbers(mechanism, values, unknowns, {"at": at, "samples": samples}, how)
     of = _of_driver if len(mechanism.drivers) == 1 else _of_drivers
     if not modes:
-        return of(mechanism, wanted, how, {})
+        return of(mechanism, values, how, {})
     branches = [a for a in parameters(mechanism) if a.endswith(".branch")]
     parts: list[Solutions] = []
     for signs in itertools.product((1, -1), repeat=len(branches)):
         mode = dict(zip(branches, signs, strict=True))
         try:
-            parts.append(of(remade(mechanism, mode), wanted, how, mode))
+            parts.append(of(remade(mechanism, mode), values, how, mode))
         except BlockmechError as error:  # in this mode the mechanism closes nowhere
             nowhere = error
     if not parts:
@@ -340,6 +342,13 @@ def _of_numbers(
 
 def _columns(at: Any) -> Iterable[Any]:
     return at.values() if isinstance(at, Mapping) else () if at is None else (at,)
+
+
+def _in_si(mechanism: Compiled, name: str, value: float | str) -> float:
+    try:
+        return float(in_si(value, _unit(mechanism, name)))
+    except NoQuantity as error:
+        raise refused(f"wanted[{name}]", error.found, "", error.valid) from None
 
 
 def _unit(mechanism: Compiled, name: str) -> str:
