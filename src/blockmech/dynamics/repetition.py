@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.panels import Floats
+from blockmech.dynamics.panel_nodes import Floats
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.track import AT_ONCE, RepeatedSegment
@@ -57,7 +57,7 @@ def swings(swing: RepeatedSegment, request: SimulationRequest, done: int) -> Per
             swing, regime, facts, swing.begins(2), RunEnd(f"never reached: {regime}")
         )
     last = int(more)
-    places = swing.panels.at_end()[0], swing.panels.begin
+    places = swing.panels.end, swing.panels.begin
     listed = [*range(1, min(last, AT_ONCE)), last] if last else []
     stands = tuple((swing.begins(n + 1), places[n % 2]) for n in listed)
     t = request.span if request.span < math.inf else swing.begins(last + 1)

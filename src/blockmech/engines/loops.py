@@ -17,8 +17,9 @@ the same bits, for nothing is fused and nothing re-associated. The subset:
                  from a block on, ``record.K`` one; other functions of this kind, numbers of their
                  module
     lanes        rows of floats in + - * / and comparisons, with numbers as well: vectors;
-                 ``np.sqrt``, abs, ``np.where(test, a, b)``, ``&``, ``np.any(test)`` of them;
-                 ``a[i] = vector`` writes a row
+                 ``np.sqrt``, abs, ``np.where(test, a, b)``, ``&``, ``np.any(test)``, ``np.max``
+                 and ``np.min`` of them; ``a[i] = vector`` writes a row, and ``a[i] @ M`` is a row
+                 times the rows ``M[j]``
 
 A name keeps the kind of its first value. A division by zero is infinite, or NaN, as of NumPy's
 numbers. There is no room but what is given as an argument. All else is a TypeError that names the
@@ -76,6 +77,8 @@ LANEWISE = MATH | {
     np.sqrt: "sqrt",
     np.where: "",
     np.any: "vector.reduce.or",
+    np.max: "vector.reduce.fmax",
+    np.min: "vector.reduce.fmin",
 }
 OPERATIONS = {
     (REAL, ast.Add): "fadd", (REAL, ast.Sub): "fsub", (REAL, ast.Mult): "fmul",
@@ -416,6 +419,8 @@ class _Translation:
                 return self._new(text, one.kind, lanes=one.lanes)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 return self._new(f"xor i1 {self._as(self._value(operand), TRUTH).text}, 1", TRUTH)
+            case ast.BinOp(left=left, op=ast.MatMult(), right=right):
+                return self._product(self._value(left), self._value(right))
             case ast.BinOp(left=left, op=op, right=right):
                 return self._both(op, self._value(left), self._value(right))
             case ast.Compare(left=left, ops=[order], comparators=[right]):
@@ -446,6 +451,21 @@ class _Translation:
             self._refuse(f"no operation of this language: {type(op).__name__} of {NAMES[kind]}")
         text = f"{name} {a.type} {a.text}, {b.text}"
         return self._new(text, TRUTH if "cmp" in name else kind, lanes=a.lanes)
+
+    def _product(self, row: Value, matrix: Value) -> Value:
+        """A row times the rows of an array."""
+        if not (row.lanes or row.row) or len(matrix.shape) != 1:
+            self._refuse("@ takes a row and an array of rows")
+        if row.lanes:
+            place = self._slot("row", row).text
+            row = Value(place, PLACE, REAL, row=row.lanes)
+        x, M, total, j = (ast.Name(f"{name}.{next(self.count)}") for name in "xMsj")
+        for name, value in ((x, row), (M, matrix)):
+            self.known[name.id] = self._slot(name.id, value)
+        self._store(total, self._as(_number(0.0), REAL, matrix.shape[0]))
+        term = ast.BinOp(ast.Subscript(x, j), ast.Mult(), ast.Subscript(M, j))
+        self._for(j.id, [ast.Constant(row.row)], [ast.AugAssign(total, ast.Add(), term)])
+        return self._value(total)
 
     def _chosen(self, node: ast.BoolOp | ast.IfExp) -> Value:
         """One of two values, of which the other is not worked out."""
@@ -535,8 +555,9 @@ class _Translation:
         return record
 
     def _lanewise(self, function: Any, values: list[Value]) -> Value:
-        """A function of each lane, or of numbers; a choice in each; whether any is true."""
+        """A function of each lane, or of numbers; a choice in each; what any or all of them say."""
         lanes, kind = max(x.lanes for x in values), TRUTH if function is np.any else REAL
+        reduces = LANEWISE[function].startswith("vector.reduce")
         if function is np.where:
             test, a, b = (
                 self._as(x, wanted, lanes)
@@ -547,7 +568,7 @@ class _Translation:
         values = [self._as(x, kind, lanes) for x in values]
         ending = f"{f'v{lanes}' if lanes else ''}{'f64' if kind == REAL else 'i1'}"
         name = f"@llvm.{LANEWISE[function]}.{ending}"
-        gives = "i1" if kind == TRUTH else values[0].type
+        gives = kind if reduces else values[0].type
         self.module.declared[f"declare {gives} {name}({', '.join(x.type for x in values)})"] = None
         call = f"call {gives} {name}({', '.join(f'{x.type} {x.text}' for x in values)})"
-        return self._new(call, kind, lanes=lanes if kind == REAL else 0)
+        return self._new(call, kind, lanes=0 if reduces else lanes)
