@@ -68,6 +68,7 @@ IN_C: dict[str, Any] = {
     PLACE: ctypes.c_void_p,
     NOTHING: None,
 }
+TOGETHER = 16  # columns of a product: eight registers at least
 NAMES = {REAL: "a float", COUNT: "an int", TRUTH: "a truth value", PLACE: "an array"}
 MATH: dict[Any, str] = {
     getattr(math, name): name for name in ("sqrt", "sin", "cos", "exp", "copysign")
@@ -453,19 +454,31 @@ class _Translation:
         return self._new(text, TRUTH if "cmp" in name else kind, lanes=a.lanes)
 
     def _product(self, row: Value, matrix: Value) -> Value:
-        """A row times the rows of an array."""
+        """A row times the rows of an array: columns by columns, as many as registers hold."""
         if not (row.lanes or row.row) or len(matrix.shape) != 1:
             self._refuse("@ takes a row and an array of rows")
         if row.lanes:
-            place = self._slot("row", row).text
-            row = Value(place, PLACE, REAL, row=row.lanes)
-        x, M, total, j = (ast.Name(f"{name}.{next(self.count)}") for name in "xMsj")
-        for name, value in ((x, row), (M, matrix)):
-            self.known[name.id] = self._slot(name.id, value)
-        self._store(total, self._as(_number(0.0), REAL, matrix.shape[0]))
-        term = ast.BinOp(ast.Subscript(x, j), ast.Mult(), ast.Subscript(M, j))
-        self._for(j.id, [ast.Constant(row.row)], [ast.AugAssign(total, ast.Add(), term)])
-        return self._value(total)
+            row = Value(self._slot("row", row).text, PLACE, REAL, row=row.lanes)
+        (columns,), first = matrix.shape, 0
+        out = Value(f"%product.{next(self.count)}", REAL, lanes=columns)
+        self.slots.append(f"{out.text} = alloca {out.type}")
+        x, j = (ast.Name(f"{name}.{next(self.count)}") for name in "xj")
+        self.known[x.id] = self._slot(x.id, row)
+        while first < columns:
+            lanes = min(1 << (columns - first).bit_length() - 1, TOGETHER)
+            total, M = (ast.Name(f"{name}.{next(self.count)}") for name in "sM")
+            some, there = (
+                self._new(f"getelementptr double, ptr {x.text}, i64 {first}", PLACE)
+                for x in (matrix, out)
+            )
+            self.known[M.id] = self._slot(M.id, matrix._replace(text=some.text, row=lanes))
+            self._store(total, self._as(_number(0.0), REAL, lanes))
+            term = ast.BinOp(ast.Subscript(x, j), ast.Mult(), ast.Subscript(M, j))
+            self._for(j.id, [ast.Constant(row.row)], [ast.AugAssign(total, ast.Add(), term)])
+            value = self._value(total)
+            self.lines.append(f"store {value.type} {value.text}, ptr {there.text}, align 8")
+            first += lanes
+        return self._loaded(out)
 
     def _chosen(self, node: ast.BoolOp | ast.IfExp) -> Value:
         """One of two values, of which the other is not worked out."""
@@ -508,7 +521,7 @@ class _Translation:
         if not left and not rest:
             return place._replace(kind=array.of)
         shape = array.shape if rest else array.shape[len(indices) :]
-        row = array.shape[-1] if array.shape and not shape else 0
+        row = (array.row or array.shape[-1]) if array.shape and not shape else 0
         return place._replace(of=array.of, shape=shape, row=row)
 
     def _called(self, node: ast.expr, arguments: list[ast.expr]) -> Value:
