@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from functools import cache, partial
 from hashlib import sha256
@@ -11,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics import path_loops
-from blockmech.dynamics.panel_nodes import COARSE, FINE, Floats, Sizes, nodes
+from blockmech.dynamics.panel_nodes import COARSE, FINE, Sizes, nodes
 from blockmech.engines import loops
 from blockmech.engines.cost import loops_pay
 from blockmech.engines.llvm import has_code, machine_code
@@ -19,16 +20,16 @@ from blockmech.ground.errors import MissingEngineError
 
 SAVED = 1e-3  # [s] that a motion takes longer interpreted
 LINES = 5_100  # of the loops' text
-LOOPS = path_loops.over_pieces, path_loops.beside, path_loops.again
+LOOPS = path_loops.over_pieces, path_loops.beside, path_loops.again, path_loops.placed
 
 
 class PathCode(NamedTuple):
-    """The loops, called with arrays and numbers; T is room that they need."""
+    """The loops, called with arrays and numbers, but for nodes and the room T."""
 
     over_pieces: Callable[..., Any]
     beside: Callable[..., Any]
     again: Callable[..., Any]
-    T: Floats
+    placed: Callable[..., Any] | None  # by arrays `Panels` is quicker
     engine: str
 
     @staticmethod
@@ -37,8 +38,8 @@ class PathCode(NamedTuple):
         """The loops by NumPy."""
         of = Sizes(n, COARSE if n == FINE else n)
         quiet = np.errstate(all="ignore")  # what is not finite is no panel, and another motion
-        functions = (quiet(partial(f, of, nodes(of.n, of.k))) for f in LOOPS)
-        return PathCode(*functions, np.zeros((n + 2, n + 2)), "numpy")
+        first = of, nodes(of.n, of.k), np.empty((n + 2, n + 2))
+        return PathCode(*(quiet(partial(f, *first)) for f in LOOPS[:-1]), None, "numpy")
 
     @staticmethod
     @cache
@@ -52,9 +53,7 @@ class PathCode(NamedTuple):
         except MissingEngineError:
             return None
         places = loops.places_of(nodes(of.n, of.k))
-        return PathCode(
-            *(_by_place(f, places) for f in code), np.zeros((FINE + 2, FINE + 2)), "llvm"
-        )
+        return PathCode(*(_by_place(f, places) for f in code), "llvm")
 
     @staticmethod
     @cache
@@ -73,10 +72,15 @@ class PathCode(NamedTuple):
             return False
 
 
-def _by_place(function: Any, first: Any) -> Callable[..., Any]:
-    """Machine code that is called with arrays."""
+def _by_place(function: Any, nodes: Any) -> Callable[..., Any]:
+    """Machine code that is called with arrays, from several threads at a time."""
+    begin = ctypes.c_char.from_buffer  # quicker than an array's own word for where it is
 
     def call(*given: Any) -> Any:
-        return function(first, *(x.ctypes.data if isinstance(x, np.ndarray) else x for x in given))
+        room = np.empty((FINE + 2, FINE + 2))
+        places = [
+            ctypes.addressof(begin(x)) if isinstance(x, np.ndarray) else x for x in (room, *given)
+        ]
+        return function(nodes, *places)
 
     return call

@@ -6,8 +6,8 @@ See `panel_nodes` for what they are, and `path_loops` for how they are made.
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import TypeAlias
 
@@ -37,28 +37,30 @@ from blockmech.dynamics.panel_nodes import (
     Floats,
     J,
     Nodes,
+    Sizes,
     basis,
     nodes,
 )
+from blockmech.dynamics.path_loops import DIGITS, ROOT, SMALLEST, moment
 from blockmech.ground.plane import EPS
 
 Ints: TypeAlias = NDArray[np.intp]
-Numbers: TypeAlias = list[float]
-SMALLEST = math.ulp(0.0)  # the smallest number above zero
-HALVINGS = range(60)  # of an interval: a double has no more digits
-NEAR = math.sqrt(EPS) / 8  # relative, of a step of Newton's behind which there is rounding only
 
 
+@dataclass(eq=False)
 class Panels:
     """Panels of one run that follow each other: m of them, with n nodes each.
 
     records : (m, 7, 2, n + 2) of both runs, see `panel_nodes`
     of : which run, 0 or 1
     t0 : [s] when the first begins
+    compiled : whether machine code reads them, where there is some
     """
 
-    def __init__(self, records: Floats, of: int = 0, t0: float = 0.0) -> None:
-        self.records, self.of, self.t0 = records, of, t0
+    records: Floats
+    of: int = 0
+    t0: float = 0.0
+    compiled: bool = False
 
     # -- where they lie ------------------------------------------------------------
 
@@ -133,7 +135,13 @@ class Panels:
     @property
     def other(self) -> Panels:
         """Those of the second run."""
-        return Panels(self.records, 1, float(self.records[0, SPAN, 1, TIME]))
+        return replace(self, of=1, t0=float(self.records[0, SPAN, 1, TIME]))
+
+    @property
+    def code(self) -> PathCode:
+        """The loops that read them."""
+        code = PathCode.made() if self.compiled else None
+        return code or PathCode.interpreted(self.n)
 
     # -- when ------------------------------------------------------------
 
@@ -162,23 +170,26 @@ class Panels:
         """(m + 1,) [s] when they begin, and when the last ends."""
         return self.t0 + np.append(0.0, self.durations.cumsum())
 
+    @cached_property
+    def _weights(self) -> Floats:
+        """(m, n) What 1 / sqrt(K) at the nodes (m, n) counts in the durations."""
+        some = self.nodes
+        leads = some.leads[np.where(self.plain, 0, 1), 1:-1] * some.work[PLAIN, 1:-1, -1]
+        way = np.abs(self.spans[END] - self.spans[BEGIN])[:, None]
+        return np.asarray(way * leads * np.sqrt(self.records[:, self.of, J, 1:-1] / 2))
+
     def durations_with(self, energies: Floats) -> Floats:
         """(k, m) [s] that each takes with so much more kinetic energy (k,) [J]."""
-        some, records = self.nodes, self.records[:, :, self.of, 1:-1]
-        weights = some.work[PLAIN, 1:-1, -1] * some.leads[np.where(self.plain, 0, 1), 1:-1]
-        weights = weights * np.abs(self.spans[END] - self.spans[BEGIN])[:, None]
-        weights = weights * np.sqrt(self.records[:, self.of, J, 1:-1] / 2)
-        K = records[:, GAINS] + self.spans[ENERGY, :, None]
-        return np.asarray((weights / np.sqrt(K + energies[:, None, None])).sum(axis=2))
+        K = self.K + energies[:, None, None]
+        return np.asarray(np.einsum("kmn,mn->km", 1 / np.sqrt(K), self._weights))
 
     def taken_from(self, t0: float, energy: float = 0.0) -> Panels:
         """The same panels at another time and with more kinetic energy [J]."""
         if not energy:
-            return Panels(self.records, self.of, t0)
+            return replace(self, t0=t0)
         records = self.records.copy()
-        code = (PathCode.made() if self.n == FINE else None) or PathCode.interpreted(self.n)
-        code.again(records, len(records), self.of, energy)
-        return Panels(records, self.of, t0)
+        self.code.again(records, len(records), self.of, energy)
+        return replace(self, records=records, t0=t0)
 
     def some(self, i: Ints, energy: Floats) -> Panels:
         """Panels of indices (k,), each with more kinetic energy (k,) [J]."""
@@ -193,7 +204,7 @@ class Panels:
             )
         now[:, RATE] = np.where(lead > 0, way * slope * lead, 0.0) @ some.series[0]
         now[:, SINCE], now[:, SLOPES] = now[:, RATE] @ some.since, now[:, RATE] @ some.known
-        return Panels(records, self.of)
+        return replace(self, records=records)
 
     # -- the state at a time -------------------------------------------------------
 
@@ -207,6 +218,10 @@ class Panels:
 
     def state(self, t: Floats) -> tuple[Floats, Floats]:
         """Driver coordinate and rate (k,) at times (k,) [s]; after the end those of the end."""
+        if (code := self.code).placed is not None:
+            q, rate, times = np.empty(t.size), np.empty(t.size), t - self.before
+            code.placed(self.records, len(self.records), self.of, times, t.size, q, rate)
+            return q, rate
         i = np.searchsorted(self.times[1:-1], t, "right")
         since = np.where(self.backward[i], self.times[i + 1] - t, t - self.times[i])
         return self.state_in(i, since)
@@ -231,13 +246,13 @@ class Panels:
         v = low + s * (dv + (1 - s) * ((1 - s) * left - s * right))
         v = np.where(since > 0, np.fmin(np.fmax(v, low), high), 0.0)
         settled, series = since == 0, self._series[i]
-        for _ in HALVINGS:
+        for _ in range(DIGITS):
             time, slope = (series @ basis(v, self.n + 1)[..., None])[..., 0].T
             if settled.all():
                 break
             miss = time - since
             low, high = np.where(miss <= 0, v, low), np.where(miss > 0, v, high)
-            new, near = v - miss / slope, NEAR * v + EPS
+            new, near = v - miss / slope, ROOT / 8 * v + EPS
             inside = (slope > 0) & (new >= low - near) & (new <= high + near)  # but for rounding
             new = np.where(inside, np.minimum(np.maximum(new, low), high), (low + high) / 2)
             moved, v = ~settled, np.where(settled, v, new)
@@ -250,6 +265,9 @@ class Panels:
 
     def at(self, t: float) -> tuple[float, float]:
         """`state` at one time: quicker than by arrays."""
+        if self.code.placed is not None:
+            q, rate = self.state(np.array([t]))
+            return float(q[0]), float(rate[0])
         t, i, last = t - self.before, 0, len(self.lies) - 1
         while i < last and self.lies[i + 1][TIME] <= t:
             i += 1
@@ -257,9 +275,11 @@ class Panels:
         begin, end, duration = lie[BEGIN], lie[END], known[0][-1]
         backward, plain = lie[KIND] >= TO_REST, lie[KIND] == PLAIN
         since = lie[TIME] + duration - t if backward else t - lie[TIME]
-        series = self._series[i].tolist()
-        v, slope = moment(self._places, *known, *series, min(max(since, 0.0), duration))
-        way, passed = end - begin, (end - begin) * (v if plain else v * v)
+        series, since = self._series[i].tolist(), min(max(since, 0.0), duration)
+        found = [0.0, 0.0]
+        moment(Sizes(self.n, self.n), self._places, *known, *series, since, found)
+        (v, slope), way = found, end - begin
+        passed = way * (v if plain else v * v)
         speed = way * (1.0 if plain else 2 * v) / slope if slope > 0 else 0.0
         return end - passed if backward else begin + passed, speed
 
@@ -286,39 +306,8 @@ def integral(n: int) -> Floats:
     return np.asarray(chebyshev.chebint(np.eye(n), lbnd=-1, axis=1) / 2)
 
 
-def moment(
-    v: Numbers, times: Numbers, slopes: Numbers, clock: Numbers, rate: Numbers, t: float
-) -> tuple[float, float]:
-    """v and dt/dv of a panel at a time [s] since its anchor, by Newton's method within a bracket.
-
-    v, times, slopes : (n + 2,) the anchor, the nodes and the end; times and dt/dv there
-    clock, rate : (n + 1,) coefficients of the time since the anchor, and of dt/dv
-    """
-    j = min(bisect_right(times, t, 1, len(v) - 1), len(v) - 1) - 1
-    h, dv, x = max(times[j + 1] - times[j], SMALLEST), v[j + 1] - v[j], v[j]
-    s, (left, right) = (t - times[j]) / h, (h / max(a, SMALLEST) - dv for a in slopes[j : j + 2])
-    x += s * (dv + (1.0 - s) * ((1.0 - s) * left - s * right))
-    low, high, settled = v[j], v[j + 1], t <= 0.0
-    x = low if settled else min(max(low, x), high)
-    for _ in HALVINGS:
-        y, a, b, d, e = 2.0 * x - 1.0, 0.0, 0.0, 0.0, 0.0
-        for of_time, of_rate in zip(clock[:0:-1], rate[:0:-1], strict=True):
-            a, b = of_time + 2.0 * y * a - b, a
-            d, e = of_rate + 2.0 * y * d - e, d
-        slope = rate[0] + y * d - e
-        if settled:
-            break
-        miss = clock[0] + y * a - b - t
-        low, high = (low, x) if miss > 0.0 else (x, high)
-        new, near = x - miss / slope if slope > 0.0 else -1.0, NEAR * x + EPS
-        inside = low - near <= new <= high + near  # but for rounding
-        new = min(max(new, low), high) if inside else (low + high) / 2.0
-        settled, x = inside and abs(new - x) <= near, new
-    return x, slope
-
-
 def joined(row: Sequence[Panels]) -> Panels:
     """Panels that follow each other as one."""
     if len(row) == 1:
         return row[0]
-    return Panels(np.concatenate([x.records for x in row]), row[0].of, row[0].t0)
+    return replace(row[0], records=np.concatenate([x.records for x in row]))

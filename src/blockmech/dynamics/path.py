@@ -220,17 +220,20 @@ class PathRun(Run):
             return self.obstructed(how, piece, panels)
         return self.passed(piece)
 
-    def pass_over(self, course: Course, shift: float, goal: float) -> tuple[int, Piece, Panels | None]:
+    def pass_over(
+        self, course: Course, shift: float, goal: float
+    ) -> tuple[int, Piece, Panels | None]:
         """Both runs over pieces to a standstill or a goal: how they leave the last, and panels."""
         many, counts = len(course.which), np.zeros(2, np.int64)
-        records = np.empty((many * 2 * HALVED + 1, PANEL, 2, self.n + 2))
+        records = np.empty((4 * HALVED + 2, PANEL, 2, self.n + 2))
         how = self.code.over_pieces(
             course.blocks, course.which, course.places, shift, goal, many, float(self.sign),
-            self.mesh.tolerance, self.runs, records, counts, self.code.T,
+            self.mesh.tolerance, self.runs, records, counts,
         )  # fmt: skip
         count, last = counts.tolist()
         piece = course.pieces[last].shifted(shift)
-        return how, piece, Panels(records[:count].copy()) if count else None
+        panels = Panels(records[:count].copy(), compiled=self.code.placed is not None)
+        return how, piece, panels if count else None
 
     def kept_clear(self, piece: Piece, place: float) -> bool:
         """Whether a way that ends before a dead centre got a piece that ends before it as well.

@@ -12,6 +12,7 @@ Functions here are of the language of `blockmech.engines.loops`; run by Python t
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import Annotated, TypeAlias
 
@@ -55,7 +56,8 @@ NEAR = EPS ** (2 / 3)  # relative, of a step of Newton's method behind which the
 ROUGH = 1 / SHORT**2  # of a piece's inertia or effort: what is below has two digits less
 TRIES = 8  # of Newton's method for the place of a standstill
 HALVED = 4 * SHORT  # panels that a piece is tried in
-LARGEST = sys.float_info.max
+LARGEST, SMALLEST = sys.float_info.max, math.ulp(0.0)
+DIGITS = 60  # halvings of an interval: a double has no more
 LOW, HIGH, LIMIT, UNKNOWN_OF = range(4)  # of a piece ahead
 PLACE, KINETIC, CLOCK, STOP, ROUNDED = range(5)  # of a run
 FROM, FROM_THERE, STEP, NOT_AFTER, START, SHARE = range(6)  # of what `beside` is given
@@ -287,16 +289,19 @@ def through(
 
 
 def over_pieces(
-    of: Sizes, nodes: Nodes, pieces: Pieces, which: Counts, places: Ahead, shift: float,
+    of: Sizes, nodes: Nodes, T: Row, pieces: Pieces, which: Counts, places: Ahead, shift: float,
     goal: float, many: int, sign: float, tolerance: float, runs: Runs, panels: Records,
-    counts: Counts, T: Row,
+    counts: Counts,
 ) -> int:  # fmt: skip
     """Both runs over pieces ahead to a goal, see `through`; ``shift`` from where they are kept.
 
     counts : panels, and the piece that was the last
     """
     here = T[of.n]
+    T[of.n], T[of.n + 1] = 0.0, 0.0
     for p in range(many):
+        if counts[0] > 2 * HALVED:
+            return GOES_ON
         counts[1] = p
         for i in range(4):
             here[i] = places[p, i] + (shift if i <= HIGH else 0.0)
@@ -312,8 +317,8 @@ def over_pieces(
 
 
 def beside(
-    of: Sizes, nodes: Nodes, panels: Records, others: Records, count: int, backward: int, at: Reals,
-    found: Reals, room: Row,
+    of: Sizes, nodes: Nodes, room: Row, panels: Records, others: Records, count: int,
+    backward: int, at: Reals, found: Reals,
 ) -> None:  # fmt: skip
     """How far the second run, in ``others``, is from the first at the nodes of panels.
 
@@ -375,7 +380,9 @@ def beside(
             break
 
 
-def again(of: Sizes, nodes: Nodes, panels: Records, count: int, r: int, energy: float) -> None:
+def again(
+    of: Sizes, nodes: Nodes, _: Row, panels: Records, count: int, r: int, energy: float
+) -> None:
     """Panels of run r with more energy [J], their times from 0 s on."""
     t = 0.0
     for j in range(count):
@@ -383,3 +390,74 @@ def again(of: Sizes, nodes: Nodes, panels: Records, count: int, r: int, energy: 
         now[SPAN, r, ENERGY] += energy
         clock(of, nodes, now, r)
         t = timed(of, nodes, now, r, t)
+
+
+def moment(
+    of: Sizes, v: Reals, times: Reals, slopes: Reals, clock: Reals, rate: Reals, t: float,
+    at: Reals,
+) -> None:  # fmt: skip
+    """Where a panel is at a time [s] since its anchor, by Newton's method within a bracket.
+
+    Run by Python it takes lists, which are quicker.
+
+    v, times, slopes : (n + 2,) the anchor, the nodes and the end; times and dt/dv there
+    clock, rate : (n + 1,) and (n,) coefficients of the time since the anchor and of dt/dv
+    at : v and dt/dv there, as found
+    """
+    n, j = of.n, 0
+    while j < n and times[j + 1] <= t:
+        j += 1
+    h, dv = max(times[j + 1] - times[j], SMALLEST), v[j + 1] - v[j]
+    s = (t - times[j]) / h
+    left, right = h / max(slopes[j], SMALLEST) - dv, h / max(slopes[j + 1], SMALLEST) - dv
+    x = v[j] + s * (dv + (1.0 - s) * ((1.0 - s) * left - s * right))
+    low, high, slope, settled = v[j], v[j + 1], 0.0, t <= 0.0
+    x = low if settled else min(max(low, x), high)
+    for _ in range(DIGITS):
+        y, a, b, d, e = 2.0 * x - 1.0, clock[n], 0.0, 0.0, 0.0
+        for k in range(n - 1, 0, -1):
+            a, b = clock[k] + 2.0 * y * a - b, a
+            d, e = rate[k] + 2.0 * y * d - e, d
+        slope = rate[0] + y * d - e
+        if settled:
+            break
+        miss = clock[0] + y * a - b - t
+        if miss > 0.0:
+            high = x
+        else:
+            low = x
+        new, near = x - miss / slope if slope > 0.0 else -1.0, ROOT / 8.0 * x + EPS
+        inside = new >= low - near and new <= high + near  # but for rounding
+        new = min(max(new, low), high) if inside else (low + high) / 2.0
+        settled = inside and abs(new - x) <= near
+        x = new
+    at[0], at[1] = x, slope
+
+
+def placed(
+    of: Sizes, nodes: Nodes, T: Row, panels: Records, count: int, r: int, times: Reals, many: int,
+    q: Reals, rates: Reals,
+) -> None:  # fmt: skip
+    """Places and rates of run r at many times, those of the records."""
+    p, of_panel, clock, at = 0, -1, T[0], T[1]
+    for m in range(many):
+        while p + 1 < count and panels[p + 1, SPAN, r, TIME] <= times[m]:
+            p += 1
+        while p > 0 and panels[p, SPAN, r, TIME] > times[m]:
+            p -= 1
+        now, span = panels[p], panels[p, SPAN, r]
+        rate, since = now[RATE, r], now[SINCE, r]
+        if p != of_panel:  # the integral of a series from v = 0
+            clock[0], sign, of_panel = 0.0, 1.0, p
+            for k in range(1, of.n + 1):
+                term = (2.0 * rate[0] if k == 1 else rate[k - 1]) - rate[k + 1]
+                clock[k] = term / (4.0 * k)
+                clock[0] += sign * clock[k]
+                sign = -sign
+        from_end, plain = span[KIND] >= TO_REST, span[KIND] == PLAIN
+        t, way = times[m] - span[TIME], span[END] - span[BEGIN]
+        t = min(max(since[of.n + 1] - t if from_end else t, 0.0), since[of.n + 1])
+        moment(of, nodes.shares[0], since, now[SLOPES, r], clock, rate, t, at)
+        lead = 1.0 if plain else at[0]
+        rates[m] = way * (1.0 if plain else 2.0) * lead / at[1] if at[1] > 0.0 else 0.0
+        q[m] = span[END] - way * (at[0] * lead) if from_end else span[BEGIN] + way * (at[0] * lead)

@@ -177,7 +177,7 @@ def apart(
         time, late = begin + sign * one.before, begin_there + sign * there.before
         at[: STEP + 1] = t_start + time, t_start + late, step
         many, back = len(one.records), int(sign < 0)
-        code.beside(one.records, there.records, many, back, at, found, code.T)
+        code.beside(one.records, there.records, many, back, at, found)
     return Apart(*found.tolist())
 
 
