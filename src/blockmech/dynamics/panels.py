@@ -132,10 +132,10 @@ class Panels:
         records = self.records[:, :, self.of]
         return np.asarray(records[:, SPAN, ENERGY, None] + records[:, GAINS, 1:-1])
 
-    @property
+    @cached_property
     def other(self) -> Panels:
         """Those of the second run."""
-        return replace(self, of=1, t0=float(self.records[0, SPAN, 1, TIME]))
+        return Panels(self.records, 1, float(self.records[0, SPAN, 1, TIME]), self.compiled)
 
     @property
     def code(self) -> PathCode:
@@ -165,7 +165,7 @@ class Panels:
         """[s] when the last ends."""
         return self.t0 + (self.lies[-1][TIME_AT_END] - self.lies[0][TIME])
 
-    @cached_property
+    @property
     def times(self) -> Floats:
         """(m + 1,) [s] when they begin, and when the last ends."""
         return self.t0 + np.append(0.0, self.durations.cumsum())
@@ -185,11 +185,13 @@ class Panels:
 
     def taken_from(self, t0: float, energy: float = 0.0) -> Panels:
         """The same panels at another time and with more kinetic energy [J]."""
-        if not energy:
-            return replace(self, t0=t0)
-        records = self.records.copy()
-        self.code.again(records, len(records), self.of, energy)
-        return replace(self, records=records, t0=t0)
+        if energy:
+            records = self.records.copy()
+            self.code.again(records, len(records), self.of, energy)
+            return replace(self, records=records, t0=t0)
+        panels = object.__new__(Panels)
+        panels.__dict__.update(self.__dict__, t0=t0)
+        return panels
 
     def some(self, i: Ints, energy: Floats) -> Panels:
         """Panels of indices (k,), each with more kinetic energy (k,) [J]."""
@@ -222,8 +224,9 @@ class Panels:
             q, rate, times = np.empty(t.size), np.empty(t.size), t - self.before
             code.placed(self.records, len(self.records), self.of, times, t.size, q, rate)
             return q, rate
-        i = np.searchsorted(self.times[1:-1], t, "right")
-        since = np.where(self.backward[i], self.times[i + 1] - t, t - self.times[i])
+        times = self.times
+        i = np.searchsorted(times[1:-1], t, "right")
+        since = np.where(self.backward[i], times[i + 1] - t, t - times[i])
         return self.state_in(i, since)
 
     @np.errstate(all="ignore")
@@ -297,7 +300,8 @@ class Panels:
         share = min(abs((q - (end if backward else begin)[i]) / (end - begin)[i]), 1.0)
         v = np.array([share if self.plain[i] else math.sqrt(share)])
         since = float((basis(v, self.n + 1) @ self._series[i, 0])[0])
-        return float(self.times[i + 1] - since if backward else self.times[i] + since)
+        times = self.times
+        return float(times[i + 1] - since if backward else times[i] + since)
 
 
 @cache

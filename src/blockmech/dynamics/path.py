@@ -142,7 +142,7 @@ class PathRun(Run):
         ahead = self.mesh.ahead(self.q, self.sign)
         if not isinstance(ahead, str):
             course, shift = ahead
-            low, high, limit, _ = course.places[0]
+            low, high, limit, *_ = course.places[0]
             share = (self.q - shift - low) / (high - low)
             inertia = float(chebval(2 * share - 1, course.blocks[course.which[0], 1, J]))
             self.runs[1, KINETIC] = self.K if limit else inertia * (rate * (1 + ROUNDING)) ** 2 / 2

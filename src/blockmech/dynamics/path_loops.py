@@ -52,13 +52,12 @@ from blockmech.functions.series import LEVEL, NOISE
 from blockmech.ground.plane import EPS
 
 ROOT = EPS**0.5
-NEAR = EPS ** (2 / 3)  # relative, of a step of Newton's method behind which there is rounding only
 ROUGH = 1 / SHORT**2  # of a piece's inertia or effort: what is below has two digits less
 TRIES = 8  # of Newton's method for the place of a standstill
 HALVED = 4 * SHORT  # panels that a piece is tried in
 LARGEST, SMALLEST = sys.float_info.max, math.ulp(0.0)
 DIGITS = 60  # halvings of an interval: a double has no more
-LOW, HIGH, LIMIT, UNKNOWN_OF = range(4)  # of a piece ahead
+LOW, HIGH, LIMIT, UNKNOWN_OF, LARGEST_J, LARGEST_TAU = range(6)  # of a piece ahead
 PLACE, KINETIC, CLOCK, STOP, ROUNDED = range(5)  # of a run
 FROM, FROM_THERE, STEP, NOT_AFTER, START, SHARE = range(6)  # of what `beside` is given
 OFF, UNKNOWN, LOWEST, HIGHEST, FASTEST, LAST, LATE, ROUGHLY = range(8)  # and of what it finds
@@ -68,7 +67,7 @@ Rows: TypeAlias = Annotated[Reals, "2", "of.n + 2"]  # blocks of a piece or of a
 Pieces: TypeAlias = Annotated[Reals, "5", "2", "of.n + 2"]
 Records: TypeAlias = Annotated[Reals, "7", "2", "of.n + 2"]  # panels
 Runs: TypeAlias = Annotated[Reals, "5"]
-Ahead: TypeAlias = Annotated[Reals, "4"]
+Ahead: TypeAlias = Annotated[Reals, "6"]
 
 
 def ending(of: Sizes, nodes: Nodes, rows: Row, j: int) -> float:
@@ -95,11 +94,11 @@ def over(
             share = 1.0 - share
         share = np.sqrt(abs(share))
         share = np.where(share > EPS, share, EPS)
-    twice = 4.0 * share - 2.0
-    T[0] = 1.0
-    T[1] = twice / 2.0
-    for k in range(2, of.n):
-        T[k] = twice * T[k - 1] - T[k - 2]
+    last, before, twice = 2.0 * share - 1.0, 0.0 * share + 1.0, 4.0 * share - 2.0
+    T[0] = before
+    for k in range(1, of.n):
+        T[k] = last
+        last, before = twice * last - before, last
     for i in range(first, 2):
         rows[i] = series[i] @ T
         if ahead[LIMIT] != 0.0:  # they grow without bound there
@@ -128,9 +127,9 @@ def laid(
 
 def clock(of: Sizes, nodes: Nodes, now: Rows, r: int) -> None:
     """dt/dv of a panel of run r, and its coefficients."""
-    plain, way = now[SPAN, r, KIND] == PLAIN, abs(now[SPAN, r, END] - now[SPAN, r, BEGIN])
-    slope = np.sqrt(now[r, J] / (2.0 * (now[SPAN, r, ENERGY] + now[GAINS, r])))
-    slope = way * slope * nodes.leads[0 if plain else 1]
+    span = now[SPAN, r]
+    slope = np.sqrt(now[r, J] / (2.0 * (span[ENERGY] + now[GAINS, r])))
+    slope = abs(span[END] - span[BEGIN]) * slope * nodes.leads[0 if span[KIND] == PLAIN else 1]
     now[SLOPES, r] = np.where(nodes.inside[0] > 0.0, slope, 0.0)
     now[RATE, r] = now[SLOPES, r] @ nodes.series[0]
     now[SLOPES, r] = now[RATE, r] @ nodes.known
@@ -151,19 +150,20 @@ def is_smooth(of: Sizes, nodes: Nodes, now: Rows, effort: float, tolerance: floa
     Of a plain panel dt/dv begins with the rate that is known there, else a layer hides between the
     nodes. The energy cannot be smoother than the rounding of the largest effort.
     """
-    way, energy = abs(now[SPAN, 0, END] - now[SPAN, 0, BEGIN]), now[SPAN, 0, ENERGY]
-    plain, K, inside = now[SPAN, 0, KIND] == PLAIN, energy + now[GAINS, 0], nodes.inside[0] > 0.0
-    if np.any((K <= 0.0) & inside):
-        return False
-    doubt = np.max(np.where(inside, nodes.shares[0 if plain else 1] / K, 0.0))
-    rounding = EPS * effort * doubt * way
-    if not ending(of, nodes, now[RATE], 0) <= max(tolerance, rounding):
+    span, inside = now[SPAN, 0], nodes.inside[0] > 0.0
+    way, energy, plain = abs(span[END] - span[BEGIN]), span[ENERGY], span[KIND] == PLAIN
+    shares = nodes.shares[0 if plain else 1]
+    doubt = np.max(np.where(inside, shares / (energy + now[GAINS, 0]), 0.0))
+    rounding, end = EPS * effort * doubt * way, ending(of, nodes, now[RATE], 0)
+    if not end <= max(tolerance, rounding):
         return False
     if not plain:
         return True
-    size, last = np.max(abs(now[RATE, 0])), np.max(abs(now[RATE, 0]) * nodes.parts[0])
     off = abs(now[SLOPES, 0, 0] - way * np.sqrt(now[0, J, 0] / (2.0 * energy)))
-    return not off > of.n * max(last, tolerance * size)
+    if off <= of.n * tolerance * abs(now[SLOPES, 0, 0]):
+        return True
+    left = np.max(abs(now[RATE, 0]) * nodes.parts[0])
+    return not off > of.n * max(left, tolerance * np.max(abs(now[RATE, 0])))
 
 
 def emptied(of: Sizes, nodes: Nodes, now: Rows, sign: float, stop: float) -> float:
@@ -180,11 +180,17 @@ def emptied(of: Sizes, nodes: Nodes, now: Rows, sign: float, stop: float) -> flo
         return stop
     if limit:  # closer first
         return float(first + way / 2.0)
-    before, at_before = energy, 0.0
+    before, at_before, p = energy, 0.0, 0 if kind == PLAIN else 1
     for i in range(1, of.n + 2):
-        K, share = energy + now[GAINS, 0, i], nodes.shares[0 if kind == PLAIN else 1, i]
+        K, share = energy + now[GAINS, 0, i], nodes.shares[p, i]
         if K <= 0.0 or i > of.n:
             part = before / (before - min(K, 0.0)) if before > 0.0 else 0.5
+            brake, bend = way * now[0, TAU, i - 1], way * (now[0, TAU, i] - now[0, TAU, i - 1])
+            for _ in range(2):  # of an effort that is a line between nodes
+                slope = (share - at_before) * (brake + bend * part)
+                if slope < 0.0:
+                    off = before + (share - at_before) * (brake + bend * part / 2.0) * part
+                    part = min(max(part - off / slope, 0.0), 1.0)
             return float(first + way * (at_before + (share - at_before) * part))
         before, at_before = K, share
     return stop
@@ -206,7 +212,7 @@ def standstill(
         step = (run[KINETIC] + now[GAINS, r, of.n + 1]) / -effort
         stop += step
         run[STOP] = stop
-        if abs(step) <= NEAR * abs(way) or abs(step) <= EPS * abs(stop):
+        if abs(step) <= ROOT / 8.0 * abs(way) or abs(step) <= EPS * abs(stop):
             return True
     return False
 
@@ -220,7 +226,7 @@ def through(
     `SHORTER` asks for a piece of the size of what happens, whose way is where the first run stops.
     Where the second run has no time it takes another path.
     """
-    effort, inertia = np.max(abs(piece[VALUES, TAU])), np.max(abs(piece[VALUES, J]))
+    effort, inertia = ahead[LARGEST_TAU], ahead[LARGEST_J]
     length, begin, end, stands = ahead[HIGH] - ahead[LOW], runs[0, PLACE], far, False
     for tried in range(2 * HALVED):
         now, begin = panels[counts[0]], runs[0, PLACE]
@@ -303,7 +309,7 @@ def over_pieces(
         if counts[0] > 2 * HALVED:
             return GOES_ON
         counts[1] = p
-        for i in range(4):
+        for i in range(6):
             here[i] = places[p, i] + (shift if i <= HIGH else 0.0)
         far = here[HIGH if sign > 0.0 else LOW]
         if sign * (far - goal) >= 0.0:
@@ -338,43 +344,46 @@ def beside(
         now = panels[count - 1 - j if backward == 1 else j]
         other = others[count - 1 - j if backward == 1 else j]
         span, there, p = now[SPAN, 0], other[SPAN, 1], 0 if now[SPAN, 0, KIND] == PLAIN else 1
-        anchor, anchor_there, from_end = span[BEGIN], there[BEGIN], span[KIND] >= TO_REST
-        way, way_there, begin, begin_there = span[END] - anchor, there[END] - anchor_there, 0.0, 0.0
-        sign, speed = ahead, ahead * way
+        from_end, sign, begin, begin_there = span[KIND] >= TO_REST, ahead, 0.0, 0.0
+        way = span[END] - span[BEGIN]
+        late_by, stretch = there[BEGIN] - span[BEGIN], there[END] - there[BEGIN] - way
         if from_end:
-            anchor, anchor_there, sign = span[END], there[END], -sign
-            way, way_there = -way, -way_there
+            late_by, stretch, sign = there[END] - span[END], -stretch, -ahead
             begin, begin_there = now[SINCE, 0, last], other[SINCE, 1, last]
-        t = at[FROM] + ahead * (span[TIME] + begin) + sign * now[SINCE, 0]
-        later = at[FROM_THERE] + ahead * (there[TIME] + begin_there) + sign * other[SINCE, 1] - t
-        q = anchor + at[STEP] + way * nodes.shares[p]
-        apart = anchor_there - anchor + (way_there - way) * nodes.shares[p]
-        rate = np.where(now[SLOPES, 0] > 0.0, speed * nodes.leads[p] / now[SLOPES, 0], 0.0)
-        apart = abs(apart - later * rate)
+        begin, begin_there = span[TIME] + begin, there[TIME] + begin_there
+        t = at[FROM] + ahead * begin + sign * now[SINCE, 0]
+        later = at[FROM_THERE] + ahead * begin_there + sign * other[SINCE, 1] - t
+        rate = ahead * way * nodes.leads[p] / now[SLOPES, 0]
+        rate = np.where(now[SLOPES, 0] > 0.0, rate, 0.0)
+        apart = abs(late_by + stretch * nodes.shares[p] - later * rate)
         room[0] = t
         room[1] = later
-        onward = sign > 0.0
-        i, end = 0 if onward else last, last if onward else 0
-        step = 1 if onward else -1
+        step = 1 if sign > 0.0 else -1
+        first, end = 0 if step > 0 else last, last if step > 0 else 0
+        i = end
         if room[0, end] >= at[NOT_AFTER]:
+            i = first
             while i != end and room[0, i] < at[NOT_AFTER]:
                 i += step
-        else:
-            i = end
-        counts = (nodes.number[0] - float(i)) * sign <= 0.0
-        since = np.where(abs(t) > t - at[START], abs(t), t - at[START])
-        off = at[SHARE] * since * abs(rate)
-        if np.any(counts & (off > abs(way) * nodes.gaps[p])):
+            counts = (nodes.number[0] - float(i)) * sign <= 0.0
+            rate, apart = np.where(counts, rate, 0.0), np.where(counts, apart, 0.0)
+        rate = abs(rate)
+        off = at[SHARE] * (abs(t) + max(-at[START], 0.0)) * rate
+        if np.any(off > abs(way) * nodes.gaps[p]):
             found[ROUGHLY] = 1.0
-        apart = np.where(apart <= LARGEST, apart, LARGEST)
-        found[OFF] = max(found[OFF], np.max(np.where(counts, apart, 0.0)))
-        off = np.where(counts, off + ROUNDING * abs(q), 0.0)
-        found[UNKNOWN] = max(found[UNKNOWN], np.max(off))
-        found[LOWEST] = min(found[LOWEST], np.min(np.where(counts, q, LARGEST)))
-        found[HIGHEST] = max(found[HIGHEST], np.max(np.where(counts, q, -LARGEST)))
-        found[FASTEST] = max(found[FASTEST], np.max(np.where(counts, abs(rate), 0.0)))
+        q, far = span[BEGIN] + at[STEP], way * nodes.shares[p, i]
+        if from_end:
+            q, far = span[END] + at[STEP], -far
+        q, far = q + (0.0 if first == 0 else way if not from_end else -way), q + far
+        found[LOWEST], found[HIGHEST] = (
+            min(found[LOWEST], min(q, far)),
+            max(found[HIGHEST], max(q, far)),
+        )
+        unknown = np.max(off) + ROUNDING * max(abs(q), abs(far))
+        found[OFF], found[UNKNOWN] = max(found[OFF], np.max(apart)), max(found[UNKNOWN], unknown)
+        found[FASTEST] = max(found[FASTEST], np.max(rate))
         found[LAST], found[LATE] = room[0, i], abs(room[1, i])
-        if i != (0 if onward else last):
+        if i != first:
             found[LATE] = max(found[LATE], abs(room[1, i - step]))
         if room[0, i] >= at[NOT_AFTER]:
             break

@@ -67,8 +67,8 @@ class Course(NamedTuple):
     """Pieces (k,) ahead of a place in a direction, at most a turn, as far as nothing ends the path.
 
     blocks : of all that are kept, see `PlaceData.block`; which : those ahead
-    places : (k, 4) low and high end [rad or m], direction of a dead centre, and what the series
-        of its inertia leave out
+    places : (k, 6) low and high end [rad or m], direction of a dead centre, what the series of
+        its inertia leave out, largest inertia and effort
     """
 
     pieces: tuple[Piece, ...]
@@ -116,7 +116,10 @@ class PieceRow:
                 break
         if sign not in self._blocks:
             self._blocks[sign] = np.array([x.data.block(sign) for x in self.pieces])
-        places = [(x.end(-1), x.end(1), x.data.limit, x.data.unknown) for x in pieces]
+        places = [
+            (x.end(-1), x.end(1), x.data.limit, x.data.unknown, *x.data.largest[:MARGIN])
+            for x in pieces
+        ]
         course = Course(tuple(pieces), self._blocks[sign], np.array(which), np.array(places))
         self._courses[first, sign] = course
         return course
