@@ -38,9 +38,9 @@ from blockmech.dynamics.estimate import (
     with_rounding,
 )
 from blockmech.dynamics.panel_nodes import (
-    BEGIN,
     CLOSE,
     COARSE,
+    END,
     FINE,
     PANEL,
     SHORT,
@@ -49,7 +49,6 @@ from blockmech.dynamics.panel_nodes import (
 )
 from blockmech.dynamics.panels import Panels, joined
 from blockmech.dynamics.path_loops import (
-    CROWDS,
     FAILED,
     HALVED,
     KINETIC,
@@ -75,7 +74,9 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 MOST = 8_000  # panels of a run; ten seconds of work and more
-CRAWL = 1 / SHORT**2  # of a piece of the path: it crawls where so many panels in a row cover less
+# Panels in a row that cover less than a part of a piece of the path: it crawls. Panels crowd to
+# where something is not smooth as powers of two, a score on either side.
+CROWD, CRAWL = 6 * SHORT, 1 / SHORT**2
 
 
 class PathState(NamedTuple):
@@ -107,6 +108,7 @@ class PathRun(Run):
     legs: list[Leg] = field(default_factory=list)
     regime: str = "one way"
     count: int = 0  # of panels
+    lately: list[float] = field(default_factory=list)  # ends of panels since a standstill
     mark: tuple[int, PathState] | None = None  # panel and state where a pattern may begin
 
     def __post_init__(self) -> None:
@@ -159,6 +161,18 @@ class PathRun(Run):
         """The state."""
         return PathState(self.t, self.q, self.K, self.sign)
 
+    @property
+    def crawls(self) -> bool:
+        """Whether panels stay so short that integration in time is quicker; then a note says so."""
+        if len(self.lately) <= CROWD:
+            return False
+        period, begin = self.system.period or self.system.span, self.lately[-CROWD]
+        if abs(self.q - begin) >= CRAWL * period / PIECES:
+            return False
+        way = f"{abs(self.q - begin):.1e} from q = {begin:.9g} on"
+        self.notes.append(f"{CROWD} panels in a row cover {way}: it crawls")
+        return True
+
     def told(self, t: float) -> None:
         """Tell those who follow the progress how far it is [s]."""
         if self.system.progress is not None:
@@ -190,7 +204,7 @@ class PathRun(Run):
 
     def segment(self) -> RunEnd | None:
         """Panels up to the next transition."""
-        if self.count > MOST:
+        if self.count > MOST or self.crawls:
             return RunEnd(ends.TOO_MANY)
         stop = self.system.stops[0][self.sign > 0]
         beyond = self.sign * (self.q - stop) >= 0
@@ -205,19 +219,20 @@ class PathRun(Run):
         piece = ahead[0].pieces[0].shifted(ahead[1])
         if self.kept_clear(piece, goal):
             return None
+        self.told(self.t)
         before, alone = self.runs.copy(), piece.data.limit
         how, piece, panels = self.pass_over(*ahead, goal)
         if panels is not None:
             panels.t0 = self.t
             if alone and panels.t1 > self.request.span:
-                place = panels.at(self.request.span)[0]
-                end, self.runs[:] = self.runs[:, PLACE].copy(), before
+                place, after = panels.at(self.request.span)[0], self.runs.copy()
+                self.runs[:] = before
                 if self.kept_clear(piece, place):
                     return None
-                self.runs[:, PLACE] = end
+                self.runs[:] = after
             self.take(panels)
-        if how in (SHORTER, FAILED, CROWDS):
-            return self.obstructed(how, piece, panels)
+        if how in (SHORTER, FAILED):
+            return self.obstructed(how, piece)
         return self.passed(piece)
 
     def pass_over(
@@ -247,21 +262,14 @@ class PathRun(Run):
         self.mesh.shorten(piece, self.q, self.sign, (whole + way) / 2)
         return True
 
-    def obstructed(self, how: int, piece: Piece, panels: Panels | None) -> RunEnd | None:
+    def obstructed(self, how: int, piece: Piece) -> RunEnd | None:
         """A shorter piece of the path where what happens asks for one, or the end."""
         way = abs(float(self.runs[0, STOP]) - self.q)
         if how == SHORTER:
             if not self.kept_clear(piece, float(self.runs[0, STOP])):
                 self.mesh.shorten(piece, self.q, self.sign, SHORT / 2 * way)
             return None
-        if how == FAILED:
-            return RunEnd(ends.TOO_MANY, note=f"the loads are not smooth at q = {self.q:.12g}")
-        assert panels is not None
-        begin, period = panels.spans[BEGIN, -HALVED:][0], self.system.period or self.system.span
-        if abs(way := self.q - begin) >= CRAWL * period / PIECES:
-            return None
-        note = f"{HALVED} panels in a row cover {abs(way):.1e} from q = {begin:.9g} on: it crawls"
-        return RunEnd(ends.TOO_MANY, note=note)
+        return RunEnd(ends.TOO_MANY, note=f"the loads are not smooth at q = {self.q:.12g}")
 
     def here(self, x: float) -> bool:
         """Whether a place is where the motion is, but for rounding."""
@@ -274,10 +282,10 @@ class PathRun(Run):
 
     def take(self, panels: Panels) -> None:
         """The motion goes over panels."""
-        self.told(self.t)
         self.panels.append(panels)
         self.count += len(panels.records)
         self.t = panels.t1
+        self.lately += panels.spans[END].tolist()
 
     def passed(self, piece: Piece) -> RunEnd | None:
         """What happens at the end of panels."""
@@ -305,6 +313,7 @@ class PathRun(Run):
 
     def stand(self) -> RunEnd | None:
         """A standstill: the goal, or on from there."""
+        self.lately.clear()
         self.happened(ends.STANDSTILL, self.q, 0.0)
         if (over := self.stood()) is not None:
             self.regime = "to a standstill" if self.regime == "one way" else self.regime

@@ -61,7 +61,7 @@ LOW, HIGH, LIMIT, UNKNOWN_OF, LARGEST_J, LARGEST_TAU = range(6)  # of a piece ah
 PLACE, KINETIC, CLOCK, STOP, ROUNDED = range(5)  # of a run
 FROM, FROM_THERE, STEP, NOT_AFTER, START, SHARE = range(6)  # of what `beside` is given
 OFF, UNKNOWN, LOWEST, HIGHEST, FASTEST, LAST, LATE, ROUGHLY = range(8)  # and of what it finds
-FAILED, GOES_ON, STANDS, SHORTER, CROWDS = range(5)  # how runs leave a piece
+FAILED, GOES_ON, STANDS, SHORTER = range(4)  # how runs leave a piece
 
 Rows: TypeAlias = Annotated[Reals, "2", "of.n + 2"]  # blocks of a piece or of a panel
 Pieces: TypeAlias = Annotated[Reals, "5", "2", "of.n + 2"]
@@ -265,7 +265,7 @@ def through(
                     runs[1, CLOCK], runs[1, STOP] = LARGEST * LARGEST, stop
                 continue
         clock(of, nodes, now, 0)
-        accuracy = max(tolerance, ahead[UNKNOWN_OF]) if kind == TO_LIMIT else tolerance
+        accuracy = max(tolerance, min(ahead[UNKNOWN_OF], ROOT)) if kind == TO_LIMIT else tolerance
         if not is_smooth(of, nodes, now, effort, accuracy):
             end, stands = half, False
             rough = np.min(now[0, J]) < ROUGH * inertia
@@ -291,7 +291,7 @@ def through(
         if end == far:
             return GOES_ON
         end = end + 2.0 * way if abs(2.0 * way) < abs(far - end) else far
-    return CROWDS
+    return GOES_ON
 
 
 def over_pieces(
@@ -317,7 +317,7 @@ def over_pieces(
         how = through(
             of, nodes, here, far, sign, tolerance, pieces[which[p]], runs, panels, counts, T
         )
-        if how != GOES_ON or far == goal:
+        if how != GOES_ON or runs[0, PLACE] != far or far == goal:
             return how
     return GOES_ON
 
