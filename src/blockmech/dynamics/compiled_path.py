@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics import path_loops
-from blockmech.dynamics.panel_nodes import COARSE, FINE, Sizes, nodes
+from blockmech.dynamics.panel_nodes import COARSE, FINE, Nodes, Sizes, nodes
 from blockmech.engines import loops
 from blockmech.engines.cost import loops_pay
 from blockmech.engines.llvm import has_code, machine_code
@@ -37,9 +37,8 @@ class PathCode(NamedTuple):
     def interpreted(n: int = FINE) -> PathCode:
         """The loops by NumPy."""
         of = Sizes(n, COARSE if n == FINE else n)
-        quiet = np.errstate(all="ignore")  # what is not finite is no panel, and another motion
-        first = of, nodes(of.n, of.k), np.empty((n + 2, n + 2))
-        return PathCode(*(quiet(partial(f, *first)) for f in LOOPS[:-1]), None, "numpy")
+        functions = (partial(_by_numpy, f, of, nodes(of.n, of.k)) for f in LOOPS[:-1])
+        return PathCode._make([*functions, None, "numpy"])
 
     @staticmethod
     @cache
@@ -53,7 +52,7 @@ class PathCode(NamedTuple):
         except MissingEngineError:
             return None
         places = loops.places_of(nodes(of.n, of.k))
-        return PathCode(*(_by_place(f, places) for f in code), "llvm")
+        return PathCode._make([*(partial(_by_place, f, places) for f in code), "llvm"])
 
     @staticmethod
     @cache
@@ -72,15 +71,15 @@ class PathCode(NamedTuple):
             return False
 
 
-def _by_place(function: Any, nodes: Any) -> Callable[..., Any]:
-    """Machine code that is called with arrays, from several threads at a time."""
-    begin = ctypes.c_char.from_buffer  # quicker than an array's own word for where it is
+@np.errstate(all="ignore")  # what is not finite is no panel, and another motion
+def _by_numpy(function: Any, of: Sizes, some: Nodes, *given: Any) -> Any:
+    """A function of the loops, run by Python."""
+    return function(of, some, np.empty((of.n + 2, of.n + 2)), *given)
 
-    def call(*given: Any) -> Any:
-        room = np.empty((FINE + 2, FINE + 2))
-        places = [
-            ctypes.addressof(begin(x)) if isinstance(x, np.ndarray) else x for x in (room, *given)
-        ]
-        return function(nodes, *places)
 
-    return call
+def _by_place(function: Any, some: Any, *given: Any) -> Any:
+    """The same by machine code."""
+    begin: Any = ctypes.c_char.from_buffer  # quicker than an array's own word for where it is
+    arrays = np.empty((FINE + 2, FINE + 2)), *given
+    places = (ctypes.addressof(begin(x)) if isinstance(x, np.ndarray) else x for x in arrays)
+    return function(some, *places)

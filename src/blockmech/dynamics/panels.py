@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -67,7 +67,7 @@ class Panels:
     @property
     def n(self) -> int:
         """Nodes."""
-        return self.records.shape[-1] - 2
+        return int(self.records.shape[-1]) - 2
 
     @property
     def nodes(self) -> Nodes:
@@ -279,8 +279,9 @@ class Panels:
         backward, plain = lie[KIND] >= TO_REST, lie[KIND] == PLAIN
         since = lie[TIME] + duration - t if backward else t - lie[TIME]
         series, since = self._series[i].tolist(), min(max(since, 0.0), duration)
-        found = [0.0, 0.0]
-        moment(Sizes(self.n, self.n), self._places, *known, *series, since, found)
+        found: Any = [0.0, 0.0]
+        given: Any = self._places, *known, *series, since, found
+        moment(Sizes(self.n, self.n), *given)
         (v, slope), way = found, end - begin
         passed = way * (v if plain else v * v)
         speed = way * (1.0 if plain else 2 * v) / slope if slope > 0 else 0.0

@@ -45,7 +45,7 @@ def second_run(run: PathRun) -> list[Leg] | None:
         panels = leg.panels.other.taken_from(0.0)
         segment = replace(leg, t0=t, panels=panels, gain=panels.gain if leg.gain else 0.0, known={})
         if leg.starts is not None:
-            energies = np.arange(len(leg.starts) - 1) * segment.gain
+            energies = np.arange(len(leg.starts) - 1) * np.float64(segment.gain)
             starts = np.append(0.0, np.cumsum(segment.durations(energies)))
             segment = replace(segment, starts=starts)
         legs.append(segment)
