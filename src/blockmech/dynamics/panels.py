@@ -248,7 +248,8 @@ class Panels:
         low, high = places[j], places[j + 1]
         v = low + s * (dv + (1 - s) * ((1 - s) * left - s * right))
         v = np.where(since > 0, np.fmin(np.fmax(v, low), high), 0.0)
-        settled, series = since == 0, self._series[i]
+        v = np.where(since < times[:, -1], v, 1.0)
+        settled, series = (since == 0) | (v == 1), self._series[i]
         for _ in range(DIGITS):
             time, slope = (series @ basis(v, self.n + 1)[..., None])[..., 0].T
             if settled.all():

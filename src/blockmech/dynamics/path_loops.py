@@ -231,7 +231,7 @@ def through(
     for tried in range(2 * HALVED):
         now, begin = panels[counts[0]], runs[0, PLACE]
         way, kind = (runs[0, STOP] if stands else end) - begin, PLAIN
-        if abs(way) <= CLOSE * max(abs(begin), abs(end)):
+        if sign * way <= CLOSE * max(abs(begin), abs(end)):
             if stands:  # what goes no further than rounding of its place stands
                 return STANDS
             runs[0, PLACE] = end if tried == 0 else begin
@@ -420,8 +420,8 @@ def moment(
     s = (t - times[j]) / h
     left, right = h / max(slopes[j], SMALLEST) - dv, h / max(slopes[j + 1], SMALLEST) - dv
     x = v[j] + s * (dv + (1.0 - s) * ((1.0 - s) * left - s * right))
-    low, high, slope, settled = v[j], v[j + 1], 0.0, t <= 0.0
-    x = low if settled else min(max(low, x), high)
+    low, high, slope, settled = v[j], v[j + 1], 0.0, t <= 0.0 or t >= times[n + 1]
+    x = (low if t <= 0.0 else high) if settled else min(max(low, x), high)
     for _ in range(DIGITS):
         y, a, b, d, e = 2.0 * x - 1.0, clock[n], 0.0, 0.0, 0.0
         for k in range(n - 1, 0, -1):
