@@ -152,7 +152,7 @@ def test_machine_code_says_what_its_python_says(llvm, K):
     for code in (PathCode.interpreted(), PathCode.made()):
         records, counts = np.zeros((99, PANEL, 2, FINE + 2)), np.zeros(2, np.int64)
         runs = np.array([[1.0, K, 0.0, 0.0, 0.0], [1.0 + 4e-16, K, 0.0, 0.0, 1e-14]])
-        at, found = np.array([0.0, 0.0, 0.0, 9.0, 0.0, 1e-15]), np.zeros(8)
+        at, found = np.array([0.0, 0.0, 0.0, 9.0, 0.0, 1e-15, 3e-15]), np.zeros(8)
         numbers = shift, goal, len(course.which), float(sign), RESOLVED
         pieces = course.blocks, course.which, course.places
         ended = code.over_pieces(*pieces, *numbers, runs, records, counts)

@@ -30,9 +30,8 @@ from blockmech.dynamics.panel_nodes import (
 from blockmech.dynamics.panels import Panels
 from blockmech.dynamics.path import PathRun
 from blockmech.dynamics.request import SimulationRequest, Start, Until
-from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.system import System
-from blockmech.dynamics.track import apart
+from blockmech.dynamics.track import apart, second_run
 from tests.dynamics.honesty import GRAPHS, mechanism
 
 RUNS = [  # name, start, end; the third from rest through 80 swings
@@ -60,7 +59,7 @@ def test_it_differs_as_much_as_a_run_of_its_own(name, start, until):
     request = SimulationRequest(start, until, method="energy")
     fine, own = ended(system, request), ended(system, request, COARSE, perturbed=True)
     motion = fine.motion()
-    by = apart(LOOPS, fine.whole, second_run(fine), 0.0, motion.t_end, 0.0)
+    by = apart(LOOPS, fine.whole, second_run(fine.whole), 0.0, motion.t_end, 0.0)
     usual = difference(own.motion(), motion, system.rotary)
     assert usual.agree
     assert usual.q / 10 <= by.q <= 10 * usual.q
@@ -132,7 +131,7 @@ def test_what_samples_leave_unknown_is_in_the_estimate(monkeypatch):
     system = System(bm.Graph.load(GRAPHS / "watt_sixbar.json").compile())
     fine = ended(system, request)
     motion = fine.motion()
-    by = apart(LOOPS, fine.whole, second_run(fine), 0.0, motion.t_end, 0.0)
+    by = apart(LOOPS, fine.whole, second_run(fine.whole), 0.0, motion.t_end, 0.0)
     assert abs(motion.q_end - exact.q_end) <= by.q
     assert 1e-12 <= by.q <= 1e-8
 

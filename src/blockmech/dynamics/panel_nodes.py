@@ -28,14 +28,15 @@ Floats: TypeAlias = NDArray[np.float64]
 # Kinds of panels: a plain one, one that begins or ends with a standstill, or ends at a dead centre.
 PLAIN, FROM_REST, TO_REST, TO_LIMIT = range(4)
 COARSE, FINE = 32, 48  # nodes of a panel: 16 resolve too little, sums of 96 round more
-KEPT = 2 / 3  # of the terms of a clock: what the second run reads of it
+AT_ONCE = 1024  # turns, times or steps that are worked on together: a megabyte or two
 SHORT = 8  # a piece is made anew if what happens in it needs no more than this part of it
 CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
 J, TAU, MARGIN = range(3)  # rows of place data
 
 # A piece of the path: the series of J and tau, of both runs each, in its coordinate; their values
 # along the motion; and what tau does from its begin on.
-VALUES, OVER_ALL, PIECE = 2, 4, 5
+VALUES, OVER_ALL = range(2, 6, 2)
+PIECE = OVER_ALL + 1
 # A panel: J and tau along it, of both runs each; what tau does from its anchor on; the series of
 # dt/dv, times since the anchor, dt/dv; and where it lies.
 GAINS, RATE, SINCE, SLOPES, SPAN, PANEL = range(2, 8)
@@ -64,7 +65,8 @@ class Nodes(NamedTuple):
     inside, number : 1 at the nodes, 0 at anchor and end; 0, 1, 2 ...
     work : w -> K per unit of way, for each kind of panel; towards a dead centre 2 v w is smooth
     known : coefficients -> values; since : -> times since the anchor
-    parts : 1 for the last quarter of the terms, for the one before, for those that are `KEPT`
+    parts : 1 for the last quarter of the terms, for the one before, for those that the
+        second run has
     """
 
     v: Row
@@ -146,7 +148,7 @@ def nodes(n: int, k: int) -> Nodes:
     shares, quarter = np.array([places, places**2]), n // 4
     gaps = np.diff(shares, axis=1, prepend=0, append=1)
     clock = chebyshev.chebint(np.eye(n), lbnd=-1, axis=1) / 2
-    parts = [terms >= n - quarter, terms >= n - 2 * quarter, terms < int(KEPT * n)]
+    parts = [terms >= n - quarter, terms >= n - 2 * quarter, terms < k]
     rows = (
         _laid(n, *((0, slice(1, len(x) + 1), x) for x, _ in samplings))[:, 0],
         _laid(n, *((slice(1, len(x) + 1), slice(len(x)), m.T) for x, m in samplings)),

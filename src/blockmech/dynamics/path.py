@@ -42,8 +42,10 @@ from blockmech.dynamics.panel_nodes import (
     COARSE,
     END,
     FINE,
+    KIND,
     PANEL,
     SHORT,
+    TO_LIMIT,
     Floats,
     J,
 )
@@ -63,9 +65,8 @@ from blockmech.dynamics.place_data import RESOLVED
 from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
 from blockmech.dynamics.run import Run, RunEnd
-from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.singular import time_left
-from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, apart
+from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, apart, second_run
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Motion, Still
 
@@ -79,13 +80,13 @@ MOST = 8_000  # panels of a run; ten seconds of work and more
 CROWD, CRAWL = 6 * SHORT, 1 / SHORT**2
 
 
-class PathState(NamedTuple):
-    """Where a motion is: time [s], coordinate, kinetic energy [J] and direction."""
+class Mark(NamedTuple):
+    """Where a pattern may begin: the panel, time [s], coordinate and kinetic energy [J]."""
 
+    panel: int
     t: float
     q: float
     K: float
-    sign: int
 
 
 @dataclass
@@ -109,7 +110,7 @@ class PathRun(Run):
     regime: str = "one way"
     count: int = 0  # of panels
     lately: list[float] = field(default_factory=list)  # ends of panels since a standstill
-    mark: tuple[int, PathState] | None = None  # panel and state where a pattern may begin
+    mark: Mark | None = None
 
     def __post_init__(self) -> None:
         self.rounding = ROUNDING + 2 * self.system.noise  # relative, of work and inertia
@@ -148,7 +149,7 @@ class PathRun(Run):
             share = (self.q - shift - low) / (high - low)
             inertia = float(chebval(2 * share - 1, course.blocks[course.which[0], 1, J]))
             self.runs[1, KINETIC] = self.K if limit else inertia * (rate * (1 + ROUNDING)) ** 2 / 2
-        self.mark = (0, self.at)
+        self.mark = self.at
         return None
 
     @property
@@ -157,9 +158,9 @@ class PathRun(Run):
         return self.request.start.t + self.t
 
     @property
-    def at(self) -> PathState:
+    def at(self) -> Mark:
         """The state."""
-        return PathState(self.t, self.q, self.K, self.sign)
+        return Mark(len(self.panels), self.t, self.q, self.K)
 
     @property
     def crawls(self) -> bool:
@@ -190,7 +191,7 @@ class PathRun(Run):
             self.notes += [kind, *notes]
             return self.rest(kind)
         self.sign = 1 if system.at(q).tau[0] > 0 else -1
-        self.mark = (len(self.panels), self.at)
+        self.mark = self.at
         return None
 
     def rest(self, kind: str) -> RunEnd:
@@ -240,7 +241,7 @@ class PathRun(Run):
     ) -> tuple[int, Piece, Panels | None]:
         """Both runs over pieces to a standstill or a goal: how they leave the last, and panels."""
         many, counts = len(course.which), np.zeros(2, np.int64)
-        records = np.empty((4 * HALVED + 2, PANEL, 2, self.n + 2))
+        records = np.empty((2 * HALVED + 2, PANEL, 2, self.n + 2))
         how = self.code.over_pieces(
             course.blocks, course.which, course.places, shift, goal, many, float(self.sign),
             self.mesh.tolerance, self.runs, records, counts,
@@ -278,7 +279,7 @@ class PathRun(Run):
     def turned(self, period: float) -> float:
         """The place one period beyond the mark."""
         assert self.mark is not None
-        return self.mark[1].q + self.sign * period
+        return self.mark.q + self.sign * period
 
     def take(self, panels: Panels) -> None:
         """The motion goes over panels."""
@@ -318,7 +319,7 @@ class PathRun(Run):
         if (over := self.stood()) is not None:
             self.regime = "to a standstill" if self.regime == "one way" else self.regime
             return over
-        if self.mark is not None and self.mark[1].K == 0:
+        if self.mark is not None and self.mark.K == 0:
             return self.repeat(
                 swings(self.since_mark(mirrored=True), self.request, self.standstills)
             )
@@ -349,14 +350,13 @@ class PathRun(Run):
     def since_mark(self, **more: Any) -> RepeatedSegment:
         """What was since the mark, with times counted from there, as a pattern."""
         assert self.mark is not None
-        first, at = self.mark
-        return RepeatedSegment(at.t, joined(self.panels[first:]).taken_from(0.0), **more)
+        panels = joined(self.panels[self.mark.panel :]).taken_from(0.0)
+        return RepeatedSegment(self.mark.t, panels, **more)
 
     def repeat(self, by: PeriodicContinuation) -> RunEnd | None:
         """A pattern takes the place of its first repetition, and tells what follows."""
         assert self.mark is not None
-        first, _ = self.mark
-        before = self.panels[:first]
+        before = self.panels[: self.mark.panel]
         self.legs += [joined(before), by.pattern] if before else [by.pattern]
         self.panels, self.mark, self.regime, self.t = [], None, by.regime, by.t
         self.facts.update(by.facts)
@@ -373,18 +373,17 @@ class PathRun(Run):
     def repeat_turn(self, period: float) -> RunEnd | None:
         """A turn without a standstill: it repeats, with more energy or less each time."""
         assert self.mark is not None
-        start = self.mark[1]
-        if not start.K:  # the next turn tells
-            self.mark = (len(self.panels), self.at)
+        if not self.mark.K:  # the next turn tells
+            self.mark = self.at
             return None
-        turn = self.since_mark(step=self.sign * period, gain=self.K - start.K)
+        turn = self.since_mark(step=self.sign * period, gain=self.K - self.mark.K)
         lossless = self.system.lossless  # but for rounding of some panels
         lossless = lossless or abs(turn.gain) <= 16 * self.rounding * turn.panels.size
         turn = replace(turn, gain=0.0) if lossless and turn.gain else turn
         pattern = turns(turn, self.request, self.mesh.tolerance, self.told)
         if pattern is not None:
             return self.repeat(pattern)
-        self.mark = (len(self.panels), self.at)  # the next turn tells
+        self.mark = self.at  # the next turn tells
         return None
 
     # -- the result ------------------------------------------------------------
@@ -393,6 +392,20 @@ class PathRun(Run):
     def whole(self) -> list[Leg]:
         """All that the run left behind."""
         return [*self.legs, joined(self.panels)] if self.panels else self.legs
+
+    @property
+    def ends_by_itself(self) -> bool:
+        """Whether the run beside it needs panels of its own, or took another path.
+
+        The first where the path ends by itself: at a dead centre, in equilibrium, where nothing is
+        smooth; the other where its energy is used up on a panel that holds no standstill.
+        """
+        named = self.end in ("time", ends.END_STOP, self.request.until.goal)
+        if self.regime == "rest" or not (named or self.end.startswith("never reached")):
+            return True
+        parts = [x.panels if isinstance(x, RepeatedSegment) else x for x in self.whole]
+        limit = any((x.spans[KIND] == TO_LIMIT).any() for x in parts)
+        return limit or not all(math.isfinite(x.other.t1) for x in parts)
 
     def motion(self) -> Motion:
         """The motion of a run that has ended; of one that moved the error is not known yet."""
@@ -463,9 +476,10 @@ def judged_in_place(run: PathRun) -> Motion | None:
         return stopped(run.motion(), None)
     if not run.whole:
         return run.motion()
-    if (legs := second_run(run)) is None:
+    if run.ends_by_itself:
         return None
-    system, start, whole, motion = run.system, run.request.start, run.whole, run.motion()
+    whole, legs = run.whole, second_run(run.whole)
+    system, start, motion = run.system, run.request.start, run.motion()
     share = rounding_share(system, float(start.q), bool(start.rate), start.t)
     by = apart(run.code, whole, legs, start.t, motion.t_end, share)
     late = 0.0 if motion.end == "time" else by.late

@@ -18,7 +18,6 @@ from typing import Annotated, TypeAlias
 
 import numpy as np
 
-from blockmech.dynamics.estimate import ROUNDING
 from blockmech.dynamics.panel_nodes import (
     BEGIN,
     CLOSE,
@@ -53,13 +52,12 @@ from blockmech.ground.plane import EPS
 
 ROOT = EPS**0.5
 ROUGH = 1 / SHORT**2  # of a piece's inertia or effort: what is below has two digits less
-TRIES = 8  # of Newton's method for the place of a standstill
-HALVED = 4 * SHORT  # panels that a piece is tried in
+HALVED = 8 * SHORT  # panels that a piece is tried in
 LARGEST, SMALLEST = sys.float_info.max, math.ulp(0.0)
 DIGITS = 60  # halvings of an interval: a double has no more
 LOW, HIGH, LIMIT, UNKNOWN_OF, LARGEST_J, LARGEST_TAU = range(6)  # of a piece ahead
 PLACE, KINETIC, CLOCK, STOP, ROUNDED = range(5)  # of a run
-FROM, FROM_THERE, STEP, NOT_AFTER, START, SHARE = range(6)  # of what `beside` is given
+FROM, FROM_THERE, STEP, NOT_AFTER, START, SHARE, OF_PLACES = range(7)  # of what `beside` is given
 OFF, UNKNOWN, LOWEST, HIGHEST, FASTEST, LAST, LATE, ROUGHLY = range(8)  # and of what it finds
 FAILED, GOES_ON, STANDS, SHORTER = range(4)  # how runs leave a piece
 
@@ -201,7 +199,7 @@ def standstill(
     T: Row,
 ) -> bool:  # fmt: skip
     """Whether the place is found at which a run has no energy left, near ``stop``."""
-    for _ in range(TRIES):
+    for _ in range(DIGITS):
         way, span = stop - run[PLACE], now[SPAN, r]
         span[BEGIN], span[END] = run[PLACE], stop
         over(of, nodes, ahead, run[PLACE], stop, PLAIN, series, now[r], TAU, T)
@@ -228,7 +226,7 @@ def through(
     """
     effort, inertia = ahead[LARGEST_TAU], ahead[LARGEST_J]
     length, begin, end, stands = ahead[HIGH] - ahead[LOW], runs[0, PLACE], far, False
-    for tried in range(2 * HALVED):
+    for tried in range(HALVED):
         now, begin = panels[counts[0]], runs[0, PLACE]
         way, kind = (runs[0, STOP] if stands else end) - begin, PLAIN
         if sign * way <= CLOSE * max(abs(begin), abs(end)):
@@ -306,7 +304,7 @@ def over_pieces(
     here = T[of.n]
     T[of.n], T[of.n + 1] = 0.0, 0.0
     for p in range(many):
-        if counts[0] > 2 * HALVED:
+        if counts[0] > HALVED:
             return GOES_ON
         counts[1] = p
         for i in range(6):
@@ -334,7 +332,7 @@ def beside(
     backward : 1 where they are run over from their end to their begin, else 0
     at : what both count times from [s], or back from where they run backward; what is added to
         places; the time after which nothing counts, and that of the start; what rounding leaves
-        unknown of times, relative
+        unknown of times, and of places, relative
     found : largest difference, and what rounding leaves; lowest and highest place, largest rate;
         the last time that counts, and by how much the second run is later there; 1 where rates
         change so fast that rounding is to be judged otherwise
@@ -379,7 +377,7 @@ def beside(
             min(found[LOWEST], min(q, far)),
             max(found[HIGHEST], max(q, far)),
         )
-        unknown = np.max(off) + ROUNDING * max(abs(q), abs(far))
+        unknown = np.max(off) + at[OF_PLACES] * max(abs(q), abs(far))
         found[OFF], found[UNKNOWN] = max(found[OFF], np.max(apart)), max(found[UNKNOWN], unknown)
         found[FASTEST] = max(found[FASTEST], np.max(rate))
         found[LAST], found[LATE] = room[0, i], abs(room[1, i])

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.panel_nodes import CLOSE, COARSE, FINE, MARGIN, TAU, Floats, J
+from blockmech.dynamics.path_loops import DIGITS
 from blockmech.dynamics.place_data import (
     NOTHING,
     PlaceData,
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 PIECES = 4  # of a turn (or of the span of a slide), to begin with; halved where they are too long
-HALVINGS = range(60)  # of an interval: a double has no more digits
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,7 @@ class PathMesh:
         """A resolved piece from q on."""
         far, what = self._far(q, sign, length)
         limit = self._limit(sign, what)
-        for _ in HALVINGS:
+        for _ in range(DIGITS):
             if far == q:
                 return what or self._unresolved(q)
             low, high = (q, far) if sign > 0 else (far, q)
@@ -309,7 +309,7 @@ class PathMesh:
         good, bad = q, far
         if not self._possible_at(np.array([q]))[0]:
             return q, self._why(q, q)
-        for _ in HALVINGS:
+        for _ in range(DIGITS):
             x = np.linspace(good, bad, self.n + 1)[1:]
             x = x[(x != good) & (x != bad)]
             if not x.size:

@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from blockmech.dynamics.compiled_path import PathCode
-from blockmech.dynamics.panel_nodes import Floats
+from blockmech.dynamics.estimate import ROUNDING
+from blockmech.dynamics.panel_nodes import AT_ONCE, Floats
 from blockmech.dynamics.panels import Panels
 from blockmech.dynamics.path_loops import HIGHEST, LOWEST, STEP
 from blockmech.result.motion import State
 
-FEW = 3  # times that are read one by one as quickly as together
-AT_ONCE = 1024  # turns, times or steps that are worked on together: a megabyte or two
+FEW = 3  # times, or turns, that take as long one by one as together
 
 
 @dataclass(frozen=True)
@@ -121,6 +121,27 @@ class RepeatedSegment:
 Leg: TypeAlias = Panels | RepeatedSegment  # a part of the track
 
 
+def second_run(run: Sequence[Leg]) -> list[Leg]:
+    """The run beside one, over the same panels and patterns."""
+    legs, t = list[Leg](), 0.0
+    for leg, following in zip(run, [*run[1:], None], strict=True):
+        if isinstance(leg, Panels):
+            panels = leg.other.taken_from(t)
+            legs.append(panels)
+            t = panels.t1
+            continue
+        panels = leg.panels.other.taken_from(0.0)
+        segment = replace(leg, t0=t, panels=panels, gain=panels.gain if leg.gain else 0.0, known={})
+        if leg.starts is not None:
+            energies = np.arange(len(leg.starts) - 1) * np.float64(segment.gain)
+            starts = np.append(0.0, np.cumsum(segment.durations(energies)))
+            segment = replace(segment, starts=starts)
+        legs.append(segment)
+        if isinstance(following, Panels):
+            t = segment.begins(round((following.begin - leg.panels.begin) / leg.step))
+    return legs
+
+
 def compared(
     run: Sequence[Leg], other: Sequence[Leg], t_end: float
 ) -> Iterator[tuple[Panels, Panels, int, float, float, float]]:
@@ -171,7 +192,8 @@ def apart(
 
     ``share``: what rounding leaves unknown of times, relative.
     """
-    at, found = np.array([0.0, 0.0, 0.0, t_end, t_start, share]), np.zeros(len(Apart._fields))
+    at = np.array([0.0, 0.0, 0.0, t_end, t_start, share, ROUNDING])
+    found = np.zeros(len(Apart._fields))
     found[LOWEST], found[HIGHEST] = math.inf, -math.inf
     for one, there, sign, begin, begin_there, step in compared(run, other, t_end - t_start):
         time, late = begin + sign * one.before, begin_there + sign * there.before

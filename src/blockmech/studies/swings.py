@@ -48,6 +48,7 @@ from blockmech.dynamics.path_loops import (
     LIMIT,
     LOW,
     PLACE,
+    ROUGH,
     ROUGHLY,
     ROUNDED,
     SMALLEST,
@@ -72,7 +73,6 @@ if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
 
-CLEAR = 1 / 64  # of its largest, below which an inertia is left to the single motion; of a margin
 T_END, Q_END, LATER, KNOWN = range(8, 12)  # of what is found, after what `beside` finds
 
 
@@ -90,11 +90,11 @@ def sampled(
         values[J, i] = row[of.state + 1]
         values[TAU, i] = row[1] * row[of.state + 1]
         size = max(size, values[J, i])
-        if not (margin > CLEAR and values[J, i] > 0.0):
+        if not (margin > ROUGH and values[J, i] > 0.0):
             return False
     tolerance = max(RESOLVED, NOTHING / margin)
     for i in range(1, n + 1):
-        if values[J, i] < CLEAR * size:
+        if values[J, i] < ROUGH * size:
             return False
     for j in range(2):
         series[j] = values[j] @ nodes.series[r]
@@ -212,7 +212,7 @@ class FirstSwings(NamedTuple):
             places[-1][:, [LOW, HIGH]] += ahead[1]
             pieces.append(len(places[-1]))
         share = share_of_all(system, request)
-        at = 0.0, 0.0, 0.0, np.inf, 0.0, share  # as `beside` takes it
+        at = 0.0, 0.0, 0.0, np.inf, 0.0, share, ROUNDING  # as `beside` takes it
         start = np.array([q, rate, system.rounding(q) / UNSURE, ROUNDING, *at])
         arrays = np.concatenate(places), np.array(pieces, np.int64), start
         return cls(compiled(rates.dimension), rates, *arrays, request)
@@ -225,7 +225,7 @@ class FirstSwings(NamedTuple):
         state[dimension + 2], state[dimension + 3] = 1.0, SMALLEST
         x = addresses_of(state)
         found, room = np.zeros((m, 12)), np.zeros((PIECE, 2, FINE + 2))
-        most = 2 * HALVED * int(self.pieces.max(initial=1))
+        most = HALVED * int(self.pieces.max(initial=1))
         panels, counts = np.empty((most + 1, PANEL, 2, FINE + 2)), np.zeros(1, np.int64)
         given = slots, row, state, self.places, self.pieces, self.start
         own = np.zeros((2, 5)), room, panels, counts, np.zeros((FINE + 2, FINE + 2)), found
@@ -236,7 +236,7 @@ class FirstSwings(NamedTuple):
         )
         apart, rounding, *_, t, q, late, good = found.T
         error, nothing = apart + rounding, np.zeros(m)
-        way, share = np.minimum(np.abs(q - self.start[0]), 1.0), self.start[-1]
+        way, share = np.minimum(np.abs(q - self.start[0]), 1.0), self.start[-2]
         with np.errstate(invalid="ignore"):
             sure = (apart <= PARTED * way) & (late <= PARTED * t)
             sure &= (good > 0) & (error <= (self.request.accuracy or TARGET))
