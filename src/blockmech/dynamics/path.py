@@ -221,11 +221,11 @@ class PathRun(Run):
         if self.kept_clear(piece, goal):
             return None
         self.told(self.t)
-        before, alone = self.runs.copy(), piece.data.limit
+        before, last = self.runs.copy(), piece.what_ends(self.sign)
         how, piece, panels = self.pass_over(*ahead, goal)
         if panels is not None:
             panels.t0 = self.t
-            if alone and panels.t1 > self.request.span:
+            if last == ends.DEAD_CENTRE and panels.t1 > self.request.span:
                 place, after = panels.at(self.request.span)[0], self.runs.copy()
                 self.runs[:] = before
                 if self.kept_clear(piece, place):

@@ -85,11 +85,9 @@ def over(
     anchor, way = begin, end - begin
     if kind >= TO_REST:
         anchor, way = end, -way
-    length = ahead[HIGH] - ahead[LOW]
-    share = (anchor - ahead[LOW] + way * nodes.shares[0 if kind == PLAIN else 1]) / length
+    base, length = ahead[HIGH if ahead[LIMIT] > 0.0 else LOW], ahead[HIGH] - ahead[LOW]
+    share = (anchor - base + way * nodes.shares[0 if kind == PLAIN else 1]) / length
     if ahead[LIMIT] != 0.0:
-        if ahead[LIMIT] > 0.0:
-            share = 1.0 - share
         share = np.sqrt(abs(share))
         share = np.where(share > EPS, share, EPS)
     last, before, twice = 2.0 * share - 1.0, 0.0 * share + 1.0, 4.0 * share - 2.0

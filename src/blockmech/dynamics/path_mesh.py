@@ -96,7 +96,7 @@ class PieceRow:
         return i - 1 if near < left <= piece.data.length + near else None
 
     def ahead(self, first: int, sign: int) -> Course:
-        """The pieces from one on; one that runs into a dead centre stands alone."""
+        """The pieces from one on; one at a dead centre, or that ends the path, stands alone."""
         if (first, sign) in self._courses:
             return self._courses[first, sign]
         m, pieces, which = len(self.pieces), list[Piece](), list[int]()
@@ -108,7 +108,7 @@ class PieceRow:
             if pieces:
                 near = 2 * CLOSE * max(abs(pieces[-1].end(sign)), abs(piece.end(-sign)))
                 apart = abs(pieces[-1].end(sign) - piece.end(-sign)) > near
-                if apart or piece.data.limit or pieces[-1].data.limit:
+                if apart or piece.data.limit or piece.what_ends(sign) or pieces[-1].data.limit:
                     break
             pieces.append(piece)
             which.append(i)
