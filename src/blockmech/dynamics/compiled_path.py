@@ -19,7 +19,7 @@ from blockmech.engines.llvm import has_code, machine_code
 from blockmech.ground.errors import MissingEngineError
 
 SAVED = 1e-3  # [s] that a motion takes longer interpreted
-LINES = 5_100  # of the loops' text
+LINES = 5_100  # of text that take as long to compile as the loops
 LOOPS = path_loops.over_pieces, path_loops.beside, path_loops.again, path_loops.placed
 
 
@@ -72,14 +72,14 @@ class PathCode(NamedTuple):
 
 
 @np.errstate(all="ignore")  # what is not finite is no panel, and another motion
-def _by_numpy(function: Any, of: Sizes, some: Nodes, *given: Any) -> Any:
+def _by_numpy(function: Any, of: Sizes, matrices: Nodes, *given: Any) -> Any:
     """A function of the loops, run by Python."""
-    return function(of, some, np.empty((of.n + 2, of.n + 2)), *given)
+    return function(of, matrices, np.empty((of.n + 2, of.n + 2)), *given)
 
 
-def _by_place(function: Any, some: Any, *given: Any) -> Any:
+def _by_place(function: Any, matrices: Any, *given: Any) -> Any:
     """The same by machine code."""
     begin: Any = ctypes.c_char.from_buffer  # quicker than an array's own word for where it is
     arrays = np.empty((FINE + 2, FINE + 2)), *given
     places = (ctypes.addressof(begin(x)) if isinstance(x, np.ndarray) else x for x in arrays)
-    return function(some, *places)
+    return function(matrices, *places)

@@ -173,8 +173,8 @@ class Panels:
     @cached_property
     def _weights(self) -> Floats:
         """(m, n) What 1 / sqrt(K) at the nodes (m, n) counts in the durations."""
-        some = self.nodes
-        leads = some.leads[np.where(self.plain, 0, 1), 1:-1] * some.work[PLAIN, 1:-1, -1]
+        matrices = self.nodes
+        leads = matrices.leads[np.where(self.plain, 0, 1), 1:-1] * matrices.work[PLAIN, 1:-1, -1]
         way = np.abs(self.spans[END] - self.spans[BEGIN])[:, None]
         return np.asarray(way * leads * np.sqrt(self.records[:, self.of, J, 1:-1] / 2))
 
@@ -195,17 +195,17 @@ class Panels:
 
     def some(self, i: Ints, energy: Floats) -> Panels:
         """Panels of indices (k,), each with more kinetic energy (k,) [J]."""
-        records, some = self.records[i], self.nodes
+        records, matrices = self.records[i], self.nodes
         now = records[:, :, self.of]
         now[:, SPAN, ENERGY] += energy
-        lead = some.leads[np.where(self.plain[i], 0, 1)] * some.inside
+        lead = matrices.leads[np.where(self.plain[i], 0, 1)] * matrices.inside
         way = np.abs(now[:, SPAN, END] - now[:, SPAN, BEGIN])[:, None]
         with np.errstate(all="ignore"):
             slope = np.sqrt(
                 records[:, self.of, J] / (2 * (now[:, SPAN, ENERGY, None] + now[:, GAINS]))
             )
-        now[:, RATE] = np.where(lead > 0, way * slope * lead, 0.0) @ some.series[0]
-        now[:, SINCE], now[:, SLOPES] = now[:, RATE] @ some.since, now[:, RATE] @ some.known
+        now[:, RATE] = np.where(lead > 0, way * slope * lead, 0.0) @ matrices.series[0]
+        now[:, SINCE], now[:, SLOPES] = now[:, RATE] @ matrices.since, now[:, RATE] @ matrices.known
         return replace(self, records=records)
 
     # -- the state at a time -------------------------------------------------------

@@ -127,15 +127,15 @@ class PlaceData:
     def _blocks(self) -> tuple[Floats, Floats]:
         """It against the coordinate, and with it."""
         n = self.rows.shape[1]
-        some, block = nodes(n, self.second.shape[1] or n), np.zeros((PIECE, 2, n + 2))
+        matrices, block = nodes(n, self.second.shape[1] or n), np.zeros((PIECE, 2, n + 2))
         block[0, :, :-2], (first, second) = self.series[:MARGIN], block[:VALUES]
         block[1] = first
         if len(self.second):
             second[:, :-2] = 0.0
             second[:, : self.second.shape[1]] = self.second[:MARGIN] @ _to_series(self.second).T
-        block[VALUES:OVER_ALL] = block[:VALUES] @ some.known
+        block[VALUES:OVER_ALL] = block[:VALUES] @ matrices.known
         block[VALUES, :, 1:-1] = self.rows[:MARGIN]
-        back, work = block.copy(), self.length * some.work[PLAIN]
+        back, work = block.copy(), self.length * matrices.work[PLAIN]
         back[VALUES:OVER_ALL] = block[VALUES:OVER_ALL, :, ::-1]  # the nodes lie alike
         for x, way in ((block, 1), (back, -1)):
             x[OVER_ALL] = way * (x[VALUES:OVER_ALL, TAU] @ work)
