@@ -275,15 +275,15 @@ class Panels:
         t, i, last = t - self.before, 0, len(self.lies) - 1
         while i < last and self.lies[i + 1][TIME] <= t:
             i += 1
-        lie, known = self.lies[i], self.records[i, [SINCE, SLOPES], self.of].tolist()
-        begin, end, duration = lie[BEGIN], lie[END], known[0][-1]
+        lie, curves = self.lies[i], self.records[i, [SINCE, SLOPES], self.of].tolist()
+        begin, end, duration = lie[BEGIN], lie[END], curves[0][-1]
         backward, plain = lie[KIND] >= TO_REST, lie[KIND] == PLAIN
         since = lie[TIME] + duration - t if backward else t - lie[TIME]
         series, since = self._series[i].tolist(), min(max(since, 0.0), duration)
-        found: Any = [0.0, 0.0]
-        given: Any = self._places, *known, *series, since, found
-        moment(Sizes(self.n, self.n), *given)
-        (v, slope), way = found, end - begin
+        state: Any = [0.0, 0.0]
+        arguments: Any = self._places, *curves, *series, since, state
+        moment(Sizes(self.n, self.n), *arguments)
+        (v, slope), way = state, end - begin
         passed = way * (v if plain else v * v)
         speed = way * (1.0 if plain else 2 * v) / slope if slope > 0 else 0.0
         return end - passed if backward else begin + passed, speed

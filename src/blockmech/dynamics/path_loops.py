@@ -78,16 +78,16 @@ def ending(of: Sizes, nodes: Nodes, rows: Row, j: int) -> float:
 
 
 def over(
-    of: Sizes, nodes: Nodes, ahead: Reals, begin: float, end: float, kind: int, series: Row,
+    of: Sizes, nodes: Nodes, bounds: Reals, begin: float, end: float, kind: int, series: Row,
     rows: Row, first: int, T: Row,
 ) -> None:  # fmt: skip
     """Rows of a panel from the ``first`` on: J and tau."""
     anchor, way = begin, end - begin
     if kind >= TO_REST:
         anchor, way = end, -way
-    base, length = ahead[HIGH if ahead[LIMIT] > 0.0 else LOW], ahead[HIGH] - ahead[LOW]
+    base, length = bounds[HIGH if bounds[LIMIT] > 0.0 else LOW], bounds[HIGH] - bounds[LOW]
     share = (anchor - base + way * nodes.shares[0 if kind == PLAIN else 1]) / length
-    if ahead[LIMIT] != 0.0:
+    if bounds[LIMIT] != 0.0:
         share = np.sqrt(abs(share))
         share = np.where(share > EPS, share, EPS)
     last, before, twice = 2.0 * share - 1.0, 0.0 * share + 1.0, 4.0 * share - 2.0
@@ -97,12 +97,12 @@ def over(
         last, before = twice * last - before, last
     for i in range(first, 2):
         rows[i] = series[i] @ T
-        if ahead[LIMIT] != 0.0:  # they grow without bound there
+        if bounds[LIMIT] != 0.0:  # they grow without bound there
             rows[i] = rows[i] / (share * share if i == J else share)
 
 
 def laid(
-    of: Sizes, nodes: Nodes, ahead: Reals, kind: int, piece: Rows, runs: Runs, end: float,
+    of: Sizes, nodes: Nodes, bounds: Reals, kind: int, piece: Rows, runs: Runs, end: float,
     now: Rows, r: int, T: Row,
 ) -> None:  # fmt: skip
     """A panel of run r from where it is: its span, J, tau and gains."""
@@ -111,12 +111,12 @@ def laid(
         end = run[STOP]
     span[BEGIN], span[END], span[KIND] = begin, end, float(kind)
     span[ENERGY] = 0.0 if kind == TO_REST else run[KINETIC]
-    length = (ahead[HIGH] - ahead[LOW]) * (1.0 - CLOSE)
-    if kind == PLAIN and ahead[LIMIT] == 0.0 and abs(end - begin) >= length:
+    length = (bounds[HIGH] - bounds[LOW]) * (1.0 - CLOSE)
+    if kind == PLAIN and bounds[LIMIT] == 0.0 and abs(end - begin) >= length:
         now[r, J], now[r, TAU] = piece[VALUES + r, J], piece[VALUES + r, TAU]
         now[GAINS, r] = piece[OVER_ALL, r]
     else:
-        over(of, nodes, ahead, begin, end, kind, piece[r], now[r], J, T)
+        over(of, nodes, bounds, begin, end, kind, piece[r], now[r], J, T)
         way = begin - end if kind >= TO_REST else end - begin
         now[GAINS, r] = way * (now[r, TAU] @ nodes.work[kind])
 
@@ -193,14 +193,14 @@ def emptied(of: Sizes, nodes: Nodes, now: Rows, sign: float, stop: float) -> flo
 
 
 def standstill(
-    of: Sizes, nodes: Nodes, ahead: Reals, run: Reals, stop: float, series: Row, now: Rows, r: int,
+    of: Sizes, nodes: Nodes, bounds: Reals, run: Reals, stop: float, series: Row, now: Rows, r: int,
     T: Row,
 ) -> bool:  # fmt: skip
     """Whether the place is found at which a run has no energy left, near ``stop``."""
     for _ in range(DIGITS):
         way, span = stop - run[PLACE], now[SPAN, r]
         span[BEGIN], span[END] = run[PLACE], stop
-        over(of, nodes, ahead, run[PLACE], stop, PLAIN, series, now[r], TAU, T)
+        over(of, nodes, bounds, run[PLACE], stop, PLAIN, series, now[r], TAU, T)
         now[GAINS, r] = way * (now[r, TAU] @ nodes.work[PLAIN])
         effort = now[r, TAU, of.n + 1]
         if not effort * way < 0.0:
@@ -214,7 +214,7 @@ def standstill(
 
 
 def through(
-    of: Sizes, nodes: Nodes, ahead: Reals, far: float, sign: float, tolerance: float, piece: Rows,
+    of: Sizes, nodes: Nodes, bounds: Reals, far: float, sign: float, tolerance: float, piece: Rows,
     runs: Runs, panels: Records, counts: Counts, T: Row,
 ) -> int:  # fmt: skip
     """Both runs over a piece to ``far``: how they leave it. ``counts``: of the panels so far.
@@ -222,8 +222,8 @@ def through(
     `SHORTER` asks for a piece of the size of what happens, whose way is where the first run stops.
     Where the second run has no time it takes another path.
     """
-    effort, inertia = ahead[LARGEST_TAU], ahead[LARGEST_J]
-    length, begin, end, stands = ahead[HIGH] - ahead[LOW], runs[0, PLACE], far, False
+    effort, inertia = bounds[LARGEST_TAU], bounds[LARGEST_J]
+    length, begin, end, stands = bounds[HIGH] - bounds[LOW], runs[0, PLACE], far, False
     for tried in range(HALVED):
         now, begin = panels[counts[0]], runs[0, PLACE]
         way, kind = (runs[0, STOP] if stands else end) - begin, PLAIN
@@ -236,19 +236,19 @@ def through(
             kind = TO_REST
         elif runs[0, KINETIC] == 0.0:
             kind = FROM_REST
-        elif end == far and sign * ahead[LIMIT] > 0.0:
+        elif end == far and sign * bounds[LIMIT] > 0.0:
             kind = TO_LIMIT
-        laid(of, nodes, ahead, kind, piece, runs, end, now, 0, T)
+        laid(of, nodes, bounds, kind, piece, runs, end, now, 0, T)
         half = begin + way / 2.0
         if not stands:
             stop = emptied(of, nodes, now, sign, far + 2.0 * sign * length)
             if sign * (stop - far) < length:
-                left = abs(ahead[HIGH if sign > 0.0 else LOW] - stop)
-                if sign * ahead[LIMIT] > 0.0 and left > ROOT * abs(stop - begin):
+                left = abs(bounds[HIGH if sign > 0.0 else LOW] - stop)
+                if sign * bounds[LIMIT] > 0.0 and left > ROOT * abs(stop - begin):
                     runs[0, STOP] = stop
                     return SHORTER
                 if kind == PLAIN and standstill(
-                    of, nodes, ahead, runs[0], stop, piece[0], now, 0, T
+                    of, nodes, bounds, runs[0], stop, piece[0], now, 0, T
                 ):
                     stop = runs[0, STOP]
                     rough = abs(now[0, TAU, of.n + 1]) < ROUGH * effort
@@ -257,11 +257,11 @@ def through(
                     stands = sign * (stop - end) <= ROOT * abs(stop - begin)
                 if not stands:
                     end = begin + sign * min(abs(stop - begin), abs(way)) / 2.0
-                elif not standstill(of, nodes, ahead, runs[1], stop, piece[1], now, 1, T):
+                elif not standstill(of, nodes, bounds, runs[1], stop, piece[1], now, 1, T):
                     runs[1, CLOCK], runs[1, STOP] = LARGEST * LARGEST, stop
                 continue
         clock(of, nodes, now, 0)
-        accuracy = max(tolerance, min(ahead[UNKNOWN_OF], ROOT)) if kind == TO_LIMIT else tolerance
+        accuracy = max(tolerance, min(bounds[UNKNOWN_OF], ROOT)) if kind == TO_LIMIT else tolerance
         if not is_smooth(of, nodes, now, effort, accuracy):
             end, stands = half, False
             rough = np.min(now[0, J]) < ROUGH * inertia
@@ -269,7 +269,7 @@ def through(
                 runs[0, STOP] = half
                 return SHORTER
             continue
-        laid(of, nodes, ahead, kind, piece, runs, end, now, 1, T)
+        laid(of, nodes, bounds, kind, piece, runs, end, now, 1, T)
         clock(of, nodes, now, 1)
         for r in range(2):
             span, run = now[SPAN, r], runs[r]
@@ -335,21 +335,21 @@ def beside(
         the last time that counts, and by how much the second run is later there; 1 where rates
         change so fast that rounding is to be judged otherwise
     """
-    last, ahead = of.n + 1, -1.0 if backward == 1 else 1.0
+    last, direction = of.n + 1, -1.0 if backward == 1 else 1.0
     for j in range(count):
         now = panels[count - 1 - j if backward == 1 else j]
         other = others[count - 1 - j if backward == 1 else j]
         span, there, p = now[SPAN, 0], other[SPAN, 1], 0 if now[SPAN, 0, KIND] == PLAIN else 1
-        from_end, sign, begin, begin_there = span[KIND] >= TO_REST, ahead, 0.0, 0.0
+        from_end, sign, begin, begin_there = span[KIND] >= TO_REST, direction, 0.0, 0.0
         way = span[END] - span[BEGIN]
         late_by, stretch = there[BEGIN] - span[BEGIN], there[END] - there[BEGIN] - way
         if from_end:
-            late_by, stretch, sign = there[END] - span[END], -stretch, -ahead
+            late_by, stretch, sign = there[END] - span[END], -stretch, -direction
             begin, begin_there = now[SINCE, 0, last], other[SINCE, 1, last]
         begin, begin_there = span[TIME] + begin, there[TIME] + begin_there
-        t = at[FROM] + ahead * begin + sign * now[SINCE, 0]
-        later = at[FROM_THERE] + ahead * begin_there + sign * other[SINCE, 1] - t
-        rate = ahead * way * nodes.leads[p] / now[SLOPES, 0]
+        t = at[FROM] + direction * begin + sign * now[SINCE, 0]
+        later = at[FROM_THERE] + direction * begin_there + sign * other[SINCE, 1] - t
+        rate = direction * way * nodes.leads[p] / now[SLOPES, 0]
         rate = np.where(now[SLOPES, 0] > 0.0, rate, 0.0)
         apart = abs(late_by + stretch * nodes.shares[p] - later * rate)
         room[0] = t

@@ -78,10 +78,10 @@ T_END, Q_END, LATER, KNOWN = range(8, 12)  # of what is found, after what `besid
 
 def sampled(
     of: Sizes, fill: Fill, nodes: Nodes, r: int, x: Reals, P: Reals, row: Reals, state: Reals,
-    ahead: Reals, values: Row, series: Row, n: int,
+    bounds: Reals, values: Row, series: Row, n: int,
 ) -> bool:  # fmt: skip
     """J and tau at n nodes of a piece, and their series; whether these are resolved."""
-    margin, low, length, size = 1.0, ahead[LOW], ahead[HIGH] - ahead[LOW], 0.0
+    margin, low, length, size = 1.0, bounds[LOW], bounds[HIGH] - bounds[LOW], 0.0
     values[J], values[TAU] = 0.0, 0.0
     for i in range(1, n + 1):
         state[0] = low + length * nodes.v[r, i]
@@ -105,25 +105,25 @@ def sampled(
 
 def both_sampled(
     of: Sizes, fill: Fill, nodes: Nodes, x: Reals, P: Reals, row: Reals, state: Reals,
-    ahead: Reals, sign: float, rounding: float, piece: Rows,
+    bounds: Reals, sign: float, rounding: float, piece: Rows,
 ) -> bool:  # fmt: skip
     """A piece of both samplings, the second one's values at the nodes of the first."""
     for r in range(2):
         values, n = piece[VALUES + r], of.n if r == 0 else of.k
-        if not sampled(of, fill, nodes, r, x, P, row, state, ahead, values, piece[r], n):
+        if not sampled(of, fill, nodes, r, x, P, row, state, bounds, values, piece[r], n):
             return False
         if r == 0:
-            ahead[LARGEST_J] = np.max(abs(values[J]))
-            ahead[LARGEST_TAU] = np.max(abs(values[TAU]))
+            bounds[LARGEST_J] = np.max(abs(values[J]))
+            bounds[LARGEST_TAU] = np.max(abs(values[TAU]))
         else:
-            piece[1, J, 0] += rounding * ahead[LARGEST_J]
+            piece[1, J, 0] += rounding * bounds[LARGEST_J]
         for j in range(2):
             values[j] = piece[r, j] @ nodes.known
             for i in range((of.n + 2) >> 1 if sign < 0.0 else 0):  # the nodes lie alike
                 there = values[j, of.n + 1 - i]
                 values[j, of.n + 1 - i] = values[j, i]
                 values[j, i] = there
-        way = sign * (ahead[HIGH] - ahead[LOW])
+        way = sign * (bounds[HIGH] - bounds[LOW])
         piece[OVER_ALL, r] = way * (values[TAU] @ nodes.work[PLAIN])
     return True
 
@@ -157,11 +157,11 @@ def swings(
             run[KINETIC], run[ROUNDED] = inertia * fast * fast / 2.0, r * start[3]
         counts[0], how = 0, FAILED
         for p in range(first, first + many):
-            how, ahead = FAILED, places[p]
-            if both_sampled(of, fill, nodes, x, P, row, state, ahead, sign, start[3], room[0]):
-                far = ahead[HIGH if sign > 0.0 else LOW]
+            how, bounds = FAILED, places[p]
+            if both_sampled(of, fill, nodes, x, P, row, state, bounds, sign, start[3], room[0]):
+                far = bounds[HIGH if sign > 0.0 else LOW]
                 how = through(
-                    of, nodes, ahead, far, sign, RESOLVED, room[0], runs, panels, counts, T
+                    of, nodes, bounds, far, sign, RESOLVED, room[0], runs, panels, counts, T
                 )
             if how != GOES_ON or runs[0, PLACE] != far:
                 break
