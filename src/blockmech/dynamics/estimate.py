@@ -160,8 +160,8 @@ def rounded(
     far = off[1:] > np.abs(q[1:] - q[:-1])
     if np.count_nonzero(far):  # also than the way to what follows
         far[:-1] &= off[1:-1] > np.abs(q[2:] - q[1:-1])
-    way, usual = np.abs(qd[-1]) * (t[-1] - t[-2]), np.abs(q[-1] - q[-2])
-    sudden = np.any(way > usual / EPS**0.25)  # a rate without bound at the end
+    way, usual = np.abs(qd[1:]).T * np.diff(t), np.abs(np.diff(q, axis=0)).T
+    sudden = np.any(way > usual / EPS**0.25)  # a rate without bound
     return late, off, bool(far.any() or sudden)
 
 
