@@ -9,14 +9,29 @@ import pytest
 
 import blockmech as bm
 from blockmech.dynamics import ends
+from blockmech.dynamics.compiled_path import PathCode
 from blockmech.dynamics.estimate import difference
-from blockmech.dynamics.panels import PLAIN, TO_REST, Panels, rule, span
+from blockmech.dynamics.panel_nodes import (
+    BEGIN,
+    COARSE,
+    END,
+    ENERGY,
+    FINE,
+    GAINS,
+    KIND,
+    PANEL,
+    PLAIN,
+    SPAN,
+    TAU,
+    TO_REST,
+    J,
+    rule,
+)
+from blockmech.dynamics.panels import Panels
 from blockmech.dynamics.path import PathRun
-from blockmech.dynamics.path_mesh import COARSE, FINE
 from blockmech.dynamics.request import SimulationRequest, Start, Until
-from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.system import System
-from blockmech.dynamics.track import apart
+from blockmech.dynamics.track import apart, second_run
 from tests.dynamics.honesty import GRAPHS, mechanism
 
 RUNS = [  # name, start, end; the third from rest through 80 swings
@@ -29,8 +44,11 @@ RUNS = [  # name, start, end; the third from rest through 80 swings
 ]
 
 
-def ended(system: System, request: SimulationRequest, *kind: object) -> PathRun:
-    run = PathRun(system, request, *kind)
+LOOPS = PathCode.interpreted()
+
+
+def ended(system: System, request: SimulationRequest, n: int = FINE, **more: object) -> PathRun:
+    run = PathRun(system, request, n, PathCode.interpreted(n), **more)
     run.run()
     return run
 
@@ -39,9 +57,9 @@ def ended(system: System, request: SimulationRequest, *kind: object) -> PathRun:
 def test_it_differs_as_much_as_a_run_of_its_own(name, start, until):
     system = System(mechanism(name))
     request = SimulationRequest(start, until, method="energy")
-    fine, own = ended(system, request, FINE), ended(system, request, COARSE, True)
+    fine, own = ended(system, request), ended(system, request, COARSE, perturbed=True)
     motion = fine.motion()
-    by = apart(fine.whole, second_run(fine), 0.0, motion.t_end, 0.0)
+    by = apart(LOOPS, fine.whole, second_run(fine.whole), 0.0, motion.t_end, 0.0)
     usual = difference(own.motion(), motion, system.rotary)
     assert usual.agree
     assert usual.q / 10 <= by.q <= 10 * usual.q
@@ -53,7 +71,7 @@ def test_a_motion_that_hardly_gets_over_the_top_has_nothing_beside_it_that_does(
     system, low, high = System(pendulum), 0.1, 100.0
     for _ in range(60):
         rate = (low + high) / 2
-        run = ended(system, SimulationRequest(Start(0.0, rate), Until("turns", 1.0)), FINE)
+        run = ended(system, SimulationRequest(Start(0.0, rate), Until("turns", 1.0)))
         low, high = (low, rate) if run.end == "turns" else (rate, high)
     motion = pendulum.simulate(
         "turns=1", start={"crank": (0.0, high)}, want=[], friction="none"
@@ -70,19 +88,29 @@ def test_a_motion_that_hardly_gets_over_the_top_has_nothing_beside_it_that_does(
 @pytest.mark.parametrize("kind", [PLAIN, TO_REST])
 def test_late_by_dt_is_ahead_by_the_way_in_dt(begin, end, kind):
     """The same panels later are no other motion, and panels elsewhere are by as much."""
-    rest, n = int(kind == TO_REST), FINE
-    K = 2.0 + (rule(n).known_first if rest else np.zeros(n + 1))
-    rows = np.zeros((1, n)), K[None], np.ones((1, n)), np.zeros((1, 2, n + 1))
-    one = Panels(0.0, span(begin, end, 2.0, kind), *rows)
-    same = apart([one], [one.taken_from(3e-9)], 0.5, 0.5 + one.t1, 1e-10)
-    ahead = float(one.known_rates[0].max()) if begin < end else -float(one.known_rates[0].min())
-    assert same.q == pytest.approx(3e-9 * ahead, rel=1e-6)
+    one = panel(begin, end, kind)
+    same = apart(LOOPS, [one], [one.other.taken_from(3e-9)], 0.5, 0.5 + one.t1, 1e-10)
+    t = np.linspace(0.0, one.t1, 2001)
+    rates = one.state(t)[1]
+    assert same.q == pytest.approx(3e-9 * np.abs(rates).max(), rel=1e-6)
     assert same.late == pytest.approx(3e-9, rel=1e-6)
     assert (same.low, same.high) == pytest.approx((0.7, 2.0))
-    unknown = 1e-10 * (0.5 + one.known_times) * np.abs(one.known_rates)
+    unknown = 1e-10 * (0.5 + t) * np.abs(rates)
     assert same.rounding == pytest.approx(float(unknown.max()), rel=1e-3)
-    there = Panels(0.0, span(begin + 4e-12, end + 4e-12, 2.0, kind), *rows)
-    assert apart([one], [there], 0.0, one.t1, 0.0).q == pytest.approx(4e-12, rel=1e-3)
+    there = panel(begin + 4e-12, end + 4e-12, kind).other
+    assert apart(LOOPS, [one], [there], 0.0, one.t1, 0.0).q == pytest.approx(4e-12, rel=1e-3)
+
+
+def panel(begin: float, end: float, kind: int) -> Panels:
+    """A single one of a unit inertia whose energy grows by 1 J to its other end, if it stands."""
+    records = np.zeros((1, PANEL, 2, FINE + 2))
+    records[:, :2, J] = 1.0
+    records[0, GAINS] = np.concatenate([[0.0], rule(FINE).v, [1.0]]) * (kind == TO_REST)
+    for place, value in ((BEGIN, begin), (END, end), (ENERGY, 2.0), (KIND, kind)):
+        records[:, SPAN, :, place] = value
+    for run in range(2):
+        LOOPS.again(records, 1, run, 0.0)
+    return Panels(records)
 
 
 def test_what_samples_leave_unknown_is_in_the_estimate(monkeypatch):
@@ -96,14 +124,14 @@ def test_what_samples_leave_unknown_is_in_the_estimate(monkeypatch):
 
     system = System(mechanism("watt_sixbar"))
     request = SimulationRequest(Start(math.pi / 3), Until("time", 2.0), method="energy")
-    fine = ended(system, request, FINE)
+    fine = ended(system, request)
     exact = fine.motion()
     monkeypatch.setattr(System, "sample", rough)
     monkeypatch.setattr(System, "noise", 1e-10)
     system = System(bm.Graph.load(GRAPHS / "watt_sixbar.json").compile())
-    fine = ended(system, request, FINE)
+    fine = ended(system, request)
     motion = fine.motion()
-    by = apart(fine.whole, second_run(fine), 0.0, motion.t_end, 0.0)
+    by = apart(LOOPS, fine.whole, second_run(fine.whole), 0.0, motion.t_end, 0.0)
     assert abs(motion.q_end - exact.q_end) <= by.q
     assert 1e-12 <= by.q <= 1e-8
 
@@ -111,9 +139,10 @@ def test_what_samples_leave_unknown_is_in_the_estimate(monkeypatch):
 @pytest.mark.parametrize(("name", "start", "until"), RUNS[:2])
 def test_both_samplings_say_the_same_of_a_panel(name, start, until):
     system = System(mechanism(name))
-    run = ended(system, SimulationRequest(start, until, method="energy"), FINE)
+    run = ended(system, SimulationRequest(start, until, method="energy"))
     for panels in (leg if isinstance(leg, Panels) else leg.panels for leg in run.whole):
-        J, tau = panels.second[:, 0, :-1], panels.second[:, 1, :-1]
-        np.testing.assert_allclose(J, panels.J, rtol=1e-12)
-        np.testing.assert_allclose(tau, panels.w, atol=1e-12 * np.abs(panels.w).max())
-        assert (J != panels.J).any()
+        first, second = panels.records[:, 0], panels.records[:, 1]
+        np.testing.assert_allclose(second[:, J], first[:, J], rtol=1e-12)
+        size = np.abs(first[:, TAU]).max()
+        np.testing.assert_allclose(second[:, TAU], first[:, TAU], atol=1e-12 * size)
+        assert (first[:, J] != second[:, J]).any()

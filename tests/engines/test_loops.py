@@ -452,3 +452,21 @@ def test_dense_output_is_that_of_python_and_passes_levels_where_it_does():
         assert passed or way * (ends[1] - ends[0]) < 0
         for t in passed:
             assert abs(first(t)[i] - level) < 1e-12
+
+
+def rows(of: Sizes, x: Annotated[Reals, "of.columns"], M: Annotated[Reals, "of.columns"]) -> float:
+    """Products of a row and of a vector with the rows of a matrix, into the first row."""
+    most = np.max(abs(x[0])) - np.min(x[0])
+    x[0] = (2.0 * x[1]) @ M + x[0] @ M
+    return float(most)
+
+
+@pytest.mark.parametrize("columns", [1, 16, 50])
+def test_a_row_times_the_rows_of_an_array(columns):
+    of, rng = Sizes(2, columns), np.random.default_rng(3)
+    x, M = rng.normal(size=(2, columns)), rng.normal(size=(columns, columns))
+    (by_code,) = compiled(rows=partial(rows, of=of))
+    answers = [(y := x.copy(), f(y, M)) for f in (partial(rows, of), by_code)]
+    assert answers[0][1] == answers[1][1] == np.abs(x[0]).max() - x[0].min()
+    np.testing.assert_allclose(answers[1][0], answers[0][0], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(answers[1][0][0], (2 * x[1] + x[0]) @ M, rtol=0, atol=1e-13)

@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from blockmech.dynamics.panels import basis, rule
-from blockmech.dynamics.place_data import MARGIN, TAU, J, PlaceData, place
+from blockmech.dynamics.panel_nodes import MARGIN, TAU, J, basis, rule
+from blockmech.dynamics.place_data import PlaceData, place
 from blockmech.dynamics.system import One, Sample, Source, System
 from blockmech.result.motion import Floats
 

@@ -160,7 +160,9 @@ def rounded(
     far = off[1:] > np.abs(q[1:] - q[:-1])
     if np.count_nonzero(far):  # also than the way to what follows
         far[:-1] &= off[1:-1] > np.abs(q[2:] - q[1:-1])
-    return late, off, bool(far.any())
+    way, usual = np.abs(qd[1:]).T * np.diff(t), np.abs(np.diff(q, axis=0)).T
+    sudden = np.any(way > usual / EPS**0.25)  # a rate without bound
+    return late, off, bool(far.any() or sudden)
 
 
 def with_rounding(
@@ -188,7 +190,8 @@ def with_rounding(
         share = ROUNDING + system.noise
         if len(system.drivers) == 1:
             q, qd = (float(x[0]) for x in along)
-            moves = abs(qd) > EPS * float(np.abs(along.qd).max())  # a series' 0 is rounded too
+            usual = np.median(np.abs(along.qd)) or np.abs(along.qd).max()
+            moves = abs(qd) > EPS * float(usual)  # a series' 0 is rounded too
             share = rounding_share(system, q, moves, motion.t_start)
         late, off, unsure = rounded(share + steps, motion.t_start, times, *along)
         if unsure:

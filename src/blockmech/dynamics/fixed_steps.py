@@ -23,7 +23,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.events import NEAR
-from blockmech.dynamics.track import AT_ONCE
+from blockmech.dynamics.panel_nodes import AT_ONCE
 from blockmech.result.motion import Floats
 
 STEP = 1e-3  # [rad] or of the span, of euler_q, so exact is it; of 200 ms, of rk4 without a time

@@ -17,12 +17,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebval
 
-from blockmech.dynamics import compiled_path, ends
-from blockmech.dynamics.compiled_path import BothRuns, PathCode
+from blockmech.dynamics import ends
+from blockmech.dynamics.compiled_path import PathCode
 from blockmech.dynamics.estimate import (
     PARTED,
     ROUNDING,
@@ -36,25 +37,36 @@ from blockmech.dynamics.estimate import (
     stopped,
     with_rounding,
 )
-from blockmech.dynamics.panel_builder import PanelBuilder, PathState
-from blockmech.dynamics.panel_row import PanelRow
-from blockmech.dynamics.panels import Panels, joined
-from blockmech.dynamics.path_mesh import (
+from blockmech.dynamics.panel_nodes import (
     CLOSE,
     COARSE,
+    END,
     FINE,
-    PIECES,
-    LeftToArraysError,
-    PathMesh,
-    Piece,
+    KIND,
+    PANEL,
+    SHORT,
+    TO_LIMIT,
+    Floats,
+    J,
 )
-from blockmech.dynamics.place_data import RESOLVED, J
+from blockmech.dynamics.panels import Panels, joined
+from blockmech.dynamics.path_loops import (
+    FAILED,
+    HALVED,
+    KINETIC,
+    PLACE,
+    ROOT,
+    ROUNDED,
+    SHORTER,
+    STOP,
+)
+from blockmech.dynamics.path_mesh import PIECES, Course, PathMesh, Piece
+from blockmech.dynamics.place_data import RESOLVED
 from blockmech.dynamics.repetition import PeriodicContinuation, swings, turns
 from blockmech.dynamics.rest import balanced, equilibrium
 from blockmech.dynamics.run import Run, RunEnd
-from blockmech.dynamics.second_run import second_run
 from blockmech.dynamics.singular import time_left
-from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, apart
+from blockmech.dynamics.track import Leg, PathTrack, RepeatedSegment, apart, second_run
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Motion, Still
 
@@ -63,57 +75,82 @@ if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
 MOST = 8_000  # panels of a run; ten seconds of work and more
-# Panels in a row, one by one, that cover less than a part of a piece of the path: it crawls. Panels
-# crowd to where something is not smooth as powers of two, a score on either side.
-CROWD, CRAWL = 48, 1 / 64
+# Panels in a row that cover less than a part of a piece of the path: it crawls. Panels crowd to
+# where something is not smooth as powers of two, a score on either side.
+CROWD, CRAWL = 6 * SHORT, 1 / SHORT**2
+
+
+class Mark(NamedTuple):
+    """Where a pattern may begin: the panel, time [s], coordinate and kinetic energy [J]."""
+
+    panel: int
+    t: float
+    q: float
+    K: float
 
 
 @dataclass
 class PathRun(Run):
-    """One run: where the motion is, and what it left behind.
+    """One run with another beside it, and what they left behind.
 
-    t [s] counts from the start of the run; K [J]; sign is the direction of the motion. A run
-    ``perturbed`` starts some roundings off, and has rounding added to inertia and energies.
+    t [s] counts from the start of the run; sign is the direction of the motion. A run
+    ``perturbed`` starts some roundings off, and has rounding added to inertia and energies; so has
+    the one beside a run of `FINE` nodes.
+
+    runs : (2, 5) where both are, see `path_loops`
     """
 
     n: int
+    code: PathCode
     perturbed: bool = False
-    q: float = 0.0
-    K: float = 0.0
     sign: int = 0
+    runs: Floats = field(default_factory=lambda: np.zeros((2, 5)))
     panels: list[Panels] = field(default_factory=list)  # since the last leg
     legs: list[Leg] = field(default_factory=list)
     regime: str = "one way"
     count: int = 0  # of panels
-    alone: int = 0  # panels to be made one by one, where many at once were not resolved
-    pause: int = 0  # how many the last time
     lately: list[float] = field(default_factory=list)  # ends of panels since a standstill
-    mark: tuple[int, PathState] | None = None  # panel and state where a pattern may begin
-    both: BothRuns | None = None  # this and the second run by machine code
+    mark: Mark | None = None
 
     def __post_init__(self) -> None:
         self.rounding = ROUNDING + 2 * self.system.noise  # relative, of work and inertia
         self.off = ROUNDING if self.perturbed else 0.0
         q, tolerance = float(self.request.start.q), RESOLVED + self.system.noise
-        self.q = q * (1 + self.off)
         # At a dead centre the cosine of a pose, from squares of lengths, squared again, is 1.
-        self.mesh = PathMesh(self.system, self.q, self.n, tolerance, 4 * self.off, self.rounding)
-        self.next = PanelBuilder(self.mesh, self.rounding if self.perturbed else 0.0)
+        self.mesh = PathMesh(
+            self.system, q * (1 + self.off), self.n, tolerance, 4 * self.off, self.rounding
+        )
+        self.runs[:, PLACE] = q * (1 + self.off), q * (1 + ROUNDING)
+        self.runs[:, ROUNDED] = self.rounding if self.perturbed else 0.0, self.rounding
 
     # -- the run ------------------------------------------------------------
 
+    @property
+    def q(self) -> float:
+        """[rad or m] reached."""
+        return float(self.runs[0, PLACE])
+
+    @property
+    def K(self) -> float:
+        """[J] kinetic energy there."""
+        return float(self.runs[0, KINETIC])
+
     def begin(self) -> RunEnd | None:
         """Take the energy of the start, or leave a standstill."""
-        rate = float(self.request.start.rate) * (1 + self.off)
-        self.K, over = self.inertia() * rate**2 / 2, None
-        if self.K > 0:  # not of a rate whose square is below all numbers
-            self.sign = 1 if rate > 0 else -1
-            self.mark = (0, self.at)
-        else:
-            over = self.leave()
-        if self.both is not None:
-            self.both.begin(self.q, self.K, self.beside())
-        return over
+        rate = float(self.request.start.rate)
+        self.runs[0, KINETIC] = self.inertia() * (rate * (1 + self.off)) ** 2 / 2
+        if not self.K > 0:  # also of a rate whose square is below all numbers
+            return self.leave()
+        self.sign = 1 if rate > 0 else -1
+        ahead = self.mesh.ahead(self.q, self.sign)
+        if not isinstance(ahead, str):
+            course, shift = ahead
+            low, high, limit, *_ = course.places[0]
+            share = (self.q - shift - low) / (high - low)
+            inertia = float(chebval(2 * share - 1, course.blocks[course.which[0], 1, J]))
+            self.runs[1, KINETIC] = self.K if limit else inertia * (rate * (1 + ROUNDING)) ** 2 / 2
+        self.mark = self.at
+        return None
 
     @property
     def now(self) -> float:
@@ -121,20 +158,20 @@ class PathRun(Run):
         return self.request.start.t + self.t
 
     @property
-    def at(self) -> PathState:
+    def at(self) -> Mark:
         """The state."""
-        return PathState(self.t, self.q, self.K, self.sign)
+        return Mark(len(self.panels), self.t, self.q, self.K)
 
     @property
     def crawls(self) -> bool:
         """Whether panels stay so short that integration in time is quicker; then a note says so."""
         if len(self.lately) <= CROWD:
             return False
-        period, way = self.system.period or self.system.span, self.q - self.lately[-CROWD]
-        if abs(way) >= CRAWL * period / PIECES:
+        period, begin = self.system.period or self.system.span, self.lately[-CROWD]
+        if abs(self.q - begin) >= CRAWL * period / PIECES:
             return False
-        from_q = f"from q = {self.lately[-CROWD]:.9g} on"
-        self.notes.append(f"{CROWD} panels in a row cover {abs(way):.1e} {from_q}: it crawls")
+        way = f"{abs(self.q - begin):.1e} from q = {begin:.9g} on"
+        self.notes.append(f"{CROWD} panels in a row cover {way}: it crawls")
         return True
 
     def told(self, t: float) -> None:
@@ -146,7 +183,7 @@ class PathRun(Run):
     def leave(self) -> RunEnd | None:
         """From a standstill: the direction in which the motion starts, or rest."""
         q, system = self.q, self.system
-        self.K = 0.0
+        self.runs[:, KINETIC] = 0.0
         q = q if self.count else float(self.request.start.q)
         if balanced(system, q):
             kind, facts, notes = equilibrium(system, q)
@@ -154,7 +191,7 @@ class PathRun(Run):
             self.notes += [kind, *notes]
             return self.rest(kind)
         self.sign = 1 if system.at(q).tau[0] > 0 else -1
-        self.mark = (len(self.panels), self.at)
+        self.mark = self.at
         return None
 
     def rest(self, kind: str) -> RunEnd:
@@ -167,61 +204,73 @@ class PathRun(Run):
         return RunEnd("time", "reached")
 
     def segment(self) -> RunEnd | None:
-        """One panel further, or all of them at once up to the next transition."""
+        """Panels up to the next transition."""
         if self.count > MOST or self.crawls:
             return RunEnd(ends.TOO_MANY)
         stop = self.system.stops[0][self.sign > 0]
         beyond = self.sign * (self.q - stop) >= 0
-        piece = ends.END_STOP if beyond else self.mesh.ahead(self.q, self.sign)
-        if isinstance(piece, str):
-            return self.arrive(piece)
-        end = piece.end(self.sign)
-        if self.here(end):
-            self.q = end
-            if self.K > 0:
-                return self.passed(piece)
-            what = piece.what_ends(self.sign)
-            return self.arrive(what) if what else None
+        ahead = ends.END_STOP if beyond else self.mesh.ahead(self.q, self.sign)
+        if isinstance(ahead, str):
+            return self.arrive(ahead)
         goals = [stop, *self.request.places]
         if self.mark is not None and self.system.period is not None:
             goals.append(self.turned(self.system.period))
         goals = [x for x in goals if self.sign * (x - self.q) > 0 and not self.here(x)]
         goal = min(goals, key=lambda x: self.sign * x, default=self.sign * math.inf)
-        panel: Panels | RunEnd | None = self.at_once(goal)
-        if panel is None:
-            nearest = min(end, goal, key=lambda x: self.sign * x)
-            panel = self.next.panel(self.at, piece, nearest)
-        if isinstance(panel, RunEnd):
-            return self.obstructed(panel) if panel.end else None
-        ahead = piece.what_ends(self.sign) == ends.DEAD_CENTRE
-        if ahead and (panel.t1 > self.request.span or float(panel.spans.end[-1]) == goal):
-            way = abs(float(panel.state(np.array([self.request.span]))[0][0]) - self.q)
-            if self.next.kept_clear(self.at, piece, way):
-                return None
-        self.take(panel)
-        self.lately.append(self.q)
+        piece = ahead[0].pieces[0].shifted(ahead[1])
+        if self.kept_clear(piece, goal):
+            return None
+        self.told(self.t)
+        before, last = self.runs.copy(), piece.what_ends(self.sign)
+        how, piece, panels = self.pass_over(*ahead, goal)
+        if panels is not None:
+            panels.t0 = self.t
+            if last == ends.DEAD_CENTRE and panels.t1 > self.request.span:
+                place, after = panels.at(self.request.span)[0], self.runs.copy()
+                self.runs[:] = before
+                if self.kept_clear(piece, place):
+                    return None
+                self.runs[:] = after
+            self.take(panels)
+        if how in (SHORTER, FAILED):
+            return self.obstructed(how, piece)
         return self.passed(piece)
 
-    def at_once(self, goal: float) -> Panels | None:
-        """All panels until a standstill or a goal; None where that is not for all at once."""
-        if self.alone > 0:
-            self.alone -= 1
-            return None
-        if self.both is not None:
-            return self.both.over(self.mesh, self.at, goal)
-        row = PanelRow.ahead(self.next, self.at, goal)
-        panels = row.panels() if row else None
-        self.pause = 0 if panels is not None or not row else 2 * self.pause + 1
-        self.alone = self.pause
-        return panels
+    def pass_over(
+        self, course: Course, shift: float, goal: float
+    ) -> tuple[int, Piece, Panels | None]:
+        """Both runs over pieces to a standstill or a goal: how they leave the last, and panels."""
+        many, counts = len(course.which), np.zeros(2, np.int64)
+        records = np.empty((2 * HALVED + 2, PANEL, 2, self.n + 2))
+        how = self.code.over_pieces(
+            course.blocks, course.which, course.places, shift, goal, many, float(self.sign),
+            self.mesh.tolerance, self.runs, records, counts,
+        )  # fmt: skip
+        count, last = counts.tolist()
+        piece = course.pieces[last].shifted(shift)
+        panels = Panels(records[:count].copy(), compiled=self.code.placed is not None)
+        return how, piece, panels if count else None
 
-    def obstructed(self, by: RunEnd) -> RunEnd | None:
-        """A standstill, or the end, where no panel goes on."""
-        if by.end == ends.STANDSTILL:
-            self.K = 0.0
-            return self.stand()
-        over = self.arrive(by.end)
-        return by._replace(status=over.status, left=over.left)
+    def kept_clear(self, piece: Piece, place: float) -> bool:
+        """Whether a way that ends before a dead centre got a piece that ends before it as well.
+
+        The values of one that does not lose digits there, and its series lose them everywhere.
+        """
+        way, whole = abs(place - self.q), abs(piece.end(self.sign) - self.q)
+        dead_centre = piece.what_ends(self.sign) == ends.DEAD_CENTRE
+        if not dead_centre or whole - way <= ROOT * way:
+            return False
+        self.mesh.shorten(piece, self.q, self.sign, (whole + way) / 2)
+        return True
+
+    def obstructed(self, how: int, piece: Piece) -> RunEnd | None:
+        """A shorter piece of the path where what happens asks for one, or the end."""
+        way = abs(float(self.runs[0, STOP]) - self.q)
+        if how == SHORTER:
+            if not self.kept_clear(piece, float(self.runs[0, STOP])):
+                self.mesh.shorten(piece, self.q, self.sign, SHORT / 2 * way)
+            return None
+        return RunEnd(ends.TOO_MANY, note=f"the loads are not smooth at q = {self.q:.12g}")
 
     def here(self, x: float) -> bool:
         """Whether a place is where the motion is, but for rounding."""
@@ -230,24 +279,22 @@ class PathRun(Run):
     def turned(self, period: float) -> float:
         """The place one period beyond the mark."""
         assert self.mark is not None
-        return self.mark[1].q + self.sign * period
+        return self.mark.q + self.sign * period
 
-    def take(self, panel: Panels) -> None:
+    def take(self, panels: Panels) -> None:
         """The motion goes over panels."""
-        self.told(self.t)
-        self.panels.append(panel)
-        self.count += len(panel.w)
-        self.t, (self.q, self.K) = panel.t1, panel.at_end()
-        if self.perturbed and self.K > 0:
-            self.K += self.rounding * panel.size
+        self.panels.append(panels)
+        self.count += len(panels.records)
+        self.t = panels.t1
+        self.lately += panels.spans[END].tolist()
 
     def passed(self, piece: Piece) -> RunEnd | None:
-        """What happens at the end of a panel."""
+        """What happens at the end of panels."""
         if self.t >= self.request.span:
             self.t = self.request.span
             return RunEnd("time", "reached")
-        if self.K == 0 and (over := self.stand()) is not None:
-            return over
+        if self.K == 0:
+            return self.stand()
         if any(map(self.here, self.request.places)):
             return RunEnd(self.request.until.goal, "reached")
         if self.here(piece.end(self.sign)) and piece.what_ends(self.sign):
@@ -261,15 +308,6 @@ class PathRun(Run):
         """[kg m2 or kg] where the motion is."""
         return float(self.system.at(self.q).J[0])
 
-    def beside(self) -> float:
-        """[J] with which the second run starts."""
-        piece = self.mesh.ahead(self.q, self.sign) if self.K else ""
-        if isinstance(piece, str):
-            return 0.0
-        rate = float(self.request.start.rate) * (1 + ROUNDING)
-        inertia = piece.rows(np.array([self.q]))[len(piece.data.rows) + J, 0]
-        return float(inertia) * rate**2 / 2
-
     def rate(self) -> float:
         """Rate of the driver."""
         return self.sign * math.sqrt(2 * self.K / self.inertia())
@@ -281,7 +319,7 @@ class PathRun(Run):
         if (over := self.stood()) is not None:
             self.regime = "to a standstill" if self.regime == "one way" else self.regime
             return over
-        if self.mark is not None and self.mark[1].K == 0:
+        if self.mark is not None and self.mark.K == 0:
             return self.repeat(
                 swings(self.since_mark(mirrored=True), self.request, self.standstills)
             )
@@ -312,40 +350,40 @@ class PathRun(Run):
     def since_mark(self, **more: Any) -> RepeatedSegment:
         """What was since the mark, with times counted from there, as a pattern."""
         assert self.mark is not None
-        first, at = self.mark
-        return RepeatedSegment(at.t, joined(self.panels[first:]).taken_from(0.0), **more)
+        panels = joined(self.panels[self.mark.panel :]).taken_from(0.0)
+        return RepeatedSegment(self.mark.t, panels, **more)
 
     def repeat(self, by: PeriodicContinuation) -> RunEnd | None:
         """A pattern takes the place of its first repetition, and tells what follows."""
         assert self.mark is not None
-        first, start = self.mark
-        before = self.panels[:first]
+        before = self.panels[: self.mark.panel]
         self.legs += [joined(before), by.pattern] if before else [by.pattern]
         self.panels, self.mark, self.regime, self.t = [], None, by.regime, by.t
         self.facts.update(by.facts)
         self.notes += [by.note] if by.note else []
         t0 = self.request.start.t
         self.events += [Event(ends.STANDSTILL, t0 + t, q, 0.0) for t, q in by.stands]
-        if by.many:
-            self.q = start.q + by.many * by.pattern.step
-            self.K = start.K + by.many * by.pattern.gain
+        panels = by.pattern.panels
+        for run, there in zip(self.runs, (panels, panels.other) if by.many else (), strict=False):
+            gain = there.gain if by.pattern.gain else 0.0
+            run[PLACE] = there.begin + by.many * by.pattern.step
+            run[KINETIC] = there.energy + by.many * gain
         return by.over
 
     def repeat_turn(self, period: float) -> RunEnd | None:
         """A turn without a standstill: it repeats, with more energy or less each time."""
         assert self.mark is not None
-        start = self.mark[1]
-        if not start.K:  # the next turn tells
-            self.mark = (len(self.panels), self.at)
+        if not self.mark.K:  # the next turn tells
+            self.mark = self.at
             return None
-        turn = self.since_mark(step=self.sign * period, gain=self.K - start.K)
+        turn = self.since_mark(step=self.sign * period, gain=self.K - self.mark.K)
         lossless = self.system.lossless  # but for rounding of some panels
         lossless = lossless or abs(turn.gain) <= 16 * self.rounding * turn.panels.size
         turn = replace(turn, gain=0.0) if lossless and turn.gain else turn
         pattern = turns(turn, self.request, self.mesh.tolerance, self.told)
         if pattern is not None:
             return self.repeat(pattern)
-        self.mark = (len(self.panels), self.at)  # the next turn tells
+        self.mark = self.at  # the next turn tells
         return None
 
     # -- the result ------------------------------------------------------------
@@ -354,6 +392,20 @@ class PathRun(Run):
     def whole(self) -> list[Leg]:
         """All that the run left behind."""
         return [*self.legs, joined(self.panels)] if self.panels else self.legs
+
+    @property
+    def ends_by_itself(self) -> bool:
+        """Whether the run beside it needs panels of its own, or took another path.
+
+        The first where the path ends by itself: at a dead centre, in equilibrium, where nothing is
+        smooth; the other where its energy is used up on a panel that holds no standstill.
+        """
+        named = self.end in ("time", ends.END_STOP, self.request.until.goal)
+        if self.regime == "rest" or not (named or self.end.startswith("never reached")):
+            return True
+        parts = [x.panels if isinstance(x, RepeatedSegment) else x for x in self.whole]
+        limit = any((x.spans[KIND] == TO_LIMIT).any() for x in parts)
+        return limit or not all(math.isfinite(x.other.t1) for x in parts)
 
     def motion(self) -> Motion:
         """The motion of a run that has ended; of one that moved the error is not known yet."""
@@ -370,6 +422,7 @@ class PathRun(Run):
         failed = self.over is not None and self.over.status == "failed"
         motion = self.result(
             method="energy",
+            engine=self.code.engine,
             regime="none" if failed else self.regime,
             t_end=self.now,
             q_end=q,
@@ -382,29 +435,20 @@ class PathRun(Run):
 def along_path(system: System, request: SimulationRequest) -> Motion:
     """The motion by the path method, with its error (`estimate`).
 
-    Of two runs the coarser has fewer nodes and is some roundings off, in its start, its inertia
+    Where the run beside it takes another path, or ends by itself, a coarser run of its own says
+    how far both are apart; it has fewer nodes and is some roundings off, in its start, its inertia
     and the work of each panel: where that matters, the data do not tell more.
     """
-    if (code := worth_machine_code(system)) is not None:
-        run = PathRun(system, request, FINE)
-        run.both = BothRuns(code, run.rounding, run.mesh.tolerance)
-        run.mesh.kept_only = True
-        if (motion := judged_in_place(run)) is not None:
-            return motion
-    fine = PathRun(system, request, FINE)
+    fine = PathRun(system, request, FINE, code_of(system))
+    fine.run()
     if (motion := judged_in_place(fine)) is not None:
         return motion
-    run = PathRun(system, request, COARSE, True)
+    run = PathRun(system, request, COARSE, PathCode.interpreted(COARSE), True)
     run.run()
-    coarse = run.motion()
+    coarse, motion = run.motion(), fine.motion()
     given_up = (ends.TOO_MANY,) if request.method == "auto" else ()
     if coarse.end in (*ends.STOPPED, *given_up):
         return stopped(coarse, None)
-    if not fine.end:
-        fine.run()
-    motion = fine.motion()
-    if fine.end in UNFINISHED:
-        return stopped(motion, coarse if fine.end in ends.STOPPED else None)
     if not fine.whole:
         return motion
     if coarse.end == ends.TOO_MANY and coarse.t_end < motion.t_end:
@@ -414,43 +458,36 @@ def along_path(system: System, request: SimulationRequest) -> Motion:
     return with_rounding(system, motion, request.accuracy or TARGET, by)
 
 
-def worth_machine_code(system: System) -> PathCode | None:
-    """What moves both runs by machine code; None where there is none, or not yet.
-
-    `auto` makes or loads some once the mechanism was moved so many times that it pays.
-    """
-    if system.period is None or system.engine == "scalar":
-        return None
-    motions = system.kept["motions"] = system.kept.get("motions", 0) + 1
-    return PathCode.made() if system.engine == "llvm" or PathCode.pays(motions) else None
+def code_of(system: System) -> PathCode:
+    """The loops: `auto` makes or loads machine code once it pays for motions of a mechanism."""
+    code = None
+    if system.engine != "scalar":
+        motions = system.kept["motions"] = system.kept.get("motions", 0) + 1
+        code = PathCode.made() if system.engine == "llvm" or PathCode.pays(motions) else None
+    return code or PathCode.interpreted()
 
 
 def judged_in_place(run: PathRun) -> Motion | None:
-    """The motion of a run, its error by a second run over the same panels.
+    """The motion of a run, its error by the one beside it.
 
-    None where that run takes another path, or both differ as two motions do.
+    None where that takes another path, or both differ as two motions do.
     """
-    try:
-        run.run()
-    except LeftToArraysError:
-        return None
     if run.end in UNFINISHED:
         return stopped(run.motion(), None)
     if not run.whole:
         return run.motion()
-    if (legs := second_run(run)) is None:
+    if run.ends_by_itself:
         return None
-    system, start, whole, motion = run.system, run.request.start, run.whole, run.motion()
+    whole, legs = run.whole, second_run(run.whole)
+    system, start, motion = run.system, run.request.start, run.motion()
     share = rounding_share(system, float(start.q), bool(start.rate), start.t)
-    look = apart if run.both is None else compiled_path.apart
-    by = look(whole, legs, start.t, motion.t_end, share)
+    by = apart(run.code, whole, legs, start.t, motion.t_end, share)
     late = 0.0 if motion.end == "time" else by.late
     size = max(abs(by.low), abs(by.high)) + abs(motion.t_end) * by.fastest
     within = one_motion(by.high - by.low, 1.0 if system.rotary[0] else math.inf, size)
     if not (by.q <= within and late <= PARTED * (motion.t_end - start.t)):
         return None
-    engine, late = motion.engine if run.both is None else "llvm", motion.time_error + late
-    motion = motion.but(error=by.q, time_error=late, engine=engine)
+    motion = motion.but(error=by.q, time_error=motion.time_error + late)
     target = run.request.accuracy or TARGET
     if by.unsure or (start.rate and abs(start.rate) <= EPS * by.fastest):  # as from rest
         return with_rounding(system, motion, target)

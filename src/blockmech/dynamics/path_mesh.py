@@ -19,12 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.panels import HALVINGS, PLAIN, Floats, leading, rule
+from blockmech.dynamics.panel_nodes import CLOSE, COARSE, FINE, MARGIN, TAU, Floats, J
+from blockmech.dynamics.path_loops import DIGITS
 from blockmech.dynamics.place_data import (
-    MARGIN,
     NOTHING,
-    TAU,
-    J,
     PlaceData,
     mesh,
     place,
@@ -37,15 +35,7 @@ from blockmech.ground.plane import EPS
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-COARSE, FINE = 32, 48  # nodes of a panel: 16 resolve too little, sums of 96 round more
-KEPT = 2 / 3  # of the terms of a clock: what the second run reads of it
 PIECES = 4  # of a turn (or of the span of a slide), to begin with; halved where they are too long
-TOGETHER = 32  # pieces that a motion is worked on at once over, where they are no period
-CLOSE = 4 * EPS  # relative distance of two places that are one, but for rounding of their sum
-
-
-class LeftToArraysError(Exception):
-    """Machine code does not go on from here, see `compiled_path`."""
 
 
 @dataclass(frozen=True)
@@ -68,112 +58,33 @@ class Piece:
         """What ends the path there, or nothing."""
         return self.ends[sign > 0]
 
-    def rows(self, q: Floats) -> Floats:
-        """Place data (r + s, m) at places of the motion."""
-        return self.data.at(q - self.shift)
-
-    def whole(self, begin: float, end: float) -> Floats | None:
-        """Place data (r + s, n + 1) of a plain panel over all of it, see `PlaceData.forward`.
-
-        They are kept, and not to be written to. None of a panel that is shorter.
-        """
-        data, low, high = self.data, self.end(-1), self.end(1)
-        a, b = (begin, end) if begin < end else (end, begin)
-        near = CLOSE * max(abs(a), abs(b))
-        if data.limit or abs(a - low) > near or abs(b - high) > near:
-            return None
-        return data.forward if begin < end else data.backward
-
     def shifted(self, by: float) -> Piece:
         """The same some periods further on."""
         return replace(self, shift=self.shift + by) if by else self
 
 
-class WholePieces(NamedTuple):
-    """Pieces of a row as they are run over in one direction, with their work integrated.
-
-    Arrays (m, ...), in the order of the row; those of pieces that end the path say nothing.
-
-    values : (m, r + s, n + 1) place data at the nodes of a plain panel over all of each, and at its
-        begin, of both samplings
-    series : (m, r + s, n) of place data
-    largest : (m, r) magnitudes of place data
-    gains : (m, n + 1) [J] by which loads at rest raise K from its begin to there, and to its end
-    follows : (m,) whether the next one in this direction begins where it ends
-    goes_on : (m,) whether nothing ends the path in it
-    """
-
-    values: Floats
-    series: Floats
-    largest: Floats
-    gains: Floats
-    follows: NDArray[np.bool_]
-    goes_on: NDArray[np.bool_]
-
-
 class Course(NamedTuple):
-    """Pieces (k,) ahead of a place, at most a turn, as far as nothing ends the path.
+    """Pieces (k,) ahead of a place in a direction, at most a turn, as far as nothing ends the path.
 
-    row, which : the row they are in, and where
-    low, high, ends : (k,) [rad or m] their ends, and those that come last in the direction
-    places : of these arrays in memory, for machine code: which, low and high
+    blocks : of all that are kept, see `PlaceData.block`; which : those ahead
+    places : (k, 6) low and high end [rad or m], direction of a dead centre, what the series of
+        its inertia leave out, largest inertia and effort
     """
 
-    row: PieceRow
+    pieces: tuple[Piece, ...]
+    blocks: Floats
     which: NDArray[np.intp]
-    low: Floats
-    high: Floats
-    ends: Floats
-    places: tuple[int, int, int]
+    places: Floats
 
 
 class PieceRow:
     """Pieces of the path by place, rising."""
 
-    def __init__(self, pieces: Sequence[Piece], n: int, period: float | None) -> None:
-        self.pieces, self.n, self.period = sorted(pieces, key=lambda x: x.end(-1)), n, period
+    def __init__(self, pieces: Sequence[Piece], period: float | None) -> None:
+        self.pieces, self.period = sorted(pieces, key=lambda x: x.end(-1)), period
         self.lows = [x.end(-1) for x in self.pieces]
-        self._whole: dict[int, WholePieces] = {}
         self._courses: dict[tuple[int, int], Course] = {}
         self._blocks: dict[int, Floats] = {}
-
-    @cached_property
-    def low(self) -> Floats:
-        """(m,) [rad or m]"""
-        return np.array(self.lows)
-
-    @cached_property
-    def high(self) -> Floats:
-        """(m,) [rad or m]"""
-        return np.array([x.end(1) for x in self.pieces])
-
-    def ahead(self, first: int, sign: int) -> Course:
-        """The pieces from one on; of a few beside it where all are too many to be worked on."""
-        key = first, sign
-        if key in self._courses:
-            return self._courses[key]
-        m, row = len(self.pieces), self
-        if self.period is None and m > TOGETHER:
-            many = slice(first, first + TOGETHER) if sign > 0 else slice(0, first + 1)
-            some = self.pieces[many][:TOGETHER] if sign > 0 else self.pieces[many][-TOGETHER:]
-            row, m = PieceRow(some, self.n, None), len(some)
-            first = 0 if sign > 0 else m - 1
-        which, turns = first + sign * np.arange(m + 1), np.zeros(m + 1)
-        if self.period is None:
-            which = which[(which >= 0) & (which < m)]
-            shifts = np.zeros(len(which))
-        else:
-            turns, which = np.divmod(which, m)
-            shifts = turns * self.period
-        whole = row.whole(sign)
-        good = whole.goes_on[which]
-        good[1:] &= whole.follows[which[:-1]]
-        which, shifts = which[: leading(good)], shifts[: leading(good)]
-        low, high = row.low[which] + shifts, row.high[which] + shifts
-        places = which.ctypes.data, low.ctypes.data, high.ctypes.data
-        course = Course(row, which, low, high, high if sign > 0 else low, places)
-        self._courses[key] = course
-        return course
 
     def index(self, q: float, sign: int, near: float) -> int | None:
         """Which piece is ahead of a place, ``near`` [rad or m] to it at its own end or begin."""
@@ -184,41 +95,34 @@ class PieceRow:
         left = sign * (piece.end(sign) - q)
         return i - 1 if near < left <= piece.data.length + near else None
 
-    def whole(self, sign: int) -> WholePieces:
-        """The pieces as they are run over in a direction."""
-        if sign not in self._whole:
-            data = [x.data for x in self.pieces]
-            values = np.array([x.forward if sign > 0 else x.backward for x in data])
-            way = sign * (self.high - self.low)
-            gains = way[:, None] * (values[:, TAU, :-1] @ rule(self.n).energy[PLAIN].T)
-            begin, end = (self.low, self.high) if sign > 0 else (self.high, self.low)
-            following = np.roll(begin, -sign)
-            if self.period is not None:  # behind the last one comes the first
-                following[-1 if sign > 0 else 0] += sign * self.period
-            size = np.maximum(np.abs(end), np.abs(following))
-            self._whole[sign] = WholePieces(
-                values,
-                np.array([x.both for x in data]),
-                np.array([x.largest for x in data]),
-                gains,
-                np.abs(following - end) <= 2 * CLOSE * size,
-                np.array([not (x.data.limit or x.what_ends(sign)) for x in self.pieces]),
-            )
-        return self._whole[sign]
-
-    def blocks(self, sign: int) -> Floats:
-        """Pieces (m, 5, 2, n + 2) as they are run over in a direction, see `path_loops`."""
+    def ahead(self, first: int, sign: int) -> Course:
+        """The pieces from one on; one at a dead centre, or that ends the path, stands alone."""
+        if (first, sign) in self._courses:
+            return self._courses[first, sign]
+        m, pieces, which = len(self.pieces), list[Piece](), list[int]()
+        for k in range(m + 1):
+            turns, i = divmod(first + sign * k, m)
+            if turns and self.period is None:
+                break
+            piece = self.pieces[i].shifted(turns * self.period if self.period else 0.0)
+            if pieces:
+                near = 2 * CLOSE * max(abs(pieces[-1].end(sign)), abs(piece.end(-sign)))
+                apart = abs(pieces[-1].end(sign) - piece.end(-sign)) > near
+                if apart or piece.data.limit or piece.what_ends(sign) or pieces[-1].data.limit:
+                    break
+            pieces.append(piece)
+            which.append(i)
+            if piece.what_ends(sign):
+                break
         if sign not in self._blocks:
-            whole, way = self.whole(sign), sign * (self.high - self.low)
-            blocks = np.zeros((len(self.pieces), 5, 2, self.n + 2))
-            for r, first in ((0, J), (1, whole.largest.shape[1])):
-                rows = slice(first, first + 2)  # J and tau
-                blocks[:, r, :, :-2] = whole.series[:, rows]
-                blocks[:, 2 + r, :, :-1] = whole.values[:, rows]
-                gains = whole.values[:, first + TAU, :-1] @ rule(self.n).energy[PLAIN].T
-                blocks[:, 4, r, :-1] = way[:, None] * gains
-            self._blocks[sign] = blocks
-        return self._blocks[sign]
+            self._blocks[sign] = np.array([x.data.block(sign) for x in self.pieces])
+        places = [
+            (x.end(-1), x.end(1), x.data.limit, x.data.unknown, *x.data.largest[:MARGIN])
+            for x in pieces
+        ]
+        course = Course(tuple(pieces), self._blocks[sign], np.array(which), np.array(places))
+        self._courses[first, sign] = course
+        return course
 
 
 @dataclass
@@ -239,14 +143,13 @@ class PathMesh:
     off: float = 0.0
     rounding: float = 0.0
     limits: list[tuple[float, int, str]] = field(default_factory=list)  # place, direction, what
-    kept_only: bool = False  # whether no other pieces are made
 
     @cached_property
     def row(self) -> PieceRow:
         """The pieces that are there: to begin with, of a period those that are kept."""
         period, kept = self.system.period, self.system.kept
         if period is None:
-            return PieceRow([], self.n, None)
+            return PieceRow([], None)
         key = "mesh", self.n
         base, first, _ = kept.get(key, (None, math.nan, None))
         if base is None:
@@ -254,14 +157,14 @@ class PathMesh:
         if first != self.first:  # most starts lie in the same period
             turns = [math.ceil((self.first - x) / period - CLOSE) for x in base.lows]
             pieces = [x.shifted(n * period) for x, n in zip(base.pieces, turns, strict=True)]
-            kept[key] = base, self.first, PieceRow(pieces, self.n, period) if any(turns) else base
+            kept[key] = base, self.first, PieceRow(pieces, period) if any(turns) else base
         made: PieceRow = kept[key][2]
         return made
 
     def over(self, edges: Floats) -> PieceRow:
         """Pieces between edges, but where there is no pose and no inertia."""
         made = mesh(self._values, edges, self.n, self.tolerance, self.others)
-        return PieceRow([self._piece(data) for data in made], self.n, self.system.period)
+        return PieceRow([self._piece(data) for data in made], self.system.period)
 
     @property
     def others(self) -> int:
@@ -284,28 +187,23 @@ class PathMesh:
 
     def _with(self, pieces: Sequence[Piece]) -> None:
         """The same path with other pieces, in this run alone."""
-        self.row = PieceRow(pieces, self.n, self.system.period)
+        self.row = PieceRow(pieces, self.system.period)
 
-    def ahead(self, q: float, sign: int, length: float = math.inf) -> Piece | str:
-        """The piece ahead of a place, no longer than asked if it is new; or why there is none."""
+    def ahead(self, q: float, sign: int, length: float = math.inf) -> tuple[Course, float] | str:
+        """The pieces ahead of a place, and how far they are shifted [rad]; or why there are none.
+
+        ``length`` [rad or m] of the first one, at most, if it is new.
+        """
         shift, near = self.turn(q, sign)
         i = self.row.index(q - shift, sign, near)
-        if i is not None:
-            return self.row.pieces[i].shifted(shift)
-        if self.kept_only:
-            raise LeftToArraysError
-        there = next((x for x in self._edges if abs(x - (q - shift)) <= near), q - shift)
-        made = self._made(there, sign, length)
-        if isinstance(made, str):
-            return made
-        self._with([*self.row.pieces, made])
-        return made.shifted(shift)
-
-    def course(self, q: float, sign: int) -> tuple[Course | None, float]:
-        """The pieces that are kept ahead of a place, and how far they are shifted [rad or m]."""
-        shift, near = self.turn(q, sign)
-        first = self.row.index(q - shift, sign, near)
-        return None if first is None else self.row.ahead(first, sign), shift
+        if i is None:
+            there = next((x for x in self._edges if abs(x - (q - shift)) <= near), q - shift)
+            made = self._made(there, sign, length)
+            if isinstance(made, str):
+                return made
+            self._with([*self.row.pieces, made])
+            i = next(i for i, x in enumerate(self.row.pieces) if x is made)
+        return self.row.ahead(i, sign), shift
 
     def shorten(self, piece: Piece, q: float, sign: int, length: float) -> None:
         """A shorter piece from a place on instead of one that is too long for what happens."""
@@ -326,7 +224,7 @@ class PathMesh:
         """A resolved piece from q on."""
         far, what = self._far(q, sign, length)
         limit = self._limit(sign, what)
-        for _ in HALVINGS:
+        for _ in range(DIGITS):
             if far == q:
                 return what or self._unresolved(q)
             low, high = (q, far) if sign > 0 else (far, q)
@@ -411,7 +309,7 @@ class PathMesh:
         good, bad = q, far
         if not self._possible_at(np.array([q]))[0]:
             return q, self._why(q, q)
-        for _ in HALVINGS:
+        for _ in range(DIGITS):
             x = np.linspace(good, bad, self.n + 1)[1:]
             x = x[(x != good) & (x != bad)]
             if not x.size:
@@ -448,6 +346,6 @@ class PathMesh:
         return min(places, key=lambda x: sign * x[0]) if places else None
 
     def _piece(self, data: PlaceData, what: tuple[str, str] = ("", "")) -> Piece:
-        if len(data.second):
-            data.second[J] += self.rounding * data.largest[J]
-        return Piece(data, what)
+        rows, second = data.rows.copy(), data.second.copy()
+        (second if len(second) else rows)[J] += self.rounding * data.largest[J]
+        return Piece(replace(data, rows=rows, second=second), what)

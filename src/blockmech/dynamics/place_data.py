@@ -16,17 +16,30 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from blockmech.dynamics.panels import Floats, basis, node_places, roots, rule
+from blockmech.dynamics.panel_nodes import (
+    MARGIN,
+    OVER_ALL,
+    PIECE,
+    PLAIN,
+    SHORT,
+    TAU,
+    VALUES,
+    Floats,
+    J,
+    basis,
+    node_places,
+    nodes,
+    roots,
+    rule,
+)
 from blockmech.functions.series import tail
 from blockmech.ground.plane import EPS
 
 RESOLVED = 16 * EPS  # of series: what some fifty terms leave of rounding
 NOTHING = 64 * EPS  # of a margin or of the usual inertia: what rounding of a pose leaves of zero
-SHORT = 8  # a piece is made anew if what happens in it needs no more than this part of it
 # A series of n terms that touches zero is, by Bernstein's inequality, below (pi / 2 f)^2 / 2 of
 # its largest value at one of f n nodes.
 FINER = 16
-J, TAU, MARGIN = range(3)  # rows of place data
 
 
 def place(low: Any, high: Any, limit: int, v: Floats) -> Floats:
@@ -79,17 +92,8 @@ class PlaceData:
     @cached_property
     def series(self) -> Floats:
         """Chebyshev coefficients (r, n)."""
-        series: Floats = self.rows @ rule(self.rows.shape[1]).to_series.T
+        series: Floats = self.rows @ _to_series(self.rows).T
         return series
-
-    @cached_property
-    def both(self) -> Floats:
-        """Chebyshev coefficients (r + s, n), those of the second sampling last."""
-        if not len(self.second):
-            return self.series
-        series = np.zeros((len(self.second), self.rows.shape[1]))
-        series[:, : self.second.shape[1]] = self.second @ rule(self.second.shape[1]).to_series.T
-        return np.vstack([self.series, series])
 
     @cached_property
     def largest(self) -> Floats:
@@ -110,35 +114,32 @@ class PlaceData:
     @property
     def tail(self) -> float:
         """The largest of both samplings but for the margin, the smallest of several, with kinks."""
-        second = self.both[len(self.rows) :, : self.second.shape[1]]
-        left = tails(second, self.rows[MARGIN]).max(initial=0.0) if len(second) else 0.0
+        left = 0.0
+        if len(self.second):
+            left = float(tails(self.second @ _to_series(self.second).T, self.rows[MARGIN]).max())
         return float(np.delete(self.tails, MARGIN).max(initial=left))
 
-    def at(self, q: Floats) -> Floats:
-        """All rows (r + s, m) at places (m,) inside; none of the second sampling to a limit."""
-        way = self.high - q if self.limit > 0 else q - self.low
-        v = np.clip(way / self.length, 0.0, 1.0)
-        v = np.sqrt(v) if self.limit else v
-        rows: Floats = self.both @ basis(v, self.both.shape[1]).T
-        if self.limit:
-            first, v = len(self.rows), np.maximum(v, EPS)
-            rows[J] /= v * v
-            rows[TAU] /= v
-            rows[first:] = math.nan
-        return rows
+    def block(self, sign: int) -> Floats:
+        """The piece (5, 2, n + 2) as it is run over in a direction, see `panel_nodes`."""
+        return self._blocks[sign > 0]
 
     @cached_property
-    def forward(self) -> Floats:
-        """Rows (r + s, n + 1) at the nodes of a plain panel over all of it, and at its begin."""
-        rows: Floats = self.both @ _known(self.rows.shape[1])
-        rows[: len(self.rows), :-1] = self.rows
-        return rows
-
-    @cached_property
-    def backward(self) -> Floats:
-        """The same of a panel that runs from high to low: the nodes lie alike on both sides."""
-        rows = self.forward[:, :-1]
-        return np.column_stack([rows[:, ::-1], self.both.sum(axis=1)])
+    def _blocks(self) -> tuple[Floats, Floats]:
+        """It against the coordinate, and with it."""
+        n = self.rows.shape[1]
+        matrices, block = nodes(n, self.second.shape[1] or n), np.zeros((PIECE, 2, n + 2))
+        block[0, :, :-2], (first, second) = self.series[:MARGIN], block[:VALUES]
+        block[1] = first
+        if len(self.second):
+            second[:, :-2] = 0.0
+            second[:, : self.second.shape[1]] = self.second[:MARGIN] @ _to_series(self.second).T
+        block[VALUES:OVER_ALL] = block[:VALUES] @ matrices.known
+        block[VALUES, :, 1:-1] = self.rows[:MARGIN]
+        back, work = block.copy(), self.length * matrices.work[PLAIN]
+        back[VALUES:OVER_ALL] = block[VALUES:OVER_ALL, :, ::-1]  # the nodes lie alike
+        for x, way in ((block, 1), (back, -1)):
+            x[OVER_ALL] = way * (x[VALUES:OVER_ALL, TAU] @ work)
+        return back, block
 
     def touches(self, row: int, level: float) -> list[float]:
         """Places at which a row that is not negative comes down to a level, or nearly."""
@@ -149,6 +150,10 @@ class PlaceData:
         low = v[basis(v, series.size) @ series <= level]
         places: list[float] = place(self.low, self.high, self.limit, low).tolist()
         return places
+
+
+def _to_series(rows: Floats) -> Floats:
+    return rule(rows.shape[1]).to_series
 
 
 def place_data(low: float, high: float, limit: int, rows: Floats, n: int) -> PlaceData:
@@ -172,12 +177,6 @@ def near_zero(series: Floats) -> NDArray[np.bool_]:
         values = series[near] @ _finer(series.shape[-1]).T
         near[near] = values.min(axis=-1) <= least * np.abs(values).max(axis=-1)
     return near
-
-
-@cache
-def _known(n: int) -> Floats:
-    """Values (n, n + 1) of the polynomials at the nodes, and at the begin."""
-    return np.asarray(basis(rule(n).known_first, n).T)
 
 
 @cache

@@ -15,14 +15,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.panels import Floats
+from blockmech.dynamics.panel_nodes import AT_ONCE, Floats
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.run import RunEnd
-from blockmech.dynamics.track import AT_ONCE, RepeatedSegment
+from blockmech.dynamics.track import FEW, RepeatedSegment
 from blockmech.functions.series import tail
 
-FIRST = 4  # turns that are counted at once: as quick as one
-MOST_TURNS = 2**21  # that gain energy, in a run; some seconds of work
+MOST_TURNS = 2 * AT_ONCE**2  # turns that gain energy, in a run: some seconds of work
 
 
 class PeriodicContinuation(NamedTuple):
@@ -57,7 +56,7 @@ def swings(swing: RepeatedSegment, request: SimulationRequest, done: int) -> Per
             swing, regime, facts, swing.begins(2), RunEnd(f"never reached: {regime}")
         )
     last = int(more)
-    places = swing.panels.at_end()[0], swing.panels.begin
+    places = swing.panels.end, swing.panels.begin
     listed = [*range(1, min(last, AT_ONCE)), last] if last else []
     stands = tuple((swing.begins(n + 1), places[n % 2]) for n in listed)
     t = request.span if request.span < math.inf else swing.begins(last + 1)
@@ -117,7 +116,7 @@ def _starts(
     else:
         most = MOST_TURNS if request.span < math.inf else 2
     starts, reached = [np.zeros(1)], turn.t0
-    first, some = 0, FIRST
+    first, some = 0, FEW
     while first < most:  # twice as many each time, as most runs end soon
         energies = np.arange(first, min(first + some, most), dtype=np.float64) * turn.gain
         first, some = first + some, min(2 * some, AT_ONCE)

@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.dynamics.estimate import ROUNDING, rounded
-from blockmech.dynamics.panels import TO_REST, Floats, Panels, rule
+from blockmech.dynamics.compiled_path import PathCode
+from blockmech.dynamics.estimate import ROUNDING
+from blockmech.dynamics.panel_nodes import AT_ONCE, Floats
+from blockmech.dynamics.panels import Panels
+from blockmech.dynamics.path_loops import HIGHEST, LOWEST, STEP
 from blockmech.result.motion import State
 
-FEW = 3  # times that are read one by one as quickly as together
-AT_ONCE = 1024  # turns, times or steps that are worked on together: a megabyte or two
+FEW = 3  # times, or turns, that take as long one by one as together
 
 
 @dataclass(frozen=True)
@@ -96,28 +98,48 @@ class RepeatedSegment:
         else:
             numbers, which = np.unique(k, return_inverse=True)
             durations = panels.durations_with(numbers * self.gain)
-            ends = np.cumsum(durations, axis=1)[which]
-            i = np.minimum((ends <= rest[:, None]).sum(axis=1), len(panels.w) - 1)
-            each = np.arange(rest.size)
+            ends, each = np.cumsum(durations, axis=1)[which], np.arange(rest.size)
+            i = np.minimum((ends <= rest[:, None]).sum(axis=1), durations.shape[1] - 1)
             left = ends[each, i] - rest
-            since = np.where(panels.spans.backward[i], left, durations[which, i] - left)
-            q, qd = panels.state_in(i, since, k * self.gain)
+            since = np.where(panels.backward[i], left, durations[which, i] - left)
+            q, qd = panels.some(i, k * self.gain).state_in(each, since)
         return q + k * self.step, np.where(back, -qd, qd)
 
     def at_way(self, way: float) -> float:
         """Time [s] at which the driver has advanced by so much since t0."""
         k = math.floor(way / self.step)
-        q = float(self.panels.spans.begin[0]) + (way - k * self.step)
+        q = self.panels.begin + (way - k * self.step)
         return self.begins(k) + self.repetition(k).at_place(q)
 
     def durations(self, energies: Floats) -> Floats:
         """Time [s] of a repetition with so much more kinetic energy (m,)."""
         parts = range(0, energies.size, AT_ONCE)
-        some = (self.panels.lasting(energies[k : k + AT_ONCE]) for k in parts)
+        some = (self.panels.durations_with(energies[k : k + AT_ONCE]).sum(axis=1) for k in parts)
         return np.concatenate([np.empty(0), *some])
 
 
 Leg: TypeAlias = Panels | RepeatedSegment  # a part of the track
+
+
+def second_run(run: Sequence[Leg]) -> list[Leg]:
+    """The run beside one, over the same panels and patterns."""
+    legs, t = list[Leg](), 0.0
+    for leg, following in zip(run, [*run[1:], None], strict=True):
+        if isinstance(leg, Panels):
+            panels = leg.other.taken_from(t)
+            legs.append(panels)
+            t = panels.t1
+            continue
+        panels = leg.panels.other.taken_from(0.0)
+        segment = replace(leg, t0=t, panels=panels, gain=panels.gain if leg.gain else 0.0, known={})
+        if leg.starts is not None:
+            energies = np.arange(len(leg.starts) - 1) * np.float64(segment.gain)
+            starts = np.append(0.0, np.cumsum(segment.durations(energies)))
+            segment = replace(segment, starts=starts)
+        legs.append(segment)
+        if isinstance(following, Panels):
+            t = segment.begins(round((following.begin - leg.panels.begin) / leg.step))
+    return legs
 
 
 def compared(
@@ -158,40 +180,27 @@ class Apart(NamedTuple):
     unsure: float
 
 
-@np.errstate(all="ignore")  # what is not finite is another motion
 def apart(
-    run: Sequence[Leg], other: Sequence[Leg], t_start: float, t_end: float, share: float
+    code: PathCode,
+    run: Sequence[Leg],
+    other: Sequence[Leg],
+    t_start: float,
+    t_end: float,
+    share: float,
 ) -> Apart:
     """How far apart two runs over the same panels are, from one time [s] to another.
 
-    Both are read at the nodes, so that no time is inverted: where one is late by dt the other is
-    ahead by q' dt. ``share``: what rounding leaves unknown of times, relative.
+    ``share``: what rounding leaves unknown of times, relative.
     """
-    rows, last, row = [], None, np.empty(0)
+    at = np.array([0.0, 0.0, 0.0, t_end, t_start, share, ROUNDING])
+    found = np.zeros(len(Apart._fields))
+    found[LOWEST], found[HIGHEST] = math.inf, -math.inf
     for one, there, sign, begin, begin_there, step in compared(run, other, t_end - t_start):
-        if last != (id(one), id(there)):
-            row, last = _beside(one, there), (id(one), id(there))
-        factors, more = (sign, 1, sign, sign, 1), (begin, step, 0.0, begin_there - begin, 0.0)
-        rows.append((row * np.array(factors)[:, None] + np.array(more)[:, None])[:, ::sign])
-    columns = np.concatenate(rows, axis=1)
-    columns[0] += t_start
-    t, q, qd, late, off = columns[:, : int(np.searchsorted(columns[0], t_end)) + 1]
-    _, unknown, unsure = rounded(share, t_start, t, q, qd)
-    most = np.abs(off - late * qd).max(), (unknown + ROUNDING * np.abs(q)).max()
-    ends = q.min(), q.max(), np.abs(qd).max(), t[-1], np.abs(late[-2:]).max(), unsure
-    return Apart(*map(float, (*most, *ends)))
-
-
-def _beside(one: Panels, other: Panels) -> Floats:
-    """Times [s], places, rates (5, k) in order of time; how much later, and where, another is."""
-    r, spans, there = rule(one.w.shape[1]), one.spans, other.spans
-    shares, t = r.leads[TO_REST] * r.leads[spans.kind], one.known_times
-    q = spans.anchor[:, None] + spans.way[:, None] * shares
-    off = (there.anchor - spans.anchor)[:, None] + (there.way - spans.way)[:, None] * shares
-    rows = np.array([t, q, one.known_rates, other.known_times - t, off])
-    for i in spans.backward.nonzero()[0].tolist():  # few, if any
-        rows[:, i] = rows[:, i, ::-1].copy()
-    return rows.reshape(5, -1)
+        time, late = begin + sign * one.before, begin_there + sign * there.before
+        at[: STEP + 1] = t_start + time, t_start + late, step
+        many, back = len(one.records), int(sign < 0)
+        code.beside(one.records, there.records, many, back, at, found)
+    return Apart(*found.tolist())
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,9 @@ the same bits, for nothing is fused and nothing re-associated. The subset:
                  from a block on, ``record.K`` one; other functions of this kind, numbers of their
                  module
     lanes        rows of floats in + - * / and comparisons, with numbers as well: vectors;
-                 ``np.sqrt``, abs, ``np.where(test, a, b)``, ``&``, ``np.any(test)`` of them;
-                 ``a[i] = vector`` writes a row
+                 ``np.sqrt``, abs, ``np.where(test, a, b)``, ``&``, ``np.any(test)``, ``np.max``
+                 and ``np.min`` of them; ``a[i] = vector`` writes a row, and ``a[i] @ M`` is a row
+                 times the rows ``M[j]``
 
 A name keeps the kind of its first value. A division by zero is infinite, or NaN, as of NumPy's
 numbers. There is no room but what is given as an argument. All else is a TypeError that names the
@@ -67,6 +68,7 @@ IN_C: dict[str, Any] = {
     PLACE: ctypes.c_void_p,
     NOTHING: None,
 }
+TOGETHER = 16  # columns of a product: eight registers at least
 NAMES = {REAL: "a float", COUNT: "an int", TRUTH: "a truth value", PLACE: "an array"}
 MATH: dict[Any, str] = {
     getattr(math, name): name for name in ("sqrt", "sin", "cos", "exp", "copysign")
@@ -76,6 +78,8 @@ LANEWISE = MATH | {
     np.sqrt: "sqrt",
     np.where: "",
     np.any: "vector.reduce.or",
+    np.max: "vector.reduce.fmax",
+    np.min: "vector.reduce.fmin",
 }
 OPERATIONS = {
     (REAL, ast.Add): "fadd", (REAL, ast.Sub): "fsub", (REAL, ast.Mult): "fmul",
@@ -416,6 +420,8 @@ class _Translation:
                 return self._new(text, one.kind, lanes=one.lanes)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 return self._new(f"xor i1 {self._as(self._value(operand), TRUTH).text}, 1", TRUTH)
+            case ast.BinOp(left=left, op=ast.MatMult(), right=right):
+                return self._product(self._value(left), self._value(right))
             case ast.BinOp(left=left, op=op, right=right):
                 return self._both(op, self._value(left), self._value(right))
             case ast.Compare(left=left, ops=[order], comparators=[right]):
@@ -446,6 +452,33 @@ class _Translation:
             self._refuse(f"no operation of this language: {type(op).__name__} of {NAMES[kind]}")
         text = f"{name} {a.type} {a.text}, {b.text}"
         return self._new(text, TRUTH if "cmp" in name else kind, lanes=a.lanes)
+
+    def _product(self, row: Value, matrix: Value) -> Value:
+        """A row times the rows of an array: columns by columns, as many as registers hold."""
+        if not (row.lanes or row.row) or len(matrix.shape) != 1:
+            self._refuse("@ takes a row and an array of rows")
+        if row.lanes:
+            row = Value(self._slot("row", row).text, PLACE, REAL, row=row.lanes)
+        (columns,), first = matrix.shape, 0
+        out = Value(f"%product.{next(self.count)}", REAL, lanes=columns)
+        self.slots.append(f"{out.text} = alloca {out.type}")
+        x, j = (ast.Name(f"{name}.{next(self.count)}") for name in "xj")
+        self.known[x.id] = self._slot(x.id, row)
+        while first < columns:
+            lanes = min(1 << (columns - first).bit_length() - 1, TOGETHER)
+            total, M = (ast.Name(f"{name}.{next(self.count)}") for name in "sM")
+            some, there = (
+                self._new(f"getelementptr double, ptr {x.text}, i64 {first}", PLACE)
+                for x in (matrix, out)
+            )
+            self.known[M.id] = self._slot(M.id, matrix._replace(text=some.text, row=lanes))
+            self._store(total, self._as(_number(0.0), REAL, lanes))
+            term = ast.BinOp(ast.Subscript(x, j), ast.Mult(), ast.Subscript(M, j))
+            self._for(j.id, [ast.Constant(row.row)], [ast.AugAssign(total, ast.Add(), term)])
+            value = self._value(total)
+            self.lines.append(f"store {value.type} {value.text}, ptr {there.text}, align 8")
+            first += lanes
+        return self._loaded(out)
 
     def _chosen(self, node: ast.BoolOp | ast.IfExp) -> Value:
         """One of two values, of which the other is not worked out."""
@@ -488,7 +521,7 @@ class _Translation:
         if not left and not rest:
             return place._replace(kind=array.of)
         shape = array.shape if rest else array.shape[len(indices) :]
-        row = array.shape[-1] if array.shape and not shape else 0
+        row = (array.row or array.shape[-1]) if array.shape and not shape else 0
         return place._replace(of=array.of, shape=shape, row=row)
 
     def _called(self, node: ast.expr, arguments: list[ast.expr]) -> Value:
@@ -535,8 +568,9 @@ class _Translation:
         return record
 
     def _lanewise(self, function: Any, values: list[Value]) -> Value:
-        """A function of each lane, or of numbers; a choice in each; whether any is true."""
+        """A function of each lane, or of numbers; a choice in each; what any or all of them say."""
         lanes, kind = max(x.lanes for x in values), TRUTH if function is np.any else REAL
+        reduces = LANEWISE[function].startswith("vector.reduce")
         if function is np.where:
             test, a, b = (
                 self._as(x, wanted, lanes)
@@ -547,7 +581,7 @@ class _Translation:
         values = [self._as(x, kind, lanes) for x in values]
         ending = f"{f'v{lanes}' if lanes else ''}{'f64' if kind == REAL else 'i1'}"
         name = f"@llvm.{LANEWISE[function]}.{ending}"
-        gives = "i1" if kind == TRUTH else values[0].type
+        gives = kind if reduces else values[0].type
         self.module.declared[f"declare {gives} {name}({', '.join(x.type for x in values)})"] = None
         call = f"call {gives} {name}({', '.join(f'{x.type} {x.text}' for x in values)})"
-        return self._new(call, kind, lanes=lanes if kind == REAL else 0)
+        return self._new(call, kind, lanes=0 if reduces else lanes)

@@ -20,37 +20,50 @@ import numpy as np
 
 from blockmech.dynamics.batch import GOAL, UNSURE, Motions, Track, share_of_all
 from blockmech.dynamics.estimate import PARTED, ROUNDING, TARGET
-from blockmech.dynamics.panels import SMALLEST, Floats
+from blockmech.dynamics.panel_nodes import (
+    COARSE,
+    FINE,
+    OVER_ALL,
+    PANEL,
+    PIECE,
+    PLAIN,
+    TAU,
+    VALUES,
+    Floats,
+    J,
+    Nodes,
+    Row,
+    Sizes,
+    nodes,
+)
 from blockmech.dynamics.path_loops import (
-    BLOCKS,
     CLOCK,
     FAILED,
     GOES_ON,
     HALVED,
+    HIGH,
     KINETIC,
-    OVER_ALL,
-    PANEL,
+    LARGEST_J,
+    LARGEST_TAU,
+    LIMIT,
+    LOW,
     PLACE,
     ROUGH,
+    ROUGHLY,
+    ROUNDED,
+    SMALLEST,
     STANDS,
-    VALUES,
-    Nodes,
+    Ahead,
     Pieces,
     Records,
-    Row,
     Rows,
     Runs,
-    Sizes,
     beside,
     ending,
-    largest,
-    nodes,
-    product,
-    sizes,
     through,
 )
-from blockmech.dynamics.path_mesh import FINE, PathMesh
-from blockmech.dynamics.place_data import NOTHING, RESOLVED, TAU, J
+from blockmech.dynamics.path_mesh import PathMesh
+from blockmech.dynamics.place_data import NOTHING, RESOLVED
 from blockmech.engines import loops
 from blockmech.engines.llvm import addresses_of, machine_code, slots_of
 from blockmech.engines.loops import Counts, Reals
@@ -60,83 +73,71 @@ if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
 
-CLEAR = 1 / 64  # of its largest, below which an inertia is left to the single motion; of a margin
 T_END, Q_END, LATER, KNOWN = range(8, 12)  # of what is found, after what `beside` finds
 
 
 def sampled(
-    of: Sizes, fill: Fill, x: Reals, P: Reals, row: Reals, state: Reals, low: float, length: float,
-    v: Reals, to_series: Reals, values: Row, series: Row, n: int,
+    of: Sizes, fill: Fill, nodes: Nodes, r: int, x: Reals, P: Reals, row: Reals, state: Reals,
+    bounds: Reals, values: Row, series: Row, n: int,
 ) -> bool:  # fmt: skip
     """J and tau at n nodes of a piece, and their series; whether these are resolved."""
-    margin = 1.0
-    for i in range(n):
-        state[0] = low + length * v[i]
+    margin, low, length, size = 1.0, bounds[LOW], bounds[HIGH] - bounds[LOW], 0.0
+    values[J], values[TAU] = 0.0, 0.0
+    for i in range(1, n + 1):
+        state[0] = low + length * nodes.v[r, i]
         fill(x, P, row, 1, 1, 0, 1)
         margin = min(margin, row[of.state])
         values[J, i] = row[of.state + 1]
         values[TAU, i] = row[1] * row[of.state + 1]
-        if not (margin > CLEAR and values[J, i] > 0.0):
+        size = max(size, values[J, i])
+        if not (margin > ROUGH and values[J, i] > 0.0):
             return False
-    tolerance, size = max(RESOLVED, NOTHING / margin), largest(values[J], 0, n)
-    for i in range(n):
-        if values[J, i] < CLEAR * size:
+    tolerance = max(RESOLVED, NOTHING / margin)
+    for i in range(1, n + 1):
+        if values[J, i] < ROUGH * size:
             return False
     for j in range(2):
-        product(values[j], to_series, series[j], n, n, 1.0)
-        if ending(series[j], n) > tolerance:
+        series[j] = values[j] @ nodes.series[r]
+        if ending(of, nodes, series, j) > tolerance:
             return False
     return True
 
 
 def both_sampled(
-    of: Sizes, fill: Fill, nodes: Nodes, x: Reals, P: Reals, row: Reals, state: Reals, low: float,
-    length: float, sign: float, rounding: float, piece: Rows,
+    of: Sizes, fill: Fill, nodes: Nodes, x: Reals, P: Reals, row: Reals, state: Reals,
+    bounds: Reals, sign: float, rounding: float, piece: Rows,
 ) -> bool:  # fmt: skip
     """A piece of both samplings, the second one's values at the nodes of the first."""
-    whole = piece[VALUES:]
-    if not sampled(
-        of, fill, x, P, row, state, low, length, nodes.v, nodes.series, whole[0], piece[0],
-        of.n,
-    ):  # fmt: skip
-        return False
-    if not sampled(
-        of, fill, x, P, row, state, low, length, nodes.v_there, nodes.series_there, whole[1],
-        piece[1], of.k,
-    ):  # fmt: skip
-        return False
-    piece[1, J, 0] += rounding * largest(whole[0, J], 0, of.n)
-    for j in range(2):
-        for i in range(of.k, of.n):
-            piece[1, j, i] = 0.0
-        product(piece[1, j], nodes.spread, whole[1, j], of.k, of.n, 1.0)
     for r in range(2):
+        values, n = piece[VALUES + r], of.n if r == 0 else of.k
+        if not sampled(of, fill, nodes, r, x, P, row, state, bounds, values, piece[r], n):
+            return False
+        if r == 0:
+            bounds[LARGEST_J] = np.max(abs(values[J]))
+            bounds[LARGEST_TAU] = np.max(abs(values[TAU]))
+        else:
+            piece[1, J, 0] += rounding * bounds[LARGEST_J]
         for j in range(2):
-            begin, way = 0.0, -sign
-            for i in range(of.n):
-                begin += piece[r, j, i] if i == 0 or sign < 0.0 else way * piece[r, j, i]
-                way = -way
-            whole[r, j, of.n] = begin
-            if sign < 0.0:  # the nodes lie alike on both sides
-                for i in range(of.n >> 1):
-                    there = whole[r, j, of.n - 1 - i]
-                    whole[r, j, of.n - 1 - i] = whole[r, j, i]
-                    whole[r, j, i] = there
-        product(whole[r, TAU], nodes.work, piece[OVER_ALL, r], of.n, of.n + 1, sign * length)
+            values[j] = piece[r, j] @ nodes.known
+            for i in range((of.n + 2) >> 1 if sign < 0.0 else 0):  # the nodes lie alike
+                there = values[j, of.n + 1 - i]
+                values[j, of.n + 1 - i] = values[j, i]
+                values[j, i] = there
+        way = sign * (bounds[HIGH] - bounds[LOW])
+        piece[OVER_ALL, r] = way * (values[TAU] @ nodes.work[PLAIN])
     return True
 
 
 def swings(
     of: Sizes, fill: Fill, slots: int, x: Reals, numbers: Reals, row: Reals, state: Reals,
-    lows: Reals, lengths: Reals, pieces: Counts, start: Reals, nodes: Nodes, runs: Runs,
-    room: Pieces, panels: Records, counts: Counts, b: Reals, found: Annotated[Reals, "12"],
-    designs: int,
+    places: Ahead, pieces: Counts, start: Reals, nodes: Nodes, runs: Runs, room: Pieces,
+    panels: Records, counts: Counts, T: Row, found: Annotated[Reals, "12"], designs: int,
 ) -> None:  # fmt: skip
     """Each design's way to its first standstill.
 
-    lows, lengths, pieces : of the pieces ahead with the coordinate, and behind them against it
+    places, pieces : of the pieces ahead with the coordinate, and behind them against it
     start : coordinate and rate, the least effort that moves it, `ROUNDING` of work and of time
-    room, panels : a piece, and the panels of a design
+    room, panels, T : a piece, the panels of a design, and what `through` needs
     found : (designs, 12) what `beside` says, then time and place of the end, difference of the
         ends, and 1 where all that is known
     """
@@ -153,23 +154,20 @@ def swings(
             fast = rate * (1.0 + r * ROUNDING)
             run = runs[r]
             run[PLACE], run[CLOCK] = q * (1.0 + r * ROUNDING), 0.0
-            run[KINETIC] = inertia * fast * fast / 2.0
+            run[KINETIC], run[ROUNDED] = inertia * fast * fast / 2.0, r * start[3]
         counts[0], how = 0, FAILED
         for p in range(first, first + many):
-            how = FAILED
-            if both_sampled(
-                of, fill, nodes, x, P, row, state, lows[p], lengths[p], sign, start[3], room[0]
-            ):
-                far = lows[p] + lengths[p] if sign > 0.0 else lows[p]
+            how, bounds = FAILED, places[p]
+            if both_sampled(of, fill, nodes, x, P, row, state, bounds, sign, start[3], room[0]):
+                far = bounds[HIGH if sign > 0.0 else LOW]
                 how = through(
-                    of, nodes, lows[p], lengths[p], far, sign, start[3], RESOLVED, room[0], runs,
-                    panels, counts, b,
-                )  # fmt: skip
-            if how != GOES_ON:
+                    of, nodes, bounds, far, sign, RESOLVED, room[0], runs, panels, counts, T
+                )
+            if how != GOES_ON or runs[0, PLACE] != far:
                 break
         if how == STANDS:
-            beside(of, nodes, panels, panels, counts[0], 0, start[4:], found[d])
-            found[d, KNOWN] = 1.0 - found[d, ROUGH]
+            beside(of, nodes, T, panels, panels, counts[0], 0, start[4:], found[d])
+            found[d, KNOWN] = 1.0 - found[d, ROUGHLY]
         found[d, T_END], found[d, Q_END] = runs[0, CLOCK], runs[0, PLACE]
         found[d, LATER] = abs(runs[1, CLOCK] - runs[0, CLOCK])
 
@@ -177,7 +175,7 @@ def swings(
 @cache
 def compiled(dimension: int) -> Any:
     """`swings` as machine code, the same for all mechanisms."""
-    made = partial(swings, of=sizes(dimension))
+    made = partial(swings, of=Sizes(FINE, COARSE, dimension))
     return machine_code(loops.text(swings=made), ("swings", loops.signature(made)))[0]
 
 
@@ -186,14 +184,13 @@ class FirstSwings(NamedTuple):
 
     code : `swings` as machine code
     rates : the right-hand side of all
-    lows, lengths, pieces, start : as it takes them
+    places, pieces, start : as it takes them
     request : what is asked of all
     """
 
     code: Any
     rates: CompiledRhs
-    lows: Floats
-    lengths: Floats
+    places: Floats
     pieces: Any
     start: Floats
     request: SimulationRequest
@@ -206,18 +203,18 @@ class FirstSwings(NamedTuple):
         (q, rate, t), by_path = request.start, system.depends_on <= {"q"} and not system.friction
         if not by_path or request.until.goal != "standstill" or t or system.period is None:
             return None
-        mesh, lows, lengths, pieces = PathMesh(system, q, FINE, RESOLVED), [], [], []
+        mesh, places, pieces = PathMesh(system, q, FINE, RESOLVED), [], []
         for sign in (1, -1):
-            course, shift = mesh.course(q, sign)
-            if course is None:
+            ahead = mesh.ahead(q, sign)
+            if isinstance(ahead, str) or ahead[0].places[0, LIMIT]:
                 return None
-            lows += (course.low + shift).tolist()
-            lengths += (course.high - course.low).tolist()
-            pieces.append(len(course.low))
+            places.append(ahead[0].places.copy())
+            places[-1][:, [LOW, HIGH]] += ahead[1]
+            pieces.append(len(places[-1]))
         share = share_of_all(system, request)
-        at = 0.0, 0.0, 0.0, np.inf, 0.0, share  # as `beside` takes it
+        at = 0.0, 0.0, 0.0, np.inf, 0.0, share, ROUNDING  # as `beside` takes it
         start = np.array([q, rate, system.rounding(q) / UNSURE, ROUNDING, *at])
-        arrays = np.array(lows), np.array(lengths), np.array(pieces, np.int64), start
+        arrays = np.concatenate(places), np.array(pieces, np.int64), start
         return cls(compiled(rates.dimension), rates, *arrays, request)
 
     def moved(self, values: tuple[Any, ...], m: int) -> Motions:
@@ -227,17 +224,19 @@ class FirstSwings(NamedTuple):
         state, row = np.zeros(inputs), np.zeros(len(self.rates.rows))
         state[dimension + 2], state[dimension + 3] = 1.0, SMALLEST
         x = addresses_of(state)
-        found, room = np.zeros((m, 12)), np.zeros((BLOCKS, 2, FINE + 2))
+        found, room = np.zeros((m, 12)), np.zeros((PIECE, 2, FINE + 2))
         most = HALVED * int(self.pieces.max(initial=1))
-        panels, counts = np.empty((most, PANEL, 2, FINE + 2)), np.zeros(1, np.int64)
-        given = slots, row, state, self.lows, self.lengths, self.pieces, self.start
-        own = np.zeros((2, 4)), room, panels, counts, np.zeros(4 * FINE), found
+        panels, counts = np.empty((most + 1, PANEL, 2, FINE + 2)), np.zeros(1, np.int64)
+        given = slots, row, state, self.places, self.pieces, self.start
+        own = np.zeros((2, 5)), room, panels, counts, np.zeros((FINE + 2, FINE + 2)), found
         places = [a.ctypes.data for a in given], [a.ctypes.data for a in own]
         fill = ctypes.cast(self.rates.of_designs[0], ctypes.c_void_p)
-        self.code(fill, slots.shape[1], x, *places[0], loops.places_of(nodes()), *places[1], m)
+        self.code(
+            fill, slots.shape[1], x, *places[0], loops.places_of(nodes(FINE, COARSE)), *places[1], m
+        )
         apart, rounding, *_, t, q, late, good = found.T
         error, nothing = apart + rounding, np.zeros(m)
-        way, share = np.minimum(np.abs(q - self.start[0]), 1.0), self.start[-1]
+        way, share = np.minimum(np.abs(q - self.start[0]), 1.0), self.start[-2]
         with np.errstate(invalid="ignore"):
             sure = (apart <= PARTED * way) & (late <= PARTED * t)
             sure &= (good > 0) & (error <= (self.request.accuracy or TARGET))
