@@ -35,7 +35,8 @@ from blockmech.dynamics.legs import Leg
 from blockmech.dynamics.pair_stops import Counted, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Surface, Until, Watch
 from blockmech.dynamics.roles import FREE, Roles
-from blockmech.dynamics.time import FIXED, TimeIntegration
+from blockmech.dynamics.solvers import STEPPERS
+from blockmech.dynamics.time import TimeIntegration
 from blockmech.ground.errors import BlockmechError, GraphError, listed
 from blockmech.ground.plane import EPS
 from blockmech.model.joints.blocks import SaidByLinks
@@ -366,7 +367,7 @@ def _refused(mechanism: Compiled, linkage: Linkage, request: SimulationRequest) 
         "signals read the drivers": linkage.signals or mechanism.structure.signal_wires,
         "end stops let it bounce": request.stops,
         "a steady state is looked for": request.until.goal == "steady",
-        "its steps are fixed": request.method in FIXED,
+        "its steps are fixed": request.method in STEPPERS,
     }
     return listed([why for why, so in reasons.items() if so])
 
