@@ -149,6 +149,28 @@ def test_motions_that_are_asked_for_again_are_compiled(monkeypatch):
     assert (engines[0], engines[-1]) == ("scalar", "llvm")
 
 
+@pytest.mark.parametrize(
+    ("name", "start", "span", "methods"),
+    [
+        (
+            "rack_gripper",
+            (0.0, 0.05),
+            0.02,
+            ["energy", "energy", "dop853"],
+        ),  # no period: sampled anew
+        ("watt_sixbar", (1.5, 0.0), 0.5, ["energy"] * 3),  # what it samples is kept
+    ],
+)
+def test_auto_leaves_a_path_that_costs_more_than_steps(monkeypatch, name, start, span, methods):
+    monkeypatch.setattr(Account, "pays", lambda self, program, seconds: seconds > 1e-3)
+    mech = mechanism(name)
+    request = {"until": f"time={span}", "start": {mech.drivers[0]: start}, "want": []}
+    motions = [mech.simulate(**request).motion for _ in methods]
+    assert [motion.method for motion in motions] == methods
+    assert abs(motions[0].q_end - motions[-1].q_end) <= sum(motions[i].error for i in (0, -1))
+    assert motions[-1].error <= 1e-9
+
+
 def test_engines_of_motions_are_told_by_name():
     with pytest.raises(bm.RequestError, match='no engine "numpy" of motions'):
         mechanism("watt_sixbar").simulate("time=1", engine="numpy")

@@ -129,7 +129,7 @@ def simulate(
     refuse_memory(mechanism, starts)
     if engine == "llvm" and system.engine_of_states.name != engine:
         compiled_program(system.equation_program)  # says why it cannot be
-    motion = _moved(system, request)
+    motion = bounced(system, request, move) if request.stops else move(system, request)
     if motion.end in ends.CHART_ENDS:
         from blockmech.dynamics.atlas import beyond_dead_centres  # few motions need it
 
@@ -168,18 +168,6 @@ def prepared(
     counted = counted_pairs(mechanism, starts, between)
     bounds = {"stops": bounds_of(between), "counted": counted, "roles": request.roles}
     return system_of(mechanism, **bounds, **asked), request
-
-
-def _moved(system: System, request: SimulationRequest) -> Motion:
-    try:
-        return move(system, request) if not request.stops else bounced(system, request, move)
-    except KeyboardInterrupt:  # before there was anything but the start
-        steady = request.until.goal == "steady"
-        notes = ("interrupted before a steady state was found",) if steady else ()
-        return replace(request.standing, status="ended", end=ends.INTERRUPTED, notes=notes)
-    except ends.BudgetSpent:
-        notes = (system.budget.advice,)
-        return replace(request.standing, status="unfinished", end=ends.BUDGET, notes=notes)
 
 
 def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:

@@ -133,13 +133,13 @@ class AdaptiveSolver(Solver):
         with np.errstate(all="ignore"):
             try:
                 own.step()
-                series = series_of(own.dense_output())
             except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
                 if error is self.equation.error:  # the mechanism's own, not the solver's
                     raise
                 return None
-        if own.status == "failed" or not np.isfinite(own.y).all():
-            return None
+            if own.status == "failed" or not np.isfinite(own.y).all():
+                return None
+            series = series_of(own.dense_output())
         self.t, self.y, self.h = float(own.t), own.y, own.h_abs
         dense = Dense(np.array([own.t_old]), np.array([own.t - own.t_old]), series[None])
         return AcceptedSteps.one((own.t_old, own.t), (y, own.y), dense)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain, count
 from typing import TYPE_CHECKING
 
@@ -20,7 +19,6 @@ from blockmech.dynamics.estimate import (
     CORNERED,
     FINER,
     FLOOR,
-    LEAST,
     SMOOTH,
     TARGET,
     UNFINISHED,
@@ -411,16 +409,14 @@ def in_time(
 ) -> Motion:
     """The motion by an integrator, with its estimated error; see `TimeIntegration.patient`."""
     target, smooth = request.accuracy or TARGET, system.smooth and method == "dop853"
-    names = chain([method], (f"{method}, run {i}" for i in count(2)))
-    run = partial(TimeIntegration, system, request, method, rest=target, patient=patient)
+    names, last = chain([method], (f"{method}, run {i}" for i in count(2))), None
 
-    def pair(tolerance: float) -> tuple[Motion, Motion | None]:
-        finer = max(tolerance / FINER, FLOOR)
-        first = run(tolerance=tolerance, name=next(names), finer=finer)
-        coarse = first.motion()
-        if first.stands or coarse.end in UNFINISHED:
-            return coarse, None
-        return coarse, run(tolerance=finer, name=next(names), before=first).motion()
+    def run(tolerance: float, halves: bool) -> Motion:
+        nonlocal last
+        about = next(names), target, last if halves else None, math.nan
+        finer = None if halves else max(tolerance / FINER, FLOOR)
+        last = TimeIntegration(system, request, method, tolerance, *about, finer, patient)
+        return last.motion()
 
     remainder = SMOOTH if smooth else CORNERED
-    return refined(pair, system, max(target, LEAST), target, request.times, remainder)
+    return refined(run, system, target, request.times, remainder)
