@@ -6,7 +6,8 @@ the same bits, for nothing is fused and nothing re-associated. The subset:
     arguments    float, int, bool, `Reals`, `Counts`, functions ``Callable[[Reals, int], float]``.
                  What is given beforehand, with `partial`, is part of the text: sizes (an int, or
                  a tuple ``of`` of them with names), the name of a function in the text. They
-                 may say blocks of an array: ``K: Annotated[Reals, "of.stages", "of.width"]``.
+                 may say blocks of an array: ``K: Annotated[Reals, "of.stages", "of.width"]``, or
+                 that it is one row: ``h: Annotated[Reals, ROW, "of.lanes"]``.
                  A NamedTuple of arrays is a record, called with `places_of` it; made of arrays
                  in a call, ``f(Table(rows, by))``
     statements   assignments (also of tuples, and ``+=``), ``if``, ``while``, ``for`` over a range,
@@ -18,7 +19,7 @@ the same bits, for nothing is fused and nothing re-associated. The subset:
                  module
     lanes        rows of floats in + - * / and comparisons, with numbers as well: vectors;
                  ``np.sqrt``, abs, ``np.where(test, a, b)``, ``&``, ``np.any(test)`` of them;
-                 ``a[i] = vector`` writes a row
+                 ``a[i] = vector`` writes a row, ``a[:] = vector`` an array that is one
 
 A name keeps the kind of its first value. A division by zero is infinite, or NaN, as of NumPy's
 numbers. There is no room but what is given as an argument. All else is a TypeError that names the
@@ -58,6 +59,7 @@ from blockmech.engines.nodes import Untraceable
 
 Reals: TypeAlias = NDArray[np.float64]
 Counts: TypeAlias = NDArray[np.int64]
+ROW = "row"
 
 REAL, COUNT, TRUTH, PLACE, NOTHING = "double", "i64", "i1", "ptr", "void"
 KINDS = {float: REAL, int: COUNT, bool: TRUTH, type(None): NOTHING}
@@ -149,8 +151,10 @@ def _meant(hint: Any, sizes: Mapping[str, Any] = MappingProxyType({})) -> Value:
     if hint in KINDS:
         return Value("", KINDS[hint])
     if hasattr(hint, "__metadata__"):
-        shape = tuple(eval(x, {}, dict(sizes)) for x in hint.__metadata__ if sizes)
-        return _meant(hint.__origin__)._replace(shape=shape)
+        first, *_ = blocks = hint.__metadata__
+        shape = tuple(eval(x, {}, dict(sizes)) for x in blocks if sizes and x != ROW)
+        row = shape[0] if first == ROW and sizes else 0
+        return _meant(hint.__origin__)._replace(shape=() if row else shape, row=row)
     if hint in (Reals, Counts):
         return Value("", PLACE, REAL if hint == Reals else COUNT)
     if hasattr(hint, "_fields"):
@@ -472,6 +476,8 @@ class _Translation:
         match index:
             case ast.Slice(lower=ast.expr() as first, upper=None, step=None):
                 indices = [first]
+            case ast.Slice(lower=None, upper=None, step=None) if array.row:
+                return array
             case ast.Slice():
                 self._refuse("a slice is array[first:]")
             case _:

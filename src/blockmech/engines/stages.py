@@ -42,7 +42,7 @@ from numpy.typing import NDArray
 from blockmech.engines import loops
 from blockmech.engines.assembly import Text, piece
 from blockmech.engines.llvm import FILL, addresses_of, machine_code, row_of
-from blockmech.engines.loops import Counts, Reals
+from blockmech.engines.loops import ROW, Counts, Reals
 from blockmech.engines.nodes import Untraceable
 from blockmech.engines.trace import FOLLOWED, Body, Trace
 from blockmech.ground.plane import EPS
@@ -72,6 +72,7 @@ class Sizes(NamedTuple):
     lanes: int
 
 
+Lane: TypeAlias = Annotated[Reals, ROW, "of.lanes"]
 Lanes: TypeAlias = Annotated[Reals, "of.lanes"]
 Rows: TypeAlias = Annotated[Reals, "of.width", "of.lanes"]
 States: TypeAlias = Annotated[Reals, "of.state"]
@@ -177,10 +178,22 @@ class Method(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Of steps under way: their numbers, states, and highest terms of the series; what lanes are
-    at."""
+    """Of steps under way.
 
-    now: Lanes
+    time : [s] where they begin, later : where they end, h : how long they are
+    free : [s] how long they would be without a bound; grows : by how many times the next may grow
+    off, thirds : error in tolerances, and weight of the estimate of order 3
+    y : states where they begin, highest : the highest terms of their series
+    is_at : what lanes are at
+    """
+
+    time: Lane
+    later: Lane
+    h: Lane
+    free: Lane
+    grows: Lane
+    off: Lane
+    thirds: Lane
     y: Lanes
     highest: Lanes
     is_at: Counts
@@ -188,10 +201,9 @@ class Workspace(NamedTuple):
 
 def workspace(of: Sizes, most: int) -> Arrays:
     """Arrays of a `Workspace`."""
-    n, lanes = of.state, of.lanes
-    rows = {"now": ROWS, "y": n, "highest": 4 * n}
-    reals: Arrays = [(name, np.float64, (k, lanes)) for name, k in rows.items()]
-    return [*reals, ("is_at", np.int64, (lanes,))]
+    rows = {"y": (of.state, of.lanes), "highest": (4 * of.state, of.lanes)}
+    kinds = {"is_at": np.int64}
+    return [(x, kinds.get(x, np.float64), rows.get(x, (of.lanes,))) for x in Workspace._fields]
 
 
 @cache
@@ -202,7 +214,6 @@ def dop853() -> Method:
 
 
 TRY, BOUND, TRIED, LOW, HIGH, WEIGHT = range(6)  # columns of a control
-TIME, LATER, H, FREE, GROWS, OFF, THIRDS, ROWS = range(8)  # of a step under way
 OVER, BEGINS, AGAIN, TAKEN, WAITS = range(5)  # what a lane is at
 
 
@@ -212,23 +223,24 @@ def evaluate(of: Sizes, fill: Fill, rhs: Rhs, s: int) -> None:
 
 
 def rates_at(
-    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, y: Lanes, now: Lanes, begin: int, end: int
+    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, work: Workspace, begin: int, end: int
 ) -> None:
     """Rows of the program at some stages of a step."""
-    A, C, K, state = by.A, by.C, rhs.K, rhs.state
+    A, C, K, state, y, h = by.A, by.C, rhs.K, rhs.state, work.y, work.h
     for s in range(begin, end):
         for i in range(of.state):
             total = A[s, 0] * K[0, i]
             for j in range(1, s):
                 total = total + A[s, j] * K[j, i]
-            state[i] = y[i] + now[H] * total
-        state[of.state] = now[TIME] + C[s] * now[H]
+            state[i] = y[i] + h * total
+        state[of.state] = work.time + C[s] * h
         evaluate(of, fill, rhs, s)
 
 
-def error_of(of: Sizes, rhs: Rhs, by: Scheme, tolerances: Limits, y: Lanes, now: Lanes) -> None:
+def error_of(of: Sizes, rhs: Rhs, by: Scheme, tolerances: Limits, work: Workspace) -> None:
     """Errors of steps in tolerances, of the estimates of orders 5 and 3."""
-    K, new, E, none = rhs.K, rhs.state, by.E, 0.0 * now[H]
+    K, new, E, y, h = rhs.K, rhs.state, by.E, work.y, work.h
+    none = 0.0 * h
     fifths, thirds = none, none
     for i in range(of.state):
         larger = np.where(abs(new[i]) > abs(y[i]), abs(new[i]), abs(y[i]))
@@ -240,12 +252,12 @@ def error_of(of: Sizes, rhs: Rhs, by: Scheme, tolerances: Limits, y: Lanes, now:
         fifth, third = fifth / scale, third / scale
         fifths = fifths + fifth * fifth
         thirds = thirds + third * third
-    whole = fifths / np.sqrt((fifths + now[THIRDS] * thirds) * float(of.state))
-    now[OFF] = now[H] * np.where(fifths == 0.0, none, whole)
+    whole = fifths / np.sqrt((fifths + work.thirds * thirds) * float(of.state))
+    work.off[:] = h * np.where(fifths == 0.0, none, whole)
 
 
 def highest_terms(
-    of: Sizes, K: Rows, now: Lanes, D: Annotated[Reals, "of.stages"], highest: Lanes
+    of: Sizes, K: Rows, D: Annotated[Reals, "of.stages"], h: Lane, highest: Lanes
 ) -> None:
     """The highest terms of the series of steps, see `series_of`."""
     for r in range(4):
@@ -253,7 +265,7 @@ def highest_terms(
             total = D[r, 0] * K[0, i]
             for j in range(1, of.stages):
                 total = total + D[r, j] * K[j, i]
-            highest[r * of.state + i] = now[H] * total
+            highest[r * of.state + i] = h * total
 
 
 def series_of(
@@ -296,51 +308,40 @@ def tolerated(of: Sizes, tolerances: Limits, i: int, lane: int, size: float) -> 
     return float(tolerances[1, i, lane] + size * tolerances[0, i, lane])
 
 
-def trial_step(far: float, fast: float, longest: float) -> float:
-    """[s] A short step to see how rates change, from sizes of a state and of its rates.
+def first_steps(
+    of: Sizes, fill: Fill, rhs: Rhs, run: Integration, y: Lanes, time: Lane, h: Lane, fast: Lane,
+    order: int,
+) -> None:  # fmt: skip
+    """The steps to try first of a method of order 4 or 8, where none is given.
 
     Source: Hairer, Norsett & Wanner, II.4, starting step size.
     """
-    return min(1e-6 if far < 1e-5 or fast < 1e-5 else 0.01 * far / fast, longest)
-
-
-def fitting_step(h: float, quick: float, order: int, longest: float) -> float:
-    """[s] A first step for a method of order 4 or 8, by what a trial step h has shown."""
-    fits = sqrt(sqrt(0.01 / quick)) if quick > 1e-15 else max(1e-6, 1e-3 * h)
-    if quick > 1e-15 and order == 8:
-        fits = sqrt(fits)
-    return min(min(100.0 * h, fits), longest)
-
-
-def first_steps(
-    of: Sizes, fill: Fill, rhs: Rhs, tolerances: Limits, controls: Controls, y: Lanes,
-    now: Lanes,
-) -> None:  # fmt: skip
-    """The steps to try first, where none is given."""
-    K, state = rhs.K, rhs.state
+    K, state, tolerances, controls = rhs.K, rhs.state, run.tolerances, run.controls
     for lane in range(of.lanes):
-        far, fast, longest = 0.0, 0.0, controls[lane, BOUND] - now[TIME, lane]
+        far, longest, fast[lane] = 0.0, controls[lane, BOUND] - time[lane], 0.0
         for i in range(of.state):
             scale = tolerated(of, tolerances, i, lane, abs(y[i, lane]))
             far += y[i, lane] / scale * (y[i, lane] / scale)
-            fast += K[0, i, lane] / scale * (K[0, i, lane] / scale)
-        far, fast = sqrt(far / of.state), sqrt(fast / of.state)
-        h = trial_step(far, fast, longest)
-        now[H, lane], now[OFF, lane] = h, fast
+            fast[lane] += K[0, i, lane] / scale * (K[0, i, lane] / scale)
+        far, fast[lane] = sqrt(far / of.state), sqrt(fast[lane] / of.state)
+        h[lane] = 1e-6 if far < 1e-5 or fast[lane] < 1e-5 else 0.01 * far / fast[lane]
+        h[lane] = min(h[lane], longest)
         for i in range(of.state):
-            state[i, lane] = y[i, lane] + h * K[0, i, lane]
-        state[of.state, lane] = now[TIME, lane] + h
+            state[i, lane] = y[i, lane] + h[lane] * K[0, i, lane]
+        state[of.state, lane] = time[lane] + h[lane]
     evaluate(of, fill, rhs, 1)
     for lane in range(of.lanes):
-        bends, h = 0.0, now[H, lane]
+        bends, longest = 0.0, controls[lane, BOUND] - time[lane]
         for i in range(of.state):
             scale = tolerated(of, tolerances, i, lane, abs(y[i, lane]))
             bend = (K[1, i, lane] - K[0, i, lane]) / scale
             bends += bend * bend
-        quick = max(now[OFF, lane], sqrt(bends / of.state) / h)
+        quick = max(fast[lane], sqrt(bends / of.state) / h[lane])
+        fits = sqrt(sqrt(0.01 / quick)) if quick > 1e-15 else max(1e-6, 1e-3 * h[lane])
+        if quick > 1e-15 and order == 8:
+            fits = sqrt(fits)
         if controls[lane, TRY] == 0.0:
-            longest = controls[lane, BOUND] - now[TIME, lane]
-            controls[lane, TRY] = fitting_step(h, quick, 8, longest)
+            controls[lane, TRY] = min(min(100.0 * h[lane], fits), longest)
 
 
 def halved(plan: Reals, planned: int, t: float, h: float) -> float:
@@ -362,8 +363,8 @@ def tries(of: Sizes, run: Integration, work: Workspace, lane: int) -> int:
 
     The second lane waits for the first, whose steps are its plan, and ends where these do.
     """
-    now, is_at, control = work.now, work.is_at, run.controls[lane]
-    t, bound = now[TIME, lane], control[BOUND]
+    is_at, control = work.is_at, run.controls[lane]
+    t, bound = work.time[lane], control[BOUND]
     made = run.counts[0] if run.counts[0] > 0 else -run.counts[0]
     if is_at[lane] == WAITS:
         is_at[lane] = BEGINS
@@ -376,13 +377,12 @@ def tries(of: Sizes, run: Integration, work: Workspace, lane: int) -> int:
             h = halved(run.times, made, t, h)
         else:
             h = halved(run.plan, run.planned[0], t, h)
-        now[FREE, lane] = max(h, shortest)
-        now[GROWS, lane] = 10.0
+        work.free[lane], work.grows[lane] = max(h, shortest), 10.0
     goes = is_at[lane] == BEGINS or is_at[lane] == AGAIN
-    if goes and now[FREE, lane] < shortest:
+    if goes and work.free[lane] < shortest:
         is_at[lane], goes = OVER, False
-    now[LATER, lane] = min(t + now[FREE, lane], bound) if goes else t
-    now[H, lane] = now[LATER, lane] - t
+    work.later[lane] = min(t + work.free[lane], bound) if goes else t
+    work.h[lane] = work.later[lane] - t
     return 1 if goes else 0
 
 
@@ -402,58 +402,57 @@ def steps(
     it; else the first is that of the end. Lanes are finer than the first.
     """
     K, state, states, times = rhs.K, rhs.state, run.states, run.times
-    tolerances, controls, counts = run.tolerances, run.controls, run.counts
-    now, y, is_at = work.now, work.y, work.is_at
+    controls, counts = run.controls, run.counts
+    time, h, off, y, is_at = work.time, work.h, work.off, work.y, work.is_at
     for lane in range(of.lanes):
-        is_at[lane], counts[lane], now[TIME, lane] = counts[lane], 0, times[lane * (most + 1)]
+        is_at[lane], counts[lane], time[lane] = counts[lane], 0, times[lane * (most + 1)]
         for i in range(of.state):
             y[i, lane] = states[lane * (most + 1), i]
             state[i, lane] = y[i, lane]
-        state[of.state, lane] = now[TIME, lane]
-        now[THIRDS, lane] = controls[lane, WEIGHT]
+        state[of.state, lane] = time[lane]
+        work.thirds[lane] = controls[lane, WEIGHT]
     evaluate(of, fill, rhs, 0)
     if controls[0, TRY] == 0.0 and most > 0:
-        first_steps(of, fill, rhs, tolerances, controls, y, now)
+        first_steps(of, fill, rhs, run, y, time, h, off, 8)
     while True:
         going, taken = 0, False
         for lane in range(of.lanes):
-            ended = not (now[TIME, lane] < controls[lane, BOUND] and counts[lane] < most)
+            ended = not (time[lane] < controls[lane, BOUND] and counts[lane] < most)
             if is_at[lane] == BEGINS and ended:
                 is_at[lane] = OVER
             going += tries(of, run, work, lane)
         if going == 0:
             return
-        rates_at(of, fill, rhs, by, y, now, 1, of.ends)
-        error_of(of, rhs, by, tolerances, y, now)
+        rates_at(of, fill, rhs, by, work, 1, of.ends)
+        error_of(of, rhs, by, run.tolerances, work)
         for lane in range(of.lanes):
             if is_at[lane] == OVER or is_at[lane] == WAITS:
                 continue
-            h, off = now[H, lane], now[OFF, lane]
-            factor = 0.9 / sqrt(sqrt(sqrt(off)))
+            factor = 0.9 / sqrt(sqrt(sqrt(off[lane])))
             controls[lane, TRIED] += 1.0
-            if not off < 1.0:
+            if not off[lane] < 1.0:
                 is_at[lane] = AGAIN
-                now[FREE, lane], now[GROWS, lane] = h * max(0.2, factor), 1.0
+                work.free[lane], work.grows[lane] = h[lane] * max(0.2, factor), 1.0
             else:
                 is_at[lane], taken = TAKEN, True
-                controls[lane, TRY] = h * min(factor, now[GROWS, lane])
+                controls[lane, TRY] = h[lane] * min(factor, work.grows[lane])
                 counts[lane] += 1
                 at = lane * (most + 1) + counts[lane]
-                times[at] = now[LATER, lane]
+                times[at] = work.later[lane]
                 for i in range(of.state):
                     states[at, i] = state[i, lane]
         if taken:
-            rates_at(of, fill, rhs, by, y, now, of.ends, of.stages)
-            highest_terms(of, K, now, by.D, work.highest)
+            rates_at(of, fill, rhs, by, work, of.ends, of.stages)
+            highest_terms(of, K, by.D, h, work.highest)
         for lane in range(of.lanes):
             if is_at[lane] == TAKEN:
                 at, m = lane * (most + 1) + counts[lane], lane * most + counts[lane] - 1
                 new = states[at]
-                series_of(of, K, y, new, now[H, lane], work.highest, run.series[m], lane)
+                series_of(of, K, y, new, h[lane], work.highest, run.series[m], lane)
                 run.turns[m] = may_turn(of, K, lane)
                 for i in range(of.state):
                     y[i, lane] = new[i]
-                now[TIME, lane], is_at[lane] = now[LATER, lane], BEGINS
+                time[lane], is_at[lane] = work.later[lane], BEGINS
                 inside = controls[lane, LOW] < new[0] and new[0] < controls[lane, HIGH]
                 if not (inside and is_calm(of, K, watched, lane)):
                     is_at[lane], counts[lane] = OVER, -counts[lane]
