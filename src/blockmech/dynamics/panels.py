@@ -23,7 +23,7 @@ import numpy as np
 from numpy.polynomial import chebyshev, legendre
 from numpy.typing import NDArray
 
-from blockmech.engines.loops import Reals
+from blockmech.engines.kinds import Reals
 from blockmech.functions.series import ended, largest
 from blockmech.ground.plane import EPS
 

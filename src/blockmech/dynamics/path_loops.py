@@ -30,7 +30,7 @@ from blockmech.dynamics.panels import (
 )
 from blockmech.dynamics.path_mesh import COARSE, FINE, KEPT
 from blockmech.dynamics.place_data import SHORT, TAU, J
-from blockmech.engines.loops import Counts, Reals
+from blockmech.engines.kinds import Counts, Reals
 from blockmech.functions.series import LEVEL, NOISE
 from blockmech.ground.plane import EPS
 

@@ -49,7 +49,7 @@ from blockmech.plan.plan import Friction, Program
 from blockmech.result.motion import Cost, Floats
 
 if TYPE_CHECKING:
-    from blockmech.engines.stages import CompiledStepper
+    from blockmech.engines.compiled_rates import CompiledStepper
     from blockmech.typing import Progress
 
 T = TypeVar("T")

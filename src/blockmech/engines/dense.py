@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines import loops
+from blockmech.engines.kinds import Reals
 from blockmech.engines.llvm import machine_code
-from blockmech.engines.loops import Reals
 
 Floats = NDArray[np.float64]
 # Of an array of one's own, in a third of the time that its attribute ``ctypes`` takes.

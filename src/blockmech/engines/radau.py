@@ -23,7 +23,7 @@ from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.engines.loops import Counts, Reals
+from blockmech.engines.kinds import Counts, Reals
 from blockmech.engines.stages import (
     BOUND,
     HIGH,
