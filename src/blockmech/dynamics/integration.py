@@ -79,8 +79,8 @@ class Integration(Run):
             return STEPPERS[self.method](*about, self.step)
         first = self.finer is not None and self.method == "dop853" and t == self.request.start.t
         finer = self.tolerances(self.finer or 0.0) if first else None
-        own = self.tolerances(self.tolerance)
-        return AdaptiveSolver(*about, self.method, own, self.plan, finer)
+        tolerances = self.tolerances(self.tolerance)
+        return AdaptiveSolver(*about, self.method, tolerances, self.plan, finer)
 
     def tolerances(self, tolerance: float) -> Floats:
         """Relative and absolute ones (2, n) of the components of the state."""

@@ -246,8 +246,8 @@ def automatic(system: System, request: SimulationRequest) -> Motion:
     if not why:
         why = "all loads depend on the driver's coordinate alone"
         routes = system.routes((request.until, *request.start))
-        made = system.quick_states and system.compiled_states
-        if routes.along > 0 and routes.save_in_time(system.equation_program, made):
+        compiled = system.quick_states and system.compiled_states
+        if routes.along > 0 and routes.save_in_time(system.equation_program, compiled):
             dearer = f"{why}, but its path goes by arrays, steps in time by machine code"
             motion = in_time(system, replace(request, why=dearer), "dop853", patient=False)
             good = motion.error <= (request.accuracy or TARGET)

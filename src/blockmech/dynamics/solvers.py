@@ -115,34 +115,34 @@ class AdaptiveSolver(Solver):
         first = min(int(self.plan.searchsorted(self.t, "right")) - 1, len(self.plan) - 2)
         about = self.weight, self.plan[max(first, 0) :]
         how, self.finer = (self.tolerances, most, every, self.finer, *about), None
-        made = code.steps((self.t, self.y), self.h, self.bound, free_range, *how)
-        many = len(made.series)
-        self.equation.know(float(made.y[-1, 0]), *made.row[made.y.shape[1] :][:2])
-        self.equation.took(begins + made.tried * by.states[0] + many * by.states[1])
+        steps = code.steps((self.t, self.y), self.h, self.bound, free_range, *how)
+        many = len(steps.series)
+        self.equation.know(float(steps.y[-1, 0]), *steps.row[steps.y.shape[1] :][:2])
+        self.equation.took(begins + steps.tried * by.states[0] + many * by.states[1])
         if not many:
             return None
-        self.t, self.y, self.h = float(made.t[-1]), made.y[-1], made.h
-        calm = many - made.doubtful
-        turns = [] if every else made.turns[:calm].nonzero()[0].tolist()
-        dense = Dense(made.t[:-1], made.t[1:] - made.t[:-1], made.series)
-        return AcceptedSteps(made.t, made.y, dense, calm, turns)
+        self.t, self.y, self.h = float(steps.t[-1]), steps.y[-1], steps.h
+        calm = many - steps.doubtful
+        turns = [] if every else steps.turns[:calm].nonzero()[0].tolist()
+        dense = Dense(steps.t[:-1], steps.t[1:] - steps.t[:-1], steps.series)
+        return AcceptedSteps(steps.t, steps.y, dense, calm, turns)
 
     def _by_scipy(self) -> AcceptedSteps | None:
-        own, y = self._solver_of_scipy(), self.y
-        own.max_step = halved(self.plan, max(len(self.plan) - 1, 0), self.t, math.inf)
+        solver, y = self._solver_of_scipy(), self.y
+        solver.max_step = halved(self.plan, max(len(self.plan) - 1, 0), self.t, math.inf)
         with np.errstate(all="ignore"):
             try:
-                own.step()
+                solver.step()
             except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
                 if error is self.equation.error:  # the mechanism's own, not the solver's
                     raise
                 return None
-            if own.status == "failed" or not np.isfinite(own.y).all():
+            if solver.status == "failed" or not np.isfinite(solver.y).all():
                 return None
-            series = series_of(own.dense_output())
-        self.t, self.y, self.h = float(own.t), own.y, own.h_abs
-        dense = Dense(np.array([own.t_old]), np.array([own.t - own.t_old]), series[None])
-        return AcceptedSteps.one((own.t_old, own.t), (y, own.y), dense)
+            series = series_of(solver.dense_output())
+        self.t, self.y, self.h = float(solver.t), solver.y, solver.h_abs
+        dense = Dense(np.array([solver.t_old]), np.array([solver.t - solver.t_old]), series[None])
+        return AcceptedSteps.one((solver.t_old, solver.t), (y, solver.y), dense)
 
     def _solver_of_scipy(self) -> Any:
         """The one of the step before, or one that begins here."""
@@ -152,12 +152,12 @@ class AdaptiveSolver(Solver):
             (rtol, atol), first = self.tolerances, min(self.h, self.bound - self.t) or None
             about = self.equation, self.t, self.y, self.bound
             if self.method == "radau":  # which takes one relative tolerance
-                own = Radau(*about, rtol=rtol.max(), atol=atol, first_step=first)
-                own.newton_tol = left_of(float(own.rtol))
+                solver = Radau(*about, rtol=rtol.max(), atol=atol, first_step=first)
+                solver.newton_tol = left_of(float(solver.rtol))
             else:
-                own = DOP853(*about, rtol=rtol, atol=atol, first_step=first)
-                own.E3 = math.sqrt(self.weight / THIRD) * own.E3
-            self._scipys = own
+                solver = DOP853(*about, rtol=rtol, atol=atol, first_step=first)
+                solver.E3 = math.sqrt(self.weight / THIRD) * solver.E3
+            self._scipys = solver
         return self._scipys
 
 

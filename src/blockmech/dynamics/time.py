@@ -330,32 +330,28 @@ class TimeIntegration(Integration):
     def _met(self, hit: EventHit) -> RunEnd | None:
         """Why the run is over by the event that ended a segment, or None."""
         rule = self.fired = hit.rule
-        changes = (w for w in self.request.watch if w.then and rule.own and w.name == rule.kind)
+        kind, request = rule.kind, self.request
+        changes = (w for w in request.watch if w.then and rule.own and w.name == kind)
         if (watch := next(changes, None)) is not None:
             return self._change_roles(watch)
-        if rule.kind == ends.KINK:
-            return self._past_kink()
-        if rule.kind == ends.WHOLE_TURN:
-            return self._turned()
-        if rule.kind == ends.REVERSAL:
+        if kind == ends.REVERSAL:
             return self._becomes(self.pairs.reverse(self._now, rule.index))
-        if rule.kind == ends.STANDSTILL:
-            return self._stood()
-        if rule.kind == ends.RELEASED:
+        if kind == ends.RELEASED:
             return self._becomes(self.pairs.release(self._now))
-        if rule.kind == ends.LEAVES_STOP:
+        past = {ends.KINK: self._past_kink, ends.WHOLE_TURN: self._turned}
+        past |= {ends.STANDSTILL: self._stood}
+        if kind in past:
+            return past[kind]()
+        if kind in (ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.DEFLECTION_KINK):
+            return None
+        if kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
+            return self.short_of(kind, time_left(self.system, kind, *map(float, self.y[:2])))
+        if kind == ends.LEAVES_STOP:
             self._past_contact(rule)
-            return RunEnd(rule.kind)
-        if rule.kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
-            q, qd = float(self.y[0]), float(self.y[1])
-            left = time_left(self.system, rule.kind, q, qd)
-            return self.short_of(rule.kind, left)
-        if rule.kind == ends.GOAL:
-            return RunEnd(self.request.until.goal, "reached")
-        if rule.kind not in (ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.DEFLECTION_KINK):
-            own = any(rule.kind == w.name and w.terminal for w in self.request.watch)
-            return RunEnd(rule.kind, "reached" if own else "ended")
-        return None
+        if kind == ends.GOAL:
+            return RunEnd(request.until.goal, "reached")
+        own = any(kind == w.name and w.terminal for w in request.watch)
+        return RunEnd(kind, "reached" if own else "ended")
 
     def _stood(self) -> RunEnd | None:
         self.y[1] = 0.0

@@ -204,10 +204,10 @@ class Routes:
         """[s] in time."""
         return self.states * (STEP + IDLE * account(program).time(program, CODE))
 
-    def save_in_time(self, program: Program, made: bool) -> bool:
-        """Whether it takes less in time by machine code that is made, or has saved its making."""
+    def save_in_time(self, program: Program, compiled: bool) -> bool:
+        """Whether it takes less in time by machine code that is there, or pays."""
         saves = self.along > self.in_time(program)
-        return saves and (made or account(program).pays(program, self.saved))
+        return saves and (compiled or account(program).pays(program, self.saved))
 
     def count_along(self, program: Program, cost: Cost) -> None:
         """Note one along the path; what machine code does, or is kept, has no samples."""
