@@ -334,8 +334,7 @@ def left_of(loose: float) -> float:
     All steps leave to the same side what they iterate to: that is a small part of it, for two runs
     to differ by their steps, and what does not fall with the tolerance no run shows.
     """
-    left = max(10.0 * EPS / loose, ITERATED * min(0.03, sqrt(loose)))
-    return max(left, 0.25 * sqrt(EPS / loose))
+    return max(10.0 * EPS / loose, ITERATED * min(0.03, sqrt(loose)))
 
 
 def left_allowed(of: Sizes, tolerances: Limits, sizes: Reals) -> float:
