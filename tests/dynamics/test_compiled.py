@@ -10,7 +10,7 @@ import blockmech as bm
 from blockmech.dynamics import solvers
 from blockmech.dynamics.change_points import FollowingSystem
 from blockmech.dynamics.equation import Equation, kept_rates
-from blockmech.dynamics.solvers import Dop853
+from blockmech.dynamics.solvers import ANYWHERE, AdaptiveSolver
 from blockmech.dynamics.system import System
 from blockmech.engines.cost import Account
 from blockmech.plan.settings import friction_asked
@@ -149,6 +149,28 @@ def test_motions_that_are_asked_for_again_are_compiled(monkeypatch):
     assert (engines[0], engines[-1]) == ("scalar", "llvm")
 
 
+@pytest.mark.parametrize(
+    ("name", "start", "span", "methods"),
+    [
+        (
+            "rack_gripper",
+            (0.0, 0.05),
+            0.02,
+            ["energy", "energy", "dop853"],
+        ),  # no period: sampled anew
+        ("watt_sixbar", (1.5, 0.0), 0.5, ["energy"] * 3),  # what it samples is kept
+    ],
+)
+def test_auto_leaves_a_path_that_costs_more_than_steps(monkeypatch, name, start, span, methods):
+    monkeypatch.setattr(Account, "pays", lambda self, program, seconds: seconds > 1e-3)
+    mech = mechanism(name)
+    request = {"until": f"time={span}", "start": {mech.drivers[0]: start}, "want": []}
+    motions = [mech.simulate(**request).motion for _ in methods]
+    assert [motion.method for motion in motions] == methods
+    assert abs(motions[0].q_end - motions[-1].q_end) <= sum(motions[i].error for i in (0, -1))
+    assert motions[-1].error <= 1e-9
+
+
 def test_engines_of_motions_are_told_by_name():
     with pytest.raises(bm.RequestError, match='no engine "numpy" of motions'):
         mechanism("watt_sixbar").simulate("time=1", engine="numpy")
@@ -181,20 +203,20 @@ def test_where_there_is_no_pose_there_are_no_rates():
 def test_in_steps_that_machine_code_calls_calm_nothing_happens(monkeypatch, make, request_of):
     """At a coarse target, where steps are long."""
     request = request_of | {"method": "dop853", "engine": "llvm", "accuracy": 1e-3, "want": []}
-    steps = Dop853.steps
+    steps = AdaptiveSolver.steps
 
-    def alone(self, free_range, every):
+    def alone(self, free_range=ANYWHERE, every=True):
         self.finer = None  # a run beside it would learn from its steps
         return steps(self, free_range, every)
 
-    def in_doubt(self, free_range, every):
+    def in_doubt(self, free_range=ANYWHERE, every=True):
         found = alone(self, free_range, every)
         return found and found._replace(calm=0, turns=())
 
-    monkeypatch.setattr(Dop853, "steps", alone)
+    monkeypatch.setattr(AdaptiveSolver, "steps", alone)
     passed = make().simulate(watch=[PASSES], **request).motion
     monkeypatch.setattr(solvers, "REPORTED", 1)
-    monkeypatch.setattr(Dop853, "steps", in_doubt)
+    monkeypatch.setattr(AdaptiveSolver, "steps", in_doubt)
     looked_at = make().simulate(watch=[PASSES], **request).motion
     assert [e.kind for e in passed.events] == [e.kind for e in looked_at.events]
     assert passed.end == looked_at.end

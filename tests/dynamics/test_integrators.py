@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.dynamics import time as integrators
+from blockmech.dynamics import integration as integrators
 from blockmech.dynamics.events import crossings
 from blockmech.dynamics.request import Start, Until, Watch
 from blockmech.dynamics.system import Terms

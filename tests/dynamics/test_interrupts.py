@@ -11,8 +11,8 @@ import pytest
 
 import blockmech as bm
 from blockmech.cli import terminal
+from blockmech.dynamics import integration as integrators
 from blockmech.dynamics import repetition
-from blockmech.dynamics import time as integrators
 from tests.extremes.motions import slider
 from tests.gallery import GRAPHS, mechanism
 

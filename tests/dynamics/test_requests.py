@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from blockmech.dynamics import time
+from blockmech.dynamics import integration
 from blockmech.dynamics.motion_outputs import result_in_chart
 from blockmech.dynamics.request import Until, Watch
 from blockmech.ground.errors import RequestError
@@ -97,7 +97,7 @@ def test_a_goal_that_never_comes_is_said_to_be_never_reached(until, start):
     steady = scene.simulate("steady", start={"crank": (0.0, 20.0)}).motion.facts
     for fact in ("period", "mean_speed"):
         assert motion.facts[fact] == pytest.approx(steady[fact], rel=1e-9)
-    assert motion.cost.evaluations < time.EVALUATIONS / 4
+    assert motion.cost.evaluations < integration.EVALUATIONS / 4
 
 
 def test_a_wheel_that_speeds_up_for_ever_reaches_no_standstill():
@@ -204,7 +204,7 @@ def test_more_steps_than_can_be_made_are_refused_before_the_first():
 
 def test_rk4_gives_up_a_goal_that_is_never_met(monkeypatch):
     """A swinging rod makes no turn."""
-    monkeypatch.setattr(time, "EVALUATIONS", 2_000)
+    monkeypatch.setattr(integration, "EVALUATIONS", 2_000)
     start = {"crank": (0.3, 0.0)}
     motion = scenes.rod().simulate("turns=1", method="rk4", start=start).motion
     assert motion.status == "failed"

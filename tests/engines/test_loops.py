@@ -15,7 +15,7 @@ from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.system import System
 from blockmech.engines import dense, loops, radau, stages
 from blockmech.engines.assembly import Text, piece
-from blockmech.engines.loops import Counts, Reals
+from blockmech.engines.kinds import Counts, Reals
 from blockmech.engines.nodes import SAMPLE
 from blockmech.engines.singular_values import Lanes, spread
 from blockmech.engines.trace import Trace, solve

@@ -22,9 +22,6 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.charts import Chart
 from blockmech.dynamics.estimate import (
-    FINER,
-    FLOOR,
-    LEAST,
     TARGET,
     UNFINISHED,
     refined,
@@ -35,7 +32,8 @@ from blockmech.dynamics.legs import Leg
 from blockmech.dynamics.pair_stops import Counted, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Surface, Until, Watch
 from blockmech.dynamics.roles import FREE, Roles
-from blockmech.dynamics.time import FIXED, TimeIntegration
+from blockmech.dynamics.solvers import STEPPERS
+from blockmech.dynamics.time import TimeIntegration
 from blockmech.ground.errors import BlockmechError, GraphError, listed
 from blockmech.ground.plane import EPS
 from blockmech.model.joints.blocks import SaidByLinks
@@ -298,6 +296,7 @@ class Atlas:
                 events.append(event._replace(q=q, qd=qd))
         return last.but(
             t_start=self.request.start.t,
+            error=math.inf,
             q_end=end.q[0],
             qd_end=end.qd[0],
             track=track,
@@ -366,7 +365,7 @@ def _refused(mechanism: Compiled, linkage: Linkage, request: SimulationRequest) 
         "signals read the drivers": linkage.signals or mechanism.structure.signal_wires,
         "end stops let it bounce": request.stops,
         "a steady state is looked for": request.until.goal == "steady",
-        "its steps are fixed": request.method in FIXED,
+        "its steps are fixed": request.method in STEPPERS,
     }
     return listed([why for why, so in reasons.items() if so])
 
@@ -420,15 +419,8 @@ def beyond_dead_centres(
     atlas.entries.append(entry)
     target = request.accuracy or TARGET
 
-    def pair(tolerance: float) -> tuple[Motion, Motion | None]:
-        coarse = atlas.walk(tolerance)
-        if coarse.end in UNFINISHED:
-            return coarse, None
-        return coarse, atlas.walk(max(tolerance / FINER, FLOOR), halves=True)
-
-    first = max(target, LEAST)
-    scout = atlas.walk(max(first, SCOUTING))
+    scout = atlas.walk(max(target, SCOUTING))
     if scout.end in UNFINISHED:  # no other walk would be stopped: it is said once
         return stopped(scout, None)
     # What rounding does where the state is handed over is not less by half the steps.
-    return refined(pair, system, first, target, request.times, remainder=1.0)
+    return refined(atlas.walk, system, target, request.times, remainder=1.0)

@@ -37,19 +37,10 @@ from blockmech.dynamics.estimate import (
 )
 from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.dynamics.run import EVALUATIONS
+from blockmech.engines.compiled_rates import CompiledRhs, FleetSteps
 from blockmech.engines.dense import value
 from blockmech.engines.llvm import slots_of
-from blockmech.engines.stages import (
-    BOUND,
-    HIGH,
-    LOW,
-    THIRD,
-    TRY,
-    WEIGHT,
-    CompiledRhs,
-    FleetSteps,
-    scheme,
-)
+from blockmech.engines.stages import BOUND, HIGH, LOW, THIRD, TRY, WEIGHT, scheme
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Floats
 from blockmech.result.quality import NEAR as LEAST_MARGIN

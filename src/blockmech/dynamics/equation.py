@@ -24,7 +24,8 @@ from blockmech.dynamics.ends import TooMany
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.rates import LEAST_INERTIA, rates_of
 from blockmech.dynamics.system import REPORTED, System
-from blockmech.engines.stages import CompiledRhs, CompiledStepper, Method, dop853
+from blockmech.engines.compiled_rates import CompiledRhs, CompiledStepper
+from blockmech.engines.stages import Method, dop853
 from blockmech.result.motion import Floats
 
 if TYPE_CHECKING:

@@ -214,28 +214,28 @@ def missed(motion: Motion, target: float, why: str = "") -> Motion:
 
 
 def refined(
-    pair: Callable[[float], tuple[Motion, Motion | None]],
+    run: Callable[[float, bool], Motion],
     system: System,
-    first: float,
     target: float,
     wanted: tuple[float, ...],
     remainder: float,
 ) -> Motion:
     """A motion whose error is estimated, and meets the target if a pair of runs does.
 
-    pair : a run at a tolerance and one by half its steps, which is None where there is no error
-    first : tolerance of the first pair
+    run : the motion at a tolerance, or by half the steps of the run before; that has no error where
+        nothing moves
     remainder : of the difference of two runs the finer one is off by no more
 
     Targets below `LEAST` go down one ladder of tolerances: none states more than a looser one.
     """
-    tolerance, best = first, None
+    tolerance, best = max(target, LEAST), None
     while True:
-        coarse, fine = pair(tolerance)
+        coarse = run(tolerance, False)
         if coarse.end in UNFINISHED:
             return missed(stopped(coarse, best), target)
-        if fine is None:
+        if not coarse.error:
             return coarse
+        fine = run(max(tolerance / FINER, FLOOR), True)
         if fine.end in UNFINISHED and fine.t_end < coarse.t_end:
             return missed(stopped(fine, best or coarse), target)
         apart = difference(coarse, fine, system.rotary, wanted)

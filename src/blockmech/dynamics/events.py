@@ -20,7 +20,6 @@ from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.loads import SAME
 from blockmech.dynamics.rates import LEAST_INERTIA, bearing
 from blockmech.dynamics.request import SimulationRequest, Watch
-from blockmech.engines.dense import Dense
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Floats, Motion
 from blockmech.result.quality import NEAR as LEAST_MARGIN
@@ -261,7 +260,7 @@ class EventDetector:
         below, above = (p for p in places if p <= q), (p for p in places if p >= q)
         return max(below, default=-math.inf), min(above, default=math.inf)
 
-    def within(self, steps: Floats, states: Floats, dense: Callable[[Any], Any]) -> list[EventHit]:
+    def within(self, steps: Floats, states: Floats, dense: Any) -> list[EventHit]:
         """Events within steps, in no order: of one, or of some if all rules are a user's.
 
         steps : (m + 1,) [s], states : (m + 1, n) where they begin, and where the last ends
@@ -281,13 +280,11 @@ class EventDetector:
         if alike and all(quiet):
             return []
         hits, open_ = list[EventHit](), [*zip(self.rules, values, ends_at, strict=True)]
-        if isinstance(dense, Dense):
-            for rule, *known in open_:
-                level = 0.0 if math.isnan(rule.place) else rule.place
-                where = rule.component, level, known, rule.direction, self.parts
-                times = dense.crossings(*where) if rule.component >= 0 else ()
-                hits += [EventHit(rule, s) for s in times]
-            open_ = [x for x in open_ if x[0].component < 0]
+        for rule, *known in (x for x in open_ if x[0].component >= 0):
+            level = 0.0 if math.isnan(rule.place) else rule.place
+            times = dense.crossings(rule.component, level, known, rule.direction, self.parts)
+            hits += [EventHit(rule, min(s, t1)) for s in times]
+        open_ = [x for x in open_ if x[0].component < 0]
         if not open_:
             return hits
         begins, shares = steps[:-1, None], np.arange(self.parts) / self.parts

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from blockmech.result.motion import Floats
+from blockmech.result.motion import Floats, Impact, State
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.roles import Roles
+    from blockmech.engines.dense import Dense
 
 
 @dataclass(frozen=True)
@@ -81,3 +85,34 @@ class StateLayout:
         if self.drivers == 1:
             return float(y[0]), float(y[1])
         return y[self.q], y[self.rate]
+
+
+@dataclass(frozen=True)
+class TimeTrack:
+    """States at any time of a run, from dense output that joins its steps."""
+
+    layout: StateLayout
+    dense: Dense
+    roles: tuple[tuple[float, Roles], ...] = ()  # from times [s] on
+    jolts: tuple[Impact, ...] = ()
+    standstills: tuple[float, ...] = ()  # [s] of the only driver
+
+    def state(self, t: Floats) -> State:
+        """State at times (m,) [s]; of drivers with a law as that says, and after jolts."""
+        y, at = self.dense(t), self.layout
+        if at.drivers == 1:
+            still = np.isin(t, self.standstills) if self.standstills else False
+            return State(y[0], np.where(still, 0.0, y[1]))
+        q, rate = y[at.q].T, y[at.rate].T
+        if self.roles:
+            which = np.searchsorted([begin for begin, _ in self.roles], t, "right") - 1
+            for i, (_, roles) in enumerate(self.roles):
+                some = np.maximum(which, 0) == i
+                q[some], rate[some] = roles.motion(q[some], rate[some], t[some])
+            for jolt in self.jolts:
+                rate[t == jolt.t] = jolt.after
+        return State(q, rate)
+
+    def signal_states(self, t: Floats) -> Floats:
+        """States (m, n) of signal blocks at times (m,) [s]."""
+        return self.dense(t)[self.layout.signals].T

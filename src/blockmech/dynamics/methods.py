@@ -1,7 +1,7 @@
 """Which method computes a motion, and why; what is refused.
 
-``auto`` goes along the path where it can (``energy``), else in time by ``dop853``, by ``radau``
-where that is stiff. The steady state is a search of its own.
+``auto`` goes along the path (``energy``) where it can and that costs no more, else in time by
+``dop853``, by ``radau`` where that is stiff. The steady state is a search of its own.
 """
 
 from __future__ import annotations
@@ -23,27 +23,13 @@ from blockmech.dynamics.rest import balanced, failed_start
 from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS
 from blockmech.dynamics.signals import felt
 from blockmech.dynamics.system import System
+from blockmech.dynamics.textbook import in_fixed_steps
+from blockmech.dynamics.time import in_time
 from blockmech.ground.errors import RequestError, listed, refused
 from blockmech.result.motion import Event, Floats, Motion, Status
 
 LOOKED_AT = 31  # states of a motion at which iterations of friction are judged
 WITHOUT = 'leave it out with friction="none" (--friction none)'
-
-
-def in_time(
-    system: System, request: SimulationRequest, method: str, patient: bool = True
-) -> Motion:
-    """By an integrator in time."""
-    from blockmech.dynamics import time
-
-    return time.in_time(system, request, method, patient)
-
-
-def in_fixed_steps(system: System, request: SimulationRequest, method: str) -> Motion:
-    """By a scheme of the textbooks."""
-    from blockmech.dynamics import textbook
-
-    return textbook.in_fixed_steps(system, request, method)
 
 
 def move(system: System, request: SimulationRequest) -> Motion:
@@ -52,12 +38,21 @@ def move(system: System, request: SimulationRequest) -> Motion:
     Raises `RequestError` for a method or goal that does not exist or does not fit the loads.
     """
     check(system, request)
-    motion = unmoved(system, request)
-    if motion is None:
-        motion = _moved(system, request)
-    elif not motion.x_end:
-        motion = replace(motion, x_end=system.signals.initial)
-    motion = _with_misfit(system, motion)
+    steady, auto = request.until.goal == "steady", request.method == "auto"
+    try:
+        motion = unmoved(system, request)
+        if motion is None:
+            run = steady_motion if steady else automatic if auto else by_name
+            motion = run(system, request if auto else replace(request, why="asked for"))
+        elif not motion.x_end:
+            motion = replace(motion, x_end=system.signals.initial)
+        motion = _with_misfit(system, motion)
+    except KeyboardInterrupt:  # before there was anything but the start
+        notes = ("interrupted before a steady state was found",) if steady else ()
+        return replace(request.standing, status="ended", end=ends.INTERRUPTED, notes=notes)
+    except ends.BudgetSpent:
+        notes = (system.budget.advice,)
+        return replace(request.standing, status="unfinished", end=ends.BUDGET, notes=notes)
     system.remember()
     status: Status = "failed" if motion.end == ends.TOO_MANY else motion.status
     return motion.but(cost=system.cost, status=status)
@@ -215,16 +210,15 @@ def _push(system: System, request: SimulationRequest, row: Floats, drift: float)
 # -- running -------------------------------------------------------------------------------
 
 
-def _moved(system: System, request: SimulationRequest) -> Motion:
-    named = request.method != "auto"
-    if named:
-        request = replace(request, why="asked for")
-    if request.until.goal == "steady":
-        from blockmech.dynamics.steady import steady_motion
+def steady_motion(system: System, request: SimulationRequest) -> Motion:
+    """What the motion settles to: a search of its own, which few ask for."""
+    from blockmech.dynamics import steady
 
-        return steady_motion(system, request)
-    if not named:
-        return _automatic(system, request)
+    return steady.steady_motion(system, request)
+
+
+def by_name(system: System, request: SimulationRequest) -> Motion:
+    """By the method asked for."""
     method = METHODS[request.method]
     if not method.ends_at_events:
         return watched(along_path(system, request), request.watch)
@@ -232,7 +226,13 @@ def _moved(system: System, request: SimulationRequest) -> Motion:
     return run(system, request, request.method)
 
 
-def _automatic(system: System, request: SimulationRequest) -> Motion:
+def automatic(system: System, request: SimulationRequest) -> Motion:
+    """Along the path where that can be and costs no more, else in time.
+
+    In time by ``dop853``, or by ``radau`` where that needs too many steps. That it needs too many
+    to a given time is a guess: where ``radau`` does as well, all are made, unless that is hopeless.
+    Other goals may never be reached, which is found out by machine code alone in little time.
+    """
     in_steps = {
         "several drivers": len(system.drivers) > 1,
         "a user's event ends the run": request.until.goal == "event",
@@ -242,38 +242,43 @@ def _automatic(system: System, request: SimulationRequest) -> Motion:
         "the joints have friction": system.friction is not None,
         "the loads depend on the rate": "rate" in system.depends_on,
     }
-    for why in (why for why, so in in_steps.items() if so):
-        return _stiff_or_not(system, request, why)
-    why = "all loads depend on the driver's coordinate alone"
-    motion = along_path(system, replace(request, why=why))
-    unsure = motion.end in (ends.TOO_MANY, ends.UNDECIDED) or not motion.error < math.inf
-    unsure |= not motion.reached and motion.error > TARGET
-    # A motion that failed because it swings on and on: no other method is quicker.
-    swings_on = motion.end == ends.TOO_MANY and motion.status == "failed"
-    if unsure and not swings_on and motion.end not in ends.STOPPED:
-        known = f", error {motion.error:.1e}" if math.isfinite(motion.error) else ""
-        other = _stiff_or_not(system, request, f"along the path: {motion.end}{known}")
-        in_vain = other.end == ends.TOO_MANY and known  # nothing is known of what it made
-        if other.error < motion.error or (motion.status == "failed" and not in_vain):
-            notes = (f"along the path: {note}" for note in motion.notes[:1])
-            return replace(other, notes=(*other.notes, *notes))
-    return watched(motion, request.watch)
-
-
-def _stiff_or_not(system: System, request: SimulationRequest, why: str) -> Motion:
-    """In time by ``dop853``, or by ``radau`` where that needs too many steps.
-
-    That it needs too many to a given time is a guess: where ``radau`` does as well, all are made,
-    unless that is hopeless.
-    Other goals may never be reached, which is found out by machine code alone in little time.
-    """
+    why, along = next((why for why, so in in_steps.items() if so), ""), None
+    if not why:
+        why = "all loads depend on the driver's coordinate alone"
+        routes = system.routes((request.until, *request.start))
+        compiled = system.quick_states and system.compiled_states
+        if routes.along > 0 and routes.save_in_time(system.equation_program, compiled):
+            dearer = f"{why}, but its path goes by arrays, steps in time by machine code"
+            motion = in_time(system, replace(request, why=dearer), "dop853", patient=False)
+            good = motion.error <= (request.accuracy or TARGET)
+            routes.states = system.states if good else math.inf
+            if good or motion.end in ends.STOPPED:
+                return motion
+        along = along_path(system, replace(request, why=why))
+        if system.quick_states:
+            routes.count_along(system.equation_program, system.cost)
+        unsure = along.end in (ends.TOO_MANY, ends.UNDECIDED) or not along.error < math.inf
+        unsure |= not along.reached and along.error > TARGET
+        # A motion that failed because it swings on and on: no other method is quicker.
+        swings_on = along.end == ends.TOO_MANY and along.status == "failed"
+        if not unsure or swings_on or along.end in ends.STOPPED:
+            return watched(along, request.watch)
+        error = f", error {along.error:.1e}" if math.isfinite(along.error) else ""
+        why = f"along the path: {along.end}{error}"
     motion = in_time(system, replace(request, why=why), "dop853", patient=False)
     timed = request.until.goal == "time"
     if motion.end == ends.TOO_MANY and (timed or system.quick_states):
-        other = in_time(system, replace(request, why=f"{why}; it is stiff"), "radau", False)
-        if other.end != ends.TOO_MANY:
-            return other
+        stiff = replace(request, why=f"{why}; it is stiff")
+        other = in_time(system, stiff, "radau", patient=False)
         done = (motion.t_end - request.start.t) / request.span
-        if timed and done * HOPELESS * EVALUATIONS > GUESSED_AT:
+        if other.end != ends.TOO_MANY:
+            motion = other
+        elif timed and done * HOPELESS * EVALUATIONS > GUESSED_AT:
             motion = in_time(system, replace(request, why=why), "dop853")
-    return motion
+    if along is None:
+        return motion
+    in_vain = motion.end == ends.TOO_MANY and error  # nothing is known of what it made
+    if motion.error < along.error or (along.status == "failed" and not in_vain):
+        notes = (f"along the path: {note}" for note in along.notes[:1])
+        return replace(motion, notes=(*motion.notes, *notes))
+    return watched(along, request.watch)

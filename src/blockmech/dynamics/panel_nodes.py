@@ -21,7 +21,7 @@ import numpy as np
 from numpy.polynomial import chebyshev, legendre
 from numpy.typing import NDArray
 
-from blockmech.engines.loops import Reals
+from blockmech.engines.kinds import Reals
 from blockmech.ground.plane import DOUBLE_ROOT, EPS
 
 Floats: TypeAlias = NDArray[np.float64]

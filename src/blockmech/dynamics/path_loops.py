@@ -46,7 +46,7 @@ from blockmech.dynamics.panel_nodes import (
     Row,
     Sizes,
 )
-from blockmech.engines.loops import Counts, Reals
+from blockmech.engines.kinds import Counts, Reals
 from blockmech.functions.series import LEVEL, NOISE
 from blockmech.ground.plane import EPS
 

@@ -17,8 +17,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from blockmech.engines.binding import bind_functions
+from blockmech.engines.compiled_rates import CompiledRhs
 from blockmech.engines.nodes import Untraceable
-from blockmech.engines.stages import CompiledRhs, Method
+from blockmech.engines.stages import Method
 from blockmech.engines.trace import PRIMITIVES
 from blockmech.friction.equations import loads
 from blockmech.friction.solvers import balanced

@@ -250,17 +250,8 @@ def request_of(
     pairs_of("stops", stops, STOPS)  # where they are, the mechanism says: see `stops_of`
     if shown is None:
         shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
-    request = SimulationRequest(
-        _start(starts),
-        goal,
-        target,
-        method,
-        size,
-        tuple(shown.tolist()),
-        events,
-        roles=roles,
-    )
-    return request, starts
+    asked = goal, target, method, size, tuple(shown.tolist()), events
+    return SimulationRequest(_start(starts), *asked, roles=roles), starts
 
 
 def _start(starts: Pairs) -> Start:

@@ -111,14 +111,11 @@ def simulate(
     RequestError where the scene has no start or one beyond an end stop, no inertia, the
     method does not apply, a number or engine cannot be; MissingEngineError without llvmlite
     """
-    how = friction_asked(friction)
-    settings = {"friction": friction or "newton"}
-    report = progress_of(progress)
-    given = (until, method, accuracy, step, times, start, stops, watch)
-    last = prescribed, locked, engine
-    request, starts = request_of(mechanism.scene, mechanism.coordinate_units, *given, *last)
-    spent = budget_of(budget)
-    asked = {"method": how, "progress": report, "engine": engine, "budget": spent}
+    how, settings = friction_asked(friction), {"friction": friction or "newton"}
+    about = until, method, accuracy, step, times, start, stops, watch, prescribed, locked, engine
+    request, starts = request_of(mechanism.scene, mechanism.coordinate_units, *about)
+    report, limit = progress_of(progress), budget_of(budget)
+    asked = {"method": how, "progress": report, "engine": engine, "budget": limit}
     prepare = partial(prepared, stops=stops, asked=asked)
     system, request = prepare(mechanism, request, starts)
     if request.roles is None:
@@ -126,20 +123,13 @@ def simulate(
     refuse_memory(mechanism, starts)
     if engine == "llvm" and system.engine_of_states.name != engine:
         compiled_program(system.equation_program)  # says why it cannot be
-    motion = _moved(system, request)
+    motion = bounced(system, request, move) if request.stops else move(system, request)
     if motion.end in ends.CHART_ENDS:
         from blockmech.dynamics.atlas import beyond_dead_centres  # few motions need it
 
         motion = beyond_dead_centres(motion, system, request, prepare, move)
-    motion = with_undefined_loads(mechanism, motion)
-    if not motion.charts:
-        motion = motion.but(charts=((motion.t_start, mechanism.once(leading_joints)),))
-    if request.roles is not None and not motion.roles:  # it did not begin
-        motion = replace(motion, roles=(RolesFrom(motion.t_start, request.roles.by_driver()),))
-    if remarks := _remarks(system, motion, request.until):
-        motion = replace(motion, notes=(*motion.notes, *remarks))
-    wanted = None if times is None else np.array(request.times)
-    return _at_times(mechanism, motion, wanted, want, settings)
+    motion = explained(mechanism, system, request, motion)
+    return _at_times(mechanism, motion, None if times is None else request.times, want, settings)
 
 
 def leading_joints(mechanism: Compiled) -> tuple[str, ...]:
@@ -167,16 +157,16 @@ def prepared(
     return system_of(mechanism, **bounds, **asked), request
 
 
-def _moved(system: System, request: SimulationRequest) -> Motion:
-    try:
-        return move(system, request) if not request.stops else bounced(system, request, move)
-    except KeyboardInterrupt:  # before there was anything but the start
-        steady = request.until.goal == "steady"
-        notes = ("interrupted before a steady state was found",) if steady else ()
-        return replace(request.standing, status="ended", end=ends.INTERRUPTED, notes=notes)
-    except ends.BudgetSpent:
-        notes = (system.budget.advice,)
-        return replace(request.standing, status="unfinished", end=ends.BUDGET, notes=notes)
+def explained(
+    mechanism: Compiled, system: System, request: SimulationRequest, motion: Motion
+) -> Motion:
+    """The motion with what else a reader must know of it."""
+    motion = with_undefined_loads(mechanism, motion)
+    if not motion.charts:
+        motion = motion.but(charts=((motion.t_start, mechanism.once(leading_joints)),))
+    if request.roles is not None and not motion.roles:  # it did not begin
+        motion = replace(motion, roles=(RolesFrom(motion.t_start, request.roles.by_driver()),))
+    return motion.but(notes=(*motion.notes, *_remarks(system, motion, request.until)))
 
 
 def _remarks(system: System, motion: Motion, goal: Until) -> list[str]:
@@ -213,14 +203,14 @@ def evaluation_cost(mechanism: Compiled, friction: FrictionMethod | None) -> str
 def _at_times(
     mechanism: Compiled,
     motion: Motion,
-    wanted: Floats | None,
+    times: Sequence[float] | Floats | None,
     want: Iterable[str] | str,
     settings: Mapping[str, Any],
 ) -> SimulationResult:
-    """The result at the wanted times, those after the end left out."""
-    if wanted is None:
-        wanted = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
-    wanted = motion.reached_times(wanted)
+    """The result at some times, those after the end left out."""
+    if times is None:
+        times = motion.times(OUTPUTS if motion.t_end > motion.t_start else 1)
+    wanted = motion.reached_times(times)
     inside = ~np.isnan(wanted)
     late = len(wanted) - np.count_nonzero(inside)
     if late:

@@ -1,8 +1,9 @@
-"""SciPy's DOP853 and Radau, many steps at a time by machine code where that is asked.
+"""Steps of an `Equation`: of DOP853 and Radau, and of a fixed size as in the textbooks.
 
-Coefficients, estimates and control of both are SciPy's own, but that DOP853's estimate is that of
-order 5 alone where the equation has corners (`stages`), and that a run may go by half the steps of
-another.
+Those of the first come many at a time by machine code, else one by one from SciPy. Coefficients,
+estimates and control are SciPy's own, but that DOP853's estimate is that of order 5 alone where the
+equation has corners (`stages`), and that a run may go by half the steps of another. Whoever makes
+steps, they leave one kind of record: states, and series for those between.
 
 Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 1993, II.5, II.10;
 Hairer & Wanner, Solving Ordinary Differential Equations II, 1996, IV.8.
@@ -12,135 +13,22 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from blockmech.dynamics.equation import Equation
+from blockmech.dynamics.events import NEAR
 from blockmech.dynamics.system import REPORTED
 from blockmech.engines.dense import Dense
 from blockmech.engines.radau import left_of, radau
-from blockmech.engines.stages import THIRD, Method, dop853, halved
+from blockmech.engines.stages import THIRD, dop853, halved
 from blockmech.result.motion import Floats
 
+METHODS = {"dop853": dop853, "radau": radau}
 NO_PLAN = np.empty(0)
-
-
-class MachineSteps(ABC):
-    """A method on an `Equation`.
-
-    By machine code nothing of SciPy's is needed: its own solver is made, and the package loaded,
-    for a step that cannot be done by that.
-
-    Attributes
-    ----------
-    t, y : [s] and state reached, t_old : [s] where the last step begins
-    h_abs : [s] the step to try next; 0 before the first one, which is to fit
-    status : "running", "finished" or "failed"
-    """
-
-    method: ClassVar[Callable[[], Method]]
-    t_old: float | None = None
-    status = "running"
-    h_abs = 0.0
-
-    def __init__(
-        self,
-        equation: Equation,
-        t0: float,
-        y0: Floats,
-        bound: float,
-        *,
-        rtol: Floats,
-        atol: Floats,
-        finer: Floats | None = None,
-        plan: Floats = NO_PLAN,
-    ) -> None:
-        """See SciPy's; ``finer`` and ``plan`` as `CompiledStepper.steps` takes them."""
-        self.equation, self.t, self.y = equation, t0, y0
-        self.t_bound = bound
-        self.tolerances, self.finer, self.plan = np.array([rtol, atol]), finer, plan
-        self.weight = THIRD if equation.system.smooth else 0.0
-        self._own: Any = None
-        equation.method = type(self).method
-
-    def step(self) -> None:
-        """One step, by SciPy."""
-        if self._own is None or self._own.t != self.t:
-            first = min(self.h_abs, self.t_bound - self.t) or None
-            about = self.equation, self.t, self.y, self.t_bound, math.inf
-            self._own = self._made(*about, *self.tolerances, first_step=first)
-        own = self._own
-        own.max_step = halved(self.plan, max(len(self.plan) - 1, 0), self.t, math.inf)
-        own.step()
-        self.t_old, self.t, self.y, self.h_abs = own.t_old, own.t, own.y, own.h_abs
-        self.status = own.status
-
-    def dense_output(self) -> Any:
-        """States in the last step."""
-        return self._own.dense_output()
-
-    @abstractmethod
-    def _made(self, *about: Any, first_step: float | None) -> Any:
-        """SciPy's solver, from arguments in its order."""
-
-    def steps(self, free_range: tuple[float, float], every: bool) -> AcceptedSteps | None:
-        """The next steps by machine code, up to one that may leave a free_range; None without any.
-
-        every : whether a standstill ends a step
-        """
-        code, by = self.equation.code, self.equation.method()
-        if code is None:
-            return None
-        begin = self.t, self.y
-        left = (self.equation.most - self.equation.spent) / by.stages
-        most = int(min(REPORTED, left + 1))
-        begins = 1 + int(self.h_abs == 0)
-        first = min(int(self.plan.searchsorted(self.t, "right")) - 1, len(self.plan) - 2)
-        about = self.weight, self.plan[max(first, 0) :]
-        how, self.finer = (self.tolerances, most, every, self.finer, *about), None
-        made = code.steps(begin, self.h_abs, self.t_bound, free_range, *how)
-        many = len(made.series)
-        self.equation.know(float(made.y[-1, 0]), *made.row[made.y.shape[1] :][:2])
-        self.equation.took(begins + made.tried * by.states[0] + many * by.states[1])
-        if not many:
-            return None
-        self.t_old, self.t = made.t[-2:].tolist()
-        self.y, self.h_abs = made.y[-1], made.h
-        self.status = "finished" if self.t >= self.t_bound else "running"
-        calm = many - made.doubtful
-        turns = [] if every else made.turns[:calm].nonzero()[0].tolist()
-        dense = Dense(made.t[:-1], made.t[1:] - made.t[:-1], made.series)
-        return AcceptedSteps(made.t, made.y, dense, calm, turns)
-
-
-class Dop853(MachineSteps):
-    """The explicit method."""
-
-    method = staticmethod(dop853)
-
-    def _made(self, *about: Any, first_step: float | None) -> Any:
-        from scipy.integrate import DOP853
-
-        solver = DOP853(*about, first_step=first_step)
-        solver.E3 = math.sqrt(self.weight / THIRD) * solver.E3
-        return solver
-
-
-class Radau5(MachineSteps):
-    """The method for stiff equations."""
-
-    method = staticmethod(radau)
-
-    def _made(self, *about: Any, first_step: float | None) -> Any:
-        """SciPy's, which takes one relative tolerance."""
-        from scipy.integrate import Radau
-
-        *begin, rtol, atol = about
-        solver = Radau(*begin, rtol.max(), atol, first_step=first_step)
-        solver.newton_tol = left_of(float(solver.rtol))
-        return solver
+ANYWHERE = (-math.inf, math.inf)
 
 
 class AcceptedSteps(NamedTuple):
@@ -154,15 +42,234 @@ class AcceptedSteps(NamedTuple):
 
     t: Floats
     y: Floats
-    dense: Callable[[Any], Any]
+    dense: Dense
     calm: int = 0
     turns: Sequence[int] = ()
 
+    @classmethod
+    def one(cls, t: Sequence[float], y: Sequence[Floats], dense: Dense) -> AcceptedSteps:
+        """A step from one time and state to others."""
+        return cls(np.array(t), np.array(y), dense)
+
     def part(self, first: int, end: int) -> AcceptedSteps:
         """Some of them."""
-        dense = self.dense.part(first, end) if isinstance(self.dense, Dense) else self.dense
-        return self._replace(t=self.t[first : end + 1], y=self.y[first : end + 1], dense=dense)
+        ends, dense = slice(first, end + 1), self.dense.part(first, end)
+        return self._replace(t=self.t[ends], y=self.y[ends], dense=dense)
 
     def until(self, t: float, y: Any) -> AcceptedSteps:
         """The same, the last to another end."""
         return self._replace(t=np.append(self.t[:-1], t), y=np.vstack([self.y[:-1], y]))
+
+
+class Solver(ABC):
+    """Steps of an equation from a state (t, y) up to a bound [s]."""
+
+    def __init__(self, equation: Equation, t: float, y: Floats, bound: float) -> None:
+        self.equation, self.t, self.y, self.bound = equation, t, y, bound
+
+    @abstractmethod
+    def steps(
+        self, free_range: tuple[float, float] = ANYWHERE, every: bool = True
+    ) -> AcceptedSteps | None:
+        """The next step, or some at once, the last of which may leave a free_range.
+
+        every : whether a standstill ends a step
+        None where there is none to be made.
+        """
+
+
+class AdaptiveSolver(Solver):
+    """DOP853 or Radau.
+
+    By machine code nothing of SciPy's is needed: its own solver is made, and the package loaded,
+    for a step that cannot be done by that.
+    """
+
+    def __init__(
+        self, equation: Equation, t: float, y: Floats, bound: float, method: str,
+        tolerances: Floats, plan: Floats = NO_PLAN, finer: Floats | None = None,
+    ) -> None:  # fmt: skip
+        """Tolerances are (2, n) relative and absolute ones; ``finer`` and ``plan`` as
+        `CompiledStepper.steps` takes them."""
+        super().__init__(equation, t, y, bound)
+        self.tolerances, self.finer, self.plan = tolerances, finer, plan
+        self.weight = THIRD if equation.system.smooth else 0.0
+        self.h, self._scipys = 0.0, None  # [s] to try next, 0 before a first step, which is to fit
+        self.method, equation.method = method, METHODS[method]
+
+    def steps(
+        self, free_range: tuple[float, float] = ANYWHERE, every: bool = True
+    ) -> AcceptedSteps | None:
+        """See `Solver`; one step where it is SciPy's."""
+        return self._by_machine_code(free_range, every) or self._by_scipy()
+
+    def _by_machine_code(
+        self, free_range: tuple[float, float], every: bool
+    ) -> AcceptedSteps | None:
+        code, by = self.equation.code, self.equation.method()
+        if code is None:
+            return None
+        left = (self.equation.most - self.equation.spent) / by.stages
+        most = int(min(REPORTED, left + 1))
+        begins = 1 + int(self.h == 0)
+        first = min(int(self.plan.searchsorted(self.t, "right")) - 1, len(self.plan) - 2)
+        about = self.weight, self.plan[max(first, 0) :]
+        how, self.finer = (self.tolerances, most, every, self.finer, *about), None
+        steps = code.steps((self.t, self.y), self.h, self.bound, free_range, *how)
+        many = len(steps.series)
+        self.equation.know(float(steps.y[-1, 0]), *steps.row[steps.y.shape[1] :][:2])
+        self.equation.took(begins + steps.tried * by.states[0] + many * by.states[1])
+        if not many:
+            return None
+        self.t, self.y, self.h = float(steps.t[-1]), steps.y[-1], steps.h
+        calm = many - steps.doubtful
+        turns = [] if every else steps.turns[:calm].nonzero()[0].tolist()
+        dense = Dense(steps.t[:-1], steps.t[1:] - steps.t[:-1], steps.series)
+        return AcceptedSteps(steps.t, steps.y, dense, calm, turns)
+
+    def _by_scipy(self) -> AcceptedSteps | None:
+        solver, y = self._solver_of_scipy(), self.y
+        solver.max_step = halved(self.plan, max(len(self.plan) - 1, 0), self.t, math.inf)
+        with np.errstate(all="ignore"):
+            try:
+                solver.step()
+            except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
+                if error is self.equation.error:  # the mechanism's own, not the solver's
+                    raise
+                return None
+            if solver.status == "failed" or not np.isfinite(solver.y).all():
+                return None
+            series = series_of(solver.dense_output())
+        self.t, self.y, self.h = float(solver.t), solver.y, solver.h_abs
+        dense = Dense(np.array([solver.t_old]), np.array([solver.t - solver.t_old]), series[None])
+        return AcceptedSteps.one((solver.t_old, solver.t), (y, solver.y), dense)
+
+    def _solver_of_scipy(self) -> Any:
+        """The one of the step before, or one that begins here."""
+        if self._scipys is None or self._scipys.t != self.t:
+            from scipy.integrate import DOP853, Radau
+
+            (rtol, atol), first = self.tolerances, min(self.h, self.bound - self.t) or None
+            about = self.equation, self.t, self.y, self.bound
+            if self.method == "radau":  # which takes one relative tolerance
+                solver = Radau(*about, rtol=rtol.max(), atol=atol, first_step=first)
+                solver.newton_tol = left_of(float(solver.rtol))
+            else:
+                solver = DOP853(*about, rtol=rtol, atol=atol, first_step=first)
+                solver.E3 = math.sqrt(self.weight / THIRD) * solver.E3
+            self._scipys = solver
+        return self._scipys
+
+
+class FixedSteps(Solver):
+    """Steps of a size, the last one shorter; between their ends cubics."""
+
+    def __init__(self, equation: Equation, t: float, y: Floats, bound: float, size: float) -> None:
+        super().__init__(equation, t, y, bound)
+        self.size = size
+
+    def step_to(self, t: float, y: Floats, slope: Floats, ahead: Floats) -> AcceptedSteps:
+        """The step to a time [s] and state, with rates at both ends."""
+        dense = Dense.cubic(self.t, t - self.t, (self.y, y), (slope, ahead))
+        step = AcceptedSteps.one((self.t, t), (self.y, y), dense)
+        self.t, self.y = t, y
+        return step
+
+
+class RungeKutta4(FixedSteps):
+    """The textbooks' scheme of order 4: steps h of time,
+
+    y_{n+1} = y_n + h (k1 + 2 k2 + 2 k3 + k4) / 6 on y' = f(t, y).
+    """
+
+    slope: Floats | None = None
+
+    def rates(self, t: float, y: Floats) -> Floats:
+        """y' at a state."""
+        return np.asarray(self.equation(t, y), dtype=np.float64)
+
+    def steps(
+        self, free_range: tuple[float, float] = ANYWHERE, every: bool = True
+    ) -> AcceptedSteps | None:
+        """One step; None to where there is no pose."""
+        t, y = self.t, self.y
+        k1 = self.rates(t, y) if self.slope is None else self.slope
+        last = self.bound - t <= self.size
+        h = self.bound - t if last else self.size
+        k2 = self.rates(t + h / 2, y + h / 2 * k1)
+        k3 = self.rates(t + h / 2, y + h / 2 * k2)
+        k4 = self.rates(t + h, y + h * k3)
+        there = self.bound if last else t + h, y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        self.slope = self.rates(*there)
+        return self.step_to(*there, k1, self.slope) if np.isfinite(self.slope).all() else None
+
+
+class EulerQ(FixedSteps):
+    """The second paper's scheme of order 1: steps d of the driver's coordinate.
+
+    The loads are those where a step begins, and its acceleration xi is constant:
+
+        xi_i = (tau(q_i, w_i, t_i) - w_i^2 (J_{i+1} - J_i) / (2 d)) / J_i
+        w_{i+1}^2 = w_i^2 + 2 xi_i d,    t_{i+1} = t_i + 2 d / (w_i + w_{i+1})
+
+    A step ends where the driver stands still, and where the time is over; y = (q, w, W).
+
+    Source: [D14] Durango et al. 2014, Eq. 2 and Fig. 1, steps ii to v.
+    """
+
+    way, i = 0.0, REPORTED
+
+    def _sampled(self, way: float) -> None:
+        """Inertia, effort at rest and margin at the next places in a direction."""
+        self.way, self.i = way, 0
+        places = self.y[0] + way * self.size * np.arange(REPORTED + 1.0)  # rounded, but not summed
+        terms = self.equation.system.sample(places)
+        J = np.where(terms.margin > 0, terms.J, math.nan)
+        self.J, self.tau, self.margin = J.tolist(), terms.tau.tolist(), terms.margin.tolist()
+        self.places = places.tolist()
+
+    def _effort(self, t: float, q: float, w: float) -> float:
+        """Effort of all loads where a step begins: step v of the paper."""
+        system = self.equation.system
+        return self.tau[self.i] if system.depends_on <= {"q"} else system.one(q, w, t).tau
+
+    def steps(
+        self, free_range: tuple[float, float] = ANYWHERE, every: bool = True
+    ) -> AcceptedSteps | None:
+        """One step; None to where there is no pose, or it would bounce off a dead centre."""
+        self.equation.spend(1)
+        t, (q, w, work) = self.t, self.y.tolist()
+        if self.i == REPORTED or not w:
+            self._sampled(math.copysign(1.0, w or self.equation.system.one(q, 0.0, t).tau))
+        i, d = self.i, self.places[self.i + 1] - q
+        J, ahead, tau = self.J[i], self.J[i + 1], self._effort(t, q, w)
+        xi = (tau - w * w * (ahead - J) / (2 * d)) / J
+        square = w * w + 2 * xi * d
+        stands = square <= 0
+        if square != square or (stands and self.margin[i + 1] < NEAR**2):
+            return None
+        rate = 0.0 if stands else self.way * math.sqrt(square)
+        h = -w / xi if stands else 2 * d / (w + rate)
+        end, later = q - w * w / (2 * xi) if stands else self.places[i + 1], t + h
+        if later >= self.bound:
+            h, later = self.bound - t, self.bound
+            end, rate = q + w * h + xi * h * h / 2, w + xi * h
+        self.i = i + 1
+        self.equation.know(end, self.margin[i + 1], ahead)
+        y, slopes = [end, rate, work + tau * (end - q)], ([w, xi, tau * w], [rate, xi, tau * rate])
+        return self.step_to(later, np.array(y), *map(np.array, slopes))
+
+
+STEPPERS: Mapping[str, Callable[..., Solver]] = {"rk4": RungeKutta4, "euler_q": EulerQ}
+
+
+def series_of(dense: Any) -> Floats:
+    """The series (8, n) of a step of SciPy's, see `blockmech.engines.dense`."""
+    series = np.zeros((8, len(dense.y_old)))
+    if hasattr(dense, "Q"):  # a cubic, by powers of the share of the step
+        first, second, third = dense.Q.T
+        series[4:7] = -third, -third - second, first + second + third
+    else:
+        series[:7] = dense.F[::-1]
+    series[7] = dense.y_old
+    return series

@@ -37,7 +37,7 @@ from blockmech.dynamics.signals import (
     signal_program,
 )
 from blockmech.dynamics.sticking import JointFriction
-from blockmech.engines.cost import account
+from blockmech.engines.cost import Routes, account
 from blockmech.engines.llvm import LlvmEngine, SingleEvaluator
 from blockmech.engines.scalar import AdaptiveEvaluator, ScalarEngine
 from blockmech.ground.plane import EPS
@@ -49,7 +49,7 @@ from blockmech.plan.plan import Friction, Program
 from blockmech.result.motion import Cost, Floats
 
 if TYPE_CHECKING:
-    from blockmech.engines.stages import CompiledStepper
+    from blockmech.engines.compiled_rates import CompiledStepper
     from blockmech.typing import Progress
 
 T = TypeVar("T")
@@ -548,10 +548,15 @@ class System:
         program, before = self.equation_program, self.kept.get("states", 0)
         return account(program).states_pay(program, before + self.singles + self.states)
 
+    def routes(self, motion: Any) -> Routes:
+        """What a motion has cost so far, by one route and another, where the last was the same."""
+        return self._once("routes", motion, Routes)
+
     @property
     def quick_states(self) -> bool:
         """Whether machine code says single states, once many of them are asked for."""
-        return len(self.drivers) == 1 and self.engine != "scalar"
+        alone = len(self.drivers) == 1 and type(self).one is System.one  # no series
+        return alone and self.engine != "scalar"
 
     def idle_steppers(self, method: Any) -> list[CompiledStepper]:
         """Those of a method that runs of the mechanism have left behind."""

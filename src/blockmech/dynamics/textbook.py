@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.estimate import FINER, TARGET, difference, judged, stopped, with_rounding
-from blockmech.dynamics.fixed_steps import STEP
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.run import EVALUATIONS
 from blockmech.dynamics.time import TimeIntegration, in_time
@@ -23,6 +22,7 @@ from blockmech.result.motion import Motion
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
+STEP = 1e-3  # [rad] or of the span, of euler_q, so exact is it; of 200 ms, of rk4 without a time
 # An error that swings, and grows like the square of time, is seen to a half at some times.
 SEEN = 2.0
 

@@ -1,27 +1,24 @@
-r"""Motions integrated in time by SciPy's integrators, or in the textbooks' fixed steps.
+r"""Motions integrated in time: from segment to segment, and what happens between them.
 
-An integration goes in segments, each with a smooth right-hand side (`equation`): kinks of loads
-and reversals of pairs with friction end one. A solver's word that it succeeded is not taken:
-the state is looked at.
+Each segment (`integration`) has a smooth right-hand side (`equation`): kinks of loads, reversals of
+pairs with friction, instants of signals and events that change roles end one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import InitVar, dataclass, field
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from itertools import chain, count
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from blockmech.dynamics import ends, loads
-from blockmech.dynamics.equation import Equation, scales
+from blockmech.dynamics.equation import scales
 from blockmech.dynamics.estimate import (
     CORNERED,
     FINER,
     FLOOR,
-    LEAST,
     SMOOTH,
     TARGET,
     UNFINISHED,
@@ -37,30 +34,27 @@ from blockmech.dynamics.events import (
     kink_rules,
     signal_rules,
     turned,
-    until_terminal,
 )
+from blockmech.dynamics.integration import Integration
 from blockmech.dynamics.jolt import jolt_of
-from blockmech.dynamics.layout import StateLayout
+from blockmech.dynamics.layout import TimeTrack
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.dynamics.roles import Roles
-from blockmech.dynamics.run import EVALUATIONS, GUESSED_AT, HOPELESS, Run, RunEnd
-from blockmech.dynamics.singular import AHEAD, PAST, time_left, what_is_ahead
-from blockmech.dynamics.solvers import NO_PLAN, AcceptedSteps, Dop853, MachineSteps, Radau5
+from blockmech.dynamics.run import RunEnd
+from blockmech.dynamics.singular import PAST, time_left
+from blockmech.dynamics.solvers import STEPPERS
 from blockmech.dynamics.stick_slip import Now, StickSlip, Transition
 from blockmech.dynamics.turns import TurnsInTime
 from blockmech.engines.dense import Dense
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Event, Floats, Impact, Motion, RolesFrom, Slips, State, Still
+from blockmech.result.motion import Floats, Impact, Motion, RolesFrom, Slips, Still
 from blockmech.signals.contract import at_once
 
 if TYPE_CHECKING:
     from blockmech.dynamics.system import System
 
-SOLVERS = {"dop853": Dop853, "radau": Radau5}
-FIXED = ("rk4", "euler_q")  # steps of the textbooks
-QUICKER = 8  # times as many states may a friction law with a state ask of machine code
 CHAIN, CREEP = 4, 1e-6  # blocks in a row that a push may come through; [s] of a step of each
-ANYWHERE = (-math.inf, math.inf)
+
 SILENT = frozenset(
     {
         ends.KINK,
@@ -74,104 +68,26 @@ SILENT = frozenset(
 )  # kinds of events that a motion does not list
 
 
-@dataclass(frozen=True)
-class Steps:
-    """Dense output of a run: that of its steps, one after the other."""
-
-    layout: StateLayout
-    solution: Callable[[Floats], Floats]
-    roles: tuple[tuple[float, Roles], ...] = ()  # from times [s] on
-    jolts: tuple[Impact, ...] = ()
-    standstills: tuple[float, ...] = ()  # [s] of the only driver
-
-    @classmethod
-    def of(
-        cls, layout: StateLayout, times: Sequence[float], pieces: Sequence[Any], *more: Any
-    ) -> Steps:
-        """From pieces, each from one of the times [s] to the next."""
-        if all(isinstance(piece, Dense) for piece in pieces):
-            return cls(layout, Dense.joined(times, pieces), *more)
-        from scipy.integrate import OdeSolution
-
-        return cls(layout, OdeSolution(times, pieces), *more)
-
-    def state(self, t: Floats) -> State:
-        """State at times (m,) [s]; of drivers with a law as that says, and after jolts."""
-        y, at = np.asarray(self.solution(t)), self.layout
-        if at.drivers == 1:
-            still = np.isin(t, self.standstills) if self.standstills else False
-            return State(y[0], np.where(still, 0.0, y[1]))
-        q, rate = y[at.q].T, y[at.rate].T
-        if self.roles:
-            which = np.searchsorted([begin for begin, _ in self.roles], t, "right") - 1
-            for i, (_, roles) in enumerate(self.roles):
-                some = np.maximum(which, 0) == i
-                q[some], rate[some] = roles.motion(q[some], rate[some], t[some])
-            for jolt in self.jolts:
-                rate[t == jolt.t] = jolt.after
-        return State(q, rate)
-
-    def signal_states(self, t: Floats) -> Floats:
-        """States (m, n) of signal blocks at times (m,) [s]."""
-        return np.asarray(self.solution(t))[self.layout.signals].T
-
-
 @dataclass
-class TimeIntegration(Run):
+class TimeIntegration(Integration):
     """One integration at one tolerance, or with one step, under way."""
 
-    method: str
-    tolerance: float
-    name: str  # for those who follow the progress
-    rest: float  # [rad or m]: a swing shorter than this is none
-    before: InitVar[TimeIntegration | None] = None  # a run of the same by twice the steps
-    step: float = math.nan  # [s], or [rad or m] of euler_q, of the schemes of fixed steps
-    finer: float | None = None  # tolerance of a run that comes after this
-    patient: bool = True  # whether too many steps are made before they are known to be
-    leaves: Callable[[Any], bool] | None = None  # whether other joints should lead at coordinates
-    scales: Floats | None = None  # typical sizes of the state's components, for the tolerances
-    energy: float | None = None  # [J] where it starts
-    grid: list[float] = field(default_factory=list)  # [s] where steps begin, and the last ends
-    moves: bool = False  # whether any step was made: it may also wait at rest
-    bound: float = math.inf  # [s] of the segment
-    y: Floats = field(default_factory=lambda: np.empty(0))
-    times: list[float] = field(default_factory=list)
-    pieces: list[Any] = field(default_factory=list)
-    slips: list[Slips] = field(default_factory=list)
-    roles: list[tuple[float, Roles]] = field(default_factory=list)  # from times [s] on
-    jolts: list[Impact] = field(default_factory=list)  # of changes of roles
-    fired: EventFunction | None = None
-    turns: TurnsInTime | None = None  # where a goal may never be reached
-    turned: float = 0.0  # [J] largest work on the way
-
-    def __post_init__(self, before: TimeIntegration | None) -> None:
-        q, rate, self.t = self.request.start
-        self.times.append(self.t)
-        self.grid.append(self.t)
-        self.plan = NO_PLAN if before is None else np.array(before.grid)
+    def __post_init__(self, before: Integration | None) -> None:
+        super().__post_init__(before)
+        self.pairs = StickSlip(self.equation, self.request)
+        self.slips, self.jolts = list[Slips](), list[Impact]()  # jolts of changes of roles
+        self.roles = list[tuple[float, Roles]]()  # from times [s] on
+        self.fired: EventFunction | None = None  # by which the last segment ended
+        self.turns: TurnsInTime | None = None  # where a goal may never be reached
         self.system.roles = self.request.roles
         if self.request.roles is not None:
             self.roles.append((self.t, self.request.roles))
-        if before is None:
-            self.equation = Equation(self.system, q)
-            how = self.equation.closeness, self.equation.stop_force
-            self.general = general_rules(self.system, self.request, *how)
-        else:
-            self.equation, self.general = before.equation.again(), before.general
-            self.scales, self.energy = before.scales, before.energy
-        quick = self.system.remembers and self.system.quick_states
-        self.equation.most = EVALUATIONS * (QUICKER if quick else 1) * (1 if before is None else 2)
-        self.pairs = StickSlip(self.equation, self.request)
-        self.layout = self.equation.layout
+        how = self.equation.closeness, self.equation.stop_force
+        self.general = general_rules(self.system, self.request, *how)
         if self.system.counted is not None:
             self.system.counted.again()
-        self.y = self.layout.start(q, rate)
         self.switched = self.request.switched  # when discrete signal blocks switched last
-        if self.method == "rk4" and self.request.until.goal == "time":
-            self.equation.most = math.inf  # its steps are counted beforehand
-        self.t_max = self.request.start.t + min(self.request.span, 1 / EPS)  # goals without a time
         self.swing_from = float(self.y[0])
-        self.method_wanted = self.method
 
     # -- the whole -------------------------------------------------------------------------
 
@@ -187,14 +103,14 @@ class TimeIntegration(Run):
             where = (", ".join(f"{x:.9g}" for x in np.atleast_1d(part)) for part in (q, qd))
             at = "t = {:.9g} s, q = {}, rate = {}".format(self.t, *where)
             self.notes.append(f"{end}: {at}")
-        if self.method != self.method_wanted and status == "reached":
-            self.notes.append(f"{self.method_wanted} gave up on the way, {self.method} went on")
-        fixed = self.method_wanted in FIXED
+        if self.method != self.method_asked and status == "reached":
+            self.notes.append(f"{self.method_asked} gave up on the way, {self.method} went on")
+        fixed = self.method_asked in STEPPERS
         if not (fixed or self.stands):
             self.facts["tolerance"] = self.tolerance
         rests = end == ends.REST or self.stands
         motion = self.result(
-            method=self.method_wanted,
+            method=self.method_asked,
             regime="fixed steps" if fixed else "rest" if rests else "integrated",
             t_end=self.t,
             q_end=q,
@@ -211,14 +127,19 @@ class TimeIntegration(Run):
         return motion.but(error=0.0) if self.stands else motion
 
     @property
+    def silent(self) -> frozenset[str]:
+        """Kinds of events that the motion does not list, for now."""
+        return SILENT | self.pairs.silent
+
+    @property
     def stands(self) -> bool:
         """Whether it is over without any step: at a finer tolerance it is the same."""
         return not self.moves and self.end not in UNFINISHED
 
-    def _track(self) -> Steps:
+    def _track(self) -> TimeTrack:
         standstills = tuple(e.t for e in self.events if e.kind == ends.STANDSTILL)
-        changes = tuple(self.roles), tuple(self.jolts), standstills
-        return Steps.of(self.layout, self.times, self.pieces, *changes)
+        dense = Dense.joined(self.times, self.pieces)
+        return TimeTrack(self.layout, dense, tuple(self.roles), tuple(self.jolts), standstills)
 
     def _balance(self, start: Floats) -> None:
         """What the work of loads and friction leaves unexplained of the kinetic energy."""
@@ -261,7 +182,7 @@ class TimeIntegration(Run):
     def _may_turn_for_ever(self) -> bool:
         """Whether turns that repeat tell that the goal is never reached."""
         request, system = self.request, self.system
-        if self.equation.drivers > 1 or self.method in FIXED or request.span < math.inf:
+        if self.equation.drivers > 1 or self.method in STEPPERS or request.span < math.inf:
             return False
         limited = np.isfinite(system.stops).any() or any(
             w.terminal or w.then for w in request.watch
@@ -277,7 +198,7 @@ class TimeIntegration(Run):
         self.slips += change.slips
         self.y = self.y if change.y is None else change.y
         if change.until is not None:
-            self._wait(change.until)
+            self.wait(change.until)
         return change.end
 
     def _rules(self) -> list[EventFunction]:
@@ -331,14 +252,14 @@ class TimeIntegration(Run):
         if at_once(bound, self.t):  # on less than that no solver starts
             self.t = bound
             return None
-        parts = 1 if self.method in FIXED else PARTS
+        parts = 1 if self.method in STEPPERS else PARTS
         known = self.pairs.known(self._now)
         if self.fired is not None and self.fired.kind != ends.RELEASED:
             known.add((self.fired.kind, self.fired.index))
         rules, here = self._rules(), (parts, self.system.spans, self.t, known)
         lookouts = [EventDetector([r for r in rules if r.own is x], *here) for x in (False, True)]
         self.fired = None
-        hit = self._integrated(bound, *lookouts)
+        hit = self.integrate(bound, *lookouts)
         if isinstance(hit, RunEnd):
             return hit
         return None if hit is None else self._met(hit)
@@ -404,196 +325,33 @@ class TimeIntegration(Run):
                 return kind
         return None
 
-    def _tolerances(self, tol: float) -> tuple[Floats, Floats]:
-        """Relative and absolute ones of the components of the state."""
-        assert self.scales is not None
-        rtol = np.full(self.layout.size, max(tol, FLOOR))
-        rtol[self.layout.q] = FLOOR
-        return rtol, tol * self.scales
-
-    def _solver(self, bound: float, t: float, y: Floats) -> Any:
-        if self.method in FIXED:
-            from blockmech.dynamics.fixed_steps import STEPPERS
-
-            return STEPPERS[self.method](self.equation, t, y, bound, self.step)
-        rtol, atol = self._tolerances(self.tolerance)
-        how: dict[str, Any] = {"rtol": rtol, "atol": atol, "plan": self.plan}
-        if self.finer is not None and self.method == "dop853" and t == self.request.start.t:
-            how["finer"] = np.array(self._tolerances(self.finer))
-        return SOLVERS[self.method](self.equation, t, y, bound, **how)
-
-    def _stepped(
-        self, solver: Any, free_range: tuple[float, float] = ANYWHERE, every: bool = True
-    ) -> AcceptedSteps | None:
-        """One more step, or some of them at once by machine code; None where there is none."""
-        if isinstance(solver, MachineSteps) and (steps := solver.steps(free_range, every)):
-            return steps
-        with np.errstate(all="ignore"):
-            y = solver.y
-            try:
-                solver.step()
-            except (ValueError, ArithmeticError, np.linalg.LinAlgError) as error:
-                if error is self.equation.error:  # the mechanism's own, not the solver's
-                    raise
-                return None
-            self.equation.closeness(solver.y)
-            if solver.status == "failed" or not np.isfinite(solver.y).all():
-                return None
-            t = np.array([solver.t_old, solver.t])
-            return AcceptedSteps(t, np.array([y, solver.y]), solver.dense_output())
-
-    def _integrated(
-        self, bound: float, lookout: EventDetector, own: EventDetector
-    ) -> EventHit | RunEnd | None:
-        """Steps up to a terminal event, the bound (None), or where the solver gives up."""
-        self.bound = bound
-        slope = self.equation(self.t, self.y)
-        if not all(map(math.isfinite, slope)):  # from which SciPy's would never come back
-            return self._given_up()
-        solver = self._solver(bound, self.t, self.y)
-        every = lookout.ends_at_standstill
-        while solver.status == "running":
-            steps = self._stepped(solver, lookout.free_range(float(solver.y[0])), every)
-            if steps is None:
-                return self._given_up()
-            met = self._over(steps, lookout, own) if solver.t > solver.t_old else None
-            if met is not None:
-                return met
-            if self.leaves is not None and self.leaves(self.y[self.layout.q]):
-                return RunEnd(ends.LEAVES_CHART)
-        return None
-
-    def _over(
-        self, steps: AcceptedSteps, lookout: EventDetector, own: EventDetector
-    ) -> EventHit | None:
-        """Go over steps, to the first terminal event in them; ``own`` looks for a user's."""
-        hits_in = own.within(*steps[:3])
-        standing, m = lookout.of_standstills() if steps.turns else lookout, len(steps.t) - 1
-        for i in steps.turns:
-            hits_in += standing.within(*steps.part(i, i + 1)[:3])
-        if steps.calm < m:
-            hits_in += lookout.within(*steps.part(m - 1, m)[:3])
-        hits = until_terminal(hits_in)
-        if not (hits and hits[-1].rule.terminal):
-            self._note(hits, steps.dense)
-            self._took(steps)
-            return None
-        self._note(hits[:-1], steps.dense)
-        i = max(int(np.searchsorted(steps.t, hits[-1].t)) - 1, 0)
-        if i:
-            self._took(steps.part(0, i))
-        for taken in self._exactly(hits[-1], steps.part(i, i + 1)):
-            self._took(taken)
-        last = hits[-1]._replace(t=self.t)
-        self._note([last], lambda t: self.y)
-        return last
-
-    def _exactly(self, hit: EventHit, step: AcceptedSteps) -> list[AcceptedSteps]:
-        """Steps that end at an event in a step.
-
-        The step beyond it is coarser in between, and has seen what a kink is for.
-        """
-        t, t0, y0, steps = hit.t, float(step.t[0]), step.y[0], list[AcceptedSteps]()
-        coarse = [step.until(t, step.dense(t))]
-        if not t > t0:
-            return coarse
-        solver = self._solver(t, t0, y0)
-        while solver.status == "running":
-            more = self._stepped(solver)
-            if more is None:
-                return coarse
-            steps.append(more)
-        y = np.array(solver.y)
-        slope, ahead = np.asarray(self.equation(t, y), dtype=np.float64), AHEAD * (t - t0)
-        here = hit.rule.value(t, y)
-        rise = (hit.rule.value(t + ahead, y + ahead * slope) - here) / ahead
-        late = min(-here / rise, self.bound - t) if rise else math.nan
-        moved = y + late * slope
-        known = hit.rule.parts > 1 and abs(late) <= (t - t0) / PARTS and np.isfinite(moved).all()
-        return [*steps[:-1], steps[-1].until(t + late, moved)] if known else steps
-
-    def _took(self, steps: AcceptedSteps) -> None:
-        """Go on over steps."""
-        self.t, self.y = float(steps.t[-1]), np.array(steps.y[-1])
-        if self.t > self.times[-1]:
-            self.times.append(self.t)
-            self.pieces.append(steps.dense)
-        self._refuse_stiff()
-        self.moves |= bool(steps.t[-1] > steps.t[0])
-        self.grid += [t for t in steps.t[1:].tolist() if t > self.grid[-1]]
-        self.turned = max(self.turned, float(np.abs(steps.y[1:, self.layout.work]).max()))
-        if self.system.progress is not None:
-            self.system.progress(self.name, *self._far())
-
-    def _refuse_stiff(self) -> None:
-        """Give up early where the motion is too stiff for an explicit method.
-
-        Bristles in a fast slip forget in so short a time all along, so what is done so far tells;
-        of others it is a guess, where another method may go on: that gives up where it is far off.
-        """
-        if self.patient and not (self.system.remembers and self.method == "dop853"):
-            return
-        spent, start = self.equation.spent, self.request.start.t
-        if self.request.until.goal == "time" and spent > GUESSED_AT:
-            whole = spent * (self.t_max - start) / (self.t - start)
-            if whole > self.equation.most * (1 if self.method == "dop853" else HOPELESS):
-                self.notes.append(
-                    f"{spent} evaluations reach {self.t:.3g} s, at most {self.equation.most} are "
-                    'made: ask for a shorter time, or for what it settles to, "steady"'
-                )
-                raise ends.TooMany
-
-    def _far(self) -> tuple[float, float | None]:
-        """How far the run is on the way to its goal, and the whole way."""
-        goal, value = self.request.until.goal, self.request.until.value
-        q0 = float(np.atleast_1d(self.request.start.q)[0])
-        if goal == "turns":
-            return abs(float(self.y[0]) - q0) / math.tau, value
-        if goal == "angle":
-            return abs(float(self.y[0]) - q0), abs(value - q0)
-        return self.t - self.request.start.t, value if goal == "time" else None
-
-    def _note(self, hits: list[EventHit], dense: Any) -> None:
-        for hit in hits:
-            if hit.rule.kind in SILENT or hit.rule.kind in self.pairs.silent:
-                continue
-            y = np.array(dense(hit.t))
-            if hit.rule.kind == ends.STANDSTILL:
-                y[1] = 0.0
-            q, qd = self.layout.motion(y)
-            self.events.append(Event(hit.rule.kind, float(hit.t), q, qd))
-
     # -- what was met ----------------------------------------------------------------------
 
     def _met(self, hit: EventHit) -> RunEnd | None:
         """Why the run is over by the event that ended a segment, or None."""
         rule = self.fired = hit.rule
-        changes = (w for w in self.request.watch if w.then and rule.own and w.name == rule.kind)
+        kind, request = rule.kind, self.request
+        changes = (w for w in request.watch if w.then and rule.own and w.name == kind)
         if (watch := next(changes, None)) is not None:
             return self._change_roles(watch)
-        if rule.kind == ends.KINK:
-            return self._past_kink()
-        if rule.kind == ends.WHOLE_TURN:
-            return self._turned()
-        if rule.kind == ends.REVERSAL:
+        if kind == ends.REVERSAL:
             return self._becomes(self.pairs.reverse(self._now, rule.index))
-        if rule.kind == ends.STANDSTILL:
-            return self._stood()
-        if rule.kind == ends.RELEASED:
+        if kind == ends.RELEASED:
             return self._becomes(self.pairs.release(self._now))
-        if rule.kind == ends.LEAVES_STOP:
+        past = {ends.KINK: self._past_kink, ends.WHOLE_TURN: self._turned}
+        past |= {ends.STANDSTILL: self._stood}
+        if kind in past:
+            return past[kind]()
+        if kind in (ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.DEFLECTION_KINK):
+            return None
+        if kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
+            return self.short_of(kind, time_left(self.system, kind, *map(float, self.y[:2])))
+        if kind == ends.LEAVES_STOP:
             self._past_contact(rule)
-            return RunEnd(rule.kind)
-        if rule.kind in (ends.DEAD_CENTRE, ends.NO_INERTIA):
-            q, qd = float(self.y[0]), float(self.y[1])
-            left = time_left(self.system, rule.kind, q, qd)
-            return self.short_of(rule.kind, left)
-        if rule.kind == ends.GOAL:
-            return RunEnd(self.request.until.goal, "reached")
-        if rule.kind not in (ends.GUIDE_SIDE, ends.SIGNAL_KINK, ends.DEFLECTION_KINK):
-            own = any(rule.kind == w.name and w.terminal for w in self.request.watch)
-            return RunEnd(rule.kind, "reached" if own else "ended")
-        return None
+        if kind == ends.GOAL:
+            return RunEnd(request.until.goal, "reached")
+        own = any(kind == w.name and w.terminal for w in request.watch)
+        return RunEnd(kind, "reached" if own else "ended")
 
     def _stood(self) -> RunEnd | None:
         self.y[1] = 0.0
@@ -632,7 +390,7 @@ class TimeIntegration(Run):
             self.y, self.t = there, self.t + late
         if not same:
             return None
-        self._note(same[:1], lambda t: self.y)
+        self.note(same[:1], lambda t: self.y)
         return self._met(same[0])
 
     def _past_contact(self, rule: EventFunction) -> None:
@@ -641,44 +399,20 @@ class TimeIntegration(Run):
         while not rule.value(self.t, self.y) < 0 and late < self.t_max - self.t:
             self.t, self.y, late = self.t + late, self.y + late * slope, 2 * late
 
-    def _wait(self, until: float) -> None:
-        """Stand still until a time [s]."""
-        still = self.y.copy()
-        times, states = np.array([until, until]), np.array([still, still])  # no step at all
-        self._took(
-            AcceptedSteps(times, states, lambda t: np.multiply.outer(still, np.ones_like(t)))
-        )
-
-    def _given_up(self) -> RunEnd | None:
-        """Why the run is over where a solver gave up; None if another one goes on."""
-        if self.method != "dop853":
-            self.method = "dop853"  # which comes as near as one can to where there is no pose
-            return None
-        end, status, left, *_ = what_is_ahead(self.equation, self.t, self.y)
-        locked = end == ends.SELF_LOCKED and not self.pieces
-        return self.short_of(end, left, "failed" if locked else status)
-
 
 def in_time(
     system: System, request: SimulationRequest, method: str, patient: bool = True
 ) -> Motion:
     """The motion by an integrator, with its estimated error; see `TimeIntegration.patient`."""
     target, smooth = request.accuracy or TARGET, system.smooth and method == "dop853"
-    runs = 0
+    names, last = chain([method], (f"{method}, run {i}" for i in count(2))), None
 
-    def pair(tolerance: float) -> tuple[Motion, Motion | None]:
-        nonlocal runs
-        runs += 1
-        name = method if runs == 1 else f"{method}, run {runs}"
-        finer = max(tolerance / FINER, FLOOR)
-        run = partial(TimeIntegration, system, request, method)
-        first_run = run(tolerance, name, target, finer=finer, patient=patient)
-        coarse = first_run.motion()
-        if first_run.stands or coarse.end in UNFINISHED:
-            return coarse, None
-        runs += 1
-        second_run = run(finer, f"{method}, run {runs}", target, first_run, patient=patient)
-        return coarse, second_run.motion()
+    def run(tolerance: float, halves: bool) -> Motion:
+        nonlocal last
+        about = next(names), target, last if halves else None, math.nan
+        finer = None if halves else max(tolerance / FINER, FLOOR)
+        last = TimeIntegration(system, request, method, tolerance, *about, finer, patient)
+        return last.motion()
 
     remainder = SMOOTH if smooth else CORNERED
-    return refined(pair, system, max(target, LEAST), target, request.times, remainder)
+    return refined(run, system, target, request.times, remainder)

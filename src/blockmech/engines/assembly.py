@@ -25,7 +25,8 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any
 
-from blockmech.engines.loops import Reals, text
+from blockmech.engines.kinds import Reals
+from blockmech.engines.loops import text
 from blockmech.engines.nodes import PARAMETER, SAMPLE, Loop, Node, by_depth, is_truth, needed
 from blockmech.engines.singular_values import Lanes, spread
 

@@ -15,17 +15,23 @@ Source: Karlin, Manasse, Rudolph & Sleator, Competitive snoopy caching, Algorith
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from types import CodeType, FunctionType
+from typing import TYPE_CHECKING
 
 from blockmech.engines.numpy import leaves
 from blockmech.ground.errors import BlockmechError
 from blockmech.ground.plane import SCALAR_PRIMITIVES
 from blockmech.plan.plan import Program
+
+if TYPE_CHECKING:
+    from blockmech.result.motion import Cost
 
 CALLED = re.compile(r"\b([A-Za-z_]\w*)\(", re.ASCII)
 SYSTEMS = ("solve", "solve_transposed", "spread")
@@ -41,6 +47,9 @@ BEGIN, ALONE = 25e-6, 5e-6  # of a call of machine code: with several samples, w
 LINES = 1.75, 60  # of assembly
 COMPILER, COMPILING, LOADING = 0.025, (20e-3, 0.12e-3), (1.7e-3, 0.2e-6)  # all, and with each line
 STATE = 60e-6  # of a solver in Python beside each state that it asks for
+# Of a sample along a path by arrays; of a state in steps of machine code, and lanes left idle.
+PANEL, STEP, IDLE = 20e-6, 0.3e-6, 4
+USUAL = 2_000  # states of a motion in time
 
 
 def loops_pay(saved: float, lines: int, is_kept: Callable[[], bool]) -> bool:
@@ -71,18 +80,18 @@ class Account:
     def by_interpreter(self, program: Program, n: int) -> tuple[float, str]:
         """Seconds of n samples, and whether Python's numbers or arrays take them."""
         return min(
-            (self._time(program, SCALAR) * n, "scalar"),
-            (self._time(program, CALL) + self._time(program, ARRAY) * n, "numpy"),
+            (self.time(program, SCALAR) * n, "scalar"),
+            (self.time(program, CALL) + self.time(program, ARRAY) * n, "numpy"),
         )
 
     def by_machine_code(self, program: Program, n: int) -> float:
         """Seconds of n samples."""
         begin = BEGIN if n > 1 else ALONE
-        return begin + self._time(program, CODE_CALL) + self._time(program, CODE) * n
+        return begin + self.time(program, CODE_CALL) + self.time(program, CODE) * n
 
     def making(self, program: Program) -> float:
         """Seconds until there is machine code: to load the compiler first, then what is kept."""
-        lines = self._time(program, LINES)
+        lines = self.time(program, LINES)
         if "llvmlite.binding" not in sys.modules and self.saved < COMPILER:
             return COMPILER
         if self.kept is None:
@@ -114,11 +123,15 @@ class Account:
 
         states : those that the mechanism was asked for so far, and are to be expected
         """
-        first, line = COMPILING
-        made = first + line * self._time(program, LINES)
-        return states * (STATE + self._time(program, SCALAR)) > made
+        return self.pays(program, states * (STATE + self.time(program, SCALAR)))
 
-    def _time(self, program: Program, cost: tuple[float, float]) -> float:
+    def pays(self, program: Program, seconds: float) -> bool:
+        """Whether machine code pays that would have saved so many."""
+        first, line = COMPILING
+        return seconds > first + line * self.time(program, LINES)
+
+    def time(self, program: Program, cost: tuple[float, float]) -> float:
+        """What costs so much for an operation, and for a linear system's link."""
         if self._size is None:
             self._size = size_of(program)
         return cost[0] * self._size[0] + cost[1] * self._size[1]
@@ -172,3 +185,35 @@ def _length(code: CodeType, module: str) -> tuple[int, int]:
                 waiting.append((other.__code__, other.__module__))
             systems += name in SYSTEMS
     return sum(reached.values()), systems
+
+
+@dataclass
+class Routes:
+    """What a motion that is asked for again costs along its path by arrays, and in time.
+
+    along : [s] of the last time along the path; NaN before, and 0 of the first, which samples it
+    states : of the last time in time
+    saved : [s] that those along the path would have taken less in time by machine code, so far
+    """
+
+    along: float = math.nan
+    states: float = USUAL
+    saved: float = 0.0
+
+    def in_time(self, program: Program) -> float:
+        """[s] in time."""
+        return self.states * (STEP + IDLE * account(program).time(program, CODE))
+
+    def save_in_time(self, program: Program, compiled: bool) -> bool:
+        """Whether it takes less in time by machine code that is there, or pays."""
+        saves = self.along > self.in_time(program)
+        return saves and (compiled or account(program).pays(program, self.saved))
+
+    def count_along(self, program: Program, cost: Cost) -> None:
+        """Note one along the path; what machine code does, or is kept, has no samples."""
+        if math.isnan(self.along) or not cost.samples:
+            self.along = 0.0
+            return
+        calls, samples = account(program).time(program, CALL), account(program).time(program, ARRAY)
+        self.along = cost.samples * (PANEL + samples) + cost.calls * calls
+        self.saved += max(self.along - self.in_time(program), 0.0)

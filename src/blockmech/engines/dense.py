@@ -1,4 +1,6 @@
-"""Dense output of steps, in machine code: states at any times, and where one passes a number.
+"""Dense output of steps: states at any times, and where one passes a number.
+
+By machine code where a compiler is loaded already: none is for this alone.
 
 A step from t0 on has a series c_0 to c_7 for each component of the state. At a share x of it,
 with z = 1 - x,
@@ -11,6 +13,7 @@ Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 199
 from __future__ import annotations
 
 import ctypes
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -20,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.engines import loops
+from blockmech.engines.kinds import Reals
 from blockmech.engines.llvm import machine_code
-from blockmech.engines.loops import Reals
 
 Floats = NDArray[np.float64]
 # Of an array of one's own, in a third of the time that its attribute ``ctypes`` takes.
@@ -94,9 +97,14 @@ def crossings(
     return count
 
 
+def code() -> tuple[Any, Any] | None:
+    """`states` and `crossings` as machine code; None where no compiler is loaded."""
+    return compiled() if "llvmlite.binding" in sys.modules else None
+
+
 @cache
 def compiled() -> tuple[Any, Any]:
-    """`states` and `crossings` as machine code, the same for all mechanisms."""
+    """The same, for all mechanisms."""
     functions = {f.__name__: f for f in (states, crossings)}
     kinds = ((name, loops.signature(f)) for name, f in functions.items())
     made: tuple[Any, Any] = machine_code(loops.text(**functions), *kinds)
@@ -113,6 +121,14 @@ class Dense:
     t: Floats
     h: Floats
     series: Floats
+
+    @classmethod
+    def cubic(cls, t: float, h: float, ends: Sequence[Floats], slopes: Sequence[Floats]) -> Dense:
+        """That of one step from a time on: the cubic through states (n,) and rates at its ends."""
+        moved, first, last = ends[1] - ends[0], h * slopes[0], h * slopes[1]
+        series = np.zeros((1, 8, len(moved)))
+        series[0, 4:] = 2.0 * moved - last - first, first - moved, moved, ends[0]
+        return cls(np.array([t]), np.array([h]), series)
 
     @classmethod
     def joined(cls, times: Sequence[float], pieces: Sequence[Dense]) -> Dense:
@@ -135,18 +151,22 @@ class Dense:
     def __call__(self, t: Any) -> Floats:
         """States (n, ...) at times (...): at one, or (p,)."""
         times, (m, _, n) = np.array(t, np.float64, order="C"), self.series.shape
+        if (by := code()) is None:
+            step = np.maximum(self.t.searchsorted(times) - 1, 0)
+            series, x = np.moveaxis(self.series[step], (-2, -1), (0, 1)), times - self.t[step]
+            return np.asarray(value(series, 1, x / self.h[step]))  # type: ignore[arg-type]
         out = np.empty((n, *times.shape))
         if times.size:
-            compiled()[0](*map(PLACE, (self.t, self.h, self.series, times, out)), m, n, times.size)
+            by[0](*map(PLACE, (self.t, self.h, self.series, times, out)), m, n, times.size)
         return out
 
     def crossings(
         self, i: int, level: float, ends: Sequence[float], way: int, parts: int
     ) -> list[float]:
         """Times [s] in the first step at which a component passes a level, see `crossings`."""
-        found, row = np.empty(parts), self.series[0, 0, i:]
-        many = compiled()[1](
-            PLACE(row), PLACE(found), self.series.shape[2], level, *ends, way, parts
-        )
+        found, row = np.empty(parts), self.series[0].reshape(-1)[i:]
+        about = self.series.shape[2], level, *ends, way, parts
+        by = code()
+        many = by[1](PLACE(row), PLACE(found), *about) if by else crossings(row, found, *about)
         begin, h = float(self.t[0]), float(self.h[0])
         return [begin + x * h for x in found[:many].tolist()]

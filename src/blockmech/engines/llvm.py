@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from blockmech.engines import assembly, code_cache, loops
 from blockmech.engines.assembly import LANES
-from blockmech.engines.loops import Reals
+from blockmech.engines.kinds import Reals
 from blockmech.engines.nodes import Node, Untraceable, needed, of_inputs
 from blockmech.engines.numpy import CHUNK, Planar, Whole, leaves
 from blockmech.engines.scalar import ScalarEngine

@@ -6,7 +6,8 @@ the same bits, for nothing is fused and nothing re-associated. The subset:
     arguments    float, int, bool, `Reals`, `Counts`, functions ``Callable[[Reals, int], float]``.
                  What is given beforehand, with `partial`, is part of the text: sizes (an int, or
                  a tuple ``of`` of them with names), the name of a function in the text. They
-                 may say blocks of an array: ``K: Annotated[Reals, "of.stages", "of.width"]``.
+                 may say blocks of an array: ``K: Annotated[Reals, "of.stages", "of.width"]``, or
+                 that it is one row: ``h: Annotated[Reals, ROW, "of.lanes"]``.
                  A NamedTuple of arrays is a record, called with `places_of` it; made of arrays
                  in a call, ``f(Table(rows, by))``
     statements   assignments (also of tuples, and ``+=``), ``if``, ``while``, ``for`` over a range,
@@ -18,8 +19,8 @@ the same bits, for nothing is fused and nothing re-associated. The subset:
                  module
     lanes        rows of floats in + - * / and comparisons, with numbers as well: vectors;
                  ``np.sqrt``, abs, ``np.where(test, a, b)``, ``&``, ``np.any(test)``, ``np.max``
-                 and ``np.min`` of them; ``a[i] = vector`` writes a row, and ``a[i] @ M`` is a row
-                 times the rows ``M[j]``
+                 and ``np.min`` of them; ``a[i] = vector`` writes a row, ``a[:] = vector`` an
+                 array that is one, and ``a[i] @ M`` is a row times the rows ``M[j]``
 
 A name keeps the kind of its first value. A division by zero is infinite, or NaN, as of NumPy's
 numbers. There is no room but what is given as an argument. All else is a TypeError that names the
@@ -45,76 +46,33 @@ import ctypes
 import inspect
 import itertools
 import linecache
-import math
-import struct
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache, partial
-from types import FunctionType, MappingProxyType
-from typing import Any, NamedTuple, NoReturn, TypeAlias, get_args, get_origin, get_type_hints
+from types import FunctionType
+from typing import Any, NoReturn, get_type_hints
 
 import numpy as np
-from numpy.typing import NDArray
 
+from blockmech.engines.kinds import (
+    COUNT,
+    IN_C,
+    LANEWISE,
+    NAMES,
+    NOTHING,
+    OPERATIONS,
+    PLACE,
+    REAL,
+    TRUTH,
+    Counts,
+    Reals,
+    Value,
+    meaning_of,
+    number,
+    parts_of,
+)
 from blockmech.engines.nodes import Untraceable
 
-Reals: TypeAlias = NDArray[np.float64]
-Counts: TypeAlias = NDArray[np.int64]
-
-REAL, COUNT, TRUTH, PLACE, NOTHING = "double", "i64", "i1", "ptr", "void"
-KINDS = {float: REAL, int: COUNT, bool: TRUTH, type(None): NOTHING}
-IN_C: dict[str, Any] = {
-    REAL: ctypes.c_double,
-    COUNT: ctypes.c_int64,
-    PLACE: ctypes.c_void_p,
-    NOTHING: None,
-}
 TOGETHER = 16  # columns of a product: eight registers at least
-NAMES = {REAL: "a float", COUNT: "an int", TRUTH: "a truth value", PLACE: "an array"}
-MATH: dict[Any, str] = {
-    getattr(math, name): name for name in ("sqrt", "sin", "cos", "exp", "copysign")
-}
-LANEWISE = MATH | {
-    abs: "fabs",
-    np.sqrt: "sqrt",
-    np.where: "",
-    np.any: "vector.reduce.or",
-    np.max: "vector.reduce.fmax",
-    np.min: "vector.reduce.fmin",
-}
-OPERATIONS = {
-    (REAL, ast.Add): "fadd", (REAL, ast.Sub): "fsub", (REAL, ast.Mult): "fmul",
-    (REAL, ast.Div): "fdiv", (COUNT, ast.Add): "add", (COUNT, ast.Sub): "sub",
-    (COUNT, ast.Mult): "mul", (COUNT, ast.RShift): "ashr", (TRUTH, ast.BitAnd): "and",
-    (REAL, ast.Lt): "fcmp olt", (REAL, ast.LtE): "fcmp ole", (REAL, ast.Gt): "fcmp ogt",
-    (REAL, ast.GtE): "fcmp oge", (REAL, ast.Eq): "fcmp oeq", (REAL, ast.NotEq): "fcmp une",
-    (COUNT, ast.Lt): "icmp slt", (COUNT, ast.LtE): "icmp sle", (COUNT, ast.Gt): "icmp sgt",
-    (COUNT, ast.GtE): "icmp sge", (COUNT, ast.Eq): "icmp eq", (COUNT, ast.NotEq): "icmp ne",
-}  # fmt: skip
-
-
-class Value(NamedTuple):
-    """What an expression is in the text: a name or number, and of what kind.
-
-    of : kind of an array's numbers, shape : sizes of a block of it, row : how many a row has
-    takes : kinds of a function's arguments, gives : that of its answer
-    lanes : numbers of a vector, 0 of one alone
-    parts : arrays of a record
-    """
-
-    text: str
-    kind: str
-    of: str = ""
-    shape: tuple[int, ...] = ()
-    row: int = 0
-    takes: tuple[str, ...] = ()
-    gives: str = ""
-    lanes: int = 0
-    parts: tuple[tuple[str, Value], ...] = ()
-
-    @property
-    def type(self) -> str:
-        """The kind as the text says it."""
-        return f"<{self.lanes} x {self.kind}>" if self.lanes else self.kind
 
 
 def text(**functions: Callable[..., Any]) -> str:
@@ -131,10 +89,10 @@ def text(**functions: Callable[..., Any]) -> str:
 
 def signature(function: Callable[..., Any]) -> Any:
     """How ctypes calls a function, or a partial of one: arrays by their places."""
-    whole, given = _parts(function)
+    whole, given = parts_of(function)
     hints = get_type_hints(whole, include_extras=True)
-    answer = IN_C[_meant(hints.pop("return")).kind]
-    kinds = (IN_C[_meant(hint).kind] for name, hint in hints.items() if name not in given)
+    answer = IN_C[meaning_of(hints.pop("return")).kind]
+    kinds = (IN_C[meaning_of(hint).kind] for name, hint in hints.items() if name not in given)
     return ctypes.CFUNCTYPE(answer, *kinds)
 
 
@@ -142,35 +100,6 @@ def places_of(record: Iterable[Reals | Counts]) -> Any:
     """Where each array of a record stands: what machine code takes for the record."""
     places = [array.ctypes.data for array in record]
     return (ctypes.c_void_p * len(places))(*places)
-
-
-def _parts(function: Any) -> tuple[Any, dict[str, Any]]:
-    return (function.func, function.keywords) if isinstance(function, partial) else (function, {})
-
-
-def _meant(hint: Any, sizes: Mapping[str, Any] = MappingProxyType({})) -> Value:
-    """The kind of value that an annotation means; ``sizes`` are what its blocks are told by."""
-    if hint in KINDS:
-        return Value("", KINDS[hint])
-    if hasattr(hint, "__metadata__"):
-        shape = tuple(eval(x, {}, dict(sizes)) for x in hint.__metadata__ if sizes)
-        return _meant(hint.__origin__)._replace(shape=shape)
-    if hint in (Reals, Counts):
-        return Value("", PLACE, REAL if hint == Reals else COUNT)
-    if hasattr(hint, "_fields"):
-        parts = get_type_hints(hint, include_extras=True).items()
-        return Value("", PLACE, parts=tuple((k, _meant(x, sizes)) for k, x in parts))
-    if get_origin(hint) is not Callable:
-        raise TypeError(f"{hint!r} is no kind of argument")
-    takes, gives = get_args(hint)
-    return Value("", PLACE, takes=tuple(_meant(x).kind for x in takes), gives=_meant(gives).kind)
-
-
-def _number(x: float) -> Value:
-    """A number of Python."""
-    if isinstance(x, int):
-        return Value(str(int(x)), TRUTH if isinstance(x, bool) else COUNT)
-    return Value(f"0x{struct.pack('>d', x).hex().upper()}", REAL)
 
 
 def larger(a: float, b: float) -> float:
@@ -195,7 +124,7 @@ class _Module:
 
     def add(self, function: Any, name: str = "") -> Value:
         """A function, and those that it calls; how it is called."""
-        whole, given = _parts(function)
+        whole, given = parts_of(function)
         key = name, whole, *given.items()
         if key not in self.known:
             name = name or f"{whole.__name__}.{len(self.known)}"
@@ -223,14 +152,14 @@ class _Translation:
         self.lines, self.slots, self.count = list[str](), list[str](), itertools.count()
         self.loops = list[tuple[str, str]]()  # labels behind them, and of what is next
         hints = get_type_hints(function, include_extras=True)
-        self.gives = _meant(hints.pop("return")).kind
+        self.gives = meaning_of(hints.pop("return")).kind
         self.given = {k: x for k, x in given.items() if not isinstance(x, str)}
         self.meanings = function.__globals__ | self.given
         self.known, takes = dict[str, Value](), list[Value]()
         for k, hint in hints.items():
             if k in self.given:
                 continue
-            value = _meant(hint, self.given)._replace(
+            value = meaning_of(hint, self.given)._replace(
                 text=f"@{given[k]}" if k in given else f"%{k}"
             )
             for i, (part, array) in enumerate(value.parts):
@@ -397,7 +326,7 @@ class _Translation:
     def _value(self, node: ast.expr) -> Value:
         match node:
             case ast.Constant(value=bool() | int() | float() as x):
-                return _number(x)
+                return number(x)
             case ast.Name(id=name) if name in self.known:
                 known = self.known[name]
                 return known if known.gives or known.parts else self._loaded(known)
@@ -411,7 +340,7 @@ class _Translation:
                     return self.module.add(meaning)
                 if not isinstance(meaning, int | float):
                     self._refuse(f"{ast.unparse(node)} is no number")
-                return _number(meaning)
+                return number(meaning)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 one = self._row(self._value(operand))
                 text = (
@@ -472,7 +401,7 @@ class _Translation:
                 for x in (matrix, out)
             )
             self.known[M.id] = self._slot(M.id, matrix._replace(text=some.text, row=lanes))
-            self._store(total, self._as(_number(0.0), REAL, lanes))
+            self._store(total, self._as(number(0.0), REAL, lanes))
             term = ast.BinOp(ast.Subscript(x, j), ast.Mult(), ast.Subscript(M, j))
             self._for(j.id, [ast.Constant(row.row)], [ast.AugAssign(total, ast.Add(), term)])
             value = self._value(total)
@@ -505,6 +434,8 @@ class _Translation:
         match index:
             case ast.Slice(lower=ast.expr() as first, upper=None, step=None):
                 indices = [first]
+            case ast.Slice(lower=None, upper=None, step=None) if array.row:
+                return array
             case ast.Slice():
                 self._refuse("a slice is array[first:]")
             case _:
@@ -512,7 +443,7 @@ class _Translation:
         left = len(array.shape) + 1 - len(indices)
         if not array.of or left < 0:
             self._refuse(f"{len(indices)} indices of {ast.unparse(node.value)}")
-        counts, at = [self._as(self._value(x), COUNT) for x in indices], _number(0)
+        counts, at = [self._as(self._value(x), COUNT) for x in indices], number(0)
         for k, size in enumerate((0, *array.shape)):
             at = self._new(f"mul i64 {at.text}, {size}", COUNT)
             if k < len(counts):
@@ -558,7 +489,7 @@ class _Translation:
 
     def _record(self, kind: Any, arrays: list[Value]) -> Value:
         """A record on the stack."""
-        record = Value(f"%record.{next(self.count)}", PLACE, parts=_meant(kind).parts)
+        record = Value(f"%record.{next(self.count)}", PLACE, parts=meaning_of(kind).parts)
         self.slots.append(f"{record.text} = alloca ptr, i64 {len(arrays)}")
         if [x.of for x in arrays] != [x.of for _, x in record.parts]:
             self._refuse(f"{kind.__name__} is made of its arrays")

@@ -7,9 +7,9 @@ Of each step, until most are done or the bound is reached:
     off = norm of (m / h - J)^-1 (f(t, y) + sum_j E_j Z_j / h), in tolerances
     the step is taken where off is at most 1, else it is tried again with a shorter h
 
-In W = T^-1 Z the system parts into one of n equations, with the real eigenvalue m of A^-1, and one
-of 2 n, with the real and imaginary parts of the others. The slopes are quotients of differences.
-What Z the cubic through the last step's gives is where the iteration begins.
+The iteration solves sum_j (A^-1)_ij dZ_j / h - J dZ_i = f_i - sum_j (A^-1)_ij Z_j / h, and m is the
+real eigenvalue of A^-1. The slopes are quotients of differences. What Z the cubic through the last
+step's gives is where the iteration begins.
 
 Source: Hairer & Wanner, Solving Ordinary Differential Equations II, 1996, IV.8; control and limits
 as in SciPy's Radau.
@@ -23,7 +23,7 @@ from typing import Annotated, NamedTuple, TypeAlias
 
 import numpy as np
 
-from blockmech.engines.loops import Counts, Reals
+from blockmech.engines.kinds import Counts, Reals
 from blockmech.engines.stages import (
     BOUND,
     HIGH,
@@ -33,18 +33,19 @@ from blockmech.engines.stages import (
     Arrays,
     Fill,
     Integration,
+    Lane,
+    Lanes,
     Limits,
     Method,
     Rhs,
     Sizes,
     States,
     evaluate,
-    fitting_step,
+    first_steps,
     halved,
     is_calm,
     may_turn,
     tolerated,
-    trial_step,
 )
 from blockmech.ground.plane import EPS
 
@@ -55,84 +56,83 @@ TINY = 1e-8  # an error that lets a step grow as much as it may
 SMALL = 1e-3  # of a usual size: a component of a state that is less may change by as much
 STEP = sqrt(EPS)  # of a component, by which it is changed for the slopes
 ROOT = sqrt(6.0)
-CUBES = 3.0 ** (2.0 / 3.0) - 3.0 ** (1.0 / 3.0)
-REAL, PART = 3.0 + CUBES, 3.0 - 0.5 * CUBES  # eigenvalues of A^-1, and of two the real part
-TURN = 0.5 * (3.0 ** (5.0 / 6.0) + 3.0 ** (7.0 / 6.0))  # and the imaginary one
-# Of a step under way: how fast the iteration converges, h, t, whether the slopes are those of this
-# state, for which h there are matrices, the h to try first; of the step before its h, the one tried
-# first, and its error. The next call goes on from them.
-RATE, H, TIME, FRESH, KNOWN, WANTED, LAST, TRIED_FIRST, BEFORE, NUMBERS = range(10)
+REAL = 3.0 + 3.0 ** (2.0 / 3.0) - 3.0 ** (1.0 / 3.0)  # the real eigenvalue of A^-1
 Threes: TypeAlias = Annotated[Reals, "3"]
 Vectors: TypeAlias = Annotated[Reals, "of.state"]
 
 
 class Scheme(NamedTuple):
-    """Coefficients: places of the stages; T and its inverse; of the error, and of the cubic."""
+    """Coefficients: places of the stages; A^-1; of the error, and of the cubic."""
 
     C: Reals
-    T: Threes
     back: Threes
     E: Reals
     D: Threes
 
 
 class Workspace(NamedTuple):
-    """Of a step under way.
+    """Of a step under way; the next call goes on from there.
 
-    now : its numbers
-    Z, W : (3, n) see above, off : (3 n,) what is left of the equations, and what corrects W
+    time : [s] where it begins, h : how long it is, trial : how long it was tried first
+    last_h, last_trial, last_off : of the step before, 0 before the first; and its error
+    rate : how fast the iteration converges; fresh : 1 where the slopes are those of this state
+    factored : [s] length for which there are matrices
+    y : state where it begins, Z : (3, n) see above, off : (3 n,) what is left of the equations
     scale : (n,) tolerances, sizes : usual sizes of the components
     error : (n,) of the step, estimate : what Z says of it
-    J : (n, n) slopes of the rates, real, pair : both systems, factored; pivots : and exchanged
-    past : (3, n) of the cubic of the last step
+    J : (n, n) slopes of the rates, whole, real : the systems of the iteration and of the error
+    pivots, exchanged : of both; past : (3, n) of the cubic of the last step
     """
 
-    now: Reals
+    time: Lane
+    h: Lane
+    trial: Lane
+    last_h: Lane
+    last_trial: Lane
+    last_off: Lane
+    rate: Lane
+    fresh: Lane
+    factored: Lane
+    y: Lanes
     Z: Vectors
-    W: Vectors
     off: Reals
     scale: Reals
     estimate: Reals
     error: Reals
     sizes: Reals
     J: Vectors
+    whole: Reals
     real: Reals
-    pair: Reals
     past: Vectors
     pivots: Counts
+    exchanged: Counts
 
 
 def workspace(of: Sizes, most: int) -> Arrays:
     """Arrays of a `Workspace`."""
     n = of.state
-    threes, one, square = (3, n), (n,), (n, n)
-    shapes = (
-        *((NUMBERS,), threes, threes, (3 * n,), one, one, one, one),
-        *(square, (n * n,), (4 * n * n,), threes, (3 * n,)),
-    )
-    kinds = *[np.float64] * 12, np.int64
+    one, threes, square = (n,), (3, n), (n, n)
+    states = (n, 1), threes, (3 * n,), one, one, one, one, square, (9 * n * n,), (n * n,), threes
+    shapes = *[(1,)] * 9, *states, (3 * n,), one
+    kinds = *[np.float64] * 20, np.int64, np.int64
     return [*zip(Workspace._fields, kinds, shapes, strict=True)]
 
 
 @cache
 def radau() -> Method:
     """Three stages of the step, the rates at its end, and two places more that are watched."""
-    T = np.array([
-        [0.09443876248897524, -0.14125529502095421, 0.03002919410514742],
-        [0.25021312296533332, 0.20412935229379994, -0.38294211275726192],
-        [1.0, 1.0, 0.0],
-    ])  # fmt: skip
-    back = np.array([
-        [4.17871859155190428, 0.32768282076106237, 0.52337644549944951],
-        [-4.17871859155190428, -0.32768282076106237, 0.47662355450055044],
-        [0.50287263494578682, -2.57192694985560522, 0.59603920482822492],
-    ])  # fmt: skip
     C = np.array([0.0, (4.0 - ROOT) / 10.0, (4.0 + ROOT) / 10.0, 1.0, 0.4, 0.82])
+    A = np.array([
+        [(88.0 - 7.0 * ROOT) / 360.0, (296.0 - 169.0 * ROOT) / 1800.0, (-2.0 + 3.0 * ROOT) / 225.0],
+        [(296.0 + 169.0 * ROOT) / 1800.0, (88.0 + 7.0 * ROOT) / 360.0, (-2.0 - 3.0 * ROOT) / 225.0],
+        [(16.0 - ROOT) / 36.0, (16.0 + ROOT) / 36.0, 1.0 / 9.0],
+    ])  # fmt: skip
+    back = np.linalg.inv(A)
     E = np.array([-13.0 - 7.0 * ROOT, -13.0 + 7.0 * ROOT, -1.0]) / 3.0
     high = np.array([10.0 / 3.0 + 5.0 * ROOT, 10.0 / 3.0 - 5.0 * ROOT, 10.0 / 3.0])
     square = np.array([-23.0 - 22.0 * ROOT, -23.0 + 22.0 * ROOT, -8.0]) / 3.0
     D = np.array([-high, -(square + high)])
-    return Method(steps, 1, C.size, 4, Scheme(C, T, back, E, D), (1, 0), workspace)
+    return Method(steps, 1, C.size, 4, Scheme(C, back, E, D), (1, 0), workspace)
 
 
 def factor(A: Reals, pivots: Counts, n: int) -> None:
@@ -166,19 +166,20 @@ def solve(A: Reals, pivots: Counts, b: Reals, n: int) -> None:
         b[k] = b[k] / A[k * n + k]
 
 
-def factored(of: Sizes, work: Workspace, h: float) -> None:
+def factored(of: Sizes, by: Scheme, work: Workspace) -> None:
     """Both systems of a step."""
-    n, real, pair = of.state, work.real, work.pair
+    n, h = of.state, work.h[0]
     for i in range(n):
         for j in range(n):
             one, slope = 1.0 if i == j else 0.0, work.J[i, j]
-            real[i * n + j] = REAL / h * one - slope
-            pair[2 * i * n + j] = PART / h * one - slope
-            pair[2 * i * n + n + j] = TURN / h * one
-            pair[2 * (i + n) * n + j] = -TURN / h * one
-            pair[2 * (i + n) * n + n + j] = PART / h * one - slope
-    factor(real, work.pivots, n)
-    factor(pair, work.pivots[n:], 2 * n)
+            work.real[i * n + j] = REAL / h * one - slope
+            for r in range(3):
+                for s in range(3):
+                    own = slope if r == s else 0.0
+                    work.whole[(r * n + i) * 3 * n + s * n + j] = by.back[r, s] / h * one - own
+    factor(work.real, work.exchanged, n)
+    factor(work.whole, work.pivots, 3 * n)
+    work.factored[0] = h
 
 
 def at_time(of: Sizes, fill: Fill, rhs: Rhs, t: float, s: int) -> None:
@@ -187,19 +188,19 @@ def at_time(of: Sizes, fill: Fill, rhs: Rhs, t: float, s: int) -> None:
     evaluate(of, fill, rhs, s)
 
 
-def slopes(of: Sizes, fill: Fill, rhs: Rhs, y: Reals, control: Reals, work: Workspace) -> None:
+def slopes(of: Sizes, fill: Fill, rhs: Rhs, control: Reals, work: Workspace) -> None:
     """Slopes (n, n) of the rates at a state, each component moved the way it goes."""
-    n, K, state, now = of.state, rhs.K, rhs.state, work.now
+    n, K, state, y = of.state, rhs.K, rhs.state, work.y
     for j in range(n):
         for i in range(n):
-            state[i, 0] = y[i]
-        far = STEP * max(abs(y[j]), SMALL * work.sizes[j])
-        state[j, 0] = y[j] + (-far if K[0, j, 0] < 0.0 else far)
-        at_time(of, fill, rhs, now[TIME], 1)
+            state[i, 0] = y[i, 0]
+        far = STEP * max(abs(y[j, 0]), SMALL * work.sizes[j])
+        state[j, 0] = y[j, 0] + (-far if K[0, j, 0] < 0.0 else far)
+        at_time(of, fill, rhs, work.time[0], 1)
         for i in range(n):
-            work.J[i, j] = (K[1, i, 0] - K[0, i, 0]) / (state[j, 0] - y[j])
+            work.J[i, j] = (K[1, i, 0] - K[0, i, 0]) / (state[j, 0] - y[j, 0])
     control[TRIED] += float(n)
-    now[FRESH], now[KNOWN] = 1.0, 0.0
+    work.fresh[0], work.factored[0] = 1.0, 0.0
 
 
 def norm(of: Sizes, a: Reals, scale: Reals, many: int) -> float:
@@ -212,38 +213,22 @@ def norm(of: Sizes, a: Reals, scale: Reals, many: int) -> float:
     return sqrt(total / (many * of.state))
 
 
-def moved(of: Sizes, T: Threes, a: Vectors, b: Vectors) -> None:
-    """Three vectors b made of three others."""
-    for r in range(3):
-        for i in range(of.state):
-            b[r, i] = T[r, 0] * a[0, i] + T[r, 1] * a[1, i] + T[r, 2] * a[2, i]
-
-
-def converged(
-    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, y: Reals, work: Workspace, allowed: float
-) -> int:
+def converged(of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, work: Workspace, allowed: float) -> int:
     """Iterations that a step's Z took to converge, negative where it did not."""
-    n, K, state, back, h = of.state, rhs.K, rhs.state, by.back, work.now[H]
-    Z, W, off, now, before = work.Z, work.W, work.off, work.now, 0.0
-    moved(of, back, Z, W)
-    now[RATE] = 0.0
+    n, K, h, Z, off, before = of.state, rhs.K, work.h[0], work.Z, work.off, 0.0
+    work.rate[0] = 0.0
     for k in range(ITERATIONS):
         for s in range(3):
             for i in range(n):
-                state[i, 0] = y[i] + Z[s, i]
-            at_time(of, fill, rhs, now[TIME] + by.C[s + 1] * h, s + 1)
+                rhs.state[i, 0] = work.y[i, 0] + Z[s, i]
+            at_time(of, fill, rhs, work.time[0] + by.C[s + 1] * h, s + 1)
         for i in range(n):
-            fast = 0.0 * K[1, i, 0] + 0.0 * K[2, i, 0] + 0.0 * K[3, i, 0]
-            if fast != 0.0:
-                return -1 - k
-            for r in range(3):
-                rates = back[r, 0] * K[1, i, 0] + back[r, 1] * K[2, i, 0] + back[r, 2] * K[3, i, 0]
-                off[r * n + i] = rates
-            off[i] -= REAL / h * W[0, i]
-            off[n + i] -= PART / h * W[1, i] + TURN / h * W[2, i]
-            off[2 * n + i] -= PART / h * W[2, i] - TURN / h * W[1, i]
-        solve(work.real, work.pivots, off, n)
-        solve(work.pair, work.pivots[n:], off[n:], 2 * n)
+            for s in range(3):
+                if K[s + 1, i, 0] - K[s + 1, i, 0] != 0.0:  # it is no number
+                    return -1 - k
+                back = by.back[s, 0] * Z[0, i] + by.back[s, 1] * Z[1, i] + by.back[s, 2] * Z[2, i]
+                off[s * n + i] = K[s + 1, i, 0] - back / h
+        solve(work.whole, work.pivots, off, 3 * n)
         size, left = norm(of, off, work.scale, 3), 1.0
         if k > 0:
             rate = size / before
@@ -251,12 +236,11 @@ def converged(
                 left *= rate
             if not rate < 1.0 or left / (1.0 - rate) * size > allowed:
                 return -1 - k
-            now[RATE] = rate
-        for r in range(3):
+            work.rate[0] = rate
+        for s in range(3):
             for i in range(n):
-                W[r, i] += off[r * n + i]
-        moved(of, by.T, W, Z)
-        if size == 0.0 or (k > 0 and now[RATE] / (1.0 - now[RATE]) * size < allowed):
+                Z[s, i] += off[s * n + i]
+        if size == 0.0 or (k > 0 and work.rate[0] / (1.0 - work.rate[0]) * size < allowed):
             return k + 1
         before = size
     return -ITERATIONS
@@ -264,104 +248,83 @@ def converged(
 
 def predicted(of: Sizes, by: Scheme, work: Workspace) -> None:
     """Where the iteration begins: on the cubic of the step before, if there was one."""
-    n, Z, past, now = of.state, work.Z, work.past, work.now
+    n, Z, past, last = of.state, work.Z, work.past, work.last_h[0]
     for s in range(3):
-        x = 1.0 + by.C[s + 1] * now[H] / now[LAST] if now[LAST] > 0.0 else 0.0
+        x = 1.0 + by.C[s + 1] * work.h[0] / last if last > 0.0 else 0.0
         for i in range(n):
             high = (past[0, i] * x + past[1, i]) * (1.0 - x) + past[2, i]
-            Z[s, i] = high * x - past[2, i] if now[LAST] > 0.0 else 0.0
+            Z[s, i] = high * x - past[2, i] if last > 0.0 else 0.0
 
 
 def iterated(
-    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, y: Reals, control: Reals, work: Workspace,
-    allowed: float,
-) -> int:  # fmt: skip
+    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, control: Reals, work: Workspace, allowed: float
+) -> int:
     """As `converged`, once more with slopes of this state where those of one before do not do."""
-    now = work.now
     while True:
-        if now[KNOWN] != now[H]:
-            factored(of, work, now[H])
-            now[KNOWN] = now[H]
+        if work.factored[0] != work.h[0]:
+            factored(of, by, work)
         predicted(of, by, work)
-        took = converged(of, fill, rhs, by, y, work, allowed)
+        took = converged(of, fill, rhs, by, work, allowed)
         control[TRIED] += 3.0 * abs(float(took))
-        if took > 0 or now[FRESH] == 1.0:
+        if took > 0 or work.fresh[0] == 1.0:
             break
-        slopes(of, fill, rhs, y, control, work)
+        slopes(of, fill, rhs, control, work)
     return took
 
 
-def ended(
-    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, y: Reals, work: Workspace, series: States
-) -> None:
+def ended(of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, work: Workspace, series: States) -> None:
     """The series of a step, see `blockmech.engines.dense`, the rates at its end and inside it."""
-    n, Z, past, D, state = of.state, work.Z, work.past, by.D, rhs.state
+    n, Z, past, D, state, y = of.state, work.Z, work.past, by.D, rhs.state, work.y
     for i in range(n):
         for r in range(4):
             series[r, i] = 0.0
         for r in range(2):
             past[r, i] = D[r, 0] * Z[0, i] + D[r, 1] * Z[1, i] + D[r, 2] * Z[2, i]
-        past[2, i], series[7, i] = Z[2, i], y[i]
+        past[2, i], series[7, i] = Z[2, i], y[i, 0]
         for r in range(3):
             series[4 + r, i] = past[r, i]
     for s in range(of.ends - 1, of.stages):
         share = by.C[s]
         for i in range(n):
             high = (series[4, i] * share + series[5, i]) * (1.0 - share)
-            state[i, 0] = (high + series[6, i]) * share + y[i]
-        at_time(of, fill, rhs, work.now[TIME] + share * work.now[H], s)
+            state[i, 0] = (high + series[6, i]) * share + y[i, 0]
+        at_time(of, fill, rhs, work.time[0] + share * work.h[0], s)
 
 
 def error_of(
-    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, tolerances: Limits, y: Reals, work: Workspace,
-    again: bool,
-) -> float:  # fmt: skip
+    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, tolerances: Limits, work: Workspace, again: bool
+) -> float:
     """The error of a step in tolerances; of one that is tried again it is looked at twice.
 
     Then for rates at a state that is off by the error itself: that takes out what is stiff of it.
     """
-    n, K, E, Z = of.state, rhs.K, by.E, work.Z
+    n, K, E, Z, y = of.state, rhs.K, by.E, work.Z, work.y
     estimate, error = work.estimate, work.error
     for i in range(n):
-        estimate[i] = (E[0] * Z[0, i] + E[1] * Z[1, i] + E[2] * Z[2, i]) / work.now[H]
+        estimate[i] = (E[0] * Z[0, i] + E[1] * Z[1, i] + E[2] * Z[2, i]) / work.h[0]
         error[i] = K[0, i, 0] + estimate[i]
-        new = y[i] + Z[2, i]
-        work.scale[i] = tolerated(of, tolerances, i, 0, max(abs(y[i]), abs(new)))
-    solve(work.real, work.pivots, error, n)
+        larger = max(abs(y[i, 0]), abs(y[i, 0] + Z[2, i]))
+        work.scale[i] = tolerated(of, tolerances, i, 0, larger)
+    solve(work.real, work.exchanged, error, n)
     size = norm(of, error, work.scale, 1)
     if again and size > 1.0:
         for i in range(n):
-            rhs.state[i, 0] = y[i] + error[i]
-        at_time(of, fill, rhs, work.now[TIME], 1)
+            rhs.state[i, 0] = y[i, 0] + error[i]
+        at_time(of, fill, rhs, work.time[0], 1)
         for i in range(n):
             error[i] = K[1, i, 0] + estimate[i]
-        solve(work.real, work.pivots, error, n)
+        solve(work.real, work.exchanged, error, n)
         size = norm(of, error, work.scale, 1)
     return size
 
 
-def growth(now: Reals, off: float, took: int) -> float:
+def growth(work: Workspace, off: float, took: int) -> float:
     """By how many times the next step may be longer, by the error and the one before."""
     factor = 0.9 * (2 * ITERATIONS + 1) / (2 * ITERATIONS + took) / sqrt(sqrt(off))
-    if now[LAST] > 0.0:
-        factor *= min(1.0, now[H] / now[TRIED_FIRST] * sqrt(sqrt(now[BEFORE] / off)))
+    if work.last_h[0] > 0.0:
+        before = work.h[0] / work.last_trial[0] * sqrt(sqrt(work.last_off[0] / off))
+        factor *= min(1.0, before)
     return factor
-
-
-def first_step(of: Sizes, fill: Fill, rhs: Rhs, y: Reals, work: Workspace, longest: float) -> float:
-    """[s] A step that fits, by how fast the state and its rates change."""
-    n, K, rates, scale = of.state, rhs.K, work.Z[0], work.scale
-    for i in range(n):
-        rates[i] = K[0, i, 0]
-    far, fast = norm(of, y, scale, 1), norm(of, rates, scale, 1)
-    h = trial_step(far, fast, longest)
-    for i in range(n):
-        rhs.state[i, 0] = y[i] + h * rates[i]
-    at_time(of, fill, rhs, work.now[TIME] + h, 1)
-    for i in range(n):
-        rates[i] = K[1, i, 0] - K[0, i, 0]
-    quick = max(fast, norm(of, rates, scale, 1) / h)
-    return fitting_step(h, quick, 4, longest)
 
 
 def left_of(loose: float) -> float:
@@ -371,7 +334,7 @@ def left_of(loose: float) -> float:
     All steps leave to the same side what they iterate to: that is a small part of it, for two runs
     to differ by their steps, and what does not fall with the tolerance no run shows.
     """
-    return max(max(10.0 * EPS / loose, ITERATED * min(0.03, sqrt(loose))), sqrt(EPS / loose))
+    return max(10.0 * EPS / loose, ITERATED * min(0.03, sqrt(loose)))
 
 
 def left_allowed(of: Sizes, tolerances: Limits, sizes: Reals) -> float:
@@ -398,57 +361,63 @@ def steps(
 
     The third of the controls is how many states were asked for.
     """
-    n, K, states, control, now = of.state, rhs.K, run.states, run.controls[0], work.now
-    y, allowed = states[0], left_allowed(of, run.tolerances, work.sizes)
-    made, t, h, again = 0, run.times[0], control[TRY], False
+    n, K, y, time, control = of.state, rhs.K, work.y, work.time, run.controls[0]
+    allowed, made, t, h = (
+        left_allowed(of, run.tolerances, work.sizes),
+        0,
+        run.times[0],
+        control[TRY],
+    )
+    again = False
     for i in range(n):
-        rhs.state[i, 0] = y[i]
-        work.scale[i] = tolerated(of, run.tolerances, i, 0, abs(y[i]))
+        y[i, 0] = run.states[0, i]
+        rhs.state[i, 0] = y[i, 0]
     at_time(of, fill, rhs, t, 0)
-    if h == 0.0 or now[TIME] != t or now[WANTED] != h:
-        now[TIME], now[LAST] = t, 0.0
+    if h == 0.0 or time[0] != t or work.trial[0] != h:
+        time[0], work.last_h[0] = t, 0.0
         if h == 0.0:
-            h = first_step(of, fill, rhs, y, work, control[BOUND] - t)
-        slopes(of, fill, rhs, y, control, work)
-        h = halved(run.plan, run.planned[0], t, h)
-        now[WANTED] = max(h, 10.0 * EPS * abs(t))
-    h = now[WANTED]
+            first_steps(of, fill, rhs, run, y, time, work.h, work.rate, 4)
+        slopes(of, fill, rhs, control, work)
+        h = halved(run.plan, run.planned[0], t, control[TRY])
+        work.trial[0] = max(h, 10.0 * EPS * abs(t))
+    h = work.trial[0]
     while made < most and t < control[BOUND]:
         later = min(t + h, control[BOUND])
         if not (h >= 10.0 * EPS * abs(t) and later > t):
             break
         h = later - t
-        now[H] = h
+        work.h[0] = h
         for i in range(n):
-            work.scale[i] = tolerated(of, run.tolerances, i, 0, abs(y[i]))
-        took = iterated(of, fill, rhs, by, y, control, work, allowed)
+            work.scale[i] = tolerated(of, run.tolerances, i, 0, abs(y[i, 0]))
+        took = iterated(of, fill, rhs, by, control, work, allowed)
         if took < 0:
             h *= 0.5
             continue
-        off = error_of(of, fill, rhs, by, run.tolerances, y, work, again)
-        factor = growth(now, max(off, TINY), took)
+        off = error_of(of, fill, rhs, by, run.tolerances, work, again)
+        factor = growth(work, max(off, TINY), took)
         if not off <= 1.0:
             h, again = h * max(0.2, factor), True
             continue
-        ended(of, fill, rhs, by, y, work, run.series[made])
+        ended(of, fill, rhs, by, work, run.series[made])
         control[TRIED] += float(of.stages - of.ends + 1)
         run.turns[made], calm = may_turn(of, K, 0), is_calm(of, K, watched, 0)
         made += 1
         for i in range(n):
-            states[made, i] = y[i] + work.Z[2, i]
+            y[i, 0] += work.Z[2, i]
+            run.states[made, i] = y[i, 0]
         for k in range(of.width):
             K[0, k, 0] = K[of.ends - 1, k, 0]
-        y, t, run.times[made], again = states[made], later, later, False
-        now[TIME], now[FRESH] = t, 0.0
-        now[LAST], now[TRIED_FIRST], now[BEFORE] = h, now[WANTED], max(off, TINY)
-        slow = took > 2 and now[RATE] > SLOW
+        t, run.times[made], again = later, later, False
+        time[0], work.fresh[0] = t, 0.0
+        work.last_h[0], work.last_trial[0], work.last_off[0] = h, work.trial[0], max(off, TINY)
+        slow = took > 2 and work.rate[0] > SLOW
         if slow:
-            slopes(of, fill, rhs, y, control, work)
+            slopes(of, fill, rhs, control, work)
         if slow or factor >= 1.2:
             h = h * min(10.0, factor)
         h = halved(run.plan, run.planned[0], t, h)
-        now[WANTED] = h
-        inside = control[LOW] < y[0] and y[0] < control[HIGH]
+        work.trial[0] = h
+        inside = control[LOW] < y[0, 0] and y[0, 0] < control[HIGH]
         if not (inside and calm):
             made = -made
             break

@@ -16,7 +16,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from blockmech.engines.loops import Reals
+from blockmech.engines.kinds import Reals
 from blockmech.ground.plane import EPS
 
 STEPS = 60  # of Laguerre's method: six or so, more where several values lie together

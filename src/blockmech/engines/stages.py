@@ -25,12 +25,9 @@ Source: Hairer, Norsett & Wanner, Solving Ordinary Differential Equations I, 199
 
 from __future__ import annotations
 
-import ctypes
-import math
-from collections.abc import Callable, Sequence
-from functools import cache, cached_property, partial
+from collections.abc import Callable
+from functools import cache
 from importlib.util import find_spec
-from itertools import accumulate
 from math import sqrt
 from pathlib import Path
 from runpy import run_path
@@ -39,19 +36,13 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from blockmech.engines import loops
-from blockmech.engines.assembly import Text, piece
-from blockmech.engines.llvm import FILL, addresses_of, machine_code, row_of
-from blockmech.engines.loops import Counts, Reals
-from blockmech.engines.nodes import Untraceable
-from blockmech.engines.trace import FOLLOWED, Body, Trace
+from blockmech.engines.assembly import piece
+from blockmech.engines.kinds import ROW, Counts, Reals
 from blockmech.ground.plane import EPS
-from blockmech.plan.plan import Program
 
 Floats = NDArray[np.float64]
 LANES = 2  # runs of a motion side by side: the second takes half the steps of the first
 THIRD = 0.01  # weight of the estimate of order 3 where the rates are smooth
-KNOWN = 64  # states looked at last whose rows are kept
 SHORTEST = 1e-99  # [s] a step at time 0 that is tried again and again
 FAR = 0.125  # of a margin, 21 degrees of a transmission angle; and of inertia, in usual ones
 
@@ -72,6 +63,7 @@ class Sizes(NamedTuple):
     lanes: int
 
 
+Lane: TypeAlias = Annotated[Reals, ROW, "of.lanes"]
 Lanes: TypeAlias = Annotated[Reals, "of.lanes"]
 Rows: TypeAlias = Annotated[Reals, "of.width", "of.lanes"]
 States: TypeAlias = Annotated[Reals, "of.state"]
@@ -177,10 +169,22 @@ class Method(NamedTuple):
 
 
 class Workspace(NamedTuple):
-    """Of steps under way: their numbers, states, and highest terms of the series; what lanes are
-    at."""
+    """Of steps under way.
 
-    now: Lanes
+    time : [s] where they begin, later : where they end, h : how long they are
+    free : [s] how long they would be without a bound; grows : by how many times the next may grow
+    off, thirds : error in tolerances, and weight of the estimate of order 3
+    y : states where they begin, highest : the highest terms of their series
+    is_at : what lanes are at
+    """
+
+    time: Lane
+    later: Lane
+    h: Lane
+    free: Lane
+    grows: Lane
+    off: Lane
+    thirds: Lane
     y: Lanes
     highest: Lanes
     is_at: Counts
@@ -188,10 +192,9 @@ class Workspace(NamedTuple):
 
 def workspace(of: Sizes, most: int) -> Arrays:
     """Arrays of a `Workspace`."""
-    n, lanes = of.state, of.lanes
-    rows = {"now": ROWS, "y": n, "highest": 4 * n}
-    reals: Arrays = [(name, np.float64, (k, lanes)) for name, k in rows.items()]
-    return [*reals, ("is_at", np.int64, (lanes,))]
+    rows = {"y": (of.state, of.lanes), "highest": (4 * of.state, of.lanes)}
+    kinds = {"is_at": np.int64}
+    return [(x, kinds.get(x, np.float64), rows.get(x, (of.lanes,))) for x in Workspace._fields]
 
 
 @cache
@@ -202,7 +205,6 @@ def dop853() -> Method:
 
 
 TRY, BOUND, TRIED, LOW, HIGH, WEIGHT = range(6)  # columns of a control
-TIME, LATER, H, FREE, GROWS, OFF, THIRDS, ROWS = range(8)  # of a step under way
 OVER, BEGINS, AGAIN, TAKEN, WAITS = range(5)  # what a lane is at
 
 
@@ -212,23 +214,24 @@ def evaluate(of: Sizes, fill: Fill, rhs: Rhs, s: int) -> None:
 
 
 def rates_at(
-    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, y: Lanes, now: Lanes, begin: int, end: int
+    of: Sizes, fill: Fill, rhs: Rhs, by: Scheme, work: Workspace, begin: int, end: int
 ) -> None:
     """Rows of the program at some stages of a step."""
-    A, C, K, state = by.A, by.C, rhs.K, rhs.state
+    A, C, K, state, y, h = by.A, by.C, rhs.K, rhs.state, work.y, work.h
     for s in range(begin, end):
         for i in range(of.state):
             total = A[s, 0] * K[0, i]
             for j in range(1, s):
                 total = total + A[s, j] * K[j, i]
-            state[i] = y[i] + now[H] * total
-        state[of.state] = now[TIME] + C[s] * now[H]
+            state[i] = y[i] + h * total
+        state[of.state] = work.time + C[s] * h
         evaluate(of, fill, rhs, s)
 
 
-def error_of(of: Sizes, rhs: Rhs, by: Scheme, tolerances: Limits, y: Lanes, now: Lanes) -> None:
+def error_of(of: Sizes, rhs: Rhs, by: Scheme, tolerances: Limits, work: Workspace) -> None:
     """Errors of steps in tolerances, of the estimates of orders 5 and 3."""
-    K, new, E, none = rhs.K, rhs.state, by.E, 0.0 * now[H]
+    K, new, E, y, h = rhs.K, rhs.state, by.E, work.y, work.h
+    none = 0.0 * h
     fifths, thirds = none, none
     for i in range(of.state):
         larger = np.where(abs(new[i]) > abs(y[i]), abs(new[i]), abs(y[i]))
@@ -240,12 +243,12 @@ def error_of(of: Sizes, rhs: Rhs, by: Scheme, tolerances: Limits, y: Lanes, now:
         fifth, third = fifth / scale, third / scale
         fifths = fifths + fifth * fifth
         thirds = thirds + third * third
-    whole = fifths / np.sqrt((fifths + now[THIRDS] * thirds) * float(of.state))
-    now[OFF] = now[H] * np.where(fifths == 0.0, none, whole)
+    whole = fifths / np.sqrt((fifths + work.thirds * thirds) * float(of.state))
+    work.off[:] = h * np.where(fifths == 0.0, none, whole)
 
 
 def highest_terms(
-    of: Sizes, K: Rows, now: Lanes, D: Annotated[Reals, "of.stages"], highest: Lanes
+    of: Sizes, K: Rows, D: Annotated[Reals, "of.stages"], h: Lane, highest: Lanes
 ) -> None:
     """The highest terms of the series of steps, see `series_of`."""
     for r in range(4):
@@ -253,7 +256,7 @@ def highest_terms(
             total = D[r, 0] * K[0, i]
             for j in range(1, of.stages):
                 total = total + D[r, j] * K[j, i]
-            highest[r * of.state + i] = now[H] * total
+            highest[r * of.state + i] = h * total
 
 
 def series_of(
@@ -296,51 +299,40 @@ def tolerated(of: Sizes, tolerances: Limits, i: int, lane: int, size: float) -> 
     return float(tolerances[1, i, lane] + size * tolerances[0, i, lane])
 
 
-def trial_step(far: float, fast: float, longest: float) -> float:
-    """[s] A short step to see how rates change, from sizes of a state and of its rates.
+def first_steps(
+    of: Sizes, fill: Fill, rhs: Rhs, run: Integration, y: Lanes, time: Lane, h: Lane, fast: Lane,
+    order: int,
+) -> None:  # fmt: skip
+    """The steps to try first of a method of order 4 or 8, where none is given.
 
     Source: Hairer, Norsett & Wanner, II.4, starting step size.
     """
-    return min(1e-6 if far < 1e-5 or fast < 1e-5 else 0.01 * far / fast, longest)
-
-
-def fitting_step(h: float, quick: float, order: int, longest: float) -> float:
-    """[s] A first step for a method of order 4 or 8, by what a trial step h has shown."""
-    fits = sqrt(sqrt(0.01 / quick)) if quick > 1e-15 else max(1e-6, 1e-3 * h)
-    if quick > 1e-15 and order == 8:
-        fits = sqrt(fits)
-    return min(min(100.0 * h, fits), longest)
-
-
-def first_steps(
-    of: Sizes, fill: Fill, rhs: Rhs, tolerances: Limits, controls: Controls, y: Lanes,
-    now: Lanes,
-) -> None:  # fmt: skip
-    """The steps to try first, where none is given."""
-    K, state = rhs.K, rhs.state
+    K, state, tolerances, controls = rhs.K, rhs.state, run.tolerances, run.controls
     for lane in range(of.lanes):
-        far, fast, longest = 0.0, 0.0, controls[lane, BOUND] - now[TIME, lane]
+        far, longest, fast[lane] = 0.0, controls[lane, BOUND] - time[lane], 0.0
         for i in range(of.state):
             scale = tolerated(of, tolerances, i, lane, abs(y[i, lane]))
             far += y[i, lane] / scale * (y[i, lane] / scale)
-            fast += K[0, i, lane] / scale * (K[0, i, lane] / scale)
-        far, fast = sqrt(far / of.state), sqrt(fast / of.state)
-        h = trial_step(far, fast, longest)
-        now[H, lane], now[OFF, lane] = h, fast
+            fast[lane] += K[0, i, lane] / scale * (K[0, i, lane] / scale)
+        far, fast[lane] = sqrt(far / of.state), sqrt(fast[lane] / of.state)
+        h[lane] = 1e-6 if far < 1e-5 or fast[lane] < 1e-5 else 0.01 * far / fast[lane]
+        h[lane] = min(h[lane], longest)
         for i in range(of.state):
-            state[i, lane] = y[i, lane] + h * K[0, i, lane]
-        state[of.state, lane] = now[TIME, lane] + h
+            state[i, lane] = y[i, lane] + h[lane] * K[0, i, lane]
+        state[of.state, lane] = time[lane] + h[lane]
     evaluate(of, fill, rhs, 1)
     for lane in range(of.lanes):
-        bends, h = 0.0, now[H, lane]
+        bends, longest = 0.0, controls[lane, BOUND] - time[lane]
         for i in range(of.state):
             scale = tolerated(of, tolerances, i, lane, abs(y[i, lane]))
             bend = (K[1, i, lane] - K[0, i, lane]) / scale
             bends += bend * bend
-        quick = max(now[OFF, lane], sqrt(bends / of.state) / h)
+        quick = max(fast[lane], sqrt(bends / of.state) / h[lane])
+        fits = sqrt(sqrt(0.01 / quick)) if quick > 1e-15 else max(1e-6, 1e-3 * h[lane])
+        if quick > 1e-15 and order == 8:
+            fits = sqrt(fits)
         if controls[lane, TRY] == 0.0:
-            longest = controls[lane, BOUND] - now[TIME, lane]
-            controls[lane, TRY] = fitting_step(h, quick, 8, longest)
+            controls[lane, TRY] = min(min(100.0 * h[lane], fits), longest)
 
 
 def halved(plan: Reals, planned: int, t: float, h: float) -> float:
@@ -362,8 +354,8 @@ def tries(of: Sizes, run: Integration, work: Workspace, lane: int) -> int:
 
     The second lane waits for the first, whose steps are its plan, and ends where these do.
     """
-    now, is_at, control = work.now, work.is_at, run.controls[lane]
-    t, bound = now[TIME, lane], control[BOUND]
+    is_at, control = work.is_at, run.controls[lane]
+    t, bound = work.time[lane], control[BOUND]
     made = run.counts[0] if run.counts[0] > 0 else -run.counts[0]
     if is_at[lane] == WAITS:
         is_at[lane] = BEGINS
@@ -376,13 +368,12 @@ def tries(of: Sizes, run: Integration, work: Workspace, lane: int) -> int:
             h = halved(run.times, made, t, h)
         else:
             h = halved(run.plan, run.planned[0], t, h)
-        now[FREE, lane] = max(h, shortest)
-        now[GROWS, lane] = 10.0
+        work.free[lane], work.grows[lane] = max(h, shortest), 10.0
     goes = is_at[lane] == BEGINS or is_at[lane] == AGAIN
-    if goes and now[FREE, lane] < shortest:
+    if goes and work.free[lane] < shortest:
         is_at[lane], goes = OVER, False
-    now[LATER, lane] = min(t + now[FREE, lane], bound) if goes else t
-    now[H, lane] = now[LATER, lane] - t
+    work.later[lane] = min(t + work.free[lane], bound) if goes else t
+    work.h[lane] = work.later[lane] - t
     return 1 if goes else 0
 
 
@@ -402,58 +393,57 @@ def steps(
     it; else the first is that of the end. Lanes are finer than the first.
     """
     K, state, states, times = rhs.K, rhs.state, run.states, run.times
-    tolerances, controls, counts = run.tolerances, run.controls, run.counts
-    now, y, is_at = work.now, work.y, work.is_at
+    controls, counts = run.controls, run.counts
+    time, h, off, y, is_at = work.time, work.h, work.off, work.y, work.is_at
     for lane in range(of.lanes):
-        is_at[lane], counts[lane], now[TIME, lane] = counts[lane], 0, times[lane * (most + 1)]
+        is_at[lane], counts[lane], time[lane] = counts[lane], 0, times[lane * (most + 1)]
         for i in range(of.state):
             y[i, lane] = states[lane * (most + 1), i]
             state[i, lane] = y[i, lane]
-        state[of.state, lane] = now[TIME, lane]
-        now[THIRDS, lane] = controls[lane, WEIGHT]
+        state[of.state, lane] = time[lane]
+        work.thirds[lane] = controls[lane, WEIGHT]
     evaluate(of, fill, rhs, 0)
     if controls[0, TRY] == 0.0 and most > 0:
-        first_steps(of, fill, rhs, tolerances, controls, y, now)
+        first_steps(of, fill, rhs, run, y, time, h, off, 8)
     while True:
         going, taken = 0, False
         for lane in range(of.lanes):
-            ended = not (now[TIME, lane] < controls[lane, BOUND] and counts[lane] < most)
+            ended = not (time[lane] < controls[lane, BOUND] and counts[lane] < most)
             if is_at[lane] == BEGINS and ended:
                 is_at[lane] = OVER
             going += tries(of, run, work, lane)
         if going == 0:
             return
-        rates_at(of, fill, rhs, by, y, now, 1, of.ends)
-        error_of(of, rhs, by, tolerances, y, now)
+        rates_at(of, fill, rhs, by, work, 1, of.ends)
+        error_of(of, rhs, by, run.tolerances, work)
         for lane in range(of.lanes):
             if is_at[lane] == OVER or is_at[lane] == WAITS:
                 continue
-            h, off = now[H, lane], now[OFF, lane]
-            factor = 0.9 / sqrt(sqrt(sqrt(off)))
+            factor = 0.9 / sqrt(sqrt(sqrt(off[lane])))
             controls[lane, TRIED] += 1.0
-            if not off < 1.0:
+            if not off[lane] < 1.0:
                 is_at[lane] = AGAIN
-                now[FREE, lane], now[GROWS, lane] = h * max(0.2, factor), 1.0
+                work.free[lane], work.grows[lane] = h[lane] * max(0.2, factor), 1.0
             else:
                 is_at[lane], taken = TAKEN, True
-                controls[lane, TRY] = h * min(factor, now[GROWS, lane])
+                controls[lane, TRY] = h[lane] * min(factor, work.grows[lane])
                 counts[lane] += 1
                 at = lane * (most + 1) + counts[lane]
-                times[at] = now[LATER, lane]
+                times[at] = work.later[lane]
                 for i in range(of.state):
                     states[at, i] = state[i, lane]
         if taken:
-            rates_at(of, fill, rhs, by, y, now, of.ends, of.stages)
-            highest_terms(of, K, now, by.D, work.highest)
+            rates_at(of, fill, rhs, by, work, of.ends, of.stages)
+            highest_terms(of, K, by.D, h, work.highest)
         for lane in range(of.lanes):
             if is_at[lane] == TAKEN:
                 at, m = lane * (most + 1) + counts[lane], lane * most + counts[lane] - 1
                 new = states[at]
-                series_of(of, K, y, new, now[H, lane], work.highest, run.series[m], lane)
+                series_of(of, K, y, new, h[lane], work.highest, run.series[m], lane)
                 run.turns[m] = may_turn(of, K, lane)
                 for i in range(of.state):
                     y[i, lane] = new[i]
-                now[TIME, lane], is_at[lane] = now[LATER, lane], BEGINS
+                time[lane], is_at[lane] = work.later[lane], BEGINS
                 inside = controls[lane, LOW] < new[0] and new[0] < controls[lane, HIGH]
                 if not (inside and is_calm(of, K, watched, lane)):
                     is_at[lane], counts[lane] = OVER, -counts[lane]
@@ -482,261 +472,3 @@ def fleet(
             ),
             work, most, watched,
         )  # fmt: skip
-
-
-class CompiledRhs:
-    """A body of a program, as machine code for states and for steps.
-
-    Its inputs are the components of the state, the time, and ``more`` numbers that are given; its
-    values their rates, and last what is ``watched``: two that may dip to zero, others, and one
-    that need not be looked at.
-    """
-
-    def __init__(
-        self,
-        program: Program,
-        body: Body,
-        dimension: int,
-        more: int,
-        watched: int,
-        method: Method | None = None,
-    ) -> None:
-        """Raises `Untraceable` for what is more than flat arithmetic, and
-        `MissingEngineError` without llvmlite."""
-        self.method = method or dop853()
-        self.dimension, self.inputs, self.watched = dimension, dimension + 1 + more, watched
-        trace = Trace(program, body, self.inputs)
-        if trace.asked:
-            raise Untraceable(FOLLOWED)
-        self.rows: list[Any] = [*trace.values]
-        self.program, self.numbers = program, row_of(program)
-        self.place = self.numbers.ctypes.data
-        self.fill, self.steps = self._code(self.method.lanes, self.method.steps)
-
-    def sizes(self, lanes: int) -> Sizes:
-        """Those of so many states side by side."""
-        by, width = self.method, len(self.rows)
-        return Sizes(self.dimension, width, width - self.watched, by.stages, by.ends, lanes)
-
-    def _code(self, lanes: int, function: Callable[..., None]) -> Any:
-        """The rows of so many states side by side as machine code, and a function that asks it."""
-        fill: Any = "fill"  # by its name in the text
-        made = partial(function, of=self.sizes(lanes), fill=fill)
-        text = Text(lanes).fill(self.inputs, self.rows, loops={"over": made})
-        return machine_code(text, ("fill", FILL), ("over", loops.signature(made)))
-
-    @cached_property
-    def of_designs(self) -> Any:
-        """The rows of one state as machine code, and `fleet`."""
-        return self._code(1, fleet)
-
-    def fleet(
-        self,
-        slots: Floats,
-        given: Floats,
-        begin: tuple[Floats, Floats],
-        control: Floats,
-        tolerances: Floats,
-        most: int,
-        plan: Floats,
-        planned: NDArray[np.int64],
-    ) -> FleetSteps:
-        """Steps of m designs, each from its own ``begin`` (t (m,), y (m, n)), at most so many.
-
-        slots : (m, k) numbers of the program, given : (m, p) of the right-hand side
-        control : (m, 6) of an `Integration`
-        tolerances : (m, 2, n) relative and absolute ones
-        plan : (m, most + 2) [s] steps of a coarser run, planned : (m,) how many
-        """
-        by, m, n, width = scheme(), len(slots), self.dimension, len(self.rows)
-        t, y = np.zeros((m, most + 1)), np.zeros((m, most + 1, n))
-        t[:, 0], y[:, 0] = begin
-        K, series = np.empty((m, len(by.C), width)), np.empty((m, most, 8, n))
-        counts, turns = np.zeros(m, np.int64), np.zeros(most, np.int64)
-        state = np.zeros(self.inputs)
-        slots, given, control, tolerances, plan = map(
-            np.ascontiguousarray, (slots, given, control, tolerances, plan)
-        )
-        work = [np.zeros(shape, kind) for _, kind, shape in workspace(self.sizes(1), most)]
-        x, (_, over) = addresses_of(state), self.of_designs
-        rhs = loops.places_of(Rhs(np.frombuffer(x), slots, K, state))
-        planned = np.ascontiguousarray(planned)
-        about = y, t, tolerances, control, series, turns, counts, plan, planned
-        run = loops.places_of(Integration(*about))
-        by_place = rhs, loops.places_of(by), run, loops.places_of(work), given.ctypes.data
-        over(slots.shape[1], given.shape[1], *by_place, most, self.watched, m)
-        made, h, tried = np.abs(counts), control[:, TRY], control[:, TRIED]
-        return FleetSteps(t, y, K, series, made, counts < 0, h, tried)
-
-
-class FleetSteps(NamedTuple):
-    """Steps of m designs.
-
-    t : (m, s + 1) [s], y : (m, s + 1, n) where they begin, and where the last ends
-    K : (m, stages, r) rows of the program at the stages of the last one, where something may
-        happen in it; else the first is that of the end
-    series : (m, s, 8, n) of each, see `blockmech.engines.dense`
-    made : (m,) how many steps, doubtful : (m,) whether something may happen in the last one
-    h : (m,) [s] the step to try next, tried : (m,) how many were tried
-    """
-
-    t: Floats
-    y: Floats
-    K: Floats
-    series: Floats
-    made: NDArray[np.int64]
-    doubtful: NDArray[np.bool_]
-    h: Floats
-    tried: Floats
-
-
-class Steps(NamedTuple):
-    """Some steps, one after the other.
-
-    t : (m + 1,) [s], y : (m + 1, n) where they begin, and where the last ends
-    series : (m, 8, n) of each, see `blockmech.engines.dense`
-    turns : (m,) 1 of one in which the first component may turn, else 0
-    h : [s] the step to try next
-    tried : how many steps were tried
-    doubtful : whether something may happen in the last one
-    row : what the program says of the last state
-    """
-
-    t: Floats
-    y: Floats
-    series: Floats
-    turns: NDArray[np.int64]
-    h: float
-    tried: int
-    doubtful: bool
-    row: list[float]
-
-
-@cache
-def buffers(
-    workspace: Callable[[Sizes, int], Arrays], of: Sizes, inputs: int, most: int
-) -> tuple[np.dtype[Any], tuple[int, ...]]:
-    """Arrays of `Rhs`, `Integration` and workspace one behind the other; where each begins.
-
-    But for the numbers of the program, which it has itself.
-    """
-    n, lanes, real, count = of.state, of.lanes, np.float64, np.int64
-    arrays: Arrays = [
-        ("x", count, (inputs,)),
-        ("K", real, (of.stages, of.width, lanes)),
-        ("state", real, (inputs, lanes)),
-        ("states", real, (lanes * (most + 1), n)),
-        ("times", real, (lanes * (most + 1),)),
-        ("tolerances", real, (2, n, lanes)),
-        ("controls", real, (lanes, 6)),
-        ("series", real, (lanes * most, 8, n)),
-        ("turns", count, (lanes * most,)),
-        ("counts", count, (lanes,)),
-        ("plan", real, (most + 2,)),
-        ("planned", count, (1,)),
-        *workspace(of, most),
-    ]
-    sizes = (8 * math.prod(shape) for *_, shape in arrays)
-    return np.dtype(arrays), tuple(accumulate(sizes, initial=0))[:-1]
-
-
-class CompiledStepper:
-    """Rates with numbers that are given, and room for so many steps at a time.
-
-    Of one run at a time.
-    """
-
-    def __init__(self, rates: CompiledRhs, most: int) -> None:
-        by = rates.method
-        kind, begins = buffers(by.workspace, rates.sizes(by.lanes), rates.inputs, most)
-        whole = np.empty((), kind)
-        parts = [whole[name] for name in kind.names or ()]
-        inputs, self._rows, self._state, self._y, self._t, self._tolerances = parts[:6]
-        self._control, self._series, self._turns, self._counts = parts[6:10]
-        self._plan, self._planned, self._now = parts[10:13]
-        first, row = int(whole.ctypes.data), 8 * by.lanes
-        x, K, state, *more = (first + begin for begin in begins)
-        inputs[:] = range(state, state + row * rates.inputs, row)
-        records = x, rates.place, K, state, *more
-        self._kept = (ctypes.c_void_p * len(records))(*records), loops.places_of(by.scheme)
-        rhs, scheme = map(ctypes.addressof, self._kept)
-        run = rhs + 8 * len(Rhs._fields)
-        self._rates, self._places = rates, (rhs, scheme, run, run + 8 * len(Integration._fields))
-        self._end = by.ends - 1
-        self._one = x, rates.place, K, by.lanes, by.lanes, 0, 1
-        self._known: dict[tuple[float, ...], list[float]] = {}
-
-    def given(self, numbers: Sequence[float]) -> CompiledStepper:
-        """Itself, from now on with these numbers, and without what it knew."""
-        self._state[-len(numbers) :].T[:], self._now[:] = numbers, math.nan
-        self._known.clear()
-        self._ahead: tuple[Any, Steps] | None = None
-        return self
-
-    def steps(
-        self,
-        begin: tuple[float, Floats],
-        h: float,
-        bound: float,
-        free_range: tuple[float, float],
-        tolerances: Floats,
-        most: int,
-        every: bool = True,
-        finer: Floats | None = None,
-        weight: float = THIRD,
-        plan: Floats | tuple[()] = (),
-    ) -> Steps:
-        """Steps from ``begin`` (t, y), so many at most.
-
-        h : [s] the first one to try, 0 for one that fits
-        bound : [s] where they end
-        free_range : between which the first component is to stay
-        tolerances : (2, n) relative and absolute ones
-        every : whether all that is watched is looked at, or all but the last
-        finer : tolerances of a run by half the steps that will ask the same after this one. It goes
-            along in a lane of its own, which costs next to nothing: both wait for the same
-            latencies
-        weight : of the estimate of order 3, 0 where the rates have corners
-        plan : (p + 1,) [s] steps of a coarser run from there on
-        """
-        key = begin[0], begin[1].tobytes(), h, bound, free_range, every
-        if self._ahead is not None and self._ahead[0] == (*key, tolerances.tobytes()):
-            (_, ahead), self._ahead = self._ahead, None
-            return ahead
-        self._t[: 2 + most : most + 1], self._y[: 2 + most : most + 1] = begin
-        lanes = self._rates.method.lanes
-        self._counts[:lanes] = BEGINS
-        self._tolerances[:] = tolerances[..., None]
-        self._control[:] = h, bound, 0.0, *free_range, weight
-        some = plan[: most + 2]
-        self._planned[0] = max(len(some) - 1, 0)
-        self._plan[: len(some)] = some
-        if finer is None:
-            self._counts[1:lanes] = OVER
-        else:
-            self._tolerances[..., 1] = finer
-        self._rates.steps(*self._places, most, self._rates.watched - (not every))
-        if finer is not None:
-            self._ahead = (*key, finer.tobytes()), self._made(1, most)
-        return self._made(0, most)
-
-    def _made(self, lane: int, most: int) -> Steps:
-        """The steps of a lane, of so many at most."""
-        count, (h, _, tried, *_) = int(self._counts[lane]), self._control[lane].tolist()
-        m, k, at = abs(count), lane * most, lane * (most + 1)
-        states = self._t[at : at + m + 1], self._y[at : at + m + 1]
-        kept: Any = *states, self._series[k : k + m], self._turns[k : k + m]
-        row: list[float] = self._rows[self._end if count < 0 else 0, :, lane].tolist()
-        return Steps._make([*(x.copy() for x in kept), h, int(tried), count < 0, row])
-
-    def at(self, t: float, y: Any) -> list[float]:
-        """What the program says of a state; many of an event ask for the same."""
-        key = t, *y
-        if key not in self._known:
-            if len(self._known) == KNOWN:
-                self._known.clear()
-            n = self._rates.dimension
-            self._state[:n].T[:], self._state[n] = y, t
-            self._rates.fill(*self._one)
-            self._known[key] = self._rows[0, :, 0].tolist()
-        return self._known[key]

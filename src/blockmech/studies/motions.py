@@ -26,7 +26,7 @@ from blockmech.dynamics.request import (
 )
 from blockmech.dynamics.stops import stops_of
 from blockmech.dynamics.system import System
-from blockmech.engines.stages import CompiledRhs
+from blockmech.engines.compiled_rates import CompiledRhs
 from blockmech.ground.errors import BlockmechError, close_match, listed, refused
 from blockmech.model.parameters import Parameter
 from blockmech.plan.settings import friction_asked

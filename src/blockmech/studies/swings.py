@@ -65,9 +65,10 @@ from blockmech.dynamics.path_loops import (
 from blockmech.dynamics.path_mesh import PathMesh
 from blockmech.dynamics.place_data import NOTHING, RESOLVED
 from blockmech.engines import loops
+from blockmech.engines.compiled_rates import CompiledRhs
+from blockmech.engines.kinds import Counts, Reals
 from blockmech.engines.llvm import addresses_of, machine_code, slots_of
-from blockmech.engines.loops import Counts, Reals
-from blockmech.engines.stages import CompiledRhs, Fill
+from blockmech.engines.stages import Fill
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
