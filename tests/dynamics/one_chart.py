@@ -17,5 +17,5 @@ def in_one_chart(
 ) -> Motion:
     """The motion that `simulate` has as long as one chart serves."""
     request, _ = request_of(mechanism.scene, mechanism.coordinate_units, until, **asked)
-    how = friction_asked(friction, None, None)
+    how = friction_asked(friction)
     return move(system_of(mechanism, method=how, engine=engine), request)

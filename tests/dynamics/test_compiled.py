@@ -108,7 +108,7 @@ def test_friction_that_no_certificate_covers_is_left_to_continuation():
 
 @pytest.mark.parametrize("make", [rubbing, lambda: mechanism("watt_sixbar")])
 def test_a_row_says_what_is_interpreted_otherwise(monkeypatch, make):
-    system = System(make(), method=friction_asked(None, None, None), engine="llvm")
+    system = System(make(), method=friction_asked(None), engine="llvm")
     fast, plain = Equation(system, 1.0), Equation(system, 1.0)
     monkeypatch.setattr(plain, "row", lambda t, y: None, raising=False)
     sizes = 4 if system.friction is not None else 3
@@ -184,7 +184,7 @@ def test_series_through_change_points_are_not_compiled():
 def test_where_there_is_no_pose_there_are_no_rates():
     data = document("ruiz_fourbar")
     data["blocks"]["dyad"]["l_i"] = 3.0  # reaches from 2.5 to 5.5, not to 7.5
-    system = System(changed(data), method=friction_asked("none", None, None), engine="llvm")
+    system = System(changed(data), method=friction_asked("none"), engine="llvm")
     row = Equation(system, 0.0).row(0.0, (math.pi, 1.0, 0.0))
     assert row is not None
     assert not row[3] > 0

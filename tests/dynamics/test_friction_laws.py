@@ -242,7 +242,7 @@ def test_interpreted_and_compiled_states_are_the_same_to_rounding(monkeypatch):
     pin = {"law": "stribeck", **STRIBECK, "radius": 0.05}
     data["blocks"]["dyad"]["friction"] = dict.fromkeys("BCD", pin)
     mech = changed(data)
-    system = System(mech, method=friction_asked(None, None, None), engine="llvm")
+    system = System(mech, method=friction_asked(None), engine="llvm")
     fast, plain = Equation(system, 1.0), Equation(system, 1.0)
     monkeypatch.setattr(plain, "row", lambda t, y: None, raising=False)
     for q, rate in ((1.0, 20.0), (1.7, 3.0), (2.9, -0.02)):
