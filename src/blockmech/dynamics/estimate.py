@@ -210,6 +210,18 @@ def missed(motion: Motion, target: float, why: str = "") -> Motion:
     return replace(motion, notes=(*motion.notes, note))
 
 
+def halved(run: Callable[[float, bool], Motion]) -> Callable[[float], tuple[Motion, Motion | None]]:
+    """Pairs of runs: one at a tolerance, and a finer one that ``run`` makes by half its steps."""
+
+    def pair(tolerance: float) -> tuple[Motion, Motion | None]:
+        coarse = run(tolerance, False)
+        if coarse.end in UNFINISHED or not coarse.error:
+            return coarse, None
+        return coarse, run(max(tolerance / FINER, FLOOR), True)
+
+    return pair
+
+
 def refined(
     pair: Callable[[float], tuple[Motion, Motion | None]],
     system: System,

@@ -65,6 +65,12 @@ class Roles:
         """The same with some roles changed."""
         return replace(self, of=tuple((self.by_driver() | dict(changed)).values()))
 
+    def among(self, drivers: Sequence[str]) -> Roles:
+        """The same among other drivers, of which those that are not known are free."""
+        of, laws = self.by_driver(), dict(zip(self.drivers, self.laws, strict=True))
+        roles = tuple(of.get(d, FREE) for d in drivers)
+        return Roles(tuple(drivers), roles, tuple(laws.get(d) for d in drivers))
+
     def law_at(self, i: int, t: Any) -> Any:
         """Coordinate, rate and acceleration of a driver by its law, at a time or at some [s]."""
         law = self.laws[i]

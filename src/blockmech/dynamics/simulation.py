@@ -122,8 +122,8 @@ def simulate(
     request, starts = request_of(mechanism.scene, mechanism.drivers, *given, *last)
     spent = budget_of(budget)
     asked = {"method": how, "progress": report, "engine": engine, "budget": spent}
-    prepare = partial(prepared, stops=stops, asked=asked)
-    system, request = prepare(mechanism, request, starts)
+    prepare = partial(prepared, asked=asked)
+    system, request = prepare(mechanism, request, starts, stops)
     if request.roles is None:
         mechanism.once(refuse_no_inertia)
     refuse_memory(mechanism, starts)
@@ -133,7 +133,7 @@ def simulate(
     if motion.end in ends.CHART_ENDS:
         from blockmech.dynamics.atlas import beyond_dead_centres  # few motions need it
 
-        motion = beyond_dead_centres(motion, system, request, prepare, move)
+        motion = beyond_dead_centres(motion, system, request, stops, prepare, move)
     motion = with_undefined_loads(mechanism, motion)
     if not motion.charts:
         motion = motion.but(charts=((motion.t_start, mechanism.once(leading_joints)),))

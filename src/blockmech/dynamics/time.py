@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import InitVar, dataclass, field
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +24,7 @@ from blockmech.dynamics.estimate import (
     SMOOTH,
     TARGET,
     UNFINISHED,
+    halved,
     refined,
 )
 from blockmech.dynamics.events import (
@@ -254,20 +254,10 @@ class TimeIntegration(Run):
         rests = over is not None or self.t >= self.t_max
         if self.scales is None and not rests:
             self.scales = scales(self.equation, self.t, self.y)
-        if self._may_turn_for_ever():
+        turns = self.system.period is not None and self.method not in FIXED
+        if turns and repeats(self.system, self.request):
             self.turns = TurnsInTime(float(self.y[0]), self.t, float(self.y[1]) ** 2)
         return over
-
-    def _may_turn_for_ever(self) -> bool:
-        """Whether turns that repeat tell that the goal is never reached."""
-        request, system = self.request, self.system
-        if self.equation.drivers > 1 or self.method in FIXED or request.span < math.inf:
-            return False
-        limited = np.isfinite(system.stops).any() or any(
-            w.terminal or w.then for w in request.watch
-        )
-        alike = system.depends_on <= {"q", "rate"} and request.roles is None
-        return alike and not limited and not system.remembers and system.period is not None
 
     def _becomes(self, change: Transition) -> RunEnd | None:
         """Go on as pairs with friction do."""
@@ -664,21 +654,30 @@ def in_time(
 ) -> Motion:
     """The motion by an integrator, with its estimated error; see `TimeIntegration.patient`."""
     target, smooth = request.accuracy or TARGET, system.smooth and method == "dop853"
-    runs = 0
+    runs: list[TimeIntegration] = []
 
-    def pair(tolerance: float) -> tuple[Motion, Motion | None]:
-        nonlocal runs
-        runs += 1
-        name = method if runs == 1 else f"{method}, run {runs}"
-        finer = max(tolerance / FINER, FLOOR)
-        run = partial(TimeIntegration, system, request, method)
-        first_run = run(tolerance, name, target, finer=finer, patient=patient)
-        coarse = first_run.motion()
-        if first_run.stands or coarse.end in UNFINISHED:
-            return coarse, None
-        runs += 1
-        second_run = run(finer, f"{method}, run {runs}", target, first_run, patient=patient)
-        return coarse, second_run.motion()
+    def run(tolerance: float, halves: bool) -> Motion:
+        name = f"{method}, run {len(runs) + 1}" if runs else method
+        how: dict[str, Any] = {"patient": patient}
+        if not halves:
+            how["finer"] = max(tolerance / FINER, FLOOR)
+        before = runs[-1] if halves else None
+        runs.append(
+            TimeIntegration(system, request, method, tolerance, name, target, before, **how)
+        )
+        return runs[-1].motion()
 
     remainder = SMOOTH if smooth else CORNERED
-    return refined(pair, system, max(target, LEAST), target, request.times, remainder)
+    first = max(target, LEAST)
+    return refined(halved(run), system, first, target, request.times, remainder)
+
+
+def repeats(system: System, request: SimulationRequest) -> bool:
+    """Whether all that acts is of place and rate, and nothing but its goal ends the motion.
+
+    Then one driver that comes back to a place as fast goes the same way again.
+    """
+    limited = np.isfinite(system.stops).any() or any(w.terminal or w.then for w in request.watch)
+    alike = system.depends_on <= {"q", "rate"} and request.roles is None and not system.remembers
+    timed = request.span < math.inf or len(system.drivers) > 1
+    return alike and not limited and not timed
