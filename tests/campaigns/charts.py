@@ -61,8 +61,9 @@ def main() -> None:
             continue
         word = "" if error <= motion.error + judge else "ABOVE"
         spent = time.process_time() - begin
+        judged = f"error {error:.1e} judge {judge:.0e} stated {motion.error:.1e} {word}"
         print(
-            f"{kind} {i} error {error:.1e} judge {judge:.0e} stated {motion.error:.1e} {word} charts "
+            f"{kind} {i} {judged} charts "
             f"{len(motion.charts)} end {motion.end} at {motion.t_end:.6g} s in {spent:.1f} s",
             flush=True,
         )

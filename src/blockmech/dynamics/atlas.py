@@ -27,6 +27,7 @@ from blockmech.dynamics.legs import Leg
 from blockmech.dynamics.pair_stops import Counted
 from blockmech.dynamics.request import Pairs, SimulationRequest, Surface, Until, Watch, start_of
 from blockmech.dynamics.roles import FREE
+from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.time import FIXED, TimeIntegration, repeats
 from blockmech.dynamics.turns import TurnsInTime
 from blockmech.ground.errors import BlockmechError, GraphError, listed
@@ -65,20 +66,24 @@ class Cycle:
 
     target : [rad or m] of the error
     places : [rad or m] of the user's driver that are the goal
+    conserves : whether loads are of places alone
     """
 
     target: float
     places: Sequence[float]
+    conserves: bool
     first: Leg | None = None  # that goes through the place
     passes: int = 0  # since one was looked at
     way: float = 0.0  # [rad or m] of the joints that lead
     stood: bool = False
+    unsure: float = 0.0  # of the energy, since a passage was looked at
 
     def closed(self, leg: Leg, later: bool) -> Motion | None:
         """The motion of a leg up to the place, if it is sure that more of the kind follow."""
         motion, times = leg.motion, leg.motion.times(LOOKS)
         q = motion.at(times).q
         self.way += abs(float(q[-1] - q[0]))
+        self.unsure += motion.facts.get("energy_balance", 0.0)
         self.stood |= any(event.kind == ends.STANDSTILL for event in motion.events)
         if self.first is None and later and not leg.chart.is_general:
             t = float(times[LOOKS // 2])
@@ -100,18 +105,26 @@ class Cycle:
         off = beyond(times)
         passed = np.flatnonzero((off[:-1] <= 0) & (off[1:] > 0) & (np.diff(off) < 1.0))
         self.passes += passed.size > 0
-        if not passed.size or self.passes < self.turns.many:
+        stands = self.stood and not self.places  # a count of standstills is reached
+        if stands or not passed.size or self.passes < self.turns.many:
             return None
         from scipy.optimize import brentq
 
         t = float(brentq(beyond, *times[passed[0] : passed[0] + 2], xtol=EPS))
         self.passes, user = 0, leg.state(np.array([t])).q[0]
-        over = self.turns.turned(t, self.way, float(motion.at(t).qd), self.target)
+        rate, turns, before = float(motion.at(t).qd), self.turns, self.turns.t
+        known = 2 * (self.way - turns.place) * self.target / (t - before) ** 2
+        change, known = abs(rate**2 - turns.square), known + 2 * self.unsure * rate**2
+        alike = self.conserves and (self.stood or (turns.many == 1 and change <= known))
+        over, self.unsure = turns.turned(t, self.way, rate, self.target), 0.0
+        if alike:  # it goes to and fro, or what changes is less than what errors of a way round do
+            over = RunEnd("never reached: rotation", facts={"period": t - before})
         moved, self.user = user - self.user, user
         if over is None or any(abs(moved) > 1.0 and moved * (x - user) > 0 for x in self.places):
             return None
         end = over.end.replace("rotation", "libration") if self.stood else over.end
-        facts = {**motion.facts, "period": over.facts["period"]} if over.facts else motion.facts
+        facts = {x: value for x, value in motion.facts.items() if not x.endswith("_time")}
+        facts |= {"period": over.facts["period"]} if over.facts else {}
         return until(motion, t).but(end=end, status="ended", facts=facts)
 
 
@@ -125,8 +138,10 @@ class Atlas:
     prepare : a system of a chart for a request, and the request with its end stops
     fixed : joints whose drivers stay, as they have a role or something else names them
     repeats : whether it goes the same way again from a place that it comes back to as fast
+    conserves : whether loads are of places alone
     entries : which charts lead from when on, as the first walk finds it
     runs : of each leg, whose steps the walk by half of them halves
+    systems : of all walks
     """
 
     home: Chart
@@ -135,8 +150,10 @@ class Atlas:
     fixed: tuple[str, ...]
     method: str
     repeats: bool
+    conserves: bool
     entries: list[Entry] = field(default_factory=list)
     runs: list[TimeIntegration] = field(default_factory=list)
+    systems: list[System] = field(default_factory=list)
     walks: int = 0
 
     def walk(self, tolerance: float, halves: bool = False) -> Motion:
@@ -145,7 +162,8 @@ class Atlas:
         It ``halves`` the steps of the walk before.
         """
         before, self.runs, self.walks = self.runs if halves else [], [], self.walks + 1
-        legs, cycle = list[Leg](), Cycle(max(tolerance, self.target), self.request.places)
+        known = max(tolerance, self.target), self.request.places, self.conserves
+        legs, cycle = list[Leg](), Cycle(*known) if self.repeats else None
         chart, request, users = self.home, self.request, np.atleast_1d(self.request.start.q)
         while True:
             events = [e for leg in legs for e in leg.motion.events]
@@ -158,7 +176,7 @@ class Atlas:
             run = self._run(chart, asked, tolerance, before[len(legs) : len(legs) + 1], planned)
             leg = Leg(chart, run.motion(), counted)
             self.runs.append(run)
-            if self.repeats and (over := cycle.closed(leg, bool(legs))) is not None:
+            if cycle is not None and (over := cycle.closed(leg, bool(legs))) is not None:
                 return self._joined([*legs, replace(leg, motion=over)])
             if not planned or leg.motion.end in ends.CHART_ENDS:
                 del self.entries[len(legs) :]
@@ -217,6 +235,7 @@ class Atlas:
             pairs = zip(*map(np.atleast_1d, request.start[:2]), strict=True)
             starts = dict(zip(chart.mechanism.drivers, pairs, strict=True))
             system, request = self.prepare(chart, request, starts)
+            self.systems.append(system)
         how = self.method, tolerance, self.method, self.target, before[0] if before else None
         run = TimeIntegration(system, request, *how, leaves=leaves)
         run.equation.most -= sum(other.equation.spent for other in self.runs)
@@ -311,7 +330,7 @@ class Atlas:
             facts=facts,
             legs=tuple(moving),
             charts=tuple((leg.motion.t_start, self.home.said(leg.chart.joints)) for leg in moving),
-            cost=Cost(*map(sum, zip(*(run.system.cost for run in self.runs), strict=True))),
+            cost=Cost(*map(sum, zip(*(system.cost for system in self.systems), strict=True))),
         )
 
 
@@ -334,6 +353,7 @@ def until(motion: Motion, t: float) -> Motion:
         qd_end=qd,
         x_end=tuple(motion.signal_states(np.array([t]))[0].tolist()),
         end="time",
+        time_error=0.0,
         events=tuple(e for e in motion.events if e.t <= t),
     )
 
@@ -414,7 +434,8 @@ def beyond_dead_centres(
     def prepared(chart: Chart, *more: Any) -> tuple[System, SimulationRequest]:
         return prepare(chart.mechanism, *more, stops if chart.mechanism is mechanism else None)
 
-    atlas = Atlas(home, asked, prepared, fixed, method, repeats(system, request))
+    of = repeats(system, request), system.depends_on <= {"q"} and system.friction is None
+    atlas = Atlas(home, asked, prepared, fixed, method, *of)
     if (entry := atlas.successor(Leg(home, motion, None), False)) is None:
         return _followed(home, motion, request, partial(prepare, stops=stops), move)
     atlas.entries.append(entry)
