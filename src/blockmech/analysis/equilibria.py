@@ -13,7 +13,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from blockmech.analysis.equilibria_one import Line, equilibria_of_one
+from blockmech.analysis.equilibria_charts import equilibria_through_charts
+from blockmech.analysis.equilibria_one import Line
 from blockmech.analysis.equilibria_several import STARTS, equilibria_of_several
 from blockmech.analysis.equilibrium import Equilibria
 from blockmech.dynamics.system import System
@@ -37,7 +38,8 @@ def equilibria(
 ) -> Equilibria:
     """All static equilibria: where the loads alone move nothing, and whether it stays there.
 
-    Of one driver over its whole range between its end stops; of several by Newton's method from
+    Of one driver over its whole range between its end stops, and beyond its dead centres, where
+    other joints lead (`Equilibrium.leads`); of several by Newton's method from
     many places, and along the curves on which all drivers but one are balanced. Joint friction
     widens an equilibrium of one driver to the interval in which it rests.
 
@@ -72,5 +74,5 @@ def equilibria(
         raise refused("time", found, "give time=, at which they are held")
     t = 0.0 if time is None else float(time)
     if one:
-        return equilibria_of_one(Line(mechanism, system, t))
+        return equilibria_through_charts(Line(mechanism, system, t))
     return equilibria_of_several(mechanism, system, t, starts)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.charts import SAME, Chart, home_chart
+from blockmech.dynamics.charts import BETTER, SAME, Chart, home_chart
 from blockmech.dynamics.estimate import LEAST, TARGET, UNFINISHED, halved, refined, stopped
 from blockmech.dynamics.impact import Chain, Move
 from blockmech.dynamics.legs import Leg
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 
 Prepare: TypeAlias = Callable[..., tuple["System", SimulationRequest]]
 
-BETTER = 2.0  # times the volume that other joints must span for a chart to be left
 LOOKS = 32  # places over a leg at which charts are compared
 HALVED = 26  # times that the way to its end is, for more of them
 SCOUTING = 1e-7  # tolerance of the walk that finds which joints lead from when on

@@ -48,6 +48,7 @@ from blockmech.result.motion import Floats, Motion
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
+BETTER = 2.0  # times the volume that other joints must span for a chart to be left
 CHANGE = 1e-4  # of the largest singular value: below, the pairs' conditions lose rank
 FLOATING = 0.2  # what a joint between moving links counts
 SAME = 1e-9  # [rad] to which a coordinate that counts from elsewhere is off by whole turns
