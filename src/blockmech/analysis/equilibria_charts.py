@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from blockmech.analysis.equilibria_one import Line, Piece, equilibria_of_one
 from blockmech.analysis.equilibrium import Equilibria, Equilibrium
-from blockmech.dynamics.charts import BETTER, Chart, home_chart
+from blockmech.dynamics.charts import Chart, home_chart
+from blockmech.dynamics.request import Pairs
 from blockmech.dynamics.system import System
-from blockmech.ground.errors import BlockmechError, GraphError
+from blockmech.functions.series import Floats
+from blockmech.ground.errors import BlockmechError
 from blockmech.model.joints.layout import Poses
 from blockmech.model.structure import COORDINATE
 
@@ -46,21 +49,25 @@ class _Leading:
         for j in range(HALVED):
             q = np.array([end + (middle - end) * 0.5**j])
             T = chart.tangent(q)
-            if not np.isfinite(T).all():
+            if (
+                not chart.better(T)
+                or (on := chart.left(q, (), partial(_at_rest, chart, q))) is None
+            ):
                 continue
-            (joint,) = chart.largest(T, (), ())
-            if chart.volume(T, [joint]) <= BETTER * chart.volume(T, chart.joints):
-                continue
-            x, _ = chart.states(q, 0 * q)[joint]
-            try:
-                made = chart.led_by({joint: (x, 0.0)}, chart.poses(q))
-            except GraphError:  # where poses tell no mode, or nothing follows from this joint
-                continue
+            made, starts = on
             stops = made.mechanism.scene.stops.get(made.mechanism.drivers[0])
             bounds = (-math.inf, math.inf) if stops is None else stops.bounds
             system = System(made.mechanism, stops=(bounds,), method=self.line.system.method)
-            return _Leading(made, Line(made.mechanism, system, self.line.t, x))
+            return _Leading(
+                made, Line(made.mechanism, system, self.line.t, next(iter(starts.values()))[0])
+            )
         return None
+
+
+def _at_rest(chart: Chart, q: Floats, joints: Sequence[str]) -> Pairs:
+    """Joint -> coordinate and rate."""
+    states = chart.states(q, 0 * q)
+    return {joint: states[joint] for joint in joints}
 
 
 def equilibria_through_charts(line: Line) -> Equilibria:

@@ -23,6 +23,7 @@ import cmath
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -387,9 +388,9 @@ def _names(given: Iterable[str] | str) -> tuple[str, ...]:
 
 def _resting(mechanism: Compiled) -> Equilibrium:
     """The only stable equilibrium, beyond dead centres only where there is no other."""
-    every = mechanism.equilibria(friction="none")  # type: ignore[attr-defined]
-    stable = [e for e in every.stable if not e.stop]
-    stable = [e for e in stable if e.chart is None] or stable
+    look: Any = partial(mechanism.equilibria, friction="none")  # type: ignore[attr-defined]
+    every = ([e for e in look(charts=x).stable if not e.stop] for x in (False, True))
+    stable = next(filter(None, every), [])
     if len(stable) != 1:
         words = f"there are {len(stable)} stable equilibria"
         remedy = "give at=, a pose or one of equilibria()"

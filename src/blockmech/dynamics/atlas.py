@@ -11,7 +11,7 @@ the coordinates of the user's drivers, which each chart reads as coordinates of 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import takewhile
@@ -20,22 +20,30 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.charts import BETTER, SAME, Chart, home_chart
+from blockmech.dynamics.charts import SAME, Chart, home_chart
 from blockmech.dynamics.estimate import LEAST, TARGET, UNFINISHED, halved, refined, stopped
 from blockmech.dynamics.impact import Chain, Move
 from blockmech.dynamics.legs import Leg
 from blockmech.dynamics.pair_stops import Counted
-from blockmech.dynamics.request import Pairs, SimulationRequest, Surface, Until, Watch, start_of
+from blockmech.dynamics.request import (
+    NO_PAIRS,
+    Pairs,
+    SimulationRequest,
+    Surface,
+    Until,
+    Watch,
+    start_of,
+)
 from blockmech.dynamics.roles import FREE
 from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.time import FIXED, TimeIntegration, repeats
 from blockmech.dynamics.turns import TurnsInTime
-from blockmech.ground.errors import BlockmechError, GraphError, listed
+from blockmech.ground.errors import BlockmechError, listed
 from blockmech.ground.plane import EPS
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.scene import Stops
 from blockmech.model.structure import COORDINATE
-from blockmech.result.motion import Cost, Floats, Motion, RolesFrom
+from blockmech.result.motion import Cost, Motion, RolesFrom
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
@@ -56,7 +64,7 @@ class Entry(NamedTuple):
 
     t: float
     chart: Chart
-    q: Mapping[str, float]
+    starts: Pairs
 
 
 @dataclass
@@ -112,9 +120,8 @@ class Cycle:
         t = float(brentq(beyond, *times[passed[0] : passed[0] + 2], xtol=EPS))
         self.passes, user = 0, leg.state(np.array([t])).q[0]
         rate, turns, before = float(motion.at(t).qd), self.turns, self.turns.t
-        known = 2 * (self.way - turns.place) * self.target / (t - before) ** 2
-        change, known = abs(rate**2 - turns.square), known + 2 * self.unsure * rate**2
-        alike = self.conserves and (self.stood or (turns.many == 1 and change <= known))
+        steady = abs(rate**2 - turns.square) <= 2 * self.unsure * rate**2
+        alike = self.conserves and (self.stood or (turns.many == 1 and steady))
         over, self.unsure = turns.turned(t, self.way, rate, self.target), 0.0
         if alike:  # it goes to and fro, or what changes is less than what errors of a way round do
             over = RunEnd("never reached: rotation", facts={"period": t - before})
@@ -188,7 +195,7 @@ class Atlas:
             entry = self.entries[len(legs)]
             legs.append(leg)
             users = np.atleast_1d(leg.state(np.array([leg.motion.t_end])).q[0])
-            chart, starts = entry.chart, self._states(leg, entry.chart.joints, entry.q)
+            chart, starts = entry.chart, self._states(leg, entry.chart.joints, entry.starts)
             start = start_of(starts)._replace(t=entry.t)
             roles = run.roles[-1][1] if run.roles else None
             request = replace(self.request, start=start, roles=roles)
@@ -226,7 +233,7 @@ class Atlas:
         if chart.is_general and not planned:
 
             def leaves(q: Any) -> bool:
-                return self.better(chart, chart.tangent(q))
+                return chart.better(chart.tangent(q), self.fixed)
 
         if before:
             system = before[0].system
@@ -240,13 +247,6 @@ class Atlas:
         run.equation.most -= sum(other.equation.spent for other in self.runs)
         return run
 
-    def better(self, chart: Chart, T: Floats) -> bool:
-        """Whether others should lead where all joints have some rates."""
-        if not np.isfinite(T).all():
-            return False
-        volume = chart.volume(T, chart.largest(T, self.fixed, ()))
-        return volume > BETTER * chart.volume(T, chart.joints)
-
     def successor(self, leg: Leg, later: bool) -> Entry | None:
         """The chart that goes on from where the present one gets worse for good; None without."""
         motion, chart = leg.motion, leg.chart
@@ -258,28 +258,20 @@ class Atlas:
         q = motion.at(times).q.reshape(len(times), -1)
         looked = ((t, x, chart.tangent(x)) for t, x in zip(times.tolist(), q, strict=True))
         closing = (look for look in looked if np.isfinite(look[2]).all())
-        worse = [*takewhile(lambda look: self.better(chart, look[2]), closing)]
+        worse = [*takewhile(lambda look: chart.better(look[2], self.fixed), closing)]
         if not worse or (later and worse[-1][0] == motion.t_start):
             return None
-        t, x, T = worse[-1]
-        cut, without = replace(leg, motion=until(motion, t)), set[str]()
-        least = BETTER * chart.volume(T, chart.joints)
-        while chart.volume(T, joints := chart.largest(T, self.fixed, without)) > least:
-            starts = self._states(cut, joints, {})
-            try:
-                made = chart.led_by(starts, chart.poses(x))
-            except GraphError:  # where poses tell no mode, or nothing follows from these joints
-                without.add(joints[-1])
-                continue
-            return Entry(t, made, {joint: x for joint, (x, _) in starts.items()})
-        return None
+        t, x, _ = worse[-1]
+        on = chart.left(x, self.fixed, partial(self._states, replace(leg, motion=until(motion, t))))
+        return None if on is None else Entry(t, *on)
 
-    def _states(self, leg: Leg, joints: Sequence[str], near: Mapping[str, float]) -> Pairs:
+    def _states(self, leg: Leg, joints: Sequence[str], near: Pairs = NO_PAIRS) -> Pairs:
         """Joint -> coordinate and rate where a leg ends; ``near`` tells the turns of angles."""
         chart, end = leg.chart, leg.motion
         q, qd = np.atleast_1d(end.q_end), np.atleast_1d(end.qd_end)
         users = np.atleast_1d(leg.state(np.array([end.t_end])).q[0])
-        turns = {**near, **dict(zip(chart.users, users.tolist(), strict=True))}
+        turns = {joint: x for joint, (x, _) in near.items()}
+        turns |= dict(zip(chart.users, users.tolist(), strict=True))
         weakest = chart.singular_values(chart.poses(q), chart.joints)[-1]
         off = (-1) ** self.walks * ROUNDED * EPS / weakest
         leads = dict(zip(chart.joints, zip(q.tolist(), qd.tolist(), strict=True), strict=True))

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
@@ -29,7 +29,8 @@ import numpy as np
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import TwoModes
 from blockmech.dynamics.pair_stops import Counted, PairStops, stopped_pairs
-from blockmech.dynamics.request import Start
+from blockmech.dynamics.request import Pairs, Start
+from blockmech.ground.errors import GraphError
 from blockmech.ground.values import Marker, free_name
 from blockmech.model.graph import Graph
 from blockmech.model.joints.blocks import SaidByLinks
@@ -135,7 +136,7 @@ class Chart:
         names = list(self.weights)
         return abs(float(np.linalg.det(T[[names.index(joint) for joint in joints]])))
 
-    def largest(self, T: Floats, fixed: Sequence[str], without: Collection[str]) -> list[str]:
+    def largest(self, T: Floats, fixed: Sequence[str], without: Collection[str]) -> Sequence[str]:
         """The joints that span most, those that are fixed among them; ``without`` some."""
         names, joints, left = list(self.weights), list[str](), T.copy()
         left[[name in without for name in names]] = 0.0
@@ -145,6 +146,25 @@ class Chart:
             joints.append(names[i])
             left -= np.outer(left @ left[i], left[i]) / (sizes[i] ** 2 or 1.0)
         return joints
+
+    def better(self, T: Floats, fixed: Sequence[str] = ()) -> bool:
+        """Whether others should lead where all joints have some rates."""
+        best = self.largest(T, fixed, ()) if np.isfinite(T).all() else self.joints
+        return self.volume(T, best) > BETTER * self.volume(T, self.joints)
+
+    def left(
+        self, q: Floats, fixed: Sequence[str], states: Callable[[Sequence[str]], Pairs]
+    ) -> tuple[Chart, Pairs] | None:
+        """The chart that leads better at coordinates (k,), of which ``states`` tells its start."""
+        T, without = self.tangent(q), set[str]()
+        least = BETTER * self.volume(T, self.joints)
+        while self.volume(T, joints := self.largest(T, fixed, without)) > least:
+            starts = states(joints)
+            try:
+                return self.led_by(starts, self.poses(q)), starts
+            except GraphError:  # where poses tell no mode, or nothing follows from these joints
+                without.add(joints[-1])
+        return None
 
     def states(self, q: Floats, qd: Floats) -> dict[str, tuple[float, float]]:
         """Joint -> coordinate [rad or m] and rate, of all that may lead."""
@@ -200,7 +220,7 @@ class Chart:
         made = type(self.mechanism).of(Graph.from_data(data), names, document)
         return replace(self, mechanism=made) if made.structure.followed else None
 
-    def led_by(self, starts: Mapping[str, tuple[float, float]], poses: Poses) -> Chart:
+    def led_by(self, starts: Pairs, poses: Poses) -> Chart:
         """The chart that some joints lead: joint -> (coordinate, rate), in these poses.
 
         Joints that a user drives keep their drivers. Raises `GraphError` where the poses tell no

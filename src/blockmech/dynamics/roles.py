@@ -25,6 +25,7 @@ import numpy as np
 
 from blockmech.dynamics.contacts import Held
 from blockmech.ground.errors import close_match, listed, refused
+from blockmech.ground.values import is_number
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Locked, Scene
 from blockmech.result.motion import Floats
@@ -149,7 +150,8 @@ def roles_of(
     """
     by_call = prescribed is not None or locked is not None
     choices: dict[str, Any] = {} if by_call else dict(scene.motion)
-    laws_followed, places = _prescribed(prescribed), _locked(locked)
+    names = _named("prescribed", prescribed, 'names, like ["crank"]')
+    laws_followed, places = dict.fromkeys(names, PRESCRIBED), _locked(locked)
     if both := laws_followed.keys() & places.keys():
         found = f"{listed(sorted(both))} is prescribed as well"
         raise refused("locked", found, "give each driver one role", code="roles")
@@ -177,31 +179,22 @@ def _where(scene: Scene, driver: str, role: str, by_call: bool) -> str:
     return f"{role}.{driver}" if by_call else scene.address("motion", driver)
 
 
-def _prescribed(names: Any) -> dict[str, str]:
-    names = [names] if isinstance(names, str) else names or ()
+def _named(where: str, given: Any, example: str) -> Sequence[str]:
+    """Names of drivers, one or some."""
+    names = [given] if isinstance(given, str) else given or ()
     if not isinstance(names, Sequence):
-        raise refused("prescribed", f"{names!r} names no drivers", 'give names, like ["crank"]')
-    return dict.fromkeys(names, PRESCRIBED)
+        raise refused(where, f"{given!r} names no drivers", f"give {example}")
+    return names
 
 
 def _locked(given: Any) -> dict[str, Any]:
     if not isinstance(given, Mapping):
-        names = [given] if isinstance(given, str) else given or ()
-        if not isinstance(names, Sequence):
-            found, remedy = f"{given!r} names no drivers", 'give places, like {"crank": 0.3}'
-            raise refused("locked", found, remedy)
-        return dict.fromkeys(names, LOCKED)
-    places: dict[str, Any] = {}
+        return dict.fromkeys(_named("locked", given, 'places, like {"crank": 0.3}'), LOCKED)
     for driver, place in given.items():
-        try:
-            number = float(place)
-        except (TypeError, ValueError):
-            number = math.nan
-        if not math.isfinite(number):
+        if not is_number(place):
             found, remedy = f"{place!r} is no coordinate", "give a number [rad or m]"
             raise refused(f"locked.{driver}", found, remedy)
-        places[driver] = Locked(locked=number)
-    return places
+    return {driver: Locked(locked=float(place)) for driver, place in given.items()}
 
 
 def _check_role(
