@@ -215,8 +215,8 @@ def test_a_goal_that_is_never_reached_ends_as_in_one_chart(until, start, end):
 def test_stops_of_a_call_hold_where_others_lead():
     """Of the driver that does not lead there, and of a pair by its name in the blocks."""
     mechanism = hanging().compile()
-    motion = mechanism.simulate("time=1", stops={"motor": (-0.15, 1.0)}, want=()).motion
-    assert (motion.end, motion.q_end) == ("end stop", pytest.approx(-0.15, abs=1e-9))
+    motion = mechanism.simulate("time=1", stops={"motor": (-1.0, 1.0)}, want=()).motion
+    assert (motion.end, motion.q_end) == ("time", pytest.approx(LEFT[-1], abs=1e-8))
     graph, _ = of_blocks()
     graph.stop("loop.D.coordinate", low=-2.6)
     free = graph.compile().simulate("time=0.4", stops={}, want="loop.D.coordinate")

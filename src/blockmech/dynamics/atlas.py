@@ -56,7 +56,7 @@ HALVED = 26  # times that the way to its end is, for more of them
 SCOUTING = 1e-7  # tolerance of the walk that finds which joints lead from when on
 WHY = "other joints lead where the drivers' coordinates stand still"
 FOLLOW = "it passes change points, where its dyads follow the motion"
-ROUNDED = 2  # roundings by which two walks differ where the state is handed over
+ROUNDED = 4  # roundings by which the coarser walk is off where the state is handed over
 
 
 class Entry(NamedTuple):
@@ -148,6 +148,7 @@ class Atlas:
     entries : which charts lead from when on, as the first walk finds it
     runs : of each leg, whose steps the walk by half of them halves
     systems : of all walks
+    rounded : roundings by which a walk is off where the state is handed over
     """
 
     home: Chart
@@ -160,14 +161,14 @@ class Atlas:
     entries: list[Entry] = field(default_factory=list)
     runs: list[TimeIntegration] = field(default_factory=list)
     systems: list[System] = field(default_factory=list)
-    walks: int = 0
+    rounded: int = 0
 
     def walk(self, tolerance: float, halves: bool = False) -> Motion:
         """Go on from chart to chart until something else than a dead centre ends the motion.
 
         It ``halves`` the steps of the walk before.
         """
-        before, self.runs, self.walks = self.runs if halves else [], [], self.walks + 1
+        before, self.runs, self.rounded = self.runs if halves else [], [], 0 if halves else ROUNDED
         known = max(tolerance, self.target), self.request.places, self.conserves
         legs, cycle = list[Leg](), Cycle(*known) if self.repeats else None
         chart, request, users = self.home, self.request, np.atleast_1d(self.request.start.q)
@@ -273,7 +274,7 @@ class Atlas:
         turns = {joint: x for joint, (x, _) in near.items()}
         turns |= dict(zip(chart.users, users.tolist(), strict=True))
         weakest = chart.singular_values(chart.poses(q), chart.joints)[-1]
-        off = (-1) ** self.walks * ROUNDED * EPS / weakest
+        off = self.rounded * EPS / weakest
         leads = dict(zip(chart.joints, zip(q.tolist(), qd.tolist(), strict=True), strict=True))
         at, states = chart.states(q, qd), dict[str, tuple[float, float]]()
         for joint in joints:
