@@ -150,7 +150,7 @@ def test_one_chart_changes_nothing():
     assert motion.charts == ((0.0, ("A",)),)
 
 
-@pytest.mark.parametrize(("kind", "seed"), [("rocker", 2), ("near", 5)])
+@pytest.mark.parametrize(("kind", "seed"), [("rocker", 2), ("near", 5), ("near", 19)])
 def test_random_four_bars_move_as_absolute_coordinates_say(kind, seed):
     case = four_bar(np.random.default_rng([seed, len(kind)]), kind)
     times = np.linspace(0.0, 0.8, 5)
