@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -18,8 +19,10 @@ import blockmech as bm
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.system import System
 from blockmech.plan.plan import Friction
+from tests.dynamics.test_charts import hanging
 from tests.gallery import GRAPHS, document
 from tests.independent import multibody as mb
+from tests.independent.released import four_bar
 
 DIGITS = 1e-9
 MACHINES = (
@@ -314,3 +317,53 @@ def test_without_loads_every_coordinate_is_free():
     (one,) = m.compile().equilibria()
     assert one.free == ("driver.a.q", "driver.b.q")
     assert str(one) == "driver.a.q free, driver.b.q free  indifferent"
+
+
+# -- beyond dead centres of the driver -----------------------------------------------------
+
+
+def extremes_of_potential(case):
+    """(angle of the left link, kind) of each pose of a four-bar where its potential is extreme."""
+    masses = [case["links"][x]["mass"] for x in "lmr"]
+    joints = case["joints"]
+    a, (b, c) = joints["B"]["at"][0][0], (x[0] for x in joints["C"]["at"])
+    d = joints["D"]["at"][0][0]
+    theta = np.linspace(-math.pi, math.pi, 100001)
+    B, found = a * np.exp(1j * theta), []
+    r = np.abs(d - B)
+    for side in (1, -1):
+        with np.errstate(invalid="ignore"):
+            alpha = side * np.arccos((b * b + r * r - c * c) / (2 * b * r))
+        C = B + b * (d - B) / r * np.exp(1j * alpha)
+        height = (masses[0] * B + masses[1] * (B + C) + masses[2] * C).imag
+        rises = np.sign(np.diff(height))
+        for i in np.flatnonzero(rises[:-1] * rises[1:] < 0).tolist():
+            found.append((theta[i + 1], "stable" if rises[i + 1] > 0 else "unstable"))
+    return sorted(found)
+
+
+@pytest.mark.parametrize("seed", [3, 4, 7])
+def test_equilibria_beyond_dead_centres_are_the_extremes_of_the_potential(seed):
+    """Triple rockers: one closed curve of poses, of which the driver has half in each mode."""
+    case = four_bar(np.random.default_rng([seed, 6]), "rocker")
+    found = bm.Linkage.from_data(case).compile().equilibria()
+    turned = [(float(np.angle(np.exp(1j * e.q[0]))), e.kind) for e in found]
+    right = extremes_of_potential(case)
+    assert [kind for _, kind in sorted(turned)] == [kind for _, kind in right]
+    assert [q for q, _ in sorted(turned)] == pytest.approx([q for q, _ in right], abs=1e-4)
+    assert sum(e.chart is not None for e in found) == len(found) // 2
+    assert [e.kind for e in pickle.loads(pickle.dumps(found))] == [e.kind for e in found]
+
+
+def test_a_linear_system_stands_about_an_equilibrium_beyond_a_dead_centre():
+    """The hanging four-bar of 25, 10, 25 and 30 cm, smaller than a radian: four equilibria."""
+    found = hanging().compile().equilibria()
+    assert [e.kind for e in found] == ["stable", "unstable", "stable", "unstable"]
+    leaning = math.acos(0.8)  # -1.159 + 0.516 rad of the left rocker: the crossed pose
+    assert found[1].q[0] == pytest.approx(math.atan2(math.sqrt(0.0525), 0.1) - leaning, abs=1e-9)
+    assert found[1].leads == pytest.approx({"joint.D.coordinate": -found[1].q[0]})  # by symmetry
+    assert "where joint.D.coordinate = -0.515778372 rad leads" in str(found[1])
+    about = hanging().compile().linearize(found[1])
+    assert about.effort == pytest.approx([0.0], abs=1e-12)
+    assert about.eigenvalues == pytest.approx(found[1].values)
+    assert pytest.approx(found[1].K) == about.K

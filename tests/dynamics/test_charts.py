@@ -15,6 +15,7 @@ from scipy.integrate import solve_ivp
 
 import blockmech as bm
 from blockmech.dynamics.request import Watch
+from tests.dynamics.honesty import mechanism as massive
 from tests.dynamics.one_chart import in_one_chart
 from tests.independent.released import document, five_bar, four_bar, link, pin, truth
 
@@ -149,7 +150,7 @@ def test_one_chart_changes_nothing():
     assert motion.charts == ((0.0, ("A",)),)
 
 
-@pytest.mark.parametrize(("kind", "seed"), [("rocker", 2), ("near", 5)])
+@pytest.mark.parametrize(("kind", "seed"), [("rocker", 2), ("near", 5), ("near", 19)])
 def test_random_four_bars_move_as_absolute_coordinates_say(kind, seed):
     case = four_bar(np.random.default_rng([seed, len(kind)]), kind)
     times = np.linspace(0.0, 0.8, 5)
@@ -186,6 +187,45 @@ def test_goals_and_events_count_the_users_driver():
     there = mechanism.simulate("angle=-0.15", start={"motor": (-0.2, 1.0)}, want=()).motion
     assert there.end == "angle"
     assert there.q_end == pytest.approx(-0.15, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("until", "start", "end"),
+    [
+        ("standstill", (-0.26, -2.8), "never reached: rotation"),
+        ("angle=10", (0.2134, 0.0), "never reached: libration"),
+        ("swings=3", (0.2134, 0.0), "swings"),
+    ],
+)
+def test_a_goal_that_is_never_reached_ends_as_in_one_chart(until, start, end):
+    """The trammel turns on and on, or swings: its shoes lead by turns."""
+    mechanism = massive("elliptic_trammel")
+    motion = mechanism.simulate(until, start={"shoe": start}, want=(), budget=30).motion
+    assert motion.end == end
+    assert motion.error < 1e-9
+    assert len(motion.charts) > 4
+    if "period" in motion.facts:
+        period = motion.facts["period"]
+        times = np.array([0.0, period])
+        on = mechanism.simulate(times=times, start={"shoe": start}, want=()).motion.at(times)
+        assert np.ptp(on.q) < 1e-8
+        assert np.ptp(on.qd) < 1e-7
+
+
+def test_stops_of_a_call_hold_where_others_lead():
+    """Of the driver that does not lead there, and of a pair by its name in the blocks."""
+    mechanism = hanging().compile()
+    motion = mechanism.simulate("time=1", stops={"motor": (-1.0, 1.0)}, want=()).motion
+    assert (motion.end, motion.q_end) == ("time", pytest.approx(LEFT[-1], abs=1e-8))
+    graph, _ = of_blocks()
+    graph.stop("loop.D.coordinate", low=-2.6)
+    free = graph.compile().simulate("time=0.4", stops={}, want="loop.D.coordinate")
+    low = float(free["loop.D.coordinate"].min())
+    stopped = graph.compile().simulate(
+        "time=0.4", stops={"loop.D.coordinate": (low + 1e-3, math.inf)}, want="loop.D.coordinate"
+    )
+    assert stopped.motion.end.startswith("end stop")
+    assert stopped["loop.D.coordinate"][-1] == pytest.approx(low + 1e-3, abs=1e-9)
 
 
 def test_stops_of_any_joint_hold_where_others_lead():

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from blockmech.analysis.equilibria_charts import equilibria_through_charts
 from blockmech.analysis.equilibria_one import Line, equilibria_of_one
 from blockmech.analysis.equilibria_several import STARTS, equilibria_of_several
 from blockmech.analysis.equilibrium import Equilibria
@@ -34,10 +35,12 @@ def equilibria(
     friction: FrictionMethod | None = None,
     time: float | None = None,
     starts: int = STARTS,
+    charts: bool = True,
 ) -> Equilibria:
     """All static equilibria: where the loads alone move nothing, and whether it stays there.
 
-    Of one driver over its whole range between its end stops; of several by Newton's method from
+    Of one driver over its whole range between its end stops, and beyond its dead centres, where
+    other joints lead (`Equilibrium.leads`); of several by Newton's method from
     many places, and along the curves on which all drivers but one are balanced. Joint friction
     widens an equilibrium of one driver to the interval in which it rests.
 
@@ -46,6 +49,7 @@ def equilibria(
     friction : as that of a run; "none" leaves the friction of joints out
     time : [s] at which loads that follow the time are held
     starts : places for each of several drivers
+    charts : whether they are looked for beyond dead centres of the only driver as well
 
     Returns
     -------
@@ -72,5 +76,6 @@ def equilibria(
         raise refused("time", found, "give time=, at which they are held")
     t = 0.0 if time is None else float(time)
     if one:
-        return equilibria_of_one(Line(mechanism, system, t))
+        line = Line(mechanism, system, t)
+        return equilibria_through_charts(line) if charts else equilibria_of_one(line)
     return equilibria_of_several(mechanism, system, t, starts)

@@ -43,7 +43,7 @@ SAME = 1e-7  # [rad] or share of the span: two equilibria are one
 ASIDE = 10 * DOUBLE_ROOT  # [rad or m] of change points, where rounding hides poses
 
 
-class _Piece(NamedTuple):
+class Piece(NamedTuple):
     """An arc of the only driver: its ends, whether it is a closed turn, and its smooth parts."""
 
     low: float
@@ -55,23 +55,37 @@ class _Piece(NamedTuple):
 
 @dataclass(frozen=True)
 class Line:
-    """The only driver along the arcs on which it is looked for, at a time [s]."""
+    """The only driver along the arcs on which it is looked for, at a time [s].
+
+    ``near`` a place, where only the arc about that is
+    """
 
     mechanism: Compiled
     system: System
     t: float
+    near: float | None = None
 
     def effort(self, q: Floats) -> Floats:
         """Effort (n,) of the loads at rest; NaN where there is no pose."""
         terms = self.system.sample(q, 0.0, self.t)
         return np.where(terms.possible, terms.tau, np.nan)
 
-    def arcs(self) -> Iterator[_Piece]:
-        """Each arc between the end stops."""
+    def arcs(self) -> Iterator[Piece]:
+        """Each arc between the end stops that is looked at."""
+        for piece in self._arcs():
+            middle = (piece.low + piece.high) / 2
+            near = middle if self.near is None else self.near
+            if self.system.rotary[0]:
+                near -= TURN * round((near - middle) / TURN)
+            if piece.low <= near <= piece.high:
+                yield piece
+
+    def _arcs(self) -> Iterator[Piece]:
         (stop_low, stop_high), rotary = self.system.stops[0], self.system.rotary[0]
         closure = limits(self.mechanism)
         free = math.isinf(stop_low) and math.isinf(stop_high)
-        far = loads.REACH * loads.largest_length(self.mechanism.structure)
+        size = loads.largest_length(self.mechanism.structure)
+        far = math.inf if rotary else loads.REACH * size
         for arc in closure.arcs:
             low, high = (min(max(end.q, -far), far) for end in (arc.start, arc.end))
             passed = [point.q for point in arc.change_points]
@@ -89,7 +103,7 @@ class Line:
                 if a < b:
                     yield self._cut(a, b, False, passed)
 
-    def _cut(self, low: float, high: float, closed: bool, passed: list[float]) -> _Piece:
+    def _cut(self, low: float, high: float, closed: bool, passed: list[float]) -> Piece:
         """An arc cut at the kinks of the loads and, a little aside, at change points."""
         kinks = _repeated(self.system.knots, self.system.period, low, high)
         passed = _repeated(passed, TURN if self.system.rotary[0] else None, low, high)
@@ -104,7 +118,7 @@ class Line:
             else Span(a + aside[a], b - aside[b], size=size)
             for i, (a, b) in enumerate(itertools.pairwise(cuts))
         )
-        return _Piece(low, high, closed, tuple(cuts), spans)
+        return Piece(low, high, closed, tuple(cuts), spans)
 
     def series(self, span: Span) -> Series:
         """The effort by the share of a span: what the loads do is its integral."""

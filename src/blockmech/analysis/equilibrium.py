@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
@@ -52,10 +52,13 @@ class Equilibrium(Facts, Report):
     stop : whether it is an end stop that the loads push against
     jump : whether the effort of the loads jumps there from one sign to the other
     free : coordinates of ``at`` that may have any value: the loads do not feel them
+    leads : beyond a dead centre of the driver, where another joint leads, the name of its
+        coordinate -> its value, by which M, C and K are; empty where the driver leads
+    chart : beyond a dead centre the chart in which it is; else None
     """
 
     FACTS = (
-        *("at", "kind", "potential", "interval", "stop", "jump", "free"),
+        *("at", "kind", "potential", "interval", "stop", "jump", "free", "leads"),
         *("M", "C", "K", "values", "frequencies"),
     )
 
@@ -71,6 +74,8 @@ class Equilibrium(Facts, Report):
     stop: bool = False
     jump: bool = False
     free: tuple[str, ...] = ()
+    leads: Mapping[str, float] = field(default_factory=dict)
+    chart: Any = field(default=None, compare=False)
 
     @property
     def q(self) -> Floats:
@@ -92,6 +97,9 @@ class Equilibrium(Facts, Report):
         fixed = {name: q for name, q in self.at.items() if name not in self.free}
         parts = [places(fixed, self.units, degrees)] if fixed else []
         at = ", ".join([*parts, *(f"{name} free" for name in self.free)])
+        if self.chart is not None:
+            leads = f"where {places(self.leads, self.units, degrees)} leads"
+            at += f", {leads if self.leads else 'in another assembly mode'}"
         if self.stop:
             yield f"{at}  pushed against the end stop"
             return

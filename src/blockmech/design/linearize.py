@@ -23,6 +23,7 @@ import cmath
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -270,7 +271,7 @@ def linearize(
     Parameters
     ----------
     at : driver -> coordinate [rad or m], or one of `equilibria`; by default the only stable
-        equilibrium
+        equilibrium. About one that another joint leads, it is the driver of what is returned
     rates : driver -> rate [rad/s or m/s] of a motion that the drivers keep up; default rest
     states : ``pid.integral`` -> value, of signal blocks; those that are not given are such that
         signals rest and the loads balance as far as they can
@@ -294,6 +295,12 @@ def linearize(
     AssemblyError where the pose cannot be
     """
     refuse_sampled(mechanism)
+    if not mechanism.drivers:
+        raise refused("linearize", "the mechanism has no driver", "what does not move has no modes")
+    at = _resting(mechanism) if at is None else at
+    if isinstance(at, Equilibrium):
+        mechanism = mechanism if at.chart is None else at.chart.mechanism
+        at = dict(zip(mechanism.drivers, (at.leads or at.at).values(), strict=True))
     q, qd = _state(mechanism, at, rates)
     slips = bool(qd.any()) and bool(mechanism.frictional_joints) and friction != "none"
     if slips:
@@ -402,24 +409,22 @@ def _names(given: Iterable[str] | str) -> tuple[str, ...]:
     return (given,) if isinstance(given, str) else tuple(given)
 
 
+def _resting(mechanism: Compiled) -> Equilibrium:
+    """The only stable equilibrium, beyond dead centres only where there is no other."""
+    look: Any = partial(mechanism.equilibria, friction="none")  # type: ignore[attr-defined]
+    every = ([e for e in look(charts=x).stable if not e.stop] for x in (False, True))
+    stable = next(filter(None, every), [])
+    if len(stable) != 1:
+        words = f"there are {len(stable)} stable equilibria"
+        remedy = "give at=, a pose or one of equilibria()"
+        valid = listed(e.text() for e in stable) if stable else ""
+        raise refused("at", words, remedy, valid)
+    only: Equilibrium = stable[0]
+    return only
+
+
 def _state(mechanism: Compiled, at: Any, rates: Any) -> tuple[Floats, Floats]:
     """Coordinates and rates (k,) of a request."""
-    if not mechanism.drivers:
-        raise refused("linearize", "the mechanism has no driver", "what does not move has no modes")
-    if at is None:
-        stable = [
-            e
-            for e in mechanism.equilibria(friction="none")  # type: ignore[attr-defined]
-            if e.kind == "stable" and not e.stop
-        ]
-        if len(stable) != 1:
-            words = f"there are {len(stable)} stable equilibria"
-            remedy = "give at=, a pose or one of equilibria()"
-            valid = listed(e.text() for e in stable) if stable else ""
-            raise refused("at", words, remedy, valid)
-        at = stable[0]
-    if isinstance(at, Equilibrium):
-        at = dict(zip(mechanism.drivers, at.q.tolist(), strict=True))
     none = dict.fromkeys(mechanism.drivers, 0.0)
     taken = mechanism.samples(at, None, None, none if rates is None else rates, none)
     if taken.n != 1:

@@ -10,53 +10,54 @@ the coordinates of the user's drivers, which each chart reads as coordinates of 
 
 from __future__ import annotations
 
-import cmath
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import takewhile
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.charts import Chart
-from blockmech.dynamics.estimate import (
-    TARGET,
-    UNFINISHED,
-    refined,
-    stopped,
-)
+from blockmech.dynamics.charts import SAME, Chart, home_chart
+from blockmech.dynamics.estimate import TARGET, UNFINISHED, refined, stopped
 from blockmech.dynamics.impact import Chain, Move
 from blockmech.dynamics.legs import Leg
-from blockmech.dynamics.pair_stops import Counted, stopped_pairs
-from blockmech.dynamics.request import SimulationRequest, Start, Surface, Until, Watch
-from blockmech.dynamics.roles import FREE, Roles
+from blockmech.dynamics.pair_stops import Counted
+from blockmech.dynamics.request import (
+    NO_PAIRS,
+    Pairs,
+    SimulationRequest,
+    Surface,
+    Until,
+    Watch,
+    start_of,
+)
+from blockmech.dynamics.roles import FREE
+from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.solvers import STEPPERS
-from blockmech.dynamics.time import TimeIntegration
-from blockmech.ground.errors import BlockmechError, GraphError, listed
+from blockmech.dynamics.time import TimeIntegration, repeats
+from blockmech.dynamics.turns import TurnsInTime
+from blockmech.ground.errors import BlockmechError, listed
 from blockmech.ground.plane import EPS
-from blockmech.model.joints.blocks import SaidByLinks
-from blockmech.model.joints.layout import Poses
 from blockmech.model.joints.linkage import Linkage
+from blockmech.model.scene import Stops
 from blockmech.model.structure import COORDINATE
-from blockmech.result.motion import Cost, Floats, Motion, RolesFrom
+from blockmech.result.motion import Cost, Motion, RolesFrom
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.dynamics.system import System
-    from blockmech.model.graph import Graph
 
 Prepare: TypeAlias = Callable[..., tuple["System", SimulationRequest]]
 
-BETTER = 2.0  # times the volume that other joints must span for a chart to be left
-SAME = 1e-9  # [rad] to which a coordinate that counts from elsewhere is off by whole turns
 LOOKS = 32  # places over a leg at which charts are compared
 HALVED = 26  # times that the way to its end is, for more of them
 SCOUTING = 1e-7  # tolerance of the walk that finds which joints lead from when on
 WHY = "other joints lead where the drivers' coordinates stand still"
 FOLLOW = "it passes change points, where its dyads follow the motion"
-ROUNDED = 2  # roundings by which two walks differ where the state is handed over
+ROUNDED = 4  # roundings by which the coarser walk is off where the state is handed over
 
 
 class Entry(NamedTuple):
@@ -64,7 +65,74 @@ class Entry(NamedTuple):
 
     t: float
     chart: Chart
-    q: Mapping[str, float]
+    starts: Pairs
+
+
+@dataclass
+class Cycle:
+    """Going round through charts: whether more of the kind follow for ever, by one place on it.
+
+    target : [rad or m] of the error
+    places : [rad or m] of the user's driver that are the goal
+    conserves : whether loads are of places alone
+    """
+
+    target: float
+    places: Sequence[float]
+    conserves: bool
+    first: Leg | None = None  # that goes through the place
+    passes: int = 0  # since one was looked at
+    way: float = 0.0  # [rad or m] of the joints that lead
+    stood: bool = False
+    unsure: float = 0.0  # of the energy, since a passage was looked at
+
+    def closed(self, leg: Leg, later: bool) -> Motion | None:
+        """The motion of a leg up to the place, if it is sure that more of the kind follow."""
+        motion, times = leg.motion, leg.motion.times(LOOKS)
+        q = motion.at(times).q
+        self.way += abs(float(q[-1] - q[0]))
+        self.unsure += motion.facts.get("energy_balance", 0.0)
+        self.stood |= any(event.kind == ends.STANDSTILL for event in motion.events)
+        if self.first is None and later and not leg.chart.is_general:
+            t = float(times[LOOKS // 2])
+            self.first, (self.q, rate) = leg, motion.at(t)
+            self.sense, self.user = np.sign(rate), leg.state(np.array([t])).q[0]
+            self.turns = TurnsInTime(self.way, t, float(rate) ** 2)
+        elif self.first is not None and leg.chart is self.first.chart:
+            return self._passed(leg)
+        return None
+
+    def _passed(self, leg: Leg) -> Motion | None:
+        motion, times = leg.motion, leg.motion.times(LOOKS)
+        rotary = leg.chart.layout.pairs[leg.chart.joints[0]].kind == "R"
+
+        def beyond(t: Any) -> Any:
+            off = motion.at(t).q - self.q
+            return self.sense * (off - math.tau * np.round(off / math.tau) if rotary else off)
+
+        off = beyond(times)
+        passed = np.flatnonzero((off[:-1] <= 0) & (off[1:] > 0) & (np.diff(off) < 1.0))
+        self.passes += passed.size > 0
+        stands = self.stood and not self.places  # a count of standstills is reached
+        if stands or not passed.size or self.passes < self.turns.many:
+            return None
+        from scipy.optimize import brentq
+
+        t = float(brentq(beyond, *times[passed[0] : passed[0] + 2], xtol=EPS))
+        self.passes, user = 0, leg.state(np.array([t])).q[0]
+        rate, turns, before = float(motion.at(t).qd), self.turns, self.turns.t
+        steady = abs(rate**2 - turns.square) <= 2 * self.unsure * rate**2
+        alike = self.conserves and (self.stood or (turns.many == 1 and steady))
+        over, self.unsure = turns.turned(t, self.way, rate, self.target), 0.0
+        if alike:  # it goes to and fro, or what changes is less than what errors of a way round do
+            over = RunEnd("never reached: rotation", facts={"period": t - before})
+        moved, self.user = user - self.user, user
+        if over is None or any(abs(moved) > 1.0 and moved * (x - user) > 0 for x in self.places):
+            return None
+        end = over.end.replace("rotation", "libration") if self.stood else over.end
+        facts = {x: value for x, value in motion.facts.items() if not x.endswith("_time")}
+        facts |= {"period": over.facts["period"]} if over.facts else {}
+        return until(motion, t).but(end=end, status="ended", facts=facts)
 
 
 @dataclass
@@ -74,10 +142,14 @@ class Atlas:
     Attributes
     ----------
     home : the user's chart, in which it starts
-    prepare : a system of a chart's mechanism for a request, and the request with its end stops
+    prepare : a system of a chart for a request, and the request with its end stops
     fixed : joints whose drivers stay, as they have a role or something else names them
+    repeats : whether it goes the same way again from a place that it comes back to as fast
+    conserves : whether loads are of places alone
     entries : which charts lead from when on, as the first walk finds it
     runs : of each leg, whose steps the walk by half of them halves
+    systems : of all walks
+    rounded : roundings by which a walk is off where the state is handed over
     """
 
     home: Chart
@@ -85,134 +157,97 @@ class Atlas:
     prepare: Prepare
     fixed: tuple[str, ...]
     method: str
+    repeats: bool
+    conserves: bool
     entries: list[Entry] = field(default_factory=list)
-    runs: dict[int, TimeIntegration] = field(default_factory=dict)
-    walks: int = 0
+    runs: list[TimeIntegration] = field(default_factory=list)
+    systems: list[System] = field(default_factory=list)
+    rounded: int = 0
 
     def walk(self, tolerance: float, halves: bool = False) -> Motion:
         """Go on from chart to chart until something else than a dead centre ends the motion.
 
         It ``halves`` the steps of the walk before.
         """
-        before = self.runs if halves else {}
-        self.runs = {}
-        legs, request, self.walks = list[Leg](), self.request, self.walks + 1
-        chart, costs, users = self.home, list[Cost](), np.atleast_1d(request.start.q)
+        before, self.runs, self.rounded = self.runs if halves else [], [], 0 if halves else ROUNDED
+        known = max(tolerance, self.target), self.request.places, self.conserves
+        legs, cycle = list[Leg](), Cycle(*known) if self.repeats else None
+        chart, request, users = self.home, self.request, np.atleast_1d(self.request.start.q)
         while True:
-            planned = len(legs) < len(self.entries)
-            goal = self._left(legs, request.start.t)
-            if planned:
-                goal = Until("time", self.entries[len(legs)].t - request.start.t)
-            asked = self._asked(chart, replace(request, until=goal), users)
-            run = self._run(chart, asked, tolerance, before.get(len(legs)), not planned)
-            motion, self.runs[len(legs)] = run.motion(), run
-            costs.append(run.system.cost)
-            leg = Leg(chart, motion, self._counted(chart, request.start.q, users))
-            if not planned or motion.end in ends.CHART_ENDS:
+            events = [e for leg in legs for e in leg.motion.events]
+            request = replace(request, until=self.request.left(request.start.t, events))
+            if planned := len(legs) < len(self.entries):
+                wait = self.entries[len(legs)].t - request.start.t
+                request = replace(request, until=Until("time", wait))
+            counted = chart.counted(request.start.q, users)
+            asked = self._asked(chart, request, counted)
+            run = self._run(chart, asked, tolerance, before[len(legs) : len(legs) + 1], planned)
+            leg = Leg(chart, run.motion(), counted)
+            self.runs.append(run)
+            if cycle is not None and (over := cycle.closed(leg, bool(legs))) is not None:
+                return self._joined([*legs, replace(leg, motion=over)])
+            if not planned or leg.motion.end in ends.CHART_ENDS:
                 del self.entries[len(legs) :]
                 if (entry := self.successor(leg, bool(legs))) is None:
-                    return self._joined([*legs, leg], costs)
+                    return self._joined([*legs, leg])
                 self.entries.append(entry)
-                leg = replace(leg, motion=until(motion, entry.t))
-            elif motion.end != "time":
-                return self._joined([*legs, leg], costs)
+                leg = replace(leg, motion=until(leg.motion, entry.t))
+            elif leg.motion.end != "time":
+                return self._joined([*legs, leg])
             entry = self.entries[len(legs)]
             legs.append(leg)
             users = np.atleast_1d(leg.state(np.array([leg.motion.t_end])).q[0])
-            chart, start = entry.chart, self._start(leg, entry.chart.joints, entry.q)
-            request = replace(self.request, start=start, roles=self._roles(leg))
+            chart, starts = entry.chart, self._states(leg, entry.chart.joints, entry.starts)
+            start = start_of(starts)._replace(t=entry.t)
+            roles = run.roles[-1][1] if run.roles else None
+            request = replace(self.request, start=start, roles=roles)
 
-    def _asked(self, chart: Chart, request: SimulationRequest, users: Floats) -> SimulationRequest:
+    @property
+    def target(self) -> float:
+        """[rad or m] of the error."""
+        return self.request.accuracy or TARGET
+
+    def _asked(
+        self, chart: Chart, request: SimulationRequest, counted: Counted | None
+    ) -> SimulationRequest:
         """A request in the words of a chart: its roles, events and places of the goal."""
-        if chart is self.home:
-            return request
-        counted = self._counted(chart, request.start.q, users)
-        assert counted is not None
-
-        def read(surface: Surface) -> Surface:
-            def value(t: float, q: Any, qd: Any) -> float:
-                places = counted.at(np.atleast_1d(q))
-                rates = counted.last[2] @ np.atleast_1d(qd)
-                alone = len(places) == 1
-                return surface(t, *((places[0], rates[0]) if alone else (places, rates)))
-
-            return value
-
+        if request.roles is not None:
+            request = replace(request, roles=request.roles.among(chart.drivers))
         until, watch = request.until, request.watch
-        if place := replace(request, start=self.request.start).places:
+        if chart is not self.home and (places := request.places):
+            places = self.request.places
             until = Until("event")
-            watch += tuple(Watch(request.until.goal, partial(_beyond, x)) for x in place)
-        roles = request.roles
-        if roles is not None:
-            of, drive = roles.by_driver(), chart.mechanism.scene.drive
-            drivers = chart.mechanism.drivers
-            each = tuple(of.get(d, FREE) for d in drivers), tuple(drive.get(d) for d in drivers)
-            roles = Roles(drivers, *each)
-        watch = tuple(replace(w, surface=read(w.surface)) for w in watch)
-        return replace(request, until=until, watch=watch, roles=roles)
-
-    def _roles(self, leg: Leg) -> Roles | None:
-        """The roles with which a leg ends."""
-        roles = self.request.roles
-        if roles is None or not leg.motion.roles:
-            return roles
-        of = leg.motion.roles[-1].of
-        return roles.but({d: role for d, role in of.items() if d in roles.drivers})
-
-    def _left(self, legs: Sequence[Leg], t: float) -> Until:
-        """What still ends the motion."""
-        goal = self.request.until
-        if goal.goal == "time":
-            return replace(goal, value=self.request.t_last - t)
-        if goal.goal == "swings":
-            stood = (e.kind == ends.STANDSTILL for leg in legs for e in leg.motion.events)
-            return replace(goal, value=goal.value - sum(stood))
-        return goal
+            watch += tuple(Watch(request.until.goal, partial(_beyond, x)) for x in places)
+        if counted is not None:
+            watch = tuple(replace(w, surface=partial(_seen, counted, w.surface)) for w in watch)
+        return replace(request, until=until, watch=watch)
 
     def _run(
         self,
         chart: Chart,
         request: SimulationRequest,
         tolerance: float,
-        before: TimeIntegration | None,
-        scouts: bool,
+        before: Sequence[TimeIntegration],
+        planned: bool,
     ) -> TimeIntegration:
-        """The integration of a leg; where it ``scouts`` a dear chart is left for a better one."""
-        target, leaves = self.request.accuracy or TARGET, None
-        if scouts and chart.is_general:
+        """The integration of a leg; a dear chart is left for a better one."""
+        leaves = None
+        if chart.is_general and not planned:
 
             def leaves(q: Any) -> bool:
-                return self.better(chart, *chart.poses(q[None, :])) is not None
+                return chart.better(chart.tangent(q), self.fixed)
 
-        if before is None:
-            q, rate, _ = request.start
-            pairs = zip(np.atleast_1d(q), np.atleast_1d(rate), strict=True)
-            starts = dict(zip(chart.mechanism.drivers, pairs, strict=True))
-            system, request = self.prepare(chart.mechanism, request, starts)
+        if before:
+            system = before[0].system
         else:
-            system = before.system
-        how = self.method, tolerance, self.method, target, before
-        return TimeIntegration(system, request, *how, leaves=leaves)
-
-    def _counted(self, chart: Chart, q: Any, users: Floats) -> Counted | None:
-        """Coordinates of the user's drivers in a chart, which are so much where it begins."""
-        if chart is self.home:
-            return None
-        names = [f"{chart.in_outputs(joint=j)}.{COORDINATE}" for j in self.home.joints]
-        pairs = stopped_pairs(chart.mechanism, names)
-        assert pairs is not None
-        at = np.array(np.atleast_1d(q), dtype=np.float64)
-        apart = users - pairs.places(at)
-        turns = np.where(pairs.rotary, math.tau * np.round(apart / math.tau), 0.0)
-        return Counted(pairs, at, np.where(np.abs(apart - turns) < SAME, turns, apart))
-
-    def better(self, chart: Chart, poses: Poses) -> Floats | None:
-        """The rates of all joints in poses where others should lead; None where none should."""
-        if not all(math.isfinite(pose.theta) for pose in poses.values()):
-            return None
-        T = chart.tangent(poses)
-        volume = chart.volume(T, chart.largest(T, self.fixed, ()))
-        return T if volume > BETTER * chart.volume(T, chart.joints) else None
+            pairs = zip(*map(np.atleast_1d, request.start[:2]), strict=True)
+            starts = dict(zip(chart.mechanism.drivers, pairs, strict=True))
+            system, request = self.prepare(chart, request, starts)
+            self.systems.append(system)
+        how = self.method, tolerance, self.method, self.target, before[0] if before else None
+        run = TimeIntegration(system, request, *how, leaves=leaves)
+        run.equation.most -= sum(other.equation.spent for other in self.runs)
+        return run
 
     def successor(self, leg: Leg, later: bool) -> Entry | None:
         """The chart that goes on from where the present one gets worse for good; None without."""
@@ -221,72 +256,53 @@ class Atlas:
             return None
         span, looks = motion.t_end - motion.t_start, np.linspace(1.0, 0.0, LOOKS, endpoint=False)
         before = span * np.append(looks, 0.5 ** np.arange(1, HALVED))
-        times = np.unique(np.maximum(motion.t_end - before, motion.t_start))
-        poses = chart.poses(motion.at(times).q.reshape(len(times), -1))
-        where = None
-        for t, at in zip(times[::-1].tolist(), poses[::-1], strict=True):
-            closes = all(math.isfinite(pose.theta) for pose in at.values())
-            T = self.better(chart, at)
-            if closes and T is None:
-                break
-            where = where if T is None else (t, at, T)
-        if where is None or (later and where[0] == motion.t_start):
+        times = np.unique(np.maximum(motion.t_end - before, motion.t_start))[::-1]
+        q = motion.at(times).q.reshape(len(times), -1)
+        looked = ((t, x, chart.tangent(x)) for t, x in zip(times.tolist(), q, strict=True))
+        closing = (look for look in looked if np.isfinite(look[2]).all())
+        worse = [*takewhile(lambda look: chart.better(look[2], self.fixed), closing)]
+        if not worse or (later and worse[-1][0] == motion.t_start):
             return None
-        t, at, T = where
-        cut, without = replace(leg, motion=until(motion, t)), set[str]()
-        least = BETTER * chart.volume(T, chart.joints)
-        while chart.volume(T, joints := chart.largest(T, self.fixed, without)) > least:
-            start = self._start(cut, joints, {})
-            states = zip(np.atleast_1d(start.q), np.atleast_1d(start.rate), strict=True)
-            starts = dict(zip(joints, states, strict=True))
-            try:
-                made = chart.led_by(starts, at)
-            except GraphError:  # where poses tell no mode, or nothing follows from these joints
-                without.add(joints[-1])
-                continue
-            return Entry(t, made, {joint: x for joint, (x, _) in starts.items()})
-        return None
+        t, x, _ = worse[-1]
+        on = chart.left(x, self.fixed, partial(self._states, replace(leg, motion=until(motion, t))))
+        return None if on is None else Entry(t, *on)
 
-    def _start(self, leg: Leg, joints: Sequence[str], near: Mapping[str, float]) -> Start:
-        """Coordinates and rates of joints where a leg ends; ``near`` tells the turns of angles."""
-        end = leg.motion
-        (poses,) = leg.chart.poses(np.reshape(end.q_end, (1, -1)))
+    def _states(self, leg: Leg, joints: Sequence[str], near: Pairs = NO_PAIRS) -> Pairs:
+        """Joint -> coordinate and rate where a leg ends; ``near`` tells the turns of angles."""
+        chart, end = leg.chart, leg.motion
+        q, qd = np.atleast_1d(end.q_end), np.atleast_1d(end.qd_end)
         users = np.atleast_1d(leg.state(np.array([end.t_end])).q[0])
-        counted = {**near, **dict(zip(self.home.joints, users.tolist(), strict=True))}
-        places = leg.chart.coordinates(poses, joints)
-        qd = np.atleast_1d(end.qd_end)
-        rates = leg.chart.rates(poses, joints, qd)
-        states = zip(np.atleast_1d(end.q_end), qd, strict=True)
-        leading = dict(zip(leg.chart.joints, states, strict=True))
-        off = (-1) ** self.walks * ROUNDED * EPS * leg.chart.conditioning(poses)
-        for i, joint in enumerate(joints):
-            if joint in counted and self.home.layout.pairs[joint].kind == "R":
-                places[i] += math.tau * round((counted[joint] - places[i]) / math.tau)
-            place, rate = leading.get(joint, (math.inf, 0.0))
-            if abs(place - places[i]) < SAME:  # it leads on
-                places[i], rates[i] = float(place), rate
-            else:
-                places[i], rates[i] = places[i] + off, rates[i] * (1.0 + off)
-        if len(joints) == 1:
-            return Start(places[0], float(rates[0]), end.t_end)
-        return Start(np.array(places), rates, end.t_end)
+        turns = {joint: x for joint, (x, _) in near.items()}
+        turns |= dict(zip(chart.users, users.tolist(), strict=True))
+        weakest = chart.singular_values(chart.poses(q), chart.joints)[-1]
+        off = self.rounded * EPS / weakest
+        leads = dict(zip(chart.joints, zip(q.tolist(), qd.tolist(), strict=True), strict=True))
+        at, states = chart.states(q, qd), dict[str, tuple[float, float]]()
+        for joint in joints:
+            x, rate = at[joint]
+            if joint in turns and chart.layout.pairs[joint].kind == "R":
+                x += math.tau * round((turns[joint] - x) / math.tau)
+            place, _ = on = leads.get(joint, (math.inf, 0.0))
+            states[joint] = on if abs(place - x) < SAME else (x + off, rate * (1.0 + off))
+        return states
 
-    def _joined(self, legs: Sequence[Leg], costs: Sequence[Cost]) -> Motion:
+    def _joined(self, legs: Sequence[Leg]) -> Motion:
         """The motion of all legs, in the coordinates of the user's drivers."""
-        last = legs[-1].motion
+        motions = [leg.motion for leg in legs]
+        last, drivers = motions[-1], self.home.mechanism.drivers
         moving = [leg for leg in legs if leg.motion.t_end > leg.motion.t_start] or legs[-1:]
-        track = Chain(np.array([leg.motion.t_start for leg in moving]), tuple(moving))
         end = legs[-1].state(np.array([last.t_end]))
         facts = dict(last.facts)
-        for work in ("friction_work", "drive_work"):
-            if parts := [x.motion.facts[work] for x in legs if work in x.motion.facts]:
-                facts[work] = math.fsum(parts)
-        balances = [x.motion.facts.get("energy_balance", 0.0) for x in legs]
-        if "energy_balance" in facts:
-            facts["energy_balance"] = max(balances)
+        for name, total in (
+            ("friction_work", math.fsum),
+            ("drive_work", math.fsum),
+            ("energy_balance", max),
+        ):
+            if parts := [m.facts[name] for m in motions if name in m.facts]:
+                facts[name] = total(parts)
         roles = list[RolesFrom]()
-        for x in (x for leg in legs for x in leg.motion.roles):
-            of = {d: x.of.get(d, FREE) for d in self.home.mechanism.drivers}
+        for x in (x for m in motions for x in m.roles):
+            of = {d: x.of.get(d, FREE) for d in drivers}
             if not roles or roles[-1].of != of:
                 roles.append(RolesFrom(x.begin, of))
         events = []
@@ -299,21 +315,26 @@ class Atlas:
             error=math.inf,
             q_end=end.q[0],
             qd_end=end.qd[0],
-            track=track,
+            track=Chain(np.array([leg.motion.t_start for leg in moving]), tuple(moving)),
             events=tuple(events),
             roles=tuple(roles),
             slips=(),  # each leg has those of its own pairs
-            notes=tuple(dict.fromkeys(note for leg in legs for note in leg.motion.notes)),
+            notes=tuple(dict.fromkeys(note for m in motions for note in m.notes)),
             facts=facts,
             legs=tuple(moving),
             charts=tuple((leg.motion.t_start, self.home.said(leg.chart.joints)) for leg in moving),
-            cost=Cost(*map(sum, zip(*costs, strict=True))),
+            cost=Cost(*map(sum, zip(*(system.cost for system in self.systems), strict=True))),
         )
 
 
 def _beyond(place: float, t: float, q: Any, qd: Any) -> Any:
     """How far the only driver of the user is beyond a place [rad or m]."""
     return q - place
+
+
+def _seen(counted: Counted, surface: Surface, t: float, q: Any, qd: Any) -> float:
+    """The surface of an event, which is told in the user's coordinates."""
+    return surface(t, *counted.state(q, qd))
 
 
 def until(motion: Motion, t: float) -> Motion:
@@ -325,36 +346,9 @@ def until(motion: Motion, t: float) -> Motion:
         qd_end=qd,
         x_end=tuple(motion.signal_states(np.array([t]))[0].tolist()),
         end="time",
+        time_error=0.0,
         events=tuple(e for e in motion.events if e.t <= t),
     )
-
-
-def kept_charts(mechanism: Compiled) -> dict[str, Chart]:
-    """Charts of a mechanism that were made, by their blocks."""
-    return {}
-
-
-def home_chart(mechanism: Compiled, q: Floats) -> Chart:
-    """The user's chart: of blocks with the document that says them as links and joints.
-
-    Raises `BlockmechError` where links and joints do not say them.
-    """
-    document, kept = mechanism.document, mechanism.once(kept_charts)
-    if isinstance(document, Linkage):
-        assert mechanism.names is not None
-        joints = tuple(document.drivers[d].joint for d in mechanism.drivers)
-        return Chart(mechanism, joints, document, mechanism.names, kept)
-    s, fixed = mechanism.structure, mechanism.structure.frame_link
-    links = [link for link in s.links if link != fixed]
-    want = [f"{link}.{what}" for link in links for what in ("p", "angle")]
-    at = dict(zip(mechanism.drivers, q.tolist(), strict=True))
-    found = mechanism.run(at, rates=dict.fromkeys(at, 0.0), want=want, friction="none")
-    poses = {
-        x: (complex(found[f"{x}.p"][0]), cmath.rect(1.0, found[f"{x}.angle"][0])) for x in links
-    }
-    said = SaidByLinks(cast("Graph", document).flat().to_data(), s, {fixed: (0j, 1 + 0j), **poses})
-    joints = tuple(said.joints[s.driven[d]] for d in mechanism.drivers)
-    return Chart(mechanism, joints, Linkage.from_data(said.document()), said.names(), kept)
 
 
 def _refused(mechanism: Compiled, linkage: Linkage, request: SimulationRequest) -> str:
@@ -370,16 +364,25 @@ def _refused(mechanism: Compiled, linkage: Linkage, request: SimulationRequest) 
     return listed([why for why, so in reasons.items() if so])
 
 
+def _stops_of_pairs(home: Chart, stops: Pairs) -> dict[str, Stops]:
+    """Stops that a call gives, all by the names of pairs in the document."""
+    names = {driver: f"joint.{joint}.{COORDINATE}" for joint, driver in home.users.items()}
+    own = home.names.of_joints.items() if home.mechanism.names is None else ()
+    names |= {f"{ref}.{COORDINATE}": f"{joint}.{COORDINATE}" for ref, joint in own}
+    sides = {x: zip(("from", "to"), between, strict=True) for x, between in stops.items()}
+    finite = {x: {side: q for side, q in both if math.isfinite(q)} for x, both in sides.items()}
+    return {names.get(x, x): Stops.model_validate(ends) for x, ends in finite.items() if ends}
+
+
 def _followed(
     home: Chart, motion: Motion, request: SimulationRequest, prepare: Prepare, move: Move
 ) -> Motion:
     """A motion that ended at a change point, where no joints lead: its dyads then follow it."""
     if len(home.joints) > 1 or (made := home.following(motion, request.start)) is None:
         return motion
-    q, rate, _ = request.start
-    drivers = made.mechanism.drivers
-    system, asked = prepare(made.mechanism, request, {drivers[0]: (q, rate)})
-    through = move(system, asked)
+    through = move(
+        *prepare(made.mechanism, request, {made.mechanism.drivers[0]: request.start[:2]})
+    )
     if not through.t_end > motion.t_end:
         return motion
     leads = (request.start.t, home.said(home.joints))
@@ -389,12 +392,17 @@ def _followed(
 
 
 def beyond_dead_centres(
-    motion: Motion, system: System, request: SimulationRequest, prepare: Prepare, move: Move
+    motion: Motion,
+    system: System,
+    request: SimulationRequest,
+    stops: Pairs | None,
+    prepare: Prepare,
+    move: Move,
 ) -> Motion:
     """A motion that ended at a dead centre of its drivers, through other charts; else itself.
 
-    ``prepare`` gives the system of a mechanism for a request and starts by driver, ``move`` the
-    motion in one chart.
+    ``stops`` are those that a call gives, ``prepare`` gives the system of a mechanism for a
+    request, starts by driver and stops, ``move`` the motion in one chart.
     """
     mechanism = cast("Compiled", system.compiled)
     try:
@@ -407,20 +415,25 @@ def beyond_dead_centres(
         return motion.but(
             notes=(*motion.notes, f"no other joint than the drivers' leads on: {why}")
         )
-    loads = (getattr(load, "driver", None) for load in linkage.loads.values())
-    named = {driver for driver in loads if driver}
+    if stops is not None:
+        linkage.stops = _stops_of_pairs(home, stops)
+    roles = {} if request.roles is None else request.roles.by_driver()
+    named = {d for d, role in roles.items() if role != FREE}
     named |= {d for watch in request.watch for d in watch.then}
-    if request.roles is not None:
-        named |= {d for d, role in request.roles.by_driver().items() if role != FREE}
-    fixed = tuple(linkage.drivers[d].joint for d in linkage.drivers if d in named)
-    atlas = Atlas(home, replace(request, why=WHY), prepare, fixed, method)
-    if (entry := atlas.successor(Leg(home, motion, None), False)) is None:
-        return _followed(home, motion, request, prepare, move)
-    atlas.entries.append(entry)
-    target = request.accuracy or TARGET
+    loads = {getattr(load, "driver", None) for load in linkage.loads.values()}
+    fixed = tuple(j for j, d in home.users.items() if d in named or linkage.driven[j] in loads)
+    asked = replace(request, why=WHY)
 
-    scout = atlas.walk(max(target, SCOUTING))
+    def prepared(chart: Chart, *more: Any) -> tuple[System, SimulationRequest]:
+        return prepare(chart.mechanism, *more, stops if chart.mechanism is mechanism else None)
+
+    of = repeats(system, request), system.depends_on <= {"q"} and system.friction is None
+    atlas = Atlas(home, asked, prepared, fixed, method, *of)
+    if (entry := atlas.successor(Leg(home, motion, None), False)) is None:
+        return _followed(home, motion, request, partial(prepare, stops=stops), move)
+    atlas.entries.append(entry)
+    scout = atlas.walk(max(atlas.target, SCOUTING))
     if scout.end in UNFINISHED:  # no other walk would be stopped: it is said once
         return stopped(scout, None)
     # What rounding does where the state is handed over is not less by half the steps.
-    return refined(atlas.walk, system, target, request.times, remainder=1.0)
+    return refined(atlas.walk, system, atlas.target, request.times, remainder=1.0)

@@ -1,18 +1,16 @@
 """Outputs along a motion over several charts: each leg is read in its own, by the user's names.
 
-A document's links and joints have their names in all charts. Outputs of blocks are found in the
-links and joints that the blocks are said by: a marker is carried by its link, p + r, v + i w r,
-a + (i w' - w^2) r, and a pair does what the joint does. A driver that does not lead has the
-coordinate of its joint, x'' = r q'' + drift, and its drive gives nothing.
+A document's links and joints have their names in all charts, and so have those that blocks are
+said by: an output of blocks is that of the document which is read of it alone. A driver that does
+not lead has the coordinate of its joint, x'' = r q'' + drift, and its drive gives nothing.
 """
 
 from __future__ import annotations
 
-import cmath
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -23,8 +21,6 @@ from blockmech.dynamics.motion_outputs import (
     settings_along,
 )
 from blockmech.model.naming import Names
-from blockmech.model.spots import marker_place
-from blockmech.model.structure import LinkRef
 from blockmech.outputs.by_block import PARTS
 from blockmech.outputs.by_link import readings, wrapped
 from blockmech.plan.settings import friction_asked
@@ -38,90 +34,33 @@ if TYPE_CHECKING:
     from blockmech.compiled import Compiled
     from blockmech.dynamics.legs import Leg
 
-Recipe: TypeAlias = tuple[tuple[str, ...], Callable[..., Any]]
-"""Names of outputs, and what is made of them (n,)."""
 IDLE = ("drive", "drive_by_reduction", "power")  # of a driver that is free
-MOVED: Mapping[str, tuple[tuple[str, ...], Callable[..., Any]]] = {  # a place r of a link
-    "p": (("p",), lambda r, p: p + r),
-    "v": (("v", "omega"), lambda r, v, omega: v + 1j * omega * r),
-    "a": (("a", "omega", "alpha"), lambda r, a, omega, alpha: a + (1j * alpha - omega**2) * r),
-}
 
 
-def _same(x: Any) -> Any:
-    return x
+class Source(NamedTuple):
+    """An output of a document, and what of it an output of blocks is."""
+
+    name: str
+    sign: int = 1
+    turn: float = 0.0  # [rad] less
+    angle: bool = False  # between -pi and pi
 
 
-class InBlocks:
-    """How outputs of blocks are read of the links and joints that the blocks are said by."""
-
-    def __init__(self, blocks: Compiled, names: Names) -> None:
-        """``names`` : where the links and joints are in the blocks."""
-        self.s, self.names = blocks.structure, names
-        self.links = {str(ref): ref for ref in self.s.links}
-        self.markers = {str(m): m for block in self.s.blocks for m in self.s.markers(block)}
-        self.markers |= {str(m): m for m in self.s.markers(self.s.frame)}
-        self.joints = {str(x.joint): (name, x) for name, x in names.joints.items()}
-        known = blocks.outputs.by_owner
-        self.others = {
-            reading.parts[0][0]: (reading.name, reading.parts[0][1])
-            for _, make, more in readings(self.s, names, known)
-            for reading in make(*more, "")
-            if len(reading.parts) == 1 and not (reading.turn or reading.wrapped)
-        }
-
-    def __call__(self, name: str) -> Recipe | None:
-        """Where an output comes from; None where there is none of the kind."""
-        owner, _, what = name.rpartition(".")
-        if what in PARTS:
-            whole = self(owner)
-            return whole and (whole[0], lambda *x: getattr(whole[1](*x), PARTS[what]))
-        if what in MOVED and owner in self.markers:
-            marker = self.markers[owner]
-            return self._moved(marker.on, what, marker_place(self.s, marker))
-        if owner in self.links and what in ("angle", "omega", "alpha"):
-            return self._turned(self.links[owner], what)
-        if owner in self.joints and what == "coordinate":
-            return self._coordinate(*self.joints[owner])
-        if name in self.others:
-            other, sign = self.others[name]
-            return (other,), _same if sign > 0 else np.negative
-        return None
-
-    def _moved(self, link: LinkRef, what: str, place: complex) -> Recipe:
-        """A place [m] of a link."""
-        if link == self.s.frame_link:
-            return (), lambda: place if what == "p" else 0j
-        doc = self.names.of_links[link]
-        where = self.names.links[doc]
-        arm = (place - marker_place(self.s, where.marker)) * cmath.rect(1.0, -where.turn)
-        parts, made = MOVED[what]
-
-        def read(angle: Floats, *values: Floats) -> Any:
-            return made(arm * np.exp(1j * angle), *values)
-
-        return tuple(f"link.{doc}.{x}" for x in ("angle", *parts)), read
-
-    def _turned(self, link: LinkRef, what: str) -> Recipe:
-        if link == self.s.frame_link:
-            return (), lambda: 0.0
-        doc = self.names.of_links[link]
-        turn = self.names.links[doc].turn if what == "angle" else 0.0
-        return (f"link.{doc}.{what}",), lambda x: wrapped(x - turn) if turn else x
-
-    def _coordinate(self, name: str, pair: Any) -> Recipe:
-        """Of a pin the angle between the axes of its two links."""
-        ref = pair.joint
-        if not self.s.joint(ref).rotary:
-            sign = -1 if pair.flipped != pair.turned else 1
-            return (f"joint.{name}.coordinate",), lambda x: sign * x
-        one, first = self._turned(self.s.earlier_link(ref), "angle")
-        two, second = self._turned(self.s.later_link(ref), "angle")
-
-        def read(*angles: Floats) -> Any:
-            return wrapped(second(*angles[len(one) :]) - first(*angles[: len(one)]))
-
-        return (*one, *two), read
+def sources_of(blocks: Compiled, names: Names) -> dict[str, Source]:
+    """Outputs of blocks in the document that says them, whose parts in the blocks names tell."""
+    s, sources = blocks.structure, dict[str, Source]()
+    for _, make, more in readings(s, names, blocks.outputs.by_owner):
+        for reading in make(*more, ""):
+            if len(reading.parts) == 1 and not reading.wrapped:
+                ((name, sign),) = reading.parts
+                made = Source(reading.name, sign, reading.turn, bool(reading.turn))
+                sources.setdefault(name, made)
+    for name, pair in names.joints.items():
+        if s.joint(pair.joint).rotary:
+            where = f"{pair.joint}.coordinate"
+            made = Source(f"joint.{name}.coordinate", -1 if pair.flipped else 1, 0.0, True)
+            sources[where] = made
+    return sources
 
 
 @dataclass
@@ -129,74 +68,49 @@ class LegOutputs:
     """Samples of a leg, and how the user's outputs are read there.
 
     at : which samples of the whole
-    want : the user's names
+    names : the user's outputs -> those of the chart
+    result : what the chart says
     """
 
     of: Compiled
     leg: Leg
     at: Any
-    t: Floats
-    want: Sequence[str]
-    settings: Mapping[str, Any]
-    engine: str
+    names: Mapping[str, Source]
+    result: SimulationResult[Any]
 
-    @cached_property
+    @property
     def own(self) -> Compiled:
-        """The mechanism that is asked: the user's where its own drivers lead from the start."""
-        own = self.leg.chart.mechanism
-        return self.of if own.structure is self.of.structure else own
-
-    @cached_property
-    def recipes(self) -> dict[str, Recipe | None]:
-        """Where each output comes from; None of those that are read of the motion."""
-        if self.own is self.of or (self.of.names is None) == (self.own.names is None):
-            return {x: ((x,), _same) if x in self.own.outputs else None for x in self.want}
-        assert self.leg.chart.names is not None
-        recipe = InBlocks(self.of, self.leg.chart.names)
-        made = {x: None if self._driver(x) else recipe(x) for x in self.want}
-        there = self.own.outputs
-        return {x: r if r and all(n in there for n in r[0]) else None for x, r in made.items()}
-
-    @cached_property
-    def result(self) -> SimulationResult[Any]:
-        """What the chart says."""
-        own = self.own
-        want = [n for recipe in self.recipes.values() if recipe for n in recipe[0]]
-        want += [own.of_driver(d, "acceleration") for d in own.drivers]
-        how = {key: x for key, x in self.settings.items() if key != "static"}
-        names = dict.fromkeys(want)
-        return result_in_chart(own, self.leg.motion, self.t, names, engine=self.engine, **how)
+        """The mechanism of the chart."""
+        own: Compiled = self.result.mechanism
+        return own
 
     def read(self, name: str) -> Any:
         """Values (n,) of one of the user's outputs."""
-        if (recipe := self.recipes[name]) is not None:
-            names, made = recipe
-            return made(*(self.result[n] for n in names))
-        driver = self._driver(name)
-        unknown = complex(np.nan, np.nan) if self.of.outputs[name].kind == "vector" else np.nan
-        return unknown if driver is None else self._of_driver(*driver)
+        if (source := self.names.get(name)) is None:
+            return self._of_driver(name)
+        if self.of.outputs[name].kind == "matrix" and self.leg.counted is not None:
+            return np.nan  # it is by drivers
+        x = self.result[source.name]
+        if source.angle:
+            return wrapped(source.sign * (x - source.turn))
+        return x if source.sign > 0 else np.negative(x)
 
-    def _driver(self, name: str) -> tuple[int, str] | None:
-        """The user's driver and what of it an output is, if it is of one."""
+    def _of_driver(self, name: str) -> Any:
+        """What is of a driver that does not lead; NaN of all else that the chart does not say."""
         head, _, what = name.rpartition(".")
         heads = [self.of.of_driver(d, "q")[:-2] for d in self.of.drivers]
-        return (heads.index(head), what) if head in heads else None
-
-    def _of_driver(self, i: int, what: str) -> Any:
-        """What is of a driver that does not lead."""
-        n, own = len(self.at), self.own
+        t, n = np.asarray(self.result.samples.time), len(self.at)
+        if head not in heads or what not in (*IDLE, "q", "rate", "acceleration"):
+            vector = self.of.outputs[name].kind == "vector"
+            return complex(np.nan, np.nan) if vector else np.nan
         if what in IDLE:
             return 0.0
-        if what in ("q", "rate"):
-            return self.leg.state(self.t)[what == "rate"].reshape(n, -1)[:, i]
         if what != "acceleration":
-            return np.nan
-        qdd = np.array([self.result[own.of_driver(d, what)] for d in own.drivers]).T
-        q, qd = (x.reshape(n, -1) for x in self.leg.motion.at(self.t))
-        counted = self.leg.counted
-        assert counted is not None
-        rows = (counted.pairs.rows(*both) for both in zip(q, qd, strict=True))
-        return np.array([R[i] @ a + drift[i] for (R, drift), a in zip(rows, qdd, strict=True)])
+            x = self.leg.state(t)[what == "rate"]
+        else:
+            names = [self.own.of_driver(d, what) for d in self.own.drivers]
+            x = self.leg.accelerations(t, np.array([self.result[y] for y in names]).T)
+        return x.reshape(n, -1)[:, heads.index(head)]
 
 
 class ChartedResult(SimulationResult[M]):
@@ -215,44 +129,61 @@ class ChartedResult(SimulationResult[M]):
         legs, t = self.motion.legs, np.asarray(self.samples.time)
         begins = [leg.motion.t_start for leg in legs]
         which = np.maximum(np.searchsorted(begins, t, "right") - 1, 0)
-        more = self.plan.want, self.settings, self.engine
-        return [
-            LegOutputs(self._compiled, leg, at, t[at], *more)
-            for i, leg in enumerate(legs)
-            if (at := np.flatnonzero(which == i)).size
-        ]
+        some = ((leg, np.flatnonzero(which == i)) for i, leg in enumerate(legs))
+        return [self._part(leg, at, t[at]) for leg, at in some if at.size]
+
+    def _part(self, leg: Leg, at: Any, t: Floats) -> LegOutputs:
+        """A leg with samples at times [s]."""
+        of, own = self._compiled, leg.chart.mechanism
+        own = of if own.structure is of.structure else own  # the user's drivers lead
+        if own is of or (of.names is None) == (own.names is None):
+            names = {x: Source(x) for x in self.plan.want}
+        else:
+            sources, names = sources_of(of, leg.chart.names), {}
+            for x in self.plan.want:
+                head, _, part = x.rpartition(".")
+                if x in sources:
+                    names[x] = sources[x]
+                elif part in PARTS and head in sources:
+                    names[x] = sources[head]._replace(name=f"{sources[head].name}.{part}")
+        names = {x: source for x, source in names.items() if source.name in own.outputs}
+        want = [source.name for source in names.values()]
+        want += [own.of_driver(d, "acceleration") for d in own.drivers]
+        how = {key: x for key, x in self.settings.items() if key != "static"}
+        asked = own, leg.motion, t, dict.fromkeys(want)
+        return LegOutputs(of, leg, at, names, result_in_chart(*asked, engine=self.engine, **how))
 
     def _make(self, name: str) -> Any:
         kind = self.output(name).kind
         if kind == "number":
             return FREE  # efficiencies, which all are by drives
-        k = len(self.mechanism.drivers)
-        shape = (self.n, k, k) if kind == "matrix" else (self.n,)
-        whole: Any = np.full(shape, complex(np.nan, np.nan) if kind == "vector" else np.nan)
-        for part in self.parts:
-            whole[part.at] = part.read(name)
+        each = [np.asarray(part.read(name)) for part in self.parts]
+        rest = max((x.shape[1:] for x in each), key=len, default=())
+        whole = np.full((self.n, *rest), complex(np.nan, np.nan) if kind == "vector" else np.nan)
+        for part, x in zip(self.parts, each, strict=True):
+            whole[part.at] = x
         return whole
 
     @cached_property
     def quality(self) -> Quality:
         """Status of each sample and flags, each by the chart that leads there."""
-        status, blame, flags = [""] * self.n, dict[int, str](), list[Flag]()
+        status, blame = [""] * self.n, dict[int, str]()
         for part in self.parts:
             own, at = part.result.quality, part.at.tolist()
             for i, word in zip(at, own.status, strict=True):
                 status[i] = word
             blame |= {at[i]: block for i, block in own.blame.items()}
-            flags += [replace(flag, sample=at[flag.sample]) for flag in own.flags]
-        return Quality(tuple(status), blame, {}, {}, {}, {}, tuple(flags))
+        flags = self._flags(lambda result: result.quality.flags)
+        return Quality(tuple(status), blame, {}, {}, {}, {}, flags)
 
     @property
     def digits_lost(self) -> tuple[Flag, ...]:
         """Those of the legs."""
-        return tuple(
-            replace(flag, sample=int(part.at[flag.sample]))
-            for part in self.parts
-            for flag in part.result.digits_lost
-        )
+        return self._flags(lambda result: result.digits_lost)
+
+    def _flags(self, of: Callable[[Any], Iterable[Flag]]) -> tuple[Flag, ...]:
+        each = ((part.at, flag) for part in self.parts for flag in of(part.result))
+        return tuple(replace(flag, sample=int(at[flag.sample])) for at, flag in each)
 
     def surely_whole(self) -> bool:
         """A cheap sufficient test that every sample has an answer."""

@@ -2,14 +2,14 @@
 
 The class of a mechanism depends on its driving link, and each choice of driving joints gives
 another formation sequence: a chart of the configuration space. Where the coordinates of one stand
-still though the mechanism moves, another one goes on. With the rates of all joints for k
-independent motions that the pairs allow,
+still though the mechanism moves, another one goes on. With the rates of all joints
 
-    T (joints, k),
+    T (joints, k)
 
-joints whose rows of T span the largest volume move most: pivoted Gram-Schmidt picks them, those of
-drivers that must stay first. A joint between moving links counts a fifth, because it makes general
-groups. The state is handed over through the poses of links and their rates.
+by those of the joints that lead, joints whose rows of T span the largest volume move most: pivoted
+Gram-Schmidt picks them, those of drivers that must stay first. A joint between moving links counts
+a fifth, because it makes general groups. The state is handed over through the poses of links and
+the rates of joints.
 
 Source: Wehage & Haug, Generalized coordinate partitioning for dimension reduction in analysis of
 constrained dynamic systems, J. Mech. Design 104, 1982.
@@ -17,36 +17,42 @@ constrained dynamic systems, J. Mech. Design 104, 1982.
 
 from __future__ import annotations
 
+import cmath
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from blockmech.blocks.general import GeneralGroup
 from blockmech.blocks.modes import TwoModes
-from blockmech.dynamics.request import Start
-from blockmech.ground.values import free_name
+from blockmech.dynamics.pair_stops import Counted, PairStops, stopped_pairs
+from blockmech.dynamics.request import Pairs, Start
+from blockmech.ground.errors import GraphError
+from blockmech.ground.values import Marker, free_name
 from blockmech.model.graph import Graph
-from blockmech.model.joints.closing import Closing, coordinate
-from blockmech.model.joints.contents import FRAME, DriverGiven
+from blockmech.model.joints.blocks import SaidByLinks
+from blockmech.model.joints.closing import Closing
+from blockmech.model.joints.contents import FRAME, DriverGiven, LinkGiven
 from blockmech.model.joints.decompose import decompose
 from blockmech.model.joints.layout import Layout, Pose, Poses
 from blockmech.model.joints.linkage import Linkage
 from blockmech.model.joints.references import coordinate_of
-from blockmech.model.naming import Names
+from blockmech.model.naming import LinkName, Names
 from blockmech.model.scene import Initial
-from blockmech.model.structure import COORDINATE
+from blockmech.model.spots import marker_place
+from blockmech.model.structure import COORDINATE, MarkerRef, Structure
 from blockmech.result.motion import Floats, Motion
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-T = TypeVar("T")
+BETTER = 2.0  # times the volume that other joints must span for a chart to be left
 CHANGE = 1e-4  # of the largest singular value: below, the pairs' conditions lose rank
 FLOATING = 0.2  # what a joint between moving links counts
+SAME = 1e-9  # [rad] to which a coordinate that counts from elsewhere is off by whole turns
 
 
 @dataclass(frozen=True)
@@ -58,6 +64,7 @@ class Chart:
     mechanism : compiled, with the names of the document
     joints : those that lead, in the order of the drivers
     home : the document of the user, whose drivers may be others
+    users : joint -> the user's driver
     names : where links and joints of the document are in the blocks of the user
     kept : charts of the document that there are already, by their blocks
     """
@@ -65,6 +72,7 @@ class Chart:
     mechanism: Compiled
     joints: tuple[str, ...]
     home: Linkage
+    users: Mapping[str, str]
     names: Names
     kept: dict[str, Chart]
 
@@ -75,9 +83,10 @@ class Chart:
 
     @cached_property
     def weights(self) -> dict[str, float]:
-        """Pairs that may lead, and what each counts."""
+        """Pairs that may lead, and what the rate of each counts."""
         return {
-            name: 1.0 if FRAME in c.links else FLOATING
+            name: (1.0 if FRAME in c.links else FLOATING)
+            / (1.0 if c.kind == "R" else self.layout.size)
             for name, c in self.layout.pairs.items()
             if name in self.home.joints  # of a pin of three links it is not said which two
         }
@@ -97,52 +106,39 @@ class Chart:
         """Joints in the words of outputs."""
         return tuple(self.in_outputs(joint=j).removeprefix("joint.") for j in joints)
 
-    def poses(self, q: Floats) -> list[Poses]:
-        """Poses of all links at coordinates (n, k); NaN where they do not close."""
-        links, at = self.layout.links, dict(zip(self.mechanism.drivers, q.T, strict=True))
+    def poses(self, q: Floats) -> Poses:
+        """Poses of all links at coordinates (k,)."""
+        links, at = self.layout.links, dict(zip(self.mechanism.drivers, q.tolist(), strict=True))
         heads = [self.in_outputs(link) for link in links]
         want = [f"{head}.{what}" for head in heads for what in ("p", "angle")]
         still = dict.fromkeys(at, 0.0)
         found = self.mechanism.run(at, rates=still, want=want, friction="none", on_gap="mark")
-        columns = [
-            map(Pose, *(found[x].tolist() for x in want[i : i + 2])) for i in range(0, len(want), 2)
-        ]
-        rows = zip(*columns, strict=True)
-        return [dict(zip((FRAME, *links), (Pose(), *row), strict=True)) for row in rows]
+        rows = ((complex(found[f"{x}.p"][0]), float(found[f"{x}.angle"][0])) for x in heads)
+        return {FRAME: Pose(), **{x: Pose(*row) for x, row in zip(links, rows, strict=True)}}
 
-    def _slopes(self, poses: Poses) -> tuple[Floats, Floats]:
-        """What poses (3n,) change: conditions that pairs hold, and coordinates of pairs."""
-        pairs, layout = self.layout.pairs, self.layout
-        measured = dict.fromkeys(pairs, 0.0)
-        rows = Closing(layout.links, tuple(pairs.values()), layout.size, measured).conditions(poses)
-        return np.delete(rows[1], np.s_[2::3], axis=0), rows[1][2::3]
+    def singular_values(self, poses: Poses, held: Collection[str]) -> Floats:
+        """Those of the conditions of all pairs, and of coordinates that are held, falling."""
+        of, pairs = self.layout, tuple(self.layout.pairs.values())
+        rows = Closing(of.links, pairs, of.size, dict.fromkeys(held, 0.0)).conditions(poses)[1]
+        return np.asarray(np.linalg.svd(rows, compute_uv=False))
 
-    def tangent(self, poses: Poses) -> Floats:
-        """Rates (joints, k) of joints that may lead, for k motions of unit size of all links."""
-        held, along = self._slopes(poses)
-        motions = np.linalg.svd(held)[2][-len(self.joints) :]
-        return np.asarray(along[[name in self.weights for name in self.layout.pairs]] @ motions.T)
+    @cached_property
+    def may_lead(self) -> PairStops:
+        """Coordinates of all joints that may lead."""
+        return self.pairs([*self.weights])
 
-    def conditioning(self, poses: Poses) -> float:
-        """How many times roundings of the coordinates that lead are those of the poses."""
-        held, along = self._slopes(poses)
-        leading = along[[name in self.joints for name in self.layout.pairs]]
-        return float(1.0 / np.linalg.svd(np.vstack([held, leading]), compute_uv=False)[-1])
-
-    def rows(self, T: Floats, joints: Sequence[str]) -> Floats:
-        """Those (k, k) of some joints."""
-        names = list(self.weights)
-        return T[[names.index(joint) for joint in joints]]
+    def tangent(self, q: Floats) -> Floats:
+        """Rates (joints, k) of joints that may lead, as they count, by those that do."""
+        return np.array([*self.weights.values()])[:, None] * self.may_lead.rows(q, 0 * q)[0]
 
     def volume(self, T: Floats, joints: Sequence[str]) -> float:
         """What some joints span of all motions, as they count."""
-        counts = math.prod(self.weights[joint] for joint in joints)
-        return counts * abs(float(np.linalg.det(self.rows(T, joints))))
+        names = list(self.weights)
+        return abs(float(np.linalg.det(T[[names.index(joint) for joint in joints]])))
 
-    def largest(self, T: Floats, fixed: Sequence[str], without: Collection[str]) -> list[str]:
+    def largest(self, T: Floats, fixed: Sequence[str], without: Collection[str]) -> Sequence[str]:
         """The joints that span most, those that are fixed among them; ``without`` some."""
-        names, joints = list(self.weights), list[str]()
-        left = T * np.array([*self.weights.values()])[:, None]
+        names, joints, left = list(self.weights), list[str](), T.copy()
         left[[name in without for name in names]] = 0.0
         for n in range(T.shape[1]):
             sizes = np.linalg.norm(left, axis=1)
@@ -151,41 +147,63 @@ class Chart:
             left -= np.outer(left @ left[i], left[i]) / (sizes[i] ** 2 or 1.0)
         return joints
 
-    def rates(self, poses: Poses, joints: Sequence[str], qd: Floats) -> Floats:
-        """Rates (k,) of some joints at rates (k,) of those that lead."""
-        T, pairs = self.tangent(poses), self.layout.pairs
-        own, others = (
-            np.array([1.0 if pairs[j].kind == "R" else self.layout.size for j in some])
-            for some in (self.joints, joints)
-        )
-        return others * (
-            self.rows(T, joints) @ np.linalg.solve(self.rows(T, self.joints), qd / own)
+    def better(self, T: Floats, fixed: Sequence[str] = ()) -> bool:
+        """Whether others should lead where all joints have some rates."""
+        best = self.largest(T, fixed, ()) if np.isfinite(T).all() else self.joints
+        return self.volume(T, best) > BETTER * self.volume(T, self.joints)
+
+    def left(
+        self, q: Floats, fixed: Sequence[str], states: Callable[[Sequence[str]], Pairs]
+    ) -> tuple[Chart, Pairs] | None:
+        """The chart that leads better at coordinates (k,), of which ``states`` tells its start."""
+        T, without = self.tangent(q), set[str]()
+        least = BETTER * self.volume(T, self.joints)
+        while self.volume(T, joints := self.largest(T, fixed, without)) > least:
+            starts = states(joints)
+            try:
+                return self.led_by(starts, self.poses(q)), starts
+            except GraphError:  # where poses tell no mode, or nothing follows from these joints
+                without.add(joints[-1])
+        return None
+
+    def states(self, q: Floats, qd: Floats) -> dict[str, tuple[float, float]]:
+        """Joint -> coordinate [rad or m] and rate, of all that may lead."""
+        places, rates = self.may_lead.places(q), self.may_lead.rows(q, 0 * q)[0] @ qd
+        return dict(
+            zip(self.weights, zip(places.tolist(), rates.tolist(), strict=True), strict=True)
         )
 
-    def coordinates(self, poses: Poses, joints: Sequence[str]) -> list[float]:
-        """Coordinates [rad or m] of some joints."""
-        return [coordinate(poses, self.layout.pairs[joint]) for joint in joints]
+    @property
+    def drivers(self) -> tuple[str, ...]:
+        """Drivers, those of the user by their own names."""
+        pairs = zip(self.joints, self.mechanism.drivers, strict=True)
+        return tuple(self.users.get(joint, driver) for joint, driver in pairs)
 
-    def stops_led_by(self, joints: Collection[str], stops: Mapping[str, T]) -> dict[str, T]:
-        """End stops by the names that they have where some joints lead."""
-        joint_of = {d: x.joint for d, x in self.home.drivers.items()}
-        driver_of = {joint: d for d, joint in joint_of.items()}
-        renamed = dict[str, T]()
-        for name, between in stops.items():
-            joint = joint_of.get(name) or coordinate_of(name) or name
-            renamed[
-                driver_of.get(joint, joint) if joint in joints else f"joint.{joint}.{COORDINATE}"
-            ] = between
-        return renamed
+    def pairs(self, joints: Sequence[str]) -> PairStops:
+        """Coordinates of some joints, and how they change."""
+        names = [f"{self.in_outputs(joint=joint)}.{COORDINATE}" for joint in joints]
+        return cast("PairStops", stopped_pairs(self.mechanism, names))
+
+    def counted(self, q: Any, users: Floats) -> Counted | None:
+        """Coordinates of the user's drivers, which are so much where it begins.
+
+        None where these lead.
+        """
+        if self.joints == (joints := tuple(self.users)):
+            return None
+        pairs, at = self.pairs(joints), np.array(np.atleast_1d(q), dtype=np.float64)
+        apart = users - pairs.places(at)
+        turns = np.where(pairs.rotary, math.tau * np.round(apart / math.tau), 0.0)
+        return Counted(pairs, at, np.where(np.abs(apart - turns) < SAME, turns, apart))
 
     def following(self, motion: Motion, start: Start) -> Chart | None:
         """The same chart, its dyads following a motion that ended at a change point.
 
         There the conditions of the pairs lose rank. None where they do not.
         """
-        (poses,) = self.poses(np.reshape(motion.q_end, (1, -1)))
+        poses = self.poses(np.atleast_1d(motion.q_end))
         if all(math.isfinite(pose.theta) for pose in poses.values()):
-            held = np.linalg.svd(self._slopes(poses)[0], compute_uv=False)
+            held = self.singular_values(poses, ())
             if held[-1] > CHANGE * held[0]:
                 return None
         document = self.mechanism.document
@@ -202,7 +220,7 @@ class Chart:
         made = type(self.mechanism).of(Graph.from_data(data), names, document)
         return replace(self, mechanism=made) if made.structure.followed else None
 
-    def led_by(self, starts: Mapping[str, tuple[float, float]], poses: Poses) -> Chart:
+    def led_by(self, starts: Pairs, poses: Poses) -> Chart:
         """The chart that some joints lead: joint -> (coordinate, rate), in these poses.
 
         Joints that a user drives keep their drivers. Raises `GraphError` where the poses tell no
@@ -211,6 +229,7 @@ class Chart:
         linkage = self.home
         taken = {*linkage.drivers, *linkage.links, *linkage.loads, *linkage.signals}
         names = {joint: free_name(joint, taken) for joint in starts} | linkage.driven
+        stopped = {d: x.joint for d, x in linkage.drivers.items()}
         other = linkage.snapshot()
         other.links = {
             name: link if name == FRAME else link.model_copy(update={"pose": _pose(poses[name])})
@@ -221,7 +240,11 @@ class Chart:
             for joint in starts
         }
         other.initial = {names[j]: Initial(q=q, rate=rate) for j, (q, rate) in starts.items()}
-        other.stops = self.stops_led_by(starts, linkage.stops)
+        other.stops = {}
+        for name, stop in linkage.stops.items():
+            joint = stopped.get(name) or coordinate_of(name) or name
+            leads = names[joint] if joint in starts else f"joint.{joint}.{COORDINATE}"
+            other.stops[leads] = stop
         other.motion = {d: role for d, role in linkage.motion.items() if d in other.drivers}
         data, named, _, document = decompose(other)
         key = repr(data["blocks"])  # with the home of general groups, so those are new
@@ -237,3 +260,53 @@ class Chart:
 
 def _pose(pose: Pose) -> tuple[float, float, float]:
     return pose.o.real, pose.o.imag, pose.theta
+
+
+# -- the user's ----------------------------------------------------------------------------
+
+
+def kept_charts(mechanism: Compiled) -> dict[str, Chart]:
+    """Charts of a mechanism that were made, by their blocks."""
+    return {}
+
+
+def home_chart(mechanism: Compiled, q: Floats) -> Chart:
+    """The user's chart: of blocks with the document that says them as links and joints.
+
+    Raises `BlockmechError` where links and joints do not say them.
+    """
+    linkage, names, s = mechanism.document, mechanism.names, mechanism.structure
+    if isinstance(linkage, Linkage):
+        joints = [linkage.drivers[d].joint for d in mechanism.drivers]
+    else:
+        links = [link for link in s.links if link != s.frame_link]
+        want = [f"{link}.{what}" for link in links for what in ("p", "angle")]
+        at = dict(zip(mechanism.drivers, q.tolist(), strict=True))
+        found = mechanism.run(at, rates=dict.fromkeys(at, 0.0), want=want, friction="none")
+        poses = {
+            x: (complex(found[f"{x}.p"][0]), cmath.rect(1.0, found[f"{x}.angle"][0])) for x in links
+        } | {s.frame_link: (0j, 1 + 0j)}
+        said = SaidByLinks(cast("Graph", linkage).flat().to_data(), s, poses)
+        linkage, names = Linkage.from_data(said.document()), said.names()
+        joints = [said.joints[s.driven[d]] for d in mechanism.drivers]
+    users = dict(zip(joints, mechanism.drivers, strict=True))
+    home, names = _marked(linkage, cast("Names", names), s)
+    return Chart(mechanism, tuple(joints), home, users, names, mechanism.once(kept_charts))
+
+
+def _marked(linkage: Linkage, names: Names, s: Structure) -> tuple[Linkage, Names]:
+    """A document with all markers of the blocks, and where these are."""
+    other, fixed = linkage.snapshot(), MarkerRef(s.frame, s.frame_link.link, "")
+    links = {FRAME: LinkName(s.frame_link, fixed, 0.0), **names.links}
+    of_links = {where.link: name for name, where in links.items()}
+    for marker in (m for block in (s.frame, *s.blocks) for m in s.markers(block)):
+        name = of_links[marker.on]
+        where, link = links[name], other.links.get(name) or LinkGiven()
+        called = free_name(f"{marker.block}_{marker.name}", link.markers)
+        at = marker_place(s, marker)
+        if name != FRAME:
+            at = (at - marker_place(s, where.marker)) * cmath.rect(1.0, -where.turn)
+        more = {**link.markers, called: Marker(at=(at.real, at.imag))}
+        other.links[name] = link.model_copy(update={"markers": more})
+        links[name] = replace(where, markers={**where.markers, called: marker})
+    return other, replace(names, links=links)

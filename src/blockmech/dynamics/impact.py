@@ -170,14 +170,8 @@ class Bounces(Run):
 
     def _left(self, leg: Motion) -> Until | None:
         """What still ends the run; None where its time is over."""
-        until, t0 = self.request.until, self.request.start.t
-        if until.goal == "swings":
-            stood = sum(e.kind == ends.STANDSTILL for e in self.events)
-            return replace(until, value=until.value - stood)
-        if until.goal != "time":
-            return until
-        left = until.value - (leg.t_end - t0)
-        return replace(until, value=left) if left > 0 else None
+        left = self.request.left(leg.t_end, self.events)
+        return None if left.goal == "time" and not left.value > 0 else left
 
     # -- at a stop ------------------------------------------------------------------------
 

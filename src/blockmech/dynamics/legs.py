@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from blockmech.dynamics.pair_stops import Counted
 from blockmech.result.motion import Floats, Motion, State
 
-MILESTONES = 9  # places over a leg from which turns are counted
+MILESTONES = 9  # places over a leg between which turns are counted
 
 
 @dataclass(frozen=True)
@@ -27,29 +26,23 @@ class Leg:
     motion: Motion
     counted: Counted | None
 
-    @cached_property
-    def milestones(self) -> tuple[Floats, list[Any]]:
-        """Times [s] over the leg, and what is counted there."""
-        assert self.counted is not None
-        times = self.motion.times(MILESTONES)
-        self.counted.again()
-        q = self.motion.at(times).q.reshape(len(times), -1)
-        return times, [(self.counted.at(x), self.counted.last)[1] for x in q]
-
     def state(self, t: Floats) -> State:
         """State of the user's drivers at times (m,) [s] of the leg."""
         if self.counted is None:
             return self.motion.at(t)
-        q, qd = (x.reshape(len(t), -1) for x in self.motion.at(t))
-        times, last = self.milestones
-        places, rates = np.empty_like(q), np.empty_like(q)
-        nearest = np.maximum(np.searchsorted(times, t, "right") - 1, 0)
-        for i, (x, rate, near) in enumerate(zip(q, qd, nearest.tolist(), strict=True)):
-            self.counted.last = last[near]
-            places[i] = self.counted.at(x)
-            rates[i] = self.counted.last[2] @ rate
-        alone = q.shape[1] == 1
-        return State(places[:, 0], rates[:, 0]) if alone else State(places, rates)
+        times = np.union1d(t, self.motion.times(MILESTONES))
+        self.counted.again()
+        states = [self.counted.state(*state) for state in zip(*self.motion.at(times), strict=True)]
+        here = np.searchsorted(times, t)
+        return State(*(np.array(x)[here] for x in zip(*states, strict=True)))
+
+    def accelerations(self, t: Floats, qdd: Floats) -> Floats:
+        """Those (m, k) of the user's drivers from those (m, k) of the chart's."""
+        if self.counted is None:
+            return qdd
+        q, qd = (x.reshape(qdd.shape) for x in self.motion.at(t))
+        rows = [self.counted.pairs.rows(*state) for state in zip(q, qd, strict=True)]
+        return np.array([R @ a + drift for (R, drift), a in zip(rows, qdd, strict=True)])
 
     def signal_states(self, t: Floats) -> Floats:
         """States (m, n) of signal blocks at times (m,) [s]."""

@@ -156,6 +156,12 @@ class Counted:
         self.last = self._from(self.last, np.array(q, dtype=np.float64), HALVED)
         return self.last[1]
 
+    def state(self, q: Any, rate: Any) -> tuple[Any, Any]:
+        """The coordinates and their rates at a state of the drivers; floats of the only one."""
+        places = self.at(np.atleast_1d(q))
+        rates = self.last[2] @ np.atleast_1d(rate)
+        return (places, rates) if np.ndim(q) else (places[0], rates[0])
+
     def _from(self, last: Any, q: Floats, halved: int) -> Any:
         q0, before, rows0 = last
         if (q0 == q).all():

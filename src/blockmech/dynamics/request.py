@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -11,13 +11,13 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 
-from blockmech.dynamics.ends import Budget
+from blockmech.dynamics.ends import STANDSTILL, Budget
 from blockmech.dynamics.roles import Roles, roles_of
 from blockmech.ground.errors import RequestError, close_match, listed, refused
 from blockmech.ground.units import NoQuantity, in_si, quantity, unit_behind
 from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
-from blockmech.result.motion import Floats, Motion, Still
+from blockmech.result.motion import Event, Floats, Motion, Still
 from blockmech.signals.functions import Python
 from blockmech.typing import MotionMethod, Numbers, Progress
 
@@ -197,6 +197,15 @@ class SimulationRequest:
         """Time [s] at which the run ends; infinite without a goal in time."""
         return self.start.t + self.span
 
+    def left(self, t: float, events: Iterable[Event]) -> Until:
+        """What ends the run from a time [s] on, after some events."""
+        if self.until.goal == "time":
+            return replace(self.until, value=self.t_last - t)
+        if self.until.goal == "swings":
+            stood = sum(event.kind == STANDSTILL for event in events)
+            return replace(self.until, value=self.until.value - stood)
+        return self.until
+
     @property
     def standstills(self) -> float:
         """How many end the run; infinite where they are not asked for."""
@@ -251,10 +260,11 @@ def request_of(
     if shown is None:
         shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
     asked = goal, target, method, size, tuple(shown.tolist()), events
-    return SimulationRequest(_start(starts), *asked, roles=roles), starts
+    return SimulationRequest(start_of(starts), *asked, roles=roles), starts
 
 
-def _start(starts: Pairs) -> Start:
+def start_of(starts: Pairs) -> Start:
+    """Where a run begins, from coordinate and rate of each driver."""
     if len(starts) == 1:
         return Start(*map(float, *starts.values()))
     return Start(*np.array([*starts.values()], dtype=float).T.copy())

@@ -66,6 +66,12 @@ class Roles:
         """The same with some roles changed."""
         return replace(self, of=tuple((self.by_driver() | dict(changed)).values()))
 
+    def among(self, drivers: Sequence[str]) -> Roles:
+        """The same among other drivers, of which those that are not known are free."""
+        of, laws = self.by_driver(), dict(zip(self.drivers, self.laws, strict=True))
+        roles = tuple(of.get(d, FREE) for d in drivers)
+        return Roles(tuple(drivers), roles, tuple(laws.get(d) for d in drivers))
+
     def law_at(self, i: int, t: Any) -> Any:
         """Coordinate, rate and acceleration of a driver by its law, at a time or at some [s]."""
         law = self.laws[i]
@@ -145,7 +151,8 @@ def roles_of(
     """
     by_call = prescribed is not None or locked is not None
     choices: dict[str, Any] = {} if by_call else dict(scene.motion)
-    laws_followed, places = _prescribed(prescribed), _locked(locked, drivers)
+    names = _named("prescribed", prescribed, 'names, like ["crank"]')
+    laws_followed, places = dict.fromkeys(names, PRESCRIBED), _locked(locked, drivers)
     if both := laws_followed.keys() & places.keys():
         found = f"{listed(sorted(both))} is prescribed as well"
         raise refused("locked", found, "give each driver one role", code="roles")
@@ -173,21 +180,17 @@ def _where(scene: Scene, driver: str, role: str, by_call: bool) -> str:
     return f"{role}.{driver}" if by_call else scene.address("motion", driver)
 
 
-def _prescribed(names: Any) -> dict[str, str]:
-    names = [names] if isinstance(names, str) else names or ()
+def _named(where: str, given: Any, example: str) -> Sequence[str]:
+    """Names of drivers, one or some."""
+    names = [given] if isinstance(given, str) else given or ()
     if not isinstance(names, Sequence):
-        raise refused("prescribed", f"{names!r} names no drivers", 'give names, like ["crank"]')
-    return dict.fromkeys(names, PRESCRIBED)
+        raise refused(where, f"{given!r} names no drivers", f"give {example}")
+    return names
 
 
 def _locked(given: Any, units: Mapping[str, str]) -> dict[str, Any]:
     if not isinstance(given, Mapping):
-        names = [given] if isinstance(given, str) else given or ()
-        if not isinstance(names, Sequence):
-            found, remedy = f"{given!r} names no drivers", 'give places, like {"crank": 0.3}'
-            raise refused("locked", found, remedy)
-        return dict.fromkeys(names, LOCKED)
-    places: dict[str, Any] = {}
+        return dict.fromkeys(_named("locked", given, 'places, like {"crank": 0.3}'), LOCKED)
     for driver, place in given.items():
         try:
             number = float(in_si(place, units.get(driver, "")))
@@ -196,8 +199,7 @@ def _locked(given: Any, units: Mapping[str, str]) -> dict[str, Any]:
         if not math.isfinite(number):
             found, remedy = f"{place!r} is no coordinate", "give a number [rad or m]"
             raise refused(f"locked.{driver}", found, remedy)
-        places[driver] = Locked(locked=number)
-    return places
+    return {driver: Locked(locked=float(place)) for driver, place in given.items()}
 
 
 def _check_role(

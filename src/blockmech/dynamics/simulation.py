@@ -116,8 +116,8 @@ def simulate(
     request, starts = request_of(mechanism.scene, mechanism.coordinate_units, *about)
     report, limit = progress_of(progress), budget_of(budget)
     asked = {"method": how, "progress": report, "engine": engine, "budget": limit}
-    prepare = partial(prepared, stops=stops, asked=asked)
-    system, request = prepare(mechanism, request, starts)
+    prepare = partial(prepared, asked=asked)
+    system, request = prepare(mechanism, request, starts, stops)
     if request.roles is None:
         mechanism.once(refuse_no_inertia)
     refuse_memory(mechanism, starts)
@@ -127,7 +127,7 @@ def simulate(
     if motion.end in ends.CHART_ENDS:
         from blockmech.dynamics.atlas import beyond_dead_centres  # few motions need it
 
-        motion = beyond_dead_centres(motion, system, request, prepare, move)
+        motion = beyond_dead_centres(motion, system, request, stops, prepare, move)
     motion = explained(mechanism, system, request, motion)
     return _at_times(mechanism, motion, None if times is None else request.times, want, settings)
 

@@ -175,20 +175,10 @@ class TimeIntegration(Integration):
         rests = over is not None or self.t >= self.t_max
         if self.scales is None and not rests:
             self.scales = scales(self.equation, self.t, self.y)
-        if self._may_turn_for_ever():
+        turns = self.system.period is not None and self.method not in STEPPERS
+        if turns and repeats(self.system, self.request):
             self.turns = TurnsInTime(float(self.y[0]), self.t, float(self.y[1]) ** 2)
         return over
-
-    def _may_turn_for_ever(self) -> bool:
-        """Whether turns that repeat tell that the goal is never reached."""
-        request, system = self.request, self.system
-        if self.equation.drivers > 1 or self.method in STEPPERS or request.span < math.inf:
-            return False
-        limited = np.isfinite(system.stops).any() or any(
-            w.terminal or w.then for w in request.watch
-        )
-        alike = system.depends_on <= {"q", "rate"} and request.roles is None
-        return alike and not limited and not system.remembers and system.period is not None
 
     def _becomes(self, change: Transition) -> RunEnd | None:
         """Go on as pairs with friction do."""
@@ -416,3 +406,14 @@ def in_time(
 
     remainder = SMOOTH if smooth else CORNERED
     return refined(run, system, target, request.times, remainder)
+
+
+def repeats(system: System, request: SimulationRequest) -> bool:
+    """Whether all that acts is of place and rate, and nothing but its goal ends the motion.
+
+    Then one driver that comes back to a place as fast goes the same way again.
+    """
+    limited = np.isfinite(system.stops).any() or any(w.terminal or w.then for w in request.watch)
+    alike = system.depends_on <= {"q", "rate"} and request.roles is None and not system.remembers
+    timed = request.span < math.inf or len(system.drivers) > 1
+    return alike and not limited and not timed

@@ -62,7 +62,7 @@ def rest_of(mechanism: Any, samples: Samples) -> Rest | None:
         return np.where(rotary & ~stops, turned, q)
 
     places = [
-        (near(e.q), e) for e in mechanism.equilibria(friction="none", time=time)
+        (near(e.q), e) for e in mechanism.equilibria(friction="none", time=time, charts=False)
         if e.kind == "stable"
     ]  # fmt: skip
     if not places:

@@ -15,7 +15,7 @@ from blockmech.model.joints.contents import COUPLINGS, FRAME, LOADS
 from blockmech.model.naming import JointName, LinkName, Names
 from blockmech.model.scene import PER_DRIVER
 from blockmech.model.spots import guide_spots, marker_place, pin_spot
-from blockmech.model.structure import JointRef, LinkRef, MarkerRef, Structure
+from blockmech.model.structure import COORDINATE, JointRef, LinkRef, MarkerRef, Structure
 
 Form = dict[str, Any]
 COUPLED = ("driver", "driven")
@@ -64,8 +64,11 @@ class SaidByLinks:
                 found = f"{raw['type']} has no place among links and joints"
                 raise refused(name, found, "draw a mechanism without it")
         head = {key: form[key] for key in ("name", "title", "source", "notes") if key in form}
+        called = self.drivers | {
+            f"{ref}.{COORDINATE}": f"joint.{name}.{COORDINATE}" for ref, name in self.joints.items()
+        }
         drive, *rest = (
-            {self.drivers[driver]: x for driver, x in scene.get(part, {}).items()}
+            {called[stopped]: x for stopped, x in scene.get(part, {}).items()}
             for part in PER_DRIVER
         )
         coupled = [name for name in form["blocks"] if name in self.s.couplings]
