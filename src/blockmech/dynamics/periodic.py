@@ -183,18 +183,19 @@ class PeriodicMotion:
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]."""
-        turn = np.floor((t - self.t0) / self.period)
-        local = np.clip(t - turn * self.period, self.t0, self.t0 + self.period)
+        turn, local = self._in_one(t)
         q, qd = self.once.state(local)
-        many = turn if q.ndim == 1 else turn[:, None]
-        return State(q + many * self.shift, qd)
+        return State(q + (turn if q.ndim == 1 else turn[:, None]) * self.shift, qd)
 
     def signal_states(self, t: Floats) -> Floats:
         """States (m, n) of signal blocks at times (m,) [s]."""
-        turn = np.floor((t - self.t0) / self.period)
-        local = np.clip(t - turn * self.period, self.t0, self.t0 + self.period)
-        states: Floats = self.once.signal_states(local)  # type: ignore[attr-defined]
+        states: Floats = self.once.signal_states(self._in_one(t)[1])  # type: ignore[attr-defined]
         return states
+
+    def _in_one(self, t: Floats) -> tuple[Floats, Floats]:
+        """Which period times [s] are in, and the times in the first one."""
+        turn = np.floor((t - self.t0) / self.period)
+        return turn, np.clip(t - turn * self.period, self.t0, self.t0 + self.period)
 
 
 def repeated(
