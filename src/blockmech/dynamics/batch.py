@@ -26,23 +26,22 @@ from blockmech.dynamics.estimate import (
     CORNERED,
     FINER,
     FLOOR,
-    PARTED,
     ROUNDING,
     SMOOTH,
     TARGET,
-    left_of,
-    one_motion,
+    compared,
     rounding_share,
     spread,
 )
+from blockmech.dynamics.events import PARTS
 from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.dynamics.run import EVALUATIONS
 from blockmech.engines.compiled_rates import CompiledRhs, FleetSteps
-from blockmech.engines.dense import value
+from blockmech.engines.dense import Dense, value
 from blockmech.engines.llvm import slots_of
 from blockmech.engines.stages import BOUND, HIGH, LOW, THIRD, TRY, WEIGHT, scheme
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Floats
+from blockmech.result.motion import Floats, State
 from blockmech.result.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
@@ -52,10 +51,10 @@ if TYPE_CHECKING:
 Bools = NDArray[np.bool_]
 TOGETHER = 16  # steps of a design between two looks at it
 FIRST = 3.0  # the first tolerance below that of single motions: one design misses for all
-HALVED, SECANTS = 10, 4  # how often the bracket of a place in a step is halved; what finds it then
 UNSURE = 1e-9  # of the accelerations at a standstill: what is smaller is decided by itself
 MARGIN, SLIPS = 0, 2  # columns of what is watched, see `rates`
 TIME, GOAL, REST = range(3)  # why a motion is over
+SEVERAL, NOTHING, STANDS, ARRIVES = range(-1, 3)  # what happens in a step: a standstill, a goal
 
 
 def rates_for(system: System, request: SimulationRequest) -> CompiledRhs | None:
@@ -211,11 +210,11 @@ def _judged(
     coarse: Motions,
     fine: Motions,
     judged: Bools,
-    states: Floats,
+    spent: Floats,
 ) -> Motions:
     """The finer motions with their errors; those of which two runs disagree are alone.
 
-    states : (m,) that the finer ones asked for
+    spent : (m,) states that the finer ones asked for
     """
     remainder = SMOOTH if system.smooth else CORNERED
     same = (coarse.end == fine.end) & (coarse.stands == fine.stands) & ~coarse.alone & ~fine.alone
@@ -226,24 +225,14 @@ def _judged(
     times = np.sort(np.hstack([share, np.minimum(wanted[None, :], last[:, None])]), axis=1)
     times = np.where(same[:, None], times, t0)
     with np.errstate(invalid="ignore"):
-        a, b = coarse.track.state(times), fine.track.state(times)
-        off, rates_off = (np.abs(a - b)[..., i] for i in range(2))
-        apart = np.fmax.reduce(off, axis=1, initial=0.0)
-        apart = np.fmax(apart, np.abs(coarse.q - fine.q))
-        late, span = np.abs(coarse.t - fine.t), fine.t - t0
-        fastest = np.fmax.reduce(np.abs(b[..., 1]), axis=1)
-        size = np.fmax.reduce(np.abs(b[..., 0]), axis=1) + fine.t * fastest
-        highest = np.fmax(fastest, np.fmax.reduce(np.abs(a[..., 1]), axis=1))
-        bends = np.minimum(rates_off / np.where(highest > 0, highest, 1.0)[:, None], 1.0)
-        left = np.fmax.reduce(left_of(off, bends, remainder), axis=1, initial=0.0)
-        reach = np.ptp(b[..., 0], axis=1)
-        near = one_motion(reach, 1.0 if system.rotary[0] else math.inf, size)
-        agree = same & (apart <= near) & (late <= PARTED * span)
-        late = np.fmax(late, apart / fastest)
-        unknown = _rounding(system, request, times, b, states)
-        clock = np.where(fine.end == TIME, 0.0, remainder * late + unknown[1])
-    alone = fine.alone | (judged & ~agree)
-    error = np.fmax(remainder * apart, left) + unknown[0]
+        states = fine.track.state(times)
+        runs = (State(x[..., :1], x[..., 1:]) for x in (states, coarse.track.state(times)))
+        beyond = np.abs(coarse.q - fine.q)[:, None]
+        apart = compared(*runs, coarse.t, fine.t, t0, beyond, same, system.rotary)
+        unknown = _rounding(system, request, times, states, spent)
+        clock = np.where(fine.end == TIME, 0.0, remainder * apart.t + unknown[1])
+    alone = fine.alone | (judged & ~apart.agree)
+    error = apart.left(remainder) + unknown[0]
     return fine._replace(alone=alone, error=error, time_error=clock)
 
 
@@ -423,15 +412,16 @@ class _Run:
         turns = (slips * slips[:, -1:] <= 0).any(axis=(1, 2)) if slips.shape[2] else False
         alone |= in_doubt & (close | turns)
         share, kind = np.ones(len(which)), np.zeros(len(which), np.int64)
-        d = np.flatnonzero(in_doubt)
-        share[d], kind[d] = self._event(series[:, d, last[d]], y0[d], y1[d])
-        alone |= kind < 0
+        for d in np.flatnonzero(in_doubt & ~alone).tolist():
+            step = np.ascontiguousarray(taken_steps.series[d, last[d], :, :2])
+            share[d], kind[d] = self._event(step, y0[d], y1[d])
+        alone |= kind == SEVERAL
         alone |= ~np.isfinite(taken_steps.y[row, taken_steps.made]).all(axis=1)
         self.alone[which] |= alone
-        stands = (kind == 1) & ~alone
+        stands = (kind == STANDS) & ~alone
         self.stands[which] += stands
         ends_step = self.rubs or self.request.standstills < math.inf
-        hit = (stands & ends_step) | ((kind == 2) & ~alone)
+        hit = (stands & ends_step) | ((kind == ARRIVES) & ~alone)
         keep = np.where(hit, last, taken_steps.made)
         keep[alone] = 0
         self._keep(which, taken_steps, series, keep)
@@ -442,29 +432,15 @@ class _Run:
         ended = ~self.over[which] & (self.t[which] >= span * (1 - 2 * EPS))
         self.over[which[ended]], self.end[which[ended]] = True, TIME
 
-    def _event(self, series: Floats, y0: Floats, y1: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """Shares of the last steps at which something happens, and what.
-
-        0: nothing, 1: a standstill, 2: the goal's place, -1: more than can be distinguished.
-        """
-        inner = np.linspace(0.0, 1.0, 9)
-        at = np.array([_inside(np.full(len(y0), x), series) for x in inner])  # (9, m, 2)
-        kind, share = np.zeros(len(y0), np.int64), np.ones(len(y0))
-        rate = at[..., 1].copy()
-        rate[0] = np.where(y0[:, 1] == 0.0, rate[1], y0[:, 1])
-        rate[-1] = y1[:, 1]
-        changes = (rate[1:] * rate[:-1] <= 0).sum(axis=0)
-        kind[changes == 1], kind[changes > 1] = 1, -1
-        one = np.flatnonzero(changes == 1)
-        share[one] = _root(series[:, one, 1:], np.zeros(len(one)), y1[one, 1])
-        for x in self.request.places:
-            crosses = ((y0[:, 0] - x) * (y1[:, 0] - x) < 0) | (y1[:, 0] == x)
-            crosses &= y0[:, 0] != x
-            if crosses.any():
-                there = _root(series[..., :1], np.full(len(y0), x), y1[:, 0] - x)
-                kind = np.where(crosses, np.where(kind == 0, 2, -1), kind)
-                share = np.where(crosses, there, share)
-        return share, kind
+    def _event(self, series: Floats, y0: Floats, y1: Floats) -> tuple[float, int]:
+        """The share of a step (8, 2) from y0 to y1 at which something happens, and what."""
+        step = Dense(np.zeros(1), np.ones(1), series[None])
+        rate = y0[1] or float(step(1 / PARTS)[1])  # from a standstill on
+        found = [(x, STANDS) for x in step.crossings(1, 0.0, (rate, y1[1]), 0, PARTS)]
+        for place in self.request.places:
+            off = y0[0] - place, y1[0] - place
+            found += [(x, ARRIVES) for x in step.crossings(0, place, off, 0, PARTS)]
+        return found[0] if len(found) == 1 else (1.0, SEVERAL if found else NOTHING)
 
     def _keep(self, which: Any, steps: Any, series: Floats, count: Any) -> None:
         """Designs go on over their first steps."""
@@ -479,7 +455,7 @@ class _Run:
         """Go on to what happens in a step: with steps that end there, and by Newton's rule."""
         if not len(which):
             return
-        to = share * h
+        to, stands = share * h, kind == STANDS
         bound = self.t[which] + to
         steps = self._steps(which, bound, to, TOGETHER // 4)
         row, made = np.arange(len(which)), steps.made
@@ -488,8 +464,8 @@ class _Run:
         series = _series(steps)
         self._keep(which, steps, series, np.where(reached, made, 0))
         slope = self._rows(which, self.y[which, 0], self.y[which, 1])[:, : self.n]
-        value = np.where(kind == 1, self.y[which, 1], self.y[which, 0] - self._place(which))
-        rise = np.where(kind == 1, slope[:, 1], slope[:, 0])
+        value = np.where(stands, self.y[which, 1], self.y[which, 0] - self._place(which))
+        rise = np.where(stands, slope[:, 1], slope[:, 0])
         with np.errstate(all="ignore"):
             late = -value / rise
         known = np.abs(late) <= to / 8
@@ -497,10 +473,10 @@ class _Run:
         late = np.where(known, late, 0.0)
         self.t[which] += late
         self.y[which] += late[:, None] * slope
-        stood = which[(kind == 1) & ~self.alone[which]]
+        stood = which[stands & ~self.alone[which]]
         self.y[stood, 1] = 0.0
         done = stood[self.stands[stood] >= self.request.standstills]
-        goal = which[(kind == 2) & ~self.alone[which]]
+        goal = which[~stands & ~self.alone[which]]
         for ended in (done, goal):
             self.over[ended], self.end[ended] = True, GOAL
         self._leave(stood[~self.over[stood]])
@@ -532,23 +508,3 @@ def _may_dip(x: Floats) -> Bools:
     beside = np.maximum(x[row, np.maximum(least - 1, 0)], x[row, (least + 1) % x.shape[1]])
     beside = np.where(least == x.shape[1] - 1, x[row, least - 1], beside)
     return np.asarray(~((x[row, least] > 0) & (beside < 2 * x[row, least])))
-
-
-def _root(series: Floats, level: Floats, last: Floats) -> Floats:
-    """Shares (m,) of steps at which a component, of series (8, m, 1), passes a level."""
-
-    def beyond_by(x: Floats) -> Floats:
-        return np.sign(last) * (_inside(x, series)[:, 0] - level)
-
-    low, high = np.zeros(len(level)), np.ones(len(level))
-    for _ in range(HALVED):
-        x = (low + high) / 2
-        beyond = beyond_by(x) > 0
-        low, high = np.where(beyond, low, x), np.where(beyond, x, high)
-    a, b, at_a, at_b = low, high, beyond_by(low), beyond_by(high)
-    for _ in range(SECANTS):
-        with np.errstate(all="ignore"):
-            x = b - at_b * (b - a) / (at_b - at_a)
-        x = np.clip(np.where(np.isfinite(x), x, b), low, high)
-        a, at_a, b, at_b = b, at_b, x, beyond_by(x)
-    return b
