@@ -226,9 +226,9 @@ def _judged(
     times = np.where(same[:, None], times, t0)
     with np.errstate(invalid="ignore"):
         states = fine.track.state(times)
-        runs = (State(x[..., :1], x[..., 1:]) for x in (states, coarse.track.state(times)))
+        a, b = (State(x[..., :1], x[..., 1:]) for x in (coarse.track.state(times), states))
         beyond = np.abs(coarse.q - fine.q)[:, None]
-        apart = compared(*runs, coarse.t, fine.t, t0, beyond, same, system.rotary)
+        apart = compared(b, a, (t0, fine.t, coarse.t), beyond, same, system.rotary)
         unknown = _rounding(system, request, times, states, spent)
         clock = np.where(fine.end == TIME, 0.0, remainder * apart.t + unknown[1])
     alone = fine.alone | (judged & ~apart.agree)

@@ -60,7 +60,7 @@ class Difference(NamedTuple):
     off: Floats
     bends: Floats
     times: Floats = np.empty(0)
-    states: State = State(0.0, 0.0)
+    states: State = State(np.empty(0), np.empty(0))
 
     def left(self, remainder: float) -> Any:
         """[rad or m] What the finer run is off, if what it is late is a share of theirs."""
@@ -108,24 +108,24 @@ def difference(
     states, others = fine.track.state(times), coarse.track.state(times)  # they lie in both runs
     same = coarse.end == fine.end and coarse.status == fine.status
     beyond = np.abs(np.subtract(coarse.q_end, fine.q_end)) if same else 0.0
-    both = (State(*(x.reshape(len(times), -1) for x in run)) for run in (states, others))
-    ends_of_runs = coarse.t_end, fine.t_end, fine.t_start
-    apart = compared(*both, *map(np.float64, ends_of_runs), beyond, same, rotary)
+    fine_run, coarse_run = (
+        State(*(x.reshape(len(times), -1) for x in run)) for run in (states, others)
+    )
+    over = fine.t_start, fine.t_end, coarse.t_end
+    apart = compared(fine_run, coarse_run, over, beyond, same, rotary)
     return apart._replace(q=float(apart.q), t=float(apart.t), times=times, states=states)
 
 
 def compared(
-    fine: State,
-    coarse: State,
-    t: Any,
-    t_fine: Any,
-    t_start: Any,
-    beyond: Any,
-    same: Any,
-    rotary: Any,
+    fine: State, coarse: State, over: tuple[Any, Any, Any], beyond: Any, same: Any, rotary: Any
 ) -> Difference:
-    """How far runs with states (..., m, k) are apart that end at some times, ``beyond`` there."""
-    off, span, late = np.abs(coarse.q - fine.q), t_fine - t_start, np.abs(t - t_fine)
+    """How far runs with states (..., m, k) are apart.
+
+    over : [s] their start, and the ends of both, at which they are ``beyond`` apart; ``same`` : by
+        the same end
+    """
+    t_start, t_fine, t_coarse = over
+    off, span, late = np.abs(coarse.q - fine.q), t_fine - t_start, np.abs(t_coarse - t_fine)
     apart = np.maximum(off.max(axis=-2), beyond)
     fastest, highest = (np.abs(run.qd).max(axis=(-2, -1)) for run in (fine, coarse))
     size = np.abs(fine.q).max(axis=(-2, -1)) + np.abs(t_fine) * fastest
