@@ -18,13 +18,22 @@ Dynamics of a System of Rigid Bodies, 1905, ch. 5; Stronge, Impact Mechanics, 20
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.contacts import DEPENDENT, SETTLED, STILL, Held, constrained, pushing
+from blockmech.dynamics.contacts import (
+    DEPENDENT,
+    SETTLED,
+    STILL,
+    Held,
+    constrained,
+    free_of,
+    pushing,
+)
 from blockmech.dynamics.sticking import Instant, JointFriction
-from blockmech.result.motion import Floats
+from blockmech.result.motion import Floats, Impact
 
 STAGES = 64  # of a blow at most: each ends with a slip
 SUDDEN = 2.0**20  # [1/s]: a blow takes a microsecond for laws that are not linear in the load
@@ -49,6 +58,30 @@ class Blow(NamedTuple):
     solved: bool = True
 
 
+def impact_of(
+    done: Blow,
+    M: Floats,
+    state: tuple[float, Floats, Floats],
+    names: Sequence[str],
+    driven: Sequence[int],
+    friction: JointFriction | None,
+) -> tuple[Impact, float]:
+    """The record of a blow at a state (t, q, rates before), and what its drives work [J].
+
+    names : of stops, the first one what was struck, then of the drivers at places ``driven`` that
+        are not free: these go on at their rates, and what is missing then is lost (Carnot's theorem)
+    """
+    t, q, before = state
+    pushes, after = dict(zip(names, done.pushes.tolist(), strict=True)), done.after
+    rubbed = (
+        {} if friction is None else dict(zip(friction.names, done.friction.tolist(), strict=True))
+    )
+    work = float(done.pushes[len(names) - len(driven) :] @ after[list(driven)])
+    loss = work - 0.5 * float((before + after) @ M @ (after - before))
+    first = float(done.pushes[0])
+    return Impact(t, names[0], q, before, after, first, loss, pushes, rubbed), work
+
+
 def blow(
     M: Floats,
     before: Floats,
@@ -69,10 +102,8 @@ def blow(
     rate = stops.rows @ before
     stops = stops if bound is None else stops.beside(bound)
     count, change = len(rate), (1 + restitution) * rate
-    Z, alone = np.eye(len(before)), np.zeros(len(before))
-    if bound is not None:
-        change = np.append(change, bound.drift)
-        Z, alone = bound.free()[0], constrained(M, alone, bound)[0]
+    Z, alone = free_of(bound, len(before)), constrained(M, np.zeros(len(before)), bound)[0]
+    change = change if bound is None else np.append(change, bound.drift)
     rows = -ways[:, None] * stops.rows[:count]
     apart = -ways * (change[:count] + stops.rows[:count] @ alone)
     sets = [[*some, *range(count, len(change))] for some in pushing(Z.T @ M @ Z, rows @ Z, apart)]

@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.blow import Blow, blow
-from blockmech.dynamics.contacts import SETTLED, Held, constrained, rate_along
+from blockmech.dynamics.blow import Blow, blow, impact_of
+from blockmech.dynamics.contacts import SETTLED, Held, constrained, free_of, rate_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.pair_program import GIVEN
 from blockmech.dynamics.pair_stops import PairStops, held_by, stopped_pairs
@@ -33,10 +33,9 @@ from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.run import Run, RunEnd
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.stops import Stop
-from blockmech.dynamics.system import System, solved
+from blockmech.dynamics.system import System
 from blockmech.ground.errors import refused
 from blockmech.ground.values import Vector
-from blockmech.model.structure import JointRef
 from blockmech.passes.friction import given_joints
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
@@ -196,12 +195,6 @@ class Bounces(Run):
         those = [places.index(self._stop(*end).name) for end in struck.items()]
         return held_by(self.pairs, q, rate, those)
 
-    def _pair(self, name: str) -> tuple[JointRef, int] | None:
-        """The pair whose stop a name is of, and how its coordinate counts; None of a driver's."""
-        if self.pairs is None or name not in self.pairs.names:
-            return None
-        return self.pairs.pairs[self.pairs.names.index(name)]
-
     @cached_property
     def pairs(self) -> PairStops | None:
         """Pairs that have stops."""
@@ -233,12 +226,6 @@ class Bounces(Run):
         roles = self.system.roles
         return np.eye(k) if roles is None else np.delete(np.eye(k), roles.bound, axis=1)
 
-    @property
-    def _driven(self) -> dict[str, int]:
-        """Drivers that are not free, and their places."""
-        roles = self.system.roles
-        return {} if roles is None else {self.system.drivers[i]: i for i in roles.bound}
-
     def _struck(self, leg: Motion, i: int, way: int) -> Any:
         """The rates after a blow."""
         q, before = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
@@ -264,15 +251,12 @@ class Bounces(Run):
                 self._leaves(j, leg)
         if speed:
             self.struck = {i: (leg.t_end, abs(float(rows[0] @ after)))}
+            bound = [] if self.system.roles is None else self.system.roles.bound
             names = [self._stop(*end).name for end in struck.items()]
-            pushes = dict(zip((*names, *self._driven), done.pushes.tolist(), strict=True))
-            pairs = () if self.friction is None else self.friction.names
-            rubbed = dict(zip(pairs, done.friction.tolist(), strict=True))
-            work = float(done.pushes[len(names) :] @ [after[i] for i in self._driven.values()])
-            loss = work - 0.5 * float((before + after) @ M @ (after - before))
+            names += [self.system.drivers[j] for j in bound]
+            record, work = impact_of(done, M, (leg.t_end, q, before), names, bound, self.friction)
             self.worked += work
-            what = stop.name, q, before, after, impulse, loss, pushes, rubbed
-            self.impacts.append(Impact(leg.t_end, *what))
+            self.impacts.append(record._replace(impulse=impulse))
             self.events.append(Event(ends.IMPACT, leg.t_end, self._plain(q), self._plain(after)))
         self.legs[-1] = replace(leg, q_end=self._plain(q), qd_end=self._plain(after))
         return self._plain(after)
@@ -315,7 +299,7 @@ class Bounces(Run):
         others = self._rows(lain, q, after) if lain else None
         if self.system.roles is not None:
             others = self.system.roles.beside(others, t)
-        loads = solved(M, Q) if others is None else constrained(M, Q, others)[0]
+        loads = constrained(M, Q, others)[0]
         push = side * float(stops.rows[0] @ loads + stops.drift[0])
         if self.friction is not None:
             rubbed = self.friction.from_state(q, after, t, others)[1]
@@ -335,7 +319,7 @@ class Bounces(Run):
         if e * kept >= 1.0:
             return False, 0.0
         self.flights, self.apex = flight / (1 - e * kept), t + flight / 2
-        Z = np.eye(len(q)) if others is None else others.free()[0]
+        Z = free_of(others, len(q))
         row = stops.rows[0] @ Z
         mass = 1 / float(row @ np.linalg.solve(Z.T @ M @ Z, row))
         total = -side * mass * speed * kept * (1 + e) / (1 - e * kept)
@@ -350,9 +334,8 @@ class Bounces(Run):
 
     def _leaves(self, i: int, leg: Motion) -> None:
         """It leaves a stop that it lay against."""
-        name = self._stop(i, self.held.pop(i)).name
-        begin, push = self.since.pop(i)
-        self.lying.append(Lying(name, begin, leg.t_end, push, self._pair(name)))
+        self.lying.append(self._lain(i, leg.t_end))
+        del self.held[i], self.since[i]
         self.events.append(Event(ends.LEAVES_STOP, leg.t_end, leg.q_end, leg.qd_end))
 
     def _released(self, leg: Motion) -> Any:
@@ -367,10 +350,14 @@ class Bounces(Run):
         self.system = replace(self.system, held=dict(self.held))
         return leg.qd_end
 
-    def _still_lying(self, t: float) -> Iterator[Lying]:
-        for i, (begin, push) in self.since.items():
-            name = self._stop(i, self.held[i]).name
-            yield Lying(name, begin, t, push, self._pair(name))
+    def _lain(self, i: int, t: float) -> Lying:
+        """That it lay against a stop until a time [s]."""
+        name = self._stop(i, self.held[i]).name
+        pairs = (
+            {} if self.pairs is None else dict(zip(self.pairs.names, self.pairs.pairs, strict=True))
+        )
+        begin, push = self.since[i]
+        return Lying(name, begin, t, push, pairs.get(name))
 
     def _touches(self, i: int, push: float) -> None:
         """Keep what a stop pushes the drivers with when it comes to lie against it."""
@@ -418,7 +405,7 @@ class Bounces(Run):
             impacts=tuple(sorted([*self.impacts, *jolts], key=lambda i: i.t)),
             roles=tuple(r for leg in legs for r in leg.roles),
             slips=tuple(s for leg in legs for s in leg.slips),
-            lying=(*self.lying, *self._still_lying(last.t_end)),
+            lying=(*self.lying, *(self._lain(i, last.t_end) for i in self.since)),
             error=math.fsum(leg.error for leg in legs) + self.unseen,
             cost=self.system.cost,
             notes=tuple(notes),

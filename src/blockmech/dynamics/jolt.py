@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from blockmech.dynamics.blow import blow
+from blockmech.dynamics.blow import blow, impact_of
 from blockmech.dynamics.contacts import STILL
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.pair_stops import held_by
@@ -57,9 +57,6 @@ def jolt_of(
     blown = blow(M, before, stops, np.array(ways), np.zeros(len(those)), friction, at, bound)
     blown.after[roles.bound] = target.speeds
     names = [*(system.stopped[i] for i in those), *(roles.drivers[i] for i in roles.bound)]
-    pushes = dict(zip(names, blown.pushes.tolist(), strict=True))
+    record, work = impact_of(blown, M, (t, q, before), names, roles.bound, friction)
     first = roles.drivers[roles.bound[int(np.argmax(np.abs(jump)))]]
-    rubbed = {} if friction is None else dict(zip(friction.names, blown.friction, strict=True))
-    work = float(blown.pushes[len(those) :] @ target.speeds)
-    loss = work - 0.5 * float((before + blown.after) @ M @ (blown.after - before))
-    return Impact(t, first, q, before, blown.after, pushes[first], loss, pushes, rubbed), work
+    return record._replace(driver=first, impulse=record.pushes[first]), work

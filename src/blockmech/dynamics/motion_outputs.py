@@ -15,7 +15,7 @@ from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.pair_stops import held_by, lain_against
 from blockmech.dynamics.roles import FREE, PRESCRIBED
 from blockmech.dynamics.sticking import JointFriction
-from blockmech.dynamics.system import System, solved
+from blockmech.dynamics.system import System
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction
 from blockmech.plan.settings import friction_asked
@@ -133,11 +133,9 @@ class MotionInputs(Mapping[str, Any]):
         if k == 1 and not self.lies.any():
             return _by_driver("qdd", right / M[:, 0], k)
         for i, lies in enumerate(self.lies):
-            if not lies.any():
-                qdd[i] = solved(M[i], right[i])
-                continue
-            which, here = np.flatnonzero(lies), slice(i, i + 1)
-            held = self._against(self.q[here], self.qd[here], self.t[here], which).first()
+            which, here, held = np.flatnonzero(lies), slice(i, i + 1), None
+            if which.size:
+                held = self._against(self.q[here], self.qd[here], self.t[here], which).first()
             qdd[i], pushes[i, which] = constrained(M[i], right[i], held)
         return _by_driver("qdd", qdd, k) | self._pushed(pushes)
 

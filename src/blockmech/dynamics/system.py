@@ -488,8 +488,7 @@ class System:
         self, M: Floats, Q: Floats, q: Any, rate: Any, t: float
     ) -> tuple[Floats, Floats]:
         """Accelerations (k,) by efforts, and what stops and drives give (a,), see `pushes`."""
-        held = self.against(q, rate, t)
-        return (solved(M, Q), np.empty(0)) if held is None else constrained(M, Q, held)
+        return constrained(M, Q, self.against(q, rate, t))
 
     def typical_inertia(self, q: float) -> float:
         """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""
@@ -583,11 +582,3 @@ class System:
         self.budget.check()
         if self.progress is not None:
             self.progress("computing", float(after), None)
-
-
-def solved(M: Floats, Q: Floats) -> Floats:
-    """Accelerations (k,) that efforts give to an inertia; NaN where a driver has none."""
-    try:
-        return np.asarray(np.linalg.solve(M, Q), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        return np.full(len(Q), math.nan)
