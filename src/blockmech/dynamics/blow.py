@@ -69,7 +69,7 @@ def impact_of(
     """The record of a blow at a state (t, q, rates before), and what its drives work [J].
 
     names : of stops, the first one what was struck, then of the drivers at places ``driven`` that
-        are not free: these go on at their rates, and what is missing then is lost (Carnot's theorem)
+        are not free: these go on at their rates, and what is missing is lost (Carnot's theorem)
     """
     t, q, before = state
     pushes, after = dict(zip(names, done.pushes.tolist(), strict=True)), done.after
@@ -159,14 +159,13 @@ def _rubbed(
     for _ in range(STAGES):
         w = at.S @ rate
         now = still._replace(rate=rate, w=w)
-        sides = friction.sides_at(now, zero)
         stage = now.against(held, loads, lasting=False)
-        settled = friction.settled(stage, sides, zero)
-        response = None if settled.end else friction.solved(stage, settled.sides)
-        if response is None:
+        settled = friction.settled(stage, zero)
+        response = friction.respond(stage, settled.sides)
+        if settled.end or not response.solved:
             return None
         jump = stage.of_drivers(response.qdd) / SUDDEN
-        slips = np.flatnonzero((np.array(sides) != 0) & ~friction.signed)
+        slips = np.setdiff1d(np.flatnonzero(~friction.signed), zero).astype(int)
         ends = _until(w, at.S @ jump, slips)
         step = min(1.0 - done, float(ends.min(initial=np.inf)))
         P = step / SUDDEN * stage.pushes(response)

@@ -19,12 +19,10 @@ from blockmech.dynamics.events import EventFunction, friction_rules, release_rul
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import first_beyond
 from blockmech.dynamics.run import RunEnd
-from blockmech.dynamics.sticking import Instant, JointFriction, Settled
-from blockmech.ground.plane import EPS
+from blockmech.dynamics.sticking import WITHIN, Instant, JointFriction, Settled
 from blockmech.result.motion import Event, Floats, Slips
 
 SOON = 1e-6  # [s] after which a law that begins to move shows in which sense
-WITHIN = 4 * EPS  # [-] of a time, to which an event is found in it
 Known = set[tuple[str, int]]  # events at a place, by kind and index
 
 
@@ -76,10 +74,6 @@ class StickSlip:
         """Kinds of events that transitions keep by another name."""
         return frozenset({ends.REVERSAL} if self._told else ())
 
-    def begin(self, now: Now) -> Transition:
-        """Give the senses of slip with which the motion starts."""
-        return self._settle(now, ())
-
     def rules(self) -> list[EventFunction]:
         """Where the equation of a segment ends."""
         equation = self.equation
@@ -107,24 +101,17 @@ class StickSlip:
         change = np.abs(at.S) @ np.abs(at.unheld) + np.abs(at.b)
         turning = np.abs(at.w) <= WITHIN * abs(now.t) * change
         others = np.flatnonzero(turning & ~signed).tolist()
-        return self._settle(now, tuple({*self._stuck, *others, j}))
+        return self.settle(now, tuple({*self.stuck, *others, j}))
 
     def stand(self, now: Now, short: bool) -> Transition:
         """Settle anew where the only driver stands, after a swing that was too ``short`` or not."""
         if self.friction is None and short:
             return Transition(RunEnd(ends.REST))
-        return self._settle(now, ())
-
-    def carried(self, now: Now) -> Transition:
-        """Settle anew where a law of motion begins or ends to move pairs."""
-        return self._settle(now, tuple(self._stuck))
-
-    def release(self, now: Now) -> Transition:
-        """Settle anew: what stuck is pushed beyond what it holds."""
-        return self._settle(now, self._stuck, True)
+        return self.settle(now)
 
     @property
-    def _stuck(self) -> list[int]:
+    def stuck(self) -> list[int]:
+        """Pairs that stick."""
         return [j for j, side in enumerate(self.equation.sides) if side == 0]
 
     @property
@@ -175,18 +162,20 @@ class StickSlip:
         stays = Transition(until=t_last if until is None else until)
         if until is None or self._excess(until, now.y) < 0:
             return stays
-        return stays.then(self.release(Now(until, now.y, True)))
+        return stays.then(self.settle(Now(until, now.y, True), self.stuck, True))
 
-    def _settle(self, now: Now, standing: Sequence[int], released: bool = False) -> Transition:
-        """Which pairs stick from here on, and in which sense others slip."""
+    def settle(self, now: Now, standing: Sequence[int] = (), released: bool = False) -> Transition:
+        """Which pairs stick from here on, and in which sense others slip.
+
+        ``standing`` have no relative rate; ``released`` as of `JointFriction.settled`
+        """
         system, layout = self.equation.system, self.equation.layout
         if (friction := self.friction) is None:
             return self._lies(now)
         at, old = self._instant(now.t, now.y, SOON), self.equation.sides
-        if (np.abs(at.freedoms) > WITHIN * abs(now.t) * np.abs(at.unheld)).any():  # it goes on
-            at = friction.turning(at, standing)
+        at = friction.turning(at, standing, now.t)
         self.zero, self.settled = friction.without_slip(at, standing), now.t
-        start = friction.settled(at, friction.sides_at(at, self.zero), self.zero, released)
+        start = friction.settled(at, self.zero, released)
         if start.end:
             moved = start.end == ends.SELF_LOCKED and now.moved
             return Transition(RunEnd(start.end, "ended" if moved else "failed"))
@@ -200,7 +189,9 @@ class StickSlip:
         y = now.y.copy()
         y[layout.rate] = friction.kept(at, sides)
         goes = Transition(None, y, None, tuple(events), (Slips(now.t, sides),))
-        all_stand = friction.holds_all(at, sides) and not (system.roles and system.roles.prescribed)
+        all_stand = bool(friction.fixed(at, sides)) and not (
+            system.roles and system.roles.prescribed
+        )
         self.equation.held, self.holds = all_stand, bool(friction.stuck(at, sides))
         if all_stand and at.push.size:
             event = Event(ends.REST, now.t, *layout.motion(y))

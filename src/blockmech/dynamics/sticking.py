@@ -50,6 +50,7 @@ Against: TypeAlias = Callable[[Floats, Floats, Floats, Any], Held]
 LOCATED = 1e-6  # [-] the same where an event was located on a dense output
 APART = 1e-5  # [-] accelerations that differ by more are two
 BEYOND = 1e-4  # [rad or m] how far beyond a place the sense of a pair shows
+WITHIN = 4 * EPS  # [-] of a time, to which an event is found in it
 BALANCED = 200  # iterations of the shares of pairs that stick, of which any contraction needs fewer
 
 
@@ -311,26 +312,24 @@ class JointFriction(PairFriction):
         t[..., slips, range(1, 1 + len(slips))] = 1.0
         return qdd, t
 
-    def solved(self, at: Instant, sides: Sides, law: Any = None) -> Response | None:
-        """The same; None where nothing satisfies the laws."""
-        try:
-            response = self.respond(at, sides, law)
-            return response if response.solved else None
-        except (ArithmeticError, ValueError, np.linalg.LinAlgError):
-            return None
-
     def respond(self, at: Instant, sides: Sides, law: Any = None) -> Response:
-        """Accelerations and friction for some sides; ``law`` (..., 2 m) in place of that there."""
+        """Accelerations and friction for some sides; ``law`` (..., 2 m) in place of that there.
+
+        NaN where no numbers come of it.
+        """
         law = at.law if law is None else law
-        response = self._balance(at, sides, law, np.zeros(len(sides)))
-        if at.q.ndim > 1 or not self._surplus(at, sides):
-            return response
-        for _ in range(BALANCED):  # friction of what slips may follow what sticks
-            last, share = response.t, self._shared(at, sides, response)[1]
-            response = self._balance(at, sides, law, np.where(np.array(sides) == 0, share, 0.0))
-            off = np.abs(response.t - last).max()
-            if not any(sides) or off <= SETTLED * np.abs(response.t).max():
-                break
+        try:
+            response = self._balance(at, sides, law, np.zeros(len(sides)))
+            if at.q.ndim > 1 or not self._surplus(at, sides):
+                return response
+            for _ in range(BALANCED):  # friction of what slips may follow what sticks
+                last, share = response.t, self._shared(at, sides, response)[1]
+                response = self._balance(at, sides, law, np.where(np.array(sides) == 0, share, 0.0))
+                off = np.abs(response.t - last).max()
+                if not any(sides) or off <= SETTLED * np.abs(response.t).max():
+                    break
+        except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+            return Response(math.nan * at.push, math.nan * at.w, math.nan * at.f, math.nan)
         return response
 
     def _balance(self, at: Instant, sides: Sides, law: Any, share: Floats) -> Response:
@@ -377,10 +376,9 @@ class JointFriction(PairFriction):
         def columns(x: Any) -> tuple[Any, ...]:
             return tuple(np.moveaxis(x, -1, 0).tolist() if single else np.moveaxis(x, -1, 0).copy())
 
-        base = tuple(vector(F[..., j, 0]) for j in range(F.shape[-2]))
-        rows = tuple(
-            tuple(vector(F[..., j, 1 + i]) for i in range(F.shape[-2])) for j in range(F.shape[-2])
-        )
+        many = range(F.shape[-2])
+        base = tuple(vector(F[..., j, 0]) for j in many)
+        rows = tuple(tuple(vector(F[..., j, 1 + i]) for i in many) for j in many)
 
         def terms(loads: Any = None) -> tuple[Any, Any]:
             k, drag = laws(None if loads is None else np.stack(loads, axis=-1))
@@ -395,11 +393,7 @@ class JointFriction(PairFriction):
     ) -> FrictionState:
         """One state, while it lies against stops that are held."""
         at = self.instant(q, qd, t, x, held)
-        try:
-            response = self.respond(at, sides)
-        except (ArithmeticError, ValueError, np.linalg.LinAlgError):
-            nothing = np.full(len(sides), np.nan)
-            return FrictionState(np.full(len(q), np.nan), 0.0, nothing, at.margin > 0)
+        response = self.respond(at, sides)
         slipping = (np.array(sides) != 0) & ~np.array(self.program.separates)
         power = -float(response.t[slipping] @ at.w[slipping])
         qdd, pushes, locked = at.of_drivers(response.qdd), at.pushes(response), not response.solved
@@ -439,8 +433,7 @@ class JointFriction(PairFriction):
     ) -> tuple[Settled, Floats, Floats]:
         """What a motion begins with; accelerations of the drivers (k,), and pushes of stops."""
         at = self.instant(q, qd, t, x, held)
-        zero = self.without_slip(at, ())
-        begun = self.settled(at, self.sides_at(at, zero), zero)
+        begun = self.settled(at, self.without_slip(at, ()))
         response = begun.response or self.respond(at, begun.sides)
         return begun, at.of_drivers(response.qdd), at.pushes(response)
 
@@ -538,13 +531,16 @@ class JointFriction(PairFriction):
 
     # -- which sides -------------------------------------------------------------
 
-    def turning(self, at: Instant, some: Sequence[int]) -> Instant:
+    def turning(self, at: Instant, some: Sequence[int], t: float = 0.0) -> Instant:
         """The same, where some pairs have no relative rate, with rows of what cannot stick.
 
         A pair that the freedoms do not move here, as that of a rocker at its dead centre, turns
-        while they go on: its row is rounding, by which no rate may be stopped.
+        while they go on: its row is rounding, by which no rate may be stopped. They do where their
+        rates are more than what the rounding of the time ``t`` [s] of an event leaves.
         """
         S, rate = at.S.copy(), at.freedoms
+        if not (np.abs(rate) > WITHIN * abs(t) * np.abs(at.unheld)).any():
+            return at
         inverse, energy = np.linalg.inv(at.M), float(rate @ at.M @ rate)
         carried = at.carried + np.zeros(at.b.shape)
         for j in some:
@@ -567,10 +563,6 @@ class JointFriction(PairFriction):
     def sides_at(self, at: Instant, zero: Sequence[int]) -> Sides:
         """Senses of slip, 0 of some; 1 of a pair whose law says its own."""
         return tuple(0 if j in zero else int(s) for j, s in enumerate(self.senses(at.w)))
-
-    def holds_all(self, at: Instant, sides: Sides) -> bool:
-        """Whether what sticks at an instant leaves no freedom."""
-        return bool(self.fixed(at, sides))
 
     def fixed(self, at: Instant, sides: Sides) -> Any:
         """Whether what sticks leaves no freedom (...)."""
@@ -645,14 +637,12 @@ class JointFriction(PairFriction):
                 break
         return share, _largest(np.abs(t[others]), self._held(at, loads)[others]), t
 
-    def settled(
-        self, at: Instant, sides: Sides, zero: Sequence[int], released: bool = False
-    ) -> Settled:
-        """What the pairs do from here on.
+    def settled(self, at: Instant, zero: Sequence[int], released: bool = False) -> Settled:
+        """What the pairs do from here on; those without relative rate are ``zero``.
 
-        ``sides`` : (m,) of those whose relative rate is not zero; the others are ``zero``
         ``released`` : not what it did so far: what stuck is pushed beyond what it holds
         """
+        sides = self.sides_at(at, zero)
         if not any(at.S[j].any() for j in zero):  # they turn, whatever acts
             turned = {j: int(np.sign(at.b[j])) for j in zero}
             settled = Settled(tuple(turned.get(j, side) for j, side in enumerate(sides)))
@@ -691,8 +681,7 @@ class JointFriction(PairFriction):
                 break  # one freedom: rest is between both starts
             chosen = dict(zip(zero, pattern, strict=True))
             trial = tuple(chosen.get(j, side) for j, side in enumerate(sides))
-            response = None if trial == but else self.solved(at, trial, law)
-            if response is not None:
+            if trial != but and (response := self.respond(at, trial, law)).solved:
                 share = self.share(at, trial, response)
                 missed = self._missed(at, trial, zero, response, share, unknown)
                 trials.append(Settled(trial, response, share, missed))
@@ -700,14 +689,18 @@ class JointFriction(PairFriction):
 
     def _beyond_place(self, at: Instant, settled: Settled) -> Sides:
         """The sides; of pairs that no driver moves at this place, those just beyond it."""
-        S, rate = at.S, at.rate
-        held = () if at.contact is None else at.contact.of_t
-        nowhere = [j for j, side in enumerate(settled.sides) if side == 0 and not S[j].any()]
-        nowhere = [j for j in nowhere if not any(row[j] for row in held)]  # nor do stops hold it
-        response = settled.response or (nowhere and self.solved(at, settled.sides)) or None
-        qdd = np.zeros(len(rate)) if response is None else at.of_drivers(response.qdd)
+        held = () if at.contact is None else at.contact.of_t  # nor do stops hold it
+        nowhere = [
+            j
+            for j, side in enumerate(settled.sides)
+            if side == 0 and not at.S[j].any() and not any(row[j] for row in held)
+        ]
+        if not nowhere:
+            return settled.sides
+        response, rate = settled.response or self.respond(at, settled.sides), at.rate
+        qdd = at.of_drivers(response.qdd) if response.solved else 0.0 * rate
         fast, push = float(np.abs(rate).max()), float(np.abs(qdd).max())
-        if not nowhere or not fast + push > 0:
+        if not fast + push > 0:
             return settled.sides
         h = BEYOND / max(fast, math.sqrt(push * BEYOND / 2))  # [s] for so far
         w = self.rates(at.q + h * rate + h * h / 2 * qdd, rate + h * qdd)

@@ -171,7 +171,7 @@ class TimeIntegration(Integration):
 
     def begin(self) -> RunEnd | None:
         """Give pairs with friction the senses in which they slip first."""
-        over = self._becomes(self.pairs.begin(self._now))
+        over = self._becomes(self.pairs.settle(self._now))
         rests = over is not None or self.t >= self.t_max
         if self.scales is None and not rests:
             self.scales = scales(self.equation, self.t, self.y)
@@ -240,12 +240,12 @@ class TimeIntegration(Integration):
         if (pressed := self._pressed()) is not None:
             return RunEnd(pressed)
         if self.pairs.pushed_loose(self._now):
-            return self._becomes(self.pairs.release(self._now))
+            return self._becomes(self.pairs.settle(self._now, self.pairs.stuck, True))
         kink = loads.next_time_kink(structure, self.t)
         bound = min(self.t_max, kink, self.system.signals.next_time(self.t))
         if self.system.roles is not None:
             if self.system.roles.turns(self.t) and self.pieces:
-                self._becomes(self.pairs.carried(self._now))
+                self._becomes(self.pairs.settle(self._now, self.pairs.stuck))
             bound = min(bound, self.system.roles.next_kink(self.t))
         if self.t < self.request.apex:  # a step as long as a flight sees no blow at its end
             bound = min(bound, self.request.apex)
@@ -285,7 +285,7 @@ class TimeIntegration(Integration):
         if jolt is not None:
             self.jolts.append(jolt)
             self.y[self.layout.rate] = jolt.after
-        return self._becomes(self.pairs.begin(self._now))
+        return self._becomes(self.pairs.settle(self._now))
 
     def _switch(self) -> None:
         """Let the discrete signal blocks that are due at this instant switch.
@@ -337,7 +337,7 @@ class TimeIntegration(Integration):
         if kind == ends.REVERSAL:
             return self._becomes(self.pairs.reverse(self._now, rule.index))
         if kind == ends.RELEASED:
-            return self._becomes(self.pairs.release(self._now))
+            return self._becomes(self.pairs.settle(self._now, self.pairs.stuck, True))
         past = {ends.KINK: self._past_kink, ends.WHOLE_TURN: self._turned}
         past |= {ends.STANDSTILL: self._stood}
         if kind in past:
