@@ -32,7 +32,8 @@ from blockmech.dynamics.contacts import (
     free_of,
     pushing,
 )
-from blockmech.dynamics.sticking import Instant, JointFriction
+from blockmech.dynamics.instants import Instant
+from blockmech.dynamics.sticking import JointFriction
 from blockmech.result.motion import Floats, Impact
 
 STAGES = 64  # of a blow at most: each ends with a slip

@@ -1,7 +1,7 @@
 """What joint friction in motion is made of: two programs and a solver.
 
 The laws of the pairs at relative rates, and the force pass at states in which loads, rates, one
-acceleration, or a unit of friction in one pair act alone.
+acceleration, or a unit of friction in one pair act alone: together all that acts at an instant.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.dynamics.contacts import STILL, Held
+from blockmech.dynamics.instants import Instant
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import NumpyEngine, primitives
 from blockmech.engines.scalar import AdaptiveEvaluator
@@ -99,6 +101,8 @@ class PairFriction:
     the efforts of the loads at a place (k,); ``initial`` are states of signal blocks and laws.
     """
 
+    _last: tuple[Any, Any] = (None, None)
+
     def __init__(
         self,
         program: PairProgram,
@@ -182,3 +186,65 @@ class PairFriction:
             values_by_name |= {f"{name}{i}": values[..., i] for i in range(np.shape(values)[-1])}
         units = f"friction_{state.pair}", f"push_{state.push}"
         return [values_by_name.get(x, float(x in units)) for x in self.program.program.inputs]
+
+    # -- an instant ------------------------------------------------------------
+
+    def _states(self, qd: Any, t: Any, x: Any, k: int, held: Held | None) -> list[State]:
+        """Columns of inputs: loads and rates, a unit of each acceleration, friction and push."""
+        still, pairs = State(qd=np.zeros(k), qdd=np.zeros(k)), held.pairs if held else ()
+        units = [still._replace(qdd=row) for row in np.eye(k)]
+        units += [still._replace(pair=j) for j in range(len(self.names))]
+        units += [still._replace(push=j) for j, _ in pairs if j >= 0]
+        return [State(qd=qd, qdd=np.zeros(k), share=1.0, t=t, x=x), *units]
+
+    def instant(self, q: Floats, qd: Floats, t: Any, x: Any, held: Held | None) -> Instant:
+        """One state, or n; x (..., states) are those of signals and laws, None the initial ones."""
+        parts = q, qd, t, x, *(() if held is None else (held.rows, held.drift))
+        key = q.ndim, *(None if part is None else np.asarray(part).tobytes() for part in parts)
+        if self._last[0] != key:
+            self._last = key, self._instant(q, qd, t, x, held)
+        instant: Instant = self._last[1]
+        return instant
+
+    def _instant(self, q: Floats, qd: Floats, t: Any, x: Any, held: Held | None) -> Instant:
+        m, k = len(self.names), qd.shape[-1]
+        values = self.values(q, self._states(qd, t, x, k, held))
+        drives, loads = values[..., :k].real, values[..., k : k + m]
+        slips, rise = (values[..., k + i * m : k + (i + 1) * m].real for i in (1, 2))
+        w, law = slips[..., 0, :], self.law(slips[..., 0, :], x)
+        margin = least(values[0, k + 3 * m :].real) if q.ndim == 1 else 1.0  # of one state
+
+        def of(x: Any, first: int, count: int) -> Any:
+            return np.swapaxes(x[..., first : first + count, :], -1, -2)
+
+        M, S, G, R = of(drives, 1, k), of(rise, 1, k), of(loads, 1, k), of(loads, 1 + k, m)
+        S = np.where(np.abs(S) <= STILL * np.abs(S).max(axis=(-1, -2), keepdims=True), 0.0, S)
+        push, b, f = -drives[..., 0, :], rise[..., 0, :], loads[..., 0, :]
+        at = Instant(q, qd, M, push, S, b, w, f, G, R, law, margin)
+        if held is None:
+            return at
+        return at.against(held, _pressed(held, of(loads, 1 + k + m, values.shape[-2])))
+
+    def pressed(self, q: Floats, held: Held) -> Any:
+        """What a unit push of each stop adds to the loads (m, a) on the pairs."""
+        k, m = len(q), len(self.names)
+        still = State(qd=np.zeros(k), qdd=np.zeros(k))
+        units = [still, *(still._replace(push=j) for j, _ in held.pairs if j >= 0)]
+        return _pressed(held, self.values(q, units)[1:, k : k + m].T)
+
+    def rates(self, q: Floats, qd: Floats) -> Floats:
+        """Relative rates (..., m) of the pairs."""
+        k, m = q.shape[-1], len(self.names)
+        return self.values(q, [State(qd, 0.0 * qd)])[..., 0, k + m : k + 2 * m].real
+
+    def slipping(self, q: Floats, qd: Floats) -> Sides:
+        """Senses in which pairs slip at a state."""
+        return tuple(int(s) for s in self.senses(self.rates(q, qd)))
+
+
+def _pressed(held: Held, loads: Any) -> Any:
+    """Loads (..., m, a) on the pairs by unit pushes: those (..., m, p) of the stops of pairs."""
+    of_pairs = [j >= 0 for j, _ in held.pairs]
+    pressed = np.zeros((*loads.shape[:-1], len(of_pairs)), dtype=np.complex128)
+    pressed[..., of_pairs] = loads * [sense for j, sense in held.pairs if j >= 0]
+    return pressed

@@ -16,10 +16,11 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.events import EventFunction, friction_rules, release_rule
+from blockmech.dynamics.instants import Instant
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import first_beyond
 from blockmech.dynamics.run import RunEnd
-from blockmech.dynamics.sticking import WITHIN, Instant, JointFriction, Settled
+from blockmech.dynamics.sticking import WITHIN, JointFriction, Settled
 from blockmech.result.motion import Event, Floats, Slips
 
 SOON = 1e-6  # [s] after which a law that begins to move shows in which sense
