@@ -200,9 +200,8 @@ class Atlas:
             return None
         names = [f"{chart.in_outputs(joint=j)}.{COORDINATE}" for j in self.home.joints]
         pairs = stopped_pairs(chart.mechanism, names)
-        assert pairs is not None
         at = np.array(np.atleast_1d(q), dtype=np.float64)
-        apart = users - pairs.places(at)
+        apart = users - pairs.state(at, 0 * at)[0]
         turns = np.where(pairs.rotary, math.tau * np.round(apart / math.tau), 0.0)
         return Counted(pairs, at, np.where(np.abs(apart - turns) < SAME, turns, apart))
 

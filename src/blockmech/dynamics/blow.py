@@ -32,7 +32,7 @@ from blockmech.dynamics.contacts import (
     free_of,
     pushing,
 )
-from blockmech.dynamics.instants import Instant
+from blockmech.dynamics.friction import Instant
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.result.motion import Floats, Impact
 

@@ -195,7 +195,7 @@ class LegOutputs:
         q, qd = (x.reshape(n, -1) for x in self.leg.motion.at(self.t))
         counted = self.leg.counted
         assert counted is not None
-        rows = (counted.pairs.rows(*both) for both in zip(q, qd, strict=True))
+        rows = (counted.pairs.state(*both)[1:] for both in zip(q, qd, strict=True))
         return np.array([R[i] @ a + drift[i] for (R, drift), a in zip(rows, qdd, strict=True)])
 
 

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 
 import numpy as np
 
 from blockmech.dynamics import ends, loads
 from blockmech.dynamics.equation import Equation, typical_motion
 from blockmech.dynamics.estimate import TARGET
-from blockmech.dynamics.periodic import FLOWS, NONE
+from blockmech.dynamics.forcing import ELSEWHERE, GIVE, no_steady
+from blockmech.dynamics.periodic import FLOWS, NONE, FixedPoint, fixed_point
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.run import INTEGRATORS
 from blockmech.dynamics.singular import what_is_ahead
 from blockmech.dynamics.time import TimeIntegration, in_time
-from blockmech.ground.errors import RequestError, refused
+from blockmech.ground.errors import RequestError
+from blockmech.ground.plane import EPS
 from blockmech.result.motion import Floats, Motion
 
 if TYPE_CHECKING:
@@ -25,9 +28,11 @@ if TYPE_CHECKING:
 
 LOOSE = 1e-8  # tolerance of the flow by which a motion is followed
 SMALL = 1e-4  # amplitude, relative to the span or to that of the start, that counts as rest
+SETTLING = 30  # periods of flow before a root is looked for (numerics 14)
+TIMES = 3  # as often
+PERIODS = (1, 2, 4)  # of the loads in one of the motion that are tried: it doubles, if not one
+INWARD = 0.6  # below 1: by it amplitudes or speeds are sampled ahead; outward by its inverse
 FAR = 1 / SMALL  # spans that a driver without turns may go without a standstill, or a search
-TIMED = 'ask for "time=<s>" to see how it goes on'
-ELSEWHERE = f"start elsewhere, or {TIMED}"
 
 
 class MotionEnded(Exception):
@@ -41,11 +46,6 @@ class MotionEnded(Exception):
         """What ends the motion from the start, and when."""
         when = f" after {clock + self.t:.6g} s" if math.isfinite(self.t) else ""
         return no_steady(f"the motion from the start ends{when}: {self.end}", ELSEWHERE)
-
-
-def no_steady(why: str, remedy: str = TIMED) -> RequestError:
-    """The error that says why there is no steady state, or why none was found."""
-    return refused("until", f'"steady": {why}', remedy, code="until")
 
 
 class SectionReturn(NamedTuple):
@@ -219,3 +219,89 @@ def _periods(system: System) -> list[float | None]:
         }
         structure = replace(structure, elements=elements)
     return [loads.period_of(structure, driver) for driver in drivers]
+
+
+class Orbit(NamedTuple):
+    """A periodic motion under loads that repeat, from where a period of them begins."""
+
+    point: FixedPoint
+    periods: int  # of the loads in one of it
+    seen: bool  # to come from the start
+
+
+class Stroboscope:
+    """The state after a period T of the loads, and its fixed points.
+
+    cyclic : drivers on whose coordinates nothing depends; free : parts that must repeat
+    """
+
+    def __init__(self, flow: Flow, T: float) -> None:
+        self.flow, self.T = flow, T
+        self._check_period()
+        self.cyclic = [i for i in range(flow.k) if self._is_cyclic(i)]
+        self.free = [i for i in range(flow.layout.moving) if i not in self.cyclic]
+
+    def _check_period(self) -> None:
+        """Look whether the loads really are the same a period later."""
+        flow, T = self.flow, self.T
+        for t in np.linspace(0.0, 0.9 * T, SETTLING).tolist():
+            here, later = flow.acceleration(flow.x, t), flow.acceleration(flow.x, t + T)
+            largest = float(np.abs([here, later]).max()) + flow.speed**2
+            if not np.abs(later - here).max() <= NONE * largest:
+                raise no_steady(f"the loads are not the same again after {T:.9g} s", GIVE)
+
+    def _is_cyclic(self, i: int) -> bool:
+        flow, rate = self.flow, self.flow.layout.rate
+        x = flow.x.copy()
+        x[rate] += flow.size[rate]
+        radian = flow.system.span / math.tau * np.eye(1, x.size, i)[0]  # or as much of a slide
+        here = flow.acceleration(x)
+        there = [flow.acceleration(x + j * radian) for j in (1, 2, 3)]
+        return bool(np.abs(np.array(there) - here).max() <= NONE * (np.abs(here).max() + EPS))
+
+    def away(self, x: Floats, other: Floats) -> float:
+        """How far two states are apart, relative to a motion's size."""
+        return float(np.abs(self.flow.wrapped(other - x) / self.flow.size)[self.free].max())
+
+    def orbits(self) -> Iterator[Orbit]:
+        """Orbits near the start and near what it settles to."""
+        x = self.flow.x
+        if self.away(x, self.flow.after(x, self.T, FLOWS)) <= NONE / 100:
+            yield from self._near(x, (1,))
+        for _ in range(TIMES):
+            for _ in range(SETTLING):
+                x = self.flow.after(x, self.T)
+            x[self.cyclic] = self.flow.x[self.cyclic]
+            yield from self._near(x, PERIODS)
+
+    def _near(self, x: Floats, periods: Sequence[int]) -> Iterator[Orbit]:
+        for n in periods:
+
+            def change(x: Floats, n: int = n) -> Floats:
+                return self.flow.wrapped(self.flow.after(x, n * self.T, FLOWS) - x)
+
+            with suppress(MotionEnded):
+                point = fixed_point(change, x, self.free, self.flow.size)
+                if point is not None:
+                    yield Orbit(point, n, self.away(x, point.x) <= INWARD)
+
+    def orbit(self) -> Orbit:
+        """The first orbit that stays, else the first. Raises `RequestError` where there is none."""
+        best: Orbit | None = None
+        for orbit in self.orbits():
+            best = orbit if best is None or orbit.point.kind == "stable" else best
+            if orbit.point.kind != "unstable":
+                break
+        return best or self._unfound()
+
+    def _unfound(self) -> NoReturn:
+        x, T, flow = self.flow.x, self.T, self.flow
+        if flow.k == len(self.cyclic) == 1:
+            gain = float(flow.after(x, T, FLOWS)[1] - x[1])
+            why = f"in every {T:.9g} s the loads change the rate by {gain:.6g}, whatever it is"
+            raise no_steady(why, "add a damper or a motor curve")
+        raise no_steady(
+            "no periodic motion was found; it may be chaotic, or have a period of its own beside "
+            f"that of the loads; tried: {SETTLING * TIMES} periods of the motion from the start",
+            ELSEWHERE,
+        )

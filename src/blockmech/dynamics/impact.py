@@ -19,7 +19,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from blockmech.dynamics.blow import Blow, blow, impact_of
 from blockmech.dynamics.contacts import SETTLED, Held, constrained, free_of, rate_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.pair_program import GIVEN
-from blockmech.dynamics.pair_stops import PairStops, held_by, stopped_pairs
+from blockmech.dynamics.pair_stops import PairStops, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.run import Run, RunEnd
 from blockmech.dynamics.sticking import JointFriction
@@ -191,21 +191,20 @@ class Bounces(Run):
 
     def _rows(self, struck: dict[int, int], q: Floats, rate: Floats) -> Held:
         """Rows of some stops at a state."""
-        places = [*self.system.drivers, *(() if self.pairs is None else self.pairs.names)]
+        places = [*self.system.drivers, *self.pairs.names]
         those = [places.index(self._stop(*end).name) for end in struck.items()]
-        return held_by(self.pairs, q, rate, those)
+        return self.pairs.held(q, rate, those)
 
     @cached_property
-    def pairs(self) -> PairStops | None:
+    def pairs(self) -> PairStops:
         """Pairs that have stops."""
         names = [stop.name for between in self.request.stops for stop in between]
-        return stopped_pairs(cast("Compiled", self.system.compiled), names)
+        return stopped_pairs(self.system.compiled, names)
 
     @cached_property
     def friction(self) -> JointFriction | None:
         """Joint friction of blows."""
-        pushed = () if self.pairs is None else self.pairs.refs
-        return self.system.friction_of(pushed)
+        return self.system.friction_of(self.pairs.refs)
 
     def _onto(self, q: Floats, rate: Floats, t: float, struck: dict[int, int]) -> Floats:
         """Coordinates of the drivers with which stops are touched, the nearest by M."""
@@ -353,11 +352,7 @@ class Bounces(Run):
     def _lain(self, i: int, t: float) -> Lying:
         """That it lay against a stop until a time [s]."""
         name = self._stop(i, self.held[i]).name
-        pairs = (
-            {} if self.pairs is None else dict(zip(self.pairs.names, self.pairs.pairs, strict=True))
-        )
-        begin, push = self.since[i]
-        return Lying(name, begin, t, push, pairs.get(name))
+        return Lying(name, self.since[i][0], t, self.since[i][1], self.pairs.by_name.get(name))
 
     def _touches(self, i: int, push: float) -> None:
         """Keep what a stop pushes the drivers with when it comes to lie against it."""
@@ -442,7 +437,7 @@ def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
         raise refused("impact", f"got {impact!r:.60}", "give one of the impacts of a motion")
     pairs = stopped_pairs(mechanism, tuple(impact.pushes))
     how = GIVEN if impact.friction else Friction("none")
-    how = replace(how, pushed=() if pairs is None else pairs.refs)
+    how = replace(how, pushed=pairs.refs)
     structure = replace(mechanism.structure, elements={}, holds={})  # what lasts has no impulse
     scene = mechanism.scene.model_copy(update={"gravity": Vector(0j), "stops": {}})
     names = mechanism.names and replace(mechanism.names, loads={})
@@ -456,8 +451,7 @@ def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
         given |= {f"q_{i}": np.full(2, q), f"qdd_{i}": qdd * blow}
     for j, ref in enumerate(schedule(structure, scene, how).ask(given_joints)):
         given[f"friction_{j}"] = impact.friction.get(structure.pair_name(ref), 0.0) * blow
-    known = () if pairs is None else zip(pairs.names, pairs.pairs, strict=True)
-    for j, (name, (_, sense)) in enumerate(known):
+    for j, (name, (_, sense)) in enumerate(pairs.by_name.items()):
         given[f"push_{j}"] = sense * impact.pushes[name] * blow
     samples = Samples(2, given, np.zeros(2))
     values, engine = alone.evaluate(plan, samples, "numpy")

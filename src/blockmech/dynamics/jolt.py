@@ -14,7 +14,6 @@ import numpy as np
 from blockmech.dynamics.blow import blow, impact_of
 from blockmech.dynamics.contacts import STILL
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.pair_stops import held_by
 from blockmech.dynamics.roles import Roles
 from blockmech.ground.errors import refused
 from blockmech.result.motion import Floats, Impact
@@ -51,7 +50,7 @@ def jolt_of(
     x = y[equation.layout.signals] if equation.layout.initial else None
     M = system.terms_of(q, before, t, x)[0].M
     those, friction = sorted(system.held), system.friction
-    stops, ways = held_by(system.pairs, q, before, those), [system.held[i] for i in those]
+    stops, ways = system.pairs.held(q, before, those), [system.held[i] for i in those]
     at = None if friction is None else friction.instant(q, before, t, x, None)
     bound = target._replace(drift=-jump, speeds=None)
     blown = blow(M, before, stops, np.array(ways), np.zeros(len(those)), friction, at, bound)

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from blockmech.dynamics.contacts import DEPENDENT, SETTLED
-from blockmech.dynamics.friction import PairFriction, Sides
-from blockmech.dynamics.instants import Instant, Response
+from blockmech.dynamics.friction import Instant, PairFriction, Response, Sides
 from blockmech.dynamics.patterns import rays, signs
 from blockmech.engines.numpy import Planar
 from blockmech.ground.plane import EPS

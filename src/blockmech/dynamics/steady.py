@@ -9,7 +9,7 @@
 | the place alone                 | every motion is its own                                 |
 
 Both maps are Poincare maps of the same flow in time; their fixed points are found in
-`blockmech.dynamics.periodic`, the first of them stands in `blockmech.dynamics.forcing`. With one
+`blockmech.dynamics.periodic`, the first of them stands in `blockmech.dynamics.flows`. With one
 driver orbits cannot cross, so a motion moves along its return map in one direction, to the next
 fixed point there: the map is sampled ahead, further and further, until it points back.
 
@@ -29,22 +29,17 @@ from scipy.optimize import brentq
 from blockmech.dynamics import ends
 from blockmech.dynamics.events import watched
 from blockmech.dynamics.flows import (
-    ELSEWHERE,
+    INWARD,
     LOOSE,
+    SETTLING,
     SMALL,
+    TIMES,
     Flow,
     MotionEnded,
     SectionReturn,
-    no_steady,
-)
-from blockmech.dynamics.forcing import (
-    COMMON,
-    INWARD,
-    SETTLING,
-    TIMES,
     Stroboscope,
-    forcing_period,
 )
+from blockmech.dynamics.forcing import COMMON, ELSEWHERE, forcing_period, no_steady
 from blockmech.dynamics.path import along_path
 from blockmech.dynamics.periodic import (
     FLOWS,

@@ -16,7 +16,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.events import EventFunction, friction_rules, release_rule
-from blockmech.dynamics.instants import Instant
+from blockmech.dynamics.friction import Instant
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import first_beyond
 from blockmech.dynamics.run import RunEnd

@@ -29,8 +29,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.contacts import DEPENDENT, SETTLED, Held
-from blockmech.dynamics.friction import FrictionState, Sides
-from blockmech.dynamics.instants import Instant, Response
+from blockmech.dynamics.friction import FrictionState, Instant, Response, Sides
 from blockmech.dynamics.patterns import affine_patterns
 from blockmech.dynamics.responses import PairResponses
 from blockmech.ground.plane import EPS

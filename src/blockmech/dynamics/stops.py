@@ -121,10 +121,10 @@ def counted_pairs(mechanism: Compiled, starts: Pairs, stops: tuple[Between, ...]
     Raises `RequestError` for a start that is not between them.
     """
     pairs = stopped_pairs(mechanism, [low.name for low, _ in stops[len(starts) :]])
-    if pairs is None:
+    if not pairs.names:
         return None
     q = np.array([q for q, _ in starts.values()])
-    places, turns = pairs.places(q), []
+    places, turns = pairs.state(q, 0 * q)[0], []
     for (low, high), place, rotary in zip(stops[len(starts) :], places, pairs.rotary, strict=True):
         turns.append(_turns(place, low.q, high.q, rotary))
         if not low.q <= place + turns[-1] <= high.q:  # nor does a start that does not close

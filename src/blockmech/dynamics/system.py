@@ -28,7 +28,7 @@ from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.friction import least
 from blockmech.dynamics.pair_program import margins, pair_program
-from blockmech.dynamics.pair_stops import Counted, PairStops, held_by, rows_of
+from blockmech.dynamics.pair_stops import Counted, PairStops
 from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.signals import (
     NO_SIGNALS,
@@ -317,7 +317,7 @@ class System:
     @cached_property
     def friction(self) -> JointFriction | None:
         """Joint friction in motion; None where there is none or it is left out."""
-        return self.friction_of(() if self.pairs is None else self.pairs.refs)
+        return self.friction_of(self.pairs.refs)
 
     def friction_of(self, pushed: tuple[JointRef, ...] = ()) -> JointFriction | None:
         """The same, with stops of pairs that may push."""
@@ -338,14 +338,14 @@ class System:
     # -- end stops -------------------------------------------------------------
 
     @property
-    def pairs(self) -> PairStops | None:
-        """The pairs that have some, with several drivers; None without any."""
-        return None if self.counted is None else self.counted.pairs
+    def pairs(self) -> PairStops:
+        """The pairs that have some, with several drivers."""
+        return self.counted.pairs if self.counted else PairStops(self.compiled)
 
     @cached_property
     def stopped(self) -> tuple[str, ...]:
         """Names of what `stops` are of: the drivers, then coordinates of pairs."""
-        return (*self.drivers, *(() if self.pairs is None else self.pairs.names))
+        return (*self.drivers, *self.pairs.names)
 
     def end_at(self, i: int) -> str:
         """What a motion ends by that meets a stop of one of these."""
@@ -353,14 +353,14 @@ class System:
 
     def rows(self, q: Any, rate: Any) -> tuple[Floats, Floats]:
         """Rows (n, k) of all that has stops over the drivers, and drifts (n,): see `pair_stops`."""
-        return rows_of(self.pairs, q, rate)
+        return self.pairs.rows(q, rate)
 
     def against(self, q: Any, rate: Any, t: float, lead: float = 0.0) -> Held | None:
         """The stops that it lies against at a state, then drivers that are not free.
 
         None where there is none of both. ``lead`` as of `Roles.constraint`.
         """
-        stops = held_by(self.pairs, q, rate, sorted(self.held)) if self.held else None
+        stops = self.pairs.held(q, rate, sorted(self.held)) if self.held else None
         return stops if self.roles is None else self.roles.beside(stops, t, lead)
 
     def pushes(self, q: Floats, rate: Floats, t: float, x: Any) -> Floats:
