@@ -7,7 +7,7 @@ equation those of the next, or says why there is none.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -44,13 +44,6 @@ class Transition(NamedTuple):
     events: tuple[Event, ...] = ()
     slips: tuple[Slips, ...] = ()
     facts: dict[str, float] = {}
-
-    def then(self, later: Transition) -> Transition:
-        """Both, one after the other."""
-        y = self.y if later.y is None else later.y
-        until = self.until if later.until is None else later.until
-        events, slips = self.events + later.events, self.slips + later.slips
-        return Transition(later.end, y, until, events, slips, self.facts | later.facts)
 
 
 @dataclass
@@ -93,7 +86,7 @@ class StickSlip:
         fresh = self.settled == now.t
         return self.holds and not fresh and self._excess(now.t, now.y) > 0
 
-    def reverse(self, now: Now, j: int) -> Transition:
+    def reverse(self, now: Now, j: int) -> Iterator[Transition]:
         """Settle anew, pair j among those without relative rate.
 
         So are others whose rate goes through zero at the same time, within rounding of it.
@@ -103,12 +96,6 @@ class StickSlip:
         turning = np.abs(at.w) <= WITHIN * abs(now.t) * change
         others = np.flatnonzero(turning & ~signed).tolist()
         return self.settle(now, tuple({*self.stuck, *others, j}))
-
-    def stand(self, now: Now, short: bool) -> Transition:
-        """Settle anew where the only driver stands, after a swing that was too ``short`` or not."""
-        if self.friction is None and short:
-            return Transition(RunEnd(ends.REST))
-        return self.settle(now)
 
     @property
     def stuck(self) -> list[int]:
@@ -147,11 +134,11 @@ class StickSlip:
         held, force = self.equation.system.held, self.equation.stop_force
         return max((way * force(i, t, y) for i, way in held.items()), default=-math.inf)
 
-    def _held(self, now: Now) -> Transition:
+    def _held(self, now: Now) -> Iterator[Transition]:
         """Stay where nothing is free, until loads of the time push beyond what holds it."""
         system, t_last = self.equation.system, self.request.t_last
         if "state" in system.depends_on:
-            return Transition()  # signals go on
+            return  # signals go on
 
         def beyond(t: float) -> float:
             return max(self._excess(t, now.y), self._pull(t, now.y))
@@ -159,28 +146,35 @@ class StickSlip:
         until = first_beyond(system, beyond, now.t, t_last)
         if until is None and self.request.span == math.inf:
             end = f"{ends.END_STOP} at rest" if system.held else ends.REST
-            return Transition(RunEnd(end, "ended" if now.moved or system.held else "rest"))
-        stays = Transition(until=t_last if until is None else until)
-        if until is None or self._excess(until, now.y) < 0:
-            return stays
-        return stays.then(self.settle(Now(until, now.y, True), self.stuck, True))
+            yield Transition(RunEnd(end, "ended" if now.moved or system.held else "rest"))
+            return
+        yield Transition(until=t_last if until is None else until)
+        if until is not None and self._excess(until, now.y) >= 0:
+            yield from self.settle(Now(until, now.y, True), self.stuck, True)
 
-    def settle(self, now: Now, standing: Sequence[int] = (), released: bool = False) -> Transition:
+    def settle(
+        self, now: Now, standing: Sequence[int] = (), released: bool = False
+    ) -> Iterator[Transition]:
         """Which pairs stick from here on, and in which sense others slip.
 
         ``standing`` have no relative rate; ``released`` as of `JointFriction.settled`
         """
-        system, layout = self.equation.system, self.equation.layout
-        if (friction := self.friction) is None:
-            return self._lies(now)
-        at, old = self._instant(now.t, now.y, SOON), self.equation.sides
+        equation, system, layout = self.equation, self.equation.system, self.equation.layout
+        if (friction := self.friction) is None:  # stops alone may leave no freedom
+            q, qd = map(np.atleast_1d, equation.motion(now.t, now.y))
+            held = None if system.roles else system.against(q, qd, now.t)
+            equation.held = held is not None and not held.free()[0].size
+            yield from self._held(now) if equation.held else ()
+            return
+        at, old = self._instant(now.t, now.y, SOON), equation.sides
         at = friction.turning(at, standing, now.t)
         self.zero, self.settled = friction.without_slip(at, standing), now.t
         start = friction.settled(at, self.zero, released)
         if start.end:
             moved = start.end == ends.SELF_LOCKED and now.moved
-            return Transition(RunEnd(start.end, "ended" if moved else "failed"))
-        self.equation.sides = sides = start.sides
+            yield Transition(RunEnd(start.end, "ended" if moved else "failed"))
+            return
+        equation.sides = sides = start.sides
         events = []
         for j, (before, after) in enumerate(zip(old, sides, strict=False)):
             if before != after and self._told:
@@ -189,22 +183,15 @@ class StickSlip:
                 events.append(Event(name, now.t, *layout.motion(now.y)))
         y = now.y.copy()
         y[layout.rate] = friction.kept(at, sides)
-        goes = Transition(None, y, None, tuple(events), (Slips(now.t, sides),))
-        all_stand = bool(friction.fixed(at, sides)) and not (
-            system.roles and system.roles.prescribed
-        )
-        self.equation.held, self.holds = all_stand, bool(friction.stuck(at, sides))
-        if all_stand and at.push.size:
+        self.holds = bool(friction.stuck(at, sides))
+        prescribed = system.roles is not None and system.roles.prescribed
+        equation.held = bool(friction.fixed(at, sides)) and not prescribed
+        yield Transition(None, y, None, tuple(events), (Slips(now.t, sides),))
+        if equation.held and at.push.size:
             event = Event(ends.REST, now.t, *layout.motion(y))
-            goes = goes.then(Transition(events=(event,), facts=self._facts(now, start)))
-        return goes.then(self._held(now._replace(y=y))) if all_stand else goes
-
-    def _lies(self, now: Now) -> Transition:
-        """Go on without friction: stay where stops leave no freedom."""
-        system, (q, qd) = self.equation.system, self.equation.motion(now.t, now.y)
-        held = None if system.roles else system.against(np.atleast_1d(q), np.atleast_1d(qd), now.t)
-        self.equation.held = held is not None and held.free()[0].shape[-1] == 0
-        return self._held(now) if self.equation.held else Transition()
+            yield Transition(events=(event,), facts=self._facts(now, start))
+        if equation.held:
+            yield from self._held(now._replace(y=y))
 
     def _facts(self, now: Now, start: Settled) -> dict[str, float]:
         """How firmly friction holds what rests."""

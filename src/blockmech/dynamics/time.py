@@ -7,6 +7,7 @@ pairs with friction, instants of signals and events that change roles end one.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain, count
 from typing import TYPE_CHECKING
@@ -190,16 +191,19 @@ class TimeIntegration(Integration):
         alike = system.depends_on <= {"q", "rate"} and request.roles is None
         return alike and not limited and not system.remembers and system.period is not None
 
-    def _becomes(self, change: Transition) -> RunEnd | None:
+    def _becomes(self, changes: Iterable[Transition]) -> RunEnd | None:
         """Go on as pairs with friction do."""
-        self.events += change.events
-        self.facts |= change.facts
-        self.slips = [s for s in self.slips if not (change.slips and s.begin == self.t)]
-        self.slips += change.slips
-        self.y = self.y if change.y is None else change.y
-        if change.until is not None:
-            self.wait(change.until)
-        return change.end
+        for change in changes:
+            self.events += change.events
+            self.facts |= change.facts
+            self.slips = [s for s in self.slips if not (change.slips and s.begin == self.t)]
+            self.slips += change.slips
+            self.y = self.y if change.y is None else change.y
+            if change.until is not None:
+                self.wait(change.until)
+            if change.end is not None:
+                return change.end
+        return None
 
     def _rules(self) -> list[EventFunction]:
         equation, system = self.equation, self.system
@@ -361,7 +365,9 @@ class TimeIntegration(Integration):
         if (over := self.stood()) is not None:
             return over
         short = self.request.standstills < math.inf and swing <= self.rest
-        return self._becomes(self.pairs.stand(self._now, short))
+        if short and self.system.friction is None:
+            return RunEnd(ends.REST)
+        return self._becomes(self.pairs.settle(self._now))
 
     def _past_kink(self) -> RunEnd | None:
         """Go on to the far side of a kink, if there is one: else the load ends there.
