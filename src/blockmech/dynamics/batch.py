@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
     CORNERED,
@@ -51,7 +52,6 @@ if TYPE_CHECKING:
 Bools = NDArray[np.bool_]
 TOGETHER = 16  # steps of a design between two looks at it
 FIRST = 3.0  # the first tolerance below that of single motions: one design misses for all
-UNSURE = 1e-9  # of the accelerations at a standstill: what is smaller is decided by itself
 MARGIN, SLIPS = 0, 2  # columns of what is watched, see `rates`
 TIME, GOAL, REST = range(3)  # why a motion is over
 SEVERAL, NOTHING, STANDS, ARRIVES = range(-1, 3)  # what happens in a step: a standstill, a goal
@@ -347,12 +347,12 @@ class _Run:
             return
         if not self.rubs:
             row = self._rows(which, self.y[which, 0], 0.0)
-            push = self.system.rounding(float(self.request.start.q)) / UNSURE
+            push = self.system.rounding(float(self.request.start.q)) / SETTLED
             self.alone[which] |= ~(np.abs(row[:, 1]) * row[:, self.n + 1] > push)
             return
         back = self._slip(which, np.full(len(which), -1.0))[:, 1]
         ahead = self._slip(which, np.full(len(which), 1.0))[:, 1]
-        least = UNSURE * (np.abs(back) + np.abs(ahead))
+        least = SETTLED * (np.abs(back) + np.abs(ahead))
         unsure = ~((np.abs(back) > least) & (np.abs(ahead) > least))
         self.alone[which] |= unsure | ((ahead > 0) & (back < 0))
         starts_back = which[back < 0]

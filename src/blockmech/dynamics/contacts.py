@@ -21,9 +21,9 @@ import numpy as np
 
 from blockmech.result.motion import Floats
 
-DEPENDENT = 1e-10  # [-] of the largest singular value of rows: below it they depend on others
-SETTLED = 1e-9  # [-] by which a law may be missed where things start, stay or part: rounding
-STILL = 1e-12  # [-] of a rate's parts, or of a blow: what is left of them is rounding
+SETTLED = 1e-9  # [-] by which a law or a place may be missed by what is solved for: rounding
+DEPENDENT = SETTLED / 10  # of the largest singular value of rows: below it they depend on others
+STILL = SETTLED / 1000  # of a rate's parts, or of a blow: what is left of them is rounding
 
 
 class Held(NamedTuple):

@@ -300,12 +300,8 @@ def kept_rates(system: System, method: Callable[[], Method] = dop853) -> Compile
     """
     if len(system.drivers) > 1 or type(system).one is not System.one:
         return None
-    kept, key = system.kept, ("rates", system.method, method)
-    if key not in kept:
-        about = system.equation_program, system.friction, system.signals
-        kept[key] = rates_of(*about, method())
-    found: CompiledRhs | None = kept[key]
-    return found
+    about = system.equation_program, system.friction, system.signals
+    return system.keep((rates_of, system.method, method), lambda: rates_of(*about, method()))
 
 
 def scales(equation: Equation, t: float, y: Floats) -> Floats:

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 import numpy as np
 
 from blockmech.dynamics import ends, loads
+from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.equation import Equation, typical_motion
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.forcing import ELSEWHERE, GIVE, no_steady
-from blockmech.dynamics.periodic import FLOWS, NONE, FixedPoint, fixed_point
+from blockmech.dynamics.periodic import FLOWS, FixedPoint, fixed_point
 from blockmech.dynamics.request import SimulationRequest, Start, Until, Watch
 from blockmech.dynamics.run import INTEGRATORS
 from blockmech.dynamics.singular import what_is_ahead
@@ -116,7 +117,7 @@ class Flow:
         """Whether signals do the same a period on, whatever they read."""
         there = self.x + period * (np.arange(self.x.size) < 1)
         change = np.abs(self.slope(there) - (here := self.slope(self.x)))
-        return bool(change.max() <= NONE * np.abs(here).max())
+        return bool(change.max() <= SETTLED * np.abs(here).max())
 
     def wrapped(self, step: Floats) -> Floats:
         """A change of the state (n,), whole turns left out."""
@@ -125,7 +126,7 @@ class Flow:
     def begin_of(self, x: Floats) -> Floats:
         """A state, at the first turn of its driver: where the start is, if it can."""
         off = self.wrapped(x - self.x)[:1]
-        return np.append(self.x[:1] + np.where(np.abs(off) > NONE, off, 0.0), x[1:])
+        return np.append(self.x[:1] + np.where(np.abs(off) > SETTLED, off, 0.0), x[1:])
 
     # -- ways ------------------------------------------------------------------------------
 
@@ -247,7 +248,7 @@ class Stroboscope:
         for t in np.linspace(0.0, 0.9 * T, SETTLING).tolist():
             here, later = flow.acceleration(flow.x, t), flow.acceleration(flow.x, t + T)
             largest = float(np.abs([here, later]).max()) + flow.speed**2
-            if not np.abs(later - here).max() <= NONE * largest:
+            if not np.abs(later - here).max() <= SETTLED * largest:
                 raise no_steady(f"the loads are not the same again after {T:.9g} s", GIVE)
 
     def _is_cyclic(self, i: int) -> bool:
@@ -257,7 +258,7 @@ class Stroboscope:
         radian = flow.system.span / math.tau * np.eye(1, x.size, i)[0]  # or as much of a slide
         here = flow.acceleration(x)
         there = [flow.acceleration(x + j * radian) for j in (1, 2, 3)]
-        return bool(np.abs(np.array(there) - here).max() <= NONE * (np.abs(here).max() + EPS))
+        return bool(np.abs(np.array(there) - here).max() <= SETTLED * (np.abs(here).max() + EPS))
 
     def away(self, x: Floats, other: Floats) -> float:
         """How far two states are apart, relative to a motion's size."""
@@ -266,7 +267,7 @@ class Stroboscope:
     def orbits(self) -> Iterator[Orbit]:
         """Orbits near the start and near what it settles to."""
         x = self.flow.x
-        if self.away(x, self.flow.after(x, self.T, FLOWS)) <= NONE / 100:
+        if self.away(x, self.flow.after(x, self.T, FLOWS)) <= SETTLED / 100:
             yield from self._near(x, (1,))
         for _ in range(TIMES):
             for _ in range(SETTLING):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
-from blockmech.dynamics.periodic import NONE
+from blockmech.dynamics.contacts import SETTLED
 from blockmech.ground.errors import RequestError, refused
 from blockmech.loads.contract import Following
 from blockmech.loads.laws import Polynomial
@@ -49,7 +49,7 @@ def forcing_period(structure: Structure, given: float) -> float:
 def _common(one: float, first: str, other: float, second: str) -> float:
     """The least common multiple of two periods [s]; ``one`` may be 0: not known."""
     ratio = Fraction(other / one if one else 1.0).limit_denominator(COMMON)
-    fits = 0 < ratio.numerator <= COMMON and abs(float(ratio) * one / other - 1) <= NONE
+    fits = 0 < ratio.numerator <= COMMON and abs(float(ratio) * one / other - 1) <= SETTLED
     if one and not fits:
         raise no_steady(
             f"the loads {first} and {second} repeat after {one:.9g} s and {other:.9g} s, "

@@ -12,13 +12,11 @@ from __future__ import annotations
 import numpy as np
 
 from blockmech.dynamics.blow import blow, impact_of
-from blockmech.dynamics.contacts import STILL
+from blockmech.dynamics.contacts import SETTLED, STILL
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.roles import Roles
 from blockmech.ground.errors import refused
 from blockmech.result.motion import Floats, Impact
-
-SAME = 1e-9  # [-] by which a driver may be beside where its law of motion says
 
 
 def jolt_of(
@@ -34,7 +32,7 @@ def jolt_of(
     system, (q, before) = equation.system, equation.layout.motion(y.copy())
     for i in roles.prescribed:
         place = roles.law_at(i, t)[0]
-        if not abs(place - q[i]) <= SAME * max(1.0, abs(q[i])):
+        if not abs(place - q[i]) <= SETTLED * max(1.0, abs(q[i])):
             name = roles.drivers[i]
             found = (
                 f"at t = {t:.9g} s {name}.q is {q[i]:.9g}, and its law of motion says {place:.9g}"

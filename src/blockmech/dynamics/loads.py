@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -67,20 +67,6 @@ def smooth(structure: Structure) -> bool:
     if any(isinstance(block, Python) for block in structure.signals.values()):
         return False
     return alone or not structure.followers
-
-
-class Nature(NamedTuple):
-    """What the loads of a mechanism are: see the functions of these names."""
-
-    depends_on: frozenset[str]
-    lossless: bool
-    smooth: bool
-
-
-def nature(mechanism: Any) -> Nature:
-    """That of a mechanism, which keeps it."""
-    rules = depends_on, lossless, smooth
-    return Nature(*(rule(mechanism.structure) for rule in rules))  # type: ignore[arg-type]
 
 
 def largest_length(structure: Structure) -> float:

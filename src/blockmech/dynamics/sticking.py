@@ -38,8 +38,8 @@ from blockmech.result.motion import Floats
 States: TypeAlias = tuple[Floats, Floats, Floats, Any]  # (n, k), (n, k), (n,), (n, states)
 Against: TypeAlias = Callable[[Floats, Floats, Floats, Any], Held]
 
-LOCATED = 1e-6  # [-] the same where an event was located on a dense output
-APART = 1e-5  # [-] accelerations that differ by more are two
+LOCATED = 1000 * SETTLED  # the same where an event was located on a dense output
+APART = 10 * LOCATED  # [-] accelerations that differ by more are two
 BEYOND = 1e-4  # [rad or m] how far beyond a place the sense of a pair shows
 WITHIN = 4 * EPS  # [-] of a time, to which an event is found in it
 

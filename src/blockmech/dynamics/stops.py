@@ -19,16 +19,17 @@ import numpy as np
 from blockmech.dynamics.loads import largest_length
 from blockmech.dynamics.pair_stops import Counted, stopped_pairs
 from blockmech.dynamics.request import STOPS, Pairs, pairs_of
+from blockmech.functions.series import SCANNED
 from blockmech.ground.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.ground.plane import EPS
 from blockmech.model.structure import COORDINATE
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-SAMPLES = 721  # of a turn, or of the reach of a slide, between which a bound is looked for
 REACH = 8.0  # of a slide's coordinate, in largest lengths
 TURNS = 64  # beyond which the stop of a pin that turns on is not looked for
-LEAST_SLOPE = 1e-8  # of a pair's coordinate by the driver's, where it still strikes a stop
+LEAST_SLOPE = math.sqrt(EPS)  # of a pair's coordinate by the driver's, where it strikes a stop
 
 
 class Stop(NamedTuple):
@@ -175,7 +176,7 @@ class _Coordinate:
         size = math.tau if self.turns else REACH * largest_length(self.mechanism.structure)
         q, before = self.q0, self.start + self.shift
         for _ in range(TURNS if self.turns else 1):
-            places = q + way * np.linspace(0.0, size, SAMPLES)
+            places = q + way * np.linspace(0.0, size, SCANNED + 1)
             values = self.along(places)
             if self.rotary:
                 values += math.tau * np.round((before - values[0]) / math.tau)

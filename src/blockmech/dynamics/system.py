@@ -221,7 +221,7 @@ class System:
     @cached_property
     def depends_on(self) -> frozenset[str]:
         """What loads and friction depend on, of {"q", "rate", "time", "state"}."""
-        variables = self.compiled.once(loads.nature).depends_on
+        variables = self._of_loads(loads.depends_on)
         if self.signals.initial:  # also of signals that no load follows: only time moves them
             variables |= {"state"}
         if not self.compiled.structure.signal_wires:
@@ -233,10 +233,18 @@ class System:
     @cached_property
     def period(self) -> float | None:
         """Period [rad] of everything that depends on the only driver's coordinate."""
-        if "period" not in self.kept:
-            self.kept["period"] = loads.period_of(self.compiled.structure, self.drivers[0])
-        period: float | None = self.kept["period"]
-        return period
+        return self._of_loads(loads.period_of, self.drivers[0])
+
+    def _of_loads(self, rule: Callable[..., T], *of: str) -> T:
+        """What a rule says of the structure, asked once for all runs."""
+        return self.keep((rule, *of), lambda: rule(self.compiled.structure, *of))
+
+    def keep(self, key: Any, make: Callable[[], T]) -> T:
+        """What is made of the mechanism once, for all its runs."""
+        if key not in self.kept:
+            self.kept[key] = make()
+        made: T = self.kept[key]
+        return made
 
     @property
     def knots(self) -> tuple[float, ...]:
@@ -259,12 +267,12 @@ class System:
     def lossless(self) -> bool:
         """Whether the loads have a potential with the period, and no joint has friction."""
         free = self.friction is None and self.period is not None
-        return free and self.compiled.once(loads.nature).lossless
+        return free and self._of_loads(loads.lossless)
 
     @cached_property
     def smooth(self) -> bool:
         """Whether the accelerations are smooth within a step."""
-        return self.friction is None and self.compiled.once(loads.nature).smooth
+        return self.friction is None and self._of_loads(loads.smooth)
 
     @property
     def noise(self) -> float:
@@ -323,12 +331,7 @@ class System:
         """The same, with stops of pairs that may push."""
         if self.method is None or self.method.method == "none":
             return None
-        if not pushed:
-            program = self.compiled.once(pair_program)
-        else:  # of pairs as well that nothing but a push loads
-            if ("pushed", pushed) not in self.kept:
-                self.kept["pushed", pushed] = pair_program(self.compiled, pushed)
-            program = self.kept["pushed", pushed]
+        program = self.keep((pair_program, pushed), lambda: pair_program(self.compiled, pushed))
         if program is None:
             return None
         states = lambda: self.compiled_states  # noqa: E731
