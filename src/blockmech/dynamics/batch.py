@@ -14,13 +14,11 @@ ones (`estimate`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from blockmech.dynamics.batch_motions import GOAL, REST, TIME, Bools, Motions, Track
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
@@ -38,7 +36,7 @@ from blockmech.dynamics.events import PARTS
 from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.dynamics.run import EVALUATIONS
 from blockmech.engines.compiled_rates import CompiledRhs, FleetSteps
-from blockmech.engines.dense import Dense, value
+from blockmech.engines.dense import Dense
 from blockmech.engines.llvm import slots_of
 from blockmech.engines.stages import BOUND, HIGH, LOW, THIRD, TRY, WEIGHT, scheme
 from blockmech.ground.plane import EPS
@@ -49,12 +47,11 @@ if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
 
-Bools = NDArray[np.bool_]
 TOGETHER = 16  # steps of a design between two looks at it
 FIRST = 3.0  # the first tolerance below that of single motions: one design misses for all
 MARGIN, SLIPS = 0, 2  # columns of what is watched, see `rates`
-TIME, GOAL, REST = range(3)  # why a motion is over
-SEVERAL, NOTHING, STANDS, ARRIVES = range(-1, 3)  # what happens in a step: a standstill, a goal
+# What happens in a step: too much, nothing, a standstill, arrival at the first goal or another one.
+SEVERAL, NOTHING, STANDS, ARRIVES = range(-1, 3)
 
 
 def rates_for(system: System, request: SimulationRequest) -> CompiledRhs | None:
@@ -75,106 +72,6 @@ def rates_for(system: System, request: SimulationRequest) -> CompiledRhs | None:
     if friction and any(law.acts and law.kernel_at_rest() is not None for law in laws):
         return None
     return kept_rates(system)
-
-
-class Motions(NamedTuple):
-    """Motions of m designs, arrays (m,).
-
-    alone : whether a design is to be moved by itself; the other columns then say nothing
-    end : `TIME`, `GOAL` or `REST`
-    rest : [s] when friction stopped it for good, NaN where it did not
-    stands : number of standstills
-    taken : [J] work of joint friction
-    error, time_error : [rad or m], [s], as those of a `Motion`
-    track : states at any times
-    """
-
-    alone: Bools
-    end: NDArray[np.int64]
-    t: Floats
-    q: Floats
-    rate: Floats
-    rest: Floats
-    stands: NDArray[np.int64]
-    taken: Floats
-    error: Floats
-    time_error: Floats
-    track: Track
-
-    def merged(self, other: Motions, where: Bools) -> Motions:
-        """These, and another's where it says so."""
-        rows = zip(self[:-1], other[:-1], strict=True)
-        pieces = self.track.some(~where), other.track.some(where)
-        track = Track.of(pieces, self.track.m)
-        return Motions._make([*(np.where(where, b, a) for a, b in rows), track])
-
-
-@dataclass(frozen=True)
-class Track:
-    """Dense output of all designs: steps in order of design, then of time.
-
-    m : number of designs
-    design, t0, t1 : (s,) whose, from and to [s]
-    series : (8, s, 2) of coordinate and rate, see `blockmech.engines.dense`
-    """
-
-    m: int
-    design: NDArray[np.intp]
-    t0: Floats
-    t1: Floats
-    series: Floats
-
-    @classmethod
-    def of(cls, pieces: Sequence[tuple[Any, ...]], m: int) -> Track:
-        """From pieces (design, t0, t1, series), those of a design in the order of time."""
-        none = np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty((8, 0, 2))
-        design, t0, t1 = (np.concatenate([p[i] for p in (none, *pieces)]) for i in range(3))
-        order = np.argsort(design, kind="stable")
-        series = np.concatenate([p[3] for p in (none, *pieces)], axis=1)[:, order]
-        return cls(m, design[order], t0[order], t1[order], series)
-
-    def some(self, which: Bools) -> tuple[Any, ...]:
-        """The piece of some designs."""
-        kept = which[self.design]
-        return self.design[kept], self.t0[kept], self.t1[kept], self.series[:, kept]
-
-    def state(self, t: Floats, of: NDArray[np.intp] | None = None) -> Floats:
-        """Coordinates and rates (m, p, 2) of designs, by default all, at times (m, p) [s]."""
-        states = np.full((*t.shape, 2), np.nan)
-        if not self.t0.size:
-            return states
-        some = np.bincount(self.design, minlength=self.m) > 0
-        of = np.arange(self.m) if of is None else of
-        known = np.flatnonzero(some[of])
-        rows, wanted = of[known], t[known]
-        i = self._steps_at(rows[:, None], wanted)
-        x = (wanted - self.t0[i]) / np.maximum(self.t1[i] - self.t0[i], 1e-300)
-        values = _inside(x.ravel(), self.series[:, i.ravel()])
-        states[known] = values.reshape(*wanted.shape, 2)
-        return states
-
-    def _steps_at(self, design: Any, t: Floats) -> Any:
-        """In which steps designs are at times [s]; the first one before the start."""
-        begin, span = self.t0.min(), np.ptp(np.append(self.t1, self.t0)) or 1.0
-
-        def place(design: Any, at: Any) -> Any:
-            """A number in the order of designs, and of a design's times."""
-            return design + np.clip((at - begin) / span, 0.0, 1.0) / 2
-
-        i = place(self.design, self.t0).searchsorted(place(design, t), side="right") - 1
-        return np.maximum(i, np.searchsorted(self.design, design))
-
-    def plan(self, design: Any, t: Floats, most: int) -> tuple[Floats, NDArray[np.int64]]:
-        """Steps (m, most + 1) [s] of designs (m,) from times on, and how many these are."""
-        if not self.t0.size:
-            return np.zeros((len(design), most + 1)), np.zeros(len(design), np.int64)
-        first = np.searchsorted(self.design, design)
-        i, after = self._steps_at(design, t), np.searchsorted(self.design, design, "right")
-        count = np.where(after > first, np.clip(after - i, 0, most), 0)
-        ahead = np.minimum(i[:, None] + np.arange(most + 1), len(self.t0) - 1)
-        last = self.t1[np.clip(i + count - 1, 0, len(self.t0) - 1)]
-        within = np.arange(most + 1) < count[:, None]
-        return np.where(within, self.t0[ahead], last[:, None]), count
 
 
 def moved(
@@ -421,7 +318,7 @@ class _Run:
         stands = (kind == STANDS) & ~alone
         self.stands[which] += stands
         ends_step = self.rubs or self.request.standstills < math.inf
-        hit = (stands & ends_step) | ((kind == ARRIVES) & ~alone)
+        hit = (stands & ends_step) | ((kind >= ARRIVES) & ~alone)
         keep = np.where(hit, last, taken_steps.made)
         keep[alone] = 0
         self._keep(which, taken_steps, series, keep)
@@ -437,9 +334,9 @@ class _Run:
         step = Dense(np.zeros(1), np.ones(1), series[None])
         rate = y0[1] or float(step(1 / PARTS)[1])  # from a standstill on
         found = [(x, STANDS) for x in step.crossings(1, 0.0, (rate, y1[1]), 0, PARTS)]
-        for place in self.request.places:
+        for i, place in enumerate(self.request.places):
             off = y0[0] - place, y1[0] - place
-            found += [(x, ARRIVES) for x in step.crossings(0, place, off, 0, PARTS)]
+            found += [(x, ARRIVES + i) for x in step.crossings(0, place, off, 0, PARTS)]
         return found[0] if len(found) == 1 else (1.0, SEVERAL if found else NOTHING)
 
     def _keep(self, which: Any, steps: Any, series: Floats, count: Any) -> None:
@@ -464,7 +361,8 @@ class _Run:
         series = _series(steps)
         self._keep(which, steps, series, np.where(reached, made, 0))
         slope = self._rows(which, self.y[which, 0], self.y[which, 1])[:, : self.n]
-        value = np.where(stands, self.y[which, 1], self.y[which, 0] - self._place(which))
+        goal = np.append(self.request.places, 0.0)[kind - ARRIVES]
+        value = np.where(stands, self.y[which, 1], self.y[which, 0] - goal)
         rise = np.where(stands, slope[:, 1], slope[:, 0])
         with np.errstate(all="ignore"):
             late = -value / rise
@@ -475,27 +373,15 @@ class _Run:
         self.y[which] += late[:, None] * slope
         stood = which[stands & ~self.alone[which]]
         self.y[stood, 1] = 0.0
-        done = stood[self.stands[stood] >= self.request.standstills]
-        goal = which[~stands & ~self.alone[which]]
-        for ended in (done, goal):
-            self.over[ended], self.end[ended] = True, GOAL
+        met = ~stands | (self.stands[which] >= self.request.standstills)
+        ended = which[met & ~self.alone[which]]
+        self.over[ended], self.end[ended] = True, GOAL
         self._leave(stood[~self.over[stood]])
-
-    def _place(self, which: Any) -> Floats:
-        """The goal's place [rad or m] that is nearest to where designs are."""
-        places = np.array(self.request.places or [0.0])
-        q = self.y[which, 0]
-        return np.asarray(places[np.abs(q[:, None] - places).argmin(axis=1)])
 
 
 def _series(steps: FleetSteps) -> Floats:
     """Dense output (8, m, s, 2) of coordinate and rate, of all steps; of none that is not made."""
     return np.moveaxis(steps.series[..., :2], 2, 0)
-
-
-def _inside(x: Any, series: Floats) -> Floats:
-    """Dense output (p, n) at shares x (p,) of steps, from their series (8, p, n)."""
-    return np.asarray(value(series, 1, x[:, None]))
 
 
 def _may_dip(x: Floats) -> Bools:

@@ -117,7 +117,7 @@ def blow(
     held = _of(stops, chosen, change[chosen])
     jump, pushes[chosen] = constrained(M, np.zeros(len(before)), held)
     none = np.zeros(0 if friction is None else len(friction.names))
-    return Blow(before + jump, pushes, none, solved=friction is None)
+    return Blow(before + jump, pushes, none, solved=friction is None or at is None)
 
 
 def _of(stops: Held, some: list[int], drift: Floats) -> Held:

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.batch import GOAL, Motions, Track, share_of_all
+from blockmech.dynamics.batch import share_of_all
+from blockmech.dynamics.batch_motions import GOAL, Motions, Track
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.estimate import PARTED, ROUNDING, TARGET
 from blockmech.dynamics.panel_nodes import (
