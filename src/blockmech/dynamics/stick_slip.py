@@ -15,7 +15,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.events import EventFunction, friction_rules, release_rule
+from blockmech.dynamics.events import PARTS, EventFunction, friction_rules
 from blockmech.dynamics.friction import Instant
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.dynamics.rest import first_beyond
@@ -71,7 +71,8 @@ class StickSlip:
     def rules(self) -> list[EventFunction]:
         """Where the equation of a segment ends."""
         equation = self.equation
-        rules = [release_rule(self._excess)] if self.holds else []
+        released = EventFunction(ends.RELEASED, self._excess, 1, parts=PARTS // 2, index=0)
+        rules = [released] if self.holds else []
         if self.friction is not None and not equation.held:
             about = self.friction.program, equation.sides, not self._told
             rules += friction_rules(equation.slips, equation.pair_loads, *about)
