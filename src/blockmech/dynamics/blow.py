@@ -165,11 +165,11 @@ def _rubbed(
         response = friction.respond(stage, settled.sides)
         if settled.end or not response.solved:
             return None
-        jump = stage.of_drivers(response.qdd) / SUDDEN
+        jump = response.qdd / SUDDEN
         slips = np.setdiff1d(np.flatnonzero(~friction.signed), zero).astype(int)
         ends = _until(w, at.S @ jump, slips)
         step = min(1.0 - done, float(ends.min(initial=np.inf)))
-        P = step / SUDDEN * stage.pushes(response)
+        P = step / SUDDEN * response.pushes
         pushes[some] += P
         T += step / SUDDEN * response.t
         own = np.array(some) < count

@@ -156,14 +156,6 @@ class Instant(NamedTuple):
         of_q = (self.contact.basis @ x[..., None])[..., 0]
         return of_q + (self.contact.shift if shifted else self.contact.carried)
 
-    def pushes(self, response: Response) -> Floats:
-        """What stops that it lies against give [N m or N] (..., a)."""
-        if self.contact is None:
-            return np.zeros((*self.push.shape[:-1], 0))
-        push, of_z, of_t = self.contact[2:5]
-        more = of_z @ response.qdd[..., None] + of_t @ response.t[..., None]
-        return np.asarray(push + more[..., 0])
-
     def norms(self, loads: Any, guides: Sequence[bool]) -> Floats:
         """Loads (..., m) as friction is of them [N]."""
         larger = np.maximum(np.abs(loads.real), np.abs(loads.imag))
@@ -171,13 +163,31 @@ class Instant(NamedTuple):
 
 
 class Response(NamedTuple):
-    """Accelerations and friction at an instant, for some sides."""
+    """Accelerations and friction at an instant, for some sides.
 
-    qdd: Floats  # (..., z) of what is free
+    misfit : [-] bound of what an iteration left undone, of the largest friction
+    """
+
+    at: Instant
+    free: Floats  # (..., z) accelerations of what is free
     t: Floats  # (..., m)
     loads: Any  # (..., m)
     outcome: Any = 0.0
     misfit: Any = 0.0
+
+    @property
+    def qdd(self) -> Floats:
+        """Accelerations (..., k) of the drivers."""
+        return self.at.of_drivers(self.free)
+
+    @property
+    def pushes(self) -> Floats:
+        """What stops that it lies against give [N m or N] (..., a)."""
+        if self.at.contact is None:
+            return np.zeros((*self.free.shape[:-1], 0))
+        push, of_z, of_t = self.at.contact[2:5]
+        more = of_z @ self.free[..., None] + of_t @ self.t[..., None]
+        return np.asarray(push + more[..., 0])
 
     @property
     def solved(self) -> bool:
@@ -185,24 +195,10 @@ class Response(NamedTuple):
         code = float(self.outcome)
         return code == code and Outcome(int(code)).solved
 
-
-class FrictionState(NamedTuple):
-    """One state: the acceleration, and what the pairs do.
-
-    qdd : (k,)
-    power : [W] that friction takes, less what laws with a state store
-    loads : (m,) on the pairs
-    locked : whether no acceleration satisfies the laws, in a pose that is possible
-    misfit : [-] bound of what an iteration left undone, of the largest friction
-    pushes : (a,) [N m or N] of the stops that it lies against
-    """
-
-    qdd: Floats
-    power: float
-    loads: Vectors
-    locked: bool
-    misfit: float = 0.0
-    pushes: Any = ()
+    @property
+    def locked(self) -> bool:
+        """Whether no acceleration satisfies the laws, of one instant in a pose that is possible."""
+        return not self.solved and self.at.margin > 0
 
 
 def least(margins: Iterable[Any]) -> float:

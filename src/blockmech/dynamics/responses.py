@@ -80,7 +80,8 @@ class PairResponses(PairFriction):
                 if not any(sides) or off <= SETTLED * np.abs(response.t).max():
                     break
         except (ArithmeticError, ValueError, np.linalg.LinAlgError):
-            return Response(math.nan * at.push, math.nan * at.w, math.nan * at.f, math.nan)
+            qdd, t, loads = (math.nan * x for x in (at.push, at.w, at.f))
+            return Response(at, qdd, t, loads, math.nan)
         return response
 
     def _balance(self, at: Instant, sides: Sides, law: Any, share: Floats) -> Response:
@@ -113,9 +114,9 @@ class PairResponses(PairFriction):
             stands = self.fixed(at, sides) & ~at.b.any(axis=-1)
             qdd = np.where(stands[..., None], 0.0, qdd)
         if solution is None:
-            return Response(qdd, t, F)
+            return Response(at, qdd, t, F)
         misfit = left_undone(solution.residual, solution.contraction)
-        return Response(qdd, t, F, solution.outcome, misfit)
+        return Response(at, qdd, t, F, solution.outcome, misfit)
 
     def _solved(self, laws: Any, steepest: Any, guides: Sequence[bool], F: Any) -> Any:
         """Friction of the pairs that slip, from loads (..., a, 1 + a) as of `_linear`."""
@@ -211,7 +212,7 @@ class PairResponses(PairFriction):
         way, work = way[way != 0], np.abs(S[moved] @ v)
         slips = [j for j, s in enumerate(sides) if s]
         side = np.array([sides[j] for j in slips])
-        wanted = at.M @ response.qdd - at.push
+        wanted = at.M @ response.free - at.push
         weights = self.weights[others][:, None]
         back = np.linalg.pinv((weights * S[others]).T, rcond=DEPENDENT)
         share, loads = 0.0, response.loads
@@ -227,7 +228,7 @@ class PairResponses(PairFriction):
                 return 0.0, math.inf, response.t
             t[moved] = share * way * held[moved]
             t[others] = weights[:, 0] * (back @ (need - t[moved] @ S[moved]))
-            loads = at.f + at.G @ response.qdd + at.R @ t
+            loads = at.f + at.G @ response.free + at.R @ t
             if np.abs(t - last).max() <= 4 * EPS * np.abs(t).max():
                 break
         return share, _largest(np.abs(t[others]), self._held(at, loads)[others]), t

@@ -29,7 +29,7 @@ import numpy as np
 
 from blockmech.dynamics import ends
 from blockmech.dynamics.contacts import DEPENDENT, SETTLED, Held
-from blockmech.dynamics.friction import FrictionState, Instant, Response, Sides
+from blockmech.dynamics.friction import Instant, Response, Sides
 from blockmech.dynamics.patterns import affine_patterns
 from blockmech.dynamics.responses import PairResponses
 from blockmech.ground.plane import EPS
@@ -86,15 +86,14 @@ class JointFriction(PairResponses):
 
     def at(
         self, q: Floats, qd: Floats, t: float, sides: Sides, x: Any = None, held: Held | None = None
-    ) -> FrictionState:
+    ) -> Response:
         """One state, while it lies against stops that are held."""
-        at = self.instant(q, qd, t, x, held)
-        response = self.respond(at, sides)
+        return self.respond(self.instant(q, qd, t, x, held), sides)
+
+    def power(self, response: Response, sides: Sides) -> float:
+        """[W] that friction takes at an instant, less what laws with a state store."""
         slipping = (np.array(sides) != 0) & ~np.array(self.program.separates)
-        power = -float(response.t[slipping] @ at.w[slipping])
-        qdd, pushes, locked = at.of_drivers(response.qdd), at.pushes(response), not response.solved
-        lost = locked and at.margin > 0
-        return FrictionState(qdd, power, response.loads, lost, float(response.misfit), pushes)
+        return -float(response.t[slipping] @ response.at.w[slipping])
 
     def holding(self, q: Floats, t: float = 0.0, x: Any = None) -> Holding:
         """What holds the only driver at places (n,), infinite where nothing starts it.
@@ -117,7 +116,7 @@ class JointFriction(PairResponses):
                 some = np.flatnonzero((senses == sides).all(axis=1))
                 part = at if len(q) == 1 else at.part(some)
                 response = self._balance(part, sides, part.law, 0.0 * self.weights)
-                efforts, good = 0.0 - response.qdd[..., 0], np.isfinite(response.qdd[..., 0])
+                efforts, good = 0.0 - response.free[..., 0], np.isfinite(response.free[..., 0])
                 start[some] = np.where(good, efforts, start[some])
                 rubs = np.abs(response.t * part.S[..., 0]).sum(axis=-1)
                 taken[some] += np.where(good, rubs, 0.0)
@@ -131,7 +130,7 @@ class JointFriction(PairResponses):
         at = self.instant(q, qd, t, x, held)
         begun = self.settled(at, self.without_slip(at, ()))
         response = begun.response or self.respond(at, begun.sides)
-        return begun, at.of_drivers(response.qdd), at.pushes(response)
+        return begun, response.qdd, response.pushes
 
     def along(
         self, states: States, sides: Any, lies: Any, against: Against, begins: bool = True
@@ -160,8 +159,8 @@ class JointFriction(PairResponses):
                 at = self.instant(*state, x[some], held)
                 rates[some] = self.kept(at, side)
             response = self._each(at, side)
-            qdd[some], friction[some] = at.of_drivers(response.qdd), response.t
-            pushes[np.ix_(some, those)] = at.pushes(response)
+            qdd[some], friction[some] = response.qdd, response.t
+            pushes[np.ix_(some, those)] = response.pushes
             size = (np.abs(at.S) @ np.abs(at.freedoms[..., None]))[..., 0]
             fast = np.abs(np.hstack([at.w, at.rate])).max(axis=-1, keepdims=True)
             stands = (np.abs(at.w) <= DEPENDENT * np.maximum(size, fast)) & ~self.signed
@@ -202,8 +201,8 @@ class JointFriction(PairResponses):
             if key not in known:
                 known[key] = self.respond(state, sides)
             rows.append(known[key])
-        qdd, t = (np.array([getattr(x, part) for x in rows]) for part in ("qdd", "t"))
-        return rows[0]._replace(qdd=qdd, t=t)
+        free, t = (np.array([getattr(x, part) for x in rows]) for part in ("free", "t"))
+        return rows[0]._replace(at=at, free=free, t=t)
 
     # -- which sides -------------------------------------------------------------
 
@@ -256,7 +255,7 @@ class JointFriction(PairResponses):
         if not fit:
             return Settled(sides, end=ends.SELF_LOCKED)
         best = min(fit, key=lambda x: x.missed)  # of equal ones that with the fewest that slip
-        sure = np.array([x.response.qdd for x in fit if x.missed <= SETTLED or x is best])
+        sure = np.array([x.response.free for x in fit if x.missed <= SETTLED or x is best])
         size = max(np.abs(sure).max(initial=0.0), np.abs(at.unheld).max(initial=0.0))
         if np.ptp(sure, axis=0).max(initial=0.0) > APART * size:
             return best._replace(end=ends.AMBIGUOUS)
@@ -301,7 +300,7 @@ class JointFriction(PairResponses):
         if not nowhere:
             return settled.sides
         response, rate = settled.response or self.respond(at, settled.sides), at.rate
-        qdd = at.of_drivers(response.qdd) if response.solved else 0.0 * rate
+        qdd = response.qdd if response.solved else 0.0 * rate
         fast, push = float(np.abs(rate).max()), float(np.abs(qdd).max())
         if not fast + push > 0:
             return settled.sides
@@ -326,7 +325,7 @@ class JointFriction(PairResponses):
 
         ``unknown`` of the loads [-] says nothing against what sticks, and nothing starts by it.
         """
-        size = np.abs(at.S) @ (np.abs(at.unheld) + np.abs(response.qdd)) + np.abs(at.b)
-        u = (at.S @ response.qdd + at.b) / np.where(size > 0, size, 1.0)
+        size = np.abs(at.S) @ (np.abs(at.unheld) + np.abs(response.free)) + np.abs(at.b)
+        u = (at.S @ response.free + at.b) / np.where(size > 0, size, 1.0)
         wrong = [abs(u[j]) if sides[j] == 0 else unknown - sides[j] * u[j] for j in zero]
         return float(max(share * (1.0 - min(unknown, 1.0)) - 1.0, *wrong, 0.0))
