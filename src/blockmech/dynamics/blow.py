@@ -40,6 +40,21 @@ STAGES = 64  # of a blow at most: each ends with a slip
 SUDDEN = 2.0**20  # [1/s]: a blow takes a microsecond for laws that are not linear in the load
 
 
+class Before(NamedTuple):
+    """The state before a blow.
+
+    t, q, rate : [s], coordinates and rates (k,)
+    M : (k, k) inertia
+    x : states of signal blocks and friction laws, None where there are none
+    """
+
+    t: float
+    q: Floats
+    rate: Floats
+    M: Floats
+    x: Floats | None
+
+
 class Blow(NamedTuple):
     """What a blow does.
 
@@ -61,45 +76,42 @@ class Blow(NamedTuple):
 
 def impact_of(
     done: Blow,
-    M: Floats,
-    state: tuple[float, Floats, Floats],
+    before: Before,
     names: Sequence[str],
     driven: Sequence[int],
     friction: JointFriction | None,
 ) -> tuple[Impact, float]:
-    """The record of a blow at a state (t, q, rates before), and what its drives work [J].
+    """The record of a blow, and what its drives work [J].
 
     names : of stops, the first one what was struck, then of the drivers at places ``driven`` that
         are not free: these go on at their rates, and what is missing is lost (Carnot's theorem)
     """
-    t, q, before = state
-    pushes, after = dict(zip(names, done.pushes.tolist(), strict=True)), done.after
-    rubbed = (
-        {} if friction is None else dict(zip(friction.names, done.friction.tolist(), strict=True))
-    )
+    (t, q, rate, M, _), after = before, done.after
+    pushes = dict(zip(names, done.pushes.tolist(), strict=True))
+    pairs = () if friction is None else friction.names
+    rubbed = dict(zip(pairs, done.friction.tolist(), strict=True))
     work = float(done.pushes[len(names) - len(driven) :] @ after[list(driven)])
-    loss = work - 0.5 * float((before + after) @ M @ (after - before))
-    first = float(done.pushes[0])
-    return Impact(t, names[0], q, before, after, first, loss, pushes, rubbed), work
+    loss = work - 0.5 * float((rate + after) @ M @ (after - rate))
+    first = pushes[names[0]]
+    return Impact(t, names[0], q, rate, after, first, loss, pushes, rubbed), work
 
 
 def blow(
-    M: Floats,
-    before: Floats,
+    state: Before,
     stops: Held,
     ways: Floats,
     restitution: Floats,
     friction: JointFriction | None = None,
-    at: Instant | None = None,
     bound: Held | None = None,
 ) -> Blow:
     """The blow on stops (a,) that are struck or lain against.
 
-    ``bound`` are drivers that are not free: their rates jump by its drifts, mostly not at all.
-
-    ``ways`` (a,) are +1 at the highest stop, -1 at the lowest; ``friction`` with the instant ``at``
-    of the state before, where joints have some.
+    ``ways`` (a,) are +1 at the highest stop, -1 at the lowest. ``bound`` are drivers that are not
+    free: their rates jump by its drifts, mostly not at all.
     """
+    (t, q, before, M, x), at = state, None
+    if friction is not None and (before.any() or (bound is not None and bound.drift.any())):
+        at = friction.instant(q, before, t, x, None)
     rate = stops.rows @ before
     stops = stops if bound is None else stops.beside(bound)
     count, change = len(rate), (1 + restitution) * rate

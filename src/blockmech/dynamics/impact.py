@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.blow import Blow, blow, impact_of
+from blockmech.dynamics.blow import Before, Blow, blow, impact_of
 from blockmech.dynamics.contacts import SETTLED, Held, constrained, free_of, rate_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.pair_program import GIVEN
@@ -230,16 +230,18 @@ class Bounces(Run):
         q, before = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
         struck = {i: way} | {j: self.held[j] for j in sorted(self.held) if j != i}
         q = self._onto(q, before, leg.t_end, struck)
-        M, _ = self._matrix(q, before, leg.t_end)
-        stop, rows = self._stop(i, way), self._rows(struck, q, before).rows
-        e, speed = stop.restitution, rate_along(rows[0], before)
+        state = Before(
+            leg.t_end, q, before, self._matrix(q, before, leg.t_end)[0], self._states(leg)
+        )
+        e, rows = self._stop(i, way).restitution, self._rows(struck, q, before).rows
+        speed = rate_along(rows[0], before)
         assert e is not None
-        done = self._blow(leg, q, M, before, struck, e)
+        done = self._blow(state, struck, e)
         impulse = float(done.pushes[0])
         low, more = self._is_low(q, done.after, leg.t_end, i, way, speed)
         if low:
             self.unseen += self.height
-            done, impulse = self._blow(leg, q, M, before, struck, 0.0), impulse + more
+            done, impulse = self._blow(state, struck, 0.0), impulse + more
             self.held[i] = way
             self._lies(leg, i, bool(speed))
         after = done.after if speed else before
@@ -253,7 +255,7 @@ class Bounces(Run):
             bound = [] if self.system.roles is None else self.system.roles.bound
             names = [self._stop(*end).name for end in struck.items()]
             names += [self.system.drivers[j] for j in bound]
-            record, work = impact_of(done, M, (leg.t_end, q, before), names, bound, self.friction)
+            record, work = impact_of(done, state, names, bound, self.friction)
             self.worked += work
             self.impacts.append(record._replace(impulse=impulse))
             self.events.append(Event(ends.IMPACT, leg.t_end, self._plain(q), self._plain(after)))
@@ -265,20 +267,16 @@ class Bounces(Run):
         """States of signal blocks and friction laws at the end of a leg; None without any."""
         return np.array(leg.x_end) if leg.x_end else None
 
-    def _blow(
-        self, leg: Motion, q: Floats, M: Floats, before: Floats, struck: dict[int, int], e: float
-    ) -> Blow:
+    def _blow(self, state: Before, struck: dict[int, int], e: float) -> Blow:
         """A blow on the first of some stops; it lies against the others."""
-        stops = self._rows(struck, q, before)
-        back, at = np.array([e] + [0.0] * (len(struck) - 1)), None
-        if self.friction is not None and before.any():
-            at = self.friction.instant(q, before, leg.t_end, self._states(leg), None)
+        stops = self._rows(struck, state.q, state.rate)
+        back = np.array([e] + [0.0] * (len(struck) - 1))
         sides = np.array([self._side(*stop) for stop in struck.items()])
         roles, bound = self.system.roles, None
         if roles is not None and roles.bound:  # their rates go on
-            bound = roles.constraint(leg.t_end)
+            bound = roles.constraint(state.t)
             bound = bound._replace(drift=0 * bound.drift, speeds=None)
-        done = blow(M, before, stops, sides, back, self.friction, at, bound)
+        done = blow(state, stops, sides, back, self.friction, bound)
         self.notes += [REVERSES] if done.reverses else [] if done.solved else [LEFT_OUT]
         self.gained = max(self.gained, done.gained)
         return done

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from blockmech.dynamics.blow import blow, impact_of
+from blockmech.dynamics.blow import Before, blow, impact_of
 from blockmech.dynamics.contacts import SETTLED, STILL
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.roles import Roles
@@ -46,14 +46,13 @@ def jolt_of(
     if not moving.any():
         return None, 0.0
     x = y[equation.layout.signals] if equation.layout.initial else None
-    M = system.terms_of(q, before, t, x)[0].M
+    state = Before(t, q, before, system.terms_of(q, before, t, x)[0].M, x)
     those, friction = sorted(system.held), system.friction
     stops, ways = system.pairs.held(q, before, those), [system.held[i] for i in those]
-    at = None if friction is None else friction.instant(q, before, t, x, None)
     bound = target._replace(drift=-jump, speeds=None)
-    blown = blow(M, before, stops, np.array(ways), np.zeros(len(those)), friction, at, bound)
+    blown = blow(state, stops, np.array(ways), np.zeros(len(those)), friction, bound)
     blown.after[roles.bound] = target.speeds
     names = [*(system.stopped[i] for i in those), *(roles.drivers[i] for i in roles.bound)]
-    record, work = impact_of(blown, M, (t, q, before), names, roles.bound, friction)
+    record, work = impact_of(blown, state, names, roles.bound, friction)
     first = roles.drivers[roles.bound[int(np.argmax(np.abs(jump)))]]
     return record._replace(driver=first, impulse=record.pushes[first]), work
