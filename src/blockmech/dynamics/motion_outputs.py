@@ -12,6 +12,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.contacts import Held, constrained
+from blockmech.dynamics.friction_along import friction_along
 from blockmech.dynamics.pair_stops import lain_against
 from blockmech.dynamics.roles import FREE, PRESCRIBED
 from blockmech.dynamics.sticking import JointFriction
@@ -111,7 +112,7 @@ class MotionInputs(Mapping[str, Any]):
         q, qd = (x.reshape(len(self.t), k) for x in (self.q, self.qd))
         state = q, qd, self.t, self.states
         sides, lain = np.broadcast_to(self.sides, (len(q), self.rubs)), (self.lies, self._against)
-        along = friction.along(state, sides, *lain, self.begins)
+        along = friction_along(friction, state, sides, *lain, self.begins)
         acting = _by_driver("qd", along.rates, k) | _by_driver("qdd", along.qdd, k)
         acting |= self._pushed(along.pushes)
         for j, t in enumerate(np.ascontiguousarray(along.friction.T)):

@@ -7,20 +7,21 @@ equation those of the next, or says why there is none.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics import ends
+from blockmech.dynamics import ends, loads
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.events import PARTS, EventFunction, friction_rules
+from blockmech.dynamics.events import PARTS, PER_SWING, EventFunction, friction_rules
 from blockmech.dynamics.friction import Instant
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.rest import first_beyond
 from blockmech.dynamics.run import RunEnd
 from blockmech.dynamics.sticking import WITHIN, JointFriction, Settled
+from blockmech.dynamics.system import System
+from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Floats, Slips
 
 SOON = 1e-6  # [s] after which a law that begins to move shows in which sense
@@ -200,3 +201,34 @@ class StickSlip:
             return {"holding_share": start.share}
         held = self._rubs.holding(now.y[:1], now.t, self._states(now.y))
         return {"holding_low": float(held.low[0]), "holding_high": float(held.high[0])}
+
+
+def first_beyond(
+    system: System, beyond: Callable[[float], float], t: float, t_last: float
+) -> float | None:
+    """First time [s] after t at which what loads do to a place grows positive.
+
+    None where it does not until ``t_last``, or, if that is infinite, in a period of the loads.
+    """
+    structure = system.compiled.structure
+    periods = loads.time_periods(structure)
+    if "time" not in system.depends_on:
+        return None
+    from scipy.optimize import brentq
+
+    latest = t_last if math.isfinite(t_last) else t + max(periods, default=1.0)
+    part = min(periods, default=latest - t) / (2 * PER_SWING)
+    a, kink = t, loads.next_time_kink(structure, t)
+    while a < latest:
+        b = min(a + part, kink, latest)
+        if b == kink:
+            kink = loads.next_time_kink(structure, kink)
+        if beyond(b) > 0:
+            if beyond(a) < 0:
+                b = float(brentq(beyond, a, b, xtol=EPS, rtol=4 * EPS))
+            late = math.ulp(b)
+            while not beyond(b) > 0 and late < latest - b:  # the root is either side of it
+                b, late = b + late, 2 * late
+            return b
+        a = b
+    return None
