@@ -333,11 +333,11 @@ class _Run:
         """The share of a step (8, 2) from y0 to y1 at which something happens, and what."""
         step = Dense(np.zeros(1), np.ones(1), series[None])
         rate = y0[1] or float(step(1 / PARTS)[1])  # from a standstill on
-        found = [(x, STANDS) for x in step.crossings(1, 0.0, (rate, y1[1]), 0, PARTS)]
+        hits = [(x, STANDS) for x in step.crossings(1, 0.0, (rate, y1[1]), 0, PARTS)]
         for i, place in enumerate(self.request.places):
             off = y0[0] - place, y1[0] - place
-            found += [(x, ARRIVES + i) for x in step.crossings(0, place, off, 0, PARTS)]
-        return found[0] if len(found) == 1 else (1.0, SEVERAL if found else NOTHING)
+            hits += [(x, ARRIVES + i) for x in step.crossings(0, place, off, 0, PARTS)]
+        return hits[0] if len(hits) == 1 else (1.0, SEVERAL if hits else NOTHING)
 
     def _keep(self, which: Any, steps: Any, series: Floats, count: Any) -> None:
         """Designs go on over their first steps."""

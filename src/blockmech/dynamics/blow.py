@@ -122,9 +122,9 @@ def blow(
     sets = [[*some, *range(count, len(change))] for some in pushing(Z.T @ M @ Z, rows @ Z, apart)]
     if friction is not None and at is not None:
         for some in sets:
-            found = _rubbed(friction, at, stops, some, change, count)
-            if found is not None and _fits(found, before, stops, ways, restitution):
-                return found
+            rubbed = _rubbed(friction, at, stops, some, change, count)
+            if rubbed is not None and _fits(rubbed, before, stops, ways, restitution):
+                return rubbed
     chosen, pushes = sets[0], np.zeros(len(change))
     held = _of(stops, chosen, change[chosen])
     jump, pushes[chosen] = constrained(M, np.zeros(len(before)), held)
@@ -136,12 +136,12 @@ def _of(stops: Held, some: list[int], drift: Floats) -> Held:
     return Held(stops.rows[some], drift, tuple(stops.pairs[i] for i in some))
 
 
-def _fits(found: Blow, before: Floats, stops: Held, ways: Floats, restitution: Floats) -> bool:
+def _fits(blown: Blow, before: Floats, stops: Held, ways: Floats, restitution: Floats) -> bool:
     """Whether all stops push, and those that do not are left."""
     rows = stops.rows[: len(ways)]
-    after, back = rows @ found.after, restitution * (rows @ before)
-    pushes, parted = -ways * found.pushes[: len(ways)], -ways * (after + back)
-    size = np.abs(rows) @ (np.abs(found.after) + np.abs(before))
+    after, back = rows @ blown.after, restitution * (rows @ before)
+    pushes, parted = -ways * blown.pushes[: len(ways)], -ways * (after + back)
+    size = np.abs(rows) @ (np.abs(blown.after) + np.abs(before))
     return bool(
         (pushes >= -SETTLED * np.abs(pushes).max(initial=0.0)).all()
         and (parted >= -SETTLED * size).all()

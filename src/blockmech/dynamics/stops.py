@@ -210,10 +210,10 @@ class _Coordinate:
         run = self.mechanism.run(at={self.driver: [q]}, rates={self.driver: 1.0}, want=[rate])
         slope = float(run[rate][0])
         if abs(slope) < LEAST_SLOPE:
-            found = (
+            where = (
                 f"{self.name} turns back where it touches its stop, at {self.driver}.q = {q:.9g}"
             )
-            raise refused(f"stops.{self.name}", found, "move the stop", code="stops")
+            raise refused(f"stops.{self.name}", where, "move the stop", code="stops")
         return slope
 
 

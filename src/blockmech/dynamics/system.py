@@ -243,8 +243,8 @@ class System:
         """What is made of the mechanism once, for all its runs."""
         if key not in self.kept:
             self.kept[key] = make()
-        made: T = self.kept[key]
-        return made
+        value: T = self.kept[key]
+        return value
 
     @property
     def knots(self) -> tuple[float, ...]:
