@@ -173,7 +173,7 @@ def test_a_pair_at_its_dead_centre_turns_and_does_not_stop_the_machine(beside):
     assert 0 < abs(at.S[j, 0]) < 1e-7 * np.abs(at.S).max()
     turned = friction.turning(at, [j])
     assert not turned.S[j].any()
-    begun = friction.settled(turned, friction.sides_at(turned, [j]), [j])
+    begun = friction.settled(turned, [j])
     assert begun.sides[j] == np.sign(at.b[j])
     np.testing.assert_array_equal(friction.kept(turned, begun.sides), state[1])
 

@@ -317,6 +317,20 @@ def test_joint_friction_of_a_blow_that_stops_all_follows_its_impulses():
     assert blow.friction == {"rod.A": pytest.approx(-mu * r * pin, rel=1e-9)}
 
 
+def test_who_starts_at_rest_against_a_stop_is_told_of_no_blow():
+    g = bm.Graph("rod", gravity=(0.0, -9.81))
+    g.add("frame", bm.Frame(markers={"A": (0.0, 0.0)}))
+    rod = bm.Link(mass=1.0, inertia=0.02, cm=(0.25, 0.0))
+    rub = {"A": bm.Coulomb(coefficient=0.3, radius=0.02)}
+    g.add("rod", bm.Crank(length=0.5, links={"crank": rod}, friction=rub))
+    g.connect("frame.A", "rod.A")
+    g.start("rod", q=-0.4, rate=0.0)
+    g.stop("rod", low=-0.4, restitution=0.5)
+    motion = g.compile().simulate("time=1").motion
+    assert (motion.impacts, motion.notes) == ((), ())
+    assert [(lain.stop, lain.begin, lain.end) for lain in motion.lying] == [("rod", 0.0, 1.0)]
+
+
 def test_one_driver_rubs_on_the_way_in_and_on_the_way_out():
     # in the blow of the same rod its slip turns back: mu r m d |w| against either sense
     mass, d, inertia, mu, r, e = 2.0, 0.3, 0.1, 0.2, 0.05, 0.6

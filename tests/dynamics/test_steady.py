@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from blockmech.dynamics import forcing
+from blockmech.dynamics import flows
 from blockmech.dynamics.request import Start
 from blockmech.ground.errors import RequestError
 from tests.dynamics.linkages import fourbar
@@ -69,8 +69,8 @@ def test_without_damping_the_forced_oscillator_is_neutral_and_at_resonance_there
     assert motion.q_end == pytest.approx(F / (K - M * (TURN / T) ** 2), abs=motion.error)
     assert motion.facts["multiplier"] == pytest.approx(1.0, abs=MULTIPLIER)
     assert motion.regime == "neutral periodic motion"
-    monkeypatch.setattr(forcing, "TIMES", 1)
-    monkeypatch.setattr(forcing, "PERIODS", (1,))
+    monkeypatch.setattr(flows, "TIMES", 1)
+    monkeypatch.setattr(flows, "PERIODS", (1,))
     natural = TURN / math.sqrt(K / M)
     assert "no periodic motion was found" in refused(
         slide(M, K, 0.0, wave(natural, F)), start=start

@@ -78,5 +78,5 @@ def _rows(mechanism: Compiled, motion: Motion, bodies: FreeBodies, q: Array) -> 
     for mesh, driver in s.meshes.items():
         rows[s.pair_name(mesh)] = (1 - s.separates(mesh)) * bodies.argument(driver).reshape(q.shape)
     stops = stopped_pairs(mechanism, [name for hit in motion.impacts for name in hit.pushes])
-    named = () if stops is None else zip(stops.names, stops.pairs, strict=True)
+    named = stops.by_name.items()
     return rows | {name: sense * rows[str(ref)] for name, (ref, sense) in named}

@@ -113,7 +113,7 @@ def _alike(one: Poses, other: Poses, home: Chart) -> bool:
 def _said(e: Equilibrium, chart: Chart, home: Chart, line: Line) -> Iterator[Equilibrium]:
     """An equilibrium of a chart in the user's words, if it is between the stops of the driver."""
     (driver,) = home.mechanism.drivers
-    place = float(chart.pairs([*home.users]).places(e.q)[0])
+    place = float(chart.pairs([*home.users]).state(e.q, 0 * e.q)[0][0])
     low, high = line.system.stops[0]
     if line.system.rotary[0] and math.isfinite(low):
         place = low + (place - low) % math.tau

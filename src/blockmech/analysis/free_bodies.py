@@ -157,8 +157,8 @@ class FreeBodies:
     def pushes(self) -> dict[JointRef, Array]:
         """What end stops push with along the coordinates of pairs, on their later links."""
         motion = self.run.motion
-        pairs = None if motion is None else lain_against(self.run.mechanism, motion.lying)
-        inputs, refs = self.run.samples.inputs, () if pairs is None else pairs.refs
+        lying = () if motion is None else motion.lying
+        inputs, refs = self.run.samples.inputs, lain_against(self.run.mechanism, lying).refs
         return {ref: np.asarray(inputs[f"push_{j}"]) for j, ref in enumerate(refs)}
 
     def terms(self, link: LinkRef) -> Iterator[tuple[Array, Array, Array]]:

@@ -14,48 +14,44 @@ ones (`estimate`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from blockmech.dynamics.batch_motions import GOAL, REST, TIME, Bools, Motions, Track
+from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.equation import kept_rates
 from blockmech.dynamics.estimate import (
     CORNERED,
     FINER,
     FLOOR,
-    PARTED,
     ROUNDING,
     SMOOTH,
     TARGET,
-    left_of,
-    one_motion,
+    compared,
     rounding_share,
     spread,
 )
+from blockmech.dynamics.events import PARTS
 from blockmech.dynamics.rates import LEAST_INERTIA
 from blockmech.dynamics.run import EVALUATIONS
 from blockmech.engines.compiled_rates import CompiledRhs, FleetSteps
-from blockmech.engines.dense import value
+from blockmech.engines.dense import Dense
 from blockmech.engines.llvm import slots_of
 from blockmech.engines.stages import BOUND, HIGH, LOW, THIRD, TRY, WEIGHT, scheme
 from blockmech.ground.plane import EPS
-from blockmech.result.motion import Floats
+from blockmech.result.motion import Floats, State
 from blockmech.result.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
     from blockmech.dynamics.request import SimulationRequest
     from blockmech.dynamics.system import System
 
-Bools = NDArray[np.bool_]
 TOGETHER = 16  # steps of a design between two looks at it
 FIRST = 3.0  # the first tolerance below that of single motions: one design misses for all
-HALVED, SECANTS = 10, 4  # how often the bracket of a place in a step is halved; what finds it then
-UNSURE = 1e-9  # of the accelerations at a standstill: what is smaller is decided by itself
 MARGIN, SLIPS = 0, 2  # columns of what is watched, see `rates`
-TIME, GOAL, REST = range(3)  # why a motion is over
+# What happens in a step: too much, nothing, a standstill, arrival at the first goal or another one.
+SEVERAL, NOTHING, STANDS, ARRIVES = range(-1, 3)
 
 
 def rates_for(system: System, request: SimulationRequest) -> CompiledRhs | None:
@@ -76,106 +72,6 @@ def rates_for(system: System, request: SimulationRequest) -> CompiledRhs | None:
     if friction and any(law.acts and law.kernel_at_rest() is not None for law in laws):
         return None
     return kept_rates(system)
-
-
-class Motions(NamedTuple):
-    """Motions of m designs, arrays (m,).
-
-    alone : whether a design is to be moved by itself; the other columns then say nothing
-    end : `TIME`, `GOAL` or `REST`
-    rest : [s] when friction stopped it for good, NaN where it did not
-    stands : number of standstills
-    taken : [J] work of joint friction
-    error, time_error : [rad or m], [s], as those of a `Motion`
-    track : states at any times
-    """
-
-    alone: Bools
-    end: NDArray[np.int64]
-    t: Floats
-    q: Floats
-    rate: Floats
-    rest: Floats
-    stands: NDArray[np.int64]
-    taken: Floats
-    error: Floats
-    time_error: Floats
-    track: Track
-
-    def merged(self, other: Motions, where: Bools) -> Motions:
-        """These, and another's where it says so."""
-        rows = zip(self[:-1], other[:-1], strict=True)
-        pieces = self.track.some(~where), other.track.some(where)
-        track = Track.of(pieces, self.track.m)
-        return Motions._make([*(np.where(where, b, a) for a, b in rows), track])
-
-
-@dataclass(frozen=True)
-class Track:
-    """Dense output of all designs: steps in order of design, then of time.
-
-    m : number of designs
-    design, t0, t1 : (s,) whose, from and to [s]
-    series : (8, s, 2) of coordinate and rate, see `blockmech.engines.dense`
-    """
-
-    m: int
-    design: NDArray[np.intp]
-    t0: Floats
-    t1: Floats
-    series: Floats
-
-    @classmethod
-    def of(cls, pieces: Sequence[tuple[Any, ...]], m: int) -> Track:
-        """From pieces (design, t0, t1, series), those of a design in the order of time."""
-        none = np.empty(0, np.intp), np.empty(0), np.empty(0), np.empty((8, 0, 2))
-        design, t0, t1 = (np.concatenate([p[i] for p in (none, *pieces)]) for i in range(3))
-        order = np.argsort(design, kind="stable")
-        series = np.concatenate([p[3] for p in (none, *pieces)], axis=1)[:, order]
-        return cls(m, design[order], t0[order], t1[order], series)
-
-    def some(self, which: Bools) -> tuple[Any, ...]:
-        """The piece of some designs."""
-        kept = which[self.design]
-        return self.design[kept], self.t0[kept], self.t1[kept], self.series[:, kept]
-
-    def state(self, t: Floats, of: NDArray[np.intp] | None = None) -> Floats:
-        """Coordinates and rates (m, p, 2) of designs, by default all, at times (m, p) [s]."""
-        states = np.full((*t.shape, 2), np.nan)
-        if not self.t0.size:
-            return states
-        some = np.bincount(self.design, minlength=self.m) > 0
-        of = np.arange(self.m) if of is None else of
-        known = np.flatnonzero(some[of])
-        rows, wanted = of[known], t[known]
-        i = self._steps_at(rows[:, None], wanted)
-        x = (wanted - self.t0[i]) / np.maximum(self.t1[i] - self.t0[i], 1e-300)
-        values = _inside(x.ravel(), self.series[:, i.ravel()])
-        states[known] = values.reshape(*wanted.shape, 2)
-        return states
-
-    def _steps_at(self, design: Any, t: Floats) -> Any:
-        """In which steps designs are at times [s]; the first one before the start."""
-        begin, span = self.t0.min(), np.ptp(np.append(self.t1, self.t0)) or 1.0
-
-        def place(design: Any, at: Any) -> Any:
-            """A number in the order of designs, and of a design's times."""
-            return design + np.clip((at - begin) / span, 0.0, 1.0) / 2
-
-        i = place(self.design, self.t0).searchsorted(place(design, t), side="right") - 1
-        return np.maximum(i, np.searchsorted(self.design, design))
-
-    def plan(self, design: Any, t: Floats, most: int) -> tuple[Floats, NDArray[np.int64]]:
-        """Steps (m, most + 1) [s] of designs (m,) from times on, and how many these are."""
-        if not self.t0.size:
-            return np.zeros((len(design), most + 1)), np.zeros(len(design), np.int64)
-        first = np.searchsorted(self.design, design)
-        i, after = self._steps_at(design, t), np.searchsorted(self.design, design, "right")
-        count = np.where(after > first, np.clip(after - i, 0, most), 0)
-        ahead = np.minimum(i[:, None] + np.arange(most + 1), len(self.t0) - 1)
-        last = self.t1[np.clip(i + count - 1, 0, len(self.t0) - 1)]
-        within = np.arange(most + 1) < count[:, None]
-        return np.where(within, self.t0[ahead], last[:, None]), count
 
 
 def moved(
@@ -211,11 +107,11 @@ def _judged(
     coarse: Motions,
     fine: Motions,
     judged: Bools,
-    states: Floats,
+    spent: Floats,
 ) -> Motions:
     """The finer motions with their errors; those of which two runs disagree are alone.
 
-    states : (m,) that the finer ones asked for
+    spent : (m,) states that the finer ones asked for
     """
     remainder = SMOOTH if system.smooth else CORNERED
     same = (coarse.end == fine.end) & (coarse.stands == fine.stands) & ~coarse.alone & ~fine.alone
@@ -226,24 +122,14 @@ def _judged(
     times = np.sort(np.hstack([share, np.minimum(wanted[None, :], last[:, None])]), axis=1)
     times = np.where(same[:, None], times, t0)
     with np.errstate(invalid="ignore"):
-        a, b = coarse.track.state(times), fine.track.state(times)
-        off, rates_off = (np.abs(a - b)[..., i] for i in range(2))
-        apart = np.fmax.reduce(off, axis=1, initial=0.0)
-        apart = np.fmax(apart, np.abs(coarse.q - fine.q))
-        late, span = np.abs(coarse.t - fine.t), fine.t - t0
-        fastest = np.fmax.reduce(np.abs(b[..., 1]), axis=1)
-        size = np.fmax.reduce(np.abs(b[..., 0]), axis=1) + fine.t * fastest
-        highest = np.fmax(fastest, np.fmax.reduce(np.abs(a[..., 1]), axis=1))
-        bends = np.minimum(rates_off / np.where(highest > 0, highest, 1.0)[:, None], 1.0)
-        left = np.fmax.reduce(left_of(off, bends, remainder), axis=1, initial=0.0)
-        reach = np.ptp(b[..., 0], axis=1)
-        near = one_motion(reach, 1.0 if system.rotary[0] else math.inf, size)
-        agree = same & (apart <= near) & (late <= PARTED * span)
-        late = np.fmax(late, apart / fastest)
-        unknown = _rounding(system, request, times, b, states)
-        clock = np.where(fine.end == TIME, 0.0, remainder * late + unknown[1])
-    alone = fine.alone | (judged & ~agree)
-    error = np.fmax(remainder * apart, left) + unknown[0]
+        states = fine.track.state(times)
+        a, b = (State(x[..., :1], x[..., 1:]) for x in (coarse.track.state(times), states))
+        beyond = np.abs(coarse.q - fine.q)[:, None]
+        apart = compared(b, a, (t0, fine.t, coarse.t), beyond, same, system.rotary)
+        unknown = _rounding(system, request, times, states, spent)
+        clock = np.where(fine.end == TIME, 0.0, remainder * apart.t + unknown[1])
+    alone = fine.alone | (judged & ~apart.agree)
+    error = apart.left(remainder) + unknown[0]
     return fine._replace(alone=alone, error=error, time_error=clock)
 
 
@@ -358,12 +244,12 @@ class _Run:
             return
         if not self.rubs:
             row = self._rows(which, self.y[which, 0], 0.0)
-            push = self.system.rounding(float(self.request.start.q)) / UNSURE
+            push = self.system.rounding(float(self.request.start.q)) / SETTLED
             self.alone[which] |= ~(np.abs(row[:, 1]) * row[:, self.n + 1] > push)
             return
         back = self._slip(which, np.full(len(which), -1.0))[:, 1]
         ahead = self._slip(which, np.full(len(which), 1.0))[:, 1]
-        least = UNSURE * (np.abs(back) + np.abs(ahead))
+        least = SETTLED * (np.abs(back) + np.abs(ahead))
         unsure = ~((np.abs(back) > least) & (np.abs(ahead) > least))
         self.alone[which] |= unsure | ((ahead > 0) & (back < 0))
         starts_back = which[back < 0]
@@ -423,15 +309,16 @@ class _Run:
         turns = (slips * slips[:, -1:] <= 0).any(axis=(1, 2)) if slips.shape[2] else False
         alone |= in_doubt & (close | turns)
         share, kind = np.ones(len(which)), np.zeros(len(which), np.int64)
-        d = np.flatnonzero(in_doubt)
-        share[d], kind[d] = self._event(series[:, d, last[d]], y0[d], y1[d])
-        alone |= kind < 0
+        for d in np.flatnonzero(in_doubt & ~alone).tolist():
+            step = np.ascontiguousarray(taken_steps.series[d, last[d], :, :2])
+            share[d], kind[d] = self._event(step, y0[d], y1[d])
+        alone |= kind == SEVERAL
         alone |= ~np.isfinite(taken_steps.y[row, taken_steps.made]).all(axis=1)
         self.alone[which] |= alone
-        stands = (kind == 1) & ~alone
+        stands = (kind == STANDS) & ~alone
         self.stands[which] += stands
         ends_step = self.rubs or self.request.standstills < math.inf
-        hit = (stands & ends_step) | ((kind == 2) & ~alone)
+        hit = (stands & ends_step) | ((kind >= ARRIVES) & ~alone)
         keep = np.where(hit, last, taken_steps.made)
         keep[alone] = 0
         self._keep(which, taken_steps, series, keep)
@@ -442,29 +329,15 @@ class _Run:
         ended = ~self.over[which] & (self.t[which] >= span * (1 - 2 * EPS))
         self.over[which[ended]], self.end[which[ended]] = True, TIME
 
-    def _event(self, series: Floats, y0: Floats, y1: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """Shares of the last steps at which something happens, and what.
-
-        0: nothing, 1: a standstill, 2: the goal's place, -1: more than can be distinguished.
-        """
-        inner = np.linspace(0.0, 1.0, 9)
-        at = np.array([_inside(np.full(len(y0), x), series) for x in inner])  # (9, m, 2)
-        kind, share = np.zeros(len(y0), np.int64), np.ones(len(y0))
-        rate = at[..., 1].copy()
-        rate[0] = np.where(y0[:, 1] == 0.0, rate[1], y0[:, 1])
-        rate[-1] = y1[:, 1]
-        changes = (rate[1:] * rate[:-1] <= 0).sum(axis=0)
-        kind[changes == 1], kind[changes > 1] = 1, -1
-        one = np.flatnonzero(changes == 1)
-        share[one] = _root(series[:, one, 1:], np.zeros(len(one)), y1[one, 1])
-        for x in self.request.places:
-            crosses = ((y0[:, 0] - x) * (y1[:, 0] - x) < 0) | (y1[:, 0] == x)
-            crosses &= y0[:, 0] != x
-            if crosses.any():
-                there = _root(series[..., :1], np.full(len(y0), x), y1[:, 0] - x)
-                kind = np.where(crosses, np.where(kind == 0, 2, -1), kind)
-                share = np.where(crosses, there, share)
-        return share, kind
+    def _event(self, series: Floats, y0: Floats, y1: Floats) -> tuple[float, int]:
+        """The share of a step (8, 2) from y0 to y1 at which something happens, and what."""
+        step = Dense(np.zeros(1), np.ones(1), series[None])
+        rate = y0[1] or float(step(1 / PARTS)[1])  # from a standstill on
+        hits = [(x, STANDS) for x in step.crossings(1, 0.0, (rate, y1[1]), 0, PARTS)]
+        for i, place in enumerate(self.request.places):
+            off = y0[0] - place, y1[0] - place
+            hits += [(x, ARRIVES + i) for x in step.crossings(0, place, off, 0, PARTS)]
+        return hits[0] if len(hits) == 1 else (1.0, SEVERAL if hits else NOTHING)
 
     def _keep(self, which: Any, steps: Any, series: Floats, count: Any) -> None:
         """Designs go on over their first steps."""
@@ -479,7 +352,7 @@ class _Run:
         """Go on to what happens in a step: with steps that end there, and by Newton's rule."""
         if not len(which):
             return
-        to = share * h
+        to, stands = share * h, kind == STANDS
         bound = self.t[which] + to
         steps = self._steps(which, bound, to, TOGETHER // 4)
         row, made = np.arange(len(which)), steps.made
@@ -488,8 +361,9 @@ class _Run:
         series = _series(steps)
         self._keep(which, steps, series, np.where(reached, made, 0))
         slope = self._rows(which, self.y[which, 0], self.y[which, 1])[:, : self.n]
-        value = np.where(kind == 1, self.y[which, 1], self.y[which, 0] - self._place(which))
-        rise = np.where(kind == 1, slope[:, 1], slope[:, 0])
+        goal = np.append(self.request.places, 0.0)[kind - ARRIVES]
+        value = np.where(stands, self.y[which, 1], self.y[which, 0] - goal)
+        rise = np.where(stands, slope[:, 1], slope[:, 0])
         with np.errstate(all="ignore"):
             late = -value / rise
         known = np.abs(late) <= to / 8
@@ -497,29 +371,17 @@ class _Run:
         late = np.where(known, late, 0.0)
         self.t[which] += late
         self.y[which] += late[:, None] * slope
-        stood = which[(kind == 1) & ~self.alone[which]]
+        stood = which[stands & ~self.alone[which]]
         self.y[stood, 1] = 0.0
-        done = stood[self.stands[stood] >= self.request.standstills]
-        goal = which[(kind == 2) & ~self.alone[which]]
-        for ended in (done, goal):
-            self.over[ended], self.end[ended] = True, GOAL
+        met = ~stands | (self.stands[which] >= self.request.standstills)
+        ended = which[met & ~self.alone[which]]
+        self.over[ended], self.end[ended] = True, GOAL
         self._leave(stood[~self.over[stood]])
-
-    def _place(self, which: Any) -> Floats:
-        """The goal's place [rad or m] that is nearest to where designs are."""
-        places = np.array(self.request.places or [0.0])
-        q = self.y[which, 0]
-        return np.asarray(places[np.abs(q[:, None] - places).argmin(axis=1)])
 
 
 def _series(steps: FleetSteps) -> Floats:
     """Dense output (8, m, s, 2) of coordinate and rate, of all steps; of none that is not made."""
     return np.moveaxis(steps.series[..., :2], 2, 0)
-
-
-def _inside(x: Any, series: Floats) -> Floats:
-    """Dense output (p, n) at shares x (p,) of steps, from their series (8, p, n)."""
-    return np.asarray(value(series, 1, x[:, None]))
 
 
 def _may_dip(x: Floats) -> Bools:
@@ -532,23 +394,3 @@ def _may_dip(x: Floats) -> Bools:
     beside = np.maximum(x[row, np.maximum(least - 1, 0)], x[row, (least + 1) % x.shape[1]])
     beside = np.where(least == x.shape[1] - 1, x[row, least - 1], beside)
     return np.asarray(~((x[row, least] > 0) & (beside < 2 * x[row, least])))
-
-
-def _root(series: Floats, level: Floats, last: Floats) -> Floats:
-    """Shares (m,) of steps at which a component, of series (8, m, 1), passes a level."""
-
-    def beyond_by(x: Floats) -> Floats:
-        return np.sign(last) * (_inside(x, series)[:, 0] - level)
-
-    low, high = np.zeros(len(level)), np.ones(len(level))
-    for _ in range(HALVED):
-        x = (low + high) / 2
-        beyond = beyond_by(x) > 0
-        low, high = np.where(beyond, low, x), np.where(beyond, x, high)
-    a, b, at_a, at_b = low, high, beyond_by(low), beyond_by(high)
-    for _ in range(SECANTS):
-        with np.errstate(all="ignore"):
-            x = b - at_b * (b - a) / (at_b - at_a)
-        x = np.clip(np.where(np.isfinite(x), x, b), low, high)
-        a, at_a, b, at_b = b, at_b, x, beyond_by(x)
-    return b

@@ -18,16 +18,41 @@ Dynamics of a System of Rigid Bodies, 1905, ch. 5; Stronge, Impact Mechanics, 20
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.contacts import DEPENDENT, SETTLED, STILL, Held, constrained, pushing
-from blockmech.dynamics.sticking import Instant, JointFriction
-from blockmech.result.motion import Floats
+from blockmech.dynamics.contacts import (
+    DEPENDENT,
+    SETTLED,
+    STILL,
+    Held,
+    constrained,
+    free_of,
+    pushing,
+)
+from blockmech.dynamics.friction import Instant
+from blockmech.dynamics.sticking import JointFriction
+from blockmech.result.motion import Floats, Impact
 
 STAGES = 64  # of a blow at most: each ends with a slip
 SUDDEN = 2.0**20  # [1/s]: a blow takes a microsecond for laws that are not linear in the load
+
+
+class Before(NamedTuple):
+    """The state before a blow.
+
+    t, q, rate : [s], coordinates and rates (k,)
+    M : (k, k) inertia
+    x : states of signal blocks and friction laws, None where there are none
+    """
+
+    t: float
+    q: Floats
+    rate: Floats
+    M: Floats
+    x: Floats | None
 
 
 class Blow(NamedTuple):
@@ -49,55 +74,74 @@ class Blow(NamedTuple):
     solved: bool = True
 
 
+def impact_of(
+    done: Blow,
+    before: Before,
+    names: Sequence[str],
+    driven: Sequence[int],
+    friction: JointFriction | None,
+) -> tuple[Impact, float]:
+    """The record of a blow, and what its drives work [J].
+
+    names : of stops, the first one what was struck, then of the drivers at places ``driven`` that
+        are not free: these go on at their rates, and what is missing is lost (Carnot's theorem)
+    """
+    (t, q, rate, M, _), after = before, done.after
+    pushes = dict(zip(names, done.pushes.tolist(), strict=True))
+    pairs = () if friction is None else friction.names
+    rubbed = dict(zip(pairs, done.friction.tolist(), strict=True))
+    work = float(done.pushes[len(names) - len(driven) :] @ after[list(driven)])
+    loss = work - 0.5 * float((rate + after) @ M @ (after - rate))
+    first = pushes[names[0]]
+    return Impact(t, names[0], q, rate, after, first, loss, pushes, rubbed), work
+
+
 def blow(
-    M: Floats,
-    before: Floats,
+    state: Before,
     stops: Held,
     ways: Floats,
     restitution: Floats,
     friction: JointFriction | None = None,
-    at: Instant | None = None,
     bound: Held | None = None,
 ) -> Blow:
     """The blow on stops (a,) that are struck or lain against.
 
-    ``bound`` are drivers that are not free: their rates jump by its drifts, mostly not at all.
-
-    ``ways`` (a,) are +1 at the highest stop, -1 at the lowest; ``friction`` with the instant ``at``
-    of the state before, where joints have some.
+    ``ways`` (a,) are +1 at the highest stop, -1 at the lowest. ``bound`` are drivers that are not
+    free: their rates jump by its drifts, mostly not at all.
     """
+    (t, q, before, M, x), at = state, None
+    if friction is not None and (before.any() or (bound is not None and bound.drift.any())):
+        at = friction.instant(q, before, t, x, None)
     rate = stops.rows @ before
     stops = stops if bound is None else stops.beside(bound)
     count, change = len(rate), (1 + restitution) * rate
-    Z, alone = np.eye(len(before)), np.zeros(len(before))
-    if bound is not None:
-        change = np.append(change, bound.drift)
-        Z, alone = bound.free()[0], constrained(M, alone, bound)[0]
+    Z, alone = free_of(bound, len(before)), constrained(M, np.zeros(len(before)), bound)[0]
+    change = change if bound is None else np.append(change, bound.drift)
     rows = -ways[:, None] * stops.rows[:count]
     apart = -ways * (change[:count] + stops.rows[:count] @ alone)
     sets = [[*some, *range(count, len(change))] for some in pushing(Z.T @ M @ Z, rows @ Z, apart)]
     if friction is not None and at is not None:
         for some in sets:
-            found = _rubbed(friction, at, stops, some, change, count)
-            if found is not None and _fits(found, before, stops, ways, restitution):
-                return found
+            rubbed = _rubbed(friction, at, stops, some, change, count)
+            if rubbed is not None and _fits(rubbed, before, stops, ways, restitution):
+                return rubbed
     chosen, pushes = sets[0], np.zeros(len(change))
     held = _of(stops, chosen, change[chosen])
     jump, pushes[chosen] = constrained(M, np.zeros(len(before)), held)
     none = np.zeros(0 if friction is None else len(friction.names))
-    return Blow(before + jump, pushes, none, solved=friction is None)
+    return Blow(before + jump, pushes, none, solved=friction is None or at is None)
 
 
 def _of(stops: Held, some: list[int], drift: Floats) -> Held:
     return Held(stops.rows[some], drift, tuple(stops.pairs[i] for i in some))
 
 
-def _fits(found: Blow, before: Floats, stops: Held, ways: Floats, restitution: Floats) -> bool:
+def _fits(blown: Blow, before: Floats, stops: Held, ways: Floats, restitution: Floats) -> bool:
     """Whether all stops push, and those that do not are left."""
     rows = stops.rows[: len(ways)]
-    after, back = rows @ found.after, restitution * (rows @ before)
-    pushes, parted = -ways * found.pushes[: len(ways)], -ways * (after + back)
-    size = np.abs(rows) @ (np.abs(found.after) + np.abs(before))
+    after, back = rows @ blown.after, restitution * (rows @ before)
+    pushes, parted = -ways * blown.pushes[: len(ways)], -ways * (after + back)
+    size = np.abs(rows) @ (np.abs(blown.after) + np.abs(before))
     return bool(
         (pushes >= -SETTLED * np.abs(pushes).max(initial=0.0)).all()
         and (parted >= -SETTLED * size).all()
@@ -128,17 +172,16 @@ def _rubbed(
     for _ in range(STAGES):
         w = at.S @ rate
         now = still._replace(rate=rate, w=w)
-        sides = friction.sides_at(now, zero)
         stage = now.against(held, loads, lasting=False)
-        settled = friction.settled(stage, sides, zero)
-        response = None if settled.end else friction.solved(stage, settled.sides)
-        if response is None:
+        settled = friction.settled(stage, zero)
+        response = friction.respond(stage, settled.sides)
+        if settled.end or not response.solved:
             return None
-        jump = stage.of_drivers(response.qdd) / SUDDEN
-        slips = np.flatnonzero((np.array(sides) != 0) & ~friction.signed)
+        jump = response.qdd / SUDDEN
+        slips = np.setdiff1d(np.flatnonzero(~friction.signed), zero).astype(int)
         ends = _until(w, at.S @ jump, slips)
         step = min(1.0 - done, float(ends.min(initial=np.inf)))
-        P = step / SUDDEN * stage.pushes(response)
+        P = step / SUDDEN * response.pushes
         pushes[some] += P
         T += step / SUDDEN * response.t
         own = np.array(some) < count

@@ -129,7 +129,7 @@ class Chart:
 
     def tangent(self, q: Floats) -> Floats:
         """Rates (joints, k) of joints that may lead, as they count, by those that do."""
-        return np.array([*self.weights.values()])[:, None] * self.may_lead.rows(q, 0 * q)[0]
+        return np.array([*self.weights.values()])[:, None] * self.may_lead.state(q, 0 * q)[1]
 
     def volume(self, T: Floats, joints: Sequence[str]) -> float:
         """What some joints span of all motions, as they count."""
@@ -168,10 +168,9 @@ class Chart:
 
     def states(self, q: Floats, qd: Floats) -> dict[str, tuple[float, float]]:
         """Joint -> coordinate [rad or m] and rate, of all that may lead."""
-        places, rates = self.may_lead.places(q), self.may_lead.rows(q, 0 * q)[0] @ qd
-        return dict(
-            zip(self.weights, zip(places.tolist(), rates.tolist(), strict=True), strict=True)
-        )
+        places, rows, _ = self.may_lead.state(q, 0 * q)
+        states = zip(places.tolist(), (rows @ qd).tolist(), strict=True)
+        return dict(zip(self.weights, states, strict=True))
 
     @property
     def drivers(self) -> tuple[str, ...]:
@@ -182,7 +181,7 @@ class Chart:
     def pairs(self, joints: Sequence[str]) -> PairStops:
         """Coordinates of some joints, and how they change."""
         names = [f"{self.in_outputs(joint=joint)}.{COORDINATE}" for joint in joints]
-        return cast("PairStops", stopped_pairs(self.mechanism, names))
+        return stopped_pairs(self.mechanism, names)
 
     def counted(self, q: Any, users: Floats) -> Counted | None:
         """Coordinates of the user's drivers, which are so much where it begins.
@@ -192,7 +191,7 @@ class Chart:
         if self.joints == (joints := tuple(self.users)):
             return None
         pairs, at = self.pairs(joints), np.array(np.atleast_1d(q), dtype=np.float64)
-        apart = users - pairs.places(at)
+        apart = users - pairs.state(at, 0 * at)[0]
         turns = np.where(pairs.rotary, math.tau * np.round(apart / math.tau), 0.0)
         return Counted(pairs, at, np.where(np.abs(apart - turns) < SAME, turns, apart))
 

@@ -21,9 +21,9 @@ import numpy as np
 
 from blockmech.result.motion import Floats
 
-DEPENDENT = 1e-10  # [-] of the largest singular value of rows: below it they depend on others
-SETTLED = 1e-9  # [-] by which a law may be missed where things start, stay or part: rounding
-STILL = 1e-12  # [-] of a rate's parts, or of a blow: what is left of them is rounding
+SETTLED = 1e-9  # [-] by which a law or a place may be missed by what is solved for: rounding
+DEPENDENT = SETTLED / 10  # of the largest singular value of rows: below it they depend on others
+STILL = SETTLED / 1000  # of a rate's parts, or of a blow: what is left of them is rounding
 
 
 class Held(NamedTuple):
@@ -76,15 +76,25 @@ def rate_along(row: Floats, rate: Any) -> float:
     return whole if abs(whole) > STILL * float(np.abs(row) @ np.abs(np.atleast_1d(rate))) else 0.0
 
 
-def constrained(M: Floats, push: Floats, held: Held) -> tuple[Floats, Floats]:
-    """Accelerations (k,), and pushes (a,) of the stops."""
+def constrained(M: Floats, push: Floats, held: Held | None) -> tuple[Floats, Floats]:
+    """Accelerations (k,), and pushes (a,) of the stops; NaN where a driver has no inertia."""
+    if held is None:
+        return _solved(M, push), np.empty(0)
     Z, shift, back = held.free()
-    try:
-        z = np.linalg.solve(Z.T @ M @ Z, Z.T @ (push - M @ shift))
-    except np.linalg.LinAlgError:
-        z = np.full(Z.shape[1], math.nan)
-    qdd = shift + Z @ z
+    qdd = shift + Z @ _solved(Z.T @ M @ Z, Z.T @ (push - M @ shift))
     return qdd, back @ (M @ qdd - push)
+
+
+def _solved(M: Floats, push: Floats) -> Floats:
+    try:
+        return np.asarray(np.linalg.solve(M, push), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.full(len(push), math.nan)
+
+
+def free_of(held: Held | None, k: int) -> Floats:
+    """A basis (k, z) of what stops and drives leave free."""
+    return np.eye(k) if held is None else held.free()[0]
 
 
 def pushing(M: Floats, rows: Floats, apart: Floats) -> list[tuple[int, ...]]:

@@ -29,7 +29,7 @@ from blockmech.engines.stages import Method, dop853
 from blockmech.result.motion import Floats
 
 if TYPE_CHECKING:
-    from blockmech.dynamics.friction import FrictionState
+    from blockmech.dynamics.friction import Response
 
 LOOKED_AT = 64  # states of a step and more at which the relative rates of pairs are kept
 
@@ -164,8 +164,8 @@ class Equation:
         if not margin > 0:
             return np.full(self.layout.size, math.nan)
         works = [Q @ qd]
-        if self.layout.rubs:
-            works.append(0.0 if known is None else known.power)
+        if (friction := self.system.friction) is not None:
+            works.append(0.0 if known is None else friction.power(known, self.sides))
         if known is None:
             acc, pushes = self.system.accelerations(M, Q - c, q, qd, t)
         else:
@@ -213,7 +213,7 @@ class Equation:
             qdd = self.resisted(t, y).qdd
         return self.system.terms_of(q, qd, t, x, qdd)[1]
 
-    def resisted(self, t: float, y: Floats) -> FrictionState:
+    def resisted(self, t: float, y: Floats) -> Response:
         """Acceleration and friction of the pairs at a state."""
         friction = self.system.friction
         assert friction is not None
@@ -300,12 +300,8 @@ def kept_rates(system: System, method: Callable[[], Method] = dop853) -> Compile
     """
     if len(system.drivers) > 1 or type(system).one is not System.one:
         return None
-    kept, key = system.kept, ("rates", system.method, method)
-    if key not in kept:
-        about = system.equation_program, system.friction, system.signals
-        kept[key] = rates_of(*about, method())
-    found: CompiledRhs | None = kept[key]
-    return found
+    about = system.equation_program, system.friction, system.signals
+    return system.keep((rates_of, system.method, method), lambda: rates_of(*about, method()))
 
 
 def scales(equation: Equation, t: float, y: Floats) -> Floats:

@@ -40,31 +40,32 @@ PARTED = math.radians(1)  # of its way (of an angle at most a radian) or time: p
 
 
 class Difference(NamedTuple):
-    """How far two runs are apart.
+    """How far two runs are apart, or (...) of many designs two runs each.
 
     q : [rad or m] largest difference at common times
     t : [s] difference of the ends, at least what the states are apart at the fastest: two ends may
         be met at one time by chance
     agree : whether they are one motion: the same end, at a time known to a percent or two, and
         nowhere further apart than ``near``
-    near : [rad or m] within which each driver's runs are one motion, a number or (k,)
+    near : (..., k) [rad or m] within which each driver's runs are one motion
+    off, bends : (..., m, k) [rad or m] differences at common times; by what part of the fastest
+        rate rates differ
     times, states : (m,) the common times, and what the finer one says there
-    off, bends : (m,) or (m, k) [rad or m] differences there; by what part of the fastest rate rates
-        differ
     """
 
-    q: float
-    t: float
-    agree: bool
-    near: Any
-    times: Floats
-    states: State
+    q: Any
+    t: Any
+    agree: Any
+    near: Floats
     off: Floats
     bends: Floats
+    times: Floats = np.empty(0)
+    states: State = State(np.empty(0), np.empty(0))
 
-    def left(self, remainder: float) -> float:
+    def left(self, remainder: float) -> Any:
         """[rad or m] What the finer run is off, if what it is late is a share of theirs."""
-        return max(remainder * self.q, float(left_of(self.off, self.bends, remainder).max()))
+        left = left_of(self.off, self.bends, remainder).max(axis=(-2, -1))
+        return np.maximum(remainder * self.q, left)
 
 
 def left_of(off: Floats, bends: Floats, remainder: float) -> Floats:
@@ -104,27 +105,38 @@ def difference(
 ) -> Difference:
     """How far two runs of one motion are apart; ``rotary`` (k,): whose coordinate is an angle."""
     times = common_times(fine.t_start, min(coarse.t_end, fine.t_end), wanted)
-    q, qd = fine.track.state(times)  # they lie in both runs
-    other = coarse.track.state(times)
-    off = np.abs(other.q - q)
-    apart = off.max(axis=0)
+    states, others = fine.track.state(times), coarse.track.state(times)  # they lie in both runs
     same = coarse.end == fine.end and coarse.status == fine.status
-    if same:
-        apart = np.maximum(apart, np.abs(np.subtract(coarse.q_end, fine.q_end)))
-    late = abs(coarse.t_end - fine.t_end)
-    span = fine.t_end - fine.t_start
-    low, high = q.min(axis=0), q.max(axis=0)
-    fastest = float(np.abs(qd).max())
-    size = float(np.max(np.maximum(high, -low))) + abs(fine.t_end) * fastest
-    longest = np.where(rotary, 1.0, math.inf) if q.ndim > 1 else 1.0 if rotary[0] else math.inf
-    near = one_motion(high - low, longest, size)
-    close = bool(np.all(apart <= near)) and late <= PARTED * span
-    agree = same and (close or span == 0)
-    far = float(np.max(apart))
-    late = max(late, far / fastest) if fastest > 0 else late
-    highest = max(fastest, float(np.abs(other.qd).max()))
-    bends = np.minimum(np.abs(other.qd - qd) / (highest or 1.0), 1.0)
-    return Difference(far, late, agree, near, times, State(q, qd), off, bends)
+    beyond = np.abs(np.subtract(coarse.q_end, fine.q_end)) if same else 0.0
+    fine_run, coarse_run = (
+        State(*(x.reshape(len(times), -1) for x in run)) for run in (states, others)
+    )
+    over = fine.t_start, fine.t_end, coarse.t_end
+    apart = compared(fine_run, coarse_run, over, beyond, same, rotary)
+    return apart._replace(q=float(apart.q), t=float(apart.t), times=times, states=states)
+
+
+def compared(
+    fine: State, coarse: State, over: tuple[Any, Any, Any], beyond: Any, same: Any, rotary: Any
+) -> Difference:
+    """How far runs with states (..., m, k) are apart.
+
+    over : [s] their start, and the ends of both, at which they are ``beyond`` apart; ``same`` : by
+        the same end
+    """
+    t_start, t_fine, t_coarse = over
+    off, span, late = np.abs(coarse.q - fine.q), t_fine - t_start, np.abs(t_coarse - t_fine)
+    apart = np.maximum(off.max(axis=-2), beyond)
+    fastest, highest = (np.abs(run.qd).max(axis=(-2, -1)) for run in (fine, coarse))
+    size = np.abs(fine.q).max(axis=(-2, -1)) + np.abs(t_fine) * fastest
+    reach = np.ptp(fine.q, axis=-2)
+    near = one_motion(reach, np.where(rotary, 1.0, math.inf), size[..., None])
+    close = (apart <= near).all(axis=-1) & (late <= PARTED * span)
+    far = apart.max(axis=-1)
+    late = np.maximum(late, np.where(fastest > 0, far / np.where(fastest > 0, fastest, 1.0), 0.0))
+    highest = np.maximum(fastest, highest)[..., None, None]
+    bends = np.minimum(np.abs(coarse.qd - fine.qd) / np.where(highest > 0, highest, 1.0), 1.0)
+    return Difference(far, late, same & (close | (span == 0)), near, off, bends)
 
 
 def one_motion(way: Any, longest: float | Floats, size: Any) -> Any:

@@ -110,7 +110,11 @@ def general_rules(
     for i, between in enumerate(system.stops):
         kind = system.end_at(i)
         if i in system.held:
-            rules.append(leaving_rule(i, system.held[i], stop_force))
+
+            def push(t: Any, y: Any, i: int = i, way: int = system.held[i]) -> Any:
+                return -way * stop_force(i, t, y)
+
+            rules.append(EventFunction(ends.LEAVES_STOP, push, -1, index=i, parts=1))
             continue
         rule = driver_at if i < k else partial(pair_at, system)
         pairs = zip(between, (-1, 1), strict=True)
@@ -121,15 +125,6 @@ def general_rules(
     ends_run = request.standstills < math.inf or system.friction is not None
     stands: dict[str, Any] = {"component": 1, "terminal": ends_run, "arrays": True}
     return [*rules, EventFunction(ends.STANDSTILL, lambda t, y: y[1], **stands)]
-
-
-def leaving_rule(i: int, way: int, stop_force: Callable[..., float]) -> EventFunction:
-    """A stop no longer pushes what lies against it."""
-
-    def push(t: Any, y: Any) -> Any:
-        return -way * stop_force(i, t, y)
-
-    return EventFunction(ends.LEAVES_STOP, push, -1, index=i, parts=1)
 
 
 def kink_rules(q: float, knots: Sequence[float], period: float | None) -> list[EventFunction]:
@@ -186,11 +181,6 @@ def signal_rules(kinks: Callable[[float, Any], Any], count: int) -> list[EventFu
     return [
         EventFunction(ends.SIGNAL_KINK, value(i), parts=PARTS // 2, index=i) for i in range(count)
     ]
-
-
-def release_rule(excess: Value) -> EventFunction:
-    """The loads push a driver at rest beyond what joint friction holds."""
-    return EventFunction(ends.RELEASED, excess, 1, parts=PARTS // 2, index=0)
 
 
 def user_rule(watch: Watch, layout: StateLayout) -> EventFunction:

@@ -1,66 +1,20 @@
-"""Loads of the time that repeat: their common period, and the map over it with its fixed points."""
+"""Loads of the time that repeat: their common period."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any
 
-import numpy as np
-
-from blockmech.dynamics import loads
-from blockmech.dynamics.periodic import FLOWS, NONE, FixedPoint, fixed_point
+from blockmech.dynamics.contacts import SETTLED
 from blockmech.ground.errors import RequestError, refused
-from blockmech.ground.plane import EPS
 from blockmech.loads.contract import Following
 from blockmech.loads.laws import Polynomial
 from blockmech.model.structure import Structure
-from blockmech.result.motion import Floats
 
-if TYPE_CHECKING:
-    from blockmech.dynamics.system import System
-
-SETTLING = 30  # periods of flow before a root is looked for (numerics 14)
-TIMES = 3  # as often
-PERIODS = (1, 2, 4)  # of the loads in one of the motion that are tried: it doubles, if not one
-INWARD = 0.6  # below 1: by it amplitudes or speeds are sampled ahead; outward by its inverse
 COMMON = 1000  # periods of one load in the common one at most
 TIMED = 'ask for "time=<s>" to see how it goes on'
 ELSEWHERE = f"start elsewhere, or {TIMED}"
 GIVE = 'give the period of the loads: "steady=<s>"'
-
-
-class Motions(Protocol):
-    """Motions of a system with k drivers from any state (2k,), of parts of some size (2k,)."""
-
-    system: System
-    k: int
-    x: Floats  # the start
-    size: Floats
-    speed: float
-
-    def acceleration(self, x: Floats, later: float = 0.0) -> Floats:
-        """q'' (k,) at a state, some time [s] after the start."""
-        ...
-
-    def after(self, x: Floats, time: float, tolerance: float = ...) -> Floats:
-        """The state some time [s] later."""
-        ...
-
-
-class MotionEnded(Exception):
-    """A motion ended on the way, by something named: "dead centre", "end stop" ..."""
-
-    def __init__(self, end: str, t: float = math.nan) -> None:
-        super().__init__(end)
-        self.end, self.t = end, t
-
-    def after(self, clock: float) -> RequestError:
-        """What ends the motion from the start, and when."""
-        when = f" after {clock + self.t:.6g} s" if math.isfinite(self.t) else ""
-        return no_steady(f"the motion from the start ends{when}: {self.end}", ELSEWHERE)
 
 
 def no_steady(why: str, remedy: str = TIMED) -> RequestError:
@@ -95,98 +49,10 @@ def forcing_period(structure: Structure, given: float) -> float:
 def _common(one: float, first: str, other: float, second: str) -> float:
     """The least common multiple of two periods [s]; ``one`` may be 0: not known."""
     ratio = Fraction(other / one if one else 1.0).limit_denominator(COMMON)
-    fits = 0 < ratio.numerator <= COMMON and abs(float(ratio) * one / other - 1) <= NONE
+    fits = 0 < ratio.numerator <= COMMON and abs(float(ratio) * one / other - 1) <= SETTLED
     if one and not fits:
         raise no_steady(
             f"the loads {first} and {second} repeat after {one:.9g} s and {other:.9g} s, "
             "which have no common multiple, so nothing repeats"
         )
     return one * ratio.numerator or other
-
-
-class Orbit(NamedTuple):
-    """A periodic motion under loads that repeat, from where a period of them begins."""
-
-    point: FixedPoint
-    periods: int  # of the loads in one of it
-    seen: bool  # to come from the start
-
-
-class Stroboscope:
-    """The state after a period T of the loads, and its fixed points.
-
-    turns : (2k,) periods of the coordinates; 0 where there is none
-    cyclic : drivers on whose coordinates nothing depends; free : parts that must repeat
-    """
-
-    def __init__(self, flow: Motions, T: float) -> None:
-        self.flow, self.T = flow, T
-        k, system = flow.k, flow.system
-        self.turns = np.zeros(2 * k)
-        for i, (driver, between) in enumerate(zip(system.drivers, system.stops, strict=False)):
-            if not any(map(math.isfinite, between)):
-                self.turns[i] = loads.period_of(system.compiled.structure, driver) or 0.0
-        self._check_period()
-        self.cyclic = [i for i in range(k) if self._is_cyclic(i)]
-        self.free = [i for i in range(2 * k) if i not in self.cyclic]
-
-    def _check_period(self) -> None:
-        """Look whether the loads really are the same a period later."""
-        flow, T = self.flow, self.T
-        for t in np.linspace(0.0, 0.9 * T, SETTLING).tolist():
-            here, later = flow.acceleration(flow.x, t), flow.acceleration(flow.x, t + T)
-            largest = float(np.abs([here, later]).max()) + flow.speed**2
-            if not np.abs(later - here).max() <= NONE * largest:
-                raise no_steady(f"the loads are not the same again after {T:.9g} s", GIVE)
-
-    def _is_cyclic(self, i: int) -> bool:
-        flow = self.flow
-        x = flow.x + flow.size * (np.arange(2 * flow.k) >= flow.k)
-        radian = flow.system.span / math.tau * np.eye(2 * flow.k)[i]  # or as much of a slide
-        here = flow.acceleration(x)
-        there = [flow.acceleration(x + j * radian) for j in (1, 2, 3)]
-        return bool(np.abs(np.array(there) - here).max() <= NONE * (np.abs(here).max() + EPS))
-
-    def wrapped(self, step: Floats) -> Floats:
-        """A change of the state (2k,), whole turns left out."""
-        return step - self.turns * np.round(step / np.where(self.turns, self.turns, 1.0))
-
-    def away(self, x: Floats, other: Floats) -> float:
-        """How far two states are apart, relative to a motion's size."""
-        return float(np.abs(self.wrapped(other - x) / self.flow.size)[self.free].max())
-
-    def orbits(self) -> Iterator[Orbit]:
-        """Orbits near the start and near what it settles to."""
-        x = self.flow.x
-        if self.away(x, self.flow.after(x, self.T, FLOWS)) <= NONE / 100:
-            yield from self._near(x, (1,))
-        for _ in range(TIMES):
-            for _ in range(SETTLING):
-                x = self.flow.after(x, self.T)
-            x[self.cyclic] = self.flow.x[self.cyclic]
-            yield from self._near(x, PERIODS)
-
-    def _near(self, x: Floats, periods: Sequence[int]) -> Iterator[Orbit]:
-        for n in periods:
-
-            def change(x: Floats, n: int = n) -> Floats:
-                return self.wrapped(self.flow.after(x, n * self.T, FLOWS) - x)
-
-            with suppress(MotionEnded):
-                point = fixed_point(change, x, self.free, self.flow.size)
-                if point is not None:
-                    yield Orbit(point, n, self.away(x, point.x) <= INWARD)
-
-
-def unfound(map_: Stroboscope) -> RequestError:
-    """The error that says that no periodic motion was found."""
-    x, T = map_.flow.x, map_.T
-    if map_.flow.k == len(map_.cyclic) == 1:
-        gain = float(map_.flow.after(x, T, FLOWS)[1] - x[1])
-        why = f"in every {T:.9g} s the loads change the rate by {gain:.6g}, whatever it is"
-        return no_steady(why, "add a damper or a motor curve")
-    return no_steady(
-        "no periodic motion was found; it may be chaotic, or have a period of its own beside that "
-        f"of the loads; tried: {SETTLING * TIMES} periods of the motion from the start",
-        ELSEWHERE,
-    )

@@ -1,7 +1,7 @@
 """What joint friction in motion is made of: two programs and a solver.
 
 The laws of the pairs at relative rates, and the force pass at states in which loads, rates, one
-acceleration, or a unit of friction in one pair act alone.
+acceleration, or a unit of friction in one pair act alone: together all that acts at an instant.
 """
 
 from __future__ import annotations
@@ -15,10 +15,12 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from blockmech.dynamics.contacts import DEPENDENT, STILL, Held
 from blockmech.engines.binding import bind_functions
 from blockmech.engines.numpy import NumpyEngine, primitives
 from blockmech.engines.scalar import AdaptiveEvaluator
 from blockmech.friction import solvers
+from blockmech.friction.continuation import Outcome
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction, Program
 
@@ -61,23 +63,142 @@ class State(NamedTuple):
     x: Any = None  # states of signal blocks; None: the initial ones
 
 
-class FrictionState(NamedTuple):
-    """One state: the acceleration, and what the pairs do.
+class Contact(NamedTuple):
+    """What stops that something lies against leave free: q'' = basis z'' + shift; see `Held`.
 
-    qdd : (k,)
-    power : [W] that friction takes, less what laws with a state store
-    loads : (m,) on the pairs
-    locked : whether no acceleration satisfies the laws, in a pose that is possible
-    misfit : [-] bound of what an iteration left undone, of the largest friction
-    pushes : (a,) [N m or N] of the stops that it lies against
+    Their pushes are an affine function of z'' and of the friction of the pairs. Drivers that are
+    not free stand among them.
     """
 
-    qdd: Floats
-    power: float
-    loads: Vectors
-    locked: bool
-    misfit: float = 0.0
-    pushes: Any = ()
+    basis: Floats  # (..., k, z)
+    shift: Floats  # (..., k)
+    push: Floats  # (..., a)
+    of_z: Floats  # (..., a, z)
+    of_t: Floats  # (..., a, m)
+    carried: Any = 0.0  # (..., k) rates that drivers have which are not free
+
+
+class Instant(NamedTuple):
+    """What loads, accelerations and friction do at a state, or at n of them (leading axis).
+
+    From M on it is about the z freedoms that stops leave, of the k: all, where nothing lies
+    against one (``contact`` None).
+    """
+
+    q: Floats  # (..., k)
+    rate: Floats  # (..., k)
+    M: Floats  # (..., z, z)
+    push: Floats  # (..., z) efforts of the loads, less what the rates take
+    S: Floats  # (..., m, z) relative rate of a pair per rate of a freedom
+    b: Floats  # (..., m) relative acceleration without any of the freedoms'
+    w: Floats  # (..., m) relative rate
+    f: Any  # (..., m) loads on the pairs without accelerations of freedoms and without friction
+    G: Any  # (..., m, z)
+    R: Any  # (..., m, m)
+    law: Floats  # (..., 2 m) factors and drags at these rates
+    margin: Any
+    contact: Contact | None = None
+    carried: Any = 0.0  # (..., m) relative rates by drivers that are not free
+
+    def against(self, held: Held, loads: Any, lasting: bool = True) -> Instant:
+        """The same while it lies against stops, of which a unit push adds ``loads`` (..., m, a).
+
+        ``lasting`` : pairs that stops alone leave no freedom do not move; in a blow they may
+        """
+        Z, shift, back = held.free()
+        at_shift = self.push - (self.M @ shift[..., None])[..., 0]
+        push = -(back @ at_shift[..., None])[..., 0]
+        of_z, of_t = back @ self.M @ Z, -back @ np.swapaxes(self.S, -1, -2)
+        G, turned = self.G + loads @ back @ self.M, np.swapaxes(Z, -1, -2)
+        shifted = (self.G @ shift[..., None] + loads @ push[..., None])[..., 0]
+        S, b = self.S @ Z, self.b + (self.S @ shift[..., None])[..., 0]
+        tied = np.abs(S).max(axis=-1, initial=0.0) <= DEPENDENT * np.abs(self.S).max(axis=-1)
+        still = tied & lasting
+        rates: Any = 0.0
+        carried: Any = 0.0
+        if held.speeds is not None:
+            rates = (np.swapaxes(back, -1, -2) @ held.speeds[..., None])[..., 0]
+            carried = (self.S @ rates[..., None])[..., 0]
+            size = np.abs(self.b) + (np.abs(self.S) @ np.abs(shift)[..., None])[..., 0]
+            still &= np.abs(b) <= DEPENDENT * size  # a law moves those that it alone moves
+        return self._replace(
+            M=turned @ self.M @ Z,
+            push=(turned @ at_shift[..., None])[..., 0],
+            S=np.where(tied[..., None], 0.0, S),
+            b=np.where(still, 0.0, b),
+            f=self.f + shifted,
+            G=G @ Z,
+            R=self.R + loads @ of_t,
+            contact=Contact(Z, shift, push, of_z, of_t, rates),
+            carried=carried,
+        )
+
+    def part(self, which: Any) -> Instant:
+        """That at one of n states, or those at some, where it lies against nothing."""
+        return Instant._make([*(x[which] for x in self[:-3]), self.margin, None, 0.0])
+
+    @property
+    def freedoms(self) -> Floats:
+        """Rates (..., z) of what is free."""
+        if self.contact is None:
+            return self.rate
+        return (np.swapaxes(self.contact.basis, -1, -2) @ self.rate[..., None])[..., 0]
+
+    @property
+    def unheld(self) -> Floats:
+        """Accelerations (z,) by the loads alone."""
+        return np.asarray(np.linalg.inv(self.M) @ self.push)
+
+    def of_drivers(self, x: Floats, shifted: bool = True) -> Floats:
+        """Accelerations (..., k) of the drivers by those of what is free, or rates."""
+        if self.contact is None:
+            return x
+        of_q = (self.contact.basis @ x[..., None])[..., 0]
+        return of_q + (self.contact.shift if shifted else self.contact.carried)
+
+    def norms(self, loads: Any, guides: Sequence[bool]) -> Floats:
+        """Loads (..., m) as friction is of them [N]."""
+        larger = np.maximum(np.abs(loads.real), np.abs(loads.imag))
+        return np.asarray(np.where(guides, larger, np.abs(loads)))
+
+
+class Response(NamedTuple):
+    """Accelerations and friction at an instant, for some sides.
+
+    misfit : [-] bound of what an iteration left undone, of the largest friction
+    """
+
+    at: Instant
+    free: Floats  # (..., z) accelerations of what is free
+    t: Floats  # (..., m)
+    loads: Any  # (..., m)
+    outcome: Any = 0.0
+    misfit: Any = 0.0
+
+    @property
+    def qdd(self) -> Floats:
+        """Accelerations (..., k) of the drivers."""
+        return self.at.of_drivers(self.free)
+
+    @property
+    def pushes(self) -> Floats:
+        """What stops that it lies against give [N m or N] (..., a)."""
+        if self.at.contact is None:
+            return np.zeros((*self.free.shape[:-1], 0))
+        push, of_z, of_t = self.at.contact[2:5]
+        more = of_z @ self.free[..., None] + of_t @ self.t[..., None]
+        return np.asarray(push + more[..., 0])
+
+    @property
+    def solved(self) -> bool:
+        """Whether it satisfies the laws, of one instant."""
+        code = float(self.outcome)
+        return code == code and Outcome(int(code)).solved
+
+    @property
+    def locked(self) -> bool:
+        """Whether no acceleration satisfies the laws, of one instant in a pose that is possible."""
+        return not self.solved and self.at.margin > 0
 
 
 def least(margins: Iterable[Any]) -> float:
@@ -98,6 +219,8 @@ class PairFriction:
     single states are machine code's; ``rounding`` (k,) [N m or N] is what that leaves unknown of
     the efforts of the loads at a place (k,); ``initial`` are states of signal blocks and laws.
     """
+
+    _last: tuple[Any, Any] = (None, None)
 
     def __init__(
         self,
@@ -182,3 +305,65 @@ class PairFriction:
             values_by_name |= {f"{name}{i}": values[..., i] for i in range(np.shape(values)[-1])}
         units = f"friction_{state.pair}", f"push_{state.push}"
         return [values_by_name.get(x, float(x in units)) for x in self.program.program.inputs]
+
+    # -- an instant ------------------------------------------------------------
+
+    def _states(self, qd: Any, t: Any, x: Any, k: int, held: Held | None) -> list[State]:
+        """Columns of inputs: loads and rates, a unit of each acceleration, friction and push."""
+        still, pairs = State(qd=np.zeros(k), qdd=np.zeros(k)), held.pairs if held else ()
+        units = [still._replace(qdd=row) for row in np.eye(k)]
+        units += [still._replace(pair=j) for j in range(len(self.names))]
+        units += [still._replace(push=j) for j, _ in pairs if j >= 0]
+        return [State(qd=qd, qdd=np.zeros(k), share=1.0, t=t, x=x), *units]
+
+    def instant(self, q: Floats, qd: Floats, t: Any, x: Any, held: Held | None) -> Instant:
+        """One state, or n; x (..., states) are those of signals and laws, None the initial ones."""
+        parts = q, qd, t, x, *(() if held is None else (held.rows, held.drift))
+        key = q.ndim, *(None if part is None else np.asarray(part).tobytes() for part in parts)
+        if self._last[0] != key:
+            self._last = key, self._instant(q, qd, t, x, held)
+        instant: Instant = self._last[1]
+        return instant
+
+    def _instant(self, q: Floats, qd: Floats, t: Any, x: Any, held: Held | None) -> Instant:
+        m, k = len(self.names), qd.shape[-1]
+        values = self.values(q, self._states(qd, t, x, k, held))
+        drives, loads = values[..., :k].real, values[..., k : k + m]
+        slips, rise = (values[..., k + i * m : k + (i + 1) * m].real for i in (1, 2))
+        w, law = slips[..., 0, :], self.law(slips[..., 0, :], x)
+        margin = least(values[0, k + 3 * m :].real) if q.ndim == 1 else 1.0  # of one state
+
+        def of(x: Any, first: int, count: int) -> Any:
+            return np.swapaxes(x[..., first : first + count, :], -1, -2)
+
+        M, S, G, R = of(drives, 1, k), of(rise, 1, k), of(loads, 1, k), of(loads, 1 + k, m)
+        S = np.where(np.abs(S) <= STILL * np.abs(S).max(axis=(-1, -2), keepdims=True), 0.0, S)
+        push, b, f = -drives[..., 0, :], rise[..., 0, :], loads[..., 0, :]
+        at = Instant(q, qd, M, push, S, b, w, f, G, R, law, margin)
+        if held is None:
+            return at
+        return at.against(held, _pressed(held, of(loads, 1 + k + m, values.shape[-2])))
+
+    def pressed(self, q: Floats, held: Held) -> Any:
+        """What a unit push of each stop adds to the loads (m, a) on the pairs."""
+        k, m = len(q), len(self.names)
+        still = State(qd=np.zeros(k), qdd=np.zeros(k))
+        units = [still, *(still._replace(push=j) for j, _ in held.pairs if j >= 0)]
+        return _pressed(held, self.values(q, units)[1:, k : k + m].T)
+
+    def rates(self, q: Floats, qd: Floats) -> Floats:
+        """Relative rates (..., m) of the pairs."""
+        k, m = q.shape[-1], len(self.names)
+        return self.values(q, [State(qd, 0.0 * qd)])[..., 0, k + m : k + 2 * m].real
+
+    def slipping(self, q: Floats, qd: Floats) -> Sides:
+        """Senses in which pairs slip at a state."""
+        return tuple(int(s) for s in self.senses(self.rates(q, qd)))
+
+
+def _pressed(held: Held, loads: Any) -> Any:
+    """Loads (..., m, a) on the pairs by unit pushes: those (..., m, p) of the stops of pairs."""
+    of_pairs = [j >= 0 for j, _ in held.pairs]
+    pressed = np.zeros((*loads.shape[:-1], len(of_pairs)), dtype=np.complex128)
+    pressed[..., of_pairs] = loads * [sense for j, sense in held.pairs if j >= 0]
+    return pressed

@@ -19,24 +19,23 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.blow import Blow, blow
-from blockmech.dynamics.contacts import SETTLED, Held, constrained, rate_along
+from blockmech.dynamics.blow import Before, Blow, blow, impact_of
+from blockmech.dynamics.contacts import SETTLED, Held, constrained, free_of, rate_along
 from blockmech.dynamics.estimate import TARGET
 from blockmech.dynamics.pair_program import GIVEN
-from blockmech.dynamics.pair_stops import PairStops, held_by, stopped_pairs
+from blockmech.dynamics.pair_stops import PairStops, stopped_pairs
 from blockmech.dynamics.request import SimulationRequest, Start, Until
 from blockmech.dynamics.run import Run, RunEnd
 from blockmech.dynamics.sticking import JointFriction
 from blockmech.dynamics.stops import Stop
-from blockmech.dynamics.system import System, solved
+from blockmech.dynamics.system import System
 from blockmech.ground.errors import refused
 from blockmech.ground.values import Vector
-from blockmech.model.structure import JointRef
 from blockmech.passes.friction import given_joints
 from blockmech.passes.homotopy import schedule
 from blockmech.plan.plan import Friction
@@ -186,27 +185,20 @@ class Bounces(Run):
 
     def _rows(self, struck: dict[int, int], q: Floats, rate: Floats) -> Held:
         """Rows of some stops at a state."""
-        places = [*self.system.drivers, *(() if self.pairs is None else self.pairs.names)]
+        places = [*self.system.drivers, *self.pairs.names]
         those = [places.index(self._stop(*end).name) for end in struck.items()]
-        return held_by(self.pairs, q, rate, those)
-
-    def _pair(self, name: str) -> tuple[JointRef, int] | None:
-        """The pair whose stop a name is of, and how its coordinate counts; None of a driver's."""
-        if self.pairs is None or name not in self.pairs.names:
-            return None
-        return self.pairs.pairs[self.pairs.names.index(name)]
+        return self.pairs.held(q, rate, those)
 
     @cached_property
-    def pairs(self) -> PairStops | None:
+    def pairs(self) -> PairStops:
         """Pairs that have stops."""
         names = [stop.name for between in self.request.stops for stop in between]
-        return stopped_pairs(cast("Compiled", self.system.compiled), names)
+        return stopped_pairs(self.system.compiled, names)
 
     @cached_property
     def friction(self) -> JointFriction | None:
         """Joint friction of blows."""
-        pushed = () if self.pairs is None else self.pairs.refs
-        return self.system.friction_of(pushed)
+        return self.system.friction_of(self.pairs.refs)
 
     def _onto(self, q: Floats, rate: Floats, t: float, struck: dict[int, int]) -> Floats:
         """Coordinates of the drivers with which stops are touched, the nearest by M."""
@@ -227,27 +219,23 @@ class Bounces(Run):
         roles = self.system.roles
         return np.eye(k) if roles is None else np.delete(np.eye(k), roles.bound, axis=1)
 
-    @property
-    def _driven(self) -> dict[str, int]:
-        """Drivers that are not free, and their places."""
-        roles = self.system.roles
-        return {} if roles is None else {self.system.drivers[i]: i for i in roles.bound}
-
     def _struck(self, leg: Motion, i: int, way: int) -> Any:
         """The rates after a blow."""
         q, before = (np.array(np.atleast_1d(x), dtype=float) for x in (leg.q_end, leg.qd_end))
         struck = {i: way} | {j: self.held[j] for j in sorted(self.held) if j != i}
         q = self._onto(q, before, leg.t_end, struck)
-        M, _ = self._matrix(q, before, leg.t_end)
-        stop, rows = self._stop(i, way), self._rows(struck, q, before).rows
-        e, speed = stop.restitution, rate_along(rows[0], before)
+        state = Before(
+            leg.t_end, q, before, self._matrix(q, before, leg.t_end)[0], self._states(leg)
+        )
+        e, rows = self._stop(i, way).restitution, self._rows(struck, q, before).rows
+        speed = rate_along(rows[0], before)
         assert e is not None
-        done = self._blow(leg, q, M, before, struck, e)
+        done = self._blow(state, struck, e)
         impulse = float(done.pushes[0])
         low, more = self._is_low(q, done.after, leg.t_end, i, way, speed)
         if low:
             self.unseen += self.height
-            done, impulse = self._blow(leg, q, M, before, struck, 0.0), impulse + more
+            done, impulse = self._blow(state, struck, 0.0), impulse + more
             self.held[i] = way
             self._lies(leg, i, bool(speed))
         after = done.after if speed else before
@@ -258,15 +246,12 @@ class Bounces(Run):
                 self._leaves(j, leg)
         if speed:
             self.struck = {i: (leg.t_end, abs(float(rows[0] @ after)))}
+            bound = [] if self.system.roles is None else self.system.roles.bound
             names = [self._stop(*end).name for end in struck.items()]
-            pushes = dict(zip((*names, *self._driven), done.pushes.tolist(), strict=True))
-            pairs = () if self.friction is None else self.friction.names
-            rubbed = dict(zip(pairs, done.friction.tolist(), strict=True))
-            work = float(done.pushes[len(names) :] @ [after[i] for i in self._driven.values()])
-            loss = work - 0.5 * float((before + after) @ M @ (after - before))
+            names += [self.system.drivers[j] for j in bound]
+            record, work = impact_of(done, state, names, bound, self.friction)
             self.worked += work
-            what = stop.name, q, before, after, impulse, loss, pushes, rubbed
-            self.impacts.append(Impact(leg.t_end, *what))
+            self.impacts.append(record._replace(impulse=impulse))
             self.events.append(Event(ends.IMPACT, leg.t_end, self._plain(q), self._plain(after)))
         self.legs[-1] = replace(leg, q_end=self._plain(q), qd_end=self._plain(after))
         return self._plain(after)
@@ -276,20 +261,16 @@ class Bounces(Run):
         """States of signal blocks and friction laws at the end of a leg; None without any."""
         return np.array(leg.x_end) if leg.x_end else None
 
-    def _blow(
-        self, leg: Motion, q: Floats, M: Floats, before: Floats, struck: dict[int, int], e: float
-    ) -> Blow:
+    def _blow(self, state: Before, struck: dict[int, int], e: float) -> Blow:
         """A blow on the first of some stops; it lies against the others."""
-        stops = self._rows(struck, q, before)
-        back, at = np.array([e] + [0.0] * (len(struck) - 1)), None
-        if self.friction is not None and before.any():
-            at = self.friction.instant(q, before, leg.t_end, self._states(leg), None)
+        stops = self._rows(struck, state.q, state.rate)
+        back = np.array([e] + [0.0] * (len(struck) - 1))
         sides = np.array([self._side(*stop) for stop in struck.items()])
         roles, bound = self.system.roles, None
         if roles is not None and roles.bound:  # their rates go on
-            bound = roles.constraint(leg.t_end)
+            bound = roles.constraint(state.t)
             bound = bound._replace(drift=0 * bound.drift, speeds=None)
-        done = blow(M, before, stops, sides, back, self.friction, at, bound)
+        done = blow(state, stops, sides, back, self.friction, bound)
         self.notes += [REVERSES] if done.reverses else [] if done.solved else [LEFT_OUT]
         self.gained = max(self.gained, done.gained)
         return done
@@ -309,7 +290,7 @@ class Bounces(Run):
         others = self._rows(lain, q, after) if lain else None
         if self.system.roles is not None:
             others = self.system.roles.beside(others, t)
-        loads = solved(M, Q) if others is None else constrained(M, Q, others)[0]
+        loads = constrained(M, Q, others)[0]
         push = side * float(stops.rows[0] @ loads + stops.drift[0])
         if self.friction is not None:
             rubbed = self.friction.from_state(q, after, t, others)[1]
@@ -329,7 +310,7 @@ class Bounces(Run):
         if e * kept >= 1.0:
             return False, 0.0
         self.flights, self.apex = flight / (1 - e * kept), t + flight / 2
-        Z = np.eye(len(q)) if others is None else others.free()[0]
+        Z = free_of(others, len(q))
         row = stops.rows[0] @ Z
         mass = 1 / float(row @ np.linalg.solve(Z.T @ M @ Z, row))
         total = -side * mass * speed * kept * (1 + e) / (1 - e * kept)
@@ -344,9 +325,8 @@ class Bounces(Run):
 
     def _leaves(self, i: int, leg: Motion) -> None:
         """It leaves a stop that it lay against."""
-        name = self._stop(i, self.held.pop(i)).name
-        begin, push = self.since.pop(i)
-        self.lying.append(Lying(name, begin, leg.t_end, push, self._pair(name)))
+        self.lying.append(self._lain(i, leg.t_end))
+        del self.held[i], self.since[i]
         self.events.append(Event(ends.LEAVES_STOP, leg.t_end, leg.q_end, leg.qd_end))
 
     def _released(self, leg: Motion) -> Any:
@@ -361,10 +341,10 @@ class Bounces(Run):
         self.system = replace(self.system, held=dict(self.held))
         return leg.qd_end
 
-    def _still_lying(self, t: float) -> Iterator[Lying]:
-        for i, (begin, push) in self.since.items():
-            name = self._stop(i, self.held[i]).name
-            yield Lying(name, begin, t, push, self._pair(name))
+    def _lain(self, i: int, t: float) -> Lying:
+        """That it lay against a stop until a time [s]."""
+        name = self._stop(i, self.held[i]).name
+        return Lying(name, self.since[i][0], t, self.since[i][1], self.pairs.by_name.get(name))
 
     def _touches(self, i: int, push: float) -> None:
         """Keep what a stop pushes the drivers with when it comes to lie against it."""
@@ -412,7 +392,7 @@ class Bounces(Run):
             impacts=tuple(sorted([*self.impacts, *jolts], key=lambda i: i.t)),
             roles=tuple(r for leg in legs for r in leg.roles),
             slips=tuple(s for leg in legs for s in leg.slips),
-            lying=(*self.lying, *self._still_lying(last.t_end)),
+            lying=(*self.lying, *(self._lain(i, last.t_end) for i in self.since)),
             error=math.fsum(leg.error for leg in legs) + self.unseen,
             cost=self.system.cost,
             notes=tuple(notes),
@@ -449,7 +429,7 @@ def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
         raise refused("impact", f"got {impact!r:.60}", "give one of the impacts of a motion")
     pairs = stopped_pairs(mechanism, tuple(impact.pushes))
     how = GIVEN if impact.friction else Friction("none")
-    how = replace(how, pushed=() if pairs is None else pairs.refs)
+    how = replace(how, pushed=pairs.refs)
     structure = replace(mechanism.structure, elements={}, holds={})  # what lasts has no impulse
     scene = mechanism.scene.model_copy(update={"gravity": Vector(0j), "stops": {}})
     names = mechanism.names and replace(mechanism.names, loads={})
@@ -463,8 +443,7 @@ def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
         given |= {f"q_{i}": np.full(2, q), f"qdd_{i}": qdd * blow}
     for j, ref in enumerate(schedule(structure, scene, how).ask(given_joints)):
         given[f"friction_{j}"] = impact.friction.get(structure.pair_name(ref), 0.0) * blow
-    known = () if pairs is None else zip(pairs.names, pairs.pairs, strict=True)
-    for j, (name, (_, sense)) in enumerate(known):
+    for j, (name, (_, sense)) in enumerate(pairs.by_name.items()):
         given[f"push_{j}"] = sense * impact.pushes[name] * blow
     samples = Samples(2, given, np.zeros(2))
     values, engine = alone.evaluate(plan, samples, "numpy")

@@ -11,15 +11,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from blockmech.dynamics.blow import blow
-from blockmech.dynamics.contacts import STILL
+from blockmech.dynamics.blow import Before, blow, impact_of
+from blockmech.dynamics.contacts import SETTLED, STILL
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.pair_stops import held_by
 from blockmech.dynamics.roles import Roles
 from blockmech.ground.errors import refused
 from blockmech.result.motion import Floats, Impact
-
-SAME = 1e-9  # [-] by which a driver may be beside where its law of motion says
 
 
 def jolt_of(
@@ -35,7 +32,7 @@ def jolt_of(
     system, (q, before) = equation.system, equation.layout.motion(y.copy())
     for i in roles.prescribed:
         place = roles.law_at(i, t)[0]
-        if not abs(place - q[i]) <= SAME * max(1.0, abs(q[i])):
+        if not abs(place - q[i]) <= SETTLED * max(1.0, abs(q[i])):
             name = roles.drivers[i]
             found = (
                 f"at t = {t:.9g} s {name}.q is {q[i]:.9g}, and its law of motion says {place:.9g}"
@@ -49,17 +46,13 @@ def jolt_of(
     if not moving.any():
         return None, 0.0
     x = y[equation.layout.signals] if equation.layout.initial else None
-    M = system.terms_of(q, before, t, x)[0].M
+    state = Before(t, q, before, system.terms_of(q, before, t, x)[0].M, x)
     those, friction = sorted(system.held), system.friction
-    stops, ways = held_by(system.pairs, q, before, those), [system.held[i] for i in those]
-    at = None if friction is None else friction.instant(q, before, t, x, None)
+    stops, ways = system.pairs.held(q, before, those), [system.held[i] for i in those]
     bound = target._replace(drift=-jump, speeds=None)
-    blown = blow(M, before, stops, np.array(ways), np.zeros(len(those)), friction, at, bound)
+    blown = blow(state, stops, np.array(ways), np.zeros(len(those)), friction, bound)
     blown.after[roles.bound] = target.speeds
     names = [*(system.stopped[i] for i in those), *(roles.drivers[i] for i in roles.bound)]
-    pushes = dict(zip(names, blown.pushes.tolist(), strict=True))
+    record, work = impact_of(blown, state, names, roles.bound, friction)
     first = roles.drivers[roles.bound[int(np.argmax(np.abs(jump)))]]
-    rubbed = {} if friction is None else dict(zip(friction.names, blown.friction, strict=True))
-    work = float(blown.pushes[len(those) :] @ target.speeds)
-    loss = work - 0.5 * float((before + blown.after) @ M @ (blown.after - before))
-    return Impact(t, first, q, before, blown.after, pushes[first], loss, pushes, rubbed), work
+    return record._replace(driver=first, impulse=record.pushes[first]), work

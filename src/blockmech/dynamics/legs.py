@@ -41,7 +41,7 @@ class Leg:
         if self.counted is None:
             return qdd
         q, qd = (x.reshape(qdd.shape) for x in self.motion.at(t))
-        rows = [self.counted.pairs.rows(*state) for state in zip(q, qd, strict=True)]
+        rows = [self.counted.pairs.state(*state)[1:] for state in zip(q, qd, strict=True)]
         return np.array([R @ a + drift for (R, drift), a in zip(rows, qdd, strict=True)])
 
     def signal_states(self, t: Floats) -> Floats:

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -69,20 +68,6 @@ def smooth(structure: Structure) -> bool:
     return alone or not structure.followers
 
 
-class Nature(NamedTuple):
-    """What the loads of a mechanism are: see the functions of these names."""
-
-    depends_on: frozenset[str]
-    lossless: bool
-    smooth: bool
-
-
-def nature(mechanism: Any) -> Nature:
-    """That of a mechanism, which keeps it."""
-    rules = depends_on, lossless, smooth
-    return Nature(*(rule(mechanism.structure) for rule in rules))  # type: ignore[arg-type]
-
-
 def largest_length(structure: Structure) -> float:
     """A length [m] over which things change: the largest that the blocks declare."""
     names = ("length", "l_i", "l_j")
@@ -139,77 +124,52 @@ def time_periods(structure: Structure) -> list[float]:
 
 def knots(compiled: Any) -> tuple[float, ...]:
     """Coordinates [rad or m] of the only driver at kinks: of one period from 0, or within reach."""
-    structure, scene, driver = compiled.structure, compiled.scene, compiled.structure.drivers[0]
+    structure, driver = compiled.structure, compiled.structure.drivers[0]
     period = period_of(structure, driver)
     span = math.tau if structure.driver_joint(driver).rotary else largest_length(structure)
     low, high = (0.0, period) if period else (-REACH * span, REACH * span)
+    q = np.linspace(low, high, SCANNED * max(1, round((high - low) / span)) + 1)
+
+    def planned() -> Schedule:
+        return schedule(structure, compiled.scene, FREE)
+
     places: list[float] = []
     for follower in structure.followers:
-        places += _jumps_of_coupling(compiled, follower, (low, high), span)
+        s, levels = planned(), structure.coupling_of(follower).knots
+        places += _passings(s, s.ask(argument, follower), levels, q)
     for name, element in structure.elements.items():
         if element.counted is not None and isinstance(element, Following):
-            law = element.law
-            if element.counted.driver in structure.followers:
-                rule = partial(_levels_passed, compiled, coordinate_of, element.counted.driver)
-                places += rule(law.within, (low, high), span) if law.rows() else []
-            else:
+            counted, law = element.counted.driver, element.law
+            if counted not in structure.followers:
                 places += law.within(low, high)
+            elif law.rows():
+                s = planned()
+                places += _passings(s, s.ask(coordinate_of, counted), law.within, q)
         elif kinks := element.kinks():
-            s = schedule(structure, scene, FREE)
-            measure = s.program([kernel_on(s, name, kinks.measure, value="measure")])
-            samples = SCANNED * max(1, round((high - low) / span)) + 1
-            q = np.linspace(low, high, samples)
-            places += _passings(measure, kinks.values, kinks.turning, q)
+            s = planned()
+            measure = kernel_on(s, name, kinks.measure, value="measure")
+            places += _passings(s, measure, lambda *_, x=kinks.values: x, q, kinks.turning)
     return tuple(sorted({x % period for x in places} if period else set(places)))
 
 
-def _jumps_of_coupling(
-    compiled: Any, driver: str, within: tuple[float, float], span: float
-) -> list[float]:
-    """Where the argument of a coupling passes a jump of its curve."""
-    jumps = compiled.structure.coupling_of(driver).knots
-    return _levels_passed(compiled, argument, driver, jumps, within, span)
-
-
-def _levels_passed(
-    compiled: Any,
-    rule: Callable[..., Value],
-    driver: str,
+def _passings(
+    s: Schedule,
+    quantity: Value,
     levels: Callable[[float, float], Iterable[float]],
-    within: tuple[float, float],
-    span: float,
+    q: Any,
+    turning: bool = False,
 ) -> list[float]:
-    """Where a quantity of a coupled driver passes levels, which are named by its range."""
-    s = schedule(compiled.structure, compiled.scene, FREE)
-    program = s.program([s.ask(rule, driver)])
-    q = np.linspace(*within, SCANNED * max(1, round((within[1] - within[0]) / span)) + 1)
-    if program.inputs != ("q_0",):
-        return []
-    there = np.asarray(AdaptiveEvaluator(program).run({"q_0": q}, q.size)[0])
-    if not np.isfinite(there).any():
-        return []
-    return _passings(program, levels(float(np.nanmin(there)), float(np.nanmax(there))), False, q)
-
-
-def next_time_kink(structure: Structure, t: float) -> float:
-    """The first kink in time [s] after a time; infinite if there is none."""
-    times = []
-    for element in structure.elements.values():
-        law = _law(element)
-        if law is not None and law.variables() == ("time",):
-            times.append(law.next_kink(t))
-    return min(times, default=math.inf)
-
-
-def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> list[float]:
-    """Driver coordinates at which a measure passes one of its kinks, between samples."""
+    """Driver coordinates at which a quantity passes levels in its range, between places q."""
+    program = s.program([quantity])
     if program.inputs != ("q_0",):
         return []
     from scipy.optimize import brentq
 
     measure, places = AdaptiveEvaluator(program), []
     values = np.asarray(measure.run({"q_0": q}, q.size)[0])
-    for level in kinks:
+    if not np.isfinite(values).any():
+        return []
+    for level in levels(float(np.nanmin(values)), float(np.nanmax(values))):
 
         def above(x: float, level: float = level) -> float:
             d = float(measure.run({"q_0": [x]}, 1)[0][0]) - level
@@ -224,6 +184,16 @@ def _passings(program: Any, kinks: Iterable[float], turning: bool, q: Any) -> li
         for i in np.flatnonzero(passed).tolist():
             places.append(float(brentq(above, q[i], q[i + 1], xtol=EPS, rtol=4 * EPS)))
     return places
+
+
+def next_time_kink(structure: Structure, t: float) -> float:
+    """The first kink in time [s] after a time; infinite if there is none."""
+    times = []
+    for element in structure.elements.values():
+        law = _law(element)
+        if law is not None and law.variables() == ("time",):
+            times.append(law.next_kink(t))
+    return min(times, default=math.inf)
 
 
 # -- size ----------------------------------------------------------------------------------

@@ -75,7 +75,7 @@ def _with_misfit(system: System, motion: Motion) -> Motion:
     ]
     if not left:
         return motion
-    worst = max(left)
+    worst = float(max(left))
     note = (
         f'friction "{how.method}": pairs miss their laws by up to {worst:.1e} of the largest '
         "friction; the estimated error is that of the integration alone"

@@ -12,10 +12,11 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.contacts import Held, constrained
-from blockmech.dynamics.pair_stops import held_by, lain_against
+from blockmech.dynamics.friction_along import friction_along
+from blockmech.dynamics.pair_stops import lain_against
 from blockmech.dynamics.roles import FREE, PRESCRIBED
 from blockmech.dynamics.sticking import JointFriction
-from blockmech.dynamics.system import System, solved
+from blockmech.dynamics.system import System
 from blockmech.passes.signals import STATE
 from blockmech.plan.plan import Friction
 from blockmech.plan.settings import friction_asked
@@ -45,8 +46,7 @@ class MotionInputs(Mapping[str, Any]):
         self.qd[unknown] = np.nan
         self.mechanism, self.how, self.t = mechanism, how, t
         self.pairs = lain_against(mechanism, motion.lying)
-        names = () if self.pairs is None else self.pairs.names
-        self.lies = motion.held(t, (*mechanism.drivers, *names))
+        self.lies = motion.held(t, (*mechanism.drivers, *self.pairs.names))
         self.stops = self.lies.shape[1]
         if motion.roles:  # behind the stops
             self.lies = np.hstack([self.lies, motion.role_at(t) != FREE])
@@ -69,7 +69,7 @@ class MotionInputs(Mapping[str, Any]):
     def _against(self, q: Floats, qd: Floats, t: Floats, which: Any) -> Held:
         """Rows of stops that it lies against at n states, and of drivers that are not free."""
         stops, bound = which[which < self.stops], which[which >= self.stops] - self.stops
-        at = [held_by(self.pairs, *state, stops) for state in zip(q, qd, strict=True)]
+        at = [self.pairs.held(*state, stops) for state in zip(q, qd, strict=True)]
         rows, drift = np.array([x.rows for x in at]), np.array([x.drift for x in at])
         held = Held(rows, drift, at[0].pairs)
         if not bound.size:
@@ -86,15 +86,15 @@ class MotionInputs(Mapping[str, Any]):
     def _pushed(self, pushes: Floats) -> dict[str, Floats]:
         """Inputs of what stops of pairs push with, from that of all stops (n, a)."""
         k = len(self.mechanism.drivers)
-        pairs = () if self.pairs is None else self.pairs.pairs
-        return {f"push_{j}": sense * pushes[:, k + j] for j, (_, sense) in enumerate(pairs)}
+        pairs = enumerate(self.pairs.pairs)
+        return {f"push_{j}": sense * pushes[:, k + j] for j, (_, sense) in pairs}
 
     def __getitem__(self, name: str) -> Any:
         return self.known[name] if name in self.known else self.acting[name]
 
     def __iter__(self) -> Iterator[str]:
         yield from self.known
-        k, pairs = len(self.mechanism.drivers), () if self.pairs is None else self.pairs.names
+        k, pairs = len(self.mechanism.drivers), self.pairs.names
         computed = [f"{part}_{i}" for part in ("qd", "qdd") for i in range(k)]
         computed += [f"{part}_{j}" for part in ("sticks", "friction") for j in range(self.rubs)]
         computed += [f"push_{j}" for j in range(len(pairs))]
@@ -112,7 +112,7 @@ class MotionInputs(Mapping[str, Any]):
         q, qd = (x.reshape(len(self.t), k) for x in (self.q, self.qd))
         state = q, qd, self.t, self.states
         sides, lain = np.broadcast_to(self.sides, (len(q), self.rubs)), (self.lies, self._against)
-        along = friction.along(state, sides, *lain, self.begins)
+        along = friction_along(friction, state, sides, *lain, self.begins)
         acting = _by_driver("qd", along.rates, k) | _by_driver("qdd", along.qdd, k)
         acting |= self._pushed(along.pushes)
         for j, t in enumerate(np.ascontiguousarray(along.friction.T)):
@@ -133,11 +133,9 @@ class MotionInputs(Mapping[str, Any]):
         if k == 1 and not self.lies.any():
             return _by_driver("qdd", right / M[:, 0], k)
         for i, lies in enumerate(self.lies):
-            if not lies.any():
-                qdd[i] = solved(M[i], right[i])
-                continue
-            which, here = np.flatnonzero(lies), slice(i, i + 1)
-            held = self._against(self.q[here], self.qd[here], self.t[here], which).first()
+            which, here, held = np.flatnonzero(lies), slice(i, i + 1), None
+            if which.size:
+                held = self._against(self.q[here], self.qd[here], self.t[here], which).first()
             qdd[i], pushes[i, which] = constrained(M[i], right[i], held)
         return _by_driver("qdd", qdd, k) | self._pushed(pushes)
 
@@ -188,8 +186,7 @@ def result_in_chart(
     how = friction_asked(settings["friction"])
     if how.method != "none":
         how = replace(how, along=True)
-    if (pairs := lain_against(mechanism, motion.lying)) is not None:
-        how = replace(how, pushed=pairs.refs)
+    how = replace(how, pushed=lain_against(mechanism, motion.lying).refs)
     plan = mechanism.planned(want, how)
     unknown = np.zeros(len(t), bool)
     if motion.end == ends.DEAD_CENTRE and _margin_at_end(mechanism, motion) <= SINGULAR:

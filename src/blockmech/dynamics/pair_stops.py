@@ -4,55 +4,37 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from blockmech.dynamics.contacts import Held
 from blockmech.engines.scalar import ScalarEngine
 from blockmech.ground.values import split_address
-from blockmech.model.naming import Names
-from blockmech.model.scene import Scene
-from blockmech.model.structure import COORDINATE, JointRef, Structure
+from blockmech.model.structure import COORDINATE, JointRef
 from blockmech.passes import forward
 from blockmech.passes.homotopy import schedule
-from blockmech.plan.plan import Friction, Output, Schedule
+from blockmech.plan.plan import Friction, Output
 from blockmech.result.motion import Floats, Lying
 
-SLIPPED = forward.slip_acceleration
 SURE = 1.0  # [rad] by which an angle may differ from what its row foretells, over one way
 HALVED = 30  # times at most that a way is halved until it does not
 
 
-class Named(Protocol):
-    """A mechanism, e.g. a `Compiled`: a structure in its scene, and its outputs by name."""
-
-    structure: Structure
-    scene: Scene
-    names: Names | None
-
-    @property
-    def outputs(self) -> Mapping[str, Output]:
-        """Every output that can be wanted."""
-
-    @property
-    def drivers(self) -> tuple[str, ...]:
-        """Drivers in formation order."""
-
-
 @dataclass
 class PairStops:
-    """Coordinates of some pairs of a mechanism, and how they change.
+    """Coordinates of some pairs of a mechanism, of none as well, and how they change.
 
+    mechanism : a `Compiled`
     pairs : each with +1 or -1, the sense in which its coordinate counts against the pair's own
     """
 
-    mechanism: Named
-    names: tuple[str, ...]  # of the outputs that are the coordinates
-    pairs: tuple[tuple[JointRef, int], ...]
+    mechanism: Any
+    names: tuple[str, ...] = ()  # of the outputs that are the coordinates
+    pairs: tuple[tuple[JointRef, int], ...] = ()
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled without its programs."""
@@ -63,70 +45,59 @@ class PairStops:
         """The pairs."""
         return tuple(ref for ref, _ in self.pairs)
 
+    @property
+    def by_name(self) -> dict[str, tuple[JointRef, int]]:
+        """Name of the coordinate -> pair and sense."""
+        return dict(zip(self.names, self.pairs, strict=True))
+
     @cached_property
     def rotary(self) -> Any:
         """(p,) whether each coordinate is an angle."""
-        return np.array([self.mechanism.structure.joint(ref).rotary for ref in self.refs])
-
-    def _schedule(self) -> Schedule:
-        return schedule(self.mechanism.structure, self.mechanism.scene, Friction("none"))
+        structure = self.mechanism.structure
+        return np.array([structure.joint(ref).rotary for ref in self.refs], dtype=bool)
 
     @cached_property
-    def _of_places(self) -> tuple[ScalarEngine, list[tuple[Output, int]]]:
-        s, outputs = self._schedule(), [self.mechanism.outputs[name] for name in self.names]
-        values = [list(output.ask(s)) for output in outputs]
-        engine = ScalarEngine(s.program([x for some in values for x in some]))
-        return engine, list(zip(outputs, map(len, values), strict=True))
-
-    @cached_property
-    def _of_rows(self) -> ScalarEngine:
-        s, drivers = self._schedule(), self.mechanism.structure.drivers
+    def _program(self) -> tuple[ScalarEngine, list[tuple[Output, int]]]:
+        structure, drivers = self.mechanism.structure, self.mechanism.structure.drivers
+        s = schedule(structure, self.mechanism.scene, Friction("none"))
+        outputs = [self.mechanism.outputs[name] for name in self.names]
+        places = [list(output.ask(s)) for output in outputs]
         rows = [s.ask(forward.slip, ref, driver) for ref in self.refs for driver in drivers]
-        return ScalarEngine(s.program([*rows, *map(partial(s.ask, SLIPPED), self.refs)]))
+        drifts = map(partial(s.ask, forward.slip_acceleration), self.refs)
+        engine = ScalarEngine(s.program([*(x for some in places for x in some), *rows, *drifts]))
+        return engine, list(zip(outputs, map(len, places), strict=True))
 
-    def places(self, q: Floats) -> Floats:
-        """Coordinates (p,), angles between -pi and pi."""
-        engine, outputs = self._of_places
-        values, places = _values(engine, q, 0 * q), []
+    def state(self, q: Floats, qd: Floats) -> tuple[Floats, Floats, Floats]:
+        """Coordinates (p,), angles between -pi and pi, rows (p, k), and drifts (p,) at rates."""
+        p, k = len(self.pairs), len(q)
+        if not p:
+            return np.empty(0), np.empty((0, k)), np.empty(0)
+        engine, outputs = self._program
+        inputs = dict[str, float]()
+        for i, (x, rate) in enumerate(zip(q, qd, strict=True)):
+            inputs |= {f"q_{i}": float(x), f"qd_{i}": float(rate), f"qdd_{i}": 0.0}
+        values, places = list(engine.one([inputs[x] for x in engine.program.inputs])), []
         for output, count in outputs:
             columns = [np.asarray(values.pop(0)) for _ in range(count)]
             places.append(float(output.read(*columns)))
-        return np.array(places)
-
-    def rows(self, q: Floats, qd: Floats) -> tuple[Floats, Floats]:
-        """Rows (p, k), and drifts (p,) at rates (k,)."""
         senses = np.array([sense for _, sense in self.pairs])
-        values = np.array(_values(self._of_rows, q, qd), dtype=np.float64)
-        count = len(senses) * len(q)
-        rows, drift = values[:count].reshape(len(senses), len(q)), values[count:]
-        return senses[:, None] * rows, senses * drift
+        changes = np.array(values, dtype=np.float64)
+        rows, drifts = changes[: p * k].reshape(p, k), changes[p * k :]
+        return np.array(places), senses[:, None] * rows, senses * drifts
 
+    def rows(self, q: Any, rate: Any) -> tuple[Floats, Floats]:
+        """Rows (n, k) of all that has stops over the drivers, drifts (n,): drivers, then pairs."""
+        q, rate = np.atleast_1d(q), np.atleast_1d(rate)
+        _, rows, drifts = self.state(q, rate)
+        return np.vstack([np.eye(len(q)), rows]), np.append(0.0 * q, drifts)
 
-def rows_of(pairs: PairStops | None, q: Any, rate: Any) -> tuple[Floats, Floats]:
-    """Rows (n, k) of all that has stops over the drivers, and drifts (n,): drivers, then pairs."""
-    q, rate = np.atleast_1d(q), np.atleast_1d(rate)
-    rows, drift = np.eye(len(q)), np.zeros(len(q))
-    if pairs is None:
-        return rows, drift
-    more, pushed = pairs.rows(q, rate)
-    return np.vstack([rows, more]), np.append(drift, pushed)
-
-
-def held_by(pairs: PairStops | None, q: Any, rate: Any, those: Sequence[int]) -> Held:
-    """Some of the stops at a state, by their places among all."""
-    rows, drift = rows_of(pairs, q, rate)
-    k = rows.shape[1]
-    senses = [1] * k + ([] if pairs is None else [sense for _, sense in pairs.pairs])
-    own = tuple((max(int(i) - k, -1), senses[i]) for i in those)
-    return Held(rows[those], drift[those], own)
-
-
-def _values(engine: ScalarEngine, q: Floats, qd: Floats) -> list[Any]:
-    """Values of a program at a state without accelerations."""
-    given = dict[str, float]()
-    for i, (x, rate) in enumerate(zip(q, qd, strict=True)):
-        given |= {f"q_{i}": float(x), f"qd_{i}": float(rate), f"qdd_{i}": 0.0}
-    return list(engine.one([given[name] for name in engine.program.inputs]))
+    def held(self, q: Any, rate: Any, those: Sequence[int]) -> Held:
+        """Some of the stops at a state, by their places among all."""
+        rows, drift = self.rows(q, rate)
+        k = rows.shape[1]
+        senses = [1] * k + [sense for _, sense in self.pairs]
+        own = tuple((max(int(i) - k, -1), senses[i]) for i in those)
+        return Held(rows[those], drift[those], own)
 
 
 class Counted:
@@ -137,7 +108,8 @@ class Counted:
 
     def __init__(self, pairs: PairStops, q: Floats, turns: Floats) -> None:
         self.pairs = pairs
-        self.start = q, pairs.places(q) + turns, pairs.rows(q, 0 * q)[0]
+        places, rows, _ = pairs.state(q, 0 * q)
+        self.start = q, places + turns, rows
         self.again()
 
     def again(self) -> None:
@@ -166,7 +138,7 @@ class Counted:
         q0, before, rows0 = last
         if (q0 == q).all():
             return last
-        places, (rows, _) = self.pairs.places(q), self.pairs.rows(q, 0 * q)
+        places, rows, _ = self.pairs.state(q, 0 * q)
         if self.pairs.rotary.any():
             foretold = before + (rows0 + rows) @ (q - q0) / 2
             turns = math.tau * np.round((foretold - places) / math.tau)
@@ -179,8 +151,8 @@ class Counted:
         return q, places, rows
 
 
-def stopped_pairs(mechanism: Named, names: Sequence[str]) -> PairStops | None:
-    """Those of some names that are no drivers'; None without any."""
+def stopped_pairs(mechanism: Any, names: Sequence[str]) -> PairStops:
+    """Those of some names that are no drivers'."""
     of_pairs = tuple(dict.fromkeys(name for name in names if name not in mechanism.drivers))
     pairs = []
     for name in of_pairs:
@@ -190,10 +162,10 @@ def stopped_pairs(mechanism: Named, names: Sequence[str]) -> PairStops | None:
         else:
             where = mechanism.names.joints[pair.partition(".")[2]]
             pairs.append((where.joint, -1 if where.flipped != where.turned else 1))
-    return PairStops(mechanism, of_pairs, tuple(pairs)) if pairs else None
+    return PairStops(mechanism, of_pairs, tuple(pairs))
 
 
-def lain_against(mechanism: Named, lying: Sequence[Lying]) -> PairStops | None:
-    """Those that something lies against in a motion; None without any."""
+def lain_against(mechanism: Any, lying: Sequence[Lying]) -> PairStops:
+    """Those that something lies against in a motion."""
     pairs = {lain.stop: lain.pair for lain in lying if lain.pair is not None}
-    return PairStops(mechanism, tuple(pairs), tuple(pairs.values())) if pairs else None
+    return PairStops(mechanism, tuple(pairs), tuple(pairs.values()))

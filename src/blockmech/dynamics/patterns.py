@@ -17,9 +17,8 @@ from itertools import combinations
 
 import numpy as np
 
+from blockmech.dynamics.contacts import SETTLED
 from blockmech.result.motion import Floats
-
-ZERO = 1e-9  # of the length of a row and of a unit vector: their product is nothing
 
 
 def _unit(rows: Floats) -> Floats:
@@ -35,14 +34,14 @@ def rays(rows: Floats) -> Iterator[Floats]:
     """
     rows = _unit(rows)
     _, size, basis = np.linalg.svd(rows, full_matrices=False)
-    basis = basis[size > ZERO * max(float(size[0]), 1.0)] if size.size else basis[:0]
+    basis = basis[size > SETTLED * max(float(size[0]), 1.0)] if size.size else basis[:0]
     known: list[Floats] = []
     for some in combinations(range(len(rows)), len(basis) - 1) if len(basis) else ():
         _, size, turned = np.linalg.svd(rows[list(some)] @ basis.T)
-        if (size > ZERO).sum() < len(basis) - 1:
+        if (size > SETTLED).sum() < len(basis) - 1:
             continue
         x = turned[-1] @ basis
-        if all(abs(x @ y) < 1 - ZERO for y in known):
+        if all(abs(x @ y) < 1 - SETTLED for y in known):
             known.append(x)
             yield from (x, -x)
 
@@ -50,7 +49,7 @@ def rays(rows: Floats) -> Iterator[Floats]:
 def signs(rows: Floats, x: Floats) -> tuple[int, ...]:
     """Signs (m,) of all rows on a unit vector; what is rounding is zero."""
     values = _unit(rows) @ x
-    return tuple(int(s) for s in np.where(np.abs(values) <= ZERO, 0, np.sign(values)))
+    return tuple(int(s) for s in np.where(np.abs(values) <= SETTLED, 0, np.sign(values)))
 
 
 def patterns(rows: Floats) -> set[tuple[int, ...]]:

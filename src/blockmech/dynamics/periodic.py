@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import root
 
+from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.estimate import ROUNDING, missed
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.functions.series import SCANNED
@@ -22,8 +23,7 @@ from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Floats, Motion, Slips, State, Still, Track
 
 QUOTIENT = 1e-3  # step of fourth-order differences: its fourth power is their error, 1e-12
-NEUTRAL = 1e-6  # distance of a multiplier from 1 that is none: what differences leave of it
-NONE = 1e-9  # relative: what roots and eigenvalues leave of nothing
+NEUTRAL = QUOTIENT**2  # distance of a multiplier from 1 that is none: half of those digits
 FLOWS = 1e-13  # accuracy of the flows whose fixed points are looked for
 SEARCH = 20  # values of a map in a search; from a settled motion some ten are enough
 
@@ -56,7 +56,7 @@ class Equilibrium(NamedTuple):
     def kind(self) -> str:
         """ "stable", "indifferent" or "unstable"."""
         slowest = float(self.values[0].real)
-        if abs(slowest) <= NONE * float(np.abs(self.values).max()):
+        if abs(slowest) <= SETTLED * float(np.abs(self.values).max()):
             return "indifferent"
         return "stable" if slowest < 0 else "unstable"
 
@@ -91,8 +91,8 @@ def equilibrium_near(
         A = np.vstack([np.eye(k, 2 * k, k), slope(acceleration, x, QUOTIENT * size)])
     if not (np.isfinite(A).all() and np.isfinite(left).all()):
         return None
-    move = np.linalg.lstsq(A[k:, :k], left, rcond=NONE)[0]
-    balanced = np.abs(left - A[k:, :k] @ move).max() <= NONE * speed**2
+    move = np.linalg.lstsq(A[k:, :k], left, rcond=SETTLED)[0]
+    balanced = np.abs(left - A[k:, :k] @ move).max() <= SETTLED * speed**2
     error = 2 * float(np.abs(move).max()) + ROUNDING * float(np.abs(solution).max() + span)
     if not balanced or error > NEUTRAL * span or np.abs(solution - q).max() > 2 * math.pi * span:
         return None
@@ -156,8 +156,8 @@ def fixed_point(
         return (change(at(u)) / size)[free]
 
     u = np.zeros(len(free))
-    if not np.abs(moved(u)).max() <= NONE:
-        u = np.asarray(root(moved, u, options={"xtol": NONE, "maxfev": SEARCH}).x)
+    if not np.abs(moved(u)).max() <= SETTLED:
+        u = np.asarray(root(moved, u, options={"xtol": SETTLED, "maxfev": SEARCH}).x)
     left, jump = moved(u), slope(moved, u, np.full(u.size, QUOTIENT))
     if not (np.isfinite(jump).all() and np.abs(left).max() <= NEUTRAL):
         return None
@@ -183,18 +183,19 @@ class PeriodicMotion:
 
     def state(self, t: Floats) -> State:
         """State at times (m,) [s]."""
-        turn = np.floor((t - self.t0) / self.period)
-        local = np.clip(t - turn * self.period, self.t0, self.t0 + self.period)
+        turn, local = self._in_one(t)
         q, qd = self.once.state(local)
-        many = turn if q.ndim == 1 else turn[:, None]
-        return State(q + many * self.shift, qd)
+        return State(q + (turn if q.ndim == 1 else turn[:, None]) * self.shift, qd)
 
     def signal_states(self, t: Floats) -> Floats:
         """States (m, n) of signal blocks at times (m,) [s]."""
-        turn = np.floor((t - self.t0) / self.period)
-        local = np.clip(t - turn * self.period, self.t0, self.t0 + self.period)
-        states: Floats = self.once.signal_states(local)  # type: ignore[attr-defined]
+        states: Floats = self.once.signal_states(self._in_one(t)[1])  # type: ignore[attr-defined]
         return states
+
+    def _in_one(self, t: Floats) -> tuple[Floats, Floats]:
+        """Which period times [s] are in, and the times in the first one."""
+        turn = np.floor((t - self.t0) / self.period)
+        return turn, np.clip(t - turn * self.period, self.t0, self.t0 + self.period)
 
 
 def repeated(
@@ -248,7 +249,7 @@ def _named(multipliers: Any) -> dict[str, float]:
     for i, value in enumerate(np.asarray(multipliers).tolist()):
         name = "multiplier" if i == 0 else f"multiplier_{i + 1}"
         z = complex(value)
-        if abs(z.imag) <= NONE * abs(z):
+        if abs(z.imag) <= SETTLED * abs(z):
             facts[name] = z.real
         else:
             facts[name] = abs(z)

@@ -1,16 +1,14 @@
-"""Rest of one driver: equilibria, starts without a motion, and how long joint friction holds."""
+"""Rest of one driver: equilibria, and starts without a motion."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from blockmech.dynamics import ends, loads
-from blockmech.dynamics.estimate import COMPARED
+from blockmech.dynamics import ends
 from blockmech.dynamics.place_data import NOTHING
 from blockmech.dynamics.request import SimulationRequest
 from blockmech.ground.plane import EPS
@@ -82,34 +80,3 @@ def equilibrium(system: System, q: float) -> tuple[str, dict[str, float], tuple[
         note = f"it stays there only in theory: any disturbance grows as exp({rate:.6g} t)"
         return "unstable equilibrium", {"rate": rate}, (note,)
     return "equilibrium", {}, ()
-
-
-def first_beyond(
-    system: System, beyond: Callable[[float], float], t: float, t_last: float
-) -> float | None:
-    """First time [s] after t at which what loads do to a place grows positive.
-
-    None where it does not until ``t_last``, or, if that is infinite, in a period of the loads.
-    """
-    structure = system.compiled.structure
-    periods = loads.time_periods(structure)
-    if "time" not in system.depends_on:
-        return None
-    from scipy.optimize import brentq
-
-    latest = t_last if math.isfinite(t_last) else t + max(periods, default=1.0)
-    part = min(periods, default=latest - t) / COMPARED
-    a, kink = t, loads.next_time_kink(structure, t)
-    while a < latest:
-        b = min(a + part, kink, latest)
-        if b == kink:
-            kink = loads.next_time_kink(structure, kink)
-        if beyond(b) > 0:
-            if beyond(a) < 0:
-                b = float(brentq(beyond, a, b, xtol=EPS, rtol=4 * EPS))
-            late = math.ulp(b)
-            while not beyond(b) > 0 and late < latest - b:  # the root is either side of it
-                b, late = b + late, 2 * late
-            return b
-        a = b
-    return None

@@ -18,6 +18,7 @@ from blockmech.dynamics.change_points import system_of
 from blockmech.dynamics.contacts import Held
 from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.estimate import TARGET
+from blockmech.dynamics.friction_along import friction_along
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.request import (
     Pairs,
@@ -214,7 +215,7 @@ class Stepper:
 
         state = y[:, layout.q], y[:, layout.rate], t, y[:, layout.signals]
         unknown = np.full((self.copies, len(friction.names)), math.nan)
-        along = friction.along(state, unknown, bound, against)
+        along = friction_along(friction, state, unknown, bound, against)
         return {"qdd": along.qdd, "friction": along.friction, "sticks": 1.0 * along.stand}
 
 

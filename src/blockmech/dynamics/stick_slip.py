@@ -7,24 +7,24 @@ equation those of the next, or says why there is none.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics import ends
+from blockmech.dynamics import ends, loads
 from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.events import EventFunction, friction_rules, release_rule
+from blockmech.dynamics.events import PARTS, PER_SWING, EventFunction, friction_rules
+from blockmech.dynamics.friction import Instant
 from blockmech.dynamics.request import SimulationRequest
-from blockmech.dynamics.rest import first_beyond
 from blockmech.dynamics.run import RunEnd
-from blockmech.dynamics.sticking import Instant, JointFriction, Settled
+from blockmech.dynamics.sticking import WITHIN, JointFriction, Settled
+from blockmech.dynamics.system import System
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Floats, Slips
 
 SOON = 1e-6  # [s] after which a law that begins to move shows in which sense
-WITHIN = 4 * EPS  # [-] of a time, to which an event is found in it
 Known = set[tuple[str, int]]  # events at a place, by kind and index
 
 
@@ -45,13 +45,6 @@ class Transition(NamedTuple):
     events: tuple[Event, ...] = ()
     slips: tuple[Slips, ...] = ()
     facts: dict[str, float] = {}
-
-    def then(self, later: Transition) -> Transition:
-        """Both, one after the other."""
-        y = self.y if later.y is None else later.y
-        until = self.until if later.until is None else later.until
-        events, slips = self.events + later.events, self.slips + later.slips
-        return Transition(later.end, y, until, events, slips, self.facts | later.facts)
 
 
 @dataclass
@@ -76,14 +69,11 @@ class StickSlip:
         """Kinds of events that transitions keep by another name."""
         return frozenset({ends.REVERSAL} if self._told else ())
 
-    def begin(self, now: Now) -> Transition:
-        """Give the senses of slip with which the motion starts."""
-        return self._settle(now, ())
-
     def rules(self) -> list[EventFunction]:
         """Where the equation of a segment ends."""
         equation = self.equation
-        rules = [release_rule(self._excess)] if self.holds else []
+        released = EventFunction(ends.RELEASED, self._excess, 1, parts=PARTS // 2, index=0)
+        rules = [released] if self.holds else []
         if self.friction is not None and not equation.held:
             about = self.friction.program, equation.sides, not self._told
             rules += friction_rules(equation.slips, equation.pair_loads, *about)
@@ -98,7 +88,7 @@ class StickSlip:
         fresh = self.settled == now.t
         return self.holds and not fresh and self._excess(now.t, now.y) > 0
 
-    def reverse(self, now: Now, j: int) -> Transition:
+    def reverse(self, now: Now, j: int) -> Iterator[Transition]:
         """Settle anew, pair j among those without relative rate.
 
         So are others whose rate goes through zero at the same time, within rounding of it.
@@ -107,24 +97,11 @@ class StickSlip:
         change = np.abs(at.S) @ np.abs(at.unheld) + np.abs(at.b)
         turning = np.abs(at.w) <= WITHIN * abs(now.t) * change
         others = np.flatnonzero(turning & ~signed).tolist()
-        return self._settle(now, tuple({*self._stuck, *others, j}))
-
-    def stand(self, now: Now, short: bool) -> Transition:
-        """Settle anew where the only driver stands, after a swing that was too ``short`` or not."""
-        if self.friction is None and short:
-            return Transition(RunEnd(ends.REST))
-        return self._settle(now, ())
-
-    def carried(self, now: Now) -> Transition:
-        """Settle anew where a law of motion begins or ends to move pairs."""
-        return self._settle(now, tuple(self._stuck))
-
-    def release(self, now: Now) -> Transition:
-        """Settle anew: what stuck is pushed beyond what it holds."""
-        return self._settle(now, self._stuck, True)
+        return self.settle(now, tuple({*self.stuck, *others, j}))
 
     @property
-    def _stuck(self) -> list[int]:
+    def stuck(self) -> list[int]:
+        """Pairs that stick."""
         return [j for j, side in enumerate(self.equation.sides) if side == 0]
 
     @property
@@ -159,11 +136,11 @@ class StickSlip:
         held, force = self.equation.system.held, self.equation.stop_force
         return max((way * force(i, t, y) for i, way in held.items()), default=-math.inf)
 
-    def _held(self, now: Now) -> Transition:
+    def _held(self, now: Now) -> Iterator[Transition]:
         """Stay where nothing is free, until loads of the time push beyond what holds it."""
         system, t_last = self.equation.system, self.request.t_last
         if "state" in system.depends_on:
-            return Transition()  # signals go on
+            return  # signals go on
 
         def beyond(t: float) -> float:
             return max(self._excess(t, now.y), self._pull(t, now.y))
@@ -171,26 +148,35 @@ class StickSlip:
         until = first_beyond(system, beyond, now.t, t_last)
         if until is None and self.request.span == math.inf:
             end = f"{ends.END_STOP} at rest" if system.held else ends.REST
-            return Transition(RunEnd(end, "ended" if now.moved or system.held else "rest"))
-        stays = Transition(until=t_last if until is None else until)
-        if until is None or self._excess(until, now.y) < 0:
-            return stays
-        return stays.then(self.release(Now(until, now.y, True)))
+            yield Transition(RunEnd(end, "ended" if now.moved or system.held else "rest"))
+            return
+        yield Transition(until=t_last if until is None else until)
+        if until is not None and self._excess(until, now.y) >= 0:
+            yield from self.settle(Now(until, now.y, True), self.stuck, True)
 
-    def _settle(self, now: Now, standing: Sequence[int], released: bool = False) -> Transition:
-        """Which pairs stick from here on, and in which sense others slip."""
-        system, layout = self.equation.system, self.equation.layout
-        if (friction := self.friction) is None:
-            return self._lies(now)
-        at, old = self._instant(now.t, now.y, SOON), self.equation.sides
-        if (np.abs(at.freedoms) > WITHIN * abs(now.t) * np.abs(at.unheld)).any():  # it goes on
-            at = friction.turning(at, standing)
+    def settle(
+        self, now: Now, standing: Sequence[int] = (), released: bool = False
+    ) -> Iterator[Transition]:
+        """Which pairs stick from here on, and in which sense others slip.
+
+        ``standing`` have no relative rate; ``released`` as of `JointFriction.settled`
+        """
+        equation, system, layout = self.equation, self.equation.system, self.equation.layout
+        if (friction := self.friction) is None:  # stops alone may leave no freedom
+            q, qd = map(np.atleast_1d, equation.motion(now.t, now.y))
+            held = None if system.roles else system.against(q, qd, now.t)
+            equation.held = held is not None and not held.free()[0].size
+            yield from self._held(now) if equation.held else ()
+            return
+        at, old = self._instant(now.t, now.y, SOON), equation.sides
+        at = friction.turning(at, standing, now.t)
         self.zero, self.settled = friction.without_slip(at, standing), now.t
-        start = friction.settled(at, friction.sides_at(at, self.zero), self.zero, released)
+        start = friction.settled(at, self.zero, released)
         if start.end:
             moved = start.end == ends.SELF_LOCKED and now.moved
-            return Transition(RunEnd(start.end, "ended" if moved else "failed"))
-        self.equation.sides = sides = start.sides
+            yield Transition(RunEnd(start.end, "ended" if moved else "failed"))
+            return
+        equation.sides = sides = start.sides
         events = []
         for j, (before, after) in enumerate(zip(old, sides, strict=False)):
             if before != after and self._told:
@@ -199,20 +185,15 @@ class StickSlip:
                 events.append(Event(name, now.t, *layout.motion(now.y)))
         y = now.y.copy()
         y[layout.rate] = friction.kept(at, sides)
-        goes = Transition(None, y, None, tuple(events), (Slips(now.t, sides),))
-        all_stand = friction.holds_all(at, sides) and not (system.roles and system.roles.prescribed)
-        self.equation.held, self.holds = all_stand, bool(friction.stuck(at, sides))
-        if all_stand and at.push.size:
+        self.holds = bool(friction.stuck(at, sides))
+        prescribed = system.roles is not None and system.roles.prescribed
+        equation.held = bool(friction.fixed(at, sides)) and not prescribed
+        yield Transition(None, y, None, tuple(events), (Slips(now.t, sides),))
+        if equation.held and at.push.size:
             event = Event(ends.REST, now.t, *layout.motion(y))
-            goes = goes.then(Transition(events=(event,), facts=self._facts(now, start)))
-        return goes.then(self._held(now._replace(y=y))) if all_stand else goes
-
-    def _lies(self, now: Now) -> Transition:
-        """Go on without friction: stay where stops leave no freedom."""
-        system, (q, qd) = self.equation.system, self.equation.motion(now.t, now.y)
-        held = None if system.roles else system.against(np.atleast_1d(q), np.atleast_1d(qd), now.t)
-        self.equation.held = held is not None and held.free()[0].shape[-1] == 0
-        return self._held(now) if self.equation.held else Transition()
+            yield Transition(events=(event,), facts=self._facts(now, start))
+        if equation.held:
+            yield from self._held(now._replace(y=y))
 
     def _facts(self, now: Now, start: Settled) -> dict[str, float]:
         """How firmly friction holds what rests."""
@@ -220,3 +201,34 @@ class StickSlip:
             return {"holding_share": start.share}
         held = self._rubs.holding(now.y[:1], now.t, self._states(now.y))
         return {"holding_low": float(held.low[0]), "holding_high": float(held.high[0])}
+
+
+def first_beyond(
+    system: System, beyond: Callable[[float], float], t: float, t_last: float
+) -> float | None:
+    """First time [s] after t at which what loads do to a place grows positive.
+
+    None where it does not until ``t_last``, or, if that is infinite, in a period of the loads.
+    """
+    structure = system.compiled.structure
+    periods = loads.time_periods(structure)
+    if "time" not in system.depends_on:
+        return None
+    from scipy.optimize import brentq
+
+    latest = t_last if math.isfinite(t_last) else t + max(periods, default=1.0)
+    part = min(periods, default=latest - t) / (2 * PER_SWING)
+    a, kink = t, loads.next_time_kink(structure, t)
+    while a < latest:
+        b = min(a + part, kink, latest)
+        if b == kink:
+            kink = loads.next_time_kink(structure, kink)
+        if beyond(b) > 0:
+            if beyond(a) < 0:
+                b = float(brentq(beyond, a, b, xtol=EPS, rtol=4 * EPS))
+            late = math.ulp(b)
+            while not beyond(b) > 0 and late < latest - b:  # the root is either side of it
+                b, late = b + late, 2 * late
+            return b
+        a = b
+    return None

@@ -12,7 +12,6 @@ Source: Pfeiffer & Glocker, Multibody Dynamics with Unilateral Contacts, 1996, c
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,16 +19,17 @@ import numpy as np
 from blockmech.dynamics.loads import largest_length
 from blockmech.dynamics.pair_stops import Counted, stopped_pairs
 from blockmech.dynamics.request import STOPS, Pairs, pairs_of
+from blockmech.functions.series import SCANNED
 from blockmech.ground.errors import Problem, RequestError, close_match, listed, refused
+from blockmech.ground.plane import EPS
 from blockmech.model.structure import COORDINATE
 
 if TYPE_CHECKING:
     from blockmech.compiled import Compiled
 
-SAMPLES = 721  # of a turn, or of the reach of a slide, between which a bound is looked for
 REACH = 8.0  # of a slide's coordinate, in largest lengths
 TURNS = 64  # beyond which the stop of a pin that turns on is not looked for
-LEAST_SLOPE = 1e-8  # of a pair's coordinate by the driver's, where it still strikes a stop
+LEAST_SLOPE = math.sqrt(EPS)  # of a pair's coordinate by the driver's, where it strikes a stop
 
 
 class Stop(NamedTuple):
@@ -61,13 +61,15 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
     given, scene = pairs_of("stops", stops, STOPS, mechanism.coordinate_units), mechanism.scene
     bounds = {d: s.bounds for d, s in scene.stops.items()} if given is None else given
     problems: list[Problem] = []
-    stops_by_driver: dict[str, Between] = {}
-    for driver in starts:
-        low, high = bounds.get(driver, (-math.inf, math.inf))
-        e = scene.stops[driver].restitution if driver in scene.stops else None
-        stops_by_driver[driver] = Stop(driver, float(low), e), Stop(driver, float(high), e)
-    for name, (low, high) in bounds.items():
+    stops_by_name: dict[str, Between] = {}
+    driver, several = next(iter(starts)), len(starts) > 1
+    for name in dict.fromkeys((*starts, *bounds)):
+        low, high = map(float, bounds.get(name, (-math.inf, math.inf)))
         where = scene.address("stops", name) if given is None else f"stops.{name}"
+        e = scene.stops[name].restitution if name in scene.stops else None
+        between = Stop(name, low, e), Stop(name, high, e)
+        if name in starts or several:
+            stops_by_name[name] = between
         if name not in starts and not _is_coordinate(mechanism, name):
             none, known = f'no driver "{name}"', [n for n in mechanism.outputs if _ends_so(n)]
             valid = f"drivers: {listed(starts)}; coordinates of pairs: {listed(known, 8)}"
@@ -76,22 +78,17 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
         elif not low < high:
             order = f"the lowest must be below the highest, got {low:.9g} and {high:.9g}"
             problems.append(Problem("bad-value", where, order))
-        elif name not in starts and len(starts) > 1:
-            e = scene.stops[name].restitution if name in scene.stops else None
-            stops_by_driver[name] = Stop(name, float(low), e), Stop(name, float(high), e)
-        elif name not in starts:
+        elif name in starts and not low <= (q := starts[name][0]) <= high:
+            problems.append(_outside(where, f"{name}.q", q, low, high))
+        elif name not in stops_by_name:
             try:
-                between = stops_by_driver[next(iter(starts))]
-                stops_by_driver[next(iter(starts))] = _narrower(
-                    between, tuple(_of_pair(mechanism, name, (low, high), starts, where))
-                )
+                own = _of_pair(mechanism, name, between, starts, where)
+                stops_by_name[driver] = _narrower(stops_by_name[driver], own)
             except RequestError as error:
                 problems += error.problems
-        elif not low <= (q := starts[name][0]) <= high:
-            problems.append(_outside(where, f"{name}.q", q, low, high))
     if problems:
         raise RequestError(problems)
-    return tuple(stops_by_driver.values())
+    return tuple(stops_by_name.values())
 
 
 def _outside(where: str, name: str, value: float, low: float, high: float) -> Problem:
@@ -108,14 +105,9 @@ def _is_coordinate(mechanism: Compiled, name: str) -> bool:
     return _ends_so(name) and name in mechanism.outputs
 
 
-def _narrower(between: Between, more: tuple[Stop, ...]) -> Between:
-    low, high = between
-    for stop, way in zip(more, (-1, 1), strict=True):
-        if way < 0 and stop.q > low.q:
-            low = stop
-        elif way > 0 and stop.q < high.q:
-            high = stop
-    return low, high
+def _narrower(between: Between, more: Between) -> Between:
+    pairs = tuple(zip(between, more, strict=True))
+    return max(pairs[0], key=lambda stop: stop.q), min(pairs[1], key=lambda stop: stop.q)
 
 
 def _turns(place: float, low: float, high: float, rotary: bool) -> float:
@@ -130,10 +122,10 @@ def counted_pairs(mechanism: Compiled, starts: Pairs, stops: tuple[Between, ...]
     Raises `RequestError` for a start that is not between them.
     """
     pairs = stopped_pairs(mechanism, [low.name for low, _ in stops[len(starts) :]])
-    if pairs is None:
+    if not pairs.names:
         return None
     q = np.array([q for q, _ in starts.values()])
-    places, turns = pairs.places(q), []
+    places, turns = pairs.state(q, 0 * q)[0], []
     for (low, high), place, rotary in zip(stops[len(starts) :], places, pairs.rotary, strict=True):
         turns.append(_turns(place, low.q, high.q, rotary))
         if not low.q <= place + turns[-1] <= high.q:  # nor does a start that does not close
@@ -144,20 +136,17 @@ def counted_pairs(mechanism: Compiled, starts: Pairs, stops: tuple[Between, ...]
 
 
 def _of_pair(
-    mechanism: Compiled, name: str, bounds: tuple[float, float], starts: Pairs, where: str
-) -> Iterator[Stop]:
+    mechanism: Compiled, name: str, between: Between, starts: Pairs, where: str
+) -> Between:
     """The places of the only driver, below and above its start, at which a pair gets to a bound."""
     ((driver, (q0, _)),) = starts.items()
-    phi = _Coordinate(mechanism, driver, name, q0)
-    low, high = bounds
+    phi, (low, high) = _Coordinate(mechanism, driver, name, q0), (stop.q for stop in between)
     phi.shift = _turns(phi.start, low, high, phi.rotary)
     if not low <= phi.start + phi.shift <= high:
         raise RequestError(_outside(where, name, phi.start + phi.shift, low, high))
-    stop = mechanism.scene.stops.get(name)
-    for way in (-1, 1):
-        q = phi.reaches(low, high, way)
-        slope = phi.slope(q) if math.isfinite(q) else 1.0
-        yield Stop(name, q, stop.restitution if stop else None, slope)
+    places = [phi.reaches(low, high, way) for way in (-1, 1)]
+    first, last = (between[0]._replace(q=q, slope=phi.slope(q)) for q in places)
+    return first, last
 
 
 class _Coordinate:
@@ -187,7 +176,7 @@ class _Coordinate:
         size = math.tau if self.turns else REACH * largest_length(self.mechanism.structure)
         q, before = self.q0, self.start + self.shift
         for _ in range(TURNS if self.turns else 1):
-            places = q + way * np.linspace(0.0, size, SAMPLES)
+            places = q + way * np.linspace(0.0, size, SCANNED + 1)
             values = self.along(places)
             if self.rotary:
                 values += math.tau * np.round((before - values[0]) / math.tau)
@@ -214,15 +203,17 @@ class _Coordinate:
         return way * math.inf
 
     def slope(self, q: float) -> float:
-        """Its derivative by the driver's coordinate."""
+        """Its derivative by the driver's coordinate, at a place if there is one."""
+        if math.isinf(q):
+            return 1.0
         rate = f"{self.name.removesuffix(COORDINATE)}slip"
         run = self.mechanism.run(at={self.driver: [q]}, rates={self.driver: 1.0}, want=[rate])
         slope = float(run[rate][0])
         if abs(slope) < LEAST_SLOPE:
-            found = (
+            where = (
                 f"{self.name} turns back where it touches its stop, at {self.driver}.q = {q:.9g}"
             )
-            raise refused(f"stops.{self.name}", found, "move the stop", code="stops")
+            raise refused(f"stops.{self.name}", where, "move the stop", code="stops")
         return slope
 
 

@@ -28,7 +28,7 @@ from blockmech.dynamics import ends, loads
 from blockmech.dynamics.contacts import Held, constrained
 from blockmech.dynamics.friction import least
 from blockmech.dynamics.pair_program import margins, pair_program
-from blockmech.dynamics.pair_stops import Counted, PairStops, held_by, rows_of
+from blockmech.dynamics.pair_stops import Counted, PairStops
 from blockmech.dynamics.roles import Roles
 from blockmech.dynamics.signals import (
     NO_SIGNALS,
@@ -221,7 +221,7 @@ class System:
     @cached_property
     def depends_on(self) -> frozenset[str]:
         """What loads and friction depend on, of {"q", "rate", "time", "state"}."""
-        variables = self.compiled.once(loads.nature).depends_on
+        variables = self._of_loads(loads.depends_on)
         if self.signals.initial:  # also of signals that no load follows: only time moves them
             variables |= {"state"}
         if not self.compiled.structure.signal_wires:
@@ -233,10 +233,18 @@ class System:
     @cached_property
     def period(self) -> float | None:
         """Period [rad] of everything that depends on the only driver's coordinate."""
-        if "period" not in self.kept:
-            self.kept["period"] = loads.period_of(self.compiled.structure, self.drivers[0])
-        period: float | None = self.kept["period"]
-        return period
+        return self._of_loads(loads.period_of, self.drivers[0])
+
+    def _of_loads(self, rule: Callable[..., T], *of: str) -> T:
+        """What a rule says of the structure, asked once for all runs."""
+        return self.keep((rule, *of), lambda: rule(self.compiled.structure, *of))
+
+    def keep(self, key: Any, make: Callable[[], T]) -> T:
+        """What is made of the mechanism once, for all its runs."""
+        if key not in self.kept:
+            self.kept[key] = make()
+        value: T = self.kept[key]
+        return value
 
     @property
     def knots(self) -> tuple[float, ...]:
@@ -259,12 +267,12 @@ class System:
     def lossless(self) -> bool:
         """Whether the loads have a potential with the period, and no joint has friction."""
         free = self.friction is None and self.period is not None
-        return free and self.compiled.once(loads.nature).lossless
+        return free and self._of_loads(loads.lossless)
 
     @cached_property
     def smooth(self) -> bool:
         """Whether the accelerations are smooth within a step."""
-        return self.friction is None and self.compiled.once(loads.nature).smooth
+        return self.friction is None and self._of_loads(loads.smooth)
 
     @property
     def noise(self) -> float:
@@ -317,18 +325,13 @@ class System:
     @cached_property
     def friction(self) -> JointFriction | None:
         """Joint friction in motion; None where there is none or it is left out."""
-        return self.friction_of(() if self.pairs is None else self.pairs.refs)
+        return self.friction_of(self.pairs.refs)
 
     def friction_of(self, pushed: tuple[JointRef, ...] = ()) -> JointFriction | None:
         """The same, with stops of pairs that may push."""
         if self.method is None or self.method.method == "none":
             return None
-        if not pushed:
-            program = self.compiled.once(pair_program)
-        else:  # of pairs as well that nothing but a push loads
-            if ("pushed", pushed) not in self.kept:
-                self.kept["pushed", pushed] = pair_program(self.compiled, pushed)
-            program = self.kept["pushed", pushed]
+        program = self.keep((pair_program, pushed), lambda: pair_program(self.compiled, pushed))
         if program is None:
             return None
         states = lambda: self.compiled_states  # noqa: E731
@@ -338,14 +341,14 @@ class System:
     # -- end stops -------------------------------------------------------------
 
     @property
-    def pairs(self) -> PairStops | None:
-        """The pairs that have some, with several drivers; None without any."""
-        return None if self.counted is None else self.counted.pairs
+    def pairs(self) -> PairStops:
+        """The pairs that have some, with several drivers."""
+        return self.counted.pairs if self.counted else PairStops(self.compiled)
 
     @cached_property
     def stopped(self) -> tuple[str, ...]:
         """Names of what `stops` are of: the drivers, then coordinates of pairs."""
-        return (*self.drivers, *(() if self.pairs is None else self.pairs.names))
+        return (*self.drivers, *self.pairs.names)
 
     def end_at(self, i: int) -> str:
         """What a motion ends by that meets a stop of one of these."""
@@ -353,14 +356,14 @@ class System:
 
     def rows(self, q: Any, rate: Any) -> tuple[Floats, Floats]:
         """Rows (n, k) of all that has stops over the drivers, and drifts (n,): see `pair_stops`."""
-        return rows_of(self.pairs, q, rate)
+        return self.pairs.rows(q, rate)
 
     def against(self, q: Any, rate: Any, t: float, lead: float = 0.0) -> Held | None:
         """The stops that it lies against at a state, then drivers that are not free.
 
         None where there is none of both. ``lead`` as of `Roles.constraint`.
         """
-        stops = held_by(self.pairs, q, rate, sorted(self.held)) if self.held else None
+        stops = self.pairs.held(q, rate, sorted(self.held)) if self.held else None
         return stops if self.roles is None else self.roles.beside(stops, t, lead)
 
     def pushes(self, q: Floats, rate: Floats, t: float, x: Any) -> Floats:
@@ -488,8 +491,7 @@ class System:
         self, M: Floats, Q: Floats, q: Any, rate: Any, t: float
     ) -> tuple[Floats, Floats]:
         """Accelerations (k,) by efforts, and what stops and drives give (a,), see `pushes`."""
-        held = self.against(q, rate, t)
-        return (solved(M, Q), np.empty(0)) if held is None else constrained(M, Q, held)
+        return constrained(M, Q, self.against(q, rate, t))
 
     def typical_inertia(self, q: float) -> float:
         """Usual inertia at a few poses around a place [kg m2 or kg]; it may have no bound."""
@@ -583,11 +585,3 @@ class System:
         self.budget.check()
         if self.progress is not None:
             self.progress("computing", float(after), None)
-
-
-def solved(M: Floats, Q: Floats) -> Floats:
-    """Accelerations (k,) that efforts give to an inertia; NaN where a driver has none."""
-    try:
-        return np.asarray(np.linalg.solve(M, Q), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        return np.full(len(Q), math.nan)

@@ -7,6 +7,7 @@ pairs with friction, instants of signals and events that change roles end one.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain, count
 from typing import TYPE_CHECKING
@@ -171,7 +172,7 @@ class TimeIntegration(Integration):
 
     def begin(self) -> RunEnd | None:
         """Give pairs with friction the senses in which they slip first."""
-        over = self._becomes(self.pairs.begin(self._now))
+        over = self._becomes(self.pairs.settle(self._now))
         rests = over is not None or self.t >= self.t_max
         if self.scales is None and not rests:
             self.scales = scales(self.equation, self.t, self.y)
@@ -180,16 +181,19 @@ class TimeIntegration(Integration):
             self.turns = TurnsInTime(float(self.y[0]), self.t, float(self.y[1]) ** 2)
         return over
 
-    def _becomes(self, change: Transition) -> RunEnd | None:
+    def _becomes(self, changes: Iterable[Transition]) -> RunEnd | None:
         """Go on as pairs with friction do."""
-        self.events += change.events
-        self.facts |= change.facts
-        self.slips = [s for s in self.slips if not (change.slips and s.begin == self.t)]
-        self.slips += change.slips
-        self.y = self.y if change.y is None else change.y
-        if change.until is not None:
-            self.wait(change.until)
-        return change.end
+        for change in changes:
+            self.events += change.events
+            self.facts |= change.facts
+            self.slips = [s for s in self.slips if not (change.slips and s.begin == self.t)]
+            self.slips += change.slips
+            self.y = self.y if change.y is None else change.y
+            if change.until is not None:
+                self.wait(change.until)
+            if change.end is not None:
+                return change.end
+        return None
 
     def _rules(self) -> list[EventFunction]:
         equation, system = self.equation, self.system
@@ -230,12 +234,12 @@ class TimeIntegration(Integration):
         if (pressed := self._pressed()) is not None:
             return RunEnd(pressed)
         if self.pairs.pushed_loose(self._now):
-            return self._becomes(self.pairs.release(self._now))
+            return self._becomes(self.pairs.settle(self._now, self.pairs.stuck, True))
         kink = loads.next_time_kink(structure, self.t)
         bound = min(self.t_max, kink, self.system.signals.next_time(self.t))
         if self.system.roles is not None:
             if self.system.roles.turns(self.t) and self.pieces:
-                self._becomes(self.pairs.carried(self._now))
+                self._becomes(self.pairs.settle(self._now, self.pairs.stuck))
             bound = min(bound, self.system.roles.next_kink(self.t))
         if self.t < self.request.apex:  # a step as long as a flight sees no blow at its end
             bound = min(bound, self.request.apex)
@@ -275,7 +279,7 @@ class TimeIntegration(Integration):
         if jolt is not None:
             self.jolts.append(jolt)
             self.y[self.layout.rate] = jolt.after
-        return self._becomes(self.pairs.begin(self._now))
+        return self._becomes(self.pairs.settle(self._now))
 
     def _switch(self) -> None:
         """Let the discrete signal blocks that are due at this instant switch.
@@ -327,7 +331,7 @@ class TimeIntegration(Integration):
         if kind == ends.REVERSAL:
             return self._becomes(self.pairs.reverse(self._now, rule.index))
         if kind == ends.RELEASED:
-            return self._becomes(self.pairs.release(self._now))
+            return self._becomes(self.pairs.settle(self._now, self.pairs.stuck, True))
         past = {ends.KINK: self._past_kink, ends.WHOLE_TURN: self._turned}
         past |= {ends.STANDSTILL: self._stood}
         if kind in past:
@@ -351,7 +355,9 @@ class TimeIntegration(Integration):
         if (over := self.stood()) is not None:
             return over
         short = self.request.standstills < math.inf and swing <= self.rest
-        return self._becomes(self.pairs.stand(self._now, short))
+        if short and self.system.friction is None:
+            return RunEnd(ends.REST)
+        return self._becomes(self.pairs.settle(self._now))
 
     def _past_kink(self) -> RunEnd | None:
         """Go on to the far side of a kink, if there is one: else the load ends there.

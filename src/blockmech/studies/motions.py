@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.batch import Motions, moved, rates_for
+from blockmech.dynamics.batch import moved, rates_for
+from blockmech.dynamics.batch_motions import Motions
 from blockmech.dynamics.chart_outputs import result_along
 from blockmech.dynamics.request import (
     OUTPUTS,

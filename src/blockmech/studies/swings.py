@@ -18,7 +18,9 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.batch import GOAL, UNSURE, Motions, Track, share_of_all
+from blockmech.dynamics.batch import share_of_all
+from blockmech.dynamics.batch_motions import GOAL, Motions, Track
+from blockmech.dynamics.contacts import SETTLED
 from blockmech.dynamics.estimate import PARTED, ROUNDING, TARGET
 from blockmech.dynamics.panel_nodes import (
     COARSE,
@@ -214,7 +216,7 @@ class FirstSwings(NamedTuple):
             pieces.append(len(places[-1]))
         share = share_of_all(system, request)
         at = 0.0, 0.0, 0.0, np.inf, 0.0, share, ROUNDING  # as `beside` takes it
-        start = np.array([q, rate, system.rounding(q) / UNSURE, ROUNDING, *at])
+        start = np.array([q, rate, system.rounding(q) / SETTLED, ROUNDING, *at])
         arrays = np.concatenate(places), np.array(pieces, np.int64), start
         return cls(compiled(rates.dimension), rates, *arrays, request)
 
