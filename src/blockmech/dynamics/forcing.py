@@ -8,6 +8,7 @@ from typing import Any
 from blockmech.dynamics.contacts import SETTLED
 from blockmech.ground.errors import RequestError, refused
 from blockmech.loads.contract import Following
+from blockmech.loads.functions import Function
 from blockmech.loads.laws import Polynomial
 from blockmech.model.structure import Structure
 
@@ -34,10 +35,9 @@ def forcing_period(structure: Structure, given: float) -> float:
             continue
         if isinstance(law, Polynomial) and not any(law.coefficients[1:]):
             continue
-        period = getattr(law, "whole", None)
-        if period:
+        if period := getattr(law, "whole", 0.0):
             whole, first = _common(whole, first, float(period), name), name
-        elif period is not None or isinstance(law, Polynomial):
+        elif not isinstance(law, Function):
             raise no_steady(f"the load {name} follows the time and does not repeat")
         elif not given:
             raise no_steady(f"the load {name} follows the time by a law that tells no period", GIVE)
