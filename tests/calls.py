@@ -128,7 +128,7 @@ def _identify(s: Subject) -> Any:
     names = [n for n in s.mechanism.outputs if n.endswith((".q", ".rate", ".acceleration"))]
     run = s.mechanism.run(**s.places, want=[*names, s.output])
     columns = {n: run[n] for n in run if np.isrealobj(run[n])}
-    return s.mechanism.identify(list(s.numbers)[:1], columns)
+    return bm.design.identify(s.mechanism, list(s.numbers)[:1], columns)
 
 
 def _stepper(s: Subject) -> Any:
@@ -187,9 +187,9 @@ def _enclose(s: Subject) -> Any:
 
 
 def _function(s: Subject) -> Any:
-    inputs = {s.mechanism.of_driver(d, "q"): q for d, q in s.pose.items()}
+    inputs = {s.mechanism._of_driver(d, "q"): q for d, q in s.pose.items()}
     rates = {
-        s.mechanism.of_driver(d, what): 0.0 for d in s.pose for what in ("rate", "acceleration")
+        s.mechanism._of_driver(d, what): 0.0 for d in s.pose for what in ("rate", "acceleration")
     }
     inputs = {**inputs, **rates, "time": 0.0}
     f = s.mechanism.function(inputs, s.output, [*s.numbers], library="numpy")
@@ -228,14 +228,14 @@ def _each(of: Callable[[Any, str], Any]) -> Call:
 
 
 METHODS: dict[str, Call] = {
-    "available": lambda s: s.mechanism.available(next(iter(s.numbers)), 1.0, s.pose),
-    "balance": lambda s: s.mechanism.balance([*s.numbers][:1], **s.places),
+    "available": lambda s: bm.design.available(s.mechanism, next(iter(s.numbers)), 1.0, s.pose),
+    "balance": lambda s: bm.design.balance(s.mechanism, [*s.numbers][:1], **s.places),
     "enclose": _enclose,
     "equilibria": lambda s: s.mechanism.equilibria(starts=4),
     "explain": lambda s: s.mechanism.explain(),
     "extremes": _each(lambda m, name: m.extremes(name)),
-    "floquet": lambda s: s.mechanism.floquet(s.mechanism.simulate("time=0.05"), steps=8),
-    "flywheel": lambda s: s.mechanism.flywheel(10.0, 0.02),
+    "floquet": lambda s: bm.design.floquet(s.mechanism, s.mechanism.simulate("time=0.05"), steps=8),
+    "flywheel": lambda s: bm.design.flywheel(s.mechanism, 10.0, 0.02),
     "friction_solutions": lambda s: s.mechanism.friction_solutions(**s.places),
     "function": _function,
     "identify": _identify,
@@ -247,7 +247,7 @@ METHODS: dict[str, Call] = {
         s.links[-1], s.links[0], at=s.pose
     ),
     "modes": lambda s: s.mechanism.modes(),
-    "motor": lambda s: s.mechanism.motor(**s.places),
+    "motor": lambda s: bm.design.motor(s.mechanism, **s.places),
     "objective": _objective,
     "parameters": lambda s: s.mechanism.parameters(),
     "path_radius": lambda s: [
@@ -299,7 +299,7 @@ MORE: dict[str, Call] = {
         s.result.to_csv(),
         s.result.to_dataframe().shape,
         s.result.to_xarray().sizes,
-        s.result.judged,
+        s.result._judged,
         s.result.notes(),
     ],
     "tables of a motion": lambda s: [s.motion.to_csv(), s.motion.notes()],

@@ -18,7 +18,7 @@ LONG = (
     "class_4",
 )
 DEAR = ("blockmech ", "draw ", "write ", "film", "trade", "mode shapes", "replace")
-STEPS = {"with_deflections"}  # of other methods
+STEPS = {"_with_deflections"}  # of other methods
 FILES = [name for name in gallery_files() if not any(word in name for word in LONG)]
 CHEAP = [*METHODS, *MORE]
 CHEAP = [call for call in CHEAP if not call.startswith(DEAR)]

@@ -67,7 +67,7 @@ def test_a_result_that_was_read_is_copied_as_well(engine):
 
 def test_a_copied_result_of_links_and_joints_still_looks_inside():
     result = compiled("joints/engine").run(samples=5)
-    assert same_bits(result.inside("*"), copied(result).inside("*")) == []
+    assert same_bits(result._inside("*"), copied(result)._inside("*")) == []
 
 
 def test_what_was_chosen_for_an_accuracy_is_copied():

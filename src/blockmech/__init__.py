@@ -65,7 +65,7 @@ with uncollected():  # all that is made here is kept
     grown_old()
 
 if TYPE_CHECKING:
-    from blockmech import draw, studio, synthesis
+    from blockmech import design, draw, studio, synthesis
     from blockmech.couplings.kinds import Belt, Cam, Gear, Geneva, Rack, Ratio
     from blockmech.design import shapes
     from blockmech.dynamics.motion_outputs import SimulationResult
@@ -134,6 +134,7 @@ __all__ = [
     "Viscous",
     "Watch",
     "__version__",
+    "design",
     "draw",
     "laws",
     "normal",
@@ -164,7 +165,7 @@ _LATER = {  # loaded when they are first asked for
 if not TYPE_CHECKING:  # which tells of names that are not there by itself
 
     def __getattr__(name: str) -> Any:
-        if name in ("draw", "studio", "synthesis"):
+        if name in ("design", "draw", "studio", "synthesis"):
             return import_module(f"blockmech.{name}")
         if name == "shapes":
             return import_module("blockmech.design.shapes")

@@ -69,7 +69,7 @@ class Graph(graph.Graph, Uncompiled):
         """
         from blockmech.mechanism import Mechanism
 
-        return Mechanism.of(self)
+        return Mechanism._from_graph(self)
 
     def _repr_svg_(self) -> str:
         from blockmech.draw import diagram_svg
@@ -106,7 +106,7 @@ class Decomposition:
         """A mechanism that computes, with the names of the document."""
         from blockmech.mechanism import Mechanism
 
-        return Mechanism.of(self.graph, self.names, self.document)
+        return Mechanism._from_graph(self.graph, self.names, self.document)
 
 
 class Linkage(linkage.Linkage, Uncompiled):

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 import numpy as np
 
-from blockmech.blocks.contract import Joint
 from blockmech.blocks.modes import TwoModes
 from blockmech.engines.cost import account
 from blockmech.engines.numpy import PRECISIONS, NumpyEngine, each_part
@@ -58,14 +57,14 @@ class Compiled(Runnable[M]):
     """A valid mechanism, compiled: what analyses take. A `Mechanism` adds what needs them."""
 
     run_to = LazyMethod("blockmech.analysis.accuracy")
-    with_deflections = LazyMethod("blockmech.analysis.deflections")
+    _with_deflections = LazyMethod("blockmech.analysis.deflections")
 
     structure: Structure
     scene: Scene
     name: str
     names: Names | None
     document: Document | None
-    _planned: Callable[..., Plan]
+    _plans: Callable[..., Plan]
     _kept: dict[Any, Any]
 
     def __init__(
@@ -91,13 +90,15 @@ class Compiled(Runnable[M]):
             name=name,
             document=document,
             # by a proxy: a mechanism whose plans hold it would be a cycle
-            _planned=lru_cache(PLANS)(partial(_plan, weakref.proxy(self))),
+            _plans=lru_cache(PLANS)(partial(_plan, weakref.proxy(self))),
             _kept={},
         )
 
     @classmethod
     @uncollected()
-    def of(cls, graph: Graph, names: Names | None = None, document: Document | None = None) -> Self:
+    def _from_graph(
+        cls, graph: Graph, names: Names | None = None, document: Document | None = None
+    ) -> Self:
         """A snapshot of a graph, checked.
 
         With ``names`` it speaks of the document that a graph was made of. Raises
@@ -129,7 +130,7 @@ class Compiled(Runnable[M]):
         return Catalogue(self.structure, self.names)
 
     @cached_property
-    def of_blocks(self) -> Self:
+    def _of_blocks(self) -> Self:
         """The same with the outputs of blocks, whatever a document calls its links."""
         return self if self.names is None else type(self)(self.structure, self.scene, self.name)
 
@@ -139,31 +140,27 @@ class Compiled(Runnable[M]):
         return self.structure.drivers
 
     @cached_property
-    def coordinate_units(self) -> Mapping[str, str]:
+    def _coordinate_units(self) -> Mapping[str, str]:
         """Unit of the coordinate of each driver, "rad" or "m"."""
-        return {d: self.driver_joint(d).coordinate_unit for d in self.drivers}
+        return {d: self.structure.driver_joint(d).coordinate_unit for d in self.drivers}
 
-    def driver_joint(self, driver: str) -> Joint:
-        """Declaration of the pair that a driver drives: units, kind."""
-        return self.structure.driver_joint(driver)
-
-    def of_driver(self, driver: str, what: str) -> str:
+    def _of_driver(self, driver: str, what: str) -> str:
         """Name of an output of a driver: ``"crank.q"``, or ``"driver.motor.q"`` of a document."""
-        return f"{self.driver_prefix}{driver}.{what}"
+        return f"{self._driver_prefix}{driver}.{what}"
 
     @property
-    def driver_prefix(self) -> str:
+    def _driver_prefix(self) -> str:
         """What names of outputs put before a driver's."""
         return "" if self.names is None else "driver."
 
-    def block_name(self, block: str) -> str:
+    def _block_name(self, block: str) -> str:
         """A block in a message: its name, and the links of a joint-based document in it."""
         if self.names is None:
             return block
         return self.names.of_blocks.get(block, block)
 
     @cached_property
-    def joint_names(self) -> Mapping[str, str]:
+    def _joint_names(self) -> Mapping[str, str]:
         """Joint of the graph -> its name in a joint-based document; empty without one."""
         return {} if self.names is None else self.names.of_joints
 
@@ -185,13 +182,13 @@ class Compiled(Runnable[M]):
         Raises `RequestError` for unknown names or settings that do not fit.
         """
         check_switch("static", static)
-        return self.planned(want, friction_asked(friction), static)
+        return self._plan_for(want, friction_asked(friction), static)
 
-    def planned(self, want: Iterable[str] | str, how: Friction, static: bool = False) -> Plan:
+    def _plan_for(self, want: Iterable[str] | str, how: Friction, static: bool = False) -> Plan:
         """The same, by friction settings that are checked."""
-        return self._planned(as_names("want", want), how, static)
+        return self._plans(as_names("want", want), how, static)
 
-    def plan_at(
+    def _plan_at(
         self, taken: Samples, want: Iterable[str] | str, *, static: bool, **how: Any
     ) -> Plan:
         """The plan for some outputs at samples: where no driver moves, that without inertia."""
@@ -204,8 +201,8 @@ class Compiled(Runnable[M]):
 
     def samples(self, *asked: Any) -> Samples:
         """Samples that a request names: at, samples, times, rates, accelerations."""
-        taken = make_samples(self.coordinate_units, self.scene, *asked)
-        return self.with_deflections(taken) if self.structure.remembering else taken
+        taken = make_samples(self._coordinate_units, self.scene, *asked)
+        return self._with_deflections(taken) if self.structure.remembering else taken
 
     def run(
         self: Runnable[M],
@@ -265,13 +262,13 @@ class Compiled(Runnable[M]):
         how: dict[str, Any] = {"friction": friction}
         if accuracy is None:
             how["static"] = static
-            result = mechanism.answer(taken, want, how, engine, precision, chunk)
+            result = mechanism._answer(taken, want, how, engine, precision, chunk)
         else:
             how["precision"] = precision
             result = mechanism.run_to(accuracy, how, taken, want, static, engine, chunk)
         return without_gaps(result, on_gap)
 
-    def answer(
+    def _answer(
         self,
         taken: Samples,
         want: Iterable[str] | str,
@@ -284,17 +281,17 @@ class Compiled(Runnable[M]):
         settings = dict(given)
         if settings["friction"] is None:
             settings["friction"] = "newton"
-        plan = self.plan_at(taken, want, **settings)
+        plan = self._plan_at(taken, want, **settings)
         if self.structure.states:
-            self.refuse_states(plan, taken.inputs)
-        values, name = self.evaluate(plan, taken, engine, precision or "complex128", chunk)
+            self._refuse_states(plan, taken.inputs)
+        values, name = self._evaluate(plan, taken, engine, precision or "complex128", chunk)
         return Result(self, plan, taken, values, name, settings)
 
     @abstractmethod
-    def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
+    def _feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
         """Where these groups close, in words for a message."""
 
-    def evaluate(
+    def _evaluate(
         self,
         plan: Plan,
         taken: Samples,
@@ -305,7 +302,7 @@ class Compiled(Runnable[M]):
         """Values of a plan's program at samples, and the engine that was taken."""
         check_chunk(chunk)
         if engine == "auto":
-            engine = self.chosen(plan, taken.n) if precision == "complex128" else "numpy"
+            engine = self._chosen(plan, taken.n) if precision == "complex128" else "numpy"
         if self.structure.states:
             inputs = self._with_states(plan, taken)
         else:
@@ -353,7 +350,7 @@ class Compiled(Runnable[M]):
         """Inputs (n,) of a program that reads states; those not given are the initial ones."""
         bent = {f"{STATE}{self.structure.states[x]}" for x in self.structure.remembering}
         if any(name not in taken.inputs for name in bent.intersection(plan.program.inputs)):
-            taken = self.with_deflections(taken)
+            taken = self._with_deflections(taken)
         inputs, initial = taken.given(plan.program.inputs), self.structure.initial_states
         needed = {i for i in self._states_needed(plan) if f"{STATE}{i}" not in inputs}
         return {**inputs, **{f"{STATE}{i}": np.full(taken.n, initial[i]) for i in needed}}
@@ -364,7 +361,7 @@ class Compiled(Runnable[M]):
             if name.startswith(STATE):
                 yield int(name[len(STATE) :])
 
-    def refuse_states(self, plan: Plan, known: Collection[str]) -> None:
+    def _refuse_states(self, plan: Plan, known: Collection[str]) -> None:
         """Refuse a run of given motions that needs states of signal blocks."""
         needed = {i for i in self._states_needed(plan) if f"{STATE}{i}" not in known}
         needed -= {self.structure.states[ref] for ref in self.structure.remembering}
@@ -374,7 +371,7 @@ class Compiled(Runnable[M]):
             remedy = "ask simulate for them, or name others with want=[...]"
             raise refused("want", found, remedy, "states are known along a motion", "signal-states")
 
-    def chosen(self, plan: Plan, n: int) -> str:
+    def _chosen(self, plan: Plan, n: int) -> str:
         """The engine that takes the least time for n samples, and for those to be expected."""
         costs, made = account(plan.program), ("llvm", "") in plan.engines
         engine = costs.choice(plan.program, n, made)
@@ -388,10 +385,10 @@ class Compiled(Runnable[M]):
             costs.count(plan.program, n)
         return engine
 
-    def engine_of_designs(self, plan: Plan, n: int, engine: str) -> NumpyEngine | LlvmEngine:
+    def _engine_of_designs(self, plan: Plan, n: int, engine: str) -> NumpyEngine | LlvmEngine:
         """The engine for n samples of designs: of itself the quicker one."""
         if engine == "auto":
-            engine = "llvm" if self.chosen(plan, n) == "llvm" else "numpy"
+            engine = "llvm" if self._chosen(plan, n) == "llvm" else "numpy"
         if engine not in ("numpy", "llvm"):
             wrong, valid = f'no engine "{engine}" for designs', "engines: auto, numpy, llvm"
             raise refused("engine", wrong, valid=valid, code="unknown-engine")
@@ -399,7 +396,7 @@ class Compiled(Runnable[M]):
         bound: NumpyEngine | LlvmEngine = self._engine(plan, engine, precision)
         return bound
 
-    def once(self, make: Callable[[Self], T]) -> T:
+    def _once(self, make: Callable[[Self], T]) -> T:
         """What an analysis makes of this mechanism, made once and kept."""
         if make not in self._kept:
             self._kept.setdefault(make, make(self))  # of two threads the first one's
@@ -429,7 +426,7 @@ class Compiled(Runnable[M]):
         )
         own = self.structure
         meshes = (own.pair_name(mesh) for mesh in own.meshes if not own.separates(mesh))
-        return (*(self.joint_names.get(joint, joint) for joint in joints), *meshes)
+        return (*(self._joint_names.get(joint, joint) for joint in joints), *meshes)
 
     def __repr__(self) -> str:
         s = self.structure

@@ -23,11 +23,6 @@ if TYPE_CHECKING:
     import blockmech.analysis.limits
     import blockmech.analysis.stroke
     import blockmech.analysis.trade
-    import blockmech.design.balance
-    import blockmech.design.drives
-    import blockmech.design.floquet
-    import blockmech.design.flywheel
-    import blockmech.design.identify
     import blockmech.design.linearize
     import blockmech.design.solve
     import blockmech.draw
@@ -54,25 +49,19 @@ class Mechanism(Compiled["Mechanism"]):
     """
 
     if TYPE_CHECKING:
-        available = blockmech.design.drives.available
-        balance = blockmech.design.balance.balance
         draw = blockmech.draw.draw
         enclose = blockmech.studies.enclose.enclose
         equilibria = blockmech.analysis.equilibria.equilibria
         explain = blockmech.analysis.explain.explain
         extremes = blockmech.analysis.extremes.extremes
         friction_solutions = blockmech.analysis.friction_solutions.friction_solutions
-        floquet = blockmech.design.floquet.floquet
-        flywheel = blockmech.design.flywheel.flywheel
         function = blockmech.studies.function.function
-        identify = blockmech.design.identify.identify
         impulses = blockmech.dynamics.impact.impulses
         instant_centre = blockmech.analysis.instant_centres.instant_centre
         limits = blockmech.analysis.limits.limits
         linearize = blockmech.design.linearize.linearize
         mechanical_advantage = blockmech.analysis.instant_centres.mechanical_advantage
         modes = blockmech.modes.listing.modes
-        motor = blockmech.design.drives.motor
         objective = blockmech.studies.objective.objective
         parameters = blockmech.studies.family.parameters
         path_radius = blockmech.analysis.instant_centres.path_radius
@@ -88,25 +77,19 @@ class Mechanism(Compiled["Mechanism"]):
         velocity_ratio = blockmech.analysis.instant_centres.velocity_ratio
         verify = blockmech.studies.verify.verify
     else:
-        available = LazyMethod("blockmech.design.drives")
-        balance = LazyMethod("blockmech.design.balance")
         draw = LazyMethod("blockmech.draw")
         enclose = LazyMethod("blockmech.studies.enclose")
         equilibria = LazyMethod("blockmech.analysis.equilibria")
         explain = LazyMethod("blockmech.analysis.explain")
         extremes = LazyMethod("blockmech.analysis.extremes")
         friction_solutions = LazyMethod("blockmech.analysis.friction_solutions")
-        floquet = LazyMethod("blockmech.design.floquet")
-        flywheel = LazyMethod("blockmech.design.flywheel")
         function = LazyMethod("blockmech.studies.function")
-        identify = LazyMethod("blockmech.design.identify")
         impulses = LazyMethod("blockmech.dynamics.impact")
         instant_centre = LazyMethod("blockmech.analysis.instant_centres")
         limits = LazyMethod("blockmech.analysis.limits")
         linearize = LazyMethod("blockmech.design.linearize")
         mechanical_advantage = LazyMethod("blockmech.analysis.instant_centres")
         modes = LazyMethod("blockmech.modes.listing")
-        motor = LazyMethod("blockmech.design.drives")
         objective = LazyMethod("blockmech.studies.objective")
         parameters = LazyMethod("blockmech.studies.family")
         path_radius = LazyMethod("blockmech.analysis.instant_centres")
@@ -131,7 +114,7 @@ class Mechanism(Compiled["Mechanism"]):
                 return mechanism_svg(self, at)
         return None
 
-    def feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
+    def _feasible(self, groups: frozenset[str], held: Mapping[str, float] | None = None) -> str:
         """Where these groups close, in words for a message.
 
         ``held`` is driver -> coordinate [rad or m] where there are several drivers. Without

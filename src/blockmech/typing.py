@@ -84,7 +84,7 @@ class Named(Protocol):
     def frictional_joints(self) -> tuple[str, ...]:
         """Names of the joints that have friction."""
 
-    def block_name(self, block: str) -> str:
+    def _block_name(self, block: str) -> str:
         """A block in a message."""
 
 

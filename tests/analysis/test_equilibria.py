@@ -229,7 +229,7 @@ def test_loads_of_the_time_need_a_time():
 def test_loads_that_follow_signals_are_refused():
     graph = next((GRAPHS / "control").glob("*.json"))
     mech = bm.Graph.load(graph).compile()
-    for ask in (mech.equilibria, lambda: mech.flywheel(1.0, 0.1)):
+    for ask in (mech.equilibria, lambda: bm.design.flywheel(mech, 1.0, 0.1)):
         with pytest.raises(bm.RequestError, match="loads follow signals"):
             ask()
 

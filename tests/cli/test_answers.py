@@ -20,7 +20,7 @@ TEXTS = {
     ),
     "linearize RUIZ --at 1 --rates 10": lambda m: str(m.linearize(1.0, rates=10.0)),
     "balance RUIZ --numbers dyad.links.j.mass --want crank.drive --at 0,1,2": lambda m: str(
-        m.balance("dyad.links.j.mass", "crank.drive", at=[0.0, 1.0, 2.0])
+        bm.design.balance(m, "dyad.links.j.mass", "crank.drive", at=[0.0, 1.0, 2.0])
     ),
     "extremes RUIZ crank.q --deg": lambda m: m.extremes("crank.q").text(degrees=True),
     "extremes RUIZ dyad.j.angle --stroke": lambda m: str(m.stroke("dyad.j.angle")),

@@ -16,6 +16,6 @@ def in_one_chart(
     mechanism: Compiled, until: str, engine: str = "auto", friction: Any = None, **asked: Any
 ) -> Motion:
     """The motion that `simulate` has as long as one chart serves."""
-    request, _ = request_of(mechanism.scene, mechanism.coordinate_units, until, **asked)
+    request, _ = request_of(mechanism.scene, mechanism._coordinate_units, until, **asked)
     how = friction_asked(friction)
     return move(system_of(mechanism, method=how, engine=engine), request)

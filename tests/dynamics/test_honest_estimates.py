@@ -166,14 +166,14 @@ def pairs_of(*offs):
 
 @pytest.mark.parametrize(("offs", "off"), [((4e-4, 0.0, 4e-6, 1e-7), 1e-7), ((4e-6, 0.0), 0.0)])
 def test_pairs_are_refined_until_one_meets_the_target(offs, off):
-    system = mechanism("watt_sixbar").once(System)
+    system = mechanism("watt_sixbar")._once(System)
     found = refined(pairs_of(*offs), system, 1e-6, 1e-6, (), 1 / 16)
     assert found.q_end == 1 + off
     assert found.error == pytest.approx((4e-6 - off) / 16, rel=1e-6)
 
 
 def test_below_the_floor_of_rounding_the_smaller_error_is_stated_and_the_floor_is_named():
-    system = mechanism("watt_sixbar").once(System)
+    system = mechanism("watt_sixbar")._once(System)
     pairs = 1e-11, 0.0, 1e-14, 3e-14  # half the steps of the last pair are further off
     found = refined(pairs_of(*pairs), system, 1e-12, 1e-15, (), 1 / 16)
     assert 1e-15 < found.error < 1e-12

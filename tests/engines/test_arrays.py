@@ -56,7 +56,7 @@ def asked(name):
         q = dict.fromkeys(drivers, np.linspace(0.1, 1.0, SAMPLES))
         result = mech.run(q, rates=dict.fromkeys(drivers, 1.0), want="*", on_gap="mark")
     inputs = {
-        mech.of_driver(driver, what): np.broadcast_to(result.samples.inputs[f"{x}_{i}"], result.n)
+        mech._of_driver(driver, what): np.broadcast_to(result.samples.inputs[f"{x}_{i}"], result.n)
         for i, driver in enumerate(drivers)
         for what, x in (("q", "q"), ("rate", "qd"), ("acceleration", "qdd"))
     }
@@ -87,7 +87,7 @@ def test_all_outputs_are_those_of_a_run_with_friction(library, name, request):
     if name in DECLINED:
         mech = mechanism(name)
         with pytest.raises(bm.RequestError, match=DECLINED[name]):
-            mech.function([*(mech.of_driver(d, "q") for d in mech.drivers), "time"], library=of)
+            mech.function([*(mech._of_driver(d, "q") for d in mech.drivers), "time"], library=of)
         return
     mech, result, inputs = asked(name)
     f = mech.function(list(inputs), library=of, static=result.samples.at_rest)

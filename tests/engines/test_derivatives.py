@@ -26,7 +26,7 @@ def request_of(mech):
     probe = mech.run(samples=7, on_gap="mark") if set(mech.scene.drive) >= set(at) else None
     if probe is not None:
         good = [k for k in range(6) if not {k, k + 1} & set(probe.quality.gaps)][1]
-        at = {d: probe.drivers[mech.of_driver(d, "q")] for d in at}
+        at = {d: probe.drivers[mech._of_driver(d, "q")] for d in at}
         at = {d: q[good] + np.array([0.371]) * (q[good + 1] - q[good]) for d, q in at.items()}
     return {
         "at": at,

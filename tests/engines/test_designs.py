@@ -60,7 +60,7 @@ def test_designs_of_one_program_equal_their_own_compile_to_the_last_bit(friction
     for k, own_numbers in enumerate(zip(*numbers, strict=True)):
         alone = type(plain)(design(plain, *own_numbers), plain.scene)
         own = alone.plan(want, friction=friction)
-        single, _ = alone.evaluate(own, taken, engine)
+        single, _ = alone._evaluate(own, taken, engine)
         for name in want:
             together, one = found[plan.layout[name][0]], single[own.layout[name][0]]
             np.testing.assert_array_equal(np.broadcast_to(together.real, (3, 7))[k], one.real)

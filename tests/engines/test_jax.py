@@ -41,7 +41,7 @@ def test_both_modes_give_the_derivatives_of_sensitivity(name, jacobian):
     load = bm.Linkage.load if joints else bm.Graph.load
     mech = load(GRAPHS / f"{name}.json").compile()
     driver = mech.drivers[0]
-    q, address = np.array([0.3, 1.1, 4.0]), mech.of_driver(driver, "q")
+    q, address = np.array([0.3, 1.1, 4.0]), mech._of_driver(driver, "q")
     f = mech.function([address], outputs, numbers, friction=friction)
     ours = mech.sensitivity(outputs, list(f.parameters), q, friction=friction)
 

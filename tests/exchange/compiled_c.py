@@ -83,5 +83,5 @@ def states(mechanism, n, seed):
 def scalar(program, samples):
     """What Python's numbers say of the same samples."""
     mechanism = program.mechanism
-    values, _ = mechanism.evaluate(program.plan, samples, "scalar")
+    values, _ = mechanism._evaluate(program.plan, samples, "scalar")
     return Result(mechanism, program.plan, samples, values, "scalar", {"friction": "newton"})

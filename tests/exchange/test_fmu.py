@@ -83,10 +83,10 @@ def test_it_moves_as_simulate_does(name, kind, fmi, unit):
     mech, end, path = mechanism(name), CASES[name], unit(name, fmi)
     times = np.linspace(0.0, end, 11)
     more = {"solver": "CVode", "relative_tolerance": 1e-11} if kind == "ModelExchange" else {}
-    names = [mech.of_driver(d, "q") for d in mech.drivers]
+    names = [mech._of_driver(d, "q") for d in mech.drivers]
     if not mech.scene.initial:
         more["start_values"] = dict.fromkeys(names, 0.5) | {
-            mech.of_driver(d, "rate"): 2.0 for d in mech.drivers
+            mech._of_driver(d, "rate"): 2.0 for d in mech.drivers
         }
     found = fmpy.simulate_fmu(
         str(path), fmi_type=kind, stop_time=end, output_interval=end / 10, output=names, **more

@@ -67,7 +67,7 @@ def test_mujoco_agrees(name, tmp_path):
         times.append(data.time)
         found.append(data.qpos[joints].copy())
     some = np.linspace(0, len(times) - 1, 7).astype(int)
-    names = [mech.of_driver(d, "q") for d in mech.drivers]
+    names = [mech._of_driver(d, "q") for d in mech.drivers]
     ours = mech.simulate(
         f"time={times[-1]}", times=np.array(times)[some], want=names, accuracy=1e-9
     )
@@ -109,7 +109,7 @@ def test_what_was_written_comes_back_as_the_same_mechanism(name, tmp_path):
     assert compared >= 2
     if len(mech.drivers) == 1:
         own, other = (
-            r[f"{m.of_driver(m.drivers[0], 'J_red')}"] for r, m in ((ours, mech), (theirs, again))
+            r[f"{m._of_driver(m.drivers[0], 'J_red')}"] for r, m in ((ours, mech), (theirs, again))
         )
         assert other == pytest.approx(own, rel=1e-6)  # links without mass come back with 1e-9
 

@@ -91,7 +91,7 @@ def test_a_browser_has_the_numbers_of_python(page, tmp_path, name, want):
         samples = mechanism.samples(None, POSES, None, None, None)
     except bm.RequestError:
         samples = mechanism.samples(None, None, np.linspace(0, 1, POSES), None, None)
-    values, _ = mechanism.evaluate(script.plan, samples, "scalar")
+    values, _ = mechanism._evaluate(script.plan, samples, "scalar")
     from blockmech.result.result import Result
 
     result = Result(mechanism, script.plan, samples, values, "", {"friction": "newton"})

@@ -200,7 +200,7 @@ def test_only_names_of_the_document_are_listed_and_matched():
     assert heads == {"driver", "link", "joint", "gas", "mechanism"}
     with pytest.raises(RequestError, match=r"unknown-output.*rod_piston\.B\.reaction"):
         mechanism.run(at=0.0, want=["rod_piston.B.reaction"])
-    assert "rod_piston.B.reaction" in mechanism.of_blocks.outputs
+    assert "rod_piston.B.reaction" in mechanism._of_blocks.outputs
 
 
 def test_who_acts_on_whom_is_said_by_links_of_the_document():

@@ -28,7 +28,7 @@ POSES = np.linspace(-1.0, 1.2, 45)
 
 
 def test_a_spring_without_free_length_balances_exactly():
-    found = arm().balance("spring.stiffness", at=POSES)
+    found = bm.design.balance(arm(), "spring.stiffness", at=POSES)
     k = 0.9 * 9.81 * 0.32 / (0.1 * 0.12)
     assert found.numbers["spring.stiffness"] == pytest.approx(k, rel=1e-12)
     assert found.linear
@@ -37,14 +37,16 @@ def test_a_spring_without_free_length_balances_exactly():
 
 
 def test_two_numbers_that_are_not_linear_find_it_too():
-    found = arm(150.0, 0.05).balance(["spring.stiffness", "spring.free_length"], at=POSES)
+    found = bm.design.balance(
+        arm(150.0, 0.05), ["spring.stiffness", "spring.free_length"], at=POSES
+    )
     assert not found.linear
     assert found.after["arm.tau_red"].rms < 1e-6
     assert "not linear" in str(found)
 
 
 def test_the_best_stiffness_is_that_of_least_squares():
-    found = arm(100.0, 0.05).balance("spring.stiffness", at=POSES)
+    found = bm.design.balance(arm(100.0, 0.05), "spring.stiffness", at=POSES)
     runs = [
         arm(k, 0.05).run(POSES, want="arm.tau_red", static=True)["arm.tau_red"]
         for k in (0.001, 1000.001)
@@ -59,18 +61,22 @@ def test_the_best_stiffness_is_that_of_least_squares():
 
 
 def test_bounds_hold():
-    found = arm().balance("spring.stiffness", at=POSES, bounds={"spring.stiffness": (0.0, 120.0)})
+    found = bm.design.balance(
+        arm(), "spring.stiffness", at=POSES, bounds={"spring.stiffness": (0.0, 120.0)}
+    )
     assert found.numbers["spring.stiffness"] == pytest.approx(120.0, rel=1e-6)
     assert found.at_bounds == ("spring.stiffness",)
     with pytest.raises(bm.RequestError, match="lowest, then highest"):
-        arm().balance("spring.stiffness", at=POSES, bounds={"spring.stiffness": (2.0, 1.0)})
+        bm.design.balance(
+            arm(), "spring.stiffness", at=POSES, bounds={"spring.stiffness": (2.0, 1.0)}
+        )
 
 
 def test_counterweights_calm_the_frame():
     g = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
     numbers = ["crank.links.crank.cm.x", "dyad.links.j.cm.x"]
     shaking = "mechanism.shaking_force"
-    found = g.compile().balance(numbers, want=shaking, samples=73, static=False)
+    found = bm.design.balance(g.compile(), numbers, want=shaking, samples=73, static=False)
     assert found.after[shaking].rms < 0.9 * found.before[shaking].rms
     for a in numbers:  # no better place beside it
         for h in (-1e-3, 1e-3):
@@ -82,7 +88,7 @@ def test_counterweights_calm_the_frame():
 def test_a_flywheel_keeps_the_fluctuation_in_motion():
     """The machine with the wheel on its crank, moved by its own equation of motion."""
     g = bm.Graph.load(GRAPHS / "watt_sixbar.json")
-    found = g.compile().flywheel(20.0, 0.05)
+    found = bm.design.flywheel(g.compile(), 20.0, 0.05)
     assert found.fluctuation == pytest.approx(0.05, rel=1e-10)
     assert abs(found.moment) < 1e-12  # weights alone
     heavy = g.replace({"crank.links.crank.inertia": 0.0833 + found.inertia})
@@ -97,7 +103,7 @@ def test_a_flywheel_keeps_the_fluctuation_in_motion():
 
 def test_the_motor_gives_what_the_loads_take():
     mech = bm.Graph.load(GRAPHS / "engine.json").compile()
-    found = mech.flywheel(100.0, 0.02)
+    found = bm.design.flywheel(mech, 100.0, 0.02)
 
     def load(q):
         return float(
@@ -112,7 +118,7 @@ def test_the_motor_gives_what_the_loads_take():
 
 def test_a_flywheel_needs_a_crank_that_turns():
     with pytest.raises(bm.RequestError, match="one crank that turns fully"):
-        bm.Graph.load(GRAPHS / "elliptic_trammel.json").compile().flywheel(10.0, 0.1)
+        bm.design.flywheel(bm.Graph.load(GRAPHS / "elliptic_trammel.json").compile(), 10.0, 0.1)
 
 
 def test_a_gear_of_the_least_rms():
@@ -123,9 +129,9 @@ def test_a_gear_of_the_least_rms():
         "rates": 3 * np.sin(3 * t),
         "accelerations": 9 * np.cos(3 * t),
     }
-    best = mech.motor(**motion, inertia=J)
+    best = bm.design.motor(mech, **motion, inertia=J)
     for ratio in (0.9 * best.ratio, 1.1 * best.ratio):
-        assert mech.motor(**motion, inertia=J, ratio=ratio).rms > best.rms
+        assert bm.design.motor(mech, **motion, inertia=J, ratio=ratio).rms > best.rms
     drive = mech.run(**motion, want="crank.drive")["crank.drive"]
     wanted = drive / best.ratio + J * best.ratio * motion["accelerations"]
     assert best.moment == pytest.approx(wanted)
@@ -134,13 +140,13 @@ def test_a_gear_of_the_least_rms():
 
 def test_limits_of_a_motor_are_judged(tmp_path):
     mech = bm.Graph.load(GRAPHS / "ruiz_fourbar.json").compile()
-    found = mech.motor(samples=91, limits={"rms": 8000.0, "peak": 9000.0, "speed": 20.0})
+    found = bm.design.motor(mech, samples=91, limits={"rms": 8000.0, "peak": 9000.0, "speed": 20.0})
     assert not found.fits
     assert found.margins["speed"] == pytest.approx(0.5)
     assert "the motor does not fit" in str(found)
     found.plot(tmp_path / "motor.png")
     with pytest.raises(bm.RequestError, match="a value does not fit"):
-        mech.motor(samples=91, limits={"torque": 1.0})
+        bm.design.motor(mech, samples=91, limits={"torque": 1.0})
 
 
 @pytest.mark.parametrize("rates", [None, 10.0])
@@ -149,7 +155,7 @@ def test_a_force_at_hand_is_the_inverse_of_the_drive(rates):
     g = bm.Graph.load(GRAPHS / "ruiz_fourbar.json")
     q = np.linspace(0.3, 6.0, 9)
     more = {} if rates is None else {"rates": rates}
-    force = g.compile().available("weightlike.force.y", 500.0, q, **more)
+    force = bm.design.available(g.compile(), "weightlike.force.y", 500.0, q, **more)
     for x, f in zip(q, force, strict=True):
         again = g.replace({"weightlike.force.y": float(f)}).compile()
         given = {} if rates is None else {"rates": rates, "accelerations": 0.0}
@@ -160,16 +166,16 @@ def test_a_force_at_hand_is_the_inverse_of_the_drive(rates):
 def test_no_force_at_a_dead_centre_and_none_that_does_not_count():
     mech = bm.Graph.load(GRAPHS / "slider_crank.json").compile()
     address = next(a for a in mech.parameters() if a.endswith(".force.x"))
-    found = mech.available(address, 5.0, [0.0, 1.0], friction="none")
+    found = bm.design.available(mech, address, 5.0, [0.0, 1.0], friction="none")
     assert np.isnan(found[0])
     assert np.isfinite(found[1])
     with pytest.raises(bm.RequestError, match="no value of it makes"):
-        mech.available("frame.O.x", 5.0, [1.0])
+        bm.design.available(mech, "frame.O.x", 5.0, [1.0])
 
 
 def test_pictures(tmp_path):
-    arm(100.0, 0.05).balance("spring.stiffness", at=POSES).plot(tmp_path / "a.png")
+    bm.design.balance(arm(100.0, 0.05), "spring.stiffness", at=POSES).plot(tmp_path / "a.png")
     engine = bm.Graph.load(GRAPHS / "engine.json").compile()
-    engine.flywheel(100.0, 0.02).plot(tmp_path / "b.png")
+    bm.design.flywheel(engine, 100.0, 0.02).plot(tmp_path / "b.png")
     for name in ("a.png", "b.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")

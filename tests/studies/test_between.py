@@ -101,7 +101,7 @@ def test_a_design_at_its_change_point_has_no_number_and_one_word():
 def test_where_no_range_leads_through_the_poses_an_extreme_is_coarse():
     several = mechanism("excavator")
     poses = {d: [0.0, 0.01, 0.03] for d in several.drivers}
-    output = several.of_driver(several.drivers[0], "q")
+    output = several._of_driver(several.drivers[0], "q")
     address = next(p.address for p in several.parameters().values() if p.unit == "m" and p.value)
     value = several.parameters()[address].value
     found = several.study({address: [value]}, want=f"max({output})", at=poses)

@@ -46,7 +46,7 @@ def true(addresses):
 
 
 def test_without_noise_the_numbers_come_back():
-    found = drawn().identify(NUMBERS, record(60, scale=0.0))
+    found = bm.design.identify(drawn(), NUMBERS, record(60, scale=0.0))
     assert np.array([found[a] for a in NUMBERS]) == pytest.approx(true(NUMBERS), rel=1e-9)
     assert not found.unseen
     assert not found.combinations
@@ -57,7 +57,7 @@ def test_true_values_are_within_three_deviations():
     """Of 97 of 100 records, all numbers at a time."""
     mech, good = drawn(), 0
     for seed in range(RECORDS):
-        found = mech.identify(NUMBERS, record(120, seed=seed))
+        found = bm.design.identify(mech, NUMBERS, record(120, seed=seed))
         off = [
             abs(found[a] - x) / found.deviations[a]
             for a, x in zip(NUMBERS, true(NUMBERS), strict=True)
@@ -70,7 +70,7 @@ def test_ten_thousand_samples_take_two_seconds():
     data, mech, spans = record(10_000), drawn(), []
     for _ in range(3):
         start = time.process_time()
-        mech.identify(NUMBERS, data)
+        bm.design.identify(mech, NUMBERS, data)
         spans.append(time.process_time() - start)
     assert min(spans) < 2.0
 
@@ -80,7 +80,7 @@ def test_what_acts_alike_is_told_together():
     pair = ["crank.links.crank.mass", "crank.links.crank.inertia"]
     data = record(200, friction="none")
     del data["dyad.D.reaction.x"]
-    found = BENCH.identify([*pair, "dyad.links.j.mass"], data, friction="none")
+    found = bm.design.identify(BENCH, [*pair, "dyad.links.j.mass"], data, friction="none")
     assert list(found.values) == ["dyad.links.j.mass"]
     (sum_,) = found.combinations
     assert set(sum_.weights) == set(pair)
@@ -96,18 +96,20 @@ def test_what_is_not_seen_has_no_value():
     """A centre of mass that moves square to the crank changes its inertia in second order only."""
     data = record(80, friction="none")
     asked = ["dyad.links.i.mass", "crank.links.crank.cm.y"]
-    found = BENCH.identify(asked, data, friction="none")
+    found = bm.design.identify(BENCH, asked, data, friction="none")
     assert "crank.links.crank.cm.y" in found.unseen
     assert "crank.links.crank.cm.y" not in found.values
     assert "not seen in the data: crank.links.crank.cm.y" in str(found)
-    alone = BENCH.identify("frame.D.y", {"crank.q": [0.0, 1.0], "crank.crank.omega": [0.0, 0.0]})
+    alone = bm.design.identify(
+        BENCH, "frame.D.y", {"crank.q": [0.0, 1.0], "crank.crank.omega": [0.0, 0.0]}
+    )
     assert alone.unseen == ("frame.D.y",)
 
 
 def test_a_missing_effect_leaves_a_pattern():
     data = record(400)
-    assert drawn().identify(NUMBERS, data).doubts == ()
-    assert drawn().identify(NUMBERS[:2], data, friction="none").doubts
+    assert bm.design.identify(drawn(), NUMBERS, data).doubts == ()
+    assert bm.design.identify(drawn(), NUMBERS[:2], data, friction="none").doubts
 
 
 def test_places_identify_lengths_also_of_links_and_joints():
@@ -117,12 +119,12 @@ def test_places_identify_lengths_also_of_links_and_joints():
     address = next(a for a in bench.parameters() if a.startswith("joints.") and a.endswith(".x"))
     q = np.linspace(0.5, 2.5, 40)
     z = bench.run(at=q, want="joint.*.p")
-    columns = {bench.of_driver(bench.drivers[0], "q"): q}
+    columns = {bench._of_driver(bench.drivers[0], "q"): q}
     for joint in [n for n in z if n.endswith(".p")]:
         columns |= {f"{joint}.x": z[joint].real, f"{joint}.y": z[joint].imag}
     value = bench.parameters()[address].value
     other = linkage.replace({address: value + 0.01}).compile()
-    found = other.identify(address, columns)
+    found = bm.design.identify(other, address, columns)
     assert name in z
     assert found[address] == pytest.approx(value, abs=1e-9)
 
@@ -139,11 +141,13 @@ def test_files_and_frames_are_read(tmp_path):
     pd.DataFrame(degrees).to_csv(plain, index=False)
     frame.to_csv(german, index=False, sep=";", decimal=",")
     for given in (frame, plain, str(german)):
-        found = drawn().identify(NUMBERS, given)
+        found = bm.design.identify(drawn(), NUMBERS, given)
         assert found[NUMBERS[0]] == pytest.approx(30.0, rel=1e-6)
     run = BENCH.run(samples=20, want="crank.drive")
     run.to_csv(tmp_path / "own.csv")
-    assert BENCH.identify(NUMBERS[0], tmp_path / "own.csv")[NUMBERS[0]] == pytest.approx(30.0)
+    assert bm.design.identify(BENCH, NUMBERS[0], tmp_path / "own.csv")[NUMBERS[0]] == pytest.approx(
+        30.0
+    )
 
 
 @pytest.mark.parametrize(
@@ -159,19 +163,19 @@ def test_files_and_frames_are_read(tmp_path):
 )
 def test_data_that_are_none_are_refused(data, words):
     with pytest.raises(bm.RequestError, match=words):
-        BENCH.identify("dyad.links.i.mass", data)
+        bm.design.identify(BENCH, "dyad.links.i.mass", data)
 
 
 def test_too_few_rows_and_numbers_without_a_derivative():
     short = {k: x[:1] for k, x in record(5).items()}
     with pytest.raises(bm.RequestError, match="1 rows for 3 numbers"):
-        BENCH.identify(NUMBERS, short)
+        bm.design.identify(BENCH, NUMBERS, short)
     with pytest.raises(bm.RequestError, match="a whole number chooses"):
-        BENCH.identify("dyad.branch", record(5))
+        bm.design.identify(BENCH, "dyad.branch", record(5))
 
 
 def test_the_picture_marks_the_block(tmp_path):
-    found = drawn().identify(NUMBERS[:2], record(400), friction="none")
+    found = bm.design.identify(drawn(), NUMBERS[:2], record(400), friction="none")
     found.plot(tmp_path / "r.png")
     assert (tmp_path / "r.png").stat().st_size > 10_000
     words = found.figure()._supxlabel.get_text().replace("\n", " ")

@@ -160,12 +160,12 @@ def test_friction_that_slips_is_in_it():
 def test_floquet_is_what_the_return_map_tells():
     mech = bm.Graph.load(GRAPHS / "pump.json").compile()
     motion = mech.simulate("steady", friction="none")
-    found = mech.floquet(motion)
+    found = bm.design.floquet(mech, motion)
     assert abs(found.multipliers[0] - 1) < 1e-9  # a motion that starts later is the same
     assert found.multipliers[1].real == pytest.approx(motion.motion.facts["multiplier"], rel=1e-8)
     assert "multiplier" in str(found)
     with pytest.raises(bm.RequestError, match="no period"):
-        mech.floquet(mech.run(at=1.0))
+        bm.design.floquet(mech, mech.run(at=1.0))
 
 
 def test_what_does_not_fit_is_said():

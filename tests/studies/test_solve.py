@@ -86,7 +86,7 @@ def test_numbers_of_the_design():
 def test_a_load_for_a_drive_is_the_force_at_hand():
     request = {"friction": "none", "static": True}
     (load,) = RUIZ.solve({"crank.drive": 500.0}, to="weightlike.force.y", at=1.0, **request)
-    force = RUIZ.available("weightlike.force.y", 500.0, 1.0, friction="none")
+    force = bm.design.available(RUIZ, "weightlike.force.y", 500.0, 1.0, friction="none")
     assert load["weightlike.force.y"] == pytest.approx(force[0], rel=1e-12)
 
 

@@ -114,7 +114,7 @@ def wire_between(page, source, target):
 
 def hidden_wires(page):
     """The wires that run behind a block on the canvas."""
-    return page.locator(".diagram svg").evaluate(
+    return page.locator(".diagram svg")._evaluate(
         """(view) => {
             const areas = [...view.querySelectorAll(".body")]
                 .map((node) => node.getBoundingClientRect());

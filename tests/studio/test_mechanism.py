@@ -283,7 +283,7 @@ def places(mechanism, motion, k, q=None):
     }
     inner = {f"{n}.C" for n, b in mechanism.structure.blocks.items() if "C" in b.joints}
     want = {*map(str, joints.values()), *inner}
-    found = mechanism.of_blocks.run(
+    found = mechanism._of_blocks.run(
         at={driver: q}, rates={driver: 0.0}, want=[f"{n}.p" for n in want], friction="none"
     )
     return {name: complex(found[f"{name}.p"][0]) for name in want}
@@ -415,7 +415,7 @@ def test_a_mechanism_plays_and_is_dragged_in_the_browser(page, studio):
     run = sheet_of().mechanism.run(samples=361, want=["crank.drive", "dyad.C.p"])
     page.get_by_text(f"crank.drive = {run['crank.drive'][k]:.6g} N m").wait_for()
     C = run["dyad.C.p"][k]
-    x, y = page.locator("canvas.picture").evaluate("(it, z) => it.screen(z)", [C.real, C.imag])
+    x, y = page.locator("canvas.picture")._evaluate("(it, z) => it.screen(z)", [C.real, C.imag])
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x + 40, y - 30, steps=3)

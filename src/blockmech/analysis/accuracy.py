@@ -122,7 +122,7 @@ def run_to(
         wrong = f"must be > 0, got {accuracy!r:.60}"
         raise refused("accuracy", wrong, "try 1e-6", code="bad-value")
     request = _Request(mechanism, as_names("want", want), static)
-    kept = mechanism.once(_decisions)
+    kept = mechanism._once(_decisions)
     key, samples = (request.want, static, accuracy, engine), _fingerprint(taken)
     decided, setting, judged = kept.get(key, (b"", None, None))
     if setting is not None and decided == samples:
@@ -177,8 +177,8 @@ class _Request(NamedTuple):
 
     def compiled(self, few: Samples, n: int) -> bool:
         """Whether machine code is the engine for n samples like these."""
-        plan = self.mechanism.plan_at(few, self.want, static=self.static)
-        return self.mechanism.chosen(plan, n) == "llvm"
+        plan = self.mechanism._plan_at(few, self.want, static=self.static)
+        return self.mechanism._chosen(plan, n) == "llvm"
 
     def run(
         self,
@@ -189,9 +189,9 @@ class _Request(NamedTuple):
     ) -> Result:
         """A run with a setting."""
         how: dict[str, Any] = {"friction": setting.method, "static": self.static}
-        plan = self.mechanism.plan_at(samples, self.want, **how)
+        plan = self.mechanism._plan_at(samples, self.want, **how)
         engine = "numpy" if setting.precision != "complex128" and engine == "auto" else engine
-        values, name = self.mechanism.evaluate(plan, samples, engine, setting.precision, chunk)
+        values, name = self.mechanism._evaluate(plan, samples, engine, setting.precision, chunk)
         return Result(self.mechanism, plan, samples, values, name, how)
 
 

@@ -32,7 +32,7 @@ def blows(mechanism: Compiled, motion: Motion) -> Iterator[Residual]:
     """Momentum, restitution and loss of the blows (m,) of a motion."""
     s, hits = mechanism.structure, motion.impacts
     q, before, after = (np.array([getattr(x, k) for x in hits]).T for k in ("q", "before", "after"))
-    bodies, t = unit_motions(mechanism.of_blocks, q), np.array([hit.t for hit in hits])
+    bodies, t = unit_motions(mechanism._of_blocks, q), np.array([hit.t for hit in hits])
     margins = [margin.reshape(q.shape) for margin in bodies.run.quality.margin.values()]
     condition = 1 / np.sqrt(np.min([0 * q + 1, *margins], axis=(0, 1)))
     speeds, jump = np.abs(before) + np.abs(after), after - before

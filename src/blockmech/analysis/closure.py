@@ -45,7 +45,7 @@ class Closure:
         self.mechanism = _sharp(mechanism)
         self.driver = driver
         self.held = held
-        kept = self.mechanism.once(_kept)
+        kept = self.mechanism._once(_kept)
         if groups not in kept:
             kept[groups] = _Program(self.mechanism.structure, self.mechanism.scene, groups)
         self._program = kept[groups]

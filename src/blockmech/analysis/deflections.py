@@ -49,10 +49,10 @@ RELATIVE, ABSOLUTE = 1e-11, 1e-13  # tolerances of the integration; the second o
 OCTAVES = 20  # above the deflection of steady slip, in which a periodic one is looked for
 
 
-def with_deflections(mechanism: Compiled, taken: Samples) -> Samples:
+def _with_deflections(mechanism: Compiled, taken: Samples) -> Samples:
     """Samples with the states of friction laws among their inputs."""
     structure = mechanism.structure
-    course: Course = mechanism.once(Course)
+    course: Course = mechanism._once(Course)
     z = course.at(taken)
     places = (f"{STATE}{structure.states[ref]}" for ref in structure.remembering)
     return replace(taken, inputs={**taken.inputs, **dict(zip(places, z, strict=True))})
@@ -140,7 +140,7 @@ class Course:
         periods = set()
         for driver in self.mechanism.drivers:
             law = self.mechanism.scene.drive[driver]
-            rotary = self.mechanism.driver_joint(driver).rotary
+            rotary = self.mechanism.structure.driver_joint(driver).rotary
             if isinstance(law, Harmonic):
                 periods.add(law.duration())
             elif isinstance(law, ConstantRate) and law.rate and rotary:

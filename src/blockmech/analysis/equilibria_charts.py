@@ -118,13 +118,13 @@ def _said(e: Equilibrium, chart: Chart, home: Chart, line: Line) -> Iterator[Equ
     if line.system.rotary[0] and math.isfinite(low):
         place = low + (place - low) % math.tau
     if low <= place <= high:
-        name = home.mechanism.of_driver(driver, "q")
+        name = home.mechanism._of_driver(driver, "q")
         leads = {
             f"{home.in_outputs(joint=joint)}.{COORDINATE}": float(e.q[0])
             for joint in chart.joints
             if joint not in home.joints
         }
-        unit = home.mechanism.driver_joint(driver).coordinate_unit
+        unit = home.mechanism.structure.driver_joint(driver).coordinate_unit
         units = {name: unit, **dict.fromkeys(leads, next(iter(e.units.values())))}
         here = replace(e, at={name: place}, units=units, leads=leads, chart=chart)
         yield replace(here, potential=None, interval=None)

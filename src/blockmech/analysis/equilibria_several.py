@@ -113,9 +113,9 @@ def equilibria_of_several(mechanism: Compiled, system: System, t: float, starts:
         if len(live) < 2 or not len(begins):  # no curves: of one coordinate all roots are roots
             break
         fresh = new(_crossings(search, begins), roots_)
-    names = [mechanism.of_driver(d, "q") for d in mechanism.drivers]
+    names = [mechanism._of_driver(d, "q") for d in mechanism.drivers]
     units = {
-        n: mechanism.driver_joint(d).coordinate_unit
+        n: mechanism.structure.driver_joint(d).coordinate_unit
         for n, d in zip(names, mechanism.drivers, strict=True)
     }
     families = _families(search, roots_, size[live])
@@ -251,7 +251,7 @@ def _range(mechanism: Compiled, driver: str) -> tuple[float, float]:
     scene = mechanism.scene
     low, high = scene.stops[driver].bounds if driver in scene.stops else (-math.inf, math.inf)
     law: Any = scene.drive.get(driver)
-    if mechanism.driver_joint(driver).rotary:
+    if mechanism.structure.driver_joint(driver).rotary:
         near = (-math.pi, math.pi)
     elif law is not None and law.by_coordinate and law.travelled[0] != law.travelled[1]:
         near = (min(law.travelled), max(law.travelled))

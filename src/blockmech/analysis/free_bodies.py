@@ -296,4 +296,4 @@ def unit_motions(mechanism: Compiled, q: Array) -> FreeBodies:
     for i, rates in enumerate(np.repeat(np.eye(k), n, axis=1)):
         inputs |= {f"q_{i}": np.tile(q[i], k), f"qd_{i}": rates, f"qdd_{i}": 0 * rates}
     samples = Samples(k * n, inputs)
-    return FreeBodies(mechanism.answer(samples, want, {"friction": "none", "static": False}))
+    return FreeBodies(mechanism._answer(samples, want, {"friction": "none", "static": False}))

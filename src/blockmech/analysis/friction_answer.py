@@ -106,7 +106,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
     def drivers(self) -> dict[str, Floats]:
         """``"crank.q"`` -> its coordinates (n,) [rad or m] at the poses."""
         m = self.answers.mechanism
-        return {m.of_driver(d, "q"): self.samples.coordinate(i) for i, d in enumerate(m.drivers)}
+        return {m._of_driver(d, "q"): self.samples.coordinate(i) for i, d in enumerate(m.drivers)}
 
     def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
         """The first real output over the driver; of several scales the number of solutions.
@@ -118,7 +118,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
             found = f"{len(moving)} driver coordinates vary"
             raise refused("friction_solutions", found, "give several poses of one driver")
         ((name, q),) = moving.items()
-        factor, unit = angle_scale(self.answers.unit_of_driver(name), degrees)
+        factor, unit = angle_scale(self.answers._unit_of_driver(name), degrees)
         draw = self._map if np.ptp(self.scale) > 0 else self._curves
         return draw(factor * q, f"{shown_name(name)} [{unit}]", ax)
 
@@ -232,7 +232,7 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
         """Coordinates and the wanted outputs, one value for each solution."""
         columns, answers = [], self.answers.to(*("deg",) * degrees)
         for name, q in self.drivers.items():
-            factor, unit = shown_in(self.answers.unit_of_driver(name), answers.units)
+            factor, unit = shown_in(self.answers._unit_of_driver(name), answers.units)
             columns.append(Column(name, unit, factor * q[self.pose], name))
         if (self.scale != 1.0).any():
             columns.append(Column("scale", "", self.scale[self.pose], "scale"))
@@ -269,11 +269,11 @@ class FrictionSolutions(CsvTable, Facts, Pictured):
 
     def _place(self, word: str, degrees: bool) -> str:
         i, drivers = self.proof.index(word), self.drivers
-        units = {name: self.answers.unit_of_driver(name) for name in drivers}
+        units = {name: self.answers._unit_of_driver(name) for name in drivers}
         return places({name: float(q[i]) for name, q in drivers.items()}, units, degrees)
 
     def _said(self, group: str) -> str:
-        return str(self.answers.mechanism.block_name(group))
+        return str(self.answers.mechanism._block_name(group))
 
     def to_dict(self) -> dict[str, Any]:
         """The solutions by pose, as JSON data in SI units."""

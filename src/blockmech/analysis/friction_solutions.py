@@ -376,12 +376,12 @@ def friction_solutions(
     settings = {"friction": GIVEN.method, "static": still}
     inputs = equations.inputs(poses, pose, t)
     given = Samples(len(pose), inputs, inputs.get("t"))
-    values, engine = mechanism.evaluate(plan, given, "numpy")
+    values, engine = mechanism._evaluate(plan, given, "numpy")
     answers = Result(mechanism, plan, given, values, engine, settings)
     every = np.arange(taken.n)
     rest = equations.at(poses, every, np.zeros((taken.n, len(equations.joints))))
     resting = zip(equations.joints, equations.rest, strict=True)
-    joint_names = mechanism.joint_names
+    joint_names = mechanism._joint_names
     return FrictionSolutions(
         answers,
         pose,

@@ -231,8 +231,8 @@ def limits_of(
     samples: int = SCANNED,
 ) -> Limits:
     """The feasible arcs of a driver; what is ``known`` of some groups serves for those after."""
-    joint = mechanism.driver_joint(moved)
-    closure = Closure(mechanism.of_blocks, moved, held, _groups(mechanism.structure, blocks))
+    joint = mechanism.structure.driver_joint(moved)
+    closure = Closure(mechanism._of_blocks, moved, held, _groups(mechanism.structure, blocks))
     span = one_turn() if joint.rotary else travel(mechanism, moved)
     pieces, nearest = closed_pieces(closure, span, samples, known)
     why = ""
@@ -247,7 +247,7 @@ def limits_of(
         whole_turn=len(pieces) == 1 and pieces[0].start is None,
         nearest=nearest,
         spacing=(TURN if joint.rotary else 2 * span.size) / samples,
-        prefix=mechanism.driver_prefix,
+        prefix=mechanism._driver_prefix,
         why=why,
     )
 

@@ -47,7 +47,7 @@ def cycle_of(source: Compiled | Result, **given: Any) -> Cycle:
 def _range_of(mechanism: Compiled, law: Any) -> tuple[float, float]:
     """Ends of the only driver's range: those of its law, or a turn, which cuts no feasible arc."""
     (driver,) = mechanism.drivers
-    rotary = mechanism.driver_joint(driver).rotary
+    rotary = mechanism.structure.driver_joint(driver).rotary
     low, high = (0.0, 0.0) if law is None else sorted((float(law.start), float(law.end)))
     if low == high and not rotary:
         raise no_range(driver, 'give the driver a law of motion with "from" and "to"')

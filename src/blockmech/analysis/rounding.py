@@ -31,7 +31,7 @@ def digits_lost(result: Result) -> tuple[Flag, ...]:
     if not (WIDER and result.n):
         return ()
     index = result.samples.spread(ROWS)
-    short = result.at(index)
+    short = result.isel(index)
     wide = _again(short, "clongdouble")
     good = comparable(short, friction=True) & comparable(wide, friction=True)
     flags = []
@@ -49,7 +49,7 @@ def digits_lost(result: Result) -> tuple[Flag, ...]:
 def _again(result: Result, precision: Precision) -> Result:
     """The same samples by numbers of another length."""
     mechanism, plan, samples = result.mechanism, result.plan, result.samples
-    values, engine = mechanism.evaluate(plan, samples, "numpy", precision)
+    values, engine = mechanism._evaluate(plan, samples, "numpy", precision)
     return Result(mechanism, plan, samples, values, engine, result.settings)
 
 

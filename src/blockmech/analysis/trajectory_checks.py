@@ -57,7 +57,7 @@ def trajectory(result: Result, motion: Motion) -> Iterator[tuple[str, float, flo
     """
     if motion.t_end == motion.t_start:
         return
-    blocks, over = result.mechanism.of_blocks, _stretches(result.mechanism, motion)
+    blocks, over = result.mechanism._of_blocks, _stretches(result.mechanism, motion)
     s, t, off = blocks.structure, over.nodes, 2 * motion.error
     want = [f"{driver}.acceleration" for driver in s.drivers]
     want += [source for name in integrated(s) for source in sources(s, name)]

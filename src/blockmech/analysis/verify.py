@@ -173,11 +173,11 @@ def verify(
     if at is None and samples is None and times is None:
         samples = SAMPLES
     how: dict[str, Any] = {"engine": engine, "precision": precision or "complex128", "chunk": chunk}
-    blocks = mechanism.of_blocks
+    blocks = mechanism._of_blocks
     taken = blocks.samples(at, samples, times, rates, accelerations)
     taken = replace(taken, inputs={**taken.inputs, **_states(blocks, taken.n)})
     settings = {"friction": friction, "static": static}
-    run = blocks.answer(taken, EVERYTHING, settings, **how)
+    run = blocks._answer(taken, EVERYTHING, settings, **how)
     shaken = _perturbed_run(run, how)
     evidence = Evidence(shaken) if shaken.n > run.n else Evidence(run, shaken)
     return _judged(mechanism, run.n, evidence)
@@ -192,11 +192,11 @@ def _of_result(
     if isinstance(result, ChartedResult):
         return _together([_of_result(leg.own, leg.result, engine, chunk) for leg in result.parts])
     motion = result.motion
-    blocks = mechanism.of_blocks
+    blocks = mechanism._of_blocks
     how = {"friction": result.settings["friction"]}
     if motion is None:
         how["static"] = result.settings["static"]
-        run = blocks.answer(result.samples, EVERYTHING, how, engine, None, chunk)
+        run = blocks._answer(result.samples, EVERYTHING, how, engine, None, chunk)
         return _judged(mechanism, run.n, Evidence(run))
     t = motion.times(1) if result.time is None else result.time
     run = result_along(blocks, motion, t, EVERYTHING, **how, engine=engine, chunk=chunk)
@@ -272,7 +272,7 @@ def _perturbed_run(run: Result, how: Mapping[str, Any]) -> Result:
     samples = Samples(run.n, inputs, run.samples.time)
     if plan.program.source == run.plan.program.source:
         samples = _stacked(run.samples, samples)
-    values, engine = mechanism.evaluate(plan, samples, **how)
+    values, engine = mechanism._evaluate(plan, samples, **how)
     settings = run.settings | {"friction": "none"}
     return Result(mechanism, plan, samples, values, engine, settings)
 
@@ -297,5 +297,5 @@ def _said(mechanism: Compiled, of: Part) -> str:
         return next((name for name, link in names.links.items() if link.link == of), str(of))
     driver, dot, output = str(of).partition(".")
     if driver in mechanism.drivers:
-        return mechanism.of_driver(driver, output) if dot else driver
-    return mechanism.joint_names.get(str(of), mechanism.block_name(str(of)))
+        return mechanism._of_driver(driver, output) if dot else driver
+    return mechanism._joint_names.get(str(of), mechanism._block_name(str(of)))

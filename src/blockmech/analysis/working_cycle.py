@@ -96,7 +96,7 @@ class Cycle:
 
     def at(self, s: float) -> tuple[dict[str, float], float | None]:
         """Driver coordinates and, where the request says it, the time of a place."""
-        run = self.run(np.array([s]), self.mechanism.of_driver(self.mechanism.drivers[0], "q"))
+        run = self.run(np.array([s]), self.mechanism._of_driver(self.mechanism.drivers[0], "q"))
         time = math.nan if run.time is None else float(run.time[0])
         drivers = {name: float(q[0]) for name, q in run.drivers.items()}
         return drivers, time if math.isfinite(time) else None
@@ -141,7 +141,7 @@ def by_coordinate(
 ) -> Cycle:
     """A range of the only driver's coordinate, by its law or at given rates."""
     more = dict(rates or {})
-    rotary = mechanism.driver_joint(mechanism.drivers[0]).rotary
+    rotary = mechanism.structure.driver_joint(mechanism.drivers[0]).rotary
     count = (high - low) / TURN if rotary else 0.0
     whole = round(count) >= 1 and abs(count - round(count)) <= SAME * count
     steps = min(MOST, max(SCANNED, n - 1, math.ceil(SCANNED * count)))

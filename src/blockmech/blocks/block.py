@@ -30,7 +30,7 @@ class Block(StrictModel):
 
     model_config = {"ignored_types": (Joint, Kernels)}
 
-    called: ClassVar[str] = "a block"
+    _called: ClassVar[str] = "a block"
     type_name: ClassVar[str] = ""
     joints: ClassVar[Mapping[str, Joint]] = {}
     link_names: ClassVar[tuple[str, ...]] = ()

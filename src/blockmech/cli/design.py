@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import blockmech as bm
 from blockmech.builders import compiled
 from blockmech.cli.numbers import coordinates, rates_of
 from blockmech.cli.options import At, Friction, GraphFile, Static, names_of, number_of, option
@@ -86,7 +87,7 @@ def balance(
     wanted = names_of(want) or None
 
     def ask(m: Mechanism) -> Any:
-        return m.balance(names_of(numbers), wanted, coordinates(m, at), bounds=ends)
+        return bm.design.balance(m, names_of(numbers), wanted, coordinates(m, at), bounds=ends)
 
     balanced = shown.ask(file, compiled, "balancing", ask)
     if save is not None:
@@ -134,4 +135,6 @@ def identify(
 ) -> None:
     """Identify numbers of the mechanism from what was measured on it."""
     request: dict[str, Any] = {"friction": friction, "static": static}
-    shown.ask(file, compiled, "fitting", lambda m: m.identify(names_of(to), data, **request))
+    shown.ask(
+        file, compiled, "fitting", lambda m: bm.design.identify(m, names_of(to), data, **request)
+    )

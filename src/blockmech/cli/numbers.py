@@ -77,7 +77,9 @@ def _by_driver(
             problems.append(_problem(where, f"{name} is given twice", "", "give it once"))
         else:
             try:
-                values[name] = read(where, numbers, mechanism.driver_joint(name).coordinate_unit)
+                values[name] = read(
+                    where, numbers, mechanism.structure.driver_joint(name).coordinate_unit
+                )
             except RequestError as error:
                 problems += error.problems
         named.add(name)

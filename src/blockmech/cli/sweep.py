@@ -129,7 +129,7 @@ def _reduction(mechanism: Compiled, text: str) -> str:
     match = TEXT.fullmatch(text.strip())
     if match is None or match["at"] is None or match["how"] != "at" or not mechanism.drivers:
         return text
-    (q,) = row(f"--want {text}", match["at"], mechanism.coordinate_units[mechanism.drivers[0]])
+    (q,) = row(f"--want {text}", match["at"], mechanism._coordinate_units[mechanism.drivers[0]])
     return f"{match['how']}({match['output']}, {q!r})"
 
 

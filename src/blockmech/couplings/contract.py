@@ -216,7 +216,7 @@ class Coupling(Block):
     driven : name of the driver that follows
     """
 
-    called: ClassVar[str] = 'a coupling such as Gear(driver="a", driven="b", teeth=(20, 40))'
+    _called: ClassVar[str] = 'a coupling such as Gear(driver="a", driven="b", teeth=(20, 40))'
     pairs: ClassVar[tuple[str, ...]] = ("RR", "RP", "PR", "PP")  # of the driver and the driven one
     refers: ClassVar[tuple[str, ...]] = ("driver", "driven")
     meshes: ClassVar[bool] = True  # x is an angle between links, not the driver's coordinate

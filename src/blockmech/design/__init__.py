@@ -1,1 +1,14 @@
-"""Questions of design: linear models, identification, balance, drives, flywheels."""
+"""Questions of design, as functions of a mechanism: balance, drives, identification, flywheels.
+
+>>> import blockmech as bm
+>>> engine = bm.read("graphs/engine.json").compile()  # doctest: +SKIP
+>>> wheel = bm.design.flywheel(engine, speed=100.0, fluctuation=0.02)  # doctest: +SKIP
+"""
+
+from blockmech.design.balance import balance
+from blockmech.design.drives import available, motor
+from blockmech.design.floquet import floquet
+from blockmech.design.flywheel import flywheel
+from blockmech.design.identify import identify
+
+__all__ = ["available", "balance", "floquet", "flywheel", "identify", "motor"]

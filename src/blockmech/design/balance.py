@@ -104,7 +104,7 @@ class Balance(Facts, Pictured):
         run = self.runs[1]
         for name, left in self.after.items():
             was, unit = self.before[name], self.units[name]
-            at = run.place(left.sample, degrees)
+            at = run._place(left.sample, degrees)
             yield (
                 f"{name}: rms {left.rms:.4g} {unit} of {was.rms:.4g}, "
                 f"largest {left.largest:.4g} of {was.largest:.4g}, at {at}"
@@ -154,7 +154,7 @@ def balance(
     chosen = chosen_numbers(mechanism, as_sequence("numbers", numbers))
     drivers = mechanism.drivers
     names = as_sequence("want", want if want is not None else
-                        tuple(mechanism.of_driver(d, "tau_red") for d in drivers))  # fmt: skip
+                        tuple(mechanism._of_driver(d, "tau_red") for d in drivers))  # fmt: skip
     poses: dict[str, Any] = {"samples": samples, "times": times}
     how: dict[str, Any] = {
         "friction": friction,

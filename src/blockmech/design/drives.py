@@ -146,7 +146,7 @@ def motor(
     if odd or not 0 < efficiency <= 1 or not inertia >= 0 or (ratio is not None and not ratio > 0):
         valid = "limits: rms, peak, speed > 0; 0 < efficiency <= 1, inertia >= 0, ratio > 0"
         raise refused(odd[0] if odd else "motor", "a value does not fit", valid)
-    names = [mechanism.of_driver(own, x) for x in ("drive", "rate", "acceleration")]
+    names = [mechanism._of_driver(own, x) for x in ("drive", "rate", "acceleration")]
     run = mechanism.run(at, samples=samples, times=times, rates=rates, accelerations=accelerations,
                         want=names, friction=friction)  # fmt: skip
     effort, rate, acceleration = (np.asarray(run[n], float) for n in names)
@@ -200,11 +200,11 @@ def available(
     family = Family(mechanism, [p.address])
     if family.alone:
         raise refused(p.address, family.alone, "name a load")
-    name = mechanism.of_driver(own, "drive")
+    name = mechanism._of_driver(own, "drive")
     taken = mechanism.samples(at, samples, None, rates, None)
     plan = family.general.plan([name], friction=friction, static=static)
     refuse_deflections(mechanism, plan, "designs")
-    mechanism.refuse_states(plan, taken.inputs)
+    mechanism._refuse_states(plan, taken.inputs)
     engine, n = DualEngine(plan.program), taken.n
     given = {k: np.broadcast_to(np.asarray(x, float), n) for k, x in _inputs(taken, plan).items()}
     forces = np.full(n, np.nan)

@@ -133,7 +133,7 @@ def flywheel(mechanism: Compiled, speed: float, fluctuation: float) -> Flywheel:
 
     drivers = mechanism.drivers
     if len(drivers) != 1 or not (
-        mechanism.driver_joint(drivers[0]).rotary and limits(mechanism).whole_turn
+        mechanism.structure.driver_joint(drivers[0]).rotary and limits(mechanism).whole_turn
     ):
         raise refused("flywheel", "there is not one crank that turns fully", "a flywheel turns")
     if not (speed > 0 and 0 < fluctuation < 2):

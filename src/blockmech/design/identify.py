@@ -138,7 +138,7 @@ class Identification(Facts, Pictured):
     def figure(self, degrees: bool = ink.IN_DEGREES, ax: Any = None) -> Any:
         """Residual of each column over the first driver's coordinate, with its scatter."""
         names, driver = [*self.residuals][:COLUMNS], self.mechanism.drivers[0]
-        scale, unit_of_x = angle_scale(self.mechanism.coordinate_units[driver], degrees)
+        scale, unit_of_x = angle_scale(self.mechanism._coordinate_units[driver], degrees)
         caption = f"{shown_name(self.mechanism.name, 40)}: measured less computed; shaded: "
         caption += f"{BAND:g} standard deviations. "
         caption += (
@@ -157,7 +157,7 @@ class Identification(Facts, Pictured):
                 axes.axhspan(-band, band, color=ink.LINK_FILLS[0], lw=0)
                 axes.scatter(scale * self.coordinate, factor * r, **dots)
                 axes.set_ylabel(f"{shown_name(name)}\n[{unit or '–'}]", labelpad=2)
-            axes.set_xlabel(f"{self.mechanism.of_driver(driver, 'q')} [{unit_of_x}]", labelpad=1)
+            axes.set_xlabel(f"{self.mechanism._of_driver(driver, 'q')} [{unit_of_x}]", labelpad=1)
         return axes.figure
 
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:

@@ -205,7 +205,7 @@ class Linearization(Facts, Pictured):
             raise refused("plot", found, "name fewer outputs", code="too-many-curves")
         w, m = self.around(), self.mechanism
         whole = self.response(w)
-        at = ", ".join(f"{m.of_driver(d, 'q')} = {q:.6g}" for d, q in self.at.items())
+        at = ", ".join(f"{m._of_driver(d, 'q')} = {q:.6g}" for d, q in self.at.items())
         caption = f"{shown_name(m.name, 40)}: response of outputs to inputs, linear about {at}."
         with panelled(caption, 2 * PANEL + 3 * ink.ROW, 2, ax=ax) as ((size,), (phase,)):
             for n, (i, j) in enumerate(pairs):
@@ -231,12 +231,12 @@ class Linearization(Facts, Pictured):
     def lines(self, degrees: bool = DEGREES) -> Iterator[str]:
         """The state and the modes, one a line."""
         m = self.mechanism
-        at = {m.of_driver(d, "q"): q for d, q in self.at.items()}
+        at = {m._of_driver(d, "q"): q for d, q in self.at.items()}
         yield f"about {places(at, {name: m.outputs[name].unit for name in at}, degrees)}"
         if self.states:
             yield f"with {', '.join(f'{n} = {x:.9g}' for n, x in self.states.items())}"
         for d, x in zip(self.at, self.effort.tolist(), strict=True):
-            drive = m.of_driver(d, "drive")
+            drive = m._of_driver(d, "drive")
             yield f"{drive} = {with_unit(x, m.outputs[drive].unit)} keeps it up"
         for mode in self.modes:
             ways = ", ".join(
@@ -306,7 +306,7 @@ def linearize(
     if slips:
         refuse_friction_states(mechanism)
     drivers = dict(zip(mechanism.drivers, q.tolist(), strict=True))
-    efforts = [mechanism.of_driver(d, "drive") for d in mechanism.drivers]
+    efforts = [mechanism._of_driver(d, "drive") for d in mechanism.drivers]
     wanted = _outputs(mechanism, _names(outputs))
     sources, own = sources_of(mechanism), states_of(mechanism)
     extra = _names(inputs)
@@ -315,7 +315,7 @@ def linearize(
     x, notes = _signals(mechanism, motion, time, states or {}, slips)
     of = derivatives_at(mechanism, motion, x, time, outputs=wanted, numbers=known, friction=slips)
     if not of.margin > 0:  # the run's own error says which group fails
-        mechanism.run(drivers, want=[mechanism.of_driver(d, "tau_red") for d in drivers])
+        mechanism.run(drivers, want=[mechanism._of_driver(d, "tau_red") for d in drivers])
     fed = [(n in sources, sources[n] if n in sources else [*known].index(n)) for n in extra]
     space = _space(of, len(q), [*own.values()], fed)
     k = len(q)
@@ -394,7 +394,7 @@ def _space(
 def _outputs(mechanism: Compiled, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of outputs, by default the coordinates. Raises `RequestError` for what is no number."""
     if not names:
-        return tuple(mechanism.of_driver(d, "q") for d in mechanism.drivers)
+        return tuple(mechanism._of_driver(d, "q") for d in mechanism.drivers)
     matched = tuple(mechanism.outputs.match(names))
     for name in matched:
         kind = mechanism.outputs[name].kind

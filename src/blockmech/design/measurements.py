@@ -90,10 +90,10 @@ def record_of(mechanism: Compiled, data: Any) -> Record:
     inputs: dict[str, dict[str, Floats]] = {"q": {}, "rate": {}, "acceleration": {}}
     for what, kept in inputs.items():
         for d in mechanism.drivers:
-            name = mechanism.of_driver(d, what)
+            name = mechanism._of_driver(d, what)
             if name in columns:
                 kept[d] = columns.pop(name)
-    missing = [mechanism.of_driver(d, "q") for d in mechanism.drivers if d not in inputs["q"]]
+    missing = [mechanism._of_driver(d, "q") for d in mechanism.drivers if d not in inputs["q"]]
     if missing or not mechanism.drivers:
         raise refused("data", f"no column of {listed(missing)}", "say where each driver was")
     measured: dict[str, Floats] = {}

@@ -180,7 +180,7 @@ def _of_driver(
         raise refused(name, "it is a vector", f"name a part: {name}.x, {name}.y, {name}.magnitude")
     cycle = cycle_of(mechanism, **how)
     signal = signal_of(cycle, output, parts[0])
-    driver, unit = mechanism.of_driver(mechanism.drivers[0], "q"), mechanism.outputs[output].unit
+    driver, unit = mechanism._of_driver(mechanism.drivers[0], "q"), mechanism.outputs[output].unit
     if cycle.by != "coordinate":
         raise refused(driver, "its law is one of time", "give it a law by its coordinate")
     turning = unit == "rad" and output.endswith(".angle")  # which is told but for whole turns
@@ -254,7 +254,7 @@ def _of_drivers(
     ranges, rotary = [], []
     for d in mechanism.drivers:
         law: Any = mechanism.scene.drive.get(d)
-        joint = mechanism.driver_joint(d)
+        joint = mechanism.structure.driver_joint(d)
         if law is None and not joint.rotary:
             raise refused(d, "nothing says where it may be", "give the driver a law of motion")
         if law is not None and not law.by_coordinate:
@@ -274,7 +274,7 @@ def _of_drivers(
                      in zip(ranges, x, sizes, rotary, strict=True))  # fmt: skip
         if misfit <= CLOSE and inside and not any((d <= 1e-6 * sizes).all() for d in alike):
             found.append((x, slopes))
-    names = [mechanism.of_driver(d, "q") for d in mechanism.drivers]
+    names = [mechanism._of_driver(d, "q") for d in mechanism.drivers]
     of = {n: mechanism.outputs[n].unit for n in names}
     solutions = tuple(
         Solution(dict(zip(names, x.tolist(), strict=True)), of, slopes, mode)

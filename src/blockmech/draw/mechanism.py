@@ -174,7 +174,7 @@ def caption(motion: Motion, shown: Sequence[int], degrees: bool = IN_DEGREES) ->
     """Driver coordinates of the poses, the main one first, and gravity."""
     parts = []
     for driver, q in motion.q.items():
-        unit = motion.mechanism.coordinate_units[driver]
+        unit = motion.mechanism._coordinate_units[driver]
         factor, unit = angle_scale(unit, degrees)
         space = "" if unit == "°" else "\u00a0"
         values = [f"{factor * q[k]:.4g}{space}{unit}" for k in shown]
@@ -237,7 +237,7 @@ def _markers(mechanism: Compiled) -> dict[str, MarkerRef]:
         for marker, ref in name.markers.items()
         if ref.on != s.frame_link
     }
-    pins = {str(ref): name for ref, name in mechanism.joint_names.items()}
+    pins = {str(ref): name for ref, name in mechanism._joint_names.items()}
     return markers | {pins[place]: ref for place, ref in every.items() if place in pins}
 
 

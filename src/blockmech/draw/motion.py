@@ -57,7 +57,7 @@ class Motion:
     @property
     def time(self) -> Real | None:
         """(n,) [s], where the run says times."""
-        time = self.result.known_time()
+        time = self.result._known_time()
         return None if time is None else np.asarray(time)[self.samples]
 
     @property
@@ -110,7 +110,7 @@ class Motion:
             for name, terminal in self.structure.elements[element].terminals.items()
         ]
         try:
-            outputs = self.result.inside(*wanted)
+            outputs = self.result._inside(*wanted)
         except RequestError:
             if self.time is not None:
                 raise
@@ -150,7 +150,7 @@ def moves_of_result(result: Result) -> Motion:
     structure = result.mechanism.structure
     fixed = structure.frame_link
     moving = [link for link in structure.links if link != fixed]
-    outputs = result.inside(*(f"{link}.{what}" for link in moving for what in ("p", "angle")))
+    outputs = result._inside(*(f"{link}.{what}" for link in moving for what in ("p", "angle")))
     origin = {link: outputs[f"{link}.p"] for link in moving}
     axis = {link: np.exp(1j * outputs[f"{link}.angle"]) for link in moving}
     q, rate = (

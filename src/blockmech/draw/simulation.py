@@ -88,7 +88,7 @@ def simulation_pictures(
 def _smooth(result: Result, motion: Motion, names: Iterable[str]) -> tuple[Result, Abscissa]:
     """Coordinates, rates and further outputs at times of a picture's own, and these times."""
     mechanism = result.mechanism
-    states = [mechanism.of_driver(d, what) for d in mechanism.drivers for what in ("q", "rate")]
+    states = [mechanism._of_driver(d, what) for d in mechanism.drivers for what in ("q", "rate")]
     t = motion.times(CURVE)
     marked = tuple((e.t, e.kind) for e in motion.events if e.kind in MARKED)
     fine = result_along(mechanism, motion, t, [*states, *names])

@@ -177,7 +177,7 @@ def _wheels(motion: Motion, driver: str) -> Iterator[Wheel]:
 
 def _name(motion: Motion, ref: JointRef, refs: Sequence[JointRef]) -> str:
     """A joint's name in the picture: that of a joint-based document, or the shortest."""
-    named = motion.mechanism.joint_names.get(str(ref))
+    named = motion.mechanism._joint_names.get(str(ref))
     if named is not None:
         return named.split(".")[1]  # a pin of several links has one name
     return ref.name if [r.name for r in refs].count(ref.name) == 1 else str(ref)

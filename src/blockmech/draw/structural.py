@@ -40,7 +40,7 @@ def structural_graph(mechanism: Compiled) -> nx.DiGraph:
         free = sum(driver not in s.followers for driver in s.drivers_of(name))
         graph.add_node(name, links=links, freedoms=free)
     for joint, marker in s.feeds.items():
-        _join(graph, marker.block, joint.block, mechanism.joint_names.get(str(joint), joint.name))
+        _join(graph, marker.block, joint.block, mechanism._joint_names.get(str(joint), joint.name))
     for driver, follower in s.followers.items():
         _join(graph, follower.centre.block, s.driven[driver].block, follower.coupling)
         if follower.leader is not None:

@@ -111,7 +111,7 @@ class FollowingSystem(System):
     @cached_property
     def pieces(self) -> tuple[PlaceData, ...]:
         """Series through its change points."""
-        return self.compiled.once(pieces_through)
+        return self.compiled._once(pieces_through)
 
     def _offset(self, q: Any, piece: PlaceData) -> Any:
         """Distance from a change point, or from the nearest of its images, per reach."""

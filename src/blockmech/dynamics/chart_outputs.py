@@ -98,7 +98,7 @@ class LegOutputs:
     def _of_driver(self, name: str) -> Any:
         """What is of a driver that does not lead; NaN of all else that the chart does not say."""
         head, _, what = name.rpartition(".")
-        heads = [self.of.of_driver(d, "q")[:-2] for d in self.of.drivers]
+        heads = [self.of._of_driver(d, "q")[:-2] for d in self.of.drivers]
         t, n = np.asarray(self.result.samples.time), len(self.at)
         if head not in heads or what not in (*IDLE, "q", "rate", "acceleration"):
             vector = self.of.outputs[name].kind == "vector"
@@ -108,7 +108,7 @@ class LegOutputs:
         if what != "acceleration":
             x = self.leg.state(t)[what == "rate"]
         else:
-            names = [self.own.of_driver(d, what) for d in self.own.drivers]
+            names = [self.own._of_driver(d, what) for d in self.own.drivers]
             x = self.leg.accelerations(t, np.array([self.result[y] for y in names]).T)
         return x.reshape(n, -1)[:, heads.index(head)]
 
@@ -148,7 +148,7 @@ class ChartedResult(SimulationResult[M]):
                     names[x] = sources[head]._replace(name=f"{sources[head].name}.{part}")
         names = {x: source for x, source in names.items() if source.name in own.outputs}
         want = [source.name for source in names.values()]
-        want += [own.of_driver(d, "acceleration") for d in own.drivers]
+        want += [own._of_driver(d, "acceleration") for d in own.drivers]
         how = {key: x for key, x in self.settings.items() if key != "static"}
         asked = own, leg.motion, t, dict.fromkeys(want)
         return LegOutputs(of, leg, at, names, result_in_chart(*asked, engine=self.engine, **how))
@@ -185,9 +185,9 @@ class ChartedResult(SimulationResult[M]):
         each = ((part.at, flag) for part in self.parts for flag in of(part.result))
         return tuple(replace(flag, sample=int(at[flag.sample])) for at, flag in each)
 
-    def surely_whole(self) -> bool:
+    def _surely_whole(self) -> bool:
         """A cheap sufficient test that every sample has an answer."""
-        return all(part.result.surely_whole() for part in self.parts)
+        return all(part.result._surely_whole() for part in self.parts)
 
     def _again(self, mechanism: Any, want: Sequence[str], settings: Any = None) -> Any:
         t = np.asarray(self.samples.time)
@@ -215,7 +215,7 @@ def _charted(
     mechanism: Compiled, motion: Motion, t: Floats, want: Any, engine: str, settings: Any
 ) -> ChartedResult[Any]:
     how = friction_asked(settings["friction"])
-    plan = mechanism.planned(want, how)
+    plan = mechanism._plan_for(want, how)
     q, qd = (x.reshape(len(t), -1).T for x in motion.at(t))
     given = {f"q_{i}": x for i, x in enumerate(q)} | {f"qd_{i}": x for i, x in enumerate(qd)}
     return ChartedResult(mechanism, plan, Samples(len(t), given, t), (), engine, settings, motion)

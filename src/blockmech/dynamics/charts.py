@@ -216,7 +216,7 @@ class Chart:
             if isinstance(block, TwoModes) and branch in (-1, 1):
                 home = {"drivers": {driver: float(start.q)}, "branch": branch}
                 data["blocks"][name] |= {"branch": "follow", "home": home}
-        made = type(self.mechanism).of(Graph.from_data(data), names, document)
+        made = type(self.mechanism)._from_graph(Graph.from_data(data), names, document)
         return replace(self, mechanism=made) if made.structure.followed else None
 
     def led_by(self, starts: Pairs, poses: Poses) -> Chart:
@@ -248,7 +248,7 @@ class Chart:
         data, named, _, document = decompose(other)
         key = repr(data["blocks"])  # with the home of general groups, so those are new
         if key not in self.kept:
-            mechanism = type(self.mechanism).of(Graph.from_data(data), named, document)
+            mechanism = type(self.mechanism)._from_graph(Graph.from_data(data), named, document)
             joints = tuple(other.drivers[d].joint for d in mechanism.drivers)
             made = replace(self, mechanism=mechanism, joints=joints)
             if made.is_general:
@@ -290,7 +290,7 @@ def home_chart(mechanism: Compiled, q: Floats) -> Chart:
         joints = [said.joints[s.driven[d]] for d in mechanism.drivers]
     users = dict(zip(joints, mechanism.drivers, strict=True))
     home, names = _marked(linkage, cast("Names", names), s)
-    return Chart(mechanism, tuple(joints), home, users, names, mechanism.once(kept_charts))
+    return Chart(mechanism, tuple(joints), home, users, names, mechanism._once(kept_charts))
 
 
 def _marked(linkage: Linkage, names: Names, s: Structure) -> tuple[Linkage, Names]:

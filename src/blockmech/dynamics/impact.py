@@ -446,7 +446,7 @@ def impulses(mechanism: Compiled, impact: Impact) -> dict[str, Any]:
     for j, (name, (_, sense)) in enumerate(pairs.by_name.items()):
         given[f"push_{j}"] = sense * impact.pushes[name] * blow
     samples = Samples(2, given, np.zeros(2))
-    values, engine = alone.evaluate(plan, samples, "numpy")
+    values, engine = alone._evaluate(plan, samples, "numpy")
     settings = {"friction": how.method, "static": False}
     result = Result(alone, plan, samples, values, engine, settings)
     return {name: result[name][0] - result[name][1] for name in want}

@@ -104,7 +104,7 @@ def check(system: System, request: SimulationRequest) -> None:
         why = "with joint friction and several drivers no steady state is looked for"
         raise _unfitting("until", goal, why, ("time", "event"))
     if system.signals.initial and system.friction is not None:
-        sensors = system.compiled.once(felt)
+        sensors = system.compiled._once(felt)
         if sensors:
             found = "it follows the friction of joints at once, so no signal in motion reads it"
             raise refused(listed(sensors), found, WITHOUT, code="friction-in-motion")

@@ -123,8 +123,8 @@ class MotionInputs(Mapping[str, Any]):
         """Accelerations from M q'' = Q - c, and what stops push with."""
         mechanism, n = self.mechanism, len(self.t)
         drivers, k = mechanism.drivers, len(mechanism.drivers)
-        idle = [mechanism.of_driver(d, "drive_by_reduction") for d in drivers]  # c - Q, q'' = 0
-        mass = mechanism.of_driver(drivers[0], "J_red") if k == 1 else "mechanism.M"
+        idle = [mechanism._of_driver(d, "drive_by_reduction") for d in drivers]  # c - Q, q'' = 0
+        mass = mechanism._of_driver(drivers[0], "J_red") if k == 1 else "mechanism.M"
         samples = Samples(n, self.known | {f"qdd_{i}": np.zeros(n) for i in range(k)}, self.t)
         result = frictionless(mechanism, (*idle, mass), samples)
         right = -np.stack([result[name] for name in idle], axis=-1)
@@ -187,15 +187,15 @@ def result_in_chart(
     if how.method != "none":
         how = replace(how, along=True)
     how = replace(how, pushed=lain_against(mechanism, motion.lying).refs)
-    plan = mechanism.planned(want, how)
+    plan = mechanism._plan_for(want, how)
     unknown = np.zeros(len(t), bool)
     if motion.end == ends.DEAD_CENTRE and _margin_at_end(mechanism, motion) <= SINGULAR:
         unknown = t == motion.t_end
     given = MotionInputs(mechanism, how, motion, t, unknown)
-    values, engine = mechanism.evaluate(plan, Samples(len(t), given, t), engine, chunk=chunk)
+    values, engine = mechanism._evaluate(plan, Samples(len(t), given, t), engine, chunk=chunk)
     if unknown.any():
         given = MotionInputs(mechanism, how, motion, t, slice(0))
-        rates = [mechanism.of_driver(d, "rate") for d in mechanism.drivers]
+        rates = [mechanism._of_driver(d, "rate") for d in mechanism.drivers]
         known = {i: f"qd_{n}" for n, r in enumerate(rates) for i in plan.layout.get(r, ())}
         values = tuple(given[known[i]] if i in known else x for i, x in enumerate(values))
     samples = Samples(len(t), given, t)
@@ -209,5 +209,5 @@ def _margin_at_end(mechanism: Compiled, motion: Motion) -> float:
 def frictionless(mechanism: Compiled, want: Sequence[str], samples: Samples) -> Result:
     """Outputs at samples, without joint friction."""
     plan = mechanism.plan(want, friction="none")
-    values, engine = mechanism.evaluate(plan, samples)
+    values, engine = mechanism._evaluate(plan, samples)
     return Result(mechanism, plan, samples, values, engine, {"friction": "none"} | STATIC)

@@ -361,7 +361,7 @@ def refuse_memory(mechanism: Any, starts: Pairs) -> None:
     the start again.
     """
     first = next(iter(starts.values()), (0.0, 0.0))
-    for name, law, driver in mechanism.once(user_functions):
+    for name, law, driver in mechanism._once(user_functions):
         if isinstance(law, Function):
             at = starts.get(driver or "", first)
             known = {"coordinate": at[0], "rate": at[1], "time": 0.0}

@@ -67,7 +67,7 @@ def felt(compiled: Any) -> tuple[str, ...]:
 
 def program_with_deflections(compiled: Any) -> SignalProgram:
     """The same, and the states of friction laws."""
-    program = compiled.once(signal_program)
+    program = compiled._once(signal_program)
     structure, initial = compiled.structure, compiled.structure.initial_states
     laws = [structure.friction_law(ref) for ref in structure.remembering]
     bent = (abs(float(law.steady_kernel()(1.0, law.parameters()))) for law in laws)

@@ -113,13 +113,13 @@ def simulate(
     """
     how, settings = friction_asked(friction), {"friction": friction or "newton"}
     about = until, method, accuracy, step, times, start, stops, watch, prescribed, locked, engine
-    request, starts = request_of(mechanism.scene, mechanism.coordinate_units, *about)
+    request, starts = request_of(mechanism.scene, mechanism._coordinate_units, *about)
     report, limit = progress_of(progress), budget_of(budget)
     asked = {"method": how, "progress": report, "engine": engine, "budget": limit}
     prepare = partial(prepared, asked=asked)
     system, request = prepare(mechanism, request, starts, stops)
     if request.roles is None:
-        mechanism.once(refuse_no_inertia)
+        mechanism._once(refuse_no_inertia)
     refuse_memory(mechanism, starts)
     if engine == "llvm" and system.engine_of_states.name != engine:
         compiled_program(system.equation_program)  # says why it cannot be
@@ -135,7 +135,7 @@ def simulate(
 def leading_joints(mechanism: Compiled) -> tuple[str, ...]:
     """The joints of the drivers, in the words of outputs."""
     driven = (str(mechanism.structure.driven[driver]) for driver in mechanism.drivers)
-    return tuple(mechanism.joint_names.get(x, x).removeprefix("joint.") for x in driven)
+    return tuple(mechanism._joint_names.get(x, x).removeprefix("joint.") for x in driven)
 
 
 def prepared(
@@ -163,7 +163,7 @@ def explained(
     """The motion with what else a reader must know of it."""
     motion = with_undefined_loads(mechanism, motion)
     if not motion.charts:
-        motion = motion.but(charts=((motion.t_start, mechanism.once(leading_joints)),))
+        motion = motion.but(charts=((motion.t_start, mechanism._once(leading_joints)),))
     if request.roles is not None and not motion.roles:  # it did not begin
         motion = replace(motion, roles=(RolesFrom(motion.t_start, request.roles.by_driver()),))
     return motion.but(notes=(*motion.notes, *_remarks(system, motion, request.until)))

@@ -77,7 +77,7 @@ class Stepper:
         self._start, self._tolerance, self._bound = dict(start), tolerance, bound
         self.outputs = mechanism.outputs.match(want)
         how = system.method or Friction("none")
-        self._plan = mechanism.planned(self.outputs, replace(how, along=how.method != "none"))
+        self._plan = mechanism._plan_for(self.outputs, replace(how, along=how.method != "none"))
         structure = mechanism.structure
         self._places = {
             name: structure.states[JointRef(name, f"{HELD}y")]
@@ -112,7 +112,7 @@ class Stepper:
         """
         which = range(self.copies) if copies is None else np.atleast_1d(np.asarray(copies))
         begin = self._start | dict(start or {})
-        given = starts_of(self.mechanism.scene, self.mechanism.coordinate_units, begin, self._bound)
+        given = starts_of(self.mechanism.scene, self.mechanism._coordinate_units, begin, self._bound)
         for i in which:
             if not 0 <= i < self.copies:
                 found, valid = f"there is no copy {i}", f"copies: 0 to {self.copies - 1}"
@@ -151,7 +151,7 @@ class Stepper:
         if not given.keys() >= {*self._plan.program.inputs} - {"t"}:
             for name, rows in self._acting().items():
                 given |= {f"{name}_{k}": column for k, column in enumerate(rows.T)}
-        values, _ = self.mechanism.evaluate(self._plan, Samples(self.copies, given, self.t.copy()))
+        values, _ = self.mechanism._evaluate(self._plan, Samples(self.copies, given, self.t.copy()))
         outputs = {}
         for name in self.outputs:
             read = self.mechanism.outputs[name].read
@@ -272,14 +272,14 @@ def stepper(
         raise refused(
             "copies", f"{copies!r} is no number of copies", valid="a whole number from 1 on"
         )
-    scene, drivers = mechanism.scene, mechanism.coordinate_units
+    scene, drivers = mechanism.scene, mechanism._coordinate_units
     roles, bound = roles_of(scene, drivers, prescribed, locked, {}, math.inf)
     starts = starts_of(scene, drivers, start, bound, locked or ())
     between = stops_of(mechanism, starts, stops)
     counted = counted_pairs(mechanism, starts, between)
     at_stops = {"stops": bounds_of(between), "counted": counted, "roles": roles}
     if roles is None:
-        mechanism.once(refuse_no_inertia)
+        mechanism._once(refuse_no_inertia)
     refuse_memory(mechanism, starts)
     how = friction_asked(friction)
     system = system_of(mechanism, method=how, engine=engine, **at_stops)

@@ -58,7 +58,7 @@ def stops_of(mechanism: Compiled, starts: Pairs, stops: Any) -> tuple[Between, .
     Raises `RequestError` for names of nothing, stops in the wrong order, or a start that is
     not between them.
     """
-    given, scene = pairs_of("stops", stops, STOPS, mechanism.coordinate_units), mechanism.scene
+    given, scene = pairs_of("stops", stops, STOPS, mechanism._coordinate_units), mechanism.scene
     bounds = {d: s.bounds for d, s in scene.stops.items()} if given is None else given
     problems: list[Problem] = []
     stops_by_name: dict[str, Between] = {}
@@ -157,7 +157,7 @@ class _Coordinate:
     def __init__(self, mechanism: Compiled, driver: str, name: str, q0: float) -> None:
         self.mechanism, self.driver, self.name, self.q0 = mechanism, driver, name, q0
         self.rotary = mechanism.outputs[name].unit == "rad"
-        self.turns = mechanism.driver_joint(driver).rotary
+        self.turns = mechanism.structure.driver_joint(driver).rotary
         self.start = float(self.along(np.array([q0]))[0])
 
     def along(self, q: Any) -> Any:

@@ -68,10 +68,10 @@ class Source(Protocol):
         """Names of the joints that have friction."""
 
     @property
-    def joint_names(self) -> Mapping[str, str]:
+    def _joint_names(self) -> Mapping[str, str]:
         """Joint of the graph -> its name in a joint-based document."""
 
-    def once(self, make: Callable[[Any], T]) -> T:
+    def _once(self, make: Callable[[Any], T]) -> T:
         """What is made of it, made once and kept."""
 
 
@@ -194,9 +194,9 @@ class System:
         if not self.stops:
             self.stops = ((-math.inf, math.inf),) * len(self.drivers)
         if self.remembers:
-            self.signals = self.compiled.once(program_with_deflections)
+            self.signals = self.compiled._once(program_with_deflections)
         elif self.compiled.structure.signals:
-            self.signals = self.compiled.once(signal_program)
+            self.signals = self.compiled._once(signal_program)
         if self.begin:
             self.signals = self.signals._replace(initial=self.begin)
 
@@ -227,7 +227,7 @@ class System:
         if not self.compiled.structure.signal_wires:
             return variables
         of = {"qd": "rate", "t": "time", "x": "state"}
-        inputs = {name.partition("_")[0] for name in self.compiled.once(load_inputs)}
+        inputs = {name.partition("_")[0] for name in self.compiled._once(load_inputs)}
         return variables | {what for name, what in of.items() if name in inputs}
 
     @cached_property
@@ -249,7 +249,7 @@ class System:
     @property
     def knots(self) -> tuple[float, ...]:
         """Kinks of loads [rad or m]: of one period from 0, or within reach."""
-        return self.compiled.once(loads.knots)
+        return self.compiled._once(loads.knots)
 
     @cached_property
     def span(self) -> float:
@@ -286,16 +286,16 @@ class System:
 
     @property
     def _equation(self) -> SingleEvaluator:
-        return self.compiled.once(equation_with_deflections if self.remembers else equation)
+        return self.compiled._once(equation_with_deflections if self.remembers else equation)
 
     @property
     def kept(self) -> dict[Any, Any]:
         """What methods keep of the mechanism from one run to the next."""
-        return self.compiled.once(kept)
+        return self.compiled._once(kept)
 
     def load_size(self, q: Floats, rate: float = 0.0) -> Any:
         """Sums (n,) of the magnitudes of the contributions to tau [N m or N] at a rate."""
-        evaluator = self.compiled.once(reduced)
+        evaluator = self.compiled._once(reduced)
         known = {"q_0": q, "qd_0": rate + 0.0 * q}
         given = {name: known.get(name, 0.0 * q) for name in evaluator.program.inputs}
         return evaluator.run(given, q.size)[2]
@@ -313,7 +313,7 @@ class System:
         """The same of the efforts on all drivers (..., k), at places (..., k)."""
 
         def sizes() -> Floats:
-            evaluator, places = self.compiled.once(load_sizes), np.atleast_2d(q)
+            evaluator, places = self.compiled._once(load_sizes), np.atleast_2d(q)
             by_name = {f"q_{i}": x for i, x in enumerate(places.T)}
             inputs = {
                 name: by_name.get(name, 0.0 * places[:, 0]) for name in evaluator.program.inputs
@@ -393,7 +393,7 @@ class System:
         """A pair with friction by its number, in the words of the document."""
         assert self.friction is not None
         name = self.friction.names[j]
-        return self.compiled.joint_names.get(name, name)
+        return self.compiled._joint_names.get(name, name)
 
     @property
     def cost(self) -> Cost:
@@ -404,7 +404,7 @@ class System:
 
     def sample(self, q: Floats, qd: Any = 0.0, t: float = 0.0) -> Sample:
         """J, tau and margin of one driver at states of any shape."""
-        J, tau, size, *margins = self._batch(self.compiled.once(reduced), q, qd, t)
+        J, tau, size, *margins = self._batch(self.compiled._once(reduced), q, qd, t)
         margin = np.minimum.reduce([np.ones(q.size), *margins])
         return Sample(*(np.asarray(x).reshape(q.shape) for x in (J, tau, margin, size)))
 

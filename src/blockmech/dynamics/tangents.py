@@ -68,7 +68,7 @@ def tangents(
     refuse_signals(compiled)
     if friction:
         refuse_friction_states(compiled)
-    engine = compiled.once(_with_friction if friction else _without)
+    engine = compiled._once(_with_friction if friction else _without)
     k = len(compiled.structure.drivers)
     q = np.asarray(q, float).reshape(-1, k)
     given: dict[str, Any] = {"t": np.broadcast_to(np.asarray(t, float), len(q))}

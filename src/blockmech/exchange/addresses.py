@@ -58,7 +58,7 @@ class _Sheet:
         self.structure = s = pose.structure
         if s.followers:
             raise refused("--to address", "PMKS+ has no couplings", "leave them out")
-        self.scene = order.mechanism.of_blocks.scene
+        self.scene = order.mechanism._of_blocks.scene
         self.left = [f"loads {listed(s.elements)}"] * bool(s.elements)
         self.records: list[str] = []
         self.bodies: dict[str, list[str]] = {}

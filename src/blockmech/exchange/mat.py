@@ -24,7 +24,7 @@ def write_mat(order: Order, stream: IO[bytes]) -> None:
     result = order.result()
     taken = Names()
     arrays = dict(result.drivers)
-    if (time := result.known_time()) is not None:
+    if (time := result._known_time()) is not None:
         arrays["time"] = time
     arrays |= {name: result[name] for name in result}
     fields = {name: taken.fresh(name[-LONGEST + 4 :].lstrip("._0123456789")) for name in arrays}

@@ -32,7 +32,7 @@ class Model:
         """Raises `RequestError` for couplings, and where a loop closes at a link without mass."""
         import networkx as nx
 
-        self.mechanism = mechanism = order.mechanism.of_blocks
+        self.mechanism = mechanism = order.mechanism._of_blocks
         self.structure = s = mechanism.structure
         if s.followers:
             raise refused("--to mjcf", "a coupling has no element there", "leave it out")

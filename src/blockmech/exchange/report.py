@@ -45,7 +45,7 @@ def write_report(order: Order, stream: IO[bytes]) -> None:
     if result is None:
         how = {"friction": None, "static": False} | dict(order.settings)
         samples, wanted = samples_of(order), wanted_of(order)
-        result = mechanism.answer(samples, wanted, how)
+        result = mechanism._answer(samples, wanted, how)
     document = mechanism.document
     sections = {} if document is None else document.sections()
     title = getattr(document, "title", "") or mechanism.name

@@ -30,7 +30,7 @@ class Standing:
     """
 
     def __init__(self, order: Order) -> None:
-        mechanism = order.mechanism.of_blocks
+        mechanism = order.mechanism._of_blocks
         self.structure = s = mechanism.structure
         at = dict(order.at)
         if not at:

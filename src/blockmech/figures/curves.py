@@ -64,7 +64,7 @@ def drive_panels(result: Result, twin: Result | None) -> Panels:
     panels = []
     drivers = result.mechanism.drivers
     for driver in drivers:
-        name = result.mechanism.of_driver(driver, "drive")
+        name = result.mechanism._of_driver(driver, "drive")
         drive = _alive({"": values(result, name)}) if name in result else {}
         if drive:
             unit = result.unit(name)
@@ -284,7 +284,7 @@ def abscissa(result: Result, over: Axis = "auto", degrees: bool = IN_DEGREES) ->
         return Abscissa("sample", np.arange(result.n, dtype=float))
     (driver,) = moving
     unit = next(unit for unit, row in rows.items() if driver in row)
-    words = f"{shown_name(result.mechanism.of_driver(driver, 'q'))} [{unit}]"
+    words = f"{shown_name(result.mechanism._of_driver(driver, 'q'))} [{unit}]"
     return Abscissa(words, rows[unit][driver], turn=TURNS.get(unit, 0.0))
 
 
@@ -292,8 +292,8 @@ def by_unit(result: Result, what: str, degrees: bool) -> dict[str, dict[str, Arr
     """Coordinates ``"q"`` or rates ``"rate"`` of the drivers by their unit: driver -> (n,)."""
     rows: dict[str, dict[str, Array]] = {}
     for driver in result.mechanism.drivers:
-        name = result.mechanism.of_driver(driver, what)
-        unit = result.mechanism.driver_joint(driver).coordinate_unit
+        name = result.mechanism._of_driver(driver, what)
+        unit = result.mechanism.structure.driver_joint(driver).coordinate_unit
         row = np.asarray(result.drivers[name] if what == "q" else result[name], dtype=float)
         factor, unit = in_shown(result, unit if what == "q" else f"{unit}/s", degrees)
         row = factor * row

@@ -63,7 +63,7 @@ def _problem(name: str, given: Any, hint: Any) -> Problem:
     words = list(dict.fromkeys(w for part in _parts(hint) if (w := _called(part))))
     meant = f"{' or '.join(words)} is meant" if words else ""
     found = f"got {given!r:.60}"
-    return Problem("wrong-type", name, found, meant, getattr(given, "instead", ""))
+    return Problem("wrong-type", name, found, meant, getattr(given, "_instead", ""))
 
 
 def _hint(annotation: Any, function: Any) -> Any:
@@ -88,7 +88,7 @@ def _called(hint: Any) -> str:
         return WORDS.get(kind, "")
     if kind is Literal:
         return " or ".join(dict.fromkeys(WORDS[type(x)] for x in get_args(hint)))
-    return str(getattr(kind, "called", kind.__name__.lower()))
+    return str(getattr(kind, "_called", kind.__name__.lower()))
 
 
 def _fits(given: Any, hint: Any) -> bool:

@@ -36,8 +36,8 @@ class LazyMethod:
 class Runnable(ABC, Generic[M]):
     """What can be compiled, and so be run."""
 
-    called = "a graph, a linkage or a mechanism"
-    instead = "run it first: its run() gives a result"
+    _called = "a graph, a linkage or a mechanism"
+    _instead = "run it first: its run() gives a result"
 
     @abstractmethod
     def compile(self) -> M:

@@ -122,7 +122,7 @@ class Terminal:
 class Element(Block):
     """A load between links: force, couple, spring ... ``useful`` marks a work load."""
 
-    called: ClassVar[str] = "a load such as Force(force=(30.0, 0.0))"
+    _called: ClassVar[str] = "a load such as Force(force=(30.0, 0.0))"
     terminals: ClassVar[Mapping[str, Terminal]] = {}
 
     useful: StrictBool = False

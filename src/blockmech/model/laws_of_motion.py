@@ -36,7 +36,7 @@ class LawOfMotion(StrictModel):
 
     model_config = ConfigDict(populate_by_name=True)
     kind_key: ClassVar[str] = "law"
-    called: ClassVar[str] = "a law of motion such as ConstantRate(rate=10.0)"
+    _called: ClassVar[str] = "a law of motion such as ConstantRate(rate=10.0)"
     by_coordinate: ClassVar[bool] = False
 
     def units(self, axis: Axis) -> Units:

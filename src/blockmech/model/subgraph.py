@@ -60,7 +60,7 @@ class Subgraph(Block, type="graph"):
     {'dyad.l_i': 0.5}
     """
 
-    called: ClassVar[str] = "a graph"
+    _called: ClassVar[str] = "a graph"
     refers: ClassVar[tuple[str, ...]] = ("on",)
 
     file: str = ""

@@ -92,18 +92,18 @@ def modes(
         if lost:
             raise RequestError(lost)
         at = {d: q for d, q in begun.items() if q is not None}
-    taken = make_samples(mechanism.coordinate_units, mechanism.scene, at, rates=still)
+    taken = make_samples(mechanism._coordinate_units, mechanism.scene, at, rates=still)
     rows = {d: tuple(taken.coordinate(i).tolist()) for i, d in enumerate(drivers)}
     among(drivers, "driver", () if driver is None or not arcs else driver)
     moved = (driver or (drivers[0] if len(drivers) == 1 else "")) if arcs else ""
     blocks = mechanism.structure.blocks.items()
-    group_of = {mechanism.block_name(name): name for name, block in blocks if block.closes}
+    group_of = {mechanism._block_name(name): name for name, block in blocks if block.closes}
     wanted = among(group_of, "group", group_of if groups is None else groups)
     samples = [dict(zip(rows, q, strict=True)) for q in zip(*rows.values(), strict=True)]
     lister = _Lister(mechanism, file_poses(mechanism, samples), moved)
     listing = tuple(lister.group(block) for name, block in group_of.items() if name in wanted)
-    units = dict(mechanism.coordinate_units)
-    return Modes(rows, units, moved, listing, mechanism.driver_prefix)
+    units = dict(mechanism._coordinate_units)
+    return Modes(rows, units, moved, listing, mechanism._driver_prefix)
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class _Lister:
             for stand, modes, at in zip(self.samples, every, on, strict=True)
         )
         kind = f"{block.group_class} {block.kind}"
-        return GroupModes(self.mechanism.block_name(name), kind, samples, tuple(arcs), note)
+        return GroupModes(self.mechanism._block_name(name), kind, samples, tuple(arcs), note)
 
     def _modes(
         self, name: str, triad: Outline | None, joints: Sequence[str]
@@ -250,7 +250,7 @@ class _Lister:
 
     def _limits(self, blocks: Sequence[str]) -> Limits:
         """Where some groups, and those on which they stand, close."""
-        mechanism = self.mechanism.of_blocks
+        mechanism = self.mechanism._of_blocks
         return limits_of(mechanism, self.driver, self._fixed(), blocks, self.known)
 
     def _stretches(self, around: Limits) -> list[tuple[float, float, str]]:
@@ -265,7 +265,7 @@ class _Lister:
                 a, b = sorted((law.start, law.end))
                 low, high, how = max(low, a), min(high, b), RANGE
             if not (math.isfinite(low) and math.isfinite(high)):
-                name = self.mechanism.of_driver(self.driver, "q")
+                name = self.mechanism._of_driver(self.driver, "q")
                 reason = f"{name} has no range: give it a law of motion by coordinate"
                 raise refused(self.driver, reason)
             if low < high:
@@ -276,7 +276,7 @@ class _Lister:
 
     def _near(self, place: float, q: float) -> float:
         """q, or a turn of it, near a place."""
-        rotary = self.mechanism.driver_joint(self.driver).rotary
+        rotary = self.mechanism.structure.driver_joint(self.driver).rotary
         return place + math.remainder(q - place, TURN) if rotary else q
 
     def _fixed(self) -> dict[str, float]:

@@ -58,7 +58,7 @@ class Labelled(Mapping[str, NDArray[Any]]):
 
     @property
     @abstractmethod
-    def judged(self) -> Quality:
+    def _judged(self) -> Quality:
         """The same with the flags that take a second computation, those of digits lost."""
 
     @abstractmethod
@@ -75,10 +75,10 @@ class Labelled(Mapping[str, NDArray[Any]]):
         return None
 
     @abstractmethod
-    def unit_of_driver(self, name: str) -> str:
+    def _unit_of_driver(self, name: str) -> str:
         """Unit of a driver coordinate."""
 
-    def known_time(self) -> Array | None:
+    def _known_time(self) -> Array | None:
         """Times (n,) [s], or None where the request does not say them."""
         time = self.time
         return time if time is not None and np.isfinite(time).any() else None
@@ -129,10 +129,10 @@ def without_noise(values: Any, largest: float) -> Array:
 def driver_columns(result: Labelled) -> list[Column]:
     """Driver coordinates, and the time if the request says it."""
     table = [
-        _column(result, name, result.unit_of_driver(name), q, name)
+        _column(result, name, result._unit_of_driver(name), q, name)
         for name, q in result.drivers.items()
     ]
-    time = result.known_time()
+    time = result._known_time()
     return table if time is None else [*table, _column(result, "time", "s", time, "time")]
 
 

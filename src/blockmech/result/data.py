@@ -31,7 +31,7 @@ def to_dict(result: Labelled) -> dict[str, Any]:
     return {
         **_head(result),
         "outputs": {name: _output(result, name) for name in result},
-        "quality": result.judged.to_dict(),
+        "quality": result._judged.to_dict(),
     }
 
 
@@ -43,7 +43,7 @@ def json_chunks(result: Labelled) -> Iterator[str]:
     yield '"outputs": {'
     for i, name in enumerate(result):
         yield (",\n  " if i else "\n  ") + f"{_text(name)}: {_text(_output(result, name))}"
-    yield f'}},\n "quality": {_text(result.judged.to_dict())}}}\n'
+    yield f'}},\n "quality": {_text(result._judged.to_dict())}}}\n'
 
 
 @declared
@@ -57,8 +57,8 @@ def to_npz(result: Labelled, path: AnyPath) -> None:
     Raises `RequestError` where the place cannot be written.
     """
     arrays: dict[str, Any] = dict(result.drivers)
-    units = {name: result.unit_of_driver(name) for name in arrays}
-    time = result.known_time()
+    units = {name: result._unit_of_driver(name) for name in arrays}
+    time = result._known_time()
     if time is not None:
         arrays["time"], units["time"] = time, "s"
     for name in result:
@@ -88,7 +88,7 @@ def to_xarray(result: Labelled) -> Any:
     `MissingEngineError` without xarray (extra ``study``).
     """
     xarray = needed("xarray", "to_xarray", "study", "to_npz needs nothing")
-    drivers, time = dict(result.drivers), result.known_time()
+    drivers, time = dict(result.drivers), result._known_time()
     rising = len(drivers) == 1 and len(np.unique(next(iter(drivers.values())))) == result.n
     dim = next(iter(drivers)) if rising else "sample"
     data = {name: result[name] for name in result}
@@ -102,7 +102,7 @@ def to_xarray(result: Labelled) -> Any:
     for name in rows:
         dataset[name].attrs["units"] = result.output(name).unit
     for name in drivers:
-        dataset[name].attrs["units"] = result.unit_of_driver(name)
+        dataset[name].attrs["units"] = result._unit_of_driver(name)
     return dataset
 
 
@@ -123,7 +123,7 @@ def _head(result: Labelled) -> dict[str, Any]:
         "samples": result.n,
         "drivers": {name: _values(q) for name, q in result.drivers.items()},
     }
-    time = result.known_time()
+    time = result._known_time()
     if time is not None:
         head["time"] = _values(time)
     if result.motion is not None:

@@ -43,14 +43,14 @@ def without_gaps(result: Result, on_gap: str) -> Result:
     if on_gap not in ("raise", "mark", "stop"):
         valid = "valid: raise, mark, stop"
         raise refused("on_gap", f"got {on_gap!r}", valid=valid, code="bad-value")
-    if on_gap == "mark" or result.surely_whole():
+    if on_gap == "mark" or result._surely_whole():
         return result
     gaps = result.quality.gaps
     if not gaps:
         return result
     if on_gap == "raise":
         raise failure_of(result)
-    return result.first(gaps[0])
+    return result.isel(slice(gaps[0]))
 
 
 def failure_of(result: Result) -> SampleError:
@@ -61,13 +61,13 @@ def failure_of(result: Result) -> SampleError:
     same = [i for i in quality.gaps if quality.blame[i] == block]
     drivers = {name: float(q[first]) for name, q in result.drivers.items()}
     margin = float(quality.margin[block][first]) if block in quality.margin else float("nan")
-    failing = mechanism.block_name(block) if block else "mechanism"
+    failing = mechanism._block_name(block) if block else "mechanism"
     error, code, reason = _what(result, first, block, margin, drivers)
     count = f"{len(same)} of {result.n} samples" if len(same) > 1 else "one sample"
     return error(
         Problem(
             code,
-            f"{failing} at {result.place(first)} (sample {first} of {result.n})",
+            f"{failing} at {result._place(first)} (sample {first} of {result.n})",
             f"{reason}; {count} affected",
             _arcs(result, first) if block and error is not FrictionError else "",
             'choose other samples, or pass on_gap="mark" to keep the rest',
@@ -85,7 +85,7 @@ def why_not(result: Result) -> str:
 def _unproved(result: Result, first: int, block: str) -> str:
     """What is missing where laws are not linear in the load and no certificate holds, if so."""
     certificate = result.quality.contraction[block][first]
-    structure, names = result.mechanism.structure, result.mechanism.joint_names
+    structure, names = result.mechanism.structure, result.mechanism._joint_names
     pairs = [JointRef(block, joint) for joint in structure.block(block).friction]
     of = [str(ref) for ref in pairs if structure.friction_law(ref).reads_load]
     if not of or certificate < 1.0:
@@ -133,10 +133,10 @@ def _came_as_far(mechanism: Any, block: str, drivers: Mapping[str, float]) -> st
     if not mechanism.structure.blocks[block].own_form:
         return ""
     path = path_of(mechanism.structure, block)
-    q = [drivers[mechanism.of_driver(name, "q")] for name in path.drivers]
+    q = [drivers[mechanism._of_driver(name, "q")] for name in path.drivers]
     places = []
     for name, x in zip(path.drivers, last_good(path, np.array(q)), strict=True):
-        unit = mechanism.driver_joint(name).coordinate_unit
+        unit = mechanism.structure.driver_joint(name).coordinate_unit
         places.append(f"{name} = {x:.9g} {unit}")
     return f"; followed from its home it comes as far as {', '.join(places)}"
 
@@ -151,8 +151,8 @@ def _arcs(result: Result, sample: int) -> str:
     if len(groups) > MOST_GROUPS:
         return ""
     if len(drivers) == 1:
-        return str(mechanism.feasible(groups))
+        return str(mechanism._feasible(groups))
     if followed(mechanism.structure):
         return ""  # each sample of an arc would be followed from home by itself
     held = {d: float(q[sample]) for d, q in zip(drivers, result.drivers.values(), strict=True)}
-    return str(mechanism.feasible(groups, held))
+    return str(mechanism._feasible(groups, held))

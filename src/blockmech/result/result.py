@@ -41,8 +41,8 @@ class Result(Exported, Generic[M]):
     keep numbers for long, export them.
     """
 
-    called = "a result"
-    instead = "its plot() draws its outputs; the mechanism is its .mechanism"
+    _called = "a result"
+    _instead = "its plot() draws its outputs; the mechanism is its .mechanism"
 
     plot = LazyMethod("blockmech.figures.curves")
     stroke = LazyMethod("blockmech.analysis.stroke")
@@ -150,13 +150,13 @@ class Result(Exported, Generic[M]):
     def drivers(self) -> dict[str, NDArray[np.float64]]:
         """Driver coordinates: ``"crank.q"`` -> (n,) [rad or m]."""
         names = self.mechanism.drivers
-        name = self._compiled.of_driver
+        name = self._compiled._of_driver
         return {name(d, "q"): self.samples.coordinate(i) for i, d in enumerate(names)}
 
-    def place(self, sample: int, degrees: bool = DEGREES) -> str:
+    def _place(self, sample: int, degrees: bool = DEGREES) -> str:
         """Where the drivers stand at a sample, in words: ``crank.q = 0.5 rad``."""
         at = {name: float(q[sample]) for name, q in self.drivers.items()}
-        return places(at, {name: self.unit_of_driver(name) for name in at}, degrees)
+        return places(at, {name: self._unit_of_driver(name) for name in at}, degrees)
 
     def output(self, name: str) -> Output:
         """Declaration of an output: unit, kind, and who acts on whom."""
@@ -234,7 +234,7 @@ class Result(Exported, Generic[M]):
         )
         following = frozenset(self._compiled.structure.followed)
         quality = assess(self.n, reports, self._not_finite(), prismatic, following)
-        flags, joints = quality.flags, self._compiled.joint_names
+        flags, joints = quality.flags, self._compiled._joint_names
         if joints:
             flags = tuple(replace(f, where=joints.get(f.where, f.where)) for f in flags)
         return replace(quality, flags=flags + self._without_effort(quality))
@@ -266,7 +266,7 @@ class Result(Exported, Generic[M]):
                     bad |= ~np.isfinite(part)
         return bad
 
-    def surely_whole(self) -> bool:
+    def _surely_whole(self) -> bool:
         """A cheap sufficient test that every sample has an answer, so that it needs no report."""
         values, (margins, outcomes) = self._values, self.plan.verdicts
         if isinstance(values, Whole):
@@ -281,17 +281,17 @@ class Result(Exported, Generic[M]):
         except TypeError:  # the guarded program's answer to a division by zero
             return False
 
-    def unit_of_driver(self, name: str) -> str:
+    def _unit_of_driver(self, name: str) -> str:
         """Unit of a driver coordinate ``"crank.q"``."""
         return self.output(name).unit
 
-    @declared
-    def first(self, n: int) -> Self:
-        """The first n samples."""
-        return self.at(np.arange(self.n)[:n])
+    def isel(self, index: int | slice | NDArray[np.intp]) -> Self:
+        """The samples of these indices, as xarray has it.
 
-    def at(self, index: NDArray[np.intp]) -> Self:
-        """The samples of these indices."""
+        >>> run.isel(slice(0, 10)).n  # doctest: +SKIP
+        10
+        """
+        index = np.atleast_1d(np.arange(self.n)[index])
         values = tuple(_cut(self._column(i), index) for i in range(len(self._values)))
         taken = self.samples.at(index)
         cut = type(self)(
@@ -346,7 +346,7 @@ class Result(Exported, Generic[M]):
             of = "forces are those of the loads alone" if structure.elements else "forces are zero"
             return [f"no link has mass or inertia: {of}"]
         points = [link for link, x in given.items() if x.mass > 0 and x.inertia == 0]
-        one = self.first(1).inside(*(f"{link}.omega" for link in points))
+        one = self.isel(0)._inside(*(f"{link}.omega" for link in points))
         names = {} if self._compiled.names is None else self._compiled.names.links
         link_names = {where.link: name for name, where in names.items()}
         turning = [str(link_names.get(x, x)) for x in points if abs(one[f"{x}.omega"][0]) > 0]
@@ -362,7 +362,7 @@ class Result(Exported, Generic[M]):
         return tuple(self._digits_lost())
 
     @cached_property
-    def judged(self) -> Quality:
+    def _judged(self) -> Quality:
         """The quality with all flags, those of digits lost among them."""
         return replace(self.quality, flags=self.quality.flags + self.digits_lost)
 
@@ -373,12 +373,12 @@ class Result(Exported, Generic[M]):
         """Other outputs at the same samples with the same settings; gaps are marked."""
         return self._again(self.mechanism, want)
 
-    def inside(self, *want: str) -> Result:
+    def _inside(self, *want: str) -> Result:
         """Outputs of the graph's blocks at the same samples; gaps are marked.
 
         For a mechanism made from a graph, these are its own outputs.
         """
-        return self._again(self._compiled.of_blocks, want)
+        return self._again(self._compiled._of_blocks, want)
 
     @declared
     def with_friction(self, method: FrictionMethod, *want: str) -> Result:
@@ -390,7 +390,7 @@ class Result(Exported, Generic[M]):
     ) -> Self:
         settings = self.settings if settings is None else settings
         plan = mechanism.plan(want, **settings)
-        values, engine = mechanism.evaluate(plan, self.samples, self.engine)
+        values, engine = mechanism._evaluate(plan, self.samples, self.engine)
         return type(self)(mechanism, plan, self.samples, values, engine, settings, self.motion)
 
     @declared
@@ -400,7 +400,7 @@ class Result(Exported, Generic[M]):
         ``wire("crank.B", "dyad.B")`` or ``wire("crank.B -> dyad.B")``; see `result.wires`.
         """
         name = source if target is None else f"{source} -> {target}"
-        return on_wires(self._compiled.structure, self.inside, self.n, name)[name]
+        return on_wires(self._compiled.structure, self._inside, self.n, name)[name]
 
     @declared
     def compare(self, other: Mapping[str, Any]) -> dict[str, float]:

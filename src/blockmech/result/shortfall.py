@@ -34,12 +34,12 @@ def _missed(mechanism: Any, block: str, drivers: Places, margin: float) -> str:
         return ""
     pins = [j.name for j in dyad.joints.values() if j.outer and j.kind == "R"]
     ends = [f"{structure.feeds[JointRef(block, pin)]}.p" for pin in pins]
-    run = _at(mechanism.of_blocks, drivers, ends)
+    run = _at(mechanism._of_blocks, drivers, ends)
     apart = abs(complex(run[ends[0]][0]) - complex(run[ends[-1]][0]))
     what, x, low, high = dyad.reach(apart, margin)
     if not isfinite(x) or low <= x <= high:
         return ""
-    names = [mechanism.joint_names.get(f"{block}.{pin}", pin) for pin in pins]
+    names = [mechanism._joint_names.get(f"{block}.{pin}", pin) for pin in pins]
     reach = f"at least {low:.6g} m" if high == inf else f"at most {high:.6g} m"
     reach = f"{low:.6g} to {high:.6g} m" if low > 0 and high < inf else reach
     by, way = (x - high, "large") if x > high else (low - x, "small")
@@ -67,7 +67,7 @@ def _slip(mechanism: Any, block: str, drivers: Places) -> str:
                 for what, other in _scaled(own, factor):
                     spread = _spread({**blocks, name: other}.values())
                     tried.append(
-                        (spread, f"{mechanism.block_name(name)}{what} {times}", name, other)
+                        (spread, f"{mechanism._block_name(name)}{what} {times}", name, other)
                     )
     alike = sorted((x for x in tried if x[0] < _spread(blocks.values())), key=lambda x: x[0])
     followed = any(b.own_form for b in above.values())  # which takes longer
@@ -76,7 +76,7 @@ def _slip(mechanism: Any, block: str, drivers: Places) -> str:
             made = replace(structure, fixed=other)
         else:
             made = replace(structure, blocks={**structure.blocks, name: cast(Moving, other)})
-        there = type(mechanism)(made, mechanism.of_blocks.scene, mechanism.name)
+        there = type(mechanism)(made, mechanism._of_blocks.scene, mechanism.name)
         if float(_at(there, drivers, [f"{block}.margin"])[f"{block}.margin"][0]) > 0:
             return f"it would close with {what}: is that in mm? Lengths are in m"
     return ""

@@ -120,7 +120,7 @@ def gap_lines(result: Labelled) -> list[str]:
             for c in drivers
         ]
         coordinates = [f"{c.name} = {at} {c.unit}" for c, at in zip(drivers, places, strict=True)]
-        place = f" at {result.mechanism.block_name(block)}" if block else ""
+        place = f" at {result.mechanism._block_name(block)}" if block else ""
         lines.append(f"  {word}{place}, {counted(len(run), 'sample')}: {', '.join(coordinates)}")
     if len(runs) > LINES:
         lines.append(f"  and {counted(len(runs) - LINES, 'stretch', 'stretches')} more")

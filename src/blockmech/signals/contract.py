@@ -57,7 +57,7 @@ class Signal(Block):
     ``outputs`` are names of the output ports with their units.
     """
 
-    called: ClassVar[str] = "a signal block such as Gain(k=2.0)"
+    _called: ClassVar[str] = "a signal block such as Gain(k=2.0)"
     outputs: ClassVar[Mapping[str, str]] = {"y": ""}
 
     @property

@@ -65,8 +65,8 @@ class Range:
         """An output (k, n) of designs with these parameters, at places (k, n) of their own."""
         m = self.mechanism
         assert self.cycle is not None
-        taken = make_samples(m.coordinate_units, m.scene, **self.cycle.request(places.ravel()))
-        taken = m.with_deflections(taken) if self.remembers else taken
+        taken = make_samples(m._coordinate_units, m.scene, **self.cycle.request(places.ravel()))
+        taken = m._with_deflections(taken) if self.remembers else taken
         inputs = {
             name: np.reshape(np.asarray(x, float), places.shape)
             for name, x in taken.given(self.plan.program.inputs).items()

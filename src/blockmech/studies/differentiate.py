@@ -225,7 +225,7 @@ def _stroke_slopes(
         poses: dict[str, Any] = {"times": [float(end.time or 0.0) for end in ends]}
     else:
         drivers = run.mechanism.drivers
-        places = [run.mechanism.of_driver(d, "q") for d in drivers]
+        places = [run.mechanism._of_driver(d, "q") for d in drivers]
         poses = {"at": {d: [e.at[q] for e in ends] for d, q in zip(drivers, places, strict=True)}}
     there = sensitivity(run.mechanism, w.output, tuple(base.parameters), **poses, **how)
     low, high = np.asarray(there.result[w.output])
@@ -264,14 +264,14 @@ def _deflections(
     read = {i: name for i, name in enumerate(names) if name in plan.program.inputs}
     if not read:
         return {}
-    own = m.once(Course)
+    own = m._once(Course)
     here = {i: own.of(i, taken) for i in read}
     slopes = {i: np.zeros((len(chosen), result.n)) for i in read}
     for (j, p), place in itertools.product(enumerate(chosen.values()), CENTRAL):
         if p.path[0] == GIVEN:
             continue  # they are held, as rates are
         step = STEP * (abs(p.value) or 1.0)
-        there = remade(m, {p.address: p.value + place * step}).once(Course)
+        there = remade(m, {p.address: p.value + place * step})._once(Course)
         for i in read:
             if not there.same(i, own):
                 slopes[i][j] += CENTRAL[place] / step * (there.of(i, taken) - here[i])
@@ -355,7 +355,10 @@ def _asked(
     parameters_ = {}
     for i, driver in enumerate(mechanism.drivers):
         for what, name in INPUTS.items():
-            address, given = mechanism.of_driver(driver, what), result.samples.inputs[f"{name}_{i}"]
+            address, given = (
+                mechanism._of_driver(driver, what),
+                result.samples.inputs[f"{name}_{i}"],
+            )
             size = float(np.abs(np.asarray(given, float)).max(initial=0.0))
             unit = mechanism.outputs[address].unit
             parameters_[address] = Parameter(address, size, unit, (GIVEN, name, driver))

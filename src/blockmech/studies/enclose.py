@@ -105,7 +105,7 @@ class Enclosure(Facts, Report, Mapping[str, Array]):
         rows = []
         for k, word in enumerate(self.status):
             text = "not proved" if word != PROVED else _bounded(low[k], high[k])
-            rows.append((self.result.place(k, degrees), text))
+            rows.append((self.result._place(k, degrees), text))
         yield from aligned(("at", "value ± bound"), rows)
 
 
@@ -168,7 +168,7 @@ def enclose(
         problems.append(Problem("bad-request", "friction", str(friction), "none, newton", remedy))
     if widths and (of_links(mechanism) or is_written_out(mechanism)):
         message = "tolerances are of the numbers of one graph of blocks"
-        remedy = "name those of mech.of_blocks or of the flat graph"
+        remedy = "name those of mech._of_blocks or of the flat graph"
         problems.append(Problem("bad-request", "tolerance", message, "", remedy))
     if problems:
         raise RequestError(problems)
@@ -197,7 +197,7 @@ def _enclosed(
 ) -> Enclosure:
     """Bounds at each sample of a result."""
     numbers: dict[Path, float] = {p.path: p.value for p in numbers_of.values()}
-    plan = planned_near(mechanism, numbers).plan_at(result.samples, tuple(result), **settings)
+    plan = planned_near(mechanism, numbers)._plan_at(result.samples, tuple(result), **settings)
     if missing := set(plan.program.inputs) - result.samples.given(plan.program.inputs).keys():
         message = f"the outputs depend on states: {', '.join(sorted(missing))}"
         raise RequestError([Problem("bad-request", "want", message, "", "name others")])

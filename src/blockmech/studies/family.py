@@ -62,7 +62,7 @@ def remade(mechanism: Compiled, values: Mapping[str, float]) -> Compiled:
     assert mechanism.document is not None
     other: Any = mechanism.document.replace(values)
     if isinstance(other, Graph):
-        return type(mechanism).of(other, mechanism.names)
+        return type(mechanism)._from_graph(other, mechanism.names)
     design: Compiled = other.compile()
     return design
 

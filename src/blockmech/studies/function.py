@@ -226,7 +226,7 @@ def function(
     plan = general.plan(names, friction=friction, static=static)
     drivers = list(enumerate(mechanism.drivers))
     of_inputs = {
-        mechanism.of_driver(d, what): f"{x}_{i}" for i, d in drivers for what, x in INPUTS.items()
+        mechanism._of_driver(d, what): f"{x}_{i}" for i, d in drivers for what, x in INPUTS.items()
     } | {TIME: "t"}
     given = as_sequence("inputs", inputs)
     _refuse_strangers("inputs", given, of_inputs)

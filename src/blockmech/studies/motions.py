@@ -129,7 +129,7 @@ class MotionRunner(Runner):
                 remedy = close_match(str(name), known) or "friction and outputs are the study's"
                 raise refused(f"simulate[{name}]", found, remedy, valid, "unknown-argument")
         friction_asked(settings["friction"])
-        request, starts = request_of(m.scene, m.coordinate_units, **simulation)
+        request, starts = request_of(m.scene, m._coordinate_units, **simulation)
         stops_of(m, starts, simulation.get("stops"))
         times = simulation.get("times")
         spread = OUTPUTS if times is None else len(request.times)
@@ -148,7 +148,7 @@ class MotionRunner(Runner):
         """Columns of the motion itself, by name."""
         m = self.family.mechanism
         alone = len(m.drivers) == 1
-        unit = m.driver_joint(m.drivers[0]).coordinate_unit if m.drivers else ""
+        unit = m.structure.driver_joint(m.drivers[0]).coordinate_unit if m.drivers else ""
         units = {name: u.format(q=unit) for name, (u, _) in NUMBERS.items()}
         units |= {name: fact_unit(name, unit) for name in FACT_UNITS} | {"multiplier": ""}
         works = ("friction_work", "drive_work", "impact_loss")
@@ -168,7 +168,7 @@ class MotionRunner(Runner):
     def settled(self, count: int) -> MotionRunner:
         """Itself: each motion chooses its engine. Raises `RequestError` for none of motions."""
         m = self.family.mechanism
-        request_of(m.scene, m.coordinate_units, engine=self.engine, **self.simulation)
+        request_of(m.scene, m._coordinate_units, engine=self.engine, **self.simulation)
         return self
 
     @property
@@ -281,12 +281,12 @@ class Together:
     def of(cls, runner: MotionRunner) -> Together | None:
         """That of a request; None where single motions know more, or nothing can be compiled."""
         m = runner.family.mechanism
-        states = {m.of_driver(d, what) for d in m.drivers for what in ("q", "rate")}
+        states = {m._of_driver(d, what) for d in m.drivers for what in ("q", "rate")}
         known = (w.output in (OF_BATCH if w.how == MOTION else states) for w in runner.want)
         if not all(known):
             return None
         given = {"engine": runner.engine, **runner.simulation}
-        request, starts = request_of(m.scene, m.coordinate_units, **given)
+        request, starts = request_of(m.scene, m._coordinate_units, **given)
         stops = stops_of(m, starts, runner.simulation.get("stops"))
         if any(math.isfinite(stop.q) for between in stops for stop in between):
             return None  # where a pair's stop is, each design says for itself
@@ -324,7 +324,7 @@ class Together:
         """Put reductions of the driver's coordinate and rate of some designs into their columns."""
         runner, request = self.runner, self.request
         own, t0 = runner.family.mechanism, request.start.t
-        rate = own.of_driver(own.drivers[0], "rate")
+        rate = own._of_driver(own.drivers[0], "rate")
         t = t0 + np.linspace(0.0, 1.0, runner.n) * (motions.t - t0)[:, None]
         if request.times:
             t = np.tile(request.times, (len(motions.t), 1))

@@ -53,7 +53,7 @@ def rest_of(mechanism: Any, samples: Samples) -> Rest | None:
     """
     drivers = mechanism.drivers
     first = np.array([float(np.ravel(samples.coordinate(i))[0]) for i in range(len(drivers))])
-    rotary = np.array([mechanism.driver_joint(d).rotary for d in drivers])
+    rotary = np.array([mechanism.structure.driver_joint(d).rotary for d in drivers])
     stops = np.array([d in mechanism.scene.stops for d in drivers])
     time = None if samples.times is None else float(samples.times[0])
 
@@ -94,8 +94,8 @@ def rest_slopes(
         found = "the effort of the loads jumps where it rests"
         raise refused(label, found, "no number moves it smoothly", code="no-derivative")
     drivers = mechanism.drivers
-    efforts = [mechanism.of_driver(d, "tau_red") for d in drivers]
-    places = [mechanism.of_driver(d, "q") for d in drivers]
+    efforts = [mechanism._of_driver(d, "tau_red") for d in drivers]
+    places = [mechanism._of_driver(d, "q") for d in drivers]
     of = mechanism.sensitivity([output, *efforts], [*to, *places], **rest.still)
     sides = []
     for d in (of.ahead, of.behind):

@@ -94,7 +94,7 @@ class Runner:
 
     def samples(self, mechanism: Compiled) -> Samples:
         """The poses. Raises `RequestError` where they are wrong."""
-        return make_samples(mechanism.coordinate_units, mechanism.scene, **self.over)
+        return make_samples(mechanism._coordinate_units, mechanism.scene, **self.over)
 
     def samples_of_design(self) -> int:
         """Number of poses."""
@@ -105,7 +105,7 @@ class Runner:
         """Driver -> the poses (n,) [rad or m]."""
         m = self.family.mechanism
         taken = self.samples(m)
-        return {m.of_driver(d, "q"): taken.coordinate(i) for i, d in enumerate(m.drivers)}
+        return {m._of_driver(d, "q"): taken.coordinate(i) for i, d in enumerate(m.drivers)}
 
     @property
     def words(self) -> str:
@@ -217,11 +217,11 @@ class _Planned:
         names = tuple(dict.fromkeys(column.output for column in runner.want))
         self.plan: Plan = mechanism.plan(names, **runner.settings)
         samples = count * self.samples.n
-        self.engine = mechanism.engine_of_designs(self.plan, samples, runner.engine)
+        self.engine = mechanism._engine_of_designs(self.plan, samples, runner.engine)
         self.together = 1 if runner.family.alone else self.engine.designs_together // CHUNK
         moved = bool(mechanism.structure.remembering and runner.family.alone)
-        taken = mechanism.with_deflections(self.samples) if moved else self.samples
-        mechanism.refuse_states(self.plan, taken.inputs)
+        taken = mechanism._with_deflections(self.samples) if moved else self.samples
+        mechanism._refuse_states(self.plan, taken.inputs)
         self.inputs = taken.given(self.plan.program.inputs)
         self.range = Range(mechanism, self.plan, self.engine, self.samples, moved)
         self.weights = self.samples.weights(len(mechanism.drivers))
@@ -286,7 +286,7 @@ class _Planned:
     def _rows(self, why: Failures, missing: Array, without: Array) -> Rows:
         """Rows without values: words, blocks, first poses and numbers of poses (m,) each."""
         m, first = np.arange(len(missing)), missing.argmax(axis=1)
-        places = np.array([self.mechanism.block_name(b) if b else "" for b in why.blocks], object)
+        places = np.array([self.mechanism._block_name(b) if b else "" for b in why.blocks], object)
         blocks = places[why.block[m, first]]
         at = np.where(without, first, -1)
         return Rows({}, why.word[m, first], blocks, at, missing.sum(axis=1))
@@ -312,7 +312,7 @@ class _Planned:
         kept[some] = peaks.value
         rows_of = np.flatnonzero(some)
         for i in np.flatnonzero(peaks.error > STATED * np.abs(peaks.value)).tolist():
-            least = {self.mechanism.block_name(b): float(m[i].min()) for b, m in margins.items()}
+            least = {self.mechanism._block_name(b): float(m[i].min()) for b, m in margins.items()}
             gap = np.isinf(peaks.error[i]) and self.range.cycle is not None
             if gap:
                 kept[rows_of[i]] = np.nan

@@ -163,7 +163,7 @@ class Tolerance(Pictured, Mapping[str, Array]):
             yield f"{output}: deviation {deviation[0]:.4g} {unit}".rstrip()
         else:
             most = f"{output}: deviation up to {deviation[k]:.4g} {unit}".rstrip()
-            yield f"{most}, at {run.place(k, degrees)}"
+            yield f"{most}, at {run._place(k, degrees)}"
         if output in self.sampled:
             sample = self.sampled[output]
             n, off = int(sample.designs[k]), sample.deviation[k]

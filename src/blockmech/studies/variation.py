@@ -136,7 +136,7 @@ class Variation:
             x = number_at(made.data, p.path)
             if isinstance(x, Varied) and x.d.any():
                 numbers_of[p.path] = x
-        return cls(type(mechanism).of(graph, made.names, document), numbers_of)
+        return cls(type(mechanism)._from_graph(graph, made.names, document), numbers_of)
 
     @cached_property
     def general(self) -> Compiled:

@@ -54,7 +54,7 @@ def _made_again(mechanism: Compiled, study: Study) -> Verification:
         columns = {p: study.vary[a][[design]] for a, p in study.parameters.items()}
         own = remade(mechanism, {p.address: document_value(p, x[0]) for p, x in columns.items()})
         taken = runner.samples(own)
-        run = own.answer(taken, names, plain) if names else {}
+        run = own._answer(taken, names, plain) if names else {}
         margin = min((float(np.min(run[name])) for name in names), default=1.0)
         condition = 1 / math.sqrt(margin)
         most = max(most, condition)

@@ -49,7 +49,7 @@ def answered(
     if accuracy is not None:
         return mechanism.run_to(accuracy, {}, samples, tuple(names), False, "auto", None)
     how = {"friction": friction, "static": False}
-    return mechanism.answer(samples, tuple(names), how)
+    return mechanism._answer(samples, tuple(names), how)
 
 
 def _at(request: Asked) -> Mapping[str, Any] | None:

@@ -44,8 +44,8 @@ def wire_text(result: Result, pose: int, name: str) -> str:
 
     Raises `RequestError` where there is no such wire.
     """
-    one, structure = result.at(np.array([pose])), result.mechanism.structure
-    (values,) = on_wires(structure, one.inside, one.n, name).values()
+    one, structure = result.isel(pose), result.mechanism.structure
+    (values,) = on_wires(structure, one._inside, one.n, name).values()
     rotary = [structure.joint(ref).rotary for ref in structure.driven.values()]
     shares = {"J_red": "kg m²" if rotary[0] else "kg", "tau_red": "N m" if rotary[0] else "N"}
     lines = [("→", FORWARD), ("←", BACK)] + [("reduced", shares)] * ("J_red" in values)
@@ -147,7 +147,7 @@ class Answers:
         offered = [] if motion is None else list(motion.mechanism.outputs)
         chosen = [name for name in self.names.value if name in offered]
         if not chosen and motion is not None:
-            drives = (motion.mechanism.of_driver(d, "drive") for d in motion.mechanism.drivers)
+            drives = (motion.mechanism._of_driver(d, "drive") for d in motion.mechanism.drivers)
             chosen = [name for name in drives if name in offered]
         self.analyses.renew()
         same = chosen == self.names.value

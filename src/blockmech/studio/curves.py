@@ -44,7 +44,7 @@ def panels_of(result: Result, names: Iterable[str]) -> list[Panel]:
 
 def margins_of(motion: Motion) -> Panel:
     """The margin of every group: 0 at a dead centre, below where it cannot close."""
-    name_of = motion.mechanism.block_name
+    name_of = motion.mechanism._block_name
     return Panel("margin", "", {name_of(block): m for block, m in motion.quality.margin.items()})
 
 

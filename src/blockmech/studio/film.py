@@ -132,7 +132,7 @@ def _joints(stage: Stage) -> dict[JointRef, Spot]:
 def _reactions(stage: Stage) -> Iterator[Shape]:
     """Forces of the earlier links on the later ones, friction included."""
     motion, names = stage.motion, {f"{r}.reaction": spot for r, spot in _joints(stage).items()}
-    outputs = motion.result.with_friction("newton").inside(*names)
+    outputs = motion.result.with_friction("newton")._inside(*names)
     forces = {name: (spot, outputs[name][motion.samples]) for name, spot in names.items()}
     return shapes.vectors(stage, forces, ink.BACK)
 
@@ -143,7 +143,7 @@ def _velocities(stage: Stage) -> Iterator[Shape]:
     spots = {pin.names[0]: pin.spot for pin in sketch.pins if not pin.grounded}
     spots |= {slider.name: slider.point for slider in sketch.sliders}
     links = {spot.link for spot in spots.values()} - {motion.structure.frame_link}
-    outputs = motion.result.inside(*(f"{link}.{x}" for link in links for x in ("v", "omega")))
+    outputs = motion.result._inside(*(f"{link}.{x}" for link in links for x in ("v", "omega")))
 
     def velocity(link: LinkRef, at: complex) -> Complex:
         v, omega = (outputs[f"{link}.{x}"][motion.samples] for x in ("v", "omega"))

@@ -138,10 +138,10 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
         motion, sliders = self.motion, []
         for driver in motion.mechanism.drivers if motion is not None and len(motion.q) > 1 else ():
             low, high = travel(motion.mechanism, driver, self.coordinates)
-            si = motion.mechanism.driver_joint(driver).coordinate_unit
+            si = motion.mechanism.structure.driver_joint(driver).coordinate_unit
             factor = self.shown.factor(si)
             slider = {"name": driver, "start": factor * low, "end": factor * high}
-            slider["label"] = f"{motion.mechanism.of_driver(driver, 'q')} [{self.shown.unit(si)}]"
+            slider["label"] = f"{motion.mechanism._of_driver(driver, 'q')} [{self.shown.unit(si)}]"
             values = (factor * motion.q[driver]).tolist()
             sliders.append({**slider, "values": values, "disabled": not low < high})
         return sliders
@@ -222,7 +222,7 @@ class MechanismView(param.Parameterized):  # type: ignore[misc]  # as the sheet
             if msg["seen"] == self.pose:  # else another one was shown after the act
                 self.pose = min(max(msg["pose"], 0), len(self.motion.samples) - 1)
         elif msg["act"] == "drive":
-            joint = self.motion.mechanism.driver_joint(msg["driver"])
+            joint = self.motion.mechanism.structure.driver_joint(msg["driver"])
             q = msg["value"] / self.shown.factor(joint.coordinate_unit)
             self.drive(msg["driver"], q)
         elif msg["act"] == "drag" and msg["name"] in self.figure.handles:

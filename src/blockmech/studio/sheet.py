@@ -106,7 +106,7 @@ class Sheet(param.Parameterized):  # type: ignore[misc]  # param's own types say
         """The document's blocks; of links and joints those that they become, or none."""
         if isinstance(self.document, Graph):
             return self.document
-        return graph_of(self.mechanism.of_blocks) if self.mechanism else Graph()
+        return graph_of(self.mechanism._of_blocks) if self.mechanism else Graph()
 
     def text(self) -> str:
         """The file's text, as `Graph.save` writes it."""

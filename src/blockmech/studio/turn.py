@@ -99,7 +99,7 @@ def travel(mechanism: Compiled, driver: str, at: Mapping[str, float]) -> tuple[f
         low, high = float(q.min()), float(q.max())
     if law is not None and low < high:
         return low, high
-    here, turns = at[driver], mechanism.driver_joint(driver).rotary
+    here, turns = at[driver], mechanism.structure.driver_joint(driver).rotary
     most = np.inf if turns else slide_travel(mechanism, driver).size
     closure = _limits(mechanism, driver, {d: q for d, q in at.items() if d != driver})
     arc = closure and (closure.arc_at(here) or next(iter(closure.arcs), None))
@@ -147,7 +147,7 @@ def dead_centres(motion: Motion) -> tuple[tuple[float, str], ...]:
         a, b = apart[:-1], apart[1:]
         passed = np.flatnonzero((a * b < 0) & (np.abs(b - a) < np.pi))
         places = [*np.flatnonzero(apart == 0), *(passed + a[passed] / (a - b)[passed])]
-        name = f"{mechanism.block_name(end.block)} {end.how}"
+        name = f"{mechanism._block_name(end.block)} {end.how}"
         events |= {(float(place), name) for place in places}
     return tuple(sorted(events))
 

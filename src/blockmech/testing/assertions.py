@@ -141,7 +141,7 @@ class GraphAssertion:
         closure = limits(self._mechanism, driver, at)
         if not _holds(closure, start, end):
             stretch = f"from {start:.9g} to {end:.9g} {closure.unit}"
-            name = self._mechanism.of_driver(driver, "q")
+            name = self._mechanism._of_driver(driver, "q")
             self._fail(f"every group to close on {name} {stretch}", str(closure))
         return self
 

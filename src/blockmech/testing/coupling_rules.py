@@ -107,4 +107,4 @@ def _rig(coupling: Coupling, lead: str, follow: str) -> Mechanism:
     size = 0.5 if lead == "R" else 0.05
     graph.drive("first", Harmonic(mean=size, amplitude=size, frequency=0.3, phase=0.4))
     graph.add("coupling", coupling.model_copy(update={"driver": "first", "driven": "second"}))
-    return Mechanism.of(graph)
+    return Mechanism._from_graph(graph)

@@ -97,4 +97,4 @@ def _rig(element: Element) -> Mechanism:
     for terminal, declared in element.terminals.items():
         source = "hand" if declared.kind == "point" else "crank"
         graph.connect(f"turn_{terminal}.{source}", f"load.{terminal}")
-    return Mechanism.of(graph)
+    return Mechanism._from_graph(graph)

@@ -187,7 +187,7 @@ def recorded(mechanism: Mechanism, want: Iterable[str]) -> list[Expectation]:
     says so. Raises `RequestError` for outputs that a file cannot hold, and where a law of
     motion is not by coordinate, `SampleError` where a sample has no answer.
     """
-    blocks = mechanism.of_blocks
+    blocks = mechanism._of_blocks
     begun = {d: mechanism.scene.begin(d) for d in mechanism.drivers}
     laws = all(d in mechanism.scene.drive for d in mechanism.drivers)
     taken = blocks.samples(None, RECORDED, None, None, None) if laws else None
@@ -216,7 +216,7 @@ def check_closing(mechanism: Mechanism) -> None:
     Raises `AssemblyError` if one does not. A mechanism of whose drivers nothing says where
     they begin is not tried.
     """
-    drivers, scene, blocks = mechanism.drivers, mechanism.scene, mechanism.of_blocks
+    drivers, scene, blocks = mechanism.drivers, mechanism.scene, mechanism._of_blocks
     want = [f"{name}.margin" for name, block in blocks.structure.blocks.items() if block.closes]
     if not want:
         return
@@ -341,7 +341,7 @@ def _why_not(result: Result, sample: int | None) -> str:
     if sample is None or quality.status[sample] == "ok":
         return "not defined there"
     block = quality.blame[sample]
-    name = result.mechanism.block_name(block)
+    name = result.mechanism._block_name(block)
     return f"{quality.status[sample]} ({name})" if block else "not defined there"
 
 

@@ -141,4 +141,4 @@ def _rig(law: FrictionLaw, kind: str) -> Mechanism:
     graph.connect("crank.B", "rod.B")
     graph.connect("frame.G", "rod.S")
     graph.drive("crank", Harmonic(mean=0.4, amplitude=1.1, frequency=0.4, phase=0.3))
-    return Mechanism.of(graph)
+    return Mechanism._from_graph(graph)

@@ -206,7 +206,7 @@ def rig(block: Moving, size: float, friction: bool) -> Mechanism:
         graph.add(f"couple{k}", Couple(moment=(2.0 - 3 * k) * size))
         graph.connect(f"block.load{k}", f"force{k}.at")
         graph.connect(f"block.{name}", f"couple{k}.on")
-    return Mechanism.of(graph)
+    return Mechanism._from_graph(graph)
 
 
 def add_turntable(

@@ -80,4 +80,4 @@ def _rig(block: Signal) -> Mechanism:
     graph.add("block", block)
     for k, port in enumerate(block.inputs):
         graph.connect(SENSORS[k % 2], f"block.{port}")
-    return Mechanism.of(graph)
+    return Mechanism._from_graph(graph)

@@ -168,7 +168,7 @@ class FreeMotion(Question):
         length, unit = motion.t_end - motion.t_start, "s"
         if method == "euler_q":
             length = float(np.abs(np.diff(motion.at(motion.times(201)).q)).sum())
-            unit = self.mechanism.driver_joint(self.mechanism.drivers[0]).coordinate_unit
+            unit = self.mechanism.structure.driver_joint(self.mechanism.drivers[0]).coordinate_unit
         for count in compared:
             step = float(f"{length / count:.1e}")
             yield Setting(method, f"step {step:g} {unit}", {"method": method, "step": step})
@@ -213,8 +213,8 @@ class FreeMotion(Question):
         by_event = wanted.end != "time"
         if n == 0 or (n < self.best.n and not by_event):
             return math.inf, "time"
-        errors = self.errors if n == self.best.n else _errors(self.best.first(n))
-        worst = errors.worst(result.first(n))
+        errors = self.errors if n == self.best.n else _errors(self.best.isel(slice(n)))
+        worst = errors.worst(result.isel(slice(n)))
         late, span = abs(moved.t_end - wanted.t_end), wanted.t_end - wanted.t_start
         return max(worst, (late / span, "time")) if by_event and span > 0 else worst
 

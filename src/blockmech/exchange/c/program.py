@@ -106,7 +106,7 @@ class CProgram:
         self.plan: Plan = catalogue.plan(mechanism.scene, names, how, static)
         self._settings = settings
         if rates is None:
-            mechanism.refuse_states(self.plan, ())
+            mechanism._refuse_states(self.plan, ())
             refuse_deflections(mechanism, self.plan, "C text")
         eps = EPS if real == DOUBLE else float(np.finfo(np.float32).eps)
         try:
@@ -182,7 +182,7 @@ class CProgram:
         quantity, _, i = name.rpartition("_")
         driver = self.mechanism.drivers[int(i)]
         word, per = INPUTS[quantity]
-        unit = f"{self.mechanism.driver_joint(driver).coordinate_unit}{per}"
+        unit = f"{self.mechanism.structure.driver_joint(driver).coordinate_unit}{per}"
         return Member(taken.fresh(f"{driver}_{word}"), f"[{unit}]")
 
     # -- text ---------------------------------------------------------------------------
@@ -269,7 +269,7 @@ class CProgram:
         from blockmech.result.result import Result
 
         given = samples.given(self.plan.program.inputs)
-        values, _ = self.mechanism.evaluate(self.plan, samples)
+        values, _ = self.mechanism._evaluate(self.plan, samples)
         result = Result(self.mechanism, self.plan, samples, values, "", {"friction": "newton"})
         columns = [np.ravel(given[name]).tolist() for name in self.plan.program.inputs]
         wanted = np.stack([self.column(result, name) for name in self.outputs], axis=1)
@@ -315,7 +315,7 @@ def poses(mechanism: Compiled, count: int = VECTORS) -> Samples:
         return mechanism.samples(None, count, None, None, None)
     except BlockmechError:
         at = {
-            d: np.linspace(0.0, 6.0 if mechanism.driver_joint(d).rotary else 1.0, count)
+            d: np.linspace(0.0, 6.0 if mechanism.structure.driver_joint(d).rotary else 1.0, count)
             for d in mechanism.drivers
         }
         return mechanism.samples(at, None, None, dict.fromkeys(at, 1.0), dict.fromkeys(at, 0.0))

@@ -75,12 +75,12 @@ class Unit:
         if bound := [d for d, role in mechanism.scene.motion.items() if role != "free"]:
             found = f"a unit moves all drivers by their efforts, and {listed(bound)} is not free"
             raise refused("--to fmu", found, 'leave "motion" out, and give the unit the effort')
-        mechanism.once(refuse_no_inertia)
+        mechanism._once(refuse_no_inertia)
         self.fmi = str(order.options.get("fmi", "2"))
         if self.fmi not in PLATFORMS:
             raise refused("fmi", f"got {shown(order.options['fmi'])}", valid="2 or 3")
         drivers = mechanism.drivers
-        self.of = {d: mechanism.of_driver(d, "")[:-1] for d in drivers}
+        self.of = {d: mechanism._of_driver(d, "")[:-1] for d in drivers}
         many = len(drivers) > 1
         own = [f"{self.of[d]}.drive" for d in drivers]
         own += ["mechanism.M"] if many else [f"{self.of[drivers[0]]}.J_red"]

@@ -73,7 +73,7 @@ class States:
                 time = 0.0 if signal.interval else signal.instant(0.0)
                 self.discrete.append(Discrete(signal.interval or 0.0, time, bool(signal.inputs)))
         for ref in structure.remembering if method != "none" else ():
-            name = f"{mechanism.joint_names.get(str(ref), str(ref))}.deflection"
+            name = f"{mechanism._joint_names.get(str(ref), str(ref))}.deflection"
             self.continuous[name] = structure.states[ref]
             self._add(f"der({name})", partial(friction.deflection_rate, ref=ref))
 

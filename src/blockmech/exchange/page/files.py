@@ -40,7 +40,7 @@ def write_page(order: Order, path: Path) -> list[Path]:
     """One page; ``slider`` names the numbers that have a slider when it is opened."""
     mechanism = order.mechanism
     curves = Script(mechanism, wanted_of(order), **order.settings)
-    of_blocks = mechanism.of_blocks
+    of_blocks = mechanism._of_blocks
     drawing = Script(of_blocks, ["*.angle", "*.p"])
     samples = samples_of(order)
     shown = _picture(drawing)
@@ -85,7 +85,7 @@ def wanted_of(order: Order) -> tuple[str, ...]:
     if tuple(order.want) != EVERYTHING:
         return tuple(order.want)
     known = order.mechanism.outputs
-    drives = (order.mechanism.of_driver(d, "drive") for d in order.mechanism.drivers)
+    drives = (order.mechanism._of_driver(d, "drive") for d in order.mechanism.drivers)
     return tuple(name for name in drives if name in known)
 
 

@@ -78,7 +78,7 @@ class FrictionLaw(StrictModel):
 
     kind_key: ClassVar[str] = "law"
     plain_kind: ClassVar[str] = PLAIN
-    called: ClassVar[str] = "a friction law such as Coulomb(coefficient=0.1, radius=0.01)"
+    _called: ClassVar[str] = "a friction law such as Coulomb(coefficient=0.1, radius=0.01)"
     type_name: ClassVar[str] = ""
     kinds: ClassVar[tuple[str, ...]] = ("R", "P")
     drags: ClassVar[bool] = True
