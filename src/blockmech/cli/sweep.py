@@ -98,7 +98,7 @@ def sweep(
     numbers = _varied(mechanism, vary)
     with progress_bar("running") as progress, _client(dask) as client:
         study = mechanism.study(numbers, progress=progress, client=client, **request)
-    say(repr(study))
+    say(str(study))
     if in_parts:
         say(f"wrote {out}")
     write_answer(study, None if in_parts else out, None if study.interrupted else plot)

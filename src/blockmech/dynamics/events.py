@@ -18,7 +18,7 @@ import numpy as np
 from blockmech.dynamics import ends
 from blockmech.dynamics.layout import StateLayout
 from blockmech.dynamics.loads import SAME
-from blockmech.dynamics.rates import LEAST_INERTIA, bearing
+from blockmech.dynamics.rates import LEAST_INERTIA, NEAR, bearing
 from blockmech.dynamics.request import SimulationRequest, Watch
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Event, Floats, Motion
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 Value: TypeAlias = Callable[[Any, Any], Any]
 
 PARTS = 8  # of a step, at whose ends an event is looked at: steps take up to a swing
-NEAR = 0.1  # margin, a transmission angle of 18 degrees, below which a dip within a step counts
 PER_SWING = 64  # samples of a swing or period among which a user's event is looked for
 
 

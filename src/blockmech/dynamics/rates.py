@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from blockmech.plan.plan import Program
 
 LEAST_INERTIA = 1e-9  # [-] of a typical one: beyond it the speed goes without bound
+NEAR = 0.1  # margin, a transmission angle of 18 degrees, below which a dip within a step counts
 
 
 def bearing(load: Any) -> tuple[Any, Any]:

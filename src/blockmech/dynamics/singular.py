@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from blockmech.dynamics import ends
-from blockmech.dynamics.equation import Equation
 from blockmech.dynamics.run import RunEnd
 from blockmech.ground.plane import EPS
 from blockmech.result.motion import Floats
 from blockmech.result.quality import NEAR as LEAST_MARGIN
 
 if TYPE_CHECKING:
+    from blockmech.dynamics.equation import Equation
     from blockmech.dynamics.system import System
 
 NEAR_DEAD_CENTRE = math.sqrt(LEAST_MARGIN)  # below which a solver that gives up is at one

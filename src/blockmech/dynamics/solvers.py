@@ -14,17 +14,19 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from blockmech.dynamics.equation import Equation
-from blockmech.dynamics.events import NEAR
+from blockmech.dynamics.rates import NEAR
 from blockmech.dynamics.system import REPORTED
 from blockmech.engines.dense import Dense
 from blockmech.engines.radau import left_of, radau
 from blockmech.engines.stages import THIRD, dop853, halved
 from blockmech.result.motion import Floats
+
+if TYPE_CHECKING:
+    from blockmech.dynamics.equation import Equation
 
 METHODS = {"dop853": dop853, "radau": radau}
 NO_PLAN = np.empty(0)

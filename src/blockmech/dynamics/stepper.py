@@ -112,7 +112,8 @@ class Stepper:
         """
         which = range(self.copies) if copies is None else np.atleast_1d(np.asarray(copies))
         begin = self._start | dict(start or {})
-        given = starts_of(self.mechanism.scene, self.mechanism._coordinate_units, begin, self._bound)
+        units, bound = self.mechanism._coordinate_units, self._bound
+        given = starts_of(self.mechanism.scene, units, begin, bound)
         for i in which:
             if not 0 <= i < self.copies:
                 found, valid = f"there is no copy {i}", f"copies: 0 to {self.copies - 1}"
