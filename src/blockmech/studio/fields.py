@@ -230,13 +230,13 @@ class Shown(NamedTuple):
         ``80 mm``, ``1,5``, ``1/2``, ``2*pi``, ``60 rpm``. None for anything else.
         """
         word = COMMA.sub(r"\1.\2", text.strip().replace("\N{MINUS SIGN}", "-"), count=1)
-        if unit_behind(word):
-            try:
-                return quantity(word, si)
-            except NoQuantity:
-                return None
-        x = _value(word)
-        return None if x is None else float(x / self._many(si))
+        plain = _value(word)
+        if plain is not None:
+            return float(plain / self._many(si))
+        try:
+            return quantity(word, si) if unit_behind(word) else None
+        except NoQuantity:
+            return None
 
     def value(self, field: Field, text: str) -> Any:
         """The value that a text means; a text that means none is itself, which is refused."""

@@ -515,8 +515,8 @@ def started(
     """A server of the studio, as the function that answers until its end.
 
     ``told`` hears its address; ``shown`` is a file of the folder, or a document, that the
-    address shows; without one it shows the gallery. Raises like `Filed.open` for the file, and `RequestError` for a port that
-    cannot be had.
+    address shows; without one it shows the gallery. Raises like `Filed.open` for the file, and
+    `RequestError` for a port that cannot be had.
     """
     import uvicorn
 
