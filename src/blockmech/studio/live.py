@@ -141,6 +141,10 @@ class Recorded(Varied):
 
     __hash__ = Varied.__hash__
 
+    def __deepcopy__(self, memo: Any) -> Recorded:
+        """Itself: a number does not change, and its tape is one."""
+        return self
+
 
 @primitives_of.register(Recorded)
 def _of_recorded(x: object) -> Mapping[str, Any]:
