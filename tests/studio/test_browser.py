@@ -135,7 +135,7 @@ def test_a_motion_plays_and_its_pose_is_set(page, studio):
     page.get_by_label("show", exact=True).select_option("reactions")
     page.locator(".reactions").first.wait_for(state="attached")
     page.get_by_role("button", name="As drawn").click()
-    assert motor.input_value() == "40.107"
+    expect(motor).to_have_value("40.107")
     assert hand.state["saved"]
 
 
