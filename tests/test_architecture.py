@@ -36,19 +36,17 @@ LATE = {
     "pytest",
     "mpmath",
     "llvmlite",
-    "bokeh",
     "jax",
-    "panel",
-    "param",
+    "starlette",
+    "uvicorn",
 }
 NEEDED_IN = {
     "typer": "cli",
     "rich": "cli",
     "pytest": "blockmech.testing.pytest_plugin",
-    "bokeh": "studio",
     "jax": "blockmech.engines.jax",
-    "panel": "studio",
-    "param": "studio",
+    "starlette": "studio",
+    "uvicorn": "studio",
     "scipy": "dynamics",  # a room that nothing loads before a motion is asked for
 }
 

@@ -2,6 +2,7 @@
 
 import atexit
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,7 @@ ARGUMENTS = (
     *("--disable-component-update", "--disable-sync"),
 )
 
+REFUSED = re.compile(r"status of (409|422) ")  # a refusal, which the page says in words
 LOUD = ("error", "warning")  # what a console says that somebody should hear
 WINDOW = {"width": 1440, "height": 900}
 PATIENCE = 60_000  # ms of a machine on which others work too
@@ -81,36 +83,33 @@ def tab(browser):
     of the console, addresses outside.
     """
     page, wrong = browser.new_page(), []
-    page.on("console", lambda one: wrong.append(one.text) if one.type in LOUD else None)
+    page.on("console", lambda one: wrong.append(_told(one)) if one.type in LOUD else None)
     page.on("pageerror", lambda error: wrong.append(str(error)))
     page.on("request", lambda request: wrong.append(request.url) if _outside(request.url) else None)
     page.on("dialog", lambda dialog: dialog.accept())
     return page, wrong
 
 
-UNITS = "blockmech_units"  # a cookie: what a user chose is that user's
-
-
 @pytest.fixture
-def page(browser, tab, request):
-    """The window, in which nothing is wrong; a page of the studio stands in it where the test
-    before left one as it should be. The gallery's pictures are empty: the server would draw them
-    before it does anything else.
+def page(tab, request):
+    """The window, in which nothing is wrong. Pictures of the gallery are empty: they are drawn
+    beside what is tested. Its policy is that of the server: no script of a test runs in it.
     """
     page, wrong = tab
-    failed = request.session.testsfailed
     empty = {"content_type": "image/svg+xml", "body": '<svg xmlns="http://www.w3.org/2000/svg"/>'}
     page.route("**/picture/*.svg", lambda route: route.fulfill(**empty))
     page.set_viewport_size(WINDOW)
+    page.emulate_media(color_scheme="light")
     yield page
     page.unroute_all()
-    chosen = any(cookie["name"] == UNITS for cookie in browser.cookies())
-    if chosen or wrong or request.session.testsfailed > failed:
-        page.goto("about:blank")
-        browser.clear_cookies(name=UNITS)
-    found = [*wrong]
+    found = [one for one in wrong if not REFUSED.search(one)]
     wrong.clear()
     assert found == []
+
+
+def _told(one):
+    """What the console says, and about which address."""
+    return f"{one.text} {one.location.get('url', '')}"
 
 
 def _outside(url):

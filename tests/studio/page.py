@@ -1,276 +1,118 @@
-"""A page in a browser, and what a user does there."""
+"""A page in a browser, and what a hand does there: acts are counted, places are asked for."""
 
+import json
 import re
-from pathlib import Path
-
-import pytest
-
-AXE = Path(__file__).parents[2] / ".ci" / "node_modules" / "axe-core" / "axe.min.js"
 
 
-def show(page, studio, what):
-    """Open an address of the studio and wait until the sheet stands."""
-    opened(page, studio, what)
-    page.wait_for_selector(".diagram svg")
-    page.wait_for_function("Bokeh.documents[0].is_idle")
+class Sheet:
+    """A sheet in the window. ``acts`` counts clicks, drags, presses and typed words."""
 
-
-LINK = """to => {
-    const link = Object.assign(document.createElement("a"), { href: to });
-    document.body.append(link);
-    link.click();
-    link.remove();
-}"""
-
-
-def opened(page, studio, what):
-    """Go to an address of the studio: by a link where a page of it stands, whose scripts are parsed
-    already. Its colours are those of a page, so they need a new one.
-    """
-    here = page.url
-    if "theme" in here + what or not here.startswith(studio[0]):
-        page.goto(studio[0] + what)
-        return
-    page.evaluate(LINK, what)
-    page.wait_for_url(lambda url: url != here)
-
-
-def press(page, name):
-    page.get_by_role("button", name=name, exact=True).click()
-
-
-def fill(page, label, value):
-    field = page.get_by_label(label, exact=True)
-    field.fill(value)
-    field.press("Enter")
-
-
-def rename(page, name):
-    """Rename the block whose form is shown, and wait until the canvas shows it."""
-    fill(page, "Name", name)
-    page.locator(f'.block[data-id="{name}"]').wait_for()
-
-
-def choose(page, label, value):
-    page.get_by_label(label, exact=True).select_option(value)
-
-
-def edit(page, block):
-    """Choose a block whose form is shown."""
-    from playwright.sync_api import expect
-
-    choose(page, "Edit", block)
-    expect(page.get_by_label("Name", exact=True)).to_have_value(block)
-
-
-def told(page, text):
-    page.get_by_role("status").get_by_text(text, exact=True).wait_for()
-
-
-def blocks(page):
-    return page.locator(".diagram .block")
-
-
-def add(page, word):
-    """Press a kind of the palette."""
-    count = blocks(page).count()
-    press(page, f"Add {word}")
-    blocks(page).nth(count).wait_for()
-
-
-def drop(page, kind, x, y):
-    """Drag a kind of block from the palette to a place on the canvas."""
-    count = blocks(page).count()
-    canvas = page.locator(".diagram svg")
-    page.locator(f'button[data-kind="{kind}"]').drag_to(canvas, target_position={"x": x, "y": y})
-    blocks(page).nth(count).wait_for()
-
-
-def drag_block(page, name):
-    """Drag a block of the canvas a little down; all blocks then stay where they are."""
-    x, y = middle(page.locator(f'.block[data-id="{name}"]'))
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x, y + 20, steps=4)
-    page.mouse.up()
-    told(page, f"{name} moved")
-
-
-def connect(page, source, target):
-    """Wire a joint in the form of its block."""
-    edit(page, target.partition(".")[0])
-    choose(page, f"wire to {target}", source)
-    wire_between(page, source, target).wait_for(state="attached")
-
-
-def port(page, side, address):
-    block, name = address.split(".")
-    return page.locator(f'.handle.{side}[data-block="{block}"][data-port="{name}"]')
-
-
-def wire_between(page, source, target):
-    return page.locator(f'.wire[data-id="{source} -> {target}"]')
-
-
-def hidden_wires(page):
-    """The wires that run behind a block on the canvas."""
-    return page.locator(".diagram svg")._evaluate(
-        """(view) => {
-            const areas = [...view.querySelectorAll(".body")]
-                .map((node) => node.getBoundingClientRect());
-            const under = (path) => {
-                const [place, n] = [path.getScreenCTM(), path.getTotalLength()];
-                return Array.from({length: 200}, (_, k) => path.getPointAtLength(k * n / 199))
-                    .map((point) => point.matrixTransform(place))
-                    .some(({x, y}) => areas.some((area) => x > area.left + 2 && x < area.right - 2
-                        && y > area.top && y < area.bottom));
-            };
-            return [...view.querySelectorAll(".wire")]
-                .filter((wire) => under(wire.querySelector(".line")))
-                .map((wire) => wire.dataset.id);
-        }"""
-    )
-
-
-def middle(locator):
-    while (box := locator.bounding_box()) is None:  # it is drawn anew at this moment
-        locator.wait_for(state="visible")
-    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-
-
-def drag_wire(page, source, target):
-    """Drag a wire from a marker to above a joint, until the server has said whether it may be."""
-    end = port(page, "target", target)
-    port(page, "source", source).hover()  # as soon as nothing is before it
-    page.mouse.down()
-    page.mouse.move(*middle(end), steps=4)
-    said = end.and_(page.locator(".valid, .refused"))
-    said.wait_for()
-    return said
-
-
-def wire(page, source, target):
-    """Draw a wire from a marker to a joint, as somebody who looks where the blocks are."""
-    from playwright.sync_api import expect
-
-    page.get_by_label("Fit View").click()
-    expect(drag_wire(page, source, target)).to_have_class(re.compile("valid"))
-    page.mouse.up()
-    wire_between(page, source, target).wait_for(state="attached")
-    told(page, f"{source} -> {target}")  # the server knows it, and what it changed was sent
-
-
-def save(page, name):
-    fill(page, "File", name)
-    page.get_by_role("button", name=re.compile("^Saved?$")).click()
-    told(page, f"wrote {name}")
-
-
-class Hand:
-    """A pointer over the drawing, which counts what it does."""
-
-    def __init__(self, page):
+    def __init__(self, page, studio, what):
         self.page, self.acts = page, 0
-        self.area = page.locator("svg[role=application]").bounding_box()
+        self.root = re.match(r"http://[^/]*", studio[0])[0]
+        if not page.context.cookies():
+            page.goto(studio[0])
+        reply = page.request.post(f"{self.root}/api/documents", data=json.dumps(what))
+        assert reply.ok, reply.text()
+        self.id = reply.json()["id"]
+        page.goto(f"{self.root}/?sheet={self.id}")
+        page.locator("html[data-ready]").wait_for(state="attached")
+        self.svg = page.locator(".canvas svg").first
+
+    @property
+    def state(self):
+        return self.page.request.get(f"{self.root}/api/documents/{self.id}").json()
+
+    def places(self):
+        """Where each pin is drawn, as the server has it [m]."""
+        made = {}
+        drawing = self.state["drawing"]
+        for pin in drawing["pins"]:
+            link, x, y = pin["at"]
+            ox, oy, angle = drawing["poses"][link]
+            z = complex(ox, oy) + complex(x, y) * _turn(angle)
+            made[pin["name"]] = z
+        return made
+
+    def changed(self, act):
+        """Do something, and wait until the sheet that comes back is drawn."""
+        html, page = self.page.locator("html"), self.page
+        before = html.get_attribute("data-revision")
+        act()
+        for _ in range(400):
+            if html.get_attribute("data-revision") != before:
+                page.wait_for_timeout(60)
+                return
+            page.wait_for_timeout(25)
+        raise AssertionError(f"nothing changed; it says {self.said()}")
+
+    def said(self):
+        parts = (self.page.locator(".left > .status"), self.page.locator(".left > .wrong"))
+        return " ".join(part.inner_text() for part in parts if part.is_visible())
 
     def at(self, x, y):
-        """A place of the drawing, both from 0 to 1, in pixels."""
-        return (
-            self.area["x"] + x * self.area["width"],
-            self.area["y"] + y * self.area["height"],
-        )
+        box = self.svg.bounding_box()
+        return box["x"] + x * box["width"], box["y"] + y * box["height"]
 
     def pin(self, name):
-        return middle(self.page.locator(f'[data-pin="{name}"] .ring'))
+        ring = self.page.locator(f'.pin[data-pin="{name}"] .ring')
+        ring.wait_for(state="attached")
+        box = ring.bounding_box()
+        return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
-    def drag(self, start, end, typed=""):
-        self.acts += 1
-        self.page.mouse.move(*start)
-        self.page.mouse.down()
-        self.page.mouse.move(*end, steps=4)
+    def drag(self, a, b, typed="", steps=5):
+        self.acts += 1 + bool(typed)
+        mouse = self.page.mouse
+        mouse.move(*a)
+        mouse.down()
+        mouse.move(*b, steps=steps)
         if typed:
             self.page.keyboard.type(typed)
-        self.page.mouse.up()
+            self.page.keyboard.press("Enter")
+        mouse.up()
 
-    def link(self, start, end, new, typed=""):
-        """Draw a link that ends at a new pin."""
-        self.drag(start, end, typed)
-        self.page.locator(f'[data-pin="{new}"]').wait_for()
+    def link(self, a, b, typed=""):
+        self.changed(lambda: self.drag(a, b, typed))
 
-    def click(self, name, **how):
+    def click(self, name, more=False):
         self.acts += 1
-        self.page.locator(f'[data-pin="{name}"] .ring').click(**how)
+        if more:
+            self.page.keyboard.down("Control")
+        self.page.mouse.click(*self.pin(name))
+        if more:
+            self.page.keyboard.up("Control")
+        self.page.locator(f'.pin.chosen[data-pin="{name}"]').wait_for(state="attached")
 
-    def key(self, name):
+    def press(self, name):
+        """Press a tool that changes the sheet."""
+        self.changed(lambda: self.tool(name))
+
+    def tool(self, name):
         self.acts += 1
-        self.page.locator("svg[role=application]").press(name)
+        self.page.get_by_role("button", name=name, exact=True).first.click()
 
-    def press(self, name, said):
-        self.acts += 1
-        press(self.page, name)
-        self.page.get_by_role("status").get_by_text(said).wait_for()
+    def field(self, label):
+        return self.page.get_by_label(label, exact=True)
 
 
-def drawing(page, studio):
-    """An empty drawing of links and joints."""
-    opened(page, studio, "?draw")
-    page.get_by_text("Drag: a link is drawn").wait_for()
-    page.wait_for_function("Bokeh.documents[0].is_idle")
-    return Hand(page)
+def _turn(angle):
+    import cmath
 
-
-def accessible(page, *rules):
-    """Let axe look at what is shown, by all of its rules or some."""
-    if not AXE.exists():
-        pytest.skip("axe-core is not installed: npm install --no-save --prefix .ci axe-core")
-    page.wait_for_function("Bokeh.documents[0].is_idle")
-    page.evaluate(AXE.read_text("utf-8"))
-    only = {"runOnly": list(rules)} if rules else {}
-    found = page.evaluate(
-        "how => axe.run(document, how)",
-        {"resultTypes": ["violations", "passes"], "preload": False, **only},
-    )
-    bad = [
-        (rule["id"], node["html"])
-        for rule in found["violations"]
-        if rule["impact"] in ("serious", "critical")
-        for node in rule["nodes"]
-    ]
-    assert bad == [], bad
-    assert "color-contrast" in {rule["id"] for rule in found["passes"]}
-
-
-STEPS = """async ([add, diagram, times]) => {
-    const count = () => diagram.querySelectorAll(".block").length;
-    const undo = { key: "z", ctrlKey: true, bubbles: true };
-    const changed = async (act) => {
-        const before = count();
-        act();
-        for (let k = 0; k < 3000 && count() === before; k++)
-            await new Promise((done) => setTimeout(done, 10));
-        return count() !== before;
-    };
-    for (let k = 0; k < times; k++) {
-        if (!(await changed(() => add.click()))) return "not added";
-        if (!(await changed(() => diagram.dispatchEvent(new KeyboardEvent("keydown", undo)))))
-            return "not undone";
-    }
-    return "done";
-}"""
+    return cmath.rect(1.0, angle)
 
 
 def heap_around(page, studio, edits):
-    """Bytes that the page holds before and after edits of a four-bar: a block is added and gone."""
-    show(page, studio, "?example=ruiz_fourbar")
-    add = page.get_by_role("button", name="Add spring", exact=True).element_handle()
-    diagram = page.locator(".diagram svg").element_handle()
-    tools = page.context.new_cdp_session(page)
+    """The page's memory [bytes] before and after a pin of a four-bar is moved to and fro."""
+    hand = Sheet(page, studio, {"example": "joints/ruiz_fourbar"})
+    session = page.context.new_cdp_session(page)
 
     def heap():
-        tools.send("HeapProfiler.collectGarbage")
-        return tools.send("Runtime.getHeapUsage")["usedSize"]
+        session.send("HeapProfiler.collectGarbage")
+        return session.send("Runtime.getHeapUsage")["usedSize"]
 
-    assert page.evaluate(STEPS, [add, diagram, 3]) == "done"
+    hand.click("B")
+    hand.changed(lambda: page.keyboard.press("ArrowRight"))
     before = heap()
-    assert page.evaluate(STEPS, [add, diagram, edits // 2]) == "done"
+    for k in range(edits):
+        hand.changed(lambda k=k: page.keyboard.press("ArrowLeft" if k % 2 else "ArrowRight"))
     return before, heap()

@@ -1,54 +1,48 @@
-"""Synthesis on the page: what is drawn is what is asked, and a design is one step."""
+"""Synthesis: what is drawn is what is asked, and a design is one step."""
 
 import numpy as np
+import pytest
 
 import blockmech as bm
-from blockmech.studio.candidates import Candidates, wanted
-from blockmech.studio.links import LinksSheet
-from blockmech.studio.sheet import Sheet
-from blockmech.studio.work import Work
+from blockmech.studio import answers
+from tests.studio.hand import Hand
 
 
 def drawn(places, links=()):
-    sheet = Sheet(bm.Linkage("wanted"))
-    pane = LinksSheet(sheet)
-    for z in places:
-        pane.add(z)
+    pane = Hand(bm.Linkage("wanted"))
+    pane.add(*places)
     for ends in links:
-        pane.act("Link", list(ends))
-    return sheet
-
-
-def found(sheet):
-    said = []
-    candidates = Candidates(sheet, Work(said.append))
-    candidates.search()
-    candidates.work.thread.join()
-    return candidates, said[-1]
+        pane.act("Link", *ends)
+    return pane
 
 
 def test_positions_of_a_body_are_lone_links():
-    sheet = drawn([0j, 1j, 2 + 0j, 3 + 0j, 5 + 0j, 5 - 2j, 9 + 9j], ["AB", "CD", "EF"])
-    points, positions = wanted(sheet.form)
+    pane = drawn([0j, 1j, 2 + 0j, 3 + 0j, 5 + 0j, 5 - 2j, 9 + 9j], ["AB", "CD", "EF"])
+    points, positions = answers.wishes(pane.form)
     assert points == [9 + 9j]
     assert positions == [(0.0, 0.0, np.pi / 2), (2.0, 0.0, 0.0), (5.0, 0.0, -np.pi / 2)]
 
 
-def test_a_candidate_passes_the_points_and_undo_brings_them_back():
+def test_a_candidate_passes_the_points_and_is_taken_as_a_drawing():
     places = [0j, 1 + 0.5j, 2 + 0.6j]
-    sheet = drawn(places)
-    candidates, _ = found(sheet)
-    before, (design, *_) = sheet.form, candidates.designs
-    candidates.take(design)
-    (driver,) = sheet.mechanism.drivers
-    run = sheet.mechanism.run(at={driver: design.at}, rates=0.0, want=["dyad.P.p"])
-    assert np.abs(run["dyad.P.p"] - places).max() < 1e-9
-    assert "alt=" in candidates.found.objects[0][0].object
-    sheet.undo()
-    assert sheet.form == before
+    pane = drawn(places)
+    before = pane.form
+    made = answers.synthesis(pane.ask())["designs"]
+    sizes = [card["size"] for card in made]
+    assert sizes == sorted(sizes)  # the smallest is proposed first
+    assert made[0]["picture"].startswith("<?xml")
+    pane.do("take", form=made[0]["form"])
+    (driver,) = pane.mechanism.drivers
+    q = np.linspace(0, 2 * np.pi, 7201)
+    point = next(name for name in pane.mechanism.outputs if name.endswith(".P.p"))
+    run = pane.mechanism.run(at={driver: q}, rates=0.0, want=[point], on_gap="mark")
+    step = np.nanmax(np.abs(np.diff(run[point])))
+    for z in places:  # the path of the taken drawing passes every point
+        assert np.nanmin(np.abs(run[point] - z)) < step
+    pane.sheet.undo()
+    assert pane.form == before
 
 
 def test_too_few_points_are_refused_with_the_reason():
-    candidates, said = found(drawn([0j, 1 + 0j]))
-    assert "three" in said
-    assert candidates.found.objects == []
+    with pytest.raises(bm.RequestError, match="three"):
+        answers.synthesis(drawn([0j, 1 + 0j]).ask())

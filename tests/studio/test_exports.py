@@ -6,13 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from blockmech.builders import from_data, opened
+import blockmech as bm
+from blockmech.builders import opened
+from blockmech.cli import main
 from blockmech.ground.errors import BlockmechError
-from blockmech.studio.answers import Answers
-from blockmech.studio.exports import exported, kinds
-from blockmech.studio.mechanism import MechanismView
-from blockmech.studio.sheet import Sheet
-from tests.studio.page import choose, press, show, told
+from blockmech.studio.answers import Question, exported, formats
+from blockmech.studio.document import Revision
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 HEADS = {
@@ -36,22 +35,23 @@ HEADS = {
 }
 
 
-def sheet_of(name):
-    sheet = Sheet(opened(GRAPHS / "joints" / name))
-    view = MechanismView(sheet)
-    return sheet, view, Answers(sheet, view)
+def asked(name):
+    document = opened(GRAPHS / "joints" / name)
+    now = Revision(1, document.to_data(), document)
+    (driver, *_) = now.mechanism.drivers
+    return Question.of(now, {"names": [f"driver.{driver}.drive"]})
 
 
 @pytest.fixture(scope="module")
 def shown():
-    return sheet_of("slider_crank.json")
+    return asked("slider_crank.json")
 
 
 @pytest.mark.parametrize("kind", HEADS)
 def test_every_kind_is_a_file(shown, kind):
-    assert kind in {kind for group in kinds().values() for kind in group}
-    massive = sheet_of("engine.json") if kind == "fmu" else shown  # loads move what has mass
-    name, data = exported(kind, *massive)
+    assert kind in {kind for group in formats().values() for kind in group}
+    massive = asked("engine.json") if kind == "fmu" else shown  # loads move what has mass
+    name, data = exported(kind, massive)
     assert data.startswith(HEADS[kind])
     if kind == "c":
         files = zipfile.ZipFile(io.BytesIO(data)).namelist()
@@ -59,29 +59,14 @@ def test_every_kind_is_a_file(shown, kind):
         assert "slider_crank.c" in files
 
 
-def test_what_cannot_be_exported_says_why(shown):
-    with pytest.raises(BlockmechError, match="--to mjcf"):
-        exported("mjcf", *shown)
-    sheet = Sheet()
-    view = MechanismView(sheet)
-    with pytest.raises(BlockmechError, match="nothing moves"):
-        exported("pose .svg", sheet, view, Answers(sheet, view))
+def test_nothing_is_exported_of_what_does_not_move():
+    document = bm.Linkage("empty")
+    with pytest.raises(BlockmechError, match="there is no moving link"):
+        exported("numbers .csv", Question.of(Revision(1, document.to_data(), document), {}))
 
 
-def test_a_name_leads_out_of_no_folder(shown):
-    sheet, view, answers = shown
-    other = Sheet(from_data({**sheet.form, "name": "../../up"}, None))
-    assert exported("numbers .csv", other, view, answers)[0] == "_up.csv"
-
-
-def test_the_browser_saves_what_is_exported(page, studio):
-    show(page, studio, "?example=slider_crank")
-    for kind, name in (
-        ("outlines .dxf", "slider_crank.dxf"),
-        ("numbers .xlsx", "slider_crank.xlsx"),
-    ):
-        choose(page, "Export as", kind)
-        with page.expect_download() as saved:
-            press(page, "Export")
-            told(page, f"exported {kind}")  # what fails before is no fault of the download
-        assert saved.value.suggested_filename == name
+def test_the_numbers_are_those_of_the_command_line(tmp_path):
+    path = tmp_path / "run.csv"
+    wanted = ["--want", "driver.motor.drive", "--csv", str(path)]
+    assert main(["run", str(GRAPHS / "joints" / "ruiz_fourbar.json"), *wanted]) == 0
+    assert exported("numbers .csv", asked("ruiz_fourbar.json"))[1] == path.read_bytes()

@@ -1,5 +1,6 @@
 """Files, edits and fields of the studio, without a browser."""
 
+import json
 import shutil
 import socket
 from pathlib import Path
@@ -8,15 +9,21 @@ import pytest
 
 import blockmech as bm
 from blockmech.blocks.registry import REGISTRY
-from blockmech.model.schema import graph_schema
+from blockmech.builders import opened
 from blockmech.studio import edits
 from blockmech.studio.diagram import kinds
-from blockmech.studio.fields import Shown, fields_of, item_at
+from blockmech.studio.fields import Shown, item_at
 from blockmech.studio.files import Desk, Filed
-from blockmech.studio.form import Form
-from blockmech.studio.server import serve
+from blockmech.studio.forms import fields_by_path, form_of, parts_of
+from blockmech.studio.server import bound
+from blockmech.testing.graph_files import gallery
+from tests.studio.hand import Hand
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
+FILES = sorted(gallery().values())
+CASES = json.loads(
+    (Path(__file__).parents[1] / "data" / "typed_quantities.json").read_text("utf-8")
+)
 
 
 @pytest.fixture
@@ -25,18 +32,27 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_a_value_that_cannot_be_is_told_under_its_field():
-    sheet, said = Filed(bm.Graph.load(GRAPHS / "ruiz_fourbar.json")), []
-    form = Form(sheet, said.append)
-    form.selected = ("blocks", "crank")
-    before = sheet.form
-    form.typed(("length",), "-2")
-    assert "length must be > 0 m, got -2" in form.wrong["length",]
-    assert said == [""]  # nothing is left to be told elsewhere
-    assert sheet.form is before
-    form.typed(("length",), "2.5")
-    assert sheet.form["blocks"]["crank"]["length"] == 2.5
-    assert form.wrong["length",] == ""
+def test_a_value_that_cannot_be_is_refused_at_its_field():
+    hand = Hand(bm.Graph.load(GRAPHS / "ruiz_fourbar.json"))
+    before = hand.form
+    hand.do("fields", part=["blocks", "crank"], edits=[[["length"], "-2"]])
+    assert "length must be > 0 m, got -2" in hand.said
+    assert hand.form is before
+    hand.do("fields", part=["blocks", "crank"], edits=[[["length"], "-2"], [["length"], "250 cm"]])
+    assert hand.form["blocks"]["crank"]["length"] == 2.5
+    hand.do("fields", part=["blocks", "crank"], edits=[[["length"], "long"]])
+    assert "'long' is no number" in hand.said
+
+
+def test_what_is_wrong_stands_under_its_field():
+    hand = Hand(bm.Graph.load(GRAPHS / "ruiz_fourbar.json"))
+    hand.sheet.change({**hand.form, "wires": hand.form["wires"][1:]}, "cut")
+    now = hand.sheet.now
+    shown = form_of(now.document, now.form, ("blocks", "crank"), Shown(), now.problems)
+    (wire,) = (
+        row for group in shown["groups"] for row in group["rows"] if "wire to" in row["label"]
+    )
+    assert "nothing is wired to it" in wire["wrong"]
 
 
 def test_a_file_is_saved_as_it_was_read(folder):
@@ -63,7 +79,7 @@ def test_a_port_that_another_has_is_refused():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(bm.RequestError, match=rf"port: {port}: .*choose another"):
-            serve(print, "", port, print)
+            bound(port)
 
 
 def test_a_file_that_changed_since_is_not_overwritten_silently(folder):
@@ -113,12 +129,11 @@ def test_the_palette_offers_every_kind_of_block():
 
 
 def test_a_friction_law_is_chosen_where_there_was_none():
-    sheet = Filed(bm.Graph.load(GRAPHS / "slider_crank.json"))
-    form = Form(sheet, print)
-    form.selected = ("blocks", "crank")
-    form.typed(("friction", "A", "law"), "stiction")
-    assert sheet.form["blocks"]["crank"]["friction"]["A"]["law"] == "stiction"
-    assert ("friction", "A", "kinetic") in form.fields
+    hand, part = Hand(bm.Graph.load(GRAPHS / "slider_crank.json")), ("blocks", "crank")
+    hand.do("fields", part=part, edits=[[["friction", "A", "law"], "stiction"]])
+    assert hand.form["blocks"]["crank"]["friction"]["A"]["law"] == "stiction"
+    fields = fields_by_path(hand.sheet.now.document, hand.form, part)
+    assert ("friction", "A", "kinetic") in fields
 
 
 def test_a_coupling_follows_the_new_name_of_its_driver():
@@ -134,22 +149,39 @@ def test_every_kind_of_block_begins_with_valid_values(kind):
     assert bm.Graph.from_data(form).blocks["new"].type_name == kind
 
 
-@pytest.fixture(scope="module")
-def schema():
-    return graph_schema()
+UNITS = Shown("inch", "deg", "rpm", "lbf")
 
 
-@pytest.mark.parametrize("shown", [Shown(), Shown("mm", "deg"), Shown("inch", "deg", "rpm", "lbf")])
-@pytest.mark.parametrize("path", sorted(GRAPHS.glob("*.json")), ids=lambda path: path.stem)
-def test_a_value_that_is_shown_and_read_again_is_the_same(path, shown, schema):
-    read = 0
-    for raw in bm.Graph.load(path).to_data()["blocks"].values():
-        for field in fields_of(schema, schema["$defs"][raw["type"]], raw):
-            value = item_at(raw, field.path)
-            if value is not None and field.kind in ("number", "pair", "place"):
-                assert shown.value(field, shown.text(field, value)) == value
-                read += 1
-    assert read
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(GRAPHS).as_posix())
+def test_every_part_of_every_document_has_its_form(path):
+    """Every value has a field, and reads as itself where it is shown in other units."""
+    document = opened(path)
+    form = document.to_data()
+    for part in parts_of(form):
+        fields = fields_by_path(document, form, part)
+        held = {field.path: item_at(form, field.path) for field in fields.values()}
+        for field in fields.values():
+            value = held[field.path]
+            if value is not None and field.kind not in ("choice", "map", "json"):
+                assert UNITS.value(field, UNITS.text(field, value)) == value
+        if part:
+            lines = {field.path for field in fields.values() if field.kind != "map"}
+            assert {*leaves(item_at(form, part), part, lines)} <= lines | {(*part, "type")}
+
+
+def leaves(raw, path, known):
+    """Paths of values, no deeper than the fields that are known."""
+    if path in known or not isinstance(raw, dict):
+        yield path
+    else:
+        for key, value in raw.items():
+            yield from leaves(value, (*path, key), known)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case['text']} {case['shown']}")
+def test_a_quantity_is_read_as_people_type_it(case):
+    units = {"m": Shown(case["shown"], "deg"), "rad": Shown("m", case["shown"])}
+    assert units[case["si"]].number(case["text"], case["si"]) == case["value"]
 
 
 def test_a_graph_inside_is_read_from_the_folder_alone(tmp_path):

@@ -1,4 +1,4 @@
-"""``blockmech studio``: wire blocks in the browser and see the mechanism move."""
+"""``blockmech studio``: draw and wire mechanisms in the browser."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from blockmech.cli.terminal import say
-from blockmech.studio import page
+from blockmech.studio import service
 
 
 def studio(
@@ -32,6 +32,6 @@ def studio(
 
             webbrowser.open(address)
 
-    server = page().started(Path.cwd(), file, port, told)
+    run = service().started(Path.cwd(), file, port, told)
     say("Ctrl-C ends it")
-    server.io_loop.start()
+    run()

@@ -1,8 +1,8 @@
-"""The studio: a page in the browser on which mechanisms are wired, seen and saved.
+"""The studio: a page in the browser on which mechanisms are drawn, wired, seen and saved.
 
-``blockmech.studio(g, dark=False)`` shows a copy of a graph or linkage in a notebook; what it gives
-is a panel object, which `panel` serves as well. Without ``g`` the sheet is empty. It raises
-`MissingEngineError` where the extra ``studio`` is not installed.
+``blockmech.studio(g)`` shows a copy of a graph or linkage in a notebook, in a frame of a server
+of its own. Without ``g`` the sheet is empty. It raises `MissingEngineError` where the extra
+``studio`` is not installed.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from typing import Any
 from blockmech.ground.errors import needed
 
 
-def page() -> Any:
-    """The page's module. Raises `MissingEngineError` where the extra is not installed."""
-    for package in ("panel", "bokeh"):
+def service() -> Any:
+    """The server's module. Raises `MissingEngineError` where the extra is not installed."""
+    for package in ("starlette", "uvicorn"):
         needed(package, "studio", "studio")
-    return import_module("blockmech.studio.app")
+    return import_module("blockmech.studio.server")
 
 
 class _Studio(ModuleType):
     """The package, which can be called."""
 
-    def __call__(self, document: Any = None, dark: bool = False) -> Any:
-        """The studio of a copy of a graph or linkage, as a panel object."""
-        shown: Any = page().in_notebook(document, dark)
+    def __call__(self, document: Any = None, height: int = 800) -> Any:
+        """The studio of a copy of a graph or linkage, as what a notebook shows."""
+        shown: Any = service().in_notebook(document, height)
         return shown
 
 

@@ -1,50 +1,305 @@
-"""Answers beside the mechanism: outputs as curves, what travels on wires, motions, costs."""
+"""What the page asks of a mechanism: outputs as curves, analyses, motions, designs, files.
+
+Each question is plain data, each answer too: texts, pictures as SVG, rows of numbers. Those that
+take long are asked in a process of their own (`blockmech.studio.jobs`).
+"""
 
 from __future__ import annotations
 
-import html
+import cmath
+import re
+import shutil
+import tempfile
 import time
-from collections.abc import Callable, Iterable
-from typing import Any, get_args
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-import panel as pn
-import param
-from bokeh.models import Div
 
+import blockmech
+from blockmech.builders import from_data
+from blockmech.draw.animation import Animation
+from blockmech.draw.mechanism import draw_mechanism, draw_tile
 from blockmech.draw.motion import Motion, moves_of_result
+from blockmech.draw.simulation import FRAME, screen_time
+from blockmech.draw.sketch import Sketch, sketch_of
 from blockmech.dynamics.chart_outputs import result_along
-from blockmech.dynamics.motion_outputs import SimulationResult
 from blockmech.dynamics.simulation import simulate
-from blockmech.ground.errors import BlockmechError
+from blockmech.exchange.formats import WRITERS, Order
+from blockmech.figures.curves import chosen_panels, without_friction
+from blockmech.figures.panels import Abscissa, Panel, draw_panels
+from blockmech.figures.paper import MOVING, STILL, rendered, scaled_unit, shown_name
+from blockmech.ground.errors import BlockmechError, listed, refused
+from blockmech.ground.runnable import EVERYTHING
+from blockmech.model.spots import Spot, pin_spot
+from blockmech.model.structure import JointRef
+from blockmech.model.writing import canonical_text
 from blockmech.result.result import Result
 from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.result.wires import on_wires, wires_of
-from blockmech.studio.analyses import Analyses, Asked, answered
-from blockmech.studio.candidates import Candidates
-from blockmech.studio.curves import WIDE, Plots, panels_of
-from blockmech.studio.looks import LINES, Plain, button, row
-from blockmech.studio.session import heard, together
-from blockmech.studio.sheet import Sheet
-from blockmech.studio.work import OnProgress, Work
-from blockmech.typing import FrictionName
+from blockmech.studies.differentiate import without_derivative
+from blockmech.studies.family import remade
+from blockmech.studies.sampling import normal
+from blockmech.studio.document import Revision
+from blockmech.studio.redraw import as_links
+from blockmech.studio.sketching import outlines_of, pins_of
+from blockmech.studio.turn import along_of, motion_data, numbers, poses_of, shown_motion
 
-FINDS = {"search_strategy": "includes", "case_sensitive": False, "min_characters": 1}
-ACCURACIES = ("1e-3", "1e-6", "1e-9", "1e-12")
-TOOLS = "pan,xwheel_zoom,box_zoom,reset,save"
+Report = Callable[..., None]
+Answer = dict[str, Any]
+CURVES = 5  # of a family, the middle one as the sheet has it
+EVERY = 10  # of the poses, for what takes long at each
+STARTS = 1024  # shapes that are tried for a path
+DESIGNS = 6  # that are shown
+SEARCHED = 24  # of which these are the smallest
+NOTHING = "nothing moves on this sheet yet"
+HINT = "Masses gives links the mass of bars."
 FORWARD = {"p": "m", "v": "m/s", "a": "m/s²", "om": "rad/s", "al": "rad/s²"}
 BACK = {"F": "N", "M": "N m", "power": "W"}
 
 
-def wire_text(result: Result, pose: int, name: str) -> str:
-    """What travels on a wire at a sample of a run, in a few lines.
+@dataclass(frozen=True)
+class Question:
+    """What is asked of a revision of a sheet.
+
+    ``names`` are chosen outputs, ``at`` where drivers were put by hand, ``moved`` which of them
+    moves, ``pose`` the shown one of the samples.
+    """
+
+    now: Revision
+    names: tuple[str, ...] = ()
+    friction: Any = "newton"
+    accuracy: float | None = None
+    moved: str = ""
+    at: Mapping[str, float] | None = None
+    share: float = 0.1
+    number: str = ""
+    until: str = "time=2"
+    pose: int = 0
+    degrees: bool = True
+    report: Report | None = None
+    simulated: Motion | None = None
+
+    @classmethod
+    def of(cls, now: Revision, data: Mapping[str, Any], **more: Any) -> Question:
+        """A question in plain data."""
+        units = str(data.get("units", ""))
+        return cls(
+            now,
+            tuple(map(str, data.get("names", ()))),
+            str(data.get("friction") or "newton"),
+            float(data["accuracy"]) if data.get("accuracy") else None,
+            str(data.get("moved", "")),
+            {str(d): float(q) for d, q in (data.get("held") or {}).items()},
+            float(data.get("share", 10.0)) / 100,
+            str(data.get("number", "")),
+            str(data.get("until") or "time=2"),
+            int(data.get("pose", 0)),
+            "|rad|" not in f"|{units}|",
+            **more,
+        )
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The motion that is shown. Raises `RequestError` where nothing moves."""
+        if self.simulated is not None:
+            return self.simulated
+        now = self.now
+        motion, message = shown_motion(
+            now.form, now.mechanism, now.problems, self.moved, self.at or {}, now.document.file
+        )
+        if motion is None:
+            raise refused("mechanism", message or NOTHING, "draw what moves first")
+        return motion
+
+    @property
+    def mechanism(self) -> Any:
+        """What moves."""
+        return self.motion.mechanism
+
+    @property
+    def first(self) -> str:
+        """The first of the chosen outputs. Raises `RequestError` for none."""
+        known = [name for name in self.names if name in self.mechanism.outputs]
+        if not known:
+            raise refused("outputs", "none is chosen under Curves", "choose one there")
+        return known[0]
+
+    @property
+    def rows(self) -> Mapping[str, Any] | None:
+        """The poses that are shown, where the drivers' laws do not say which."""
+        q = self.motion.q
+        return None if {*q} <= {*self.mechanism.scene.drive} else q
+
+
+# -- curves ----------------------------------------------------------------------------------
+
+
+def result_of(ask: Question, names: Iterable[str]) -> Result:
+    """Outputs at the samples of the motion; gaps are marked.
+
+    With an ``accuracy`` the method is chosen by it. Raises `RequestError` for what cannot be.
+    """
+    result, chosen = ask.motion.result, tuple(names)
+    if ask.accuracy is None or result.motion is not None:
+        return result.with_friction(ask.friction, *chosen)
+    m: Any = result.mechanism
+    made: Result = m.run_to(ask.accuracy, {}, result.samples, chosen, False, "auto", None)
+    return made
+
+
+def curves(ask: Question) -> Answer:
+    """The chosen outputs over the motion by quantity, forces without friction beside them."""
+    motion = ask.motion
+    names = [name for name in ask.names if name in motion.mechanism.outputs]
+    along = along_of(motion, ask.degrees)
+    made: Answer = {"along": _along(along), "panels": [], "said": "", "margins": []}
+    known = motion.quality.margin
+    if known:
+        name_of = motion.mechanism._block_name
+        margins = Panel("margin", "", {name_of(block): m for block, m in known.items()})
+        made["margins"] = [_panel(margins)]
+    if names:
+        begun = time.perf_counter()
+        result = result_of(ask, names)
+        made["panels"] = [_panel(panel) for panel in panels_of(result, names)]
+        made["said"] = _summary(result, time.perf_counter() - begun)
+    return made
+
+
+def panels_of(result: Result, names: Iterable[str]) -> list[Panel]:
+    """The named outputs by quantity and unit, forces without friction beside them."""
+    bare: dict[tuple[str, str], Panel] = {}
+    twin = without_friction(result)
+    if twin is not None:
+        bare = {(p.quantity, p.unit): p for p in chosen_panels(twin, twin)}
+    panels = []
+    for panel in chosen_panels(result, names):
+        beside = bare.get((panel.quantity, panel.unit))
+        panels.append(panel if beside is None else replace(panel, without=beside.curves))
+    return panels
+
+
+def _along(along: Abscissa) -> Answer:
+    return {
+        "words": along.words,
+        "values": numbers(along.values),
+        "events": [[float(x), name] for x, name in along.events],
+    }
+
+
+def _panel(panel: Panel) -> Answer:
+    """A panel as the page draws it; what is only rounding of the largest number is none."""
+    low, high = panel.shown
+    factor, unit = scaled_unit(panel.unit, max(abs(low), abs(high)))
+    both = {"curves": panel.curves, "without": panel.without}
+    return {
+        "quantity": panel.quantity,
+        "unit": unit or "-",
+        "si": panel.unit,
+        "shown": [factor * low, factor * high],
+        **{
+            key: [
+                [shown_name(name) or panel.quantity, numbers(factor * y)] for name, y in of.items()
+            ]
+            for key, of in both.items()
+        },
+    }
+
+
+def _summary(result: Result, seconds: float) -> str:
+    """What was computed, how, and what it took."""
+    how = f"{result.n} samples, {result.plan.calls} kernel calls a sample, {seconds * 1e3:.1f} ms"
+    chosen = f"; {result.accuracy}" if result.accuracy is not None else ""
+    gaps = len(result.quality.gaps)
+    holes = f"; {gaps} samples without an answer" if gaps else ""
+    error = "" if result.motion is None else f"; {result.motion.summary()[0]}"
+    return "; ".join([how + chosen + holes + error, *result.notes()])
+
+
+# -- arrows ------------------------------------------------------------------------------------
+
+
+def vectors(ask: Question, what: str) -> list[Answer]:
+    """Velocities of pins, or reactions at joints, as places [m] and vectors at all samples.
+
+    Of friction circles the vector's length is the radius [m]: without rates a reaction touches
+    the circle of its pin.
+    """
+    if what not in ARROWS:
+        raise refused("vectors", f"there are none called {what!r}", valid=listed(ARROWS))
+    motion = ask.motion
+    rows = ARROWS[what](ask, motion, sketch_of(motion)).items()
+    return [
+        {"name": name, "at": _rows(motion.at(*spot)), "vector": _rows(vector)}
+        for name, (spot, vector) in rows
+    ]
+
+
+def _rows(z: Any) -> list[list[float | None]]:
+    return [numbers(part) for part in (z.real, z.imag)]
+
+
+def _joints(motion: Motion, sketch: Sketch) -> dict[JointRef, Spot]:
+    """Where the pairs are."""
+    s, sliders = motion.structure, (slider.point for slider in sketch.sliders)
+    refs = [JointRef(name, j) for name, block in s.blocks.items() for j in block.joints]
+    spots = {r: next(sliders) if s.joint(r).kind == "P" else pin_spot(s, r) for r in refs}
+    return {ref: spot for ref, spot in spots.items() if spot is not None}
+
+
+def _reactions(ask: Question, motion: Motion, sketch: Sketch) -> Arrows:
+    """Forces of the earlier links on the later ones, friction included."""
+    names = {f"{ref}.reaction": spot for ref, spot in _joints(motion, sketch).items()}
+    outputs = motion.result.with_friction(ask.friction)._inside(*names)
+    return {name: (spot, outputs[name][motion.samples]) for name, spot in names.items()}
+
+
+def _velocities(ask: Question, motion: Motion, sketch: Sketch) -> Arrows:
+    """Velocities of the pins that move, and of the sliders."""
+    spots = {pin.names[0]: pin.spot for pin in sketch.pins if not pin.grounded}
+    spots |= {slider.name: slider.point for slider in sketch.sliders}
+    links = {spot.link for spot in spots.values()} - {motion.structure.frame_link}
+    outputs = motion.result._inside(*(f"{link}.{x}" for link in links for x in ("v", "omega")))
+
+    def velocity(spot: Spot) -> Any:
+        v, omega = (outputs[f"{spot.link}.{x}"][motion.samples] for x in ("v", "omega"))
+        return np.asarray(v + 1j * omega * motion.axis[spot.link] * spot.at)
+
+    return {name: (spot, velocity(spot)) for name, spot in spots.items() if spot.link in links}
+
+
+def _friction_circles(ask: Question, motion: Motion, sketch: Sketch) -> Arrows:
+    blocks, spots = motion.structure.blocks, _joints(motion, sketch)
+    laws = {ref: blocks[ref.block].friction.get(ref.name) for ref in spots}
+    radii = {ref: law.at_rest().factor for ref, law in laws.items() if law}
+    pins = (ref for ref in radii if blocks[ref.block].joints[ref.name].kind == "R")
+    n = len(motion.samples)
+    return {str(ref): (spots[ref], np.full(n, radii[ref] + 0j)) for ref in pins if radii[ref]}
+
+
+Arrows = Mapping[str, tuple[Spot, Any]]
+ARROWS: dict[str, Callable[[Question, Motion, Sketch], Arrows]] = {
+    "velocities": _velocities,
+    "reactions": _reactions,
+    "friction circles": _friction_circles,
+}
+
+
+def wire_text(ask: Question, name: str) -> str:
+    """What travels on a wire in the shown pose, in a few lines; "" where nothing is known.
 
     Forward place and motion of the marker and its link; back force and moment on that link,
     the power, and the shares of the joint's block in reduced inertia and effort.
-
-    Raises `RequestError` where there is no such wire.
     """
-    one, structure = result.isel(pose), result.mechanism.structure
+    if name not in wires_of(ask.motion.structure):
+        return ""
+    one = ask.motion.result.with_friction(ask.friction).isel(ask.pose)
+    structure = one.mechanism.structure
     (values,) = on_wires(structure, one._inside, one.n, name).values()
     rotary = [structure.joint(ref).rotary for ref in structure.driven.values()]
     shares = {"J_red": "kg m²" if rotary[0] else "kg", "tau_red": "N m" if rotary[0] else "N"}
@@ -65,176 +320,264 @@ def _told(key: str, values: Any, unit: str) -> str:
     return f"{key} = {value + 0.0:.6g} {unit}"
 
 
-def answer(
-    motion: Motion, names: Iterable[str], friction: FrictionName, accuracy: float | None = None
-) -> Result:
-    """Outputs at the samples of a motion; gaps are marked.
+# -- analyses ----------------------------------------------------------------------------------
 
-    With an ``accuracy`` the method is chosen by it. Raises `RequestError` for what cannot be.
+
+def _tolerance(ask: Question) -> Any:
+    """Every length that is not 0 scatters by the share, as a standard deviation."""
+    lengths = {
+        p.address: normal(p.value, ask.share * abs(p.value))
+        for p in ask.mechanism.parameters().values()
+        if p.unit == "m" and p.value and not without_derivative(p)
+    }
+    return ask.mechanism.tolerance(lengths, ask.first, ask.rows, friction=ask.friction)
+
+
+def _solutions(ask: Question) -> Any:
+    """All solutions of the friction equations at some of the poses."""
+    at = {driver: q[::EVERY] for driver, q in ask.motion.q.items()}
+    return ask.mechanism.friction_solutions(at, want=ask.first)
+
+
+def _limits(ask: Question) -> Any:
+    """The arcs of the driver that moves, the others held where they are shown."""
+    q = ask.motion.q
+    moved, *held = sorted(q, key=lambda driver: -np.ptp(q[driver]))
+    return ask.mechanism.limits(moved, {driver: float(q[driver][0]) for driver in held})
+
+
+def _family(ask: Question) -> Answer:
+    """The first output for several values of a number, from the share below to that above.
+
+    Each is run at the same samples; what does not close is left out. Raises what
+    `remade` raises for values that cannot be.
     """
-    result = motion.result
-    if accuracy is None or result.motion is not None:
-        return result.with_friction(friction, *names)
-    chosen: Result = answered(result.mechanism, result.samples, names, friction, accuracy)
-    return chosen
+    known = ask.mechanism.parameters()
+    if ask.number not in known:
+        raise refused("number", "none is chosen", "choose one in the list")
+    value, samples = known[ask.number].value, ask.motion.result.samples
+    drawn: dict[str, Any] = {}
+    how = {"friction": ask.friction, "static": False}
+    for x in value * (1 + ask.share * np.linspace(-1, 1, CURVES)):
+        other: Any = remade(ask.mechanism, {ask.number: float(x)})
+        run = other._answer(samples, (ask.first,), how)
+        (panel,) = chosen_panels(run, (ask.first,))
+        drawn[f"{ask.number} = {x:.4g}"] = next(iter(panel.curves.values()))
+    picture = draw_panels([Panel(panel.quantity, panel.unit, drawn)], along_of(ask.motion, True))
+    words = f"{ask.first} for {CURVES} values of {ask.number}"
+    return {"text": words, "picture": _svg(picture)}
 
 
-def _summary(result: Result, seconds: float) -> str:
-    """What was computed, how, and what it took."""
-    how = f"{result.n} samples, {result.plan.calls} kernel calls a sample, {seconds * 1e3:.1f} ms"
-    chosen = f"; {result.accuracy}" if result.accuracy is not None else ""
-    gaps = len(result.quality.gaps)
-    holes = f"; {gaps} samples without an answer" if gaps else ""
-    error = "" if result.motion is None else f"; {result.motion.summary()[0]}"
-    return "; ".join([how + chosen + holes + error, *result.notes()])
+ANALYSES: dict[str, tuple[str, Callable[[Question], Any]]] = {
+    "Limits": ("Where does the driver reach?", _limits),
+    "Modes": ("How can it be assembled?", lambda ask: ask.mechanism.modes()),
+    "Equilibria": (
+        "Where does it rest under its loads?",
+        lambda ask: ask.mechanism.equilibria(friction=ask.friction),
+    ),
+    "Extremes": (
+        "What are the least and the largest value of the first output?",
+        lambda ask: ask.mechanism.extremes(ask.first, friction=ask.friction),
+    ),
+    "Friction solutions": ("How many answers do the friction equations have?", _solutions),
+    "Sensitivity": (
+        "How much does the first output change with each number?",
+        lambda ask: ask.mechanism.sensitivity(ask.first, at=ask.motion.q, friction=ask.friction),
+    ),
+    "Tolerance": ("How does the first output scatter with the lengths?", _tolerance),
+    "Verify": ("Do the equations of mechanics hold?", lambda ask: ask.mechanism.verify(ask.rows)),
+    "Cost": (
+        "What does each chosen output cost?",
+        lambda ask: ask.mechanism.explain(ask.names, friction=ask.friction),
+    ),
+    "Trade": (
+        "What do methods cost, and how exact are they?",
+        lambda ask: ask.mechanism.trade("run", ask.names, say=ask.report),
+    ),
+    "Family": ("How does the first output change with a number?", _family),
+}
 
 
-class Find(pn.widgets.AutocompleteInput):  # type: ignore[misc]  # as the sheet
-    """A field that finds a name, and offers a few at once: a long chain has five thousand."""
+def analysis(ask: Question, name: str) -> Answer:
+    """The answer of an analysis, as text and picture. Raises `BlockmechError` with the reason."""
+    if name not in ANALYSES:
+        raise refused("analysis", f"there is none called {name!r}", "choose one on the page")
+    answer = ANALYSES[name][1](ask)
+    if isinstance(answer, dict):
+        return answer
+    picture = ""
+    with suppress(BlockmechError):  # of what has no picture the text stands alone
+        figure = getattr(answer, "figure", None)
+        picture = _svg(figure()) if figure else ""
+    return {"text": str(answer), "picture": picture}
 
-    max_completions = param.Integer(default=24)
+
+def _svg(figure: Any) -> str:
+    return rendered(figure, ".svg").decode()
 
 
-class Answers:
-    """Curves, wires, simulation and costs of what a view, a `MechanismView`, shows."""
+def simulation(ask: Question) -> tuple[Motion, Answer]:
+    """The mechanism moved under its loads; a driver without a start is let go in the shown pose."""
+    mechanism = ask.now.mechanism
+    if mechanism is None:
+        raise refused("motion", NOTHING, "draw what moves first")
+    shown = {driver: float(q[ask.pose]) for driver, q in ask.motion.q.items()}
+    free = {*mechanism.drivers} - {*mechanism.scene.initial}
+    start = {driver: (q, 0.0) for driver, q in shown.items() if driver in free}
+    made = simulate(
+        mechanism,
+        ask.until,
+        start=start,
+        want=(),
+        friction=ask.friction,
+        progress=ask.report or (lambda *_: None),
+    )
+    times = made.motion.times(DEFAULT_SAMPLES)
+    result = result_along(mechanism, made.motion, times, (), friction=ask.friction)
+    motion = moves_of_result(result)
+    data = motion_data(motion, {})
+    data["poses"] = poses_of(motion)
+    again = replace(ask, simulated=motion)
+    return motion, {
+        "motion": data,
+        "text": " ".join(result.motion.summary()),
+        "curves": curves(again),
+    }
 
-    def __init__(self, sheet: Sheet, view: Any) -> None:
-        self.sheet, self.view = sheet, view
-        self.result: Result | None = None
-        self.names = pn.widgets.CheckBoxGroup(sizing_mode="stretch_width")
-        self.find = Find(label="Add an output", placeholder="part of its name", width=190, **FINDS)
-        self.find.param.watch(lambda event: self._add(event.new), "value")
-        known = list(get_args(FrictionName))
-        wanted = {"default": 0.0, **{x: float(x) for x in ACCURACIES}}
-        self.friction = pn.widgets.Select(label="Friction", options=known, value="newton", width=92)
-        self.accuracy = pn.widgets.Select(label="Accuracy", options=wanted, width=100)
-        self.until = pn.widgets.TextInput(label="Simulate until", value="time=2", width=100)
-        self.said = Plain("", sizing_mode="stretch_width", min_width=160, stylesheets=[LINES])
-        self.values = Div(text="", sizing_mode="stretch_width")
-        self.plots = Plots(view.dark, view.seek, tools=TOOLS)
-        self.work = Work(lambda message: self.said.param.update(object=message))
-        self.analyses = Analyses(self._asked, lambda: self.view.along, self.work)
-        for widget in (self.names, self.friction, self.accuracy):
-            widget.param.watch(lambda _: self.renew(), "value")
-        view.param.watch(lambda _: self._begin(), "motion")
-        view.param.watch(heard(self.renew), "shown")
-        view.param.watch(lambda _: self._show_pose(), "pose")
-        self._begin()
 
-    def tabs(self) -> dict[str, Callable[[], Any]]:
-        """What is asked and what is answered, by tab; each is made when it is first shown."""
+# -- synthesis ---------------------------------------------------------------------------------
 
-        def curves() -> Any:
-            choices = (self.find, self.names, row(self.friction, self.accuracy), self.values)
-            return pn.Row(pn.Column(*choices, width=206), self.plots.pane, **WIDE)
 
-        acts = button("Simulate", self.simulate), button("Turn", self.view.turn)
+def wishes(form: Mapping[str, Any]) -> tuple[list[complex], list[tuple[float, float, float]]]:
+    """The points [m] and the positions [m, m, rad] that a drawing asks for."""
+    pins = pins_of(form) if "links" in form else {}
+    lone = [
+        [pins[name].z for name in ends]
+        for ends in outlines_of(pins).values()
+        if len(ends) == 2 and not any(pins[name].kind for name in ends)
+    ]
+    positions = [(a.real, a.imag, cmath.phase(b - a)) for a, b in lone]
+    return [pin.z for pin in pins.values() if not pin.links], positions
 
-        return {
-            "Curves": curves,
-            "Motion": lambda: row(self.until, *acts),
-            "Margins": self.view.margins,
-            "Analyses": self.analyses.panel,
-            "Synthesis": Candidates(self.sheet, self.work).panel,
-        }
 
-    # -- curves ----------------------------------------------------------------------------
+def synthesis(ask: Question) -> Answer:
+    """Four-bars for what is drawn, the smallest first.
 
-    def _begin(self) -> None:
-        """Offer the outputs of what the view shows now; those that were chosen stay."""
-        motion = self.view.motion
-        self.work.cancel()
-        offered = [] if motion is None else list(motion.mechanism.outputs)
-        chosen = [name for name in self.names.value if name in offered]
-        if not chosen and motion is not None:
-            drives = (motion.mechanism._of_driver(d, "drive") for d in motion.mechanism.drivers)
-            chosen = [name for name in drives if name in offered]
-        self.analyses.renew()
-        same = chosen == self.names.value
-        self.find.options = offered
-        self.names.param.update(options=chosen, value=chosen)
-        if same:
-            self.renew()
+    Pins that no link carries are points that a coupler's point shall pass, in their order; lone
+    links are positions of a body. Fewer than three of a kind are refused with the reason.
+    """
+    points, positions = wishes(ask.now.form)
+    count, progress = SEARCHED, ask.report
+    if len(positions) >= len(points):
+        designs = blockmech.synthesis.body_guidance(positions, count=count, progress=progress)
+    else:
+        designs = blockmech.synthesis.path_generator(
+            points, count=count, starts=STARTS, progress=progress
+        )
+    cards = sorted((_card(design) for design in designs), key=lambda card: card["size"])
+    return {"designs": cards[:DESIGNS], "text": "" if cards else NONE}
 
-    def _add(self, name: str) -> None:
-        """Show one more output; what is not ticked goes."""
-        if name in self.find.options:
-            chosen = list(dict.fromkeys((*self.names.value, name)))
-            self.names.param.update(options=chosen, value=chosen)
-            self.find.value = ""
 
-    @together
-    def renew(self) -> None:
-        """Compute and draw what is chosen; what cannot be is said."""
-        self.result, panels, message = None, [], ""
-        motion, names = self.view.motion, self.names.value
-        if motion is not None and names:
-            begun = time.perf_counter()
-            try:
-                result = answer(motion, names, self.friction.value, self.accuracy.value or None)
-                panels = panels_of(result, names)
-            except BlockmechError as error:
-                message = str(error)
-            else:
-                message = _summary(result, time.perf_counter() - begun)
-                self.result = result
-        self.plots.show(panels, self.view.along, self.view.spans)
-        self.said.object = message
-        self._show_pose()
+NONE = "No four-bar without defects passes these; move them, or ask for fewer."
 
-    @together
-    def _show_pose(self) -> None:
-        """Put the cursors and the values to the shown pose."""
-        k, result, lines = self.view.pose, self.result, []
-        if result is not None:
-            self.plots.point(self.view.along.values[k])
-            outputs = [(name, result.output(name)) for name in result]
-            shown = [(name, x.unit) for name, x in outputs if x.kind in ("real", "vector")]
-            lines = [_told(name, result[name][k], unit) for name, unit in shown]
-        self.values.text = "<br>".join(map(html.escape, lines))
 
-    def _asked(self) -> Asked | None:
-        """What the analyses are of: the chosen outputs at the samples that are shown."""
-        motion, names = self.view.motion, self.names.value
-        if motion is None or not names:
-            return None
-        result = motion.result
-        return Asked(result.mechanism, result.samples, motion.q, tuple(names), self.friction.value)
+def _card(design: Any) -> Answer:
+    """A design with its picture, how large it is, and how near it comes."""
+    mechanism = design.graph.compile()
+    at = dict.fromkeys(mechanism.drivers, design.at)
+    lengths = [p.value for p in mechanism.parameters().values() if p.unit == "m" and p.value]
+    least, most = min(map(abs, lengths)), max(map(abs, lengths))
+    words = (
+        f"links {least:.3g} to {most:.3g} m, miss {design.miss:.2g} m, margin {design.margin:.2g}"
+    )
+    return {
+        "words": words,
+        "size": most + most / least * 1e-3,
+        "picture": _svg(draw_tile(mechanism, at)),
+        "form": _as_drawing(design.graph),
+    }
 
-    def wires(self, name: str) -> str:
-        """What travels on a wire in the shown pose, for the diagram; "" where nothing is known."""
-        motion = self.view.motion
-        if motion is None or name not in wires_of(motion.structure):
-            return ""
-        try:
-            result = motion.result.with_friction(self.friction.value)
-            return wire_text(result, self.view.pose, name)
-        except BlockmechError as error:
-            return str(error)
 
-    # -- long work -------------------------------------------------------------------------
+def _as_drawing(graph: Any) -> Any:
+    """A design as links and joints, to be drawn on; its crank counts from the x axis."""
+    form = graph.to_data()
+    blocks = {
+        name: {k: x for k, x in b.items() if k != "offset"} for name, b in form["blocks"].items()
+    }
+    form = {**form, "blocks": blocks}
+    motion, _ = shown_motion(form, from_data(form).compile(), (), "", {})
+    return form if motion is None else as_links(form, motion)
 
-    def simulate(self) -> None:
-        """Move the mechanism under its loads, and play that in time.
 
-        A driver for which the document has no start is released from the shown pose.
-        """
-        mechanism, until, friction = self.sheet.mechanism, self.until.value, self.friction.value
-        shown = {} if self.view.motion is None else self.view.coordinates
-        free = () if mechanism is None else {*mechanism.drivers} - {*mechanism.scene.initial}
-        start = {driver: (q, 0.0) for driver, q in shown.items() if driver in free}
+# -- files ---------------------------------------------------------------------------------------
 
-        def task(report: OnProgress) -> SimulationResult:
-            simulated = simulate(
-                mechanism, until, start=start, want=(), friction=friction, progress=report
-            )
-            times = simulated.motion.times(DEFAULT_SAMPLES)
-            return result_along(mechanism, simulated.motion, times, (), friction=friction)
+NUMBERS = ("csv", "xlsx", "mat", "npz", "parquet", "json")
+OUTLINES = ("dxf", "svg")
 
-        def done(result: SimulationResult) -> None:
-            self.view.play(moves_of_result(result))
-            self.view.pose = 0
-            self.said.object = " ".join(result.motion.summary())
 
-        if mechanism is not None:
-            self.work.begin(task, done)
+def formats() -> dict[str, list[str]]:
+    """What can be written, in groups: each a word and a suffix, or the name of a format."""
+    others = [name for name in WRITERS if name not in (*NUMBERS, *OUTLINES)]
+    return {
+        "Sheet": ["document .json", *(f"diagram {suffix}" for suffix in STILL)],
+        "Pictures": [f"pose {suffix}" for suffix in STILL] + [f"motion {s}" for s in MOVING],
+        "Numbers": [f"numbers .{name}" for name in NUMBERS],
+        "Programs": [f"outlines .{name}" for name in OUTLINES] + others,
+    }
+
+
+def exported(kind: str, ask: Question, seconds: float = 3.0) -> tuple[str, bytes]:
+    """The name of a file, and its content; of several files a zip.
+
+    Raises `RequestError` where nothing moves yet, and for what a format cannot say.
+    """
+    what, _, suffix = kind.partition(" ")
+    form = ask.now.form
+    name = re.sub(r"[^\w-]+", "_", form["name"])  # no name leads out of a folder
+    if what == "document":
+        return f"{name}.json", canonical_text(form).encode()
+    if what == "diagram":
+        from blockmech.draw.diagram import draw_diagram
+
+        return f"diagram{suffix}", rendered(draw_diagram(ask.now.blocks).figure, suffix)
+    if what == "pose":
+        at = {driver: [x] for driver, x in _pose(ask).items()}
+        drawn = draw_mechanism(ask.mechanism, at, degrees=ask.degrees)
+        return f"mechanism{suffix}", rendered(drawn.figure, suffix)
+    if what == "motion":
+        return f"mechanism{suffix}", _film(ask, suffix, seconds)
+    return _written(suffix.lstrip(".") or what, name, ask)
+
+
+def _pose(ask: Question) -> dict[str, float]:
+    """Where the drivers are in the shown pose."""
+    return {driver: float(q[ask.pose]) for driver, q in ask.motion.q.items()}
+
+
+def _film(ask: Question, suffix: str, seconds: float) -> bytes:
+    """The motion, in the time in which it is played."""
+    motion, simulated = ask.motion, ask.motion.result.motion is not None
+    time = motion.time if simulated else None
+    played = seconds if time is None else screen_time(float(np.ptp(time)))
+    every = max(1, round(len(motion.samples) * FRAME / played))
+    if not simulated:
+        motion, every = motion.only(np.arange(0, len(motion.samples), every)), 0
+    film = Animation(motion, played, degrees=ask.degrees, every=every)
+    return film.html.encode() if suffix == ".html" else bytes(getattr(film, suffix[1:]))
+
+
+def _written(to: str, name: str, ask: Question) -> tuple[str, bytes]:
+    """The file of a format of `blockmech.exchange`: outlines in the shown pose."""
+    motion = ask.motion
+    names = [x for x in ask.names if x in motion.mechanism.outputs]
+    result = result_of(ask, names) if names else None
+    at = _pose(ask) if to in OUTLINES else motion.q
+    want = EVERYTHING if result is None else tuple(result)
+    order = Order(motion.mechanism, want, {"at": at}, {"friction": ask.friction}, computed=result)
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder, "made")
+        made.mkdir()
+        paths = WRITERS[to].write(order, made / f"{name}{WRITERS[to].suffixes[0]}")
+        if len(paths) > 1:
+            paths = [Path(shutil.make_archive(f"{folder}/{name}-{to}", "zip", made))]
+        return paths[0].name, paths[0].read_bytes()

@@ -17,17 +17,17 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from blockmech.blocks.registry import REGISTRY
+from blockmech.ground.units import NoQuantity, quantity, unit_behind
 from blockmech.model.schema import graph_schema, joints_schema
 
 Path = tuple[str, ...]
 Schema = Mapping[str, Any]
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-PAIR = re.compile(rf"\s*\[?\s*({NUMBER})\s*(,|@|\s)\s*({NUMBER})\s*\]?\s*")
-INCH, POUND = Fraction("0.0254"), Fraction("4.4482216152605")
-PI = Fraction("3.1415926535897932384626433832795029")
-MANY = {"mm": Fraction(1000), "inch": 1 / INCH, "kN": Fraction(1, 1000), "lbf": 1 / POUND}
-MANY |= {"deg": 180 / PI, "rpm": 30 / PI}
+PI = Fraction(math.pi)
+MANY = {"mm": Fraction(1000), "inch": 1 / Fraction("0.0254"), "kN": Fraction(1, 1000)}
+MANY |= {"lbf": 1 / Fraction("4.4482216152605"), "deg": 180 / PI, "rpm": 30 / PI}
 """How many of a unit that a user may choose make one of SI; doubles are too few to go back."""
+COMMA = re.compile(r"([-+]?\d+),(\d+)(?![\d,.])")
 DIGITS = 17  # that tell every double from its neighbours
 
 
@@ -130,7 +130,9 @@ def fields_of(root: Schema, node: Schema, raw: Any, path: Path = ()) -> Iterator
         begun = {w: {key: w, **starter(root, kind)} for w, kind in kinds.items()}
         choices = tuple(kinds) if word else ("", *kinds)
         yield Field((*path, key), "choice", choices=choices, starter=begun)
-        node = resolved(root, kinds.get(word, {"type": "object"}))
+        rules = (rule for rule in node.get("allOf", ()) if "not" in rule["if"])  # without a word
+        bare = next((rule["then"] for rule in rules), {"type": "object"})
+        node = resolved(root, kinds.get(word, bare))
         node["properties"] = {k: v for k, v in node.get("properties", {}).items() if k != key}
     if "properties" in node and node.get("type") == "object":
         known = {name: resolved(root, item) for name, item in node["properties"].items()}
@@ -211,27 +213,41 @@ class Shown(NamedTuple):
         if value is None:
             return ""
         k = self._many(field.unit)
-        if field.kind == "number" and isinstance(value, int | float):
+        if field.kind == "number" and _is_number(value):
             return _digits(value, k)
         if field.kind == "place" and isinstance(value, dict):
             r, angle = value["polar"]
             return f"{_digits(r, k)} @ {_digits(angle, self._many('rad'))}"
-        if field.kind in ("place", "pair") and isinstance(value, list):
+        numbers = isinstance(value, list) and all(map(_is_number, value))
+        if field.kind in ("place", "pair") and numbers:
             return ", ".join(_digits(x, k) for x in value)
         return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
+    def number(self, text: str, si: str) -> float | None:
+        """A number as people type it, in the unit behind it or else the one shown.
+
+        A comma may stand for the point, and fractions and multiples of pi are numbers:
+        ``80 mm``, ``1,5``, ``1/2``, ``2*pi``, ``60 rpm``. None for anything else.
+        """
+        word = COMMA.sub(r"\1.\2", text.strip().replace("\N{MINUS SIGN}", "-"), count=1)
+        plain = _value(word)
+        if plain is not None:
+            return float(plain / self._many(si))
+        try:
+            return quantity(word, si) if unit_behind(word) else None
+        except NoQuantity:
+            return None
+
     def value(self, field: Field, text: str) -> Any:
         """The value that a text means; a text that means none is itself, which is refused."""
-        text, k = text.strip(), self._many(field.unit)
+        text = text.strip()
         if text == "":
             return None
-        if field.kind == "number" and re.fullmatch(NUMBER, text):
-            return _si(text, k)
-        pair = PAIR.fullmatch(text) if field.kind in ("place", "pair") else None
-        if pair and pair[2] == "@":
-            return {"polar": [_si(pair[1], k), _si(pair[3], self._many("rad"))]}
-        if pair:
-            return [_si(pair[1], k), _si(pair[3], k)]
+        if field.kind == "number":
+            x = self.number(text, field.unit)
+            return text if x is None else x
+        if field.kind in ("place", "pair"):
+            return self._pair(field, text)
         if field.kind == "json":
             try:
                 return json.loads(text)
@@ -239,20 +255,52 @@ class Shown(NamedTuple):
                 return text
         return text
 
+    def _pair(self, field: Field, text: str) -> Any:
+        """Two numbers, or a length at an angle; JSON for what else a pair may be."""
+        inner = text.removeprefix("[").removesuffix("]")
+        polar = "@" in inner
+        for mark in "@" if polar else (";", ",", " "):
+            parts = [part for part in inner.split(mark) if part.strip()]
+            if len(parts) == 2:
+                units = (field.unit, "rad" if polar else field.unit)
+                x, y = (self.number(*of) for of in zip(parts, units, strict=True))
+                if x is not None and y is not None:
+                    return {"polar": [x, y]} if polar else [x, y]
+        try:
+            return json.loads(text)
+        except ValueError:
+            return text
+
+
+def _is_number(x: Any) -> bool:
+    return isinstance(x, int | float) and not isinstance(x, bool)
+
+
+def _value(text: str) -> Fraction | None:
+    """A product or quotient of two numbers, of which pi may be one, or a number."""
+    for mark in "*/":
+        if mark in text:
+            a, _, b = text.partition(mark)
+            x, y = _value(a), _value(b)
+            if x is None or y is None or (mark == "/" and not y):
+                return None
+            return x * y if mark == "*" else x / y
+    word = text.strip()
+    if word in ("pi", "π", "-pi", "-π"):
+        return -PI if word[0] == "-" else PI
+    if not re.fullmatch(NUMBER, word) or not math.isfinite(float(word)):
+        return None  # which ends at once where a number is written that is far too large
+    return Fraction(word) if abs(float(word)) > 1e-300 else Fraction(0)
+
 
 def _digits(value: float, many: Fraction) -> str:
     """The shortest text of a value in units of which ``many`` make one, that reads as the same."""
     whole = Fraction(value) * many
     for digits in range(1, DIGITS + 1):
         text = repr(float(f"{float(whole):.{digits}g}")).removesuffix(".0")
-        if _si(text, many) == value:
+        if float(Fraction(text) / many) == value:
             return text
     return f"{Decimal(whole.numerator) / Decimal(whole.denominator):.{DIGITS + 1}g}"
-
-
-def _si(text: str, many: Fraction) -> float:
-    x = float(text)  # which ends at once where a number is written that is far too large or small
-    return float(Fraction(text) / many) if x and math.isfinite(x) else x
 
 
 def item_at(raw: Any, path: Path) -> Any:

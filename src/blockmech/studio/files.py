@@ -11,7 +11,7 @@ from blockmech.builders import Opened, opened
 from blockmech.ground.errors import FormatError, refused
 from blockmech.model.reading import text_of
 from blockmech.model.subgraph import Resolver, resolving
-from blockmech.studio.sheet import Sheet
+from blockmech.studio.document import Sheet
 
 
 def inside(folder: Path, name: str | os.PathLike[str]) -> Path:
@@ -66,7 +66,7 @@ class Filed(Sheet):
                 found = "the file was changed by somebody else since it was read"
             remedy = "choose another name, or replace it"
             raise refused(path.name, found, remedy, code="changed-file")
-        document: Opened = self.document
+        document: Opened = self.now.document
         document.save(path)
         self.stamp = _stamp(path)
         moved = document.in_folder(str(path.parent))

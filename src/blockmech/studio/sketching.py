@@ -10,7 +10,7 @@ from __future__ import annotations
 import cmath
 import copy
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from string import ascii_uppercase
 from typing import Any, NamedTuple
@@ -114,19 +114,61 @@ def attached(form: Form, names: Iterable[str], link: str = FRAME) -> Form:
 
 
 def moved(form: Form, places: Mapping[str, complex]) -> Form:
-    """With pins elsewhere on all their links, and whatever pin or guide of theirs stands there."""
+    """With pins elsewhere on all their links, and whatever pin, guide or load stands there.
+
+    A cylinder is swung about its pins and keeps its numbers. Places may be of any type with
+    arithmetic.
+    """
     pins = pins_of(form)
     whole = dict(places)
     for name, z in places.items():
-        here = pins[name]
-        size = max(abs(pin.z - here.z) for pin in pins.values())
-        for other, pin in pins.items():
-            shared = not pin.links or {*pin.links} & {*here.links}
-            if shared and pin.kind and abs(pin.z - here.z) <= SAME * size:
-                whole.setdefault(other, z)
+        for other in standing_at(pins, name):
+            whole.setdefault(other, z)
+    swung = cylinders_of(form)
+    for a, b in dict.fromkeys(ends for ends in swung.values() if {*ends} & whole.keys()):
+        old, new = ([complex(at.get(end, pins[end].z)) for end in (a, b)] for at in ({}, whole))
+        turn = cmath.phase((new[1] - new[0]) * (old[1] - old[0]).conjugate())
+        for link in (link for link, ends in swung.items() if ends == (a, b)):
+            k = (a, b).index(next(end for end in (a, b) if link in pins[end].links))
+            o, e = pose_of(form, link)
+            at = new[k] + (o - old[k]) * cmath.rect(1.0, turn)
+            pose = [at.real, at.imag, cmath.phase(e) + turn]
+            form = with_item(form, ("links", link, "pose"), pose)
     for name, z in whole.items():
-        form = _put(form, name, pins[name], z)
-    return form
+        links = [link for link in pins[name].links if link not in swung]
+        form = _put(form, name, pins[name], z, links)
+    return _loads_put(form, [(pins[name], z) for name, z in whole.items()], swung)
+
+
+def standing_at(pins: Mapping[str, Drawn], name: str) -> list[str]:
+    """The pins and guides at the place of a pin that share a link with it, without itself."""
+    here = pins[name]
+    size = max(abs(pin.z - here.z) for pin in pins.values())
+    return [
+        other
+        for other, pin in pins.items()
+        if other != name
+        and (not pin.links or {*pin.links} & {*here.links})
+        and pin.kind
+        and abs(pin.z - here.z) <= SAME * size
+    ]
+
+
+def cylinders_of(form: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+    """Barrels and rods, with the pins of the two: links that have a pin, and a guide at it."""
+    on = dict[str, list[tuple[str, str, complex]]]()
+    for name, joint in form.get("joints", {}).items():
+        for link, at in zip(joint["links"], joint["at"], strict=True):
+            on.setdefault(link, []).append((name, joint["type"], Place.parse(at).z))
+    ends = dict[str, tuple[str, str]]()  # link -> its guide and its pin
+    for link, held in on.items():
+        kinds = {kind: (name, z) for name, kind, z in held}
+        if link != FRAME and len(held) == 2 and kinds.keys() == {"P", "R"}:
+            (guide, z), (pin, at) = kinds["P"], kinds["R"]
+            if z == at:
+                ends[link] = guide, pin
+    both = {g: [pin for guide, pin in ends.values() if guide == g] for g, _ in ends.values()}
+    return {link: (both[g][0], both[g][1]) for link, (g, _) in ends.items() if len(both[g]) == 2}
 
 
 def dimensioned(form: Form, a: str, b: str, value: float) -> Form:
@@ -147,23 +189,46 @@ def pin_at(form: Form, end: Mapping[str, Any]) -> tuple[Form, str]:
     return (attached(made, [name], end["on"]) if end.get("on") in form["links"] else made), name
 
 
-def _put(form: Form, name: str, pin: Drawn, z: complex) -> Form:
-    """With one pin elsewhere; places on its links that the poses do not bring together stay apart.
+def _put(form: Form, name: str, pin: Drawn, z: complex, links: Sequence[str]) -> Form:
+    """With one pin elsewhere on links; places that the poses do not bring together stay apart.
 
     So only what is moved changes where poses are rounded, and so does no coordinate of a slider.
     """
     marker = ("markers", name, "at")
-    places: dict[Path, Any] = {("links", link, *marker): _on(form, link, z) for link in pin.links}
+    places: dict[Path, Any] = {("links", link, *marker): _on(form, link, z) for link in links}
     if pin.kind:
-        at = list(places.values())
-        for i, (link, given) in enumerate(zip(pin.links, form["joints"][name]["at"], strict=True)):
-            (o, e), local = pose_of(form, link), Place.parse(given).z
-            apart = abs(o + e * local - pin.z) > SAME * (abs(z) + abs(pin.z))
-            if apart or pin.kind == "P":
-                at[i] = xy(local + (z - pin.z) / e)
+        at = list(form["joints"][name]["at"])
+        for link in links:
+            i = pin.links.index(link)
+            (o, e), local = pose_of(form, link), Place.parse(at[i]).z
+            apart = abs(o + e * local - pin.z) > SAME * (abs(complex(z)) + abs(pin.z))
+            at[i] = xy(local + (z - pin.z) / e) if apart or pin.kind == "P" else _on(form, link, z)
         places = {("joints", name, "at"): at}
-    for path, at in (places or {(*LOOSE, name): xy(z)}).items():
+    elif not pin.links:
+        places = {(*LOOSE, name): xy(z)}
+    for path, at in places.items():
         form = with_item(form, path, at)
+    return form
+
+
+def _loads_put(form: Form, put: Sequence[tuple[Drawn, Any]], fixed: Container[str]) -> Form:
+    """With the ends of loads at some pins where these are put, but on links that go as a whole."""
+    for name, load in form.get("loads", {}).items():
+        on = load.get("links") or [load.get("link")]
+        held = load.get("at") if load.get("links") else [load.get("at")]
+        if not held or None in (*held, *on):
+            continue
+        at = list(held)
+        for i, link in enumerate(on):
+            o, e = pose_of(form, link)
+            here = o + e * Place.parse(held[i]).z
+            for pin, z in put:
+                near = abs(here - pin.z) <= SAME * (abs(o) + abs(here))
+                if near and link in pin.links and link not in fixed:
+                    at[i] = _on(form, link, z)
+        if at != held:
+            path = ("loads", name, "at")
+            form = dict(with_item(form, path, at if load.get("links") else at[0]))
     return form
 
 
@@ -411,6 +476,54 @@ def removed(form: Form, names: Iterable[str]) -> Form:
             form = with_item(form, ("loads", load), None)
     links = {link: given for link, given in form["links"].items() if link not in gone}
     return {**form, "links": links, "joints": form.get("joints", {})}
+
+
+def without_link(form: Form, link: str) -> Form:
+    """Without a link and what acts on it; its pins stay, on what else carries them."""
+    if link == FRAME or link not in form["links"]:
+        raise refused(link, "no link is called so, or it is the frame", "choose another link")
+    for name, pin in pins_of(form).items():
+        if link not in pin.links:
+            continue
+        form = driven(form, [name]) if pin.driven else form
+        joint, i = form["joints"].get(name), pin.links.index(link)
+        if joint and len(pin.links) > 2:
+            rest = {key: [x for k, x in enumerate(joint[key]) if k != i] for key in ("links", "at")}
+            form = with_item(form, ("joints", name), {**joint, **rest})
+        elif joint:
+            form = with_item(form, ("joints", name), None)
+            other = pin.links[1 - i]
+            if joint["type"] == "R":
+                marker = {"at": joint["at"][1 - i]}
+                form = with_item(form, ("links", other, "markers", name), marker)
+        else:
+            form = with_item(form, (*LOOSE, name), xy(pin.z))
+    for load, held in form.get("loads", {}).items():
+        if link in (held.get("link"), *(held.get("links") or ())):
+            form = with_item(form, ("loads", load), None)
+    links = {name: x for name, x in form["links"].items() if name != link}
+    return {**form, "links": links, "joints": form.get("joints", {})}
+
+
+def without_item(form: Form, section: str, name: str) -> Form:
+    """Without an item of a section, and what names it."""
+    if section == "links":
+        return without_link(form, name)
+    if section == "joints":
+        return removed(form, [name])
+    if section == "drivers":
+        return _without_drivers(form, [name])
+    if name not in form.get(section, {}):
+        raise refused(name, f"there is none among {section}", "choose it again")
+    return dict(with_item(form, (section, name), None))
+
+
+def posed(form: Form, poses: Mapping[str, Iterable[float]]) -> Form:
+    """With links in other poses [m, m, rad]: the drawing is then of these."""
+    for link, pose in poses.items():
+        if link in form["links"] and link != FRAME:
+            form = with_item(form, ("links", link, "pose"), [float(x) for x in pose])
+    return form
 
 
 def _without_pins(form: Form, names: Iterable[str]) -> Form:

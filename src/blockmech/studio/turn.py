@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -16,13 +16,18 @@ from blockmech.analysis.limits import Limits, limits
 from blockmech.builders import Graph
 from blockmech.compiled import Compiled
 from blockmech.draw.motion import Motion, moves, moves_of_result
+from blockmech.draw.simulation import screen_time
+from blockmech.figures.curves import abscissa
+from blockmech.figures.panels import Abscissa
 from blockmech.ground.errors import BlockmechError, Problem
 from blockmech.mechanism import Mechanism
 from blockmech.model.laws_of_motion import OverRange
+from blockmech.model.spots import marker_place
 from blockmech.result.failures import why_not
 from blockmech.result.samples import DEFAULT_SAMPLES
 from blockmech.studio.edits import without
 
+SECONDS = 3.0  # that a turn is played
 MOST_GROUPS = 24  # of which dead centres are named: `limits` takes up to 50 ms for each
 
 
@@ -206,3 +211,65 @@ def what_moves(form: Mapping[str, Any], failing: Iterable[str], file: str = "") 
             problems = list(error.problems)
         gone = blamed_blocks(form, problems)
     return None
+
+
+# -- as the page gets it ------------------------------------------------------------------
+
+
+def along_of(motion: Motion, degrees: bool) -> Abscissa:
+    """What curves are drawn over, with the dead centres on it."""
+    along = abscissa(motion.result, degrees=degrees)
+    samples = np.arange(len(motion.samples))
+    dead = dead_centres(motion)
+    events = [(float(np.interp(k, samples, along.values)), name) for k, name in dead]
+    return replace(along, events=tuple(events))
+
+
+def motion_data(motion: Motion, home: Mapping[str, float]) -> dict[str, Any]:
+    """Coordinates of all samples, and how far each driver goes."""
+    last = motion.clearest
+    here = {d: float(q[last]) for d, q in motion.q.items()}
+    m, simulated = motion.mechanism, motion.result.motion is not None
+    moved = next((d for d, q in motion.q.items() if np.ptp(q)), "")
+    sliders = {} if simulated else {d: travel(m, d, here) for d in m.drivers}
+    gaps, time = gaps_of(motion), motion.time
+    if not simulated:
+        time = None
+    return {
+        "n": len(motion.samples),
+        "q": {driver: q.tolist() for driver, q in motion.q.items()},
+        "home": dict(home),
+        "moved": moved,
+        "travel": {d: list(ends) for d, ends in sliders.items()},
+        "units": {d: m.structure.driver_joint(d).coordinate_unit for d in m.drivers},
+        "time": None if time is None else time.tolist(),
+        "seconds": SECONDS if time is None else screen_time(float(np.ptp(time))),
+        "forward": bool(simulated or motion.returns),
+        "gaps": [[gap.first, gap.last] for gap in gaps],
+        "why": gaps[0].why if gaps and len(gaps) < len(motion.samples) else "",
+        "events": [[float(k), name] for k, name in dead_centres(motion)],
+    }
+
+
+def poses_of(motion: Motion) -> dict[str, list[list[float | None]]]:
+    """x, y and angle of each link at all samples, for mechanisms without a function for them."""
+    names = motion.mechanism.names
+    if names is None:
+        frames = {str(link): (o, motion.axis[link]) for link, o in motion.origin.items()}
+    else:
+        frames = {
+            name: (
+                motion.at(at.link, marker_place(motion.structure, at.marker)),
+                motion.axis[at.link] * np.exp(1j * at.turn),
+            )
+            for name, at in names.links.items()
+        }
+    return {
+        name: [numbers(x) for x in (o.real, o.imag, np.angle(e))] for name, (o, e) in frames.items()
+    }
+
+
+def numbers(x: Any) -> list[float | None]:
+    """Numbers as JSON has them: none for what is not there."""
+    row = np.asarray(x, float)
+    return [float(v) if np.isfinite(v) else None for v in row.tolist()]

@@ -1,0 +1,190 @@
+"""What is drawn of a document: shapes on links, whose poses the page works out.
+
+Of links and joints everything stands on the links of the document, also before they are a
+mechanism; of blocks on the links of the part that moves. Places are metres in the frame of a
+link, ``[link, x, y]``.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from blockmech.draw.motion import Motion
+from blockmech.draw.sketch import sketch_of
+from blockmech.figures import palette as ink
+from blockmech.figures.paper import shown_name
+from blockmech.ground.values import Place, xy
+from blockmech.model.joints.contents import FRAME
+from blockmech.studio import sketching
+from blockmech.studio.dragging import handles_of
+from blockmech.studio.sketching import Form, cylinders_of, outlines_of, pins_of, pose_of, sides_of
+
+Drawing = dict[str, Any]
+
+
+def of_links(form: Form) -> Drawing:
+    """A form of links and joints where it is drawn."""
+    pins = pins_of(form)
+    outlines, inside = outlines_of(pins), cylinders_of(form)
+    return {
+        "fixed": FRAME,
+        "poses": {link: _pose(form, link) for link in (FRAME, *outlines)},
+        "pins": [_pin(form, name, inside) for name in pins],
+        "links": [
+            {"name": link, "fill": fill_of(i), "ends": ends, "slim": link in inside}
+            for i, (link, ends) in enumerate(outlines.items())
+        ],
+        "dimensions": list(
+            dict.fromkeys(pair for ends in outlines.values() for pair in sides_of(ends))
+        ),
+        "loads": list(_loads(form)),
+        "wheels": [wheel for c in form.get("couplings", {}).items() for wheel in _wheels(form, *c)],
+    }
+
+
+def fill_of(i: int) -> str:
+    """The colour of a link."""
+    return ink.LINK_FILLS[i % len(ink.LINK_FILLS)]
+
+
+def _pose(form: Form, link: str) -> list[float]:
+    o, e = pose_of(form, link)
+    return [o.real, o.imag, cmath.phase(e)]
+
+
+def _pin(form: Form, name: str, inside: Mapping[str, Any]) -> Drawing:
+    """A pin on the link that has its point; a slide also with its guide on the other one."""
+    drawn = pins_of(form)[name]
+    joint = form.get("joints", {}).get(name)
+    guide, at = None, [FRAME, *xy(drawn.z)]
+    if joint:
+        i = int(joint.get("slider", 1)) if joint["type"] == "P" else 0
+        at = _spot(joint["links"][i], joint["at"][i])
+        if joint["type"] == "P":
+            other = 1 - i
+            o = pose_of(form, joint["links"][other])[1]
+            turn = sketching.guide_of(form, name) - cmath.phase(o)
+            hidden = {*joint["links"]} <= inside.keys()
+            on = _spot(joint["links"][other], joint["at"][other])
+            guide = {"at": on, "angle": turn, "hidden": hidden}
+    elif drawn.links:
+        link = drawn.links[0]
+        at = _spot(link, form["links"][link]["markers"][name]["at"])
+    return {
+        "name": name,
+        "at": at,
+        "links": list(drawn.links),
+        "ground": FRAME in drawn.links,
+        "guide": guide,
+        "driven": drawn.driven,
+        "kind": drawn.kind,
+    }
+
+
+def _spot(link: str, at: Any) -> list[Any]:
+    return [link, *xy(Place.parse(at).z)]
+
+
+def _loads(form: Form) -> Iterator[Drawing]:
+    """Forces with their places, springs with their ends."""
+    for name, load in form.get("loads", {}).items():
+        links = load.get("links") or [load.get("link")]
+        held = load.get("at")
+        if held is None or None in links:
+            continue
+        places = held if load.get("links") else [held]
+        force = load.get("force") if load["type"] == "force" else None
+        if load["type"] != "force" or isinstance(force, list):
+            ends = [_spot(*end) for end in zip(links, places, strict=False)]
+            yield {"name": name, "ends": ends, "force": force}
+
+
+def _wheels(form: Form, name: str, held: Form) -> Iterator[Drawing]:
+    """The pitch circles of two wheels, of a pinion, or the base circle of a cam."""
+    pins, of = pins_of(form), form.get("drivers", {})
+    ends = [of.get(held.get(end), {}).get("joint") for end in ("driver", "driven")]
+    if not all(end in pins for end in ends):
+        return
+    apart, radii = abs(pins[ends[1]].z - pins[ends[0]].z), [0.0, 0.0]
+    if "teeth" in held:
+        radii = [apart * abs(z) / sum(map(abs, held["teeth"])) for z in held["teeth"]]
+    elif "radii" in held:
+        radii = held["radii"]
+    elif held["type"] == "rack":
+        radii = [held["radius"] * (pins[end].kind == "R") for end in ends]
+    elif held["type"] == "cam":
+        radii = [apart - held.get("roller", 0.0), held.get("roller", 0.0)]
+    for end, radius in zip(ends, radii, strict=True):
+        if radius > 0:
+            turns = next((x for x in pins[end].links if x != FRAME), FRAME)
+            yield {"name": name, "pin": end, "radius": radius, "link": turns}
+
+
+def of_blocks(motion: Motion) -> Drawing:
+    """The part of a diagram that moves, link by link as the printed pictures have it."""
+    s, sketch = motion.structure, sketch_of(motion)
+    held, k = handles_of(motion, sketch), motion.clearest
+    driven = {str(ref) for ref in s.driven.values()}
+
+    def spot(link: Any, z: complex) -> list[Any]:
+        return [str(link), *xy(complex(z))]
+
+    pins: list[Drawing] = [
+        {
+            "name": pin.names[0],
+            "at": spot(*pin.spot),
+            "ground": pin.grounded,
+            "guide": None,
+            "driven": bool({*pin.names} & driven),
+        }
+        for pin in sketch.pins
+    ]
+    for x in sketch.sliders:
+        guide = {"at": spot(*x.guide), "angle": cmath.phase(x.direction), "hidden": x.inside}
+        guide["ends"] = [spot(x.guide.link, x.end(which)) for which in (0, 1)]
+        pins.append(
+            {
+                "name": x.name,
+                "at": spot(*x.point),
+                "ground": False,
+                "guide": guide,
+                "driven": x.name in driven,
+            }
+        )
+    drawn = {pin["name"] for pin in pins}
+    pins += [
+        {"name": name, "at": spot(*at), "ground": False, "guide": None, "driven": False}
+        for name, at in held.items()
+        if name not in drawn
+    ]
+    for pin in pins:
+        pin |= {"links": [], "kind": "R", "held": pin["name"] in held}
+        pin["label"] = shown_name(pin["name"])
+    return {
+        "fixed": str(s.frame_link),
+        "poses": {
+            str(link): [*xy(complex(o[k])), cmath.phase(complex(motion.axis[link][k]))]
+            for link, o in motion.origin.items()
+        },
+        "pins": pins,
+        "links": [
+            {
+                "name": str(body.link),
+                "fill": fill_of(i),
+                "ends": [spot(body.link, z) for z in body.outline],
+                "slim": body.width < 1,
+            }
+            for i, body in enumerate(sketch.bodies)
+        ],
+        "dimensions": [],
+        "loads": [
+            {"name": load.name, "ends": [spot(*x) for x in load.spots], "force": None}
+            for load in sketch.loads
+        ],
+        "wheels": [
+            {"name": w.name, "link": str(w.link), "points": [xy(z) for z in w.points]}
+            for w in sketch.wheels
+        ],
+    }

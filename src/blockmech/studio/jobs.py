@@ -1,0 +1,115 @@
+"""Long work beside the server: in a process of its own, which can be ended at any time.
+
+A job is a question in plain data; its answer comes with all that was said on the way. One process
+works for all sheets, one job after the other; *Stop* ends it, and the next job begins another.
+"""
+
+from __future__ import annotations
+
+import pickle
+import secrets
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from threading import Condition, Lock, Thread
+from typing import Any
+
+KEPT = 32  # jobs that are over
+Answer = dict[str, Any]
+
+
+class Job:
+    """A question that is being answered.
+
+    Attributes
+    ----------
+    state : "waiting", "running", "done", "failed" or "stopped"
+    said : what it does now, or why it failed
+    answer : once it is done
+    """
+
+    def __init__(self, task: Mapping[str, Any]) -> None:
+        self.id, self.task = secrets.token_hex(6), task
+        self.state, self.said = "waiting", ""
+        self.answer: Answer | None = None
+        self.changed = Condition()
+        self.turns = 0  # how often it has changed
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing more will come."""
+        return self.state in ("done", "failed", "stopped")
+
+    def tell(self, state: str, said: str = "", answer: Answer | None = None) -> None:
+        """Change, unless it is over; who waits for it wakes up."""
+        with self.changed:
+            if not self.over:
+                self.state, self.said, self.answer = state, said, answer
+                self.turns += 1
+                self.changed.notify_all()
+
+    def wait(self, seen: int, seconds: float) -> bool:
+        """Wait until it has changed more than ``seen`` times; whether it has."""
+        with self.changed:
+            return self.changed.wait_for(lambda: self.turns > seen, seconds)
+
+
+class Jobs:
+    """The jobs of a server, and the process that works for them."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.jobs = folder, dict[str, Job]()
+        self._busy = Lock()
+        self._process: Any = None
+
+    def begin(self, task: Mapping[str, Any]) -> Job:
+        """Ask for work; the answer comes in its own time."""
+        for key in [key for key, job in self.jobs.items() if job.over][:-KEPT]:
+            del self.jobs[key]
+        job = Job(task)
+        self.jobs[job.id] = job
+        Thread(target=self._work, args=(job,), daemon=True).start()
+        return job
+
+    def stop(self, job: Job) -> None:
+        """End a job, and the process that works on it."""
+        running = job.state == "running"
+        job.tell("stopped", "stopped")
+        if running:
+            self.end()
+
+    def end(self) -> None:
+        """End the process."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.wait()
+
+    def _work(self, job: Job) -> None:
+        with self._busy:
+            if job.over:
+                return
+            process = self._worker()
+            try:
+                job.tell("running", job.task["title"])
+                pickle.dump(dict(job.task), process.stdin)
+                process.stdin.flush()
+                while not job.over:
+                    job.tell(*pickle.load(process.stdout))
+            except (EOFError, OSError, pickle.UnpicklingError):
+                job.tell("failed", "the process that worked on it has ended")
+            if self._process is not process or process.poll() is not None:
+                for stream in (process.stdin, process.stdout):
+                    with suppress(OSError):
+                        stream.close()
+            elif job.state == "stopped":
+                self.end()  # it has not heard of it
+
+    def _worker(self) -> Any:
+        """A process that waits for work."""
+        if self._process is None or self._process.poll() is not None:
+            command = [sys.executable, "-m", "blockmech.studio.worker", str(self.folder)]
+            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        return self._process

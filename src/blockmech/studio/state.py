@@ -1,0 +1,111 @@
+"""What the page is told of a sheet: its document as drawing, motion, problems and numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from blockmech.builders import Linkage
+from blockmech.draw.motion import Motion
+from blockmech.ground.errors import BlockmechError
+from blockmech.model.joints.closing import coordinate
+from blockmech.model.joints.layout import Layout
+from blockmech.studio import drawing
+from blockmech.studio.document import Revision, Sheet
+from blockmech.studio.turn import motion_data, shown_motion
+
+FIRST = {
+    "joints": "Drag on the sheet to draw the first link.",
+    "blocks": "Add a frame and a crank, then wire the crank to a marker of the frame.",
+}
+SENTENCES = 3  # problems that are said at once
+
+
+class Shown:
+    """What follows from a revision for the page; worked out once, when it is first asked for.
+
+    ``motion`` is that of a turn of the drivers, or of one of them from where others were put.
+    """
+
+    def __init__(self, now: Revision, moved: str = "", at: Mapping[str, float] | None = None):
+        self.now, self.said = now, ""
+        self.motion: Motion | None = None
+        if not now.empty:
+            try:
+                self.motion, self.said = shown_motion(
+                    now.form, now.mechanism, now.problems, moved, at or {}, now.document.file
+                )
+            except BlockmechError as error:
+                self.said = str(error)
+
+    def data(self) -> dict[str, Any]:
+        """The drawing with its motion and functions."""
+        now, motion = self.now, self.motion
+        links = isinstance(now.document, Linkage)
+        made: dict[str, Any] = {
+            "kind": "joints" if links else "blocks",
+            "drawing": drawing.of_links(now.form) if links else None,
+            "motion": None,
+            "said": self.said,
+        }
+        if motion is not None:
+            if not links:
+                made["drawing"] = drawing.of_blocks(motion)
+            made["motion"] = motion_data(motion, self._home())
+        return made
+
+    def _home(self) -> dict[str, float]:
+        """Where the drivers are in the pose of the drawing."""
+        document, motion = self.now.document, self.motion
+        assert motion is not None
+        if isinstance(document, Linkage):
+            layout = Layout.of(document)
+            return {d: float(coordinate(layout.given, layout.pairs[p]))
+                    for p, d in layout.drivers.items()}  # fmt: skip
+        return {driver: float(q[motion.clearest]) for driver, q in motion.q.items()}
+
+
+def state_of(sheet: Sheet, shown: Shown) -> dict[str, Any]:
+    """All that the page shows of a sheet but answers."""
+    now = sheet.now
+    return {
+        "revision": now.number,
+        "name": now.form["name"],
+        "title": now.form.get("title", ""),
+        "file": sheet.path.relative_to(sheet.folder).as_posix() if sheet.path else "",
+        "saved": sheet.saved,
+        "undoable": sheet.undoable,
+        "redoable": sheet.redoable,
+        "problems": [problem.to_dict() for problem in now.problems],
+        "status": status_of(now),
+        "empty": now.empty,
+        "outputs": [] if shown.motion is None else list(shown.motion.mechanism.outputs),
+        "drives": drives_of(shown.motion),
+        "parameters": [] if now.mechanism is None else _numbers_of(now),
+        **shown.data(),
+    }
+
+
+def status_of(now: Revision) -> str:
+    """What the sheet is, or what comes next, in a line."""
+    links = isinstance(now.document, Linkage)
+    if now.empty:
+        return FIRST["joints" if links else "blocks"]
+    if now.problems:
+        said = [". ".join(filter(None, (p.found, p.remedy))) for p in now.problems[:SENTENCES]]
+        return "Next: " + " ".join(f"{p.where}: {x}." for p, x in zip(now.problems, said))  # noqa: B905
+    return now.formation.replace("->", "→")
+
+
+def _numbers_of(now: Revision) -> list[str]:
+    mechanism: Any = now.mechanism
+    return [address for address, number in mechanism.parameters().items() if number.value]
+
+
+def drives_of(motion: Motion | None) -> list[str]:
+    """What moves the drivers: the outputs that are shown where none are chosen."""
+    if motion is None:
+        return []
+    m = motion.mechanism
+    drives = (m._of_driver(d, "drive") for d in m.drivers)
+    return [name for name in drives if name in m.outputs]

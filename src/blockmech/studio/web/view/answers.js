@@ -1,0 +1,188 @@
+// What is asked and what is answered: curves, motions, margins, analyses, synthesis.
+
+import { Refused, ask, save, stream } from "../api.js";
+import { signed } from "../lib/quantity.js";
+import { asked, edit, follow, recompute, say, set, showPose, store } from "../state.js";
+import { drawCurves, pointAll } from "./curves.js";
+import { button, element, field, options, tabs } from "./dom.js";
+
+const FRICTIONS = ["newton", "successive", "single", "none"];
+const ACCURACIES = ["1e-3", "1e-6", "1e-9", "1e-12"];
+
+/** @type {{id: string, source: EventSource} | null} */
+let running = null;
+
+/** Whether a job is under way, and its end. */
+export const job = {
+  /** @param {object} task @param {(answer: any, id: string) => void} done @param {(said: string) => void} told */
+  async begin(task, done, told) {
+    if (running) return void say("one thing after the other: Stop ends what is under way", true);
+    const { job: id } = await ask(`documents/${store.id}/jobs`, { ...asked(), pose: store.pose ?? 0, simulated: store.simulated, ...task });
+    const source = stream(`jobs/${id}/events`, ({ state, said, answer }) => {
+      told(said);
+      if (!["done", "failed", "stopped"].includes(state)) return;
+      source.close();
+      running = null;
+      show();
+      if (state === "done") done(answer, id);
+    });
+    running = { id, source };
+    show();
+  },
+  async stop() {
+    if (running) await ask(`jobs/${running.id}`, undefined, "DELETE");
+  },
+};
+/** @type {HTMLButtonElement[]} */
+const stops = [];
+const show = () => stops.forEach((stop) => (stop.hidden = !running));
+
+/** A button that ends what is under way. @param {HTMLElement} parent */
+export function stopButton(parent) {
+  const stop = button(parent, "Stop", job.stop, "end what is under way");
+  stop.className = "stop";
+  stops.push(stop);
+  show();
+  return stop;
+}
+
+/** A picture from the server, in which no script runs. @param {HTMLElement} parent @param {string} svg @param {string} alt */
+function picture(parent, svg, alt) {
+  const made = element(parent, "img");
+  made.alt = alt;
+  made.src = URL.createObjectURL(new Blob([svg], { type: "image/svg+xml" }));
+  made.addEventListener("load", () => URL.revokeObjectURL(made.src));
+  return made;
+}
+
+/** @param {HTMLElement} parent @param {{analyses: Record<string, string>, formats: Record<string, string[]>}} about */
+export function answersView(parent, about) {
+  const pages = Object.fromEntries(["Curves", "Motion", "Margins", "Analyses", "Synthesis"].map((name) => [name, document.createElement("div")]));
+  const { row } = tabs(parent, pages, () => set({ curves: store.curves }));
+  const said = element(row, "span", "said");
+  said.setAttribute("role", "status");
+  stopButton(row);
+  const tell = (/** @type {string} */ text) => { said.textContent = text; said.title = text; };
+
+  // -- curves ----------------------------------------------------------------------------------
+  const choices = element(pages.Curves, "div", "choices");
+  const find = field(choices, "Add an output", "input");
+  const list = element(choices, "datalist");
+  list.id = "outputs";
+  find.input.setAttribute("list", "outputs");
+  find.input.placeholder = "part of its name";
+  const friction = field(choices, "Friction", "select");
+  const accuracy = field(choices, "Accuracy", "select");
+  options(friction.input, FRICTIONS.map((name) => [name, name]), "newton");
+  options(accuracy.input, [["", "default"], ...ACCURACIES.map((x) => /** @type {[string, string]} */ ([x, x]))], "");
+  const chips = element(pages.Curves, "div", "chips");
+  const drawn = element(pages.Curves, "div", "plots");
+  const note = element(pages.Curves, "p", "note");
+  const margins = element(pages.Margins, "div", "plots");
+  find.input.addEventListener("change", () => {
+    const name = find.input.value;
+    if (!store.sheet?.outputs.includes(name)) return;
+    find.input.value = "";
+    set({ names: [...new Set([...store.names, name])] });
+    recompute();
+  });
+  find.input.addEventListener("input", () => {
+    const word = find.input.value.toLowerCase();
+    list.replaceChildren();
+    for (const name of (store.sheet?.outputs ?? []).filter((n) => n.toLowerCase().includes(word)).slice(0, 24)) element(list, "option").value = name;
+  });
+  friction.input.addEventListener("change", () => { set({ friction: friction.input.value }); recompute(); });
+  accuracy.input.addEventListener("change", () => { set({ accuracy: accuracy.input.value }); recompute(); });
+  follow(["names", "sheet"], ({ names }) => {
+    chips.replaceChildren();
+    for (const name of names) button(chips, `${name} \u00d7`, () => { set({ names: store.names.filter((n) => n !== name) }); recompute(); }, `hide ${name}`);
+  });
+  const redraw = () => {
+    const { curves } = store;
+    if (!pages.Curves.hidden) drawCurves(drawn, curves?.panels ?? [], curves?.along ?? null);
+    if (!pages.Margins.hidden) drawCurves(margins, curves?.margins ?? [], curves?.along ?? null);
+    note.textContent = curves?.said ?? "";
+  };
+  follow(["curves", "units"], redraw);
+  let width = 0;
+  new ResizeObserver(() => {
+    if (parent.clientWidth && parent.clientWidth !== width) { width = parent.clientWidth; redraw(); }
+  }).observe(parent);
+  const values = element(pages.Curves, "dl", "values");
+  follow(["curves", "pose"], ({ curves, pose }) => {
+    pointAll(drawn);
+    pointAll(margins);
+    values.replaceChildren();
+    if (pose === null) return;
+    for (const panel of curves?.panels ?? [])
+      for (const [name, row] of panel.curves) {
+        element(values, "dt", "", name);
+        element(values, "dd", "", row[pose] === null || row[pose] === undefined ? "none" : `${signed(Number(row[pose]), 6)} ${panel.unit}`);
+      }
+  });
+
+  // -- margins, motion -------------------------------------------------------------------------
+  const until = field(pages.Motion, "Simulate until", "input");
+  until.input.value = "time=2";
+  const acts = element(pages.Motion, "div", "row");
+  button(acts, "Simulate", () => job.begin({ what: "simulate", until: until.input.value }, (answer) => {
+    set({ motion: answer.motion, curves: answer.curves, simulated: true, playing: true });
+    showPose(0);
+    motion.textContent = answer.text;
+  }, tell), "move the mechanism under its loads, from the pose that is shown");
+  button(acts, "Turn", () => { set({ motion: store.sheet?.motion ?? null, curves: store.sheet?.curves ?? null, simulated: false }); showPose(0); }, "back to the turn of the drivers");
+  const motion = element(pages.Motion, "p", "note");
+  motion.setAttribute("role", "status");
+
+  // -- analyses --------------------------------------------------------------------------------
+  const asking = element(pages.Analyses, "div", "row");
+  const number = field(asking, "Number", "select");
+  const share = field(asking, "\u00b1 [%]", "input");
+  share.input.value = "10";
+  const title = element(pages.Analyses, "h3");
+  const text = element(pages.Analyses, "pre");
+  text.tabIndex = 0;
+  const image = element(pages.Analyses, "div", "picture");
+  for (const [name, words] of Object.entries(about.analyses)) button(asking, name, () => {
+    [title.textContent, text.textContent] = [`${name}: ${words}`, ""];
+    image.replaceChildren();
+    job.begin({ what: name, number: number.input.value, share: Number(share.input.value.replace(",", ".")) || 10 }, (answer) => {
+      text.textContent = answer.text;
+      image.replaceChildren();
+      if (answer.picture) picture(image, answer.picture, `${name}, as a picture`);
+    }, (now) => { tell(now); if (now && now !== `${name} ...`) text.textContent = now; });
+  }, words);
+  follow(["sheet"], ({ sheet }) => {
+    const names = sheet?.parameters ?? [];
+    options(number.input, [["", ""], ...names.map((n) => /** @type {[string, string]} */ ([n, n]))], names.includes(number.input.value) ? number.input.value : "");
+  });
+
+  // -- synthesis -------------------------------------------------------------------------------
+  element(pages.Synthesis, "p", "note", "Draw what is wanted with links and joints, three or more of a kind: points of a path (a click each with the tool Link, in their order), or positions of a body (a lone link each).");
+  button(pages.Synthesis, "Candidates", () => {
+    cards.replaceChildren();
+    job.begin({ what: "synthesis" }, ({ designs, text: none }) => {
+      if (none) element(cards, "p", "", none);
+      designs.forEach((/** @type {{words: string, picture: string, form: object}} */ design, /** @type {number} */ k) => {
+        const card = element(cards, "div", "card");
+        picture(card, design.picture, `candidate ${k + 1}`);
+        element(card, "p", "", design.words);
+        button(card, `Take ${k + 1}`, () => edit({ act: "take", form: design.form }));
+      });
+    }, tell);
+  });
+  const cards = element(pages.Synthesis, "div", "cards");
+}
+
+/** Write a file, in a process of its own, and let the browser save it. @param {string} kind @param {(said: string) => void} tell */
+export async function exportAs(kind, tell) {
+  try {
+    await job.begin({ what: "export", kind }, (answer, id) => {
+      save(new URL(`api/jobs/${id}/file`, document.baseURI).href, answer.name);
+      tell(`exported ${kind}`);
+    }, tell);
+  } catch (error) {
+    if (error instanceof Refused) tell(error.words);
+    else throw error;
+  }
+}

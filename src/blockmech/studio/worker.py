@@ -1,0 +1,99 @@
+"""The process that answers long questions for the server: started by `blockmech.studio.jobs`.
+
+Tasks come on its standard input, and what it says goes to its standard output, both pickled.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import sys
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from blockmech.builders import read_text
+from blockmech.ground.errors import BlockmechError, Problem
+from blockmech.model.subgraph import Resolver, resolving
+from blockmech.studio import answers
+from blockmech.studio.document import Revision
+from blockmech.studio.gallery import picture_of
+
+Answer = dict[str, Any]
+
+
+def work(folder: str) -> None:
+    """What the process does: answer one task after the other, until nobody asks any more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a Ctrl-C is the server's
+    if hasattr(os, "nice"):
+        os.nice(5)  # the page comes first
+    tasks, out = sys.stdin.buffer, sys.stdout.buffer
+    sys.stdout = sys.stderr  # whatever is printed is no answer
+    answerer = Answerer(Path(folder))
+
+    def tell(state: str, said: str = "", answer: Answer | None = None) -> None:
+        pickle.dump((state, said, answer), out)
+        out.flush()
+
+    def told(what: str, reached: float = 0, whole: float | None = None) -> None:
+        tell("running", what + (f" {reached:.4g} of {whole:.4g}" if whole else ""))
+
+    while True:
+        try:
+            task = pickle.load(tasks)
+        except EOFError:
+            return
+        try:
+            tell("done", "", answerer.answer(task, told))
+        except BlockmechError as error:
+            tell("failed", said_of(error))
+        except Exception as error:  # whatever it is, the next task is answered
+            traceback.print_exc()
+            tell("failed", f"an error of blockmech, see the server's window: {error!r}")
+
+
+def said_of(error: BlockmechError) -> str:
+    """An error as a sentence, with what mends it on the page."""
+    problems: tuple[Problem, ...] = error.problems
+    hint = "Masses gives links the mass of bars." if problems[0].code == "no-inertia" else ""
+    return " ".join(filter(None, (str(error), hint)))
+
+
+class Answerer:
+    """Answers tasks, and remembers the last motion under loads of each sheet."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.simulated = dict[str, tuple[str, Any]]()  # sheet -> text of its document, motion
+
+    def answer(self, task: Mapping[str, Any], report: Callable[..., None]) -> Answer:
+        """The answer of a task. Raises `BlockmechError` for what has none."""
+        if task["what"] == "picture":
+            return {"name": task["kind"], "data": picture_of(task["kind"])}
+        with resolving(Resolver(str(self.folder))):
+            document = read_text(task["text"], task["file"])
+            now = Revision(task["revision"], document.to_data(), document)
+            text, motion = self.simulated.get(task["sheet"], ("", None))
+            known = motion if task.get("simulated") and text == task["text"] else None
+            ask = answers.Question.of(now, task, report=report, simulated=known)
+            what = task["what"]
+            if what == "simulate":
+                ask = replace(ask, simulated=None)
+                motion, made = answers.simulation(ask)
+                self.simulated = {task["sheet"]: (task["text"], motion)}
+                return made
+            if what == "export":
+                name, data = answers.exported(task["kind"], ask)
+                return {"name": name, "data": data}
+            if what == "synthesis":
+                return answers.synthesis(ask)
+            if what == "curves":
+                return answers.curves(ask)
+            return answers.analysis(ask, what)
+
+
+if __name__ == "__main__":
+    work(sys.argv[1])

@@ -1,0 +1,49 @@
+"""What a hand does to a sheet, without a browser: acts, and what is said to them."""
+
+from blockmech.ground.errors import BlockmechError
+from blockmech.studio import sketching, state
+from blockmech.studio.acts import acted
+from blockmech.studio.answers import Question
+from blockmech.studio.files import Filed
+
+
+class Hand:
+    """A sheet under a hand; ``said`` is the last refusal, or what the sheet is."""
+
+    def __init__(self, document=None, folder=None):
+        self.sheet = Filed(document, folder)
+        self.said = ""
+
+    @property
+    def form(self):
+        return self.sheet.form
+
+    @property
+    def problems(self):
+        return self.sheet.now.problems
+
+    @property
+    def mechanism(self):
+        return self.sheet.now.mechanism
+
+    @property
+    def drawn(self):
+        return sketching.pins_of(self.form)
+
+    def do(self, act, **asked):
+        try:
+            self.sheet.change(*acted(self.sheet.now, {"act": act, **asked}))
+        except BlockmechError as error:
+            self.said = str(error)
+        else:
+            self.said = state.status_of(self.sheet.now)
+
+    def act(self, name, *pins, **more):
+        self.do(name, pins=list(pins), **more)
+
+    def add(self, *places):
+        for z in places:
+            self.do("pin", at=[complex(z).real, complex(z).imag])
+
+    def ask(self, **data):
+        return Question.of(self.sheet.now, data)

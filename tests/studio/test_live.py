@@ -1,0 +1,135 @@
+"""What the page works out itself is what Python says: poses, and numbers that follow a drag."""
+
+import json
+import random
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blockmech as bm
+from blockmech.builders import opened
+from blockmech.studio import sketching
+from blockmech.studio.live import live
+from blockmech.studio.turn import poses_of, shown_motion
+from blockmech.testing.graph_files import gallery
+
+NODE = shutil.which("node")
+WEB = Path(bm.studio.__file__).parent / "web"
+JOINTS = [name for name in gallery() if name.startswith("joints/")]
+ON_THE_SERVER = {  # whose groups have no closed form and a driver inside
+    "joints/floating_drive_press",
+    "joints/scissor_lift",
+}
+REFUSED = {"joints/planetary_hoist"}  # whose wheels mesh where they stand alone
+EVERY = 60  # of the samples
+
+pytestmark = pytest.mark.skipif(NODE is None, reason="there is no Node")
+
+SCRIPT = """
+import { readFileSync } from "node:fs";
+import { Live } from "%s/lib/live.js";
+const { kernel, data, rows, places } = JSON.parse(readFileSync(process.argv[2], "utf-8"));
+const made = new Live(await import(kernel), data);
+if (places) made.move(places);
+console.log(JSON.stringify(rows.map((q) => made.poses(q))));
+"""
+
+
+def in_the_page(folder, made, rows, places=None):
+    """Poses of links [x, y, cos, sin] at rows of coordinates, worked out by Node."""
+    kernel, script, given = (folder / name for name in ("k.mjs", "run.mjs", "given.json"))
+    kernel.write_text(made.text, encoding="utf-8")
+    script.write_text(SCRIPT % WEB.as_posix(), encoding="utf-8")
+    asked = {"kernel": kernel.as_uri(), "data": made.data(), "rows": rows, "places": places}
+    given.write_text(json.dumps(asked), encoding="utf-8")
+    done = subprocess.run([NODE, script, given], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def rows_of(motion):
+    """Coordinates at some samples, in which all links stand."""
+    some = [k for k in range(0, len(motion.samples), EVERY) if motion.feasible[k]]
+    return some, [{d: float(q[k]) for d, q in motion.q.items()} for k in some]
+
+
+def compare(found, motion, some, size):
+    there = poses_of(motion)
+    for row, k in zip(found, some, strict=True):
+        for link, (x, y, angle) in there.items():
+            one = np.array([x[k], y[k], np.cos(angle[k]), np.sin(angle[k])])
+            scale = np.array([size, size, 1.0, 1.0])
+            assert np.abs((np.array(row[link]) - one) / scale).max() < 1e-12, (link, k)
+
+
+def motion_of(document, mechanism):
+    motion, _ = shown_motion(document.to_data(), mechanism, (), "", {})
+    return motion
+
+
+def size_of(motion):
+    return max(float(np.nanmax(np.abs(z))) for z in motion.origin.values())
+
+
+@pytest.mark.parametrize("name", ["excavator", "watt_sixbar", "valve_engine", "stephenson_3_triad"])
+def test_poses_of_blocks_are_those_of_a_run(name, tmp_path):
+    document = opened(gallery()[name])
+    mechanism = document.compile()
+    motion = motion_of(document, mechanism)
+    some, rows = rows_of(motion)
+    found = in_the_page(tmp_path, live(document, mechanism), rows)
+    compare(found, motion, some, size_of(motion))
+
+
+@pytest.mark.parametrize("name", [name for name in JOINTS if name not in ON_THE_SERVER | REFUSED])
+def test_what_is_seen_while_all_pins_are_dragged_is_what_is_committed(name, tmp_path):
+    """All pins a little elsewhere: numbers as the page has them, and a document compiled."""
+    document = opened(gallery()[name])
+    made = live(document, document.compile())
+    form = document.to_data()
+    pins = sketching.pins_of(form)
+    size = max(abs(a.z - b.z) for a in pins.values() for b in pins.values())
+    shake, to = random.Random(name), {}
+    for pin, i in made.pins.items():
+        known = next((to[p] for p, k in made.pins.items() if k == i and p in to), None)
+        off = 0.004 * size * complex(shake.uniform(-1, 1), shake.uniform(-1, 1))
+        to[pin] = known if known is not None else pins[pin].z + off
+    assert made.pins.keys() == pins.keys()
+    other = bm.Linkage.from_data(sketching.moved(form, to))
+    mechanism = other.compile()
+    motion = motion_of(other, mechanism)
+    some, rows = rows_of(motion)
+    places = {pin: [z.real, z.imag] for pin, z in to.items()}
+    found = in_the_page(tmp_path, made, rows, places)
+    compare(found, motion, some, size_of(motion))
+
+
+@pytest.mark.parametrize("name", sorted(ON_THE_SERVER))
+def test_what_the_page_cannot_follow_it_says(name):
+    document = opened(gallery()[name])
+    made = live(document, document.compile())
+    assert made is None or made.pins == {}
+
+
+def test_lengths_and_masses_change_no_text():
+    document = opened(gallery()["joints/watt_sixbar"])
+    form, texts = document.to_data(), set()
+    for k in range(1, 6):
+        z = sketching.pins_of(form)["C"].z + 0.01 * k + 0.007j * k
+        other = bm.Linkage.from_data(sketching.moved(form, {"C": z}))
+        texts.add(live(other, other.compile()).data()["hash"])
+    assert len(texts) == 1
+
+
+def test_a_pin_dragged_off_the_axis_of_a_cylinder_turns_its_guide_with_it():
+    form = opened(gallery()["joints/excavator"]).to_data()
+    moved = sketching.moved(form, {"arm_cylinder_foot": 2.5 + 1.6j})
+    assert moved["joints"]["arm_cylinder"] == form["joints"]["arm_cylinder"]
+    made = bm.Linkage.from_data(moved)
+    assert str(made.decompose().formation).count("II cylinder") == 3
+    assert sketching.pins_of(moved)["arm_cylinder"].z == pytest.approx(2.5 + 1.6j, abs=1e-3)
+    before, after = (sketching.guide_of(f, "arm_cylinder") for f in (form, moved))
+    assert after != pytest.approx(before, abs=1e-3)

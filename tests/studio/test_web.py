@@ -1,0 +1,39 @@
+"""The page's own modules: types, and tests that Node runs."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import blockmech as bm
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+WEB = Path(bm.studio.__file__).parent / "web"
+TSC = ROOT / ".ci" / "node_modules" / ".bin" / "tsc"
+NODE = shutil.which("node")
+
+
+@pytest.mark.skipif(NODE is None, reason="there is no Node")
+def test_the_pure_modules_by_node():
+    done = subprocess.run(
+        [NODE, "--test", HERE / "web" / "lib.test.mjs"], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout[-3000:]
+
+
+@pytest.mark.skipif(not TSC.exists(), reason="TypeScript is not installed: see .ci/run")
+def test_types_of_the_page():
+    done = subprocess.run([TSC, "-p", WEB / "tsconfig.json"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+def test_nothing_of_the_page_comes_from_elsewhere_or_is_markup():
+    for path in WEB.rglob("*.*"):
+        text = path.read_text("utf-8")
+        assert "innerHTML" not in text, path
+        assert "eval(" not in text, path
+        outside = text.replace("http://www.w3.org/2000/svg", "")
+        assert "http://" not in outside, path
+        assert "https://" not in outside, path
