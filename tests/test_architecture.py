@@ -53,8 +53,8 @@ NEEDED_IN = {
 
 def imports(name, late):
     """Names of the modules that a module imports when it is loaded, or, ``late``, ever."""
-    tree = trees()[name]
-    for node in ast.walk(tree) if late else statements(tree.body):
+    loaded = statements(trees()[name].body)  # for types it may look anywhere
+    for node in (x for one in loaded for x in ast.walk(one)) if late else loaded:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
