@@ -171,7 +171,7 @@ def test_comparison_of_different_samples_is_refused():
 
 @EACH_ENGINE
 def test_rerun_gives_other_outputs_of_the_same_run(engine):
-    settings = {"friction": "successive", "iterations": 2}
+    settings = {"friction": bm.Successive(iterations=2)}
     run = ruiz().run(at=[1.0, 2.0], want="crank.drive", engine=engine, **settings)
     again = run.rerun("dyad.C.reaction", "crank.drive")
     assert again.settings == run.settings

@@ -231,7 +231,7 @@ def test_a_document_of_links_and_joints_has_its_own_names():
     [
         ({"want": ["crank.torque"]}, "no output has that name"),
         ({"scale": -1.0}, "not a row of numbers that are 0 or above"),
-        ({"at": "up"}, "not a row of numbers"),
+        ({"at": "up"}, "is not a number with a unit"),
     ],
 )
 def test_mistakes_are_one_message(asked, said):

@@ -159,15 +159,15 @@ def pairs_of(*offs):
     def run(off, states):
         track = SimpleNamespace(state=lambda t: State(t * (1 + off), 1 + off + 0 * t))
         cost = Cost(states=states)
-        return Motion("any", "", 0.0, 1.0, 1 + off, 1 + off, track, None, cost=cost)
+        return Motion("any", "", 0.0, 1.0, 1 + off, 1 + off, track, None, error=math.inf, cost=cost)
 
-    return lambda _: (run(next(left), 0), run(next(left), 100))
+    return lambda _, halves: run(next(left), 100 if halves else 0)
 
 
 @pytest.mark.parametrize(("offs", "off"), [((4e-4, 0.0, 4e-6, 1e-7), 1e-7), ((4e-6, 0.0), 0.0)])
 def test_pairs_are_refined_until_one_meets_the_target(offs, off):
     system = mechanism("watt_sixbar")._once(System)
-    found = refined(pairs_of(*offs), system, 1e-6, 1e-6, (), 1 / 16)
+    found = refined(pairs_of(*offs), system, 1e-6, (), 1 / 16)
     assert found.q_end == 1 + off
     assert found.error == pytest.approx((4e-6 - off) / 16, rel=1e-6)
 
@@ -175,7 +175,7 @@ def test_pairs_are_refined_until_one_meets_the_target(offs, off):
 def test_below_the_floor_of_rounding_the_smaller_error_is_stated_and_the_floor_is_named():
     system = mechanism("watt_sixbar")._once(System)
     pairs = 1e-11, 0.0, 1e-14, 3e-14  # half the steps of the last pair are further off
-    found = refined(pairs_of(*pairs), system, 1e-12, 1e-15, (), 1 / 16)
+    found = refined(pairs_of(*pairs), system, 1e-15, (), 1 / 16)
     assert 1e-15 < found.error < 1e-12
     assert found.notes[-1].endswith("the floor of rounding")
 

@@ -303,4 +303,4 @@ def test_bristles_and_pairs_that_stick_go_together_with_several_drivers():
 def test_explain_says_how_often_the_force_pass_is_asked():
     from blockmech.dynamics.simulation import evaluation_cost
 
-    assert evaluation_cost(arm(0.1, 0.1).compile(), None, None, None).endswith("5 times")
+    assert evaluation_cost(arm(0.1, 0.1).compile(), None).endswith("5 times")

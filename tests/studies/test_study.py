@@ -215,7 +215,7 @@ def test_a_missing_package_names_its_extra(fourbar, monkeypatch, tmp_path, modul
     [
         ({"vary": {"dyad.l_i": [6.0, -1.0, -2.0]}}, "l_i must be > 0 m, got -2"),
         ({"vary": {"dyad.l": [6.0]}}, 'did you mean "dyad.l_j"'),
-        ({"vary": {"dyad.l_i": ["a"]}}, "give a number, a row of numbers or a distribution"),
+        ({"vary": {"dyad.l_i": ["a"]}}, "is not a number with a unit"),
         ({"vary": {"dyad.l_i": [np.nan]}}, "not a finite number"),
         ({"vary": {"dyad.l_i": [6.0], "dyad.l_j": bm.normal(3.0, 0.1)}}, "uniform"),
         ({"vary": {"dyad.l_i": bm.normal(6.0, 0.1)}}, "say how many designs"),

@@ -247,7 +247,7 @@ def test_a_part_that_is_none_is_done_again(fourbar, whole, tmp_path, harm):
     assert done == [REQUEST["count"]]
     assert_same(whole, again)
     assert files(tmp_path) == before
-    assert f"1 damaged part done again: {path.name}" in repr(again)
+    assert f"1 damaged part done again: {path.name}" in str(again)
 
 
 def test_a_folder_in_a_parts_place_is_refused_by_name(fourbar, tmp_path):

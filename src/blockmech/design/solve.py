@@ -135,7 +135,7 @@ def solve(
 
     >>> import blockmech as bm
     >>> mech = bm.Graph.load("graphs/ruiz_fourbar.json").compile()
-    >>> mech.solve({"dyad.j.angle": 1.4})
+    >>> print(mech.solve({"dyad.j.angle": 1.4}))
     dyad.j.angle = 1.4 rad:
       crank.q = 1.52732558 rad
       crank.q = 5.67017408 rad

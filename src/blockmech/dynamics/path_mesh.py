@@ -64,7 +64,7 @@ class Piece:
 
 
 class Course(NamedTuple):
-    """Pieces (k,) ahead of a place in a direction, at most a turn, as far as nothing ends the path.
+    """Pieces (k,) ahead of a place, at most a turn, up to what ends the path.
 
     blocks : of all that are kept, see `PlaceData.block`; which : those ahead
     places : (k, 6) low and high end [rad or m], direction of a dead centre, what the series of

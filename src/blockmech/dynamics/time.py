@@ -410,7 +410,8 @@ def in_time(
         last = TimeIntegration(system, request, method, tolerance, *about, finer, patient)
         return last.motion()
 
-    remainder = SMOOTH if smooth else CORNERED
+    # What the iterations of Radau's method leave does not fall with its steps.
+    remainder = 1.0 if method == "radau" else SMOOTH if smooth else CORNERED
     return refined(run, system, target, request.times, remainder)
 
 

@@ -95,14 +95,19 @@ class Python(Signal):
         places = range(1 + len(self.memory))[part]
         functions = [functools.partial(self._value, k) for k in places]
 
+        def ordered(*readings: Any) -> list[Any]:
+            names = (*self.inputs, *self.memory, TIME)
+            values = dict(zip(names, readings, strict=False))  # time comes last, if at all
+            return [values[name] for name in self.names]
+
+        # Both ask by `each` themselves: engines put their own in what a program names.
         def timed(inputs: Any, states: Any, t: Real, p: Any) -> tuple[Real, ...]:
-            readings = zip((*self.inputs, *self.memory, TIME), (*inputs, *states, t), strict=True)
-            values = dict(readings)
-            x = [values[name] for name in self.names]
+            x = ordered(*inputs, *states, t)
             return tuple([each(function, *x) for function in functions])
 
         def untimed(inputs: Any, states: Any, p: Any) -> tuple[Real, ...]:
-            return timed(inputs, states, 0.0, p)
+            x = ordered(*inputs, *states)
+            return tuple([each(function, *x) for function in functions])
 
         return timed if TIME in self.names else untimed
 
