@@ -224,10 +224,12 @@ def through(
     """
     effort, inertia = bounds[LARGEST_TAU], bounds[LARGEST_J]
     length, begin, end, stands = bounds[HIGH] - bounds[LOW], runs[0, PLACE], far, False
+    before = counts[0]
     for tried in range(HALVED):
         now, begin = panels[counts[0]], runs[0, PLACE]
-        way, kind = (runs[0, STOP] if stands else end) - begin, PLAIN
-        if sign * way <= CLOSE * max(abs(begin), abs(end)):
+        to = runs[0, STOP] if stands else end
+        way, kind = to - begin, PLAIN
+        if sign * way <= CLOSE * max(abs(begin), abs(to)):
             if stands:  # what goes no further than rounding of its place stands
                 return STANDS
             runs[0, PLACE] = end if tried == 0 else begin
@@ -287,6 +289,9 @@ def through(
         if end == far:
             return GOES_ON
         end = end + 2.0 * way if abs(2.0 * way) < abs(far - end) else far
+    if counts[0] == before:  # the way to what happens is far below the piece
+        runs[0, STOP] = end
+        return SHORTER
     return GOES_ON
 
 
