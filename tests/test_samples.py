@@ -1,6 +1,7 @@
 """Every way of naming samples, and every wrong way."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -151,11 +152,22 @@ def test_text_with_a_unit_is_a_number_in_si():
     assert turning(STEADY).run(times=["10ms"], want=WANT).time == pytest.approx([0.01])
 
 
-@pytest.mark.parametrize("at", [90.0, 180, [0, 360], np.linspace(0, 360, 37)])
+@pytest.mark.parametrize(
+    "at", [20, 90.0, -180, 3600, [0, 30], [-20, 20], [0, 360], np.linspace(0, 360, 37)]
+)
 def test_whole_tens_are_surely_degrees(at):
-    with pytest.warns(UnitWarning, match=r"these are radians, \d+ rad are .* turns") as caught:
+    with pytest.warns(UnitWarning, match=r"these are radians, -?\d+ rad are .* turns") as caught:
         turning().run(at=at, want=WANT)
     assert [w.filename for w in caught] == [__file__]
+
+
+@pytest.mark.parametrize(
+    "at", [90.5, [0, 45], [0, 20], [-20, 0], [0.5, 360], 0, 3610, 1e9, [0, 1e9]]
+)
+def test_other_numbers_may_well_be_radians(at):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UnitWarning)
+        assert turning().run(at=at, want=WANT).n == np.size(at)
 
 
 @pytest.mark.filterwarnings("ignore::blockmech.ground.units.UnitWarning")

@@ -52,7 +52,7 @@ def test_designs_of_one_program_equal_their_own_compile_to_the_last_bit(friction
     plan = plain.plan(want, friction=friction)
     columns = [np.array(x)[:, None] if len(set(x)) > 1 else x[0] for x in numbers]
     values = plan.program.values(design(plain, *columns), plain.scene)
-    taken = make_samples(("crank",), plain.scene, q, None, None, 10.0, None)
+    taken = make_samples({"crank": "rad"}, plain.scene, q, rates=10.0)
     inputs = taken.given(plan.program.inputs)
     kind = NumpyEngine if engine == "numpy" else compiled_program
     own = kind(plan.program)

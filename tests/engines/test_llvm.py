@@ -134,7 +134,7 @@ def program_of(function, inputs, parameters=()):
     head = f"    {', '.join(slots)}, = P\n" if slots else ""
     call = f"f({', '.join((*names, *slots))})"
     source = f"def program({', '.join((*names, 'P'))}):\n{head}    return ({call},)\n"
-    return Program(source, names, frozenset(), {"f": function}, {}, slots, (call,))
+    return Program(source, names, frozenset(), {"f": function}, {}, slots, (call,), calls=1)
 
 
 @pytest.mark.parametrize(

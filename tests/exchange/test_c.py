@@ -14,6 +14,7 @@ from blockmech.passes.homotopy import followed
 from blockmech.result.quality import WORDS
 from tests.exchange.compiled_c import COMPILERS, NEEDS_C, Called, compiled, scalar, states
 from tests.gallery import GRAPHS, JOINTS, SHORT, mechanism
+from tests.wiring import ruiz
 
 GENERAL = 1e-12  # of the largest number of a unit, over the smallest margin's root
 ANGLES = (
@@ -53,6 +54,16 @@ def test_every_graph_of_the_gallery_has_the_bits_of_the_scalar_engine(name, tmp_
             assert (off <= np.spacing(math.pi)).all(), column
         else:
             assert (found[at, j] == columns[at, j]).all(), column
+
+
+@NEEDS_C
+def test_the_word_says_why_there_is_no_answer(tmp_path):
+    program = CProgram(ruiz(radius=4.0).compile(), "crank.drive")
+    taken = program.mechanism.samples(np.linspace(0.0, 6.0, 60), None, None, 10.0, None)
+    _, words = Called(program, tmp_path, level="-O0")(taken)
+    expected = scalar(program, taken).quality.status
+    assert {"ok", "self-locked"} <= set(expected)
+    assert [WORDS[i] for i in words] == list(expected)
 
 
 @NEEDS_C

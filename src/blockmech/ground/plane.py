@@ -31,16 +31,6 @@ REST_SHARE = EPS**0.75
 LARGEST_EXPONENT = 709.782712893384  # the logarithm of the largest number
 
 
-def always(kernel: K) -> Callable[..., K]:
-    """A method that answers the same kernel, whatever it is asked."""
-
-    def method(declaring: Any, *of: Any) -> K:
-        return kernel
-
-    method.__doc__ = kernel.__doc__
-    return method
-
-
 def cross(a: Complex, b: Complex) -> Real:
     """Component of ``a x b`` out of the plane."""
     return a.real * b.imag - a.imag * b.real
@@ -212,6 +202,16 @@ SCALAR_PRIMITIVES = {n: f for n, f in vars().items() if isinstance(f, FunctionTy
 
 SCALAR_CONSTANTS = {"ZERO": 0j, "ONE": 1 + 0j, "REST": REST_SHARE}
 """What programs name beside them: no vector, the unit one, and the share that counts as rest."""
+
+
+def always(kernel: K) -> Callable[..., K]:
+    """A method that answers the same kernel, whatever it is asked."""
+
+    def method(declaring: Any, *of: Any) -> K:
+        return kernel
+
+    method.__doc__ = kernel.__doc__
+    return method
 
 
 # -- in the meaning of a design's numbers ---------------------------------------------------

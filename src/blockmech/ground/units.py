@@ -21,6 +21,7 @@ Meaning: TypeAlias = tuple[Fraction, frozenset[tuple[str, int]]]
 PI = Fraction(math.pi)  # so 180deg is math.pi
 DEGREE, TURN, INCH, POUND = PI / 180, 2 * PI, Fraction("0.0254"), Fraction("0.45359237")
 GRAVITY = Fraction("9.80665")  # what a pound or a kilogram weighs by definition
+TEN_TURNS, FEW_TURNS = 3600, 4 * math.tau  # [deg], [rad]
 PREFIXES = {"": 0, "n": -9, "u": -6, "m": -3, "c": -2, "k": 3, "M": 6, "G": 9}
 PREFIXED: Mapping[str, tuple[Fraction | int, str]] = {
     "m": (1, "m"),
@@ -137,9 +138,15 @@ def shown_in(si: str, units: Iterable[str]) -> tuple[float, str]:
 
 
 def seem_degrees(angles: Iterable[float]) -> bool:
-    """Whether angles that are said to be radians begin and end at whole tens, as degrees do."""
-    known = [x for x in angles if math.isfinite(x)]
-    return any(known) and all(x % 10 == 0 for x in (min(known), max(known)))
+    """Whether angles that are said to be radians begin and end at whole tens, as degrees do.
+
+    Radians may too in a run of a few turns that begins or ends at zero, and beyond 3600.
+    """
+    finite = [x for x in angles if math.isfinite(x)]
+    low, high = min(finite, default=0.0), max(finite, default=0.0)
+    if 0 in (low, high) and high - low < FEW_TURNS:
+        return False
+    return all(x % 10 == 0 and abs(x) <= TEN_TURNS for x in (low, high))
 
 
 def _factor(unit: str, units: Iterable[str], text: str) -> Fraction:

@@ -163,20 +163,15 @@ def status(
     for x in judged:
         bad = bad | _is_not_finite(x)
     word: Any = where(bad, WORDS.index(UNDEFINED), 0)
-    outcomes, margins = [], []
-    for name, places in plan.layout.items():
-        kind, _, block = name.partition("/")
-        if kind == "friction":
-            outcomes.append((block, values[places[3]]))
-        elif kind == "margin":
-            margins.append((block, values[places[0]]))
-    for block, ended in reversed(outcomes):
+    for block, places in reversed([*plan.reports["friction"].items()]):
+        ended = values[places[3]]
         locked = JAMMED if block in of["prismatic"] else SELF_LOCKED
         for how in Outcome:
             if not how.solved:
                 failure = NOT_CONVERGED if how == Outcome.NOT_CONVERGED else locked
                 word = where(ended == float(how), WORDS.index(failure), word)
-    for block, m in reversed(margins):
+    for block, places in reversed([*plan.reports["margin"].items()]):
+        m = values[places[0]]
         failing = where(m > 0.0, False, where(m == 0.0, bad, True))
         if block in of["following"]:
             failing = failing | ((m > 0.0) & (m < NEAR_CHANGE) & bad)
