@@ -286,11 +286,7 @@ class Result(Exported, Generic[M]):
         return self.output(name).unit
 
     def isel(self, index: int | slice | NDArray[np.intp]) -> Self:
-        """The samples of these indices, as xarray has it.
-
-        >>> run.isel(slice(0, 10)).n  # doctest: +SKIP
-        10
-        """
+        """The samples of these indices, as xarray has it: ``isel(slice(0, 10))`` the first ten."""
         index = np.atleast_1d(np.arange(self.n)[index])
         values = tuple(_cut(self._column(i), index) for i in range(len(self._values)))
         taken = self.samples.at(index)
