@@ -230,6 +230,7 @@ def _each(of: Callable[[Any, str], Any]) -> Call:
 METHODS: dict[str, Call] = {
     "available": lambda s: bm.design.available(s.mechanism, next(iter(s.numbers)), 1.0, s.pose),
     "balance": lambda s: bm.design.balance(s.mechanism, [*s.numbers][:1], **s.places),
+    "draw": lambda s: s.mechanism.draw(kind="mechanism", at=s.pose),
     "enclose": _enclose,
     "equilibria": lambda s: s.mechanism.equilibria(starts=4),
     "explain": lambda s: s.mechanism.explain(),

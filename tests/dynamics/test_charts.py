@@ -111,7 +111,7 @@ def test_where_a_driver_does_not_lead_nothing_is_reduced_to_it(falling):
 def test_a_charted_result_is_cut_pickled_and_asked_for_more(falling):
     again = pickle.loads(pickle.dumps(falling))
     assert again["joint.C.p"] == pytest.approx(falling["joint.C.p"], abs=0)
-    some = falling.at(np.array([3, 300]))
+    some = falling.isel(np.array([3, 300]))
     assert some["link.m.angle"] == pytest.approx(falling["link.m.angle"][[3, 300]], abs=0)
     assert falling.rerun("link.r.p")["link.r.p"] == pytest.approx(falling["link.r.p"], abs=0)
 

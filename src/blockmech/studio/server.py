@@ -520,8 +520,9 @@ def started(
     """
     import uvicorn
 
-    desk, held, token = Desk(folder), bound(port), secrets.token_urlsafe(16)
+    desk, token = Desk(folder), secrets.token_urlsafe(16)
     start = desk.open(shown) if isinstance(shown, str) else shown and desk.put(shown)
+    held = bound(port)
     own = held.getsockname()[1]
     app = application(desk, token, own, framed)
     config = uvicorn.Config(
