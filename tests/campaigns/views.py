@@ -57,16 +57,11 @@ def drawn(page: Page, studio: tuple[str, Path], folder: Path) -> None:
     page.get_by_role("button", name="Simulate", exact=True).click()
     page.get_by_role("button", name="Pause").wait_for(timeout=60000)
     shoot("motion")
-    Sheet(page, studio, {"example": "joints/fivebar_falling"})
+    Sheet(page, studio, FOURBAR)
     tab("Analyses")
     page.get_by_role("button", name="Equilibria", exact=True).click()
     page.locator(".answers img").wait_for(timeout=60000)
     shoot("analyses")
-    Sheet(page, studio, FOURBAR)
-    tab("Analyses")
-    page.get_by_role("button", name="Trade", exact=True).click()
-    page.locator(".answers img").wait_for(timeout=60000)
-    shoot("methods")
 
 
 def main() -> None:
