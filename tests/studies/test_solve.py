@@ -51,7 +51,7 @@ def test_a_value_that_is_only_touched_has_one_place_and_none_beyond():
 
 def test_all_assembly_modes_are_gone_through():
     there = RUIZ.run(0.7, want="dyad.C.p")["dyad.C.p"][0].real
-    other = RUIZ.document.replace({"dyad.branch": -1.0}).compile()
+    other = RUIZ.document.replace({"dyad.branch": -1}).compile()
     found = RUIZ.solve({"dyad.C.p.x": float(there)}, modes=True)
     assert {s.mode["dyad.branch"] for s in found} == {1, -1}
     for s in found:

@@ -12,6 +12,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Annotated, Any
 
 import typer
@@ -77,12 +78,20 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _answered(words)
 
 
+def _warn(default: Any, message: Any, category: type[Warning], *where: Any) -> None:
+    """Note what a number seems to mean; other warnings go their ``default`` way."""
+    if issubclass(category, UnitWarning):
+        note(str(message))
+    else:
+        default(message, category, *where)
+
+
 def _answered(words: list[str]) -> int:
     """Run one command; every mistake becomes one message."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always", UnitWarning)
-            warnings.showwarning = lambda message, *_: note(str(message))
+            warnings.showwarning = partial(_warn, warnings.showwarning)
             return _run([w for w in words if w != "--debug"])
     except BlockmechError as error:
         note(traceback.format_exc() if "--debug" in words else str(error))
