@@ -23,20 +23,22 @@ import numpy as np
 
 from blockmech.analysis.extremes import parts_of
 from blockmech.analysis.ranges import cycle_of
-from blockmech.analysis.scan import ASIDE, TURN, Span, scan
-from blockmech.analysis.turning_points import ROUNDING, Signal, signal_of
+from blockmech.analysis.scan import TURN
+from blockmech.analysis.turning_points import ROUNDING, Signal, Turns, signal_of, turns_of
 from blockmech.analysis.working_cycle import Cycle
 from blockmech.compiled import Compiled
-from blockmech.functions.series import EPS, Floats, panels
+from blockmech.functions.series import EPS, Floats
 from blockmech.ground.arguments import declared
 from blockmech.ground.errors import BlockmechError, listed, refused
 from blockmech.ground.report import DEGREES, Facts, Report, places, with_unit
 from blockmech.ground.units import NoQuantity, in_si
 from blockmech.studies.family import parameters, remade
+from blockmech.studies.reductions import TEXT
 from blockmech.typing import Coordinates, FrictionMethod
 
 STARTS = 5  # values of each of several drivers, between which ways to the wanted pose begin
 CLOSE = EPS ** (2 / 3)  # of a size: misfits and steps that count as none
+ALIKE = CLOSE**0.5  # of a size: answers that are one; of a double root half the digits are known
 
 
 @dataclass(frozen=True)
@@ -91,9 +93,8 @@ class Solutions(Facts, Report):
         yield f"{places(self.wanted, self.units, degrees)}:"
         for solution in self.solutions:
             mode = ", ".join(f"{name} = {x}" for name, x in solution.mode.items())
-            yield f"  {places(solution.values, solution.units, degrees)}" + f"  ({mode})" * bool(
-                mode
-            )
+            line = f"  {places(solution.values, solution.units, degrees)}"
+            yield f"{line}  ({mode})" if mode else line
         if not self.solutions:
             yield f"  no solution: {self.nearest}"
 
@@ -175,63 +176,51 @@ def _of_driver(
     mechanism: Compiled, wanted: Mapping[str, float], how: dict[str, Any], mode: Mapping[str, int]
 ) -> Solutions:
     ((name, value),) = wanted.items()
-    output, parts = parts_of(mechanism, name)
-    if len(parts) > 1:
-        raise refused(name, "it is a vector", f"name a part: {name}.x, {name}.y, {name}.magnitude")
+    output, part = _part_of(mechanism, name)
     cycle = cycle_of(mechanism, **how)
-    signal = signal_of(cycle, output, parts[0])
     driver, unit = mechanism._of_driver(mechanism.drivers[0], "q"), mechanism.outputs[output].unit
     if cycle.by != "coordinate":
         raise refused(driver, "its law is one of time", "give it a law by its coordinate")
-    turning = unit == "rad" and output.endswith(".angle")  # which is told but for whole turns
-    crossings, reach = [], [math.inf, -math.inf]
-    for x, y, closed in _monotone_pieces(cycle, signal):
-        low, high = float(y.min()), float(y.max())
-        reach = [min(low, reach[0]), max(high, reach[1])]
-        near = ROUNDING * max(abs(low), abs(high)) if turning else 0.0
-        first, last = ((q + side * near - value) / TURN for q, side in ((low, -1), (high, 1)))
-        turns = range(math.ceil(first), math.floor(last) + 1) if turning else (0,)
-        crossings += [q for k in turns for q in _crossings(signal, x, y, value + TURN * k, closed)]
+    signal = signal_of(cycle, output, part)
+    extremes = turns_of(cycle, signal)
+    reach = extremes.low.value, extremes.high.value
+    counts: Iterable[int] = (0,)
+    turning = output.endswith(".angle")  # which is told but for whole turns
+    if turning:
+        room = ROUNDING * max(map(abs, reach))
+        first, last = (reach[0] - room - value) / TURN, (reach[1] + room - value) / TURN
+        counts = range(math.ceil(first), math.floor(last) + 1)
+    targets = (value + TURN * k for k in counts)
+    course = cycle, signal, extremes
+    closed = extremes.closed or (turning and cycle.turns)
+    crossings = (q for target in targets for q in _crossings(*course, target, closed))
     units = {driver: mechanism.outputs[driver].unit}
     solutions = tuple(
         Solution({driver: q}, units, np.array([[1.0 / _slope(cycle, signal, q)]]), mode)
-        for q in sorted(map(cycle.wrapped, crossings))
+        for q in sorted(crossings)
     )
-    ends = [with_unit(x, unit) for x in reach]
-    return Solutions(
-        dict(wanted), {name: unit}, solutions, f"{name} goes from {ends[0]} to {ends[1]}"
-    )
+    low, high = (with_unit(x, unit) for x in reach)
+    return Solutions(dict(wanted), {name: unit}, solutions, f"{name} goes from {low} to {high}")
 
 
-def _monotone_pieces(cycle: Cycle, signal: Signal) -> Iterator[tuple[Floats, Floats, bool]]:
-    """Places (n,) of each stretch, extremes among them, values there, and whether it is closed."""
-    closed = cycle.turns and bool(np.isfinite(signal.value(cycle.places())).all())
-    for low, high in cycle.stretches(signal.value):
-        aside = ASIDE * closed
-        span = Span(low - aside, high - aside, turn=closed)
-        share = (high - low) / (cycle.high - cycle.low)
-        edges = panels(0.0, 1.0, max(2, math.ceil(share * cycle.panels)))
-        curve = scan(signal.smooth, span, edges, signal.value)
-        known = np.isfinite(curve.y)
-        yield curve.x[known], curve.y[known], closed
-
-
-def _crossings(signal: Signal, x: Floats, y: Floats, value: float, closed: bool) -> Iterator[float]:
-    """Places at which a signal takes a value, at places x or once between two of them."""
+def _crossings(
+    cycle: Cycle, signal: Signal, extremes: Turns, value: float, closed: bool
+) -> Iterator[float]:
+    """Places at which a signal takes a value: at an extreme, or once between neighbours."""
     from scipy.optimize import brentq
 
-    off, none = y - value, ROUNDING * np.maximum(np.abs(y), abs(value))
-    for i in range(len(x)):
-        if abs(off[i]) <= none[i]:
-            if not (closed and i == len(x) - 1):  # the last place is the first one
-                yield float(x[i])
-        elif i and off[i - 1] * off[i] < 0 and abs(off[i - 1]) > none[i - 1]:
-            ends = float(x[i - 1]), float(x[i])
-            yield float(brentq(lambda q: _value(signal, q) - value, *ends, xtol=EPS, rtol=4 * EPS))
+    def off(q: float) -> float:
+        return float(signal.value(np.array([q]))[0]) - value
 
-
-def _value(signal: Signal, q: float) -> float:
-    return float(signal.value(np.array([q]))[0])
+    for low, high in cycle.stretches(signal.value):
+        x = [low, *(turn.s for turn in extremes.inner if low < turn.s < high), high]
+        y = [off(q) for q in x]
+        at = [abs(d) <= ROUNDING * max(abs(d + value), abs(value)) for d in y]
+        for i, q in enumerate(x):
+            if at[i] and not (closed and q == high):  # the last place is the first one
+                yield q
+            elif i and y[i - 1] * y[i] < 0 and not (at[i - 1] or at[i]):
+                yield float(brentq(off, x[i - 1], q, xtol=EPS, rtol=4 * EPS))
 
 
 def _slope(cycle: Cycle, signal: Signal, q: float) -> float:
@@ -261,7 +250,8 @@ def _of_drivers(
             raise refused(d, "its law is one of time", "give it a law by its coordinate")
         ranges.append((0.0, TURN) if law is None else sorted(law.travelled))
         rotary.append(joint.rotary)
-    sizes = np.array([high - low for low, high in ranges])
+    lows, highs = np.array(ranges).T
+    sizes = highs - lows
     grid = itertools.product(*(np.linspace(low, high, STARTS) for low, high in ranges))
     found: list[tuple[Floats, Floats]] = []
     nearest = math.inf
@@ -269,10 +259,9 @@ def _of_drivers(
         x, slopes, misfit = _solved(read, np.array(start), sizes)
         nearest = min(nearest, misfit)
         off = [np.abs(x - other) for other, _ in found]
-        alike = [np.where(rotary, np.abs((d + math.pi) % TURN - math.pi), d) for d in off]
-        inside = all(low - CLOSE * s <= q <= high + CLOSE * s or turns for (low, high), q, s, turns
-                     in zip(ranges, x, sizes, rotary, strict=True))  # fmt: skip
-        if misfit <= CLOSE and inside and not any((d <= 1e-6 * sizes).all() for d in alike):
+        apart = [np.where(rotary, np.abs(_within_half_turn(d)), d) for d in off]
+        inside = (lows - CLOSE * sizes <= x) & (x <= highs + CLOSE * sizes) | rotary
+        if misfit <= CLOSE and inside.all() and not any((d <= ALIKE * sizes).all() for d in apart):
             found.append((x, slopes))
     names = [mechanism._of_driver(d, "q") for d in mechanism.drivers]
     of = {n: mechanism.outputs[n].unit for n in names}
@@ -286,23 +275,19 @@ def _of_drivers(
 def _reader(
     mechanism: Compiled, wanted: Mapping[str, float], how: dict[str, Any]
 ) -> tuple[Callable[[Floats], Floats], dict[str, str]]:
-    """Misfits (k,) of wanted outputs at coordinates (k,), of their sizes; and their units."""
-    parts = [parts_of(mechanism, name) for name in wanted]
-    for name, (_, several) in zip(wanted, parts, strict=True):
-        if len(several) > 1:
-            raise refused(name, "it is a vector", f"name a part: {name}.x, {name}.y")
+    """Misfits (k,) of wanted outputs at coordinates (k,), and their units."""
+    parts = [_part_of(mechanism, name) for name in wanted]
     outputs = [output for output, _ in parts]
     units = {n: mechanism.outputs[o].unit for n, o in zip(wanted, outputs, strict=True)}
+    turning = [output.endswith(".angle") for output in outputs]
     values = np.array([*wanted.values()])
     of: dict[str, Any] = {"x": np.real, "y": np.imag, "magnitude": np.abs, "": np.real}
 
     def read(q: Floats) -> Floats:
         at = dict(zip(mechanism.drivers, q[:, None], strict=True))
         run = mechanism.run(at, want=outputs, on_gap="mark", **how)
-        y = [float(of[part[0]](run[output])[0]) for output, part in parts]
-        off = np.array(y) - values
-        turning = [output.endswith(".angle") for output in outputs]
-        return np.asarray(np.where(turning, (off + math.pi) % TURN - math.pi, off))
+        off = np.array([float(of[part](run[output])[0]) for output, part in parts]) - values
+        return np.where(turning, _within_half_turn(off), off)
 
     return read, units
 
@@ -314,11 +299,11 @@ def _of_numbers(
     poses: dict[str, Any],
     how: dict[str, Any],
 ) -> Solutions:
-    single = [name for name in wanted if "(" not in name]
+    single = [name for name in wanted if not TEXT.fullmatch(name)]
     if single and np.size(next(iter(_columns(poses["at"])), ())) != 1:
         found, remedy = "an output by itself is wanted at one pose", "give at=, or a reduction"
         raise refused(single[0], found, f"{remedy} such as max_abs({single[0]})")
-    labels = [name if "(" in name else f"mean({name})" for name in wanted]
+    labels = [f"mean({name})" if name in single else name for name in wanted]
     with_methods: Any = mechanism  # a `Mechanism`
     kept = with_methods.objective(to, want=labels, **poses, **how)
     values, start = np.array([*wanted.values()]), kept.start
@@ -352,8 +337,22 @@ def _in_si(mechanism: Compiled, name: str, value: float | str) -> float:
 
 
 def _unit(mechanism: Compiled, name: str) -> str:
-    output = name.partition("(")[2].rstrip(")").partition(",")[0] or name
-    return mechanism.outputs[parts_of(mechanism, output)[0]].unit
+    reduced = TEXT.fullmatch(name)
+    output, _ = parts_of(mechanism, reduced["output"].strip() if reduced else name)
+    return mechanism.outputs[output].unit
+
+
+def _part_of(mechanism: Compiled, name: str) -> tuple[str, str]:
+    """The output and the part of it that is one number. Raises `RequestError` for a vector."""
+    output, parts = parts_of(mechanism, name)
+    if len(parts) > 1:
+        raise refused(name, "it is a vector", f"name a part: {name}.x, {name}.y, {name}.magnitude")
+    return output, parts[0]
+
+
+def _within_half_turn(angle: Floats) -> Floats:
+    """Angles [rad] less whole turns."""
+    return angle - TURN * np.round(angle / TURN)
 
 
 def _solved(
