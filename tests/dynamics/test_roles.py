@@ -94,6 +94,16 @@ def test_roles_that_are_all_free_change_no_bit(friction):
     assert plain.motion.facts == other.motion.facts
 
 
+def test_places_of_locks_and_stops_may_have_units():
+    m, moves = arm(gravity=0.0).compile(), {"start": {"a": (0.4, 3.0)}, "want": WANT}
+    said = m.simulate(
+        "time=0.1", locked={"b": "30deg"}, stops={"a": ("-90deg", "0.5turns")}, **moves
+    )
+    stops = {"a": (-np.pi / 2, np.pi)}
+    number = m.simulate("time=0.1", locked={"b": np.pi / 6}, stops=stops, **moves)
+    assert all(np.array_equal(said[name], number[name], equal_nan=True) for name in said)
+
+
 def test_the_free_motion_as_a_law_needs_no_drive():
     g = arm(gravity=0.0)  # both turn as one, at a constant rate, while b is locked
     g.start("a", q=0.4, rate=3.0)

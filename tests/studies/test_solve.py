@@ -111,6 +111,7 @@ def test_an_extreme_between_the_samples():
         ({ANGLE: 1.0, "dyad.i.angle": 0.0}, {}, "2 wanted for 1 driver"),
         ({"dyad.C.p": 1.0}, {}, "name a part"),
         ({ANGLE: "80mm"}, {}, "rad, deg"),
+        ({ANGLE: [1.0]}, {}, r"got \[1.0\]. give a number"),
         ({ANGLE: float("nan")}, {}, "not finite"),
         ({ANGLE: 1.0}, {"to": "dyad.l_i"}, "wanted at one pose"),
         ({ANGLE: 1.0}, {"to": "dyad.l_x", "at": 0.5}, "dyad.l_i"),

@@ -334,6 +334,8 @@ def _in_si(mechanism: Compiled, name: str, value: float | str) -> float:
         return float(in_si(value, _unit(mechanism, name)))
     except NoQuantity as error:
         raise refused(f"wanted[{name}]", error.found, "", error.valid) from None
+    except (TypeError, ValueError):
+        raise refused(f"wanted[{name}]", f"got {value!r:.60}", "give a number") from None
 
 
 def _unit(mechanism: Compiled, name: str) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from blockmech.dynamics.ends import STANDSTILL, Budget
 from blockmech.dynamics.roles import Roles, roles_of
 from blockmech.ground.errors import RequestError, close_match, listed, refused
-from blockmech.ground.units import NoQuantity, in_si, quantity, unit_behind
+from blockmech.ground.units import NoQuantity, in_si, number_in_si, quantity, unit_behind
 from blockmech.loads.functions import Function
 from blockmech.model.scene import Scene
 from blockmech.result.motion import Event, Floats, Motion, Still
@@ -256,7 +256,7 @@ def request_of(
     roles, bound = roles_of(scene, drivers, prescribed, locked, changes, last)
     starts = starts_of(scene, drivers, start, bound, locked or ())
     target, size = size_of("accuracy", accuracy), size_of("step", step)
-    pairs_of("stops", stops, STOPS)  # where they are, the mechanism says: see `stops_of`
+    pairs_of("stops", stops, STOPS, drivers)  # where they are, the mechanism says: see `stops_of`
     if shown is None:
         shown = np.linspace(0.0, goal.value, OUTPUTS) if goal.goal == "time" else np.empty(0)
     asked = goal, target, method, size, tuple(shown.tolist()), events
@@ -411,7 +411,7 @@ def size_of(where: str, given: Any) -> float | None:
     """An accuracy or a step: a number above zero, or None."""
     if given is None:
         return None
-    size = _number(given, "rad", "m", "s")
+    size = number_in_si(given, "rad", "m", "s")
     if not (math.isfinite(size) and size > 0):
         raise refused(where, f"{given!r} is not a number above zero", "leave it out, or give one")
     return size
@@ -421,17 +421,9 @@ def budget_of(budget: Any) -> Budget:
     """Processor time of a request: a number [s] above zero, perhaps infinite."""
     if budget is None:
         return Budget()
-    if not (seconds := _number(budget, "s")) > 0:
+    if not (seconds := number_in_si(budget, "s")) > 0:
         raise refused("budget", f"{budget!r} is no time above zero", "give seconds, like 60")
     return Budget(seconds)
-
-
-def _number(given: Any, *units: str) -> float:
-    """A number, or a text with one of the units; NaN where it is none."""
-    try:
-        return float(in_si(given, *units or ("",)))
-    except (TypeError, ValueError, OverflowError):
-        return math.nan
 
 
 def times_of(times: Any) -> Floats | None:
@@ -466,7 +458,7 @@ def _checked(watch: Watch) -> Watch:
             value = watch.surface(t, q, qd)
         except Exception as error:
             raise mistaken(f"{type(error).__name__}: {error}", t, q, qd) from error
-        number = _number(value)
+        number = number_in_si(value)
         if math.isnan(number):
             raise mistaken(f"it gave {value!r}", t, q, qd)
         return number

@@ -25,7 +25,7 @@ import numpy as np
 
 from blockmech.dynamics.contacts import Held
 from blockmech.ground.errors import close_match, listed, refused
-from blockmech.ground.units import in_si
+from blockmech.ground.units import number_in_si
 from blockmech.model.laws_of_motion import LawOfMotion
 from blockmech.model.scene import Locked, Scene
 from blockmech.result.motion import Floats
@@ -191,15 +191,11 @@ def _named(where: str, given: Any, example: str) -> Sequence[str]:
 def _locked(given: Any, units: Mapping[str, str]) -> dict[str, Any]:
     if not isinstance(given, Mapping):
         return dict.fromkeys(_named("locked", given, 'places, like {"crank": 0.3}'), LOCKED)
-    for driver, place in given.items():
-        try:
-            number = float(in_si(place, units.get(driver, "")))
-        except (TypeError, ValueError):
-            number = math.nan
-        if not math.isfinite(number):
-            found, remedy = f"{place!r} is no coordinate", "give a number [rad or m]"
-            raise refused(f"locked.{driver}", found, remedy)
-    return {driver: Locked(locked=float(place)) for driver, place in given.items()}
+    places = {driver: number_in_si(x, units.get(driver, "")) for driver, x in given.items()}
+    for driver in (driver for driver, x in places.items() if not math.isfinite(x)):
+        found, remedy = f"{given[driver]!r} is no coordinate", "give a number [rad or m]"
+        raise refused(f"locked.{driver}", found, remedy)
+    return {driver: Locked(locked=x) for driver, x in places.items()}
 
 
 def _check_role(

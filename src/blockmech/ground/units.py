@@ -123,6 +123,14 @@ def in_si(raw: Any, *units: str) -> Any:
     return type(raw)(in_si(x, *units) for x in raw) if type(raw) in (list, tuple) else raw
 
 
+def number_in_si(raw: Any, *units: str) -> float:
+    """A number, or a text with one of the units, in SI; NaN for anything else."""
+    try:
+        return float(in_si(raw, *units or ("",)))
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
 def unit_behind(text: str) -> str:
     """The unit that stands behind a number; "" where there is none."""
     match = NUMBER.fullmatch(text.strip().translate(SPELLED))
