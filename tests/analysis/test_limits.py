@@ -301,6 +301,9 @@ def test_other_drivers_are_held():
     assert str(point) == "dyad extended"
     assert abs(point.q - math.pi) <= TOUCH
     assert mechanism.limits("left", at={"right": math.pi}).arcs[0].change_points == ()
+    assert mechanism.limits("left", at={"right": "180deg"}).held == {"right": math.pi}
+    with pytest.raises(bm.RequestError, match=r"at\[right\].*'180 mm'"):
+        mechanism.limits("left", at={"right": "180 mm"})
 
 
 def test_other_drivers_begin_where_their_laws_do():

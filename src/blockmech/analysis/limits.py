@@ -35,6 +35,7 @@ from blockmech.ground.arguments import declared
 from blockmech.ground.errors import Problem, RequestError, among, listed, refused
 from blockmech.ground.plane import DOUBLE_ROOT
 from blockmech.ground.report import DEGREES, Facts
+from blockmech.ground.units import number_in_si
 from blockmech.model.structure import Structure
 from blockmech.result.shortfall import shortfall
 
@@ -325,8 +326,9 @@ def _held(mechanism: Compiled, moved: str, at: Mapping[str, Any]) -> dict[str, f
     held = {}
     for d in others:
         q = at[d] if d in at else mechanism.scene.begin(d)
-        if isinstance(q, int | float) and math.isfinite(q):
-            held[d] = float(q)
+        x = number_in_si(q, mechanism._coordinate_units[d]) if isinstance(q, str) else q
+        if isinstance(x, int | float) and math.isfinite(x):
+            held[d] = float(x)
         elif d in at:
             problems.append(_wrong(f"at[{d}]", f"not a finite number: {q!r}", valid))
         else:
