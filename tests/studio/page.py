@@ -71,6 +71,15 @@ class Sheet:
             self.page.keyboard.press("Enter")
         mouse.up()
 
+    def hold(self, name, right, up, steps):
+        """Take hold of a pin and move it [px], live; whoever calls lets go."""
+        x, y = self.pin(name)
+        self.page.mouse.move(x, y)
+        self.page.mouse.down()
+        self.page.mouse.move(x + right, y - up, steps=steps)
+        self.page.wait_for_timeout(200)
+        assert self.svg.get_attribute("data-live") == "exact"
+
     def link(self, a, b, typed=""):
         self.changed(lambda: self.drag(a, b, typed))
 

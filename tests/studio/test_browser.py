@@ -43,12 +43,7 @@ def test_a_four_bar_is_drawn_moved_live_and_undone(page, studio):
     before, curve = hand.places(), page.locator('.path[data-path="C"]')
     page.locator('.path[data-path="C"]').wait_for(state="attached")
     seen = curve.get_attribute("d")
-    x, y = hand.pin("C")
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x + 40, y - 30, steps=8)
-    page.wait_for_timeout(100)
-    assert hand.svg.get_attribute("data-live") == "exact"
+    hand.hold("C", 40, 30, steps=8)
     live = curve.get_attribute("d")
     assert live != seen  # before anything is released
     hand.changed(page.mouse.up)
@@ -257,12 +252,7 @@ def test_a_frame_of_a_drag_is_short(page, studio):
             });
         }"""
     )
-    x, y = hand.pin("arm_cylinder_foot")
-    page.mouse.move(x, y)
-    page.mouse.down()
-    page.mouse.move(x + 20, y - 25, steps=30)
-    page.wait_for_timeout(200)
-    assert hand.svg.get_attribute("data-live") == "exact"
+    hand.hold("arm_cylinder_foot", 20, 25, steps=30)
     spent = page.evaluate("window.spent")
     page.keyboard.press("Escape")
     page.mouse.up()
