@@ -96,12 +96,12 @@ def test_roles_that_are_all_free_change_no_bit(friction):
 
 def test_places_of_locks_and_stops_may_have_units():
     m, moves = arm(gravity=0.0).compile(), {"start": {"a": (0.4, 3.0)}, "want": WANT}
-    said = m.simulate(
+    texts = m.simulate(
         "time=0.1", locked={"b": "30deg"}, stops={"a": ("-90deg", "0.5turns")}, **moves
     )
     stops = {"a": (-np.pi / 2, np.pi)}
-    number = m.simulate("time=0.1", locked={"b": np.pi / 6}, stops=stops, **moves)
-    assert all(np.array_equal(said[name], number[name], equal_nan=True) for name in said)
+    numbers = m.simulate("time=0.1", locked={"b": np.pi / 6}, stops=stops, **moves)
+    assert all(np.array_equal(texts[name], numbers[name], equal_nan=True) for name in texts)
 
 
 def test_the_free_motion_as_a_law_needs_no_drive():

@@ -161,7 +161,7 @@ def least_share(system, q):
     at = friction.instant(q, np.zeros(2), 0.0, None, None)
     t = np.zeros(5)
     for _ in range(300):
-        held = friction._held(at, at.f + at.R @ t)
+        held = friction._breakaway(at, at.f + at.R @ t)
         cost = np.append(np.zeros(5), 1.0)
         bounds = np.vstack([np.c_[np.eye(5), -held], np.c_[-np.eye(5), -held]])
         found = linprog(

@@ -30,8 +30,8 @@ def test_every_place_of_a_driver_is_found_to_rounding():
 @pytest.mark.parametrize("name", ["crank.q", "crank.crank.angle"])
 def test_what_grows_over_a_turn_does_not_close_on_it(name):
     for value in (0.0, 0.05, 3.0, 6.2):
-        (found,) = RUIZ.solve({name: value})
-        assert found["crank.q"] == pytest.approx(value, abs=8 * EPS)
+        (pose,) = RUIZ.solve({name: value})
+        assert pose["crank.q"] == pytest.approx(value, abs=8 * EPS)
 
 
 def test_a_value_may_have_a_unit():

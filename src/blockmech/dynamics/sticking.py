@@ -222,7 +222,7 @@ class JointFriction(PairFriction):
         stuck = self.stuck(at, sides)
         if any(sides) and self._surplus(at, sides):  # else they have their shares
             return self._shared(at, sides, response)[0]
-        return _largest(np.abs(response.t[stuck]), self._held(at, response.loads)[stuck])
+        return _largest(np.abs(response.t[stuck]), self._breakaway(at, response.loads)[stuck])
 
     def stuck(self, at: Instant, sides: Sides) -> list[int]:
         """Pairs that stick, where something free moves them."""
@@ -242,7 +242,7 @@ class JointFriction(PairFriction):
         best = min(right, key=lambda x: x[0]) if right else max(tried, key=lambda x: x[0])
         return best[0], best[2]
 
-    def _held(self, at: Instant, loads: Any) -> Floats:
+    def _breakaway(self, at: Instant, loads: Any) -> Floats:
         """What the pairs hold (m,) at rest under loads."""
         m, static = len(self.names), np.array(self.static)
         return np.asarray(static[:m] * at.norms(loads, self.guides) + static[m:])
@@ -267,7 +267,7 @@ class JointFriction(PairFriction):
         back = np.linalg.pinv((weights * S[others]).T, rcond=DEPENDENT)
         share, loads = 0.0, response.loads
         for _ in range(BALANCED):
-            last, held = t.copy(), self._held(at, loads)
+            last, held = t.copy(), self._breakaway(at, loads)
             if slips:
                 g = at.norms(loads, self.guides)
                 law = self._tangents(at, at.law, g)
@@ -281,7 +281,7 @@ class JointFriction(PairFriction):
             loads = at.f + at.G @ response.free + at.R @ t
             if np.abs(t - last).max() <= 4 * EPS * np.abs(t).max():
                 break
-        return share, _largest(np.abs(t[others]), self._held(at, loads)[others]), t
+        return share, _largest(np.abs(t[others]), self._breakaway(at, loads)[others]), t
 
     # -- at a state --------------------------------------------------------------
 
