@@ -13,7 +13,8 @@ import blockmech as bm
 from blockmech.builders import opened
 from blockmech.dynamics.request import Watch
 from blockmech.result.result import Result
-from tests.wiring import ruiz, same_bits
+from tests.machines import ruiz
+from tests.wiring import same_bits
 
 ROOT = Path(__file__).resolve().parents[1]
 GRAPHS = ROOT / "graphs"

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from tests.wiring import chain, rewired, ruiz, same_bits, toggle, watt
+from tests.machines import chain, ruiz, toggle, watt
+from tests.wiring import rewired, same_bits
 
 
 def calls(graph, *want, **settings):

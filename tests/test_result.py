@@ -12,7 +12,8 @@ from blockmech.analysis.reference_errors import WIDER
 from blockmech.ground.errors import NotComputedError
 from blockmech.ground.values import Marker, Vector
 from tests.gallery import GRAPHS
-from tests.wiring import EPS, off, ruiz, toggle, watt, wire
+from tests.machines import ruiz, toggle, watt, wire
+from tests.wiring import EPS, off
 
 EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from tests.wiring import COEFFICIENT, off, recorded, ruiz
+from tests.machines import COEFFICIENT, ruiz
+from tests.wiring import off, recorded
 
 ROWS = recorded("ruiz_fourbar")["rows"]
 CRANKS = [row["crank"] for row in ROWS]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import blockmech as bm
 from blockmech.ground.units import UnitWarning
-from tests.wiring import ruiz, toggle, wire
+from tests.machines import ruiz, toggle, wire
 
 
 def turning(law=None):

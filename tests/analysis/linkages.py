@@ -8,7 +8,8 @@ import mpmath
 
 import blockmech as bm
 from blockmech import Graph
-from tests.wiring import EPS, wire
+from tests.machines import wire
+from tests.wiring import EPS
 
 
 def fourbar(

@@ -1,7 +1,7 @@
 """What `explain` tells: what each wanted output drags in, and what asking for less saves."""
 
 from blockmech.analysis.explain import shares
-from tests.wiring import ruiz, watt
+from tests.machines import ruiz, watt
 
 
 def test_shares_name_the_blocks_and_stages_that_an_output_drags_in():

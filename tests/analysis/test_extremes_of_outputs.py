@@ -13,7 +13,8 @@ import blockmech as bm
 from blockmech.analysis.extremes import extremes
 from blockmech.analysis.stroke import stroke
 from tests.analysis.linkages import fivebar, fourbar, slider_crank
-from tests.wiring import EPS, wire
+from tests.machines import wire
+from tests.wiring import EPS
 
 TURN = 2 * math.pi
 PLACE = 1e-13

@@ -12,7 +12,7 @@ from blockmech.analysis import friction_solutions as module
 from blockmech.friction import enumeration
 from tests.gallery import GRAPHS
 from tests.independent import dyads
-from tests.wiring import COEFFICIENT, ruiz, watt, wire
+from tests.machines import COEFFICIENT, ruiz, watt, wire
 
 TREES = int(os.environ.get("BLOCKMECH_EXAMPLES", "10"))  # 100 is the full run, in 220 s
 POSES = 0.05 + 0.1 * np.arange(63)

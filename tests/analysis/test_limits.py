@@ -26,7 +26,8 @@ from tests.analysis.linkages import (
     turning_guide,
 )
 from tests.gallery import mechanism
-from tests.wiring import EPS, wire
+from tests.machines import wire
+from tests.wiring import EPS
 
 TURN = 2 * math.pi
 ROUNDINGS = 8

@@ -18,7 +18,7 @@ from blockmech.analysis.trade.free_motion import FreeMotion
 from blockmech.analysis.trade.measure import Clock
 from blockmech.mechanism import Mechanism
 from tests.gallery import mechanism
-from tests.wiring import ruiz, watt
+from tests.machines import ruiz, watt
 
 pytestmark = pytest.mark.usefixtures("one_repeat")
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)

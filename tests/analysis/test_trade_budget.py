@@ -14,7 +14,7 @@ from blockmech.analysis.trade import trade
 from blockmech.analysis.trade.free_motion import FreeMotion
 from blockmech.analysis.trade.measure import Clock, Question, Reference, Setting, measured
 from tests.gallery import GRAPHS, mechanism
-from tests.wiring import chain, ruiz
+from tests.machines import chain, ruiz
 
 PLENTY = 90.0  # [s] budget that no setting misses, even on a machine that does much else
 SLACK = 5.0  # [s] what cannot be stopped: compiling, and one batch

@@ -13,7 +13,8 @@ from blockmech.result.motion import State
 from blockmech.result.result import Result
 from blockmech.testing.strategies import Options, Seeded, random_mechanism
 from tests.gallery import GRAPHS, document, mechanism
-from tests.wiring import chain, changed, ruiz, squeezer, toggle, watt, wire
+from tests.machines import chain, ruiz, squeezer, toggle, watt, wire
+from tests.wiring import changed
 
 MECHANISMS = {
     "ruiz": ruiz,

@@ -13,7 +13,7 @@ import pytest
 
 import blockmech as bm
 from tests.gallery import GRAPHS
-from tests.wiring import wire
+from tests.machines import wire
 
 RUIZ = json.loads((GRAPHS / "ruiz_fourbar.json").read_text("utf-8"))
 LINKAGE = json.loads((GRAPHS / "joints" / "ruiz_fourbar.json").read_text("utf-8"))

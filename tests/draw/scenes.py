@@ -1,4 +1,4 @@
-"""Mechanisms that the tests of pictures draw, beside those of `tests.wiring`."""
+"""Mechanisms that the tests of pictures draw, beside those of `tests.machines`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import blockmech as bm
 from blockmech import Graph
 from blockmech.model.diagram import UnknownBlock
 from tests.analysis import linkages
-from tests.wiring import chain, wire
+from tests.machines import chain, wire
 
 
 def unfinished() -> Graph:

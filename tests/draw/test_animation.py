@@ -20,7 +20,7 @@ import blockmech as bm
 from blockmech.draw import Animation, animate, draw
 from blockmech.draw.animation import player_data
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
-from tests.wiring import ruiz, watt
+from tests.machines import ruiz, watt
 
 FRAMES = 12
 GRAIN = 0.011  # [pt] places are rounded to hundredths of a point

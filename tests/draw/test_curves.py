@@ -15,7 +15,7 @@ from blockmech.figures.curves import abscissa, chosen_panels, pictures_of
 from blockmech.figures.panels import Abscissa, Panel, draw_panels, of_pi
 from blockmech.figures.paper import scaled_unit, styled
 from tests.draw.scenes import fourbar, rocking_slide, slider_crank
-from tests.wiring import chain, ruiz, toggle, watt
+from tests.machines import chain, ruiz, toggle, watt
 
 UNIT = re.compile(r"\[[^\]]+\]$")
 KILO = 1e-3

@@ -19,7 +19,7 @@ from blockmech.draw.diagram import Diagram, draw_diagram
 from blockmech.figures import palette
 from blockmech.figures.paper import styled
 from tests.draw.scenes import cyclic, quick_return, rocking_slide, slider_crank, twelve, unfinished
-from tests.wiring import chain, ruiz, toggle, watt
+from tests.machines import chain, ruiz, toggle, watt
 
 TOUCH = 0.3  # [px of 1/72 in] by which boxes of glyphs may be wider than their ink
 SVG = "{http://www.w3.org/2000/svg}"

@@ -8,7 +8,7 @@ from PIL import Image
 import blockmech as bm
 from blockmech.draw import animate, draw
 from tests.draw.scenes import unfinished
-from tests.wiring import ruiz, watt
+from tests.machines import ruiz, watt
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from blockmech.ground.report import DEGREES
 from blockmech.result.exported import table
 from tests.draw.scenes import fourbar, quick_return, rocking_slide, slider_crank
 from tests.gallery import GRAPHS
-from tests.wiring import chain, ruiz, toggle, watt
+from tests.machines import chain, ruiz, toggle, watt
 
 ROUNDING = 1e-9  # of a mechanism's size: positions and angles through cosines and back
 PIXEL = 1.5  # [px] of a label's box that may be beside its ink

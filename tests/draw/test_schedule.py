@@ -5,7 +5,7 @@ import pytest
 from blockmech.draw import draw
 from blockmech.draw.schedule import draw_schedule
 from blockmech.ground.errors import RequestError
-from tests.wiring import watt
+from tests.machines import watt
 
 
 def test_every_call_has_a_box_and_every_kind_a_key():

@@ -8,7 +8,7 @@ from blockmech.draw.centrodes import centrodes
 from blockmech.draw.structural import draw_structural_graph, structural_graph
 from blockmech.ground.errors import RequestError
 from tests.gallery import GRAPHS, mechanism
-from tests.wiring import ruiz, watt
+from tests.machines import ruiz, watt
 
 
 def test_vertices_are_links_and_freedoms_as_in_the_paper():

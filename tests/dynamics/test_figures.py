@@ -8,7 +8,7 @@ import pytest
 from scipy.special import ellipk
 
 import blockmech as bm
-from tests.wiring import wire
+from tests.machines import wire
 
 MASS, INERTIA, CM, G = 2.0, 0.3, 0.4, 9.81
 J = INERTIA + MASS * CM**2  # [kg m2] about the pin

@@ -15,7 +15,8 @@ from hypothesis import given, settings
 import blockmech as bm
 from blockmech.testing.strategies import mechanisms
 from tests.engines.test_impossible import CASES, SAMPLES
-from tests.wiring import EPS, amplification, chain, ruiz, same_bits, swept, toggle, watt
+from tests.machines import chain, ruiz, toggle, watt
+from tests.wiring import EPS, amplification, same_bits, swept
 
 FAR = 4 * EPS  # times the conditioning and the length of the chain of groups
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from blockmech.engines.numpy import primitives
 from blockmech.ground.plane import SCALAR_PRIMITIVES
 from blockmech.testing.strategies import Options, Seeded, mechanisms, random_mechanism
-from tests.wiring import ruiz, same_bits, swept, toggle, watt
+from tests.machines import ruiz, toggle, watt
+from tests.wiring import same_bits, swept
 
 EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])
 

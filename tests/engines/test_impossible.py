@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import blockmech as bm
-from tests.wiring import EPS, off, wire
+from tests.machines import wire
+from tests.wiring import EPS, off
 
 
 def linkage(crank=1.0, pivot=1.0, l_i=2.0, l_j=2.0, friction=True, spring=False):

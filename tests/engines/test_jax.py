@@ -5,7 +5,7 @@ import pytest
 
 import blockmech as bm
 from tests.gallery import GRAPHS, changed, document, mechanism
-from tests.wiring import wire
+from tests.machines import wire
 
 jax = pytest.importorskip("jax", reason="functions of JAX need the extra jax")
 jnp = jax.numpy

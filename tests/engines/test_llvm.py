@@ -27,7 +27,8 @@ from blockmech.plan.plan import Program
 from tests.engines.test_agreement import assert_agreement
 from tests.gallery import SHORT, mechanism
 from tests.loads.test_functions import arm
-from tests.wiring import ruiz, same_bits, watt
+from tests.machines import ruiz, watt
+from tests.wiring import same_bits
 
 pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
 

@@ -7,7 +7,7 @@ import pytest
 
 from blockmech.engines.binding import bind
 from blockmech.engines.numpy import NumpyEngine, Planar, primitives
-from tests.wiring import ruiz, toggle, watt
+from tests.machines import ruiz, toggle, watt
 
 SINGLE = float(np.finfo(np.float32).eps)
 DOUBLE = float(np.finfo(float).eps)

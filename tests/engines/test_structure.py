@@ -12,7 +12,8 @@ from blockmech.engines.trace import Trace, filled
 from tests.engines.test_llvm import program_of
 from tests.gallery import SHORT, mechanism
 from tests.loads.test_functions import arm
-from tests.wiring import ruiz, same_bits
+from tests.machines import ruiz
+from tests.wiring import same_bits
 
 pytest.importorskip("llvmlite", reason="the compiled engine needs the extra fast")
 

@@ -14,7 +14,7 @@ from blockmech.passes.homotopy import followed
 from blockmech.result.quality import WORDS
 from tests.exchange.compiled_c import COMPILERS, NEEDS_C, Called, compiled, scalar, states
 from tests.gallery import GRAPHS, JOINTS, SHORT, mechanism
-from tests.wiring import ruiz
+from tests.machines import ruiz
 
 GENERAL = 1e-12  # of the largest number of a unit, over the smallest margin's root
 ANGLES = (

@@ -21,7 +21,7 @@ from mpmath import mp, mpf
 import blockmech as bm
 from blockmech import Graph
 from blockmech.engines.numpy import PRECISIONS
-from tests.wiring import wire
+from tests.machines import wire
 
 from .precise import DIGITS
 from .scenes import as_general_group

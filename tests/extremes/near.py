@@ -14,7 +14,7 @@ from mpmath import mp, mpf
 
 import blockmech as bm
 from blockmech.ground.errors import BlockmechError
-from tests.wiring import wire
+from tests.machines import wire
 
 DIGITS = 60
 CRANK, ROD = 0.25, 0.5  # [m] of the parallelogram

@@ -9,7 +9,7 @@ from typing import Any
 
 import blockmech as bm
 from blockmech import Graph
-from tests.wiring import wire
+from tests.machines import wire
 
 GAPS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 3e-15)
 

@@ -14,7 +14,7 @@ from blockmech.engines.numpy import Planar, primitives
 from blockmech.friction import existence, solvers
 from blockmech.friction.continuation import Outcome
 from tests.independent import dyads
-from tests.wiring import ruiz, wire
+from tests.machines import ruiz, wire
 
 BOUND = bind_functions(
     {"existence": existence.existence, "newton": solvers.newton}, primitives(np.float64)

@@ -12,7 +12,8 @@ import pytest
 import blockmech as bm
 from blockmech.ground.values import Marker
 from tests.blocks.twin import Twin
-from tests.wiring import COEFFICIENT, EPS, off, ruiz, wire
+from tests.machines import COEFFICIENT, ruiz, wire
+from tests.wiring import EPS, off
 
 FORCES = 1e-11  # [-] near the limit the condition of the friction equations is below 100
 LIMIT = 1e-8  # [-] the judge halves its steps down to 1e-12 and gives up a little before

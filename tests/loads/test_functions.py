@@ -10,7 +10,7 @@ import pytest
 import blockmech as bm
 from blockmech.ground.errors import FormatError, GraphError, RequestError
 from blockmech.loads.functions import Function
-from tests.wiring import wire
+from tests.machines import wire
 
 TERMS = [2.0, -0.7]  # [N m, N m s or N m/rad] of a straight line, exact for both spellings
 EACH_ENGINE = pytest.mark.parametrize("engine", ["scalar", "numpy"])

@@ -18,7 +18,7 @@ from blockmech.model.reading import data_of
 from blockmech.model.writing import WIDTH, canonical_text
 from tests.doors import graph_of as loads
 from tests.gallery import GRAPHS
-from tests.wiring import ruiz
+from tests.machines import ruiz
 
 LEGACY = sorted((GRAPHS / "legacy").glob("*.json"))
 OURS = [*sorted(GRAPHS.glob("*.json")), *LEGACY]  # what blockmech wrote

@@ -9,7 +9,7 @@ import pytest
 import blockmech as bm
 from blockmech.ground.values import Marker
 from blockmech.model.diagram import UnknownBlock, Wire
-from tests.wiring import ruiz, toggle, watt, wire
+from tests.machines import ruiz, toggle, watt, wire
 
 GRAPHS = Path(__file__).parents[2] / "graphs"
 

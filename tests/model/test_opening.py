@@ -10,8 +10,8 @@ import blockmech as bm
 from blockmech import Graph
 from blockmech.builders import opened, problems_in
 from blockmech.ground.errors import FormatError
+from tests.machines import ruiz
 from tests.model.documents import slider_crank
-from tests.wiring import ruiz
 
 
 @pytest.fixture

@@ -11,7 +11,8 @@ import blockmech as bm
 from blockmech.ground.values import Marker
 from blockmech.model.structure import JointRef
 from blockmech.testing.strategies import mechanisms
-from tests.wiring import rewired, ruiz, squeezer, toggle, watt, wire
+from tests.machines import ruiz, squeezer, toggle, watt, wire
+from tests.wiring import rewired
 
 
 def robot():

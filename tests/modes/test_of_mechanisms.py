@@ -19,9 +19,9 @@ from blockmech.typing import Guide
 from tests.analysis.linkages import fourbar
 from tests.doors import graph_of as loads
 from tests.gallery import GRAPHS, JOINTS
+from tests.machines import ruiz, watt
 from tests.modes import machines
 from tests.modes.exact import count_exactly
-from tests.wiring import ruiz, watt
 
 TURN = 2 * math.pi
 SAME = 1e-9  # [m; rad]: Newton on either side, and a margin of 1e-3

@@ -5,7 +5,8 @@ Source: tests/data/watt_sixbar.json (Durango et al. 2014, Table 1).
 
 import numpy as np
 
-from tests.wiring import off, recorded, watt
+from tests.machines import watt
+from tests.wiring import off, recorded
 
 WATT = recorded("watt_sixbar")["from_0"]
 DIGITS = 1e-13  # [-] of its own size: some 100 roundings, times a condition below 4

@@ -12,7 +12,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from blockmech.testing.strategies import KINDS, Options, mechanisms
-from tests.wiring import mirrored, rewired, ruiz, same_bits, scaled, toggle, watt
+from tests.machines import ruiz, toggle, watt
+from tests.wiring import mirrored, rewired, same_bits, scaled
 
 ALL = Options(kinds=KINDS, groups=(1, 3), drivers=(1, 3))
 HAND_MADE = {

@@ -8,7 +8,7 @@ from blockmech.analysis.extremes import extremes
 from blockmech.studies.family import remade
 from blockmech.studies.runner import Runner
 from tests.gallery import JOINTS, mechanism
-from tests.wiring import ruiz
+from tests.machines import ruiz
 
 TURN = {"crank": np.linspace(0.0, 2 * np.pi, 24, endpoint=False)}
 

@@ -9,7 +9,7 @@ import pytest
 
 import blockmech as bm
 from blockmech.testing import assert_graph
-from tests.wiring import ruiz
+from tests.machines import ruiz
 
 OWN_SIZE = 1e-11  # what the project promises of driving efforts with friction
 REACH = math.acos(9.25 / 22)  # crank angle at which the dyad of `short` is stretched
