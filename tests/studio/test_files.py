@@ -12,7 +12,7 @@ from blockmech.blocks.registry import REGISTRY
 from blockmech.builders import opened
 from blockmech.studio import edits
 from blockmech.studio.diagram import kinds
-from blockmech.studio.fields import Shown, item_at
+from blockmech.studio.fields import Units, item_at
 from blockmech.studio.files import Desk, Filed
 from blockmech.studio.forms import fields_by_path, form_of, parts_of
 from blockmech.studio.server import bound
@@ -48,7 +48,7 @@ def test_what_is_wrong_stands_under_its_field():
     hand = Hand(bm.Graph.load(GRAPHS / "ruiz_fourbar.json"))
     hand.sheet.change({**hand.form, "wires": hand.form["wires"][1:]}, "cut")
     now = hand.sheet.now
-    shown = form_of(now.document, now.form, ("blocks", "crank"), Shown(), now.problems)
+    shown = form_of(now.document, now.form, ("blocks", "crank"), Units(), now.problems)
     (wire,) = (
         row for group in shown["groups"] for row in group["rows"] if "wire to" in row["label"]
     )
@@ -149,7 +149,7 @@ def test_every_kind_of_block_begins_with_valid_values(kind):
     assert bm.Graph.from_data(form).blocks["new"].type_name == kind
 
 
-UNITS = Shown("inch", "deg", "rpm", "lbf")
+UNITS = Units("inch", "deg", "rpm", "lbf")
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.relative_to(GRAPHS).as_posix())
@@ -180,7 +180,7 @@ def leaves(raw, path, known):
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case['text']} {case['shown']}")
 def test_a_quantity_is_read_as_people_type_it(case):
-    units = {"m": Shown(case["shown"], "deg"), "rad": Shown("m", case["shown"])}
+    units = {"m": Units(case["shown"], "deg"), "rad": Units("m", case["shown"])}
     assert units[case["si"]].number(case["text"], case["si"]) == case["value"]
 
 

@@ -15,7 +15,7 @@ from blockmech.studio import answers
 from blockmech.studio.document import Revision
 from blockmech.studio.dragging import dragged, handles_of
 from blockmech.studio.files import Filed
-from blockmech.studio.state import Shown, state_of
+from blockmech.studio.state import View, state_of
 from blockmech.studio.turn import blamed_blocks, dead_centres, travel, turn, what_moves
 from tests.studio.hand import Hand
 
@@ -36,7 +36,7 @@ def now_of(form):
 
 def state(form):
     now = now_of(form)
-    return state_of(Filed(now.document), Shown(now))
+    return state_of(Filed(now.document), View(now))
 
 
 def test_a_gap_has_its_sentence():
@@ -82,7 +82,7 @@ def test_a_driver_without_a_law_moves_over_its_arc():
     mechanism = now_of(form).mechanism
     (arc,) = mechanism.limits().arcs
     assert travel(mechanism, "crank", {"crank": 0.0}) == (arc.start.q, arc.end.q)
-    assert Shown(now_of(form)).motion.feasible[1:-1].all()
+    assert View(now_of(form)).motion.feasible[1:-1].all()
 
 
 @pytest.mark.parametrize("name", ["ruiz_fourbar", "watt_sixbar"])
@@ -137,7 +137,7 @@ def angle_of_crank(mechanism, old, new, motion, k):
 
 def test_what_cannot_be_dragged_says_why():
     hand = Hand(opened(GRAPHS / "elliptic_trammel.json"))
-    shown = state_of(hand.sheet, Shown(hand.sheet.now))
+    shown = state_of(hand.sheet, View(hand.sheet.now))
     refused = set()
     for pin in shown["drawing"]["pins"]:
         hand.do("drag", name=pin["name"], to=[1.0, 1.0], q=shown["motion"]["home"])

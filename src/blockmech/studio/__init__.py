@@ -27,8 +27,8 @@ class _Studio(ModuleType):
 
     def __call__(self, document: Any = None, height: int = 800) -> Any:
         """The studio of a copy of a graph or linkage, as what a notebook shows."""
-        shown: Any = service().in_notebook(document, height)
-        return shown
+        frame: Any = service().in_notebook(document, height)
+        return frame
 
 
 sys.modules[__name__].__class__ = _Studio

@@ -20,13 +20,13 @@ from blockmech.model.joints.contents import FRAME
 from blockmech.studio import edits, sketching
 from blockmech.studio.document import Revision, Step
 from blockmech.studio.dragging import dragged, handles_of
-from blockmech.studio.fields import Shown, item_at
+from blockmech.studio.fields import Units, item_at
 from blockmech.studio.forms import typed
 from blockmech.studio.redraw import as_links
 from blockmech.studio.sketching import Form
 from blockmech.studio.turn import shown_motion
 
-Asked = Mapping[str, Any]
+Request = Mapping[str, Any]
 COUPLED = {"Gears": "gear", "Rack": "rack", "Cam": "cam", "Belt": "belt"}
 AT_PINS: dict[str, Callable[..., Form]] = {
     "Link": sketching.linked,
@@ -41,77 +41,77 @@ AT_PINS: dict[str, Callable[..., Form]] = {
     "Copy": sketching.copied,
     "Delete": sketching.removed,
 }
-HELD = ("Cylinder", "Spring")  # of which an end that no link holds stands on the frame
+ON_FRAME = ("Cylinder", "Spring")  # of which an end that no link holds stands on the frame
 
 
-def acted(now: Revision, asked: Asked) -> Step:
+def acted(now: Revision, request: Request) -> Step:
     """The step that an act makes. Raises `BlockmechError` for what cannot be done."""
-    act = str(asked.get("act", ""))
+    act = str(request.get("act", ""))
     if act in AT_PINS:
-        return _at_pins(now.form, act, list(asked.get("pins", ())), asked)
+        return _at_pins(now.form, act, list(request.get("pins", ())), request)
     if act not in ACTS:
         raise refused("act", f"there is no act {act!r}", valid=listed((*AT_PINS, *ACTS)))
-    return ACTS[act](now, asked)
+    return ACTS[act](now, request)
 
 
-def _at_pins(form: Form, act: str, names: list[str], asked: Asked) -> Step:
+def _at_pins(form: Form, act: str, names: list[str], request: Request) -> Step:
     """What is done to pins, or by a tool from one pin to another."""
-    known = sketching.pins_of(form) if "links" in form else {}
-    pins = [name for name in names if name in known]
+    drawing = sketching.pins_of(form) if "links" in form else {}
+    pins = [name for name in names if name in drawing]
     if act == "Masses" and not pins:
-        pins = list(known)
+        pins = list(drawing)
     if not pins:
         raise refused(act, "no pin is chosen", "choose pins of a drawing first")
-    how: dict[str, Any] = {}
+    options: dict[str, Any] = {}
     if act == "Slider":
-        how = {"angle": asked.get("angle"), "on": asked.get("on") or FRAME}
-    made = AT_PINS[act](form, pins, **how)
+        options = {"angle": request.get("angle"), "on": request.get("on") or FRAME}
+    changed = AT_PINS[act](form, pins, **options)
     if act == "Driver":
-        for problem in Linkage.from_data(made).check():
+        for problem in Linkage.from_data(changed).check():
             if problem.code == "conflicting-drivers":
                 raise GraphError(problem)
-    said = f"{act}: {', '.join(pins)}"
+    label = f"{act}: {', '.join(pins)}"
     if act == "Masses":
-        bare = [link for link, x in made["links"].items() if link != FRAME and not x.get("mass")]
-        said = "Masses" + (f"; without length: {listed(bare)}" if bare else " of all links")
-    return Step(made, said)
+        bare = [link for link, x in changed["links"].items() if link != FRAME and not x.get("mass")]
+        label = "Masses" + (f"; without length: {listed(bare)}" if bare else " of all links")
+    return Step(changed, label)
 
 
-def _pin(now: Revision, asked: Asked) -> Step:
-    form, pin = sketching.pin_at(now.form, asked)
+def _pin(now: Revision, request: Request) -> Step:
+    form, pin = sketching.pin_at(now.form, request)
     return Step(form, f"pin {pin}")
 
 
-def _draw(now: Revision, asked: Asked) -> Step:
+def _draw(now: Revision, request: Request) -> Step:
     """A link, or what a tool draws, from one end to the other; new pins are made."""
-    form, ends, tool = now.form, [], str(asked.get("tool") or "Link")
-    for end in (asked["from"], asked["to"]):
+    form, ends, tool = now.form, [], str(request.get("tool") or "Link")
+    for end in (request["from"], request["to"]):
         form, pin = sketching.pin_at(form, end)
-        if tool in HELD and not sketching.pins_of(form)[pin].links:
+        if tool in ON_FRAME and not sketching.pins_of(form)[pin].links:
             form = sketching.attached(form, [pin])
         ends.append(pin)
-    return _at_pins(form, tool, ends, asked)
+    return _at_pins(form, tool, ends, request)
 
 
-def _move(now: Revision, asked: Asked) -> Step:
+def _move(now: Revision, request: Request) -> Step:
     """Pins put elsewhere, links first stood in the poses in which they were taken hold of."""
-    places = {name: complex(*at) for name, at in asked["pins"].items()}
-    form = sketching.posed(now.form, asked.get("poses") or {})
-    unknown = places.keys() - sketching.pins_of(form).keys()
+    positions = {name: complex(*at) for name, at in request["pins"].items()}
+    form = sketching.posed(now.form, request.get("poses") or {})
+    unknown = positions.keys() - sketching.pins_of(form).keys()
     if unknown:
         raise refused(listed(unknown), "no pin is called so", "look at the drawing again")
-    return Step(sketching.moved(form, places), f"move {', '.join(places)}")
+    return Step(sketching.moved(form, positions), f"move {', '.join(positions)}")
 
 
-def _drag(now: Revision, asked: Asked) -> Step:
+def _drag(now: Revision, request: Request) -> Step:
     """A joint of blocks put elsewhere in a pose; lengths follow."""
-    name, new = asked["name"], complex(*asked["to"])
+    name, new = request["name"], complex(*request["to"])
     mechanism = now.mechanism
     if mechanism is None:
         raise refused(name, "the diagram is no mechanism yet", "mend it first")
-    at = {d: [float(asked["q"][d])] for d in mechanism.drivers}
-    how: dict[str, Any] = {"rates": dict.fromkeys(at, 0.0), "want": (), "friction": "none"}
-    motion = moves_of_result(mechanism.run(at=at, on_gap="mark", **how))
+    at = {d: [float(request["q"][d])] for d in mechanism.drivers}
+    settings: dict[str, Any] = {"rates": dict.fromkeys(at, 0.0), "want": (), "friction": "none"}
+    motion = moves_of_result(mechanism.run(at=at, on_gap="mark", **settings))
     if not motion.feasible.any():
         raise refused(name, "the mechanism does not close in this pose", "choose another pose")
     spot = handles_of(motion, sketch_of(motion)).get(name)
@@ -119,46 +119,46 @@ def _drag(now: Revision, asked: Asked) -> Step:
     if spot is not None:
         form = dragged(form, motion, 0, complex(motion.at(*spot)[0]), new)
     if form == now.form:
-        found = "no length and no marker of a block puts it there, so it cannot be dragged"
-        raise refused(name, found, "change its block's form", code="not-dragged")
+        fault = "no length and no marker of a block puts it there, so it cannot be dragged"
+        raise refused(name, fault, "change its block's form", code="not-dragged")
     return Step(form, f"move {name}")
 
 
-def _dimension(now: Revision, asked: Asked) -> Step:
-    a, b = asked["ends"]
-    return Step(sketching.dimensioned(now.form, a, b, float(asked["value"])), f"{a} to {b}")
+def _dimension(now: Revision, request: Request) -> Step:
+    a, b = request["ends"]
+    return Step(sketching.dimensioned(now.form, a, b, float(request["value"])), f"{a} to {b}")
 
 
-def _angle(now: Revision, asked: Asked) -> Step:
-    pins = list(asked["pins"])
-    made = sketching.turned(now.form, pins, float(asked["value"]))
-    return Step(made, f"angle {', '.join(pins)}")
+def _angle(now: Revision, request: Request) -> Step:
+    pins = list(request["pins"])
+    changed = sketching.turned(now.form, pins, float(request["value"]))
+    return Step(changed, f"angle {', '.join(pins)}")
 
 
-def _without_link(now: Revision, asked: Asked) -> Step:
+def _without_link(now: Revision, request: Request) -> Step:
     form = now.form
-    for link in asked["links"]:
+    for link in request["links"]:
         form = sketching.without_link(form, link)
-    return Step(form, f"{listed(asked['links'])} deleted")
+    return Step(form, f"{listed(request['links'])} deleted")
 
 
-def _typed(now: Revision, asked: Asked) -> Step:
+def _typed(now: Revision, request: Request) -> Step:
     """Fields of a part, in the order in which they were typed."""
-    form, part = now.form, tuple(asked["part"])
-    shown = Shown.of(asked.get("units", ""))
-    for path, text in asked["edits"]:
-        form = typed(now.document, form, part, tuple(path), text, shown)
-    last = asked["edits"][-1][0]
-    return Step(form, " ".join([*part[1:], *last]))
+    form, part = now.form, tuple(request["part"])
+    units = Units.of(request.get("units", ""))
+    for path, text in request["edits"]:
+        form = typed(now.document, form, part, tuple(path), text, units)
+    latest = request["edits"][-1][0]
+    return Step(form, " ".join([*part[1:], *latest]))
 
 
-def _remove(now: Revision, asked: Asked) -> Step:
+def _remove(now: Revision, request: Request) -> Step:
     """An item of a section: a load, a driver, a coupling ..."""
-    section, name = asked["part"]
+    section, name = request["part"]
     return Step(sketching.without_item(now.form, section, name), f"{name} deleted")
 
 
-def _redrawn(now: Revision, asked: Asked) -> Step:
+def _redrawn(now: Revision, request: Request) -> Step:
     """Blocks as links and joints; the diagram then follows from these."""
     motion, message = shown_motion(now.form, now.mechanism, (), "", {})
     if motion is None:
@@ -166,12 +166,12 @@ def _redrawn(now: Revision, asked: Asked) -> Step:
     return Step(as_links(now.form, motion), "drawn as links and joints")
 
 
-def _taken(now: Revision, asked: Asked) -> Step:
+def _take(now: Revision, request: Request) -> Step:
     """A whole document in place of this one, e.g. a design that was proposed."""
-    return Step(dict(asked["form"]), "candidate taken")
+    return Step(dict(request["form"]), "candidate taken")
 
 
-def _begun(now: Revision, asked: Asked) -> Step:
+def _begin(now: Revision, request: Request) -> Step:
     return Step(Linkage(now.form["name"]).to_data(), "begun")
 
 
@@ -185,26 +185,26 @@ def _blocks(now: Revision) -> Form:
     return now.form
 
 
-def _names(now: Revision, asked: Asked) -> list[str]:
-    if not asked.get("names"):
+def _names(now: Revision, request: Request) -> list[str]:
+    if not request.get("names"):
         raise refused("blocks", "none are chosen", "click blocks in the diagram first")
-    return list(asked["names"])
+    return list(request["names"])
 
 
-def _add(now: Revision, asked: Asked) -> Step:
+def _add(now: Revision, request: Request) -> Step:
     """A block of a kind at a place [pt], or to the right of all."""
-    kind, places = asked["kind"], asked.get("places", {})
+    kind, positions = request["kind"], request.get("places", {})
     if kind not in REGISTRY:
         raise refused("kind", f"no block is called {kind!r}", "take one of the palette")
-    form = edits.placed(_blocks(now), places)
-    right = max((x for x, _ in places.values()), default=-10 * ROW)
+    form = edits.placed(_blocks(now), positions)
+    right = max((x for x, _ in positions.values()), default=-10 * ROW)
     name = edits.free_name(form, kind.rsplit(".", 1)[-1])
-    at = asked.get("at") or (right + 14 * ROW, ROW)
+    at = request.get("at") or (right + 14 * ROW, ROW)
     return Step(edits.added(form, kind, name, tuple(at)), f"{name} added")
 
 
-def _wire(now: Revision, asked: Asked) -> Step:
-    wire = Wire(asked["from"], asked["to"])
+def _wire(now: Revision, request: Request) -> Step:
+    wire = Wire(request["from"], request["to"])
     form = _blocks(now)
     document: Any = now.document
     problems = document.problems_of(wire)
@@ -213,35 +213,35 @@ def _wire(now: Revision, asked: Asked) -> Step:
     return Step(edits.wired(form, *wire.ends), str(wire))
 
 
-def _arrange(now: Revision, asked: Asked) -> Step:
-    places = asked["places"]
-    return Step(edits.placed(_blocks(now), places), f"{', '.join(asked['names'])} moved")
+def _arrange(now: Revision, request: Request) -> Step:
+    positions = request["places"]
+    return Step(edits.placed(_blocks(now), positions), f"{', '.join(request['names'])} moved")
 
 
-def _lay_out(now: Revision, asked: Asked) -> Step:
+def _lay_out(now: Revision, request: Request) -> Step:
     return Step({**_blocks(now), "view": {}}, "laid out")  # places then follow from the wires
 
 
-def _cut(now: Revision, asked: Asked) -> Step:
-    names = _names(now, asked)
+def _cut(now: Revision, request: Request) -> Step:
+    names = _names(now, request)
     return Step(edits.without(_blocks(now), names, names), f"{', '.join(names)} deleted")
 
 
-def _duplicate(now: Revision, asked: Asked) -> Step:
+def _duplicate(now: Revision, request: Request) -> Step:
     form = _blocks(now)
-    names = [name for name in _names(now, asked) if name in form["blocks"]]
-    made = edits.duplicated(form, names, asked["places"])
-    return Step(made, f"{', '.join(names)} duplicated")
+    names = [name for name in _names(now, request) if name in form["blocks"]]
+    changed = edits.duplicated(form, names, request["places"])
+    return Step(changed, f"{', '.join(names)} duplicated")
 
 
-def _rename(now: Revision, asked: Asked) -> Step:
-    old, new = asked["name"], str(asked["to"]).strip()
+def _rename(now: Revision, request: Request) -> Step:
+    old, new = request["name"], str(request["to"]).strip()
     if item_at(_blocks(now), ("blocks", old)) is None:
         raise refused(old, "no block is called so", "choose it again")
     return Step(edits.renamed(now.form, old, new), f"{old} renamed to {new}")
 
 
-ACTS: dict[str, Callable[[Revision, Asked], Step]] = {
+ACTS: dict[str, Callable[[Revision, Request], Step]] = {
     "pin": _pin,
     "draw": _draw,
     "move": _move,
@@ -252,8 +252,8 @@ ACTS: dict[str, Callable[[Revision, Asked], Step]] = {
     "fields": _typed,
     "remove": _remove,
     "redraw": _redrawn,
-    "begin": _begun,
-    "take": _taken,
+    "begin": _begin,
+    "take": _take,
     "add": _add,
     "wire": _wire,
     "arrange": _arrange,

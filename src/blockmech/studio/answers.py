@@ -82,10 +82,10 @@ class Question:
     pose: int = 0
     degrees: bool = True
     report: Report | None = None
-    simulated: Motion | None = None
+    computed: Motion | None = None
 
     @classmethod
-    def of(cls, now: Revision, data: Mapping[str, Any], **more: Any) -> Question:
+    def of(cls, now: Revision, data: Mapping[str, Any], **extra: Any) -> Question:
         """A question in plain data."""
         units = str(data.get("units", ""))
         return cls(
@@ -100,14 +100,14 @@ class Question:
             str(data.get("until") or "time=2"),
             int(data.get("pose", 0)),
             "|rad|" not in f"|{units}|",
-            **more,
+            **extra,
         )
 
     @cached_property
     def motion(self) -> Motion:
         """The motion that is shown. Raises `RequestError` where nothing moves."""
-        if self.simulated is not None:
-            return self.simulated
+        if self.computed is not None:
+            return self.computed
         now = self.now
         motion, message = shown_motion(
             now.form, now.mechanism, now.problems, self.moved, self.at or {}, now.document.file
@@ -124,10 +124,10 @@ class Question:
     @property
     def first(self) -> str:
         """The first of the chosen outputs. Raises `RequestError` for none."""
-        known = [name for name in self.names if name in self.mechanism.outputs]
-        if not known:
+        chosen = [name for name in self.names if name in self.mechanism.outputs]
+        if not chosen:
             raise refused("outputs", "none is chosen under Curves", "choose one there")
-        return known[0]
+        return chosen[0]
 
     @property
     def rows(self) -> Mapping[str, Any] | None:
@@ -148,47 +148,49 @@ def result_of(ask: Question, names: Iterable[str]) -> Result:
     if ask.accuracy is None or result.motion is not None:
         return result.with_friction(ask.friction, *chosen)
     m: Any = result.mechanism
-    made: Result = m.run_to(ask.accuracy, {}, result.samples, chosen, False, "auto", None)
-    return made
+    computed: Result = m.run_to(ask.accuracy, {}, result.samples, chosen, False, "auto", None)
+    return computed
 
 
 def curves(ask: Question) -> Answer:
     """The chosen outputs over the motion by quantity, forces without friction beside them."""
     motion = ask.motion
     names = [name for name in ask.names if name in motion.mechanism.outputs]
-    along = along_of(motion, ask.degrees)
-    made: Answer = {"along": _along(along), "panels": [], "said": "", "margins": []}
-    known = motion.quality.margin
-    if known:
+    abscissa = along_of(motion, ask.degrees)
+    data: Answer = {"along": _abscissa_data(abscissa), "panels": [], "said": "", "margins": []}
+    margin = motion.quality.margin
+    if margin:
         name_of = motion.mechanism._block_name
-        margins = Panel("margin", "", {name_of(block): m for block, m in known.items()})
-        made["margins"] = [_panel(margins)]
+        margins = Panel("margin", "", {name_of(block): m for block, m in margin.items()})
+        data["margins"] = [_panel(margins)]
     if names:
-        begun = time.perf_counter()
+        start = time.perf_counter()
         result = result_of(ask, names)
-        made["panels"] = [_panel(panel) for panel in panels_of(result, names)]
-        made["said"] = _summary(result, time.perf_counter() - begun)
-    return made
+        data["panels"] = [_panel(panel) for panel in panels_of(result, names)]
+        data["said"] = _summary(result, time.perf_counter() - start)
+    return data
 
 
 def panels_of(result: Result, names: Iterable[str]) -> list[Panel]:
     """The named outputs by quantity and unit, forces without friction beside them."""
     bare: dict[tuple[str, str], Panel] = {}
-    twin = without_friction(result)
-    if twin is not None:
-        bare = {(p.quantity, p.unit): p for p in chosen_panels(twin, twin)}
+    bare_result = without_friction(result)
+    if bare_result is not None:
+        bare = {(p.quantity, p.unit): p for p in chosen_panels(bare_result, bare_result)}
     panels = []
     for panel in chosen_panels(result, names):
-        beside = bare.get((panel.quantity, panel.unit))
-        panels.append(panel if beside is None else replace(panel, without=beside.curves))
+        frictionless = bare.get((panel.quantity, panel.unit))
+        panels.append(
+            panel if frictionless is None else replace(panel, without=frictionless.curves)
+        )
     return panels
 
 
-def _along(along: Abscissa) -> Answer:
+def _abscissa_data(abscissa: Abscissa) -> Answer:
     return {
-        "words": along.words,
-        "values": numbers(along.values),
-        "events": [[float(x), name] for x, name in along.events],
+        "words": abscissa.words,
+        "values": numbers(abscissa.values),
+        "events": [[float(x), name] for x, name in abscissa.events],
     }
 
 
@@ -213,27 +215,27 @@ def _panel(panel: Panel) -> Answer:
 
 def _summary(result: Result, seconds: float) -> str:
     """What was computed, how, and what it took."""
-    how = f"{result.n} samples, {result.plan.calls} kernel calls a sample, {seconds * 1e3:.1f} ms"
+    cost = f"{result.n} samples, {result.plan.calls} kernel calls a sample, {seconds * 1e3:.1f} ms"
     chosen = f"; {result.accuracy}" if result.accuracy is not None else ""
     gaps = len(result.quality.gaps)
     holes = f"; {gaps} samples without an answer" if gaps else ""
     error = "" if result.motion is None else f"; {result.motion.summary()[0]}"
-    return "; ".join([how + chosen + holes + error, *result.notes()])
+    return "; ".join([cost + chosen + holes + error, *result.notes()])
 
 
 # -- arrows ------------------------------------------------------------------------------------
 
 
-def vectors(ask: Question, what: str) -> list[Answer]:
+def vectors(ask: Question, quantity: str) -> list[Answer]:
     """Velocities of pins, or reactions at joints, as places [m] and vectors at all samples.
 
     Of friction circles the vector's length is the radius [m]: without rates a reaction touches
     the circle of its pin.
     """
-    if what not in ARROWS:
-        raise refused("vectors", f"there are none called {what!r}", valid=listed(ARROWS))
+    if quantity not in ARROWS:
+        raise refused("vectors", f"there are none called {quantity!r}", valid=listed(ARROWS))
     motion = ask.motion
-    rows = ARROWS[what](ask, motion, sketch_of(motion)).items()
+    rows = ARROWS[quantity](ask, motion, sketch_of(motion)).items()
     return [
         {"name": name, "at": _rows(motion.at(*spot)), "vector": _rows(vector)}
         for name, (spot, vector) in rows
@@ -298,19 +300,20 @@ def wire_text(ask: Question, name: str) -> str:
     """
     if name not in wires_of(ask.motion.structure):
         return ""
-    one = ask.motion.result.with_friction(ask.friction).isel(ask.pose)
-    structure = one.mechanism.structure
-    (values,) = on_wires(structure, one._inside, one.n, name).values()
+    sample = ask.motion.result.with_friction(ask.friction).isel(ask.pose)
+    structure = sample.mechanism.structure
+    (values,) = on_wires(structure, sample._inside, sample.n, name).values()
     rotary = [structure.joint(ref).rotary for ref in structure.driven.values()]
     shares = {"J_red": "kg m²" if rotary[0] else "kg", "tau_red": "N m" if rotary[0] else "N"}
     lines = [("→", FORWARD), ("←", BACK)] + [("reduced", shares)] * ("J_red" in values)
     return "\n".join(
-        f"{way} " + "; ".join(_told(key, values[key], unit) for key, unit in units.items())
-        for way, units in lines
+        f"{direction} "
+        + "; ".join(_with_unit(key, values[key], unit) for key, unit in units.items())
+        for direction, units in lines
     )
 
 
-def _told(key: str, values: Any, unit: str) -> str:
+def _with_unit(key: str, values: Any, unit: str) -> str:
     """A quantity at one sample, with its unit."""
     value = np.atleast_1d(values)[0]
     if not np.isfinite(value):
@@ -342,8 +345,8 @@ def _solutions(ask: Question) -> Any:
 def _limits(ask: Question) -> Any:
     """The arcs of the driver that moves, the others held where they are shown."""
     q = ask.motion.q
-    moved, *held = sorted(q, key=lambda driver: -np.ptp(q[driver]))
-    return ask.mechanism.limits(moved, {driver: float(q[driver][0]) for driver in held})
+    moved, *fixed = sorted(q, key=lambda driver: -np.ptp(q[driver]))
+    return ask.mechanism.limits(moved, {driver: float(q[driver][0]) for driver in fixed})
 
 
 def _family(ask: Question) -> Answer:
@@ -352,20 +355,20 @@ def _family(ask: Question) -> Answer:
     Each is run at the same samples; what does not close is left out. Raises what
     `remade` raises for values that cannot be.
     """
-    known = ask.mechanism.parameters()
-    if ask.number not in known:
+    parameters = ask.mechanism.parameters()
+    if ask.number not in parameters:
         raise refused("number", "none is chosen", "choose one in the list")
-    value, samples = known[ask.number].value, ask.motion.result.samples
-    drawn: dict[str, Any] = {}
-    how = {"friction": ask.friction, "static": False}
+    value, samples = parameters[ask.number].value, ask.motion.result.samples
+    family: dict[str, Any] = {}
+    settings = {"friction": ask.friction, "static": False}
     for x in value * (1 + ask.share * np.linspace(-1, 1, CURVES)):
-        other: Any = remade(ask.mechanism, {ask.number: float(x)})
-        run = other._answer(samples, (ask.first,), how)
+        variant: Any = remade(ask.mechanism, {ask.number: float(x)})
+        run = variant._answer(samples, (ask.first,), settings)
         (panel,) = chosen_panels(run, (ask.first,))
-        drawn[f"{ask.number} = {x:.4g}"] = next(iter(panel.curves.values()))
-    picture = draw_panels([Panel(panel.quantity, panel.unit, drawn)], along_of(ask.motion, True))
-    words = f"{ask.first} for {CURVES} values of {ask.number}"
-    return {"text": words, "picture": _svg(picture)}
+        family[f"{ask.number} = {x:.4g}"] = next(iter(panel.curves.values()))
+    picture = draw_panels([Panel(panel.quantity, panel.unit, family)], along_of(ask.motion, True))
+    caption = f"{ask.first} for {CURVES} values of {ask.number}"
+    return {"text": caption, "picture": _svg(picture)}
 
 
 ANALYSES: dict[str, tuple[str, Callable[[Question], Any]]] = {
@@ -421,10 +424,10 @@ def simulation(ask: Question) -> tuple[Motion, Answer]:
     mechanism = ask.now.mechanism
     if mechanism is None:
         raise refused("motion", NOTHING, "draw what moves first")
-    shown = {driver: float(q[ask.pose]) for driver, q in ask.motion.q.items()}
+    pose = {driver: float(q[ask.pose]) for driver, q in ask.motion.q.items()}
     free = {*mechanism.drivers} - {*mechanism.scene.initial}
-    start = {driver: (q, 0.0) for driver, q in shown.items() if driver in free}
-    made = simulate(
+    start = {driver: (q, 0.0) for driver, q in pose.items() if driver in free}
+    run = simulate(
         mechanism,
         ask.until,
         start=start,
@@ -432,16 +435,16 @@ def simulation(ask: Question) -> tuple[Motion, Answer]:
         friction=ask.friction,
         progress=ask.report or (lambda *_: None),
     )
-    times = made.motion.times(DEFAULT_SAMPLES)
-    result = result_along(mechanism, made.motion, times, (), friction=ask.friction)
+    times = run.motion.times(DEFAULT_SAMPLES)
+    result = result_along(mechanism, run.motion, times, (), friction=ask.friction)
     motion = moves_of_result(result)
     data = motion_data(motion, {})
     data["poses"] = poses_of(motion)
-    again = replace(ask, simulated=motion)
+    answered = replace(ask, computed=motion)
     return motion, {
         "motion": data,
         "text": " ".join(result.motion.summary()),
-        "curves": curves(again),
+        "curves": curves(answered),
     }
 
 
@@ -486,13 +489,11 @@ def _card(design: Any) -> Answer:
     mechanism = design.graph.compile()
     at = dict.fromkeys(mechanism.drivers, design.at)
     lengths = [p.value for p in mechanism.parameters().values() if p.unit == "m" and p.value]
-    least, most = min(map(abs, lengths)), max(map(abs, lengths))
-    words = (
-        f"links {least:.3g} to {most:.3g} m, miss {design.miss:.2g} m, margin {design.margin:.2g}"
-    )
+    shortest, longest = min(map(abs, lengths)), max(map(abs, lengths))
+    links = f"links {shortest:.3g} to {longest:.3g} m"
     return {
-        "words": words,
-        "size": most + most / least * 1e-3,
+        "words": f"{links}, miss {design.miss:.2g} m, margin {design.margin:.2g}",
+        "size": longest + longest / shortest * 1e-3,
         "picture": _svg(draw_tile(mechanism, at)),
         "form": _as_drawing(design.graph),
     }
@@ -517,12 +518,12 @@ OUTLINES = ("dxf", "svg")
 
 def formats() -> dict[str, list[str]]:
     """What can be written, in groups: each a word and a suffix, or the name of a format."""
-    others = [name for name in WRITERS if name not in (*NUMBERS, *OUTLINES)]
+    programs = [name for name in WRITERS if name not in (*NUMBERS, *OUTLINES)]
     return {
         "Sheet": ["document .json", *(f"diagram {suffix}" for suffix in STILL)],
         "Pictures": [f"pose {suffix}" for suffix in STILL] + [f"motion {s}" for s in MOVING],
         "Numbers": [f"numbers .{name}" for name in NUMBERS],
-        "Programs": [f"outlines .{name}" for name in OUTLINES] + others,
+        "Programs": [f"outlines .{name}" for name in OUTLINES] + programs,
     }
 
 
@@ -531,22 +532,22 @@ def exported(kind: str, ask: Question, seconds: float = 3.0) -> tuple[str, bytes
 
     Raises `RequestError` where nothing moves yet, and for what a format cannot say.
     """
-    what, _, suffix = kind.partition(" ")
+    category, _, suffix = kind.partition(" ")
     form = ask.now.form
     name = re.sub(r"[^\w-]+", "_", form["name"])  # no name leads out of a folder
-    if what == "document":
+    if category == "document":
         return f"{name}.json", canonical_text(form).encode()
-    if what == "diagram":
+    if category == "diagram":
         from blockmech.draw.diagram import draw_diagram
 
         return f"diagram{suffix}", rendered(draw_diagram(ask.now.blocks).figure, suffix)
-    if what == "pose":
+    if category == "pose":
         at = {driver: [x] for driver, x in _pose(ask).items()}
-        drawn = draw_mechanism(ask.mechanism, at, degrees=ask.degrees)
-        return f"mechanism{suffix}", rendered(drawn.figure, suffix)
-    if what == "motion":
+        picture = draw_mechanism(ask.mechanism, at, degrees=ask.degrees)
+        return f"mechanism{suffix}", rendered(picture.figure, suffix)
+    if category == "motion":
         return f"mechanism{suffix}", _film(ask, suffix, seconds)
-    return _written(suffix.lstrip(".") or what, name, ask)
+    return _written(suffix.lstrip(".") or category, name, ask)
 
 
 def _pose(ask: Question) -> dict[str, float]:
@@ -575,9 +576,9 @@ def _written(to: str, name: str, ask: Question) -> tuple[str, bytes]:
     want = EVERYTHING if result is None else tuple(result)
     order = Order(motion.mechanism, want, {"at": at}, {"friction": ask.friction}, computed=result)
     with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder, "made")
-        made.mkdir()
-        paths = WRITERS[to].write(order, made / f"{name}{WRITERS[to].suffixes[0]}")
+        outputs = Path(folder, "made")
+        outputs.mkdir()
+        paths = WRITERS[to].write(order, outputs / f"{name}{WRITERS[to].suffixes[0]}")
         if len(paths) > 1:
-            paths = [Path(shutil.make_archive(f"{folder}/{name}-{to}", "zip", made))]
+            paths = [Path(shutil.make_archive(f"{folder}/{name}-{to}", "zip", outputs))]
         return paths[0].name, paths[0].read_bytes()

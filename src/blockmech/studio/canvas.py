@@ -34,27 +34,27 @@ class Canvas:
     ways: Mapping[int, list[Point]]
 
     @classmethod
-    def of(cls, content: Content, shown: Graph, wrong: Mapping[str, str]) -> Canvas:
+    def of(cls, content: Content, graph: Graph, problems: Mapping[str, str]) -> Canvas:
         """Blocks where the author put them, others where they follow from the wires."""
-        at, wires = view_of(shown), [wire.ends for wire in content.wires]
-        words, handles, boxes = {}, {}, []
+        at, wires = view_of(graph), [wire.ends for wire in content.wires]
+        labels, handles, boxes = {}, {}, []
         for block in content.blocks:
-            spec = handles[block.name] = _handles(shown, block, wrong, wires)
+            spec = handles[block.name] = _handles(graph, block, problems, wires)
             ports, markers = (tuple(h["id"] for h in spec[s]) for s in ("inputs", "outputs"))
-            beside = max((text_width(x, SMALL) for x in (*ports, *markers)), default=0.0)
-            words[block.name], width = _words(block, wrong.get(block.name))
-            width += 2 * (beside + 2 * SIZES.pad)
-            rows = max(len(ports), len(markers), len(words[block.name])) + 1
+            margin = max((text_width(x, SMALL) for x in (*ports, *markers)), default=0.0)
+            labels[block.name], width = _labels(block, problems.get(block.name))
+            width += 2 * (margin + 2 * SIZES.pad)
+            rows = max(len(ports), len(markers), len(labels[block.name])) + 1
             ends = (*ports, *map(str, range(len(ports), rows)))  # free below, for wires that pass
             boxes.append(Box(block.name, width, ends, 1, 0, block.kind == "frame", markers))
         sizes = {box.name: (box.width, len(box.ports) * ROW) for box in boxes}
         ways: dict[int, list[Point]] = {}
         if len(at) < len(boxes):
-            made = _laid_out(tuple(boxes), tuple(wires))
+            layout = _laid_out(tuple(boxes), tuple(wires))
             below = max((y + sizes[name][1] for name, (_, y) in at.items()), default=0.0)
-            at = {n: at.get(n, (r.x, r.y + below)) for n, r in made.boxes.items()}
-            ways = {} if view_of(shown) else made.ways
-        return cls(words, handles, {n: Rectangle(*at[n], *sizes[n]) for n in at}, ways)
+            at = {n: at.get(n, (r.x, r.y + below)) for n, r in layout.boxes.items()}
+            ways = {} if view_of(graph) else layout.ways
+        return cls(labels, handles, {n: Rectangle(*at[n], *sizes[n]) for n in at}, ways)
 
     def blocks(self, content: Content, wrong: Collection[str]) -> list[dict[str, Any]]:
         """The blocks as `diagram.js` draws them, in pixels."""
@@ -73,17 +73,17 @@ class Canvas:
     def wire(self, k: int, ends: Ends) -> dict[str, Any]:
         """A wire and its way [px]: as it was laid out, or a plain one through few blocks."""
         boxes, sides = (self.boxes[ends.source], self.boxes[ends.target]), ("outputs", "inputs")
-        places = []
+        at_ports = []
         for r, side, name, pin in zip(boxes, sides, ends[::2], ends[1::2], strict=True):
             row = [handle["id"] for handle in self.handles[name][side]].index(pin) + 1.5
-            places.append((r.x + r.width * (side == "outputs"), r.y + ROW * row))
-        begin, end = places
-        way = self.ways.get(k) or way_between(begin, end, k, self.boxes.values())
+            at_ports.append((r.x + r.width * (side == "outputs"), r.y + ROW * row))
+        begin, end = at_ports
+        route = self.ways.get(k) or way_between(begin, end, k, self.boxes.values())
         return {
             "id": str(ends),
             "from": [ends.source, ends.marker],
             "to": [ends.target, ends.port],
-            "way": [[x * PIXELS, y * PIXELS] for x, y in way],
+            "way": [[x * PIXELS, y * PIXELS] for x, y in route],
         }
 
 
@@ -93,7 +93,7 @@ def _laid_out(boxes: tuple[Box, ...], wires: tuple[Ends, ...]) -> Placed:
     return place(arrange(boxes, wires))
 
 
-def _words(block: DrawnBlock, wrong: str | None) -> tuple[list[str], float]:
+def _labels(block: DrawnBlock, wrong: str | None) -> tuple[list[str], float]:
     """The lines on a block, and how wide it is [pt]."""
     lines = [line for line in (block.name, block.words, "  ".join(block.drive)) if line]
     inside = max(text_width(line, SMALL) for line in lines[1:] or ("",))
@@ -102,15 +102,17 @@ def _words(block: DrawnBlock, wrong: str | None) -> tuple[list[str], float]:
 
 
 def _handles(
-    shown: Graph, block: DrawnBlock, wrong: Mapping[str, str], wires: Iterable[Ends]
+    graph: Graph, block: DrawnBlock, problems: Mapping[str, str], wires: Iterable[Ends]
 ) -> dict[str, list[dict[str, str]]]:
     """Handles of a block: joints and terminals on the left, markers and guides on the right."""
-    said = {port.name: wrong.get(f"{block.name}.{port.name}", "") for port in block.ports}
-    inputs = [{"id": p.name, "kind": p.pair or "load", "said": said[p.name]} for p in block.ports]
+    problem_at = {port.name: problems.get(f"{block.name}.{port.name}", "") for port in block.ports}
+    inputs = [
+        {"id": p.name, "kind": p.pair or "load", "said": problem_at[p.name]} for p in block.ports
+    ]
     outputs = []
-    known = markers_of(shown.blocks.get(block.name))
-    for name in dict.fromkeys((*known, *(w.marker for w in wires if w.source == block.name))):
-        _, marker = known.get(name, ("", None))
+    markers = markers_of(graph.blocks.get(block.name))
+    for name in dict.fromkeys((*markers, *(w.marker for w in wires if w.source == block.name))):
+        _, marker = markers.get(name, ("", None))
         guide = getattr(marker, "angle", None) is not None or getattr(marker, "dir", None)
         outputs.append({"id": name, "kind": "guide" if guide else "marker", "said": ""})
     return {"inputs": inputs, "outputs": outputs}

@@ -25,9 +25,9 @@ def kinds() -> list[tuple[str, str, str, str]]:
 
 
 @cache
-def _kinds(known: tuple[str, ...]) -> list[tuple[str, str, str, str]]:
+def _kinds(types: tuple[str, ...]) -> list[tuple[str, str, str, str]]:
     schema, kinds = schema_of(blocks=True), []
-    for kind in known:
+    for kind in types:
         word, alone = kind.split(".")[-1], graph.Graph()
         try:
             alone.add(word, REGISTRY[kind](**starter(schema, schema["$defs"][kind])))
@@ -37,31 +37,31 @@ def _kinds(known: tuple[str, ...]) -> list[tuple[str, str, str, str]]:
             why = f"{kind} has no simplest values: {instead}open a file with one"
             kinds.append((kind, family, word.replace("_", " "), why))
             continue
-        drawn, *_ = content_of(alone).blocks  # a coupling also names drivers, which are not here
-        word = {"group": drawn.words}.get(drawn.kind, word)
-        kinds.append((kind, drawn.kind, word.replace("_", " "), ""))
+        block, *_ = content_of(alone).blocks  # a coupling also names drivers, which are not here
+        word = {"group": block.words}.get(block.kind, word)
+        kinds.append((kind, block.kind, word.replace("_", " "), ""))
     order = {kind: k for k, kind in enumerate(("frame", "driver", "group", "coupling"))}
     return sorted(kinds, key=lambda item: order.get(item[1], len(order)))
 
 
 def diagram_of(now: Revision) -> dict[str, Any]:
     """Blocks, wires and problems of a revision; of links and joints what follows from them."""
-    shown = now.blocks
-    ours = shown is now.document
-    content = content_of(shown, most=len(shown.blocks) + 1)
-    wrong = {at: p.found for p in now.problems if ours for at in _about(p, shown)}
-    laid = Canvas.of(content, shown, wrong)
+    blocks = now.blocks
+    editable = blocks is now.document
+    content = content_of(blocks, most=len(blocks.blocks) + 1)
+    wrong = {at: p.found for p in now.problems if editable for at in _about(p, blocks)}
+    laid = Canvas.of(content, blocks, wrong)
     return {
         "blocks": laid.blocks(content, {at.partition(".")[0] for at in wrong}),
         "wires": [laid.wire(k, wire.ends) for k, wire in enumerate(content.wires)],
-        "editable": ours,
+        "editable": editable,
         "row": ROW * PIXELS,
         "pixels": PIXELS,
     }
 
 
-def _about(problem: Problem, shown: graph.Graph) -> list[str]:
+def _about(problem: Problem, blocks: graph.Graph) -> list[str]:
     """The blocks and ports that a problem is about; of blocks in a loop, where they are fed."""
     names = problem.where.removeprefix("blocks.").split(", ")
-    fed = [w for w in shown.wires if {w.source.split(".")[0], w.target.split(".")[0]} <= {*names}]
+    fed = [w for w in blocks.wires if {w.source.split(".")[0], w.target.split(".")[0]} <= {*names}]
     return [*names, *(wire.target for wire in fed)]

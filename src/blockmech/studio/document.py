@@ -49,8 +49,8 @@ class Revision:
             if isinstance(document, Graph):
                 mechanism: Compiled = document.compile()
                 return (), mechanism, mechanism.structure.formula
-            made = document.decompose()
-            return (), made.compile(), str(made.formation)
+            decomposition = document.decompose()
+            return (), decomposition.compile(), str(decomposition.formation)
         except GraphError as error:
             return error.problems, None, ""
 
@@ -110,7 +110,7 @@ class Sheet:
         self._in_file = document.to_json()
         self._show(document, path)
 
-    def change(self, form: dict[str, Any], said: str) -> None:
+    def change(self, form: dict[str, Any], label: str) -> None:
         """Take another form, as one step that can be undone; an equal one is no step.
 
         Raises `FormatError` or `GraphError` for a form that could not be read again, with
@@ -119,7 +119,7 @@ class Sheet:
         document = self.read(form)
         text = document.to_json()
         if text != self.text():
-            self._done.append(Step(document.to_data(), said))
+            self._done.append(Step(document.to_data(), label))
             self._undone.clear()
             self._show(document, self.path)
 
@@ -164,12 +164,12 @@ class Sheet:
         with resolving(Resolver(str(self.folder))):
             return from_data(form, self.path)
 
-    def _step(self, back: list[Step], forth: list[Step], least: int) -> str:
-        if len(back) <= least:
+    def _step(self, source: list[Step], target: list[Step], minimum: int) -> str:
+        if len(source) <= minimum:
             return ""
-        forth.append(back.pop())
+        target.append(source.pop())
         self._show(self.read(self._done[-1].form), self.path)
-        return forth[-1].said
+        return target[-1].said
 
     def _show(self, document: Opened, path: Path | None) -> None:
         """Show what the last step made."""

@@ -30,8 +30,8 @@ def handles_of(motion: Motion, sketch: Sketch) -> dict[str, Spot]:
     for marker in shown_markers(motion.mechanism):
         spots[str(marker)] = Spot(marker.on, marker_place(s, marker))
     k = int(np.flatnonzero(motion.feasible)[0])
-    places = {complex(motion.at(*spot)[k]): name for name, spot in reversed(spots.items())}
-    return {name: spots[name] for name in spots if name in places.values()}
+    positions = {complex(motion.at(*spot)[k]): name for name, spot in reversed(spots.items())}
+    return {name: spots[name] for name in spots if name in positions.values()}
 
 
 def dragged(
@@ -52,8 +52,8 @@ def dragged(
         _drag_joints(changed, motion, k, move)
         return changed
     s = motion.structure
-    for given in changed["blocks"][s.frame].get("markers", {}).values():
-        given["at"] = _put(given["at"], 0j, 1, 0j, 1, move)
+    for marker in changed["blocks"][s.frame].get("markers", {}).values():
+        marker["at"] = _put(marker["at"], 0j, 1, 0j, 1, move)
     starts = changed.get("scene", {}).get("initial", {})
     for name in s.blocks:
         turned = _drag_block(changed["blocks"][name], name, motion, k, move)
@@ -85,9 +85,9 @@ def _drag_block(block: dict[str, Any], name: str, motion: Motion, k: int, move: 
                 e2 = (move(z) - o2) / abs(move(z) - o2)
                 block[built.along] = abs(move(z) - o2)
                 turned = float(np.angle(e2 / e))
-        for marker, given in block.get("links", {}).get(link, {}).get("markers", {}).items():
+        for marker, marker_data in block.get("links", {}).get(link, {}).get("markers", {}).items():
             stays = (o2, e2) != (o, e) and MarkerRef(name, link, marker) in joined
-            given["at"] = _put(given["at"], o, e, o2, e2, move, stays)
+            marker_data["at"] = _put(marker_data["at"], o, e, o2, e2, move, stays)
     if {"B", "C", "D"} <= set(pins) and block.get("branch", 1) in (-1, 1):
         turn = ((pins["D"] - pins["B"]).conjugate() * (pins["C"] - pins["B"])).imag
         if turn:
@@ -108,8 +108,8 @@ def _drag_joints(form: dict[str, Any], motion: Motion, k: int, move: Move) -> No
             for i, link in enumerate(joint["links"]):
                 joint["at"][i] = _put(joint["at"][i], *frames[link], *frames[link], move)
     for link, (o, e) in frames.items():
-        for given in form["links"].get(link, {}).get("markers", {}).values():
-            given["at"] = _put(given["at"], o, e, o, e, move)
+        for marker in form["links"].get(link, {}).get("markers", {}).values():
+            marker["at"] = _put(marker["at"], o, e, o, e, move)
 
 
 def _put(

@@ -56,30 +56,30 @@ def _pose(form: Form, link: str) -> list[float]:
 
 def _pin(form: Form, name: str, inside: Mapping[str, Any]) -> Drawing:
     """A pin on the link that has its point; a slide also with its guide on the other one."""
-    drawn = pins_of(form)[name]
+    pin = pins_of(form)[name]
     joint = form.get("joints", {}).get(name)
-    guide, at = None, [FRAME, *xy(drawn.z)]
+    guide, at = None, [FRAME, *xy(pin.z)]
     if joint:
         i = int(joint.get("slider", 1)) if joint["type"] == "P" else 0
         at = _spot(joint["links"][i], joint["at"][i])
         if joint["type"] == "P":
-            other = 1 - i
-            o = pose_of(form, joint["links"][other])[1]
+            partner = 1 - i
+            o = pose_of(form, joint["links"][partner])[1]
             turn = sketching.guide_of(form, name) - cmath.phase(o)
             hidden = {*joint["links"]} <= inside.keys()
-            on = _spot(joint["links"][other], joint["at"][other])
+            on = _spot(joint["links"][partner], joint["at"][partner])
             guide = {"at": on, "angle": turn, "hidden": hidden}
-    elif drawn.links:
-        link = drawn.links[0]
+    elif pin.links:
+        link = pin.links[0]
         at = _spot(link, form["links"][link]["markers"][name]["at"])
     return {
         "name": name,
         "at": at,
-        "links": list(drawn.links),
-        "ground": FRAME in drawn.links,
+        "links": list(pin.links),
+        "ground": FRAME in pin.links,
         "guide": guide,
-        "driven": drawn.driven,
-        "kind": drawn.kind,
+        "driven": pin.driven,
+        "kind": pin.kind,
     }
 
 
@@ -91,31 +91,31 @@ def _loads(form: Form) -> Iterator[Drawing]:
     """Forces with their places, springs with their ends."""
     for name, load in form.get("loads", {}).items():
         links = load.get("links") or [load.get("link")]
-        held = load.get("at")
-        if held is None or None in links:
+        ends_at = load.get("at")
+        if ends_at is None or None in links:
             continue
-        places = held if load.get("links") else [held]
+        positions = ends_at if load.get("links") else [ends_at]
         force = load.get("force") if load["type"] == "force" else None
         if load["type"] != "force" or isinstance(force, list):
-            ends = [_spot(*end) for end in zip(links, places, strict=False)]
+            ends = [_spot(*end) for end in zip(links, positions, strict=False)]
             yield {"name": name, "ends": ends, "force": force}
 
 
-def _wheels(form: Form, name: str, held: Form) -> Iterator[Drawing]:
+def _wheels(form: Form, name: str, coupling: Form) -> Iterator[Drawing]:
     """The pitch circles of two wheels, of a pinion, or the base circle of a cam."""
     pins, of = pins_of(form), form.get("drivers", {})
-    ends = [of.get(held.get(end), {}).get("joint") for end in ("driver", "driven")]
+    ends = [of.get(coupling.get(end), {}).get("joint") for end in ("driver", "driven")]
     if not all(end in pins for end in ends):
         return
     apart, radii = abs(pins[ends[1]].z - pins[ends[0]].z), [0.0, 0.0]
-    if "teeth" in held:
-        radii = [apart * abs(z) / sum(map(abs, held["teeth"])) for z in held["teeth"]]
-    elif "radii" in held:
-        radii = held["radii"]
-    elif held["type"] == "rack":
-        radii = [held["radius"] * (pins[end].kind == "R") for end in ends]
-    elif held["type"] == "cam":
-        radii = [apart - held.get("roller", 0.0), held.get("roller", 0.0)]
+    if "teeth" in coupling:
+        radii = [apart * abs(z) / sum(map(abs, coupling["teeth"])) for z in coupling["teeth"]]
+    elif "radii" in coupling:
+        radii = coupling["radii"]
+    elif coupling["type"] == "rack":
+        radii = [coupling["radius"] * (pins[end].kind == "R") for end in ends]
+    elif coupling["type"] == "cam":
+        radii = [apart - coupling.get("roller", 0.0), coupling.get("roller", 0.0)]
     for end, radius in zip(ends, radii, strict=True):
         if radius > 0:
             turns = next((x for x in pins[end].links if x != FRAME), FRAME)
@@ -125,7 +125,7 @@ def _wheels(form: Form, name: str, held: Form) -> Iterator[Drawing]:
 def of_blocks(motion: Motion) -> Drawing:
     """The part of a diagram that moves, link by link as the printed pictures have it."""
     s, sketch = motion.structure, sketch_of(motion)
-    held, k = handles_of(motion, sketch), motion.clearest
+    handles, k = handles_of(motion, sketch), motion.clearest
     driven = {str(ref) for ref in s.driven.values()}
 
     def spot(link: Any, z: complex) -> list[Any]:
@@ -153,14 +153,14 @@ def of_blocks(motion: Motion) -> Drawing:
                 "driven": x.name in driven,
             }
         )
-    drawn = {pin["name"] for pin in pins}
+    names = {pin["name"] for pin in pins}
     pins += [
         {"name": name, "at": spot(*at), "ground": False, "guide": None, "driven": False}
-        for name, at in held.items()
-        if name not in drawn
+        for name, at in handles.items()
+        if name not in names
     ]
     for pin in pins:
-        pin |= {"links": [], "kind": "R", "held": pin["name"] in held}
+        pin |= {"links": [], "kind": "R", "held": pin["name"] in handles}
         pin["label"] = shown_name(pin["name"])
     return {
         "fixed": str(s.frame_link),

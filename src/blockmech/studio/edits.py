@@ -18,15 +18,15 @@ from blockmech.model import checks
 from blockmech.studio.fields import schema_of, starter, with_item
 
 Form = dict[str, Any]
-Places = Mapping[str, tuple[float, float]]  # [pt] of blocks on the canvas
+Positions = Mapping[str, tuple[float, float]]  # [pt] of blocks on the canvas
 OF_DRIVERS = ("drive", "initial", "stops", "motion")  # sections of the scene, by driver
 NAMES_OTHERS = ("driver", "driven", "on")  # fields of blocks that name drivers or markers
 
 
 def markers_of(block: Any) -> dict[str, Any]:
     """Markers of a block at which wires begin: name -> link and `Marker`; loads have none."""
-    there = isinstance(block, Block) and not isinstance(block, Element)
-    return dict(block.all_markers) if there else {}
+    is_source = isinstance(block, Block) and not isinstance(block, Element)
+    return dict(block.all_markers) if is_source else {}
 
 
 def ports_of(block: Any) -> list[str]:
@@ -38,9 +38,9 @@ def ports_of(block: Any) -> list[str]:
 
 def free_name(form: Form, word: str) -> str:
     """A name that no block has: ``rrr``, ``rrr_2`` ..."""
-    taken = form["blocks"]
-    names = (word if k == 1 else f"{word}_{k}" for k in range(1, len(taken) + 2))
-    return next(name for name in names if name not in taken)
+    blocks = form["blocks"]
+    names = (word if k == 1 else f"{word}_{k}" for k in range(1, len(blocks) + 2))
+    return next(name for name in names if name not in blocks)
 
 
 def added(form: Form, kind: str, name: str, at: tuple[float, float]) -> Form:
@@ -53,15 +53,15 @@ def added(form: Form, kind: str, name: str, at: tuple[float, float]) -> Form:
 def without(form: Form, blocks: Iterable[str], wires: Iterable[str] = ()) -> Form:
     """Without some blocks, all that hangs on them, and some wires (``"a.B -> c.D"``)."""
     gone, cut = set(blocks), set(wires)
-    kept = [
+    uncut = [
         wire
         for wire in form["wires"]
         if not gone & {wire["from"].split(".")[0], wire["to"].split(".")[0]}
         and f"{wire['from']} -> {wire['to']}" not in cut
     ]
-    left = {name: block for name, block in form["blocks"].items() if name not in gone}
-    made = {**form, "blocks": left, "wires": kept}
-    return _by_block(made, lambda name: None if name.split(".")[0] in gone else name)
+    remaining = {name: block for name, block in form["blocks"].items() if name not in gone}
+    changed = {**form, "blocks": remaining, "wires": uncut}
+    return _by_block(changed, lambda name: None if name.split(".")[0] in gone else name)
 
 
 def renamed(form: Form, old: str, new: str) -> Form:
@@ -89,11 +89,11 @@ def renamed(form: Form, old: str, new: str) -> Form:
     return _by_block({**form, "blocks": blocks, "wires": wires}, end)
 
 
-def duplicated(form: Form, names: Iterable[str], places: Places) -> Form:
+def duplicated(form: Form, names: Iterable[str], positions: Positions) -> Form:
     """With a copy of each of some blocks beside it, not wired."""
-    form = placed(form, places)
+    form = placed(form, positions)
     for name in names:
-        copy, (x, y) = free_name(form, name), places[name]
+        copy, (x, y) = free_name(form, name), positions[name]
         form = with_item(form, ("blocks", copy), form["blocks"][name])
         form = placed(form, {copy: (x + 3 * ROW, y + 3 * ROW)})
     return form
@@ -101,13 +101,13 @@ def duplicated(form: Form, names: Iterable[str], places: Places) -> Form:
 
 def wired(form: Form, source: str | None, target: str) -> Form:
     """With a wire to a joint in the place of another one, or with none."""
-    kept = [wire for wire in form["wires"] if wire["to"] != target]
-    return {**form, "wires": [*kept, *([{"from": source, "to": target}] if source else [])]}
+    wires = [wire for wire in form["wires"] if wire["to"] != target]
+    return {**form, "wires": [*wires, *([{"from": source, "to": target}] if source else [])]}
 
 
-def placed(form: Form, places: Places) -> Form:
+def placed(form: Form, positions: Positions) -> Form:
     """With places of blocks on the canvas, as far as they are there."""
-    at = {n: [round(x, 1), round(y, 1)] for n, (x, y) in places.items() if n in form["blocks"]}
+    at = {n: [round(x, 1), round(y, 1)] for n, (x, y) in positions.items() if n in form["blocks"]}
     return {**form, "view": {**form.get("view", {}), **at}} if at else form
 
 
@@ -122,7 +122,7 @@ def _by_block(form: Form, rename: Callable[[str], str | None]) -> Form:
 
     scene = form.get("scene", {})
     scene = {key: keyed(part) if key in OF_DRIVERS else part for key, part in scene.items()}
-    made = {**form, "scene": {key: part for key, part in scene.items() if part != {}}}
+    changed = {**form, "scene": {key: part for key, part in scene.items() if part != {}}}
     if "view" in form:
-        made["view"] = keyed(form["view"])
-    return made
+        changed["view"] = keyed(form["view"])
+    return changed

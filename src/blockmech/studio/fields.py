@@ -58,7 +58,7 @@ def schema_of(blocks: bool) -> Schema:
 
 
 @cache
-def _schema(blocks: bool, known: tuple[str, ...]) -> Schema:
+def _schema(blocks: bool, kinds: tuple[str, ...]) -> Schema:
     return graph_schema() if blocks else joints_schema()
 
 
@@ -66,14 +66,14 @@ def resolved(root: Schema, node: Schema) -> dict[str, Any]:
     """A schema with its reference followed, and what an optional value is if it is given."""
     while True:
         if "$ref" in node:
-            more = {k: v for k, v in node.items() if k not in ("$ref", "properties")}
-            known = root["$defs"][node["$ref"].rsplit("/", 1)[-1]]
-            needed = [*known.get("required", ()), *more.get("required", ())]
-            node = {**known, **more, **({"required": needed} if needed else {})}
+            overrides = {k: v for k, v in node.items() if k not in ("$ref", "properties")}
+            target = root["$defs"][node["$ref"].rsplit("/", 1)[-1]]
+            needed = [*target.get("required", ()), *overrides.get("required", ())]
+            node = {**target, **overrides, **({"required": needed} if needed else {})}
         options = [o for o in node.get("anyOf", ()) if o.get("type") != "null"]
         if len(options) == 1:
-            more = {k: v for k, v in node.items() if k != "anyOf"}
-            node = {**options[0], **more}
+            overrides = {k: v for k, v in node.items() if k != "anyOf"}
+            node = {**options[0], **overrides}
         else:
             return dict(node)
 
@@ -82,8 +82,8 @@ def schema_at(root: Schema, path: Path) -> dict[str, Any]:
     """The schema of what stands at a path of a document."""
     node = dict(root)
     for key in path:
-        own = node.get("properties", {}).get(key)
-        node = resolved(root, node.get("additionalProperties", {}) if own is None else own)
+        item = node.get("properties", {}).get(key)
+        node = resolved(root, node.get("additionalProperties", {}) if item is None else item)
     return node
 
 
@@ -94,8 +94,8 @@ def kinds_of(node: Schema) -> tuple[str, dict[str, Schema]]:
         return tags["propertyName"], {w: {"$ref": ref} for w, ref in tags["mapping"].items()}
     rules = [rule for rule in node.get("allOf", ()) if "properties" in rule["if"]]
     keys = {key for rule in rules for key in rule["if"]["properties"]}
-    words = {r["if"]["properties"][k]["const"]: r["then"] for r in rules for k in keys}
-    return "".join(keys), words
+    by_word = {r["if"]["properties"][k]["const"]: r["then"] for r in rules for k in keys}
+    return "".join(keys), by_word
 
 
 def starter(root: Schema, node: Schema) -> Any:
@@ -112,8 +112,10 @@ def starter(root: Schema, node: Schema) -> Any:
     if "anyOf" in node:
         return starter(root, node["anyOf"][0])
     if node.get("type") == "object":
-        known = node.get("properties", {})
-        return {key: starter(root, known[key]) for key in node.get("required", ()) if key != "type"}
+        properties = node.get("properties", {})
+        return {
+            key: starter(root, properties[key]) for key in node.get("required", ()) if key != "type"
+        }
     if node.get("type") == "array":
         items = node.get("prefixItems") or [node.get("items", {})] * node.get("minItems", 0)
         return [starter(root, item) for item in items]
@@ -127,36 +129,38 @@ def fields_of(root: Schema, node: Schema, raw: Any, path: Path = ()) -> Iterator
     key, kinds = kinds_of(node)
     if kinds:
         word = raw.get(key)
-        begun = {w: {key: w, **starter(root, kind)} for w, kind in kinds.items()}
+        starters = {w: {key: w, **starter(root, kind)} for w, kind in kinds.items()}
         choices = tuple(kinds) if word else ("", *kinds)
-        yield Field((*path, key), "choice", choices=choices, starter=begun)
+        yield Field((*path, key), "choice", choices=choices, starter=starters)
         rules = (rule for rule in node.get("allOf", ()) if "not" in rule["if"])  # without a word
         bare = next((rule["then"] for rule in rules), {"type": "object"})
         node = resolved(root, kinds.get(word, bare))
         node["properties"] = {k: v for k, v in node.get("properties", {}).items() if k != key}
     if "properties" in node and node.get("type") == "object":
-        known = {name: resolved(root, item) for name, item in node["properties"].items()}
-        only = tuple((k, n["const"]) for k, n in known.items() if "const" in n and k != "type")
+        properties = {name: resolved(root, item) for name, item in node["properties"].items()}
+        only = tuple((k, n["const"]) for k, n in properties.items() if "const" in n and k != "type")
         never = node.get("not", {}).get("required", ())
-        for name, own in known.items():
-            if "const" not in own and name not in never:
-                words = _said(str(node.get("description", "")), name)
-                for field in fields_of(root, own, raw.get(name), (*path, name)):
-                    mine = field.path == (*path, name)
-                    yield field._replace(beside=only, said=field.said or words) if mine else field
+        for name, entry in properties.items():
+            if "const" not in entry and name not in never:
+                about = _description(str(node.get("description", "")), name)
+                for field in fields_of(root, entry, raw.get(name), (*path, name)):
+                    is_item = field.path == (*path, name)
+                    yield (
+                        field._replace(beside=only, said=field.said or about) if is_item else field
+                    )
         return
-    more = node.get("additionalProperties")
-    if isinstance(more, dict) and node.get("type") == "object":
-        yield Field(path, "map", starter=starter(root, more))
+    entries = node.get("additionalProperties")
+    if isinstance(entries, dict) and node.get("type") == "object":
+        yield Field(path, "map", starter=starter(root, entries))
         for name, item in raw.items():
-            yield from fields_of(root, more, item, (*path, name))
+            yield from fields_of(root, entries, item, (*path, name))
         return
     yield _leaf(node, path)
 
 
 def _leaf(node: Schema, path: Path) -> Field:
-    unit, words = (str(node.get(key, "")) for key in ("unit", "description"))
-    leaf = Field(path, "json", unit, node.get("default"), said=words)
+    unit, about = (str(node.get(key, "")) for key in ("unit", "description"))
+    leaf = Field(path, "json", unit, node.get("default"), said=about)
     if any("polar" in o.get("properties", {}) for o in node.get("anyOf", ())):
         return leaf._replace(kind="place", unit="m")
     if "enum" in node or node.get("type") == "boolean":
@@ -167,7 +171,7 @@ def _leaf(node: Schema, path: Path) -> Field:
     return leaf._replace(kind=kinds.get(str(node.get("type")), "json"))
 
 
-def _said(doc: str, name: str) -> str:
+def _description(doc: str, name: str) -> str:
     """What a docstring says of a parameter, on one line."""
     match = re.search(rf"^[\w, ]*\b{re.escape(name)}\b[\w, ]* : (.*(?:\n    .*)*)", doc, re.M)
     return " ".join(match[1].split()) if match else ""
@@ -182,7 +186,7 @@ CHOICES = {
 """Units that a user may choose, the SI unit first, in the order of `Shown`."""
 
 
-class Shown(NamedTuple):
+class Units(NamedTuple):
     """Units in which a form shows lengths, angles, rates and forces; files stay SI."""
 
     length: str = "m"
@@ -191,14 +195,14 @@ class Shown(NamedTuple):
     force: str = "N"
 
     @classmethod
-    def of(cls, words: str) -> Shown:
+    def of(cls, choices: str) -> Units:
         """Units as a user's browser keeps them, ``"mm|deg|rpm|N"``; SI where it keeps others."""
-        kept = zip(words.split("|"), CHOICES.values(), strict=False)
-        return cls(*(word if word in known else known[0] for word, known in kept))
+        pairs = zip(choices.split("|"), CHOICES.values(), strict=False)
+        return cls(*(word if word in units else units[0] for word, units in pairs))
 
     def unit(self, si: str) -> str:
         """The unit that is shown for one of SI."""
-        names = (known[0] for known in CHOICES.values())
+        names = (units[0] for units in CHOICES.values())
         return dict(zip(names, self, strict=True)).get(si, si)
 
     def factor(self, si: str) -> float:
@@ -295,12 +299,12 @@ def _value(text: str) -> Fraction | None:
 
 def _digits(value: float, many: Fraction) -> str:
     """The shortest text of a value in units of which ``many`` make one, that reads as the same."""
-    whole = Fraction(value) * many
+    exact = Fraction(value) * many
     for digits in range(1, DIGITS + 1):
-        text = repr(float(f"{float(whole):.{digits}g}")).removesuffix(".0")
+        text = repr(float(f"{float(exact):.{digits}g}")).removesuffix(".0")
         if float(Fraction(text) / many) == value:
             return text
-    return f"{Decimal(whole.numerator) / Decimal(whole.denominator):.{DIGITS + 1}g}"
+    return f"{Decimal(exact.numerator) / Decimal(exact.denominator):.{DIGITS + 1}g}"
 
 
 def item_at(raw: Any, path: Path) -> Any:
@@ -314,8 +318,8 @@ def with_item(raw: Any, path: Path, value: Any) -> Any:
     """A copy with another item at a path; None takes it away, and objects left empty too."""
     if not path:
         return value
-    held = dict(raw) if isinstance(raw, dict) else {}
-    inner = with_item(held.get(path[0]), path[1:], value)
-    held[path[0]] = inner
+    copy = dict(raw) if isinstance(raw, dict) else {}
+    inner = with_item(copy.get(path[0]), path[1:], value)
+    copy[path[0]] = inner
     gone = inner is None or (inner == {} and len(path) > 1)
-    return {k: v for k, v in held.items() if k != path[0]} if gone else held
+    return {k: v for k, v in copy.items() if k != path[0]} if gone else copy

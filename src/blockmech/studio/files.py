@@ -5,13 +5,17 @@ from __future__ import annotations
 import hashlib
 import os
 import secrets
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
-from blockmech.builders import Opened, opened
+from blockmech.builders import Graph, Linkage, Opened, opened, read_text
 from blockmech.ground.errors import FormatError, refused
 from blockmech.model.reading import text_of
 from blockmech.model.subgraph import Resolver, resolving
 from blockmech.studio.document import Sheet
+from blockmech.studio.sharing import unpacked
+from blockmech.testing.graph_files import gallery
 
 
 def inside(folder: Path, name: str | os.PathLike[str]) -> Path:
@@ -22,8 +26,8 @@ def inside(folder: Path, name: str | os.PathLike[str]) -> Path:
     path = Path(os.path.realpath(folder / name)) if "\0" not in str(name) else Path()
     if not path.is_relative_to(os.path.realpath(folder)):
         remedy = "start the studio in the folder of the file"
-        found = "it is outside of the folder that the studio was started in"
-        raise refused(str(name), found, remedy, code="not-inside")
+        fault = "it is outside of the folder that the studio was started in"
+        raise refused(str(name), fault, remedy, code="not-inside")
     if path.suffix != ".json":
         remedy = "end its name in .json"
         raise refused(str(name), "it is no JSON file", remedy, code="not-a-file")
@@ -59,13 +63,13 @@ class Filed(Sheet):
         a file that is not as this sheet knows it.
         """
         path = inside(self.folder, name)
-        known = self.stamp if path == self.path else ""
-        if not replace and _stamp(path) not in ("", known):
-            found = "the file is there, and is not the one on this sheet"
+        stamp = self.stamp if path == self.path else ""
+        if not replace and _stamp(path) not in ("", stamp):
+            fault = "the file is there, and is not the one on this sheet"
             if path == self.path:
-                found = "the file was changed by somebody else since it was read"
+                fault = "the file was changed by somebody else since it was read"
             remedy = "choose another name, or replace it"
-            raise refused(path.name, found, remedy, code="changed-file")
+            raise refused(path.name, fault, remedy, code="changed-file")
         document: Opened = self.now.document
         document.save(path)
         self.stamp = _stamp(path)
@@ -74,6 +78,15 @@ class Filed(Sheet):
             with resolving(Resolver(str(self.folder))):
                 self.begin(opened(path), path)
         self.keep(path)
+
+
+READERS: Mapping[str, Callable[[str, Mapping[str, Any]], Opened]] = {
+    "example": lambda name, _: opened(gallery()[name]),
+    "text": lambda text, source: read_text(text, str(source.get("name", "the file"))),
+    "link": lambda link, _: unpacked(link),
+    "new": lambda kind, _: Linkage() if kind == "joints" else Graph(),
+}
+"""What a new sheet is read from."""
 
 
 class Desk:
@@ -91,11 +104,24 @@ class Desk:
         self.sheets[name] = sheet
         return name
 
+    def create(self, source: Mapping[str, Any]) -> str:
+        """A sheet of an example of the gallery, a file, a text, a link, or a new one; its name.
+
+        Raises `RequestError` for anything else, and what reading raises.
+        """
+        if "file" in source:
+            return self.open(str(source["file"]))
+        key = next((key for key in READERS if key in source), "body")
+        word = str(source.get(key, ""))
+        if key == "body" or (key == "example" and word not in gallery()):
+            raise refused(key, f"{word or 'nothing'} is no document", "choose another")
+        return self.put(READERS[key](word, source))
+
     def open(self, file: str) -> str:
         """The sheet of a file of the folder. Raises like `Filed.open`."""
         path = (self.folder / file).resolve()
-        known = (name for name, sheet in self.sheets.items() if sheet.path == path)
-        return next(known, "") or self.put(file=file)
+        names = (name for name, sheet in self.sheets.items() if sheet.path == path)
+        return next(names, "") or self.put(file=file)
 
 
 def _stamp(path: Path) -> str:

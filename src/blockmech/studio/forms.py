@@ -17,7 +17,7 @@ from blockmech.studio.edits import Form, markers_of, ports_of, wired
 from blockmech.studio.fields import (
     Field,
     Path,
-    Shown,
+    Units,
     fields_of,
     item_at,
     schema_at,
@@ -38,17 +38,17 @@ def parts_of(form: Form) -> list[Path]:
 
 
 def form_of(
-    document: Opened, form: Form, part: Path, shown: Shown, problems: Iterable[Problem]
+    document: Opened, form: Form, part: Path, units: Units, problems: Iterable[Problem]
 ) -> dict[str, Any]:
     """The fields of a part as the page shows them, with what is wrong under each."""
     part = part if item_at(form, part) is not None else ()
-    messages = [(p.where, words_of(p)) for p in problems]
+    messages = [(p.where, message_of(p)) for p in problems]
     groups: dict[str, list[dict[str, Any]]] = {}
-    for own, field in fields_by_path(document, form, part).items():
+    for local, field in fields_by_path(document, form, part).items():
         where = field.path[1] if field.path[0] == "wires" else ".".join(field.path)
-        wrong = " ".join(words for at, words in messages if at == where)
-        group = own[0] if own[1:] or field.kind == "map" else ""
-        groups.setdefault(group, []).append(_row(own, field, _value(form, field), shown, wrong))
+        wrong = " ".join(message for at, message in messages if at == where)
+        group = local[0] if local[1:] or field.kind == "map" else ""
+        groups.setdefault(group, []).append(_row(local, field, _value(form, field), units, wrong))
     kind = (item_at(form, part) or {}).get("type", "") if part else ""
     return {
         "part": list(part),
@@ -66,21 +66,21 @@ def fields_by_path(document: Opened, form: Form, part: Path) -> dict[Path, Field
 
 
 def typed(
-    document: Opened, form: Form, part: Path, own: Path, text: str | None, shown: Shown
+    document: Opened, form: Form, part: Path, local: Path, text: str | None, units: Units
 ) -> Form:
     """The form in which what was typed stands in a field; None takes an item of a map away.
 
     Raises `RequestError` for a field that is not there, and a number that is none.
     """
-    known = fields_by_path(document, form, part)
+    fields = fields_by_path(document, form, part)
     if text is None:
-        return dict(with_item(form, (*known[own[:-1]].path, own[-1]), None))
-    if own not in known:
-        raise refused(".".join(own), "it has no such field", "choose the part again")
-    field = known[own]
-    value = shown.value(field, text)
+        return dict(with_item(form, (*fields[local[:-1]].path, local[-1]), None))
+    if local not in fields:
+        raise refused(".".join(local), "it has no such field", "choose the part again")
+    field = fields[local]
+    value = units.value(field, text)
     if field.kind == "number" and isinstance(value, str):
-        unit = shown.unit(field.unit)
+        unit = units.unit(field.unit)
         raise refused(".".join(field.path), f"{text!r} is no number", f"write one [{unit or '-'}]")
     if field.kind == "choice":
         value = {str(choice): choice for choice in field.choices}.get(text)
@@ -94,9 +94,9 @@ def typed(
     if field.path[0] == "wires":
         return wired(form, value, field.path[1])
     if isinstance(field.starter, dict) and field.path[-1] != value and value in field.starter:
-        held = item_at(form, field.path[:-1]) or {}
-        begun = {key: held.get(key, x) for key, x in field.starter[value].items()}
-        return dict(with_item(form, field.path[:-1], begun | {field.path[-1]: value}))
+        siblings = item_at(form, field.path[:-1]) or {}
+        values = {key: siblings.get(key, x) for key, x in field.starter[value].items()}
+        return dict(with_item(form, field.path[:-1], values | {field.path[-1]: value}))
     return dict(with_item(form, field.path, value))
 
 
@@ -123,28 +123,28 @@ def _wires(document: Opened, part: Path) -> Iterator[Field]:
             yield ends._replace(path=("wires", f"{part[1]}.{port}"))
 
 
-def _row(own: Path, field: Field, value: Any, shown: Shown, wrong: str) -> dict[str, Any]:
+def _row(local: Path, field: Field, value: Any, units: Units, wrong: str) -> dict[str, Any]:
     """A field as the page shows it, in the chosen units."""
-    unit, empty = shown.unit(field.unit), ""
+    unit, empty = units.unit(field.unit), ""
     row = {
-        "path": list(own),
+        "path": list(local),
         "kind": field.kind if field.kind in ("choice", "map") else "text",
-        "label": _label(own, field.kind) + (unit and f" [{unit}]"),
+        "label": _label(local, field.kind) + (unit and f" [{unit}]"),
         "about": field.said or "",
         "wrong": wrong,
-        "wide": field.kind in ("text", "json") and len(own) == 1,
+        "wide": field.kind in ("text", "json") and len(local) == 1,
         "keys": list(value or ()) if field.kind == "map" else [],
     }
     if field.kind == "choice":
         empty = "" if field.default is None else f"{field.default} (default)"
-        known = [(str(c), str(c)) for c in field.choices if c != ""]
+        offered = [(str(c), str(c)) for c in field.choices if c != ""]
         first = [] if value is not None and not empty else [("", empty)]
-        return {**row, "options": first + known, "value": "" if value is None else str(value)}
-    default = shown.text(field, field.default) or HINTS.get(field.kind, "")
+        return {**row, "options": first + offered, "value": "" if value is None else str(value)}
+    default = units.text(field, field.default) or HINTS.get(field.kind, "")
     return {
         **row,
         "hint": default,
-        "value": "" if row["kind"] == "map" else shown.text(field, value),
+        "value": "" if row["kind"] == "map" else units.text(field, value),
     }
 
 
@@ -157,17 +157,17 @@ def _value(form: Mapping[str, Any], field: Field) -> Any:
 
 def _within(part: Path, path: Path) -> Path:
     """A path from a part on; what is in the scene is the mechanism's own."""
-    own = path if path[0] == "wires" else path[len(part) :]
-    return own[1:] if own[0] == "scene" else own
+    local = path if path[0] == "wires" else path[len(part) :]
+    return local[1:] if local[0] == "scene" else local
 
 
-def _label(own: Path, kind: str) -> str:
+def _label(local: Path, kind: str) -> str:
     """What a field is called: its path, without the section where names follow."""
-    if own[0] == "wires":
-        return f"wire to {own[1]}"
-    return "new in " * (kind == "map") + " ".join(own[len(own) > 2 :])
+    if local[0] == "wires":
+        return f"wire to {local[1]}"
+    return "new in " * (kind == "map") + " ".join(local[len(local) > 2 :])
 
 
-def words_of(problem: Problem) -> str:
+def message_of(problem: Problem) -> str:
     """A problem as a sentence, without its code."""
     return ". ".join(part for part in (problem.found, problem.valid, problem.remedy) if part)

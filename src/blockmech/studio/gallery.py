@@ -17,6 +17,6 @@ def picture_of(name: str) -> bytes:
 
 
 @cache
-def words_of(name: str) -> str:
+def title_of(name: str) -> str:
     """What a mechanism of the gallery is, in a line."""
     return opened(gallery()[name]).title

@@ -89,8 +89,8 @@ class Guard:
             return PlainTextResponse(STRANGER, 403)
         if "keyed" in scope:
             return None
-        door = scope["path"].strip("/")
-        if self._is_key(door):
+        key = scope["path"].strip("/")
+        if self._is_key(key):
             query = scope["query_string"].decode("latin-1")
             reply = RedirectResponse(f"/?{query}" if query else "/", 303)
             reply.set_cookie(self.cookie, self.token, httponly=True, samesite="strict")
@@ -98,10 +98,10 @@ class Guard:
         if site not in ("none", "same-origin") and scope["method"] != "GET":
             return PlainTextResponse(STRANGER, 403)
         try:
-            held = SimpleCookie(headers.get("cookie", "")).get(self.cookie)
+            cookie = SimpleCookie(headers.get("cookie", "")).get(self.cookie)
         except CookieError:
-            held = None
-        if not self._is_key(held.value if held else ""):
+            cookie = None
+        if not self._is_key(cookie.value if cookie else ""):
             return PlainTextResponse(STRANGER, 403)
         if int(headers.get("content-length") or 0) > LARGEST:
             return PlainTextResponse("too large", 413)

@@ -42,18 +42,18 @@ class Job:
         """Whether nothing more will come."""
         return self.state in ("done", "failed", "stopped")
 
-    def tell(self, state: str, said: str = "", answer: Answer | None = None) -> None:
+    def tell(self, state: str, message: str = "", answer: Answer | None = None) -> None:
         """Change, unless it is over; who waits for it wakes up."""
         with self.changed:
             if not self.over:
-                self.state, self.said, self.answer = state, said, answer
+                self.state, self.said, self.answer = state, message, answer
                 self.turns += 1
                 self.changed.notify_all()
 
-    def wait(self, seen: int, seconds: float) -> bool:
+    def wait(self, turns: int, seconds: float) -> bool:
         """Wait until it has changed more than ``seen`` times; whether it has."""
         with self.changed:
-            return self.changed.wait_for(lambda: self.turns > seen, seconds)
+            return self.changed.wait_for(lambda: self.turns > turns, seconds)
 
 
 class Jobs:

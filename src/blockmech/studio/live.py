@@ -50,10 +50,10 @@ class Tape:
 
     def node(self, op: str, *args: Any) -> Node:
         """An operation; numbers but 0 and 1 are constants, which are no part of a text."""
-        places = tuple(x if isinstance(x, Node) else self._constant(x) for x in args)
-        key = (op, *(x.number if isinstance(x, Node) else repr(x) for x in places))
+        operands = tuple(x if isinstance(x, Node) else self._constant(x) for x in args)
+        key = (op, *(x.number if isinstance(x, Node) else repr(x) for x in operands))
         if key not in self._made:
-            self._made[key] = Node(self, op, places, 0)
+            self._made[key] = Node(self, op, operands, 0)
         return self._made[key]
 
     def _constant(self, x: float) -> Any:
@@ -84,40 +84,40 @@ class Recorded(Varied):
     @classmethod
     def of(cls, x: complex, z: Any) -> Recorded:
         """A varied number whose parts on the tape are ``z``."""
-        made: Any = cls.__new__(cls, complex(x), tangents(x))
-        made.z = z
-        recorded: Recorded = made
+        number: Any = cls.__new__(cls, complex(x), tangents(x))
+        number.z = z
+        recorded: Recorded = number
         return recorded
 
-    def __add__(self, other: complex) -> Recorded:
-        a, b = _parts(self), _parts(other)
-        return Recorded.of(Varied.__add__(self, other), _pair(_sum(a[0], b[0]), _sum(a[1], b[1])))
+    def __add__(self, x: complex) -> Recorded:
+        a, b = _parts(self), _parts(x)
+        return Recorded.of(Varied.__add__(self, x), _pair(_sum(a[0], b[0]), _sum(a[1], b[1])))
 
     __radd__ = __add__
 
     def __neg__(self) -> Recorded:
         return Recorded.of(Varied.__neg__(self), _pair(*(-x for x in _parts(self))))
 
-    def __sub__(self, other: complex) -> Recorded:
-        a, b = _parts(self), _parts(other)
+    def __sub__(self, subtrahend: complex) -> Recorded:
+        a, b = _parts(self), _parts(subtrahend)
         z = _pair(*(_sum(x, -y) if not _nought(y) else x for x, y in zip(a, b, strict=True)))
-        return Recorded.of(Varied.__sub__(self, other), z)
+        return Recorded.of(Varied.__sub__(self, subtrahend), z)
 
-    def __rsub__(self, other: complex) -> Recorded:
-        return -self + other
+    def __rsub__(self, x: complex) -> Recorded:
+        return -self + x
 
-    def __mul__(self, other: complex) -> Recorded:
-        (a, b), (c, d) = _parts(self), _parts(other)
+    def __mul__(self, x: complex) -> Recorded:
+        (a, b), (c, d) = _parts(self), _parts(x)
         z = _pair(_sum(_by(a, c), -_by(b, d)), _sum(_by(a, d), _by(b, c)))
-        return Recorded.of(Varied.__mul__(self, other), z)
+        return Recorded.of(Varied.__mul__(self, x), z)
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: complex) -> Recorded:
-        return Recorded.of(Varied.__truediv__(self, other), _quotient(self, other))
+    def __truediv__(self, x: complex) -> Recorded:
+        return Recorded.of(Varied.__truediv__(self, x), _quotient(self, x))
 
-    def __rtruediv__(self, other: complex) -> Recorded:
-        return Recorded.of(Varied(other, 0.0 * self.d) / self, _quotient(other, self))
+    def __rtruediv__(self, x: complex) -> Recorded:
+        return Recorded.of(Varied(x, 0.0 * self.d) / self, _quotient(x, self))
 
     def __abs__(self) -> Recorded:  # type: ignore[override]
         x, y = _parts(self)
@@ -220,7 +220,7 @@ class Live:
     def data(self) -> dict[str, Any]:
         """As the page gets it."""
         return {
-            "hash": kept(self.text),
+            "hash": remember(self.text),
             "p": list(self.values),
             "c": list(self.constants),
             "links": dict(self.links),
@@ -235,7 +235,7 @@ class Live:
 _TEXTS: dict[str, str] = {}
 
 
-def kept(text: str) -> str:
+def remember(text: str) -> str:
     """The name of a module's text, which is kept for who asks for it."""
     name = hashlib.sha256(text.encode()).hexdigest()[:16]
     _TEXTS.pop(name, None)
@@ -258,25 +258,25 @@ def live(document: Any, mechanism: Compiled) -> Live | None:
                 return _of_links(document, mechanism)
             except (BlockmechError, Untraceable, ZeroDivisionError):
                 return _of_links(document, mechanism, drags=False)
-        made = _script(mechanism._of_blocks)
+        script = _script(mechanism._of_blocks)
         links = _links_of(mechanism.structure)
-        return _small(Live(made, links, tuple(made.values), _module(made)))
+        return _small(Live(script, links, tuple(script.values), _module(script)))
     except (BlockmechError, Untraceable):
         return None
 
 
-def _small(made: Live) -> Live | None:
-    return made if len(made.text) < LARGEST else None
+def _small(candidate: Live) -> Live | None:
+    return candidate if len(candidate.text) < LARGEST else None
 
 
 def _script(mechanism: Compiled) -> Script:
     fixed = mechanism.structure.frame_link
     moving = [link for link in mechanism.structure.links if link != fixed]
-    made = Script(mechanism, [f"{link}.{part}" for link in moving for part in ("p", "angle")])
-    made_of = [x for x in made.plan.program.inputs if not x.startswith("q_")]
-    if made_of:
+    script = Script(mechanism, [f"{link}.{part}" for link in moving for part in ("p", "angle")])
+    free_inputs = [x for x in script.plan.program.inputs if not x.startswith("q_")]
+    if free_inputs:
         raise Untraceable("poses follow more than coordinates")
-    return made
+    return script
 
 
 def _links_of(s: Structure) -> dict[str, int]:
@@ -295,37 +295,42 @@ def _of_links(document: Linkage, mechanism: Compiled, drags: bool = True) -> Liv
             number = len({*at.values()})
             at |= dict.fromkeys((name, *sketching.standing_at(pins, name)), number)
     seeds = np.eye(2 * len({*at.values()}))
-    places = dict[str, Any]()
+    positions = dict[str, Any]()
     for name, i in at.items():
         d = seeds[2 * i] + 1j * seeds[2 * i + 1]
         z = Planar(tape.input(2 * i), tape.input(2 * i + 1))
-        places[name] = next((places[n] for n, k in at.items() if k == i and n in places), None)
-        if places[name] is None:
-            places[name] = Recorded.of(Varied(pins[name].z, d), z)
-    given = dict[Any, Recorded]()
-    if places:
-        changed = sketching.moved(form, places)
+        positions[name] = next(
+            (positions[n] for n, k in at.items() if k == i and n in positions), None
+        )
+        if positions[name] is None:
+            positions[name] = Recorded.of(Varied(pins[name].z, d), z)
+    varied = dict[Any, Recorded]()
+    if positions:
+        changed = sketching.moved(form, positions)
         for p in parameters_of(document.sections()).values():
             x = number_at(changed, p.path)
             if isinstance(x, Recorded) and x.d.any():
-                given[p.path] = x
-    made = (document.with_numbers(given) if given else document).decompose()
-    graph = Graph.from_data(settled(made.data))
-    known = {
+                varied[p.path] = x
+    decomposition = (document.with_numbers(varied) if varied else document).decompose()
+    graph = Graph.from_data(settled(decomposition.data))
+    followed = {
         p.path: x
         for p in parameters_of(graph.sections()).values()
-        if isinstance(x := number_at(made.data, p.path), Recorded) and x.d.any()
+        if isinstance(x := number_at(decomposition.data, p.path), Recorded) and x.d.any()
     }
-    base = planned_near(type(mechanism)._from_graph(graph)._of_blocks, settled(known))
-    script, names = _script(base), made.names
-    traced = {path: x.z for path, x in known.items()}
+    base = planned_near(type(mechanism)._from_graph(graph)._of_blocks, settled(followed))
+    script, names = _script(base), decomposition.names
+    traced = {path: x.z for path, x in followed.items()}
     nodes, values = (
-        [*leaves(script.plan.program.values(*of)), *_seats(names, of[0], seen)]
-        for seen, of in ((True, designed(base, traced)), (False, designed(base, settled(known))))
+        [*leaves(script.plan.program.values(*of)), *_seats(names, of[0], on_tape)]
+        for on_tape, of in (
+            (True, designed(base, traced)),
+            (False, designed(base, settled(followed))),
+        )
     )
-    places_of = _links_of(base.structure)
+    links_at = _links_of(base.structure)
     links = {"frame": -1} | {
-        name: places_of[str(at.link)] for name, at in names.links.items() if name != "frame"
+        name: links_at[str(at.link)] for name, at in names.links.items() if name != "frame"
     }
     follows = any(isinstance(x, Node) for x in nodes)
     text = _module(script) + (_numbers(tape, nodes) if follows else "")
@@ -351,11 +356,11 @@ def _module(script: Script) -> str:
 def _numbers(tape: Tape, nodes: list[Any]) -> str:
     """``numbers(x, c, p)``: writes what follows from the places x, with constants c."""
     count = 1 + max((node.args[0] for node in tape.nodes if node.op == "input"), default=0)
-    given = [f"x[{i}]" for i in range(count)]
-    own = [f"c[{i}]" for i in range(len(tape.constants))]
-    made = Statements(given, own, {}, SCRIPT)
-    body = made.text(nodes)
+    inputs = [f"x[{i}]" for i in range(count)]
+    constants = [f"c[{i}]" for i in range(len(tape.constants))]
+    statements = Statements(inputs, constants, {}, SCRIPT)
+    body = statements.text(nodes)
     ends = "".join(
-        f"    p[{i}] = {made.name(x)};\n" for i, x in enumerate(nodes) if isinstance(x, Node)
+        f"    p[{i}] = {statements.name(x)};\n" for i, x in enumerate(nodes) if isinstance(x, Node)
     )
     return f"export function numbers(x, c, p) {{\n{body}{ends}}}\n"

@@ -37,26 +37,26 @@ def as_links(form: Mapping[str, Any], motion: Motion) -> Form:
     Raises `RequestError` where these do not say the same, with the reason.
     """
     redrawn = _said(form, motion)
-    made = redrawn.document()
+    form_of_links = redrawn.document()
     try:
-        other = Linkage.from_data(made)
-        if problems := other.check():
+        linkage = Linkage.from_data(form_of_links)
+        if problems := linkage.check():
             raise RequestError(*problems)
-        _compare(redrawn, motion, other.compile())
+        _compare(redrawn, motion, linkage.compile())
     except BlockmechError as error:
         why = f"links and joints do not say the same: {error}"
         raise refused("blocks", why, "draw the mechanism anew") from None
-    data: Form = other.to_data()
+    data: Form = linkage.to_data()
     return data
 
 
-def _compare(redrawn: SaidByLinks, motion: Motion, other: Any) -> None:
+def _compare(redrawn: SaidByLinks, motion: Motion, mechanism: Any) -> None:
     """Raises `RequestError` where a link of the other mechanism stands elsewhere."""
     rows = np.flatnonzero(motion.feasible)
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, COMPARED).astype(int))]
     at = {redrawn.drivers[d]: q[rows] for d, q in motion.q.items()}
     want = [f"link.{name}.p" for name in redrawn.links.values() if name != FRAME]
-    result = other.run(at=at, rates=dict.fromkeys(at, 0.0), want=want, friction="none")
+    result = mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), want=want, friction="none")
     size = max(float(np.nanmax(np.abs(z))) for z in motion.origin.values()) or 1.0
     for link, name in redrawn.links.items():
         if name != FRAME:

@@ -33,10 +33,10 @@ def unpacked(fragment: str) -> Opened:
     try:
         data = base64.b64decode(text + "=" * (-len(text) % 4), b"-_", validate=True)
         maker = zlib.decompressobj(-zlib.MAX_WBITS)
-        whole = maker.decompress(data, MOST)
+        unpacked_bytes = maker.decompress(data, MOST)
         if maker.unconsumed_tail or not maker.eof:
             raise ValueError("it is cut, or larger than a document may be")
-        document = whole.decode()
+        document = unpacked_bytes.decode()
     except (ValueError, zlib.error, binascii.Error) as error:
         remedy = "copy the whole link again"
         raise refused("link", f"it holds no document: {error}", remedy, code="not-a-link") from None

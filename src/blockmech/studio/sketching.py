@@ -51,9 +51,9 @@ def pins_of(form: Mapping[str, Any]) -> dict[str, Drawn]:
     """All joints, markers and loose pins of a form where they are drawn."""
     driven = {driver["joint"] for driver in form.get("drivers", {}).values()}
     pins = {name: Drawn(complex(*at)) for name, at in (item_at(form, LOOSE) or {}).items()}
-    for link, given in form.get("links", {}).items():
+    for link, body in form.get("links", {}).items():
         o, e = pose_of(form, link)
-        for name, marker in given.get("markers", {}).items():
+        for name, marker in body.get("markers", {}).items():
             pins[name] = Drawn(o + e * Place.parse(marker["at"]).z, (link,))
     for name, joint in form.get("joints", {}).items():
         o, e = pose_of(form, joint["links"][0])
@@ -62,22 +62,22 @@ def pins_of(form: Mapping[str, Any]) -> dict[str, Drawn]:
     return pins
 
 
-def free(taken: Iterable[str], words: Iterable[str], wish: str) -> str:
+def free(names: Iterable[str], preferred: Iterable[str], wish: str) -> str:
     """The first of some words that is free, or the wish with a number."""
-    known = set(taken)
-    more = (f"{wish}{i}" for i in range(1, len(known) + 2))
-    return next(name for name in [*words, *more] if name not in known)
+    used = set(names)
+    numbered = (f"{wish}{i}" for i in range(1, len(used) + 2))
+    return next(name for name in [*preferred, *numbered] if name not in used)
 
 
 def linked(form: Form, names: Iterable[str]) -> Form:
     """With a new link through pins. Raises `RequestError` for pins that one link holds already."""
     pins, names = pins_of(form), list(names)
-    known = set.intersection(*({*pins[name].links} for name in names)) - {FRAME}
+    common = set.intersection(*({*pins[name].links} for name in names)) - {FRAME}
     if len({*names}) < 2:
         raise refused(listed(names), "a link needs two pins", "end it at another pin")
-    if known:
+    if common:
         remedy = "choose pins of different links"
-        raise refused(listed(names), f"they are on {listed(known)} already", remedy)
+        raise refused(listed(names), f"they are on {listed(common)} already", remedy)
     return attached(form, names, _link(form, "link"))
 
 
@@ -88,45 +88,47 @@ def _link(form: Form, word: str) -> str:
 
 def attached(form: Form, names: Iterable[str], link: str = FRAME) -> Form:
     """With pins on a link, new or known."""
-    made = copy.deepcopy(form)
+    changed = copy.deepcopy(form)
     for name in names:
-        pin = pins_of(made)[name]
+        pin = pins_of(changed)[name]
         if link in pin.links:
             continue
-        if link not in made["links"]:
-            made["links"][link] = {} if link == FRAME else {"pose": [pin.z.real, pin.z.imag, 0.0]}
-        at = _on(made, link, pin.z)
+        if link not in changed["links"]:
+            changed["links"][link] = (
+                {} if link == FRAME else {"pose": [pin.z.real, pin.z.imag, 0.0]}
+            )
+        at = _on(changed, link, pin.z)
         if not pin.links:
-            made = with_item(made, (*LOOSE, name), None)
-            made = with_item(made, ("links", link, "markers", name), {"at": at})
+            changed = with_item(changed, (*LOOSE, name), None)
+            changed = with_item(changed, ("links", link, "markers", name), {"at": at})
         elif pin.kind:
-            made["joints"][name]["links"].append(link)
-            made["joints"][name]["at"].append(at)
+            changed["joints"][name]["links"].append(link)
+            changed["joints"][name]["at"].append(at)
         else:
             (first,) = pin.links
-            before = made["links"][first]["markers"][name]["at"]
-            made = _without_marker(made, first, name)
+            before = changed["links"][first]["markers"][name]["at"]
+            changed = _without_marker(changed, first, name)
             pair = [(first, before), (link, at)]
             pair = pair[::-1] if link == FRAME else pair  # so that the driver counts from the frame
-            links, places = map(list, zip(*pair, strict=True))
-            made["joints"][name] = {"type": "R", "links": links, "at": places}
-    return made
+            links, positions = map(list, zip(*pair, strict=True))
+            changed["joints"][name] = {"type": "R", "links": links, "at": positions}
+    return changed
 
 
-def moved(form: Form, places: Mapping[str, complex]) -> Form:
+def moved(form: Form, positions: Mapping[str, complex]) -> Form:
     """With pins elsewhere on all their links, and whatever pin, guide or load stands there.
 
     A cylinder is swung about its pins and keeps its numbers. Places may be of any type with
     arithmetic.
     """
     pins = pins_of(form)
-    whole = dict(places)
-    for name, z in places.items():
-        for other in standing_at(pins, name):
-            whole.setdefault(other, z)
+    targets = dict(positions)
+    for name, z in positions.items():
+        for companion in standing_at(pins, name):
+            targets.setdefault(companion, z)
     swung = cylinders_of(form)
-    for a, b in dict.fromkeys(ends for ends in swung.values() if {*ends} & whole.keys()):
-        old, new = ([complex(at.get(end, pins[end].z)) for end in (a, b)] for at in ({}, whole))
+    for a, b in dict.fromkeys(ends for ends in swung.values() if {*ends} & targets.keys()):
+        old, new = ([complex(at.get(end, pins[end].z)) for end in (a, b)] for at in ({}, targets))
         turn = cmath.phase((new[1] - new[0]) * (old[1] - old[0]).conjugate())
         for link in (link for link, ends in swung.items() if ends == (a, b)):
             k = (a, b).index(next(end for end in (a, b) if link in pins[end].links))
@@ -134,23 +136,23 @@ def moved(form: Form, places: Mapping[str, complex]) -> Form:
             at = new[k] + (o - old[k]) * cmath.rect(1.0, turn)
             pose = [at.real, at.imag, cmath.phase(e) + turn]
             form = with_item(form, ("links", link, "pose"), pose)
-    for name, z in whole.items():
+    for name, z in targets.items():
         links = [link for link in pins[name].links if link not in swung]
         form = _put(form, name, pins[name], z, links)
-    return _loads_put(form, [(pins[name], z) for name, z in whole.items()], swung)
+    return _loads_put(form, [(pins[name], z) for name, z in targets.items()], swung)
 
 
 def standing_at(pins: Mapping[str, Drawn], name: str) -> list[str]:
     """The pins and guides at the place of a pin that share a link with it, without itself."""
-    here = pins[name]
-    size = max(abs(pin.z - here.z) for pin in pins.values())
+    z, links = pins[name].z, {*pins[name].links}
+    size = max(abs(pin.z - z) for pin in pins.values())
     return [
-        other
-        for other, pin in pins.items()
-        if other != name
-        and (not pin.links or {*pin.links} & {*here.links})
+        companion
+        for companion, pin in pins.items()
+        if companion != name
+        and (not pin.links or {*pin.links} & links)
         and pin.kind
-        and abs(pin.z - here.z) <= SAME * size
+        and abs(pin.z - z) <= SAME * size
     ]
 
 
@@ -161,9 +163,9 @@ def cylinders_of(form: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
         for link, at in zip(joint["links"], joint["at"], strict=True):
             on.setdefault(link, []).append((name, joint["type"], Place.parse(at).z))
     ends = dict[str, tuple[str, str]]()  # link -> its guide and its pin
-    for link, held in on.items():
-        kinds = {kind: (name, z) for name, kind, z in held}
-        if link != FRAME and len(held) == 2 and kinds.keys() == {"P", "R"}:
+    for link, joints in on.items():
+        kinds = {kind: (name, z) for name, kind, z in joints}
+        if link != FRAME and len(joints) == 2 and kinds.keys() == {"P", "R"}:
             (guide, z), (pin, at) = kinds["P"], kinds["R"]
             if z == at:
                 ends[link] = guide, pin
@@ -185,8 +187,10 @@ def pin_at(form: Form, end: Mapping[str, Any]) -> tuple[Form, str]:
     if end.get("pin") in pins_of(form):
         return form, end["pin"]
     name = free(pins_of(form), ascii_uppercase, "P")
-    made = with_item(form, (*LOOSE, name), list(end["at"]))
-    return (attached(made, [name], end["on"]) if end.get("on") in form["links"] else made), name
+    changed = with_item(form, (*LOOSE, name), list(end["at"]))
+    return (
+        attached(changed, [name], end["on"]) if end.get("on") in form["links"] else changed
+    ), name
 
 
 def _put(form: Form, name: str, pin: Drawn, z: complex, links: Sequence[str]) -> Form:
@@ -195,7 +199,7 @@ def _put(form: Form, name: str, pin: Drawn, z: complex, links: Sequence[str]) ->
     So only what is moved changes where poses are rounded, and so does no coordinate of a slider.
     """
     marker = ("markers", name, "at")
-    places: dict[Path, Any] = {("links", link, *marker): _on(form, link, z) for link in links}
+    positions: dict[Path, Any] = {("links", link, *marker): _on(form, link, z) for link in links}
     if pin.kind:
         at = list(form["joints"][name]["at"])
         for link in links:
@@ -203,10 +207,10 @@ def _put(form: Form, name: str, pin: Drawn, z: complex, links: Sequence[str]) ->
             (o, e), local = pose_of(form, link), Place.parse(at[i]).z
             apart = abs(o + e * local - pin.z) > SAME * (abs(complex(z)) + abs(pin.z))
             at[i] = xy(local + (z - pin.z) / e) if apart or pin.kind == "P" else _on(form, link, z)
-        places = {("joints", name, "at"): at}
+        positions = {("joints", name, "at"): at}
     elif not pin.links:
-        places = {(*LOOSE, name): xy(z)}
-    for path, at in places.items():
+        positions = {(*LOOSE, name): xy(z)}
+    for path, at in positions.items():
         form = with_item(form, path, at)
     return form
 
@@ -215,18 +219,18 @@ def _loads_put(form: Form, put: Sequence[tuple[Drawn, Any]], fixed: Container[st
     """With the ends of loads at some pins where these are put, but on links that go as a whole."""
     for name, load in form.get("loads", {}).items():
         on = load.get("links") or [load.get("link")]
-        held = load.get("at") if load.get("links") else [load.get("at")]
-        if not held or None in (*held, *on):
+        positions = load.get("at") if load.get("links") else [load.get("at")]
+        if not positions or None in (*positions, *on):
             continue
-        at = list(held)
+        at = list(positions)
         for i, link in enumerate(on):
             o, e = pose_of(form, link)
-            here = o + e * Place.parse(held[i]).z
+            z_end = o + e * Place.parse(positions[i]).z
             for pin, z in put:
-                near = abs(here - pin.z) <= SAME * (abs(o) + abs(here))
-                if near and link in pin.links and link not in fixed:
+                coincident = abs(z_end - pin.z) <= SAME * (abs(o) + abs(z_end))
+                if coincident and link in pin.links and link not in fixed:
                     at[i] = _on(form, link, z)
-        if at != held:
+        if at != positions:
             path = ("loads", name, "at")
             form = dict(with_item(form, path, at if load.get("links") else at[0]))
     return form
@@ -250,10 +254,10 @@ def sliding(form: Form, names: Iterable[str], angle: float | None = None, on: st
         if joint is None:
             form = _on_a_block(form, name, angle, on)
         else:
-            made = {"type": "R", "links": joint["links"], "at": joint["at"]}
+            joint_data = {"type": "R", "links": joint["links"], "at": joint["at"]}
             if joint["type"] == "R":
-                made |= {"type": "P", "angle": _angles(form, joint["links"], angle)}
-            form = with_item(form, ("joints", name), made)
+                joint_data |= {"type": "P", "angle": _angles(form, joint["links"], angle)}
+            form = with_item(form, ("joints", name), joint_data)
     return form
 
 
@@ -270,11 +274,11 @@ def _on_a_block(form: Form, name: str, angle: float, on: str) -> Form:
     return _guided(form, guide, {on: pins[name].z, block: pins[name].z}, angle)
 
 
-def _guided(form: Form, name: str, places: Mapping[str, complex], angle: float) -> Form:
+def _guided(form: Form, name: str, positions: Mapping[str, complex], angle: float) -> Form:
     """With a joint at which two links, each at its place, slide along a direction [rad]."""
-    at = [_on(form, link, z) for link, z in places.items()]
-    made = {"type": "P", "links": [*places], "at": at, "angle": _angles(form, places, angle)}
-    return dict(with_item(form, ("joints", name), made))
+    at = [_on(form, link, z) for link, z in positions.items()]
+    guide = {"type": "P", "links": [*positions], "at": at, "angle": _angles(form, positions, angle)}
+    return dict(with_item(form, ("joints", name), guide))
 
 
 def _angles(form: Form, links: Iterable[str], angle: float) -> list[float]:
@@ -290,8 +294,8 @@ def cylinder(form: Form, names: Iterable[str]) -> Form:
     rod = _link(form, "rod")
     form = attached(form, [b], rod)
     guide = free(pins, ["cylinder"], "cylinder")
-    places, along = {barrel: pins[a].z, rod: pins[b].z}, pins[b].z - pins[a].z
-    return driven(_guided(form, guide, places, cmath.phase(along)), [guide])
+    positions, axis = {barrel: pins[a].z, rod: pins[b].z}, pins[b].z - pins[a].z
+    return driven(_guided(form, guide, positions, cmath.phase(axis)), [guide])
 
 
 def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
@@ -301,26 +305,26 @@ def coupled(form: Form, names: Iterable[str], kind: str) -> Form:
     rack, a cam whose roller stands at the follower's joint. Raises `RequestError` for joints of
     other kinds, and for one that follows another already.
     """
-    ends, known = list(both_pins(names)), form.get("couplings", {})
+    ends, couplings = list(both_pins(names)), form.get("couplings", {})
     pairs = REGISTRY[f"coupling.{kind}"].pairs
-    held = "".join(form["joints"].get(name, {}).get("type", "-") for name in ends)
-    if held not in pairs:
+    kinds = "".join(form["joints"].get(name, {}).get("type", "-") for name in ends)
+    if kinds not in pairs:
         needed = " or ".join(" and ".join(PAIRS[kind] for kind in pair) for pair in pairs)
         raise refused(listed(ends), f"a {kind} needs {needed}, in this order", "choose two such")
     for name in ends:
         if not pins_of(form)[name].driven:
             form = driven(form, [name])
-    of = {given["joint"]: driver for driver, given in form["drivers"].items()}
+    of = {driver_data["joint"]: driver for driver, driver_data in form["drivers"].items()}
     for driver in (of[end] for end in ends):
-        if driver in {given["driven"] for given in known.values()}:
+        if driver in {driver_data["driven"] for driver_data in couplings.values()}:
             raise refused(driver, "it follows another joint already", "choose another joint")
     form = with_item(form, ("drivers", of[ends[1]]), {"joint": ends[1]})  # it has no own law
-    sizes = _sizes(form, ends, held, kind)
-    made = {"type": kind, "driver": of[ends[0]], "driven": of[ends[1]], **sizes}
-    return dict(with_item(form, ("couplings", free(known, [kind], kind)), made))
+    sizes = _sizes(form, ends, kinds, kind)
+    coupling = {"type": kind, "driver": of[ends[0]], "driven": of[ends[1]], **sizes}
+    return dict(with_item(form, ("couplings", free(couplings, [kind], kind)), coupling))
 
 
-def _sizes(form: Form, ends: list[str], held: str, kind: str) -> Form:
+def _sizes(form: Form, ends: list[str], kinds: str, kind: str) -> Form:
     """Sizes of a coupling as it is drawn."""
     a, b = (pins_of(form)[name].z for name in ends)
     if kind == "gear":
@@ -328,9 +332,9 @@ def _sizes(form: Form, ends: list[str], held: str, kind: str) -> Form:
     if kind == "belt":
         return {"radii": [abs(b - a) / 4] * 2}
     if kind == "rack":
-        along = cmath.rect(1.0, guide_of(form, ends[held.index("P")]))
-        off = ((b - a) * along.conjugate()).imag
-        return {"radius": abs(off) or abs(b - a), "side": 1 if (off > 0) == (held == "PR") else -1}
+        axis = cmath.rect(1.0, guide_of(form, ends[kinds.index("P")]))
+        off = ((b - a) * axis.conjugate()).imag
+        return {"radius": abs(off) or abs(b - a), "side": 1 if (off > 0) == (kinds == "PR") else -1}
     rise = abs(b - a) / CAM
     up = {"motion": "4-5-6-7", "over": math.pi, "rise": rise}
     law = {"kind": "segments", "segments": [up, {**up, "rise": -rise}]}
@@ -340,8 +344,10 @@ def _sizes(form: Form, ends: list[str], held: str, kind: str) -> Form:
 def guide_of(form: Mapping[str, Any], name: str) -> float:
     """The direction [rad] of a guide in the drawing."""
     joint = form["joints"][name]
-    given = joint.get("angle") or [cmath.phase(complex(*d)) for d in joint.get("dir") or [(1, 0)]]
-    return float(given[0]) + cmath.phase(pose_of(form, joint["links"][0])[1])
+    directions = joint.get("angle") or [
+        cmath.phase(complex(*d)) for d in joint.get("dir") or [(1, 0)]
+    ]
+    return float(directions[0]) + cmath.phase(pose_of(form, joint["links"][0])[1])
 
 
 def turned(form: Form, names: Iterable[str], angle: float) -> Form:
@@ -358,18 +364,18 @@ def turned(form: Form, names: Iterable[str], angle: float) -> Form:
 def loaded(form: Form, names: Iterable[str], kind: str) -> Form:
     """With a force at each of some pins, or a spring between two; both at rest as drawn."""
     pins = pins_of(form)
-    held = both_pins(names) if kind == "spring" else list(names)
-    for name in held:
+    ends = both_pins(names) if kind == "spring" else list(names)
+    for name in ends:
         if not pins[name].links:
             raise refused(name, "no link is there to hold it", "draw a link to the pin first")
-    on = [next((x for x in reversed(pins[n].links) if x != FRAME), FRAME) for n in held]
-    at = [_on(form, link, pins[name].z) for link, name in zip(on, held, strict=True)]
+    on = [next((x for x in reversed(pins[n].links) if x != FRAME), FRAME) for n in ends]
+    at = [_on(form, link, pins[name].z) for link, name in zip(on, ends, strict=True)]
     if kind == "spring":
-        free_length = abs(pins[held[0]].z - pins[held[1]].z)
-        made = [{"links": on, "at": at, "stiffness": 1000.0, "free_length": free_length}]
+        free_length = abs(pins[ends[0]].z - pins[ends[1]].z)
+        loads = [{"links": on, "at": at, "stiffness": 1000.0, "free_length": free_length}]
     else:
-        made = [{"force": [0.0, -10.0], "link": x, "at": z} for x, z in zip(on, at, strict=True)]
-    for load in made:
+        loads = [{"force": [0.0, -10.0], "link": x, "at": z} for x, z in zip(on, at, strict=True)]
+    for load in loads:
         name = free(form.get("loads", {}), [kind], kind)
         form = with_item(form, ("loads", name), {"type": kind, **load})
     return form
@@ -379,16 +385,16 @@ def weighed(form: Form, names: Iterable[str]) -> Form:
     """With the mass of bars along the outlines of links that have none, of links at pins."""
     pins = pins_of(form)
     for link, ends in outlines_of(pins).items():
-        given = form["links"][link]
+        massless = form["links"][link]
         a, b = np.array([(pins[a].z, pins[b].z) for a, b in sides_of(ends)] or [(0j, 0j)]).T
         lengths, middles = np.abs(b - a), (a + b) / 2
         mass = BAR * float(lengths.sum())
-        if not {*ends} & {*names} or given.get("mass") or not mass:
+        if not {*ends} & {*names} or massless.get("mass") or not mass:
             continue
         cm = complex(np.average(middles, weights=lengths))
         inertia = BAR * float(lengths @ (lengths**2 / 12 + np.abs(middles - cm) ** 2))
         body = {"mass": mass, "inertia": inertia, "cm": _on(form, link, cm)}
-        form = with_item(form, ("links", link), {**given, **body})
+        form = with_item(form, ("links", link), {**massless, **body})
     return form
 
 
@@ -415,26 +421,26 @@ def copied(form: Form, names: Iterable[str]) -> Form:
     size = max(abs(pin.z - pins[chosen[0]].z) for pin in pins.values()) or 1.0
     by = complex(STEP, -STEP) * size
     links = dict.fromkeys(x for name in chosen for x in pins[name].links if x != FRAME)
-    made, called = form, dict[str, str]()
+    changed, called = form, dict[str, str]()
     for name in chosen:
-        made, called[name] = pin_at(made, {"at": xy(pins[name].z + by)})
+        changed, called[name] = pin_at(changed, {"at": xy(pins[name].z + by)})
     for link in links:
-        own = [called[name] for name in chosen if link in pins[name].links]
-        if len(own) > 1:
-            copy_ = _link(made, link)
+        members = [called[name] for name in chosen if link in pins[name].links]
+        if len(members) > 1:
+            copy_ = _link(changed, link)
             x, y, angle = form["links"][link].get("pose") or (0.0, 0.0, 0.0)
             body = {k: v for k, v in form["links"][link].items() if k != "markers"}
             body["pose"] = [x + by.real, y + by.imag, angle]
-            made = attached(with_item(made, ("links", copy_), body), own, copy_)
-    return made
+            changed = attached(with_item(changed, ("links", copy_), body), members, copy_)
+    return changed
 
 
 def both_pins(names: Iterable[str]) -> tuple[str, str]:
     """The two pins that something is between. Raises `RequestError` for any other number."""
     ends = list(dict.fromkeys(names))
     if len(ends) != 2:
-        found = f"it is between two pins, and {len(ends)} are chosen"
-        raise refused(listed(ends) or "pins", found, "choose two pins")
+        fault = f"it is between two pins, and {len(ends)} are chosen"
+        raise refused(listed(ends) or "pins", fault, "choose two pins")
     return ends[0], ends[1]
 
 
@@ -442,7 +448,7 @@ def driven(form: Form, names: Iterable[str]) -> Form:
     """With joints that are driven, or no longer; one that turns goes round."""
     for name in names:
         drivers = form.get("drivers", {})
-        mine = [driver for driver, given in drivers.items() if given["joint"] == name]
+        mine = [driver for driver, driver_data in drivers.items() if driver_data["joint"] == name]
         if mine:
             form = _without_drivers(form, mine)
         elif name not in form["joints"]:
@@ -457,24 +463,24 @@ def driven(form: Form, names: Iterable[str]) -> Form:
 
 def _without_drivers(form: Form, gone: Iterable[str]) -> Form:
     """Without drivers, and without what couples them or says where they begin and end."""
-    made, names = dict(form), {*gone}
+    changed, names = dict(form), {*gone}
     for section in ("drivers", "initial", "stops", "motion"):
-        made[section] = {n: x for n, x in form.get(section, {}).items() if n not in names}
-    made["couplings"] = {
+        changed[section] = {n: x for n, x in form.get(section, {}).items() if n not in names}
+    changed["couplings"] = {
         n: x for n, x in form.get("couplings", {}).items() if not names & {x["driver"], x["driven"]}
     }
-    return made
+    return changed
 
 
 def removed(form: Form, names: Iterable[str]) -> Form:
     """Without pins, without links of which they were the last ones, and what acts on these."""
-    held = {link for name in names for link in pins_of(form)[name].links}
+    touched = {link for name in names for link in pins_of(form)[name].links}
     form = _without_pins(form, names)
-    gone = held - {link for pin in pins_of(form).values() for link in pin.links} - {FRAME}
-    for load, given in form.get("loads", {}).items():
-        if gone & {given.get("link"), *(given.get("links") or ())}:
+    gone = touched - {link for pin in pins_of(form).values() for link in pin.links} - {FRAME}
+    for load, load_data in form.get("loads", {}).items():
+        if gone & {load_data.get("link"), *(load_data.get("links") or ())}:
             form = with_item(form, ("loads", load), None)
-    links = {link: given for link, given in form["links"].items() if link not in gone}
+    links = {link: load_data for link, load_data in form["links"].items() if link not in gone}
     return {**form, "links": links, "joints": form.get("joints", {})}
 
 
@@ -492,14 +498,14 @@ def without_link(form: Form, link: str) -> Form:
             form = with_item(form, ("joints", name), {**joint, **rest})
         elif joint:
             form = with_item(form, ("joints", name), None)
-            other = pin.links[1 - i]
+            partner = pin.links[1 - i]
             if joint["type"] == "R":
                 marker = {"at": joint["at"][1 - i]}
-                form = with_item(form, ("links", other, "markers", name), marker)
+                form = with_item(form, ("links", partner, "markers", name), marker)
         else:
             form = with_item(form, (*LOOSE, name), xy(pin.z))
-    for load, held in form.get("loads", {}).items():
-        if link in (held.get("link"), *(held.get("links") or ())):
+    for load, load_data in form.get("loads", {}).items():
+        if link in (load_data.get("link"), *(load_data.get("links") or ())):
             form = with_item(form, ("loads", load), None)
     links = {name: x for name, x in form["links"].items() if name != link}
     return {**form, "links": links, "joints": form.get("joints", {})}
@@ -538,8 +544,8 @@ def _without_pins(form: Form, names: Iterable[str]) -> Form:
 
 def _without_marker(form: Form, link: str, name: str) -> Form:
     """Without a marker of a link, and without the frame if nothing else is there."""
-    made = with_item(form, ("links", link, "markers", name), None)
-    return {**made, "links": {**made["links"], link: made["links"].get(link, {})}}
+    changed = with_item(form, ("links", link, "markers", name), None)
+    return {**changed, "links": {**changed["links"], link: changed["links"].get(link, {})}}
 
 
 def _on(form: Mapping[str, Any], link: str, z: complex) -> list[float]:

@@ -21,7 +21,7 @@ FIRST = {
 SENTENCES = 3  # problems that are said at once
 
 
-class Shown:
+class View:
     """What follows from a revision for the page; worked out once, when it is first asked for.
 
     ``motion`` is that of a turn of the drivers, or of one of them from where others were put.
@@ -42,7 +42,7 @@ class Shown:
         """The drawing with its motion and functions."""
         now, motion = self.now, self.motion
         links = isinstance(now.document, Linkage)
-        made: dict[str, Any] = {
+        picture: dict[str, Any] = {
             "kind": "joints" if links else "blocks",
             "drawing": drawing.of_links(now.form) if links else None,
             "motion": None,
@@ -50,9 +50,9 @@ class Shown:
         }
         if motion is not None:
             if not links:
-                made["drawing"] = drawing.of_blocks(motion)
-            made["motion"] = motion_data(motion, self._home())
-        return made
+                picture["drawing"] = drawing.of_blocks(motion)
+            picture["motion"] = motion_data(motion, self._home())
+        return picture
 
     def _home(self) -> dict[str, float]:
         """Where the drivers are in the pose of the drawing."""
@@ -65,7 +65,7 @@ class Shown:
         return {driver: float(q[motion.clearest]) for driver, q in motion.q.items()}
 
 
-def state_of(sheet: Sheet, shown: Shown) -> dict[str, Any]:
+def state_of(sheet: Sheet, view: View) -> dict[str, Any]:
     """All that the page shows of a sheet but answers."""
     now = sheet.now
     return {
@@ -79,10 +79,10 @@ def state_of(sheet: Sheet, shown: Shown) -> dict[str, Any]:
         "problems": [problem.to_dict() for problem in now.problems],
         "status": status_of(now),
         "empty": now.empty,
-        "outputs": [] if shown.motion is None else list(shown.motion.mechanism.outputs),
-        "drives": drives_of(shown.motion),
+        "outputs": [] if view.motion is None else list(view.motion.mechanism.outputs),
+        "drives": drives_of(view.motion),
         "parameters": [] if now.mechanism is None else _numbers_of(now),
-        **shown.data(),
+        **view.data(),
     }
 
 
@@ -92,8 +92,8 @@ def status_of(now: Revision) -> str:
     if now.empty:
         return FIRST["joints" if links else "blocks"]
     if now.problems:
-        said = [". ".join(filter(None, (p.found, p.remedy))) for p in now.problems[:SENTENCES]]
-        return "Next: " + " ".join(f"{p.where}: {x}." for p, x in zip(now.problems, said))  # noqa: B905
+        sentences = [". ".join(filter(None, (p.found, p.remedy))) for p in now.problems[:SENTENCES]]
+        return "Next: " + " ".join(f"{p.where}: {x}." for p, x in zip(now.problems, sentences))  # noqa: B905
     return now.formation.replace("->", "→")
 
 

@@ -74,11 +74,11 @@ def turn(mechanism: Compiled, moved: str = "", at: Mapping[str, float] | None = 
     if not free and not moved:
         return moves(mechanism, samples=DEFAULT_SAMPLES)
     moved = moved or free[0]
-    held = {d: (at or {}).get(d, _begin(mechanism, d)) for d in mechanism.drivers}
-    q = np.linspace(*travel(mechanism, moved, held), DEFAULT_SAMPLES)
-    how: dict[str, Any] = {"want": (), "on_gap": "mark", "friction": "none"}
-    rows = {d: q if d == moved else np.full(q.shape, x) for d, x in held.items()}
-    return moves_of_result(mechanism.run(at=rows, rates=dict.fromkeys(rows, 0.0), **how))
+    q0 = {d: (at or {}).get(d, _begin(mechanism, d)) for d in mechanism.drivers}
+    q = np.linspace(*travel(mechanism, moved, q0), DEFAULT_SAMPLES)
+    settings: dict[str, Any] = {"want": (), "on_gap": "mark", "friction": "none"}
+    rows = {d: q if d == moved else np.full(q.shape, x) for d, x in q0.items()}
+    return moves_of_result(mechanism.run(at=rows, rates=dict.fromkeys(rows, 0.0), **settings))
 
 
 def _begin(mechanism: Compiled, driver: str) -> float:
@@ -104,26 +104,26 @@ def travel(mechanism: Compiled, driver: str, at: Mapping[str, float]) -> tuple[f
         low, high = float(q.min()), float(q.max())
     if law is not None and low < high:
         return low, high
-    here, turns = at[driver], mechanism.structure.driver_joint(driver).rotary
-    most = np.inf if turns else slide_travel(mechanism, driver).size
+    q0, turns = at[driver], mechanism.structure.driver_joint(driver).rotary
+    reach = np.inf if turns else slide_travel(mechanism, driver).size
     closure = _limits(mechanism, driver, {d: q for d, q in at.items() if d != driver})
-    arc = closure and (closure.arc_at(here) or next(iter(closure.arcs), None))
+    arc = closure and (closure.arc_at(q0) or next(iter(closure.arcs), None))
     if closure and arc and not closure.whole_turn:
-        low, high = max(arc.start.q, -most), min(arc.end.q, most)
+        low, high = max(arc.start.q, -reach), min(arc.end.q, reach)
     elif turns:
-        low, high = here, here + 2 * np.pi
+        low, high = q0, q0 + 2 * np.pi
     else:
-        low, high = (-most, most) if closure is None else (here, here)
+        low, high = (-reach, reach) if closure is None else (q0, q0)
     bounds = stops.bounds if stops is not None else (low, high)
     return max(low, bounds[0]), min(high, bounds[1])
 
 
 def _limits(
-    mechanism: Compiled, driver: str, held: Mapping[str, float], blocks: list[str] | None = None
+    mechanism: Compiled, driver: str, fixed: Mapping[str, float], blocks: list[str] | None = None
 ) -> Limits | None:
     """The `limits` of a driver; None where there are too many groups to wait for them."""
     groups = [b for b in mechanism.structure.blocks.values() if b.closes]
-    return limits(mechanism, driver, held, blocks=blocks) if len(groups) <= MOST_GROUPS else None
+    return limits(mechanism, driver, fixed, blocks=blocks) if len(groups) <= MOST_GROUPS else None
 
 
 def dead_centres(motion: Motion) -> tuple[tuple[float, str], ...]:
@@ -133,14 +133,16 @@ def dead_centres(motion: Motion) -> tuple[tuple[float, str], ...]:
     from 0 than it changes from sample to sample has no dead centre. Of more groups than
     `MOST_GROUPS` none is told.
     """
-    moved, *more = [d for d, q in motion.q.items() if np.ptp(q)] or [""]
+    moved, *rest = [d for d, q in motion.q.items() if np.ptp(q)] or [""]
     margins = motion.quality.margin
-    near = [b for b, m in margins.items() if not np.min(m) > np.max(np.abs(np.diff(m)), initial=0)]
-    if not moved or more or not near:
+    critical = [
+        b for b, m in margins.items() if not np.min(m) > np.max(np.abs(np.diff(m)), initial=0)
+    ]
+    if not moved or rest or not critical:
         return ()
     mechanism, q = motion.mechanism, motion.q[moved]
-    held = {d: float(x[0]) for d, x in motion.q.items() if d != moved}
-    closure = _limits(mechanism, moved, held, near)
+    fixed = {d: float(x[0]) for d, x in motion.q.items() if d != moved}
+    closure = _limits(mechanism, moved, fixed, critical)
     if closure is None:
         return ()
     ends = [end for arc in closure.arcs for end in (arc.start, *arc.change_points, arc.end)]
@@ -151,9 +153,9 @@ def dead_centres(motion: Motion) -> tuple[tuple[float, str], ...]:
             apart = np.angle(np.exp(1j * apart))
         a, b = apart[:-1], apart[1:]
         passed = np.flatnonzero((a * b < 0) & (np.abs(b - a) < np.pi))
-        places = [*np.flatnonzero(apart == 0), *(passed + a[passed] / (a - b)[passed])]
+        samples = [*np.flatnonzero(apart == 0), *(passed + a[passed] / (a - b)[passed])]
         name = f"{mechanism._block_name(end.block)} {end.how}"
-        events |= {(float(place), name) for place in places}
+        events |= {(float(sample), name) for sample in samples}
     return tuple(sorted(events))
 
 
@@ -169,11 +171,11 @@ class Gap:
     def why(self) -> str:
         """Why there is none, as a sentence; of many groups it takes a second to find."""
         mechanism = self.motion.mechanism
-        places = tuple(name for name in mechanism.outputs if name.endswith(".p"))
+        points = tuple(name for name in mechanism.outputs if name.endswith(".p"))
         at = {d: float(q[self.first]) for d, q in self.motion.q.items()}
-        how: dict[str, Any] = {"want": places, "on_gap": "mark", "friction": "none"}
-        alone = mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), **how)
-        return why_not(alone if alone.quality.gaps else self.motion.result.rerun(*places))
+        settings: dict[str, Any] = {"want": points, "on_gap": "mark", "friction": "none"}
+        alone = mechanism.run(at=at, rates=dict.fromkeys(at, 0.0), **settings)
+        return why_not(alone if alone.quality.gaps else self.motion.result.rerun(*points))
 
 
 def gaps_of(motion: Motion) -> list[Gap]:
@@ -194,8 +196,8 @@ def part_of(form: Mapping[str, Any], failing: Collection[str]) -> dict[str, Any]
 
 def blamed_blocks(form: Mapping[str, Any], problems: Iterable[Problem]) -> set[str]:
     """The blocks that problems are about."""
-    words = {word for p in problems for word in re.split(r", |[.\[]", p.where)}
-    return words & set(form.get("blocks", ()))
+    names = {word for p in problems for word in re.split(r", |[.\[]", p.where)}
+    return names & set(form.get("blocks", ()))
 
 
 def what_moves(form: Mapping[str, Any], failing: Iterable[str], file: str = "") -> Mechanism | None:
@@ -218,20 +220,20 @@ def what_moves(form: Mapping[str, Any], failing: Iterable[str], file: str = "") 
 
 def along_of(motion: Motion, degrees: bool) -> Abscissa:
     """What curves are drawn over, with the dead centres on it."""
-    along = abscissa(motion.result, degrees=degrees)
+    axis = abscissa(motion.result, degrees=degrees)
     samples = np.arange(len(motion.samples))
     dead = dead_centres(motion)
-    events = [(float(np.interp(k, samples, along.values)), name) for k, name in dead]
-    return replace(along, events=tuple(events))
+    events = [(float(np.interp(k, samples, axis.values)), name) for k, name in dead]
+    return replace(axis, events=tuple(events))
 
 
 def motion_data(motion: Motion, home: Mapping[str, float]) -> dict[str, Any]:
     """Coordinates of all samples, and how far each driver goes."""
     last = motion.clearest
-    here = {d: float(q[last]) for d, q in motion.q.items()}
+    pose = {d: float(q[last]) for d, q in motion.q.items()}
     m, simulated = motion.mechanism, motion.result.motion is not None
     moved = next((d for d, q in motion.q.items() if np.ptp(q)), "")
-    sliders = {} if simulated else {d: travel(m, d, here) for d in m.drivers}
+    sliders = {} if simulated else {d: travel(m, d, pose) for d in m.drivers}
     gaps, time = gaps_of(motion), motion.time
     if not simulated:
         time = None

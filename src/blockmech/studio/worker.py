@@ -34,12 +34,12 @@ def work(folder: str) -> None:
     sys.stdout = sys.stderr  # whatever is printed is no answer
     answerer = Answerer(Path(folder))
 
-    def tell(state: str, said: str = "", answer: Answer | None = None) -> None:
-        pickle.dump((state, said, answer), out)
+    def tell(state: str, message: str = "", answer: Answer | None = None) -> None:
+        pickle.dump((state, message, answer), out)
         out.flush()
 
-    def told(what: str, reached: float = 0, whole: float | None = None) -> None:
-        tell("running", what + (f" {reached:.4g} of {whole:.4g}" if whole else ""))
+    def report(activity: str, reached: float = 0, total: float | None = None) -> None:
+        tell("running", activity + (f" {reached:.4g} of {total:.4g}" if total else ""))
 
     while True:
         try:
@@ -47,15 +47,15 @@ def work(folder: str) -> None:
         except EOFError:
             return
         try:
-            tell("done", "", answerer.answer(task, told))
+            tell("done", "", answerer.answer(task, report))
         except BlockmechError as error:
-            tell("failed", said_of(error))
+            tell("failed", message_of(error))
         except Exception as error:  # whatever it is, the next task is answered
             traceback.print_exc()
             tell("failed", f"an error of blockmech, see the server's window: {error!r}")
 
 
-def said_of(error: BlockmechError) -> str:
+def message_of(error: BlockmechError) -> str:
     """An error as a sentence, with what mends it on the page."""
     problems: tuple[Problem, ...] = error.problems
     hint = "Masses gives links the mass of bars." if problems[0].code == "no-inertia" else ""
@@ -77,22 +77,22 @@ class Answerer:
             document = read_text(task["text"], task["file"])
             now = Revision(task["revision"], document.to_data(), document)
             text, motion = self.simulated.get(task["sheet"], ("", None))
-            known = motion if task.get("simulated") and text == task["text"] else None
-            ask = answers.Question.of(now, task, report=report, simulated=known)
-            what = task["what"]
-            if what == "simulate":
-                ask = replace(ask, simulated=None)
-                motion, made = answers.simulation(ask)
+            previous = motion if task.get("simulated") and text == task["text"] else None
+            ask = answers.Question.of(now, task, report=report, computed=previous)
+            question = task["what"]
+            if question == "simulate":
+                ask = replace(ask, computed=None)
+                motion, reply = answers.simulation(ask)
                 self.simulated = {task["sheet"]: (task["text"], motion)}
-                return made
-            if what == "export":
+                return reply
+            if question == "export":
                 name, data = answers.exported(task["kind"], ask)
                 return {"name": name, "data": data}
-            if what == "synthesis":
+            if question == "synthesis":
                 return answers.synthesis(ask)
-            if what == "curves":
+            if question == "curves":
                 return answers.curves(ask)
-            return answers.analysis(ask, what)
+            return answers.analysis(ask, question)
 
 
 if __name__ == "__main__":
